@@ -1,0 +1,19 @@
+"""What the thing is: parameters, faults, commands. No simulation here."""
+
+from emaphm.actuator.actuator import Actuator
+from emaphm.actuator.commands import Chirp, Command, DecayingChirp, Load, Ramp, Sampled, Sine, Step
+from emaphm.actuator.faults import NAMES, Faults
+
+__all__ = [
+    "NAMES",
+    "Actuator",
+    "Chirp",
+    "Command",
+    "DecayingChirp",
+    "Faults",
+    "Load",
+    "Ramp",
+    "Sampled",
+    "Sine",
+    "Step",
+]

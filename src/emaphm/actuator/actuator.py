@@ -1,0 +1,113 @@
+"""The actuator as a whole, and its TOML."""
+
+import math
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, ValidationError
+
+from emaphm.actuator.parameters import (
+    Channels,
+    Controller,
+    Electrical,
+    FaultScales,
+    Mechanics,
+    Motor,
+    Section,
+)
+from emaphm.actuator.toml import validation_message, write_toml
+from emaphm.errors import ActuatorError
+
+PRESETS = ("thesis",)
+
+
+class Actuator(Section):
+    """Description of an electromechanical actuator: parameters, fault scales, channel names.
+
+    Frozen and validated. SI units; with ``coordinates = "linear"`` the same fields hold m and N
+    where they name rad and N·m. Without `electrical` the current loop is ideal.
+
+    Source: thesis Tab. 3.1 for the structure and for `Actuator.thesis`.
+    """
+
+    name: Annotated[str, Field(min_length=1)]
+    coordinates: Literal["rotary", "linear"] = "rotary"
+    controller: Controller
+    motor: Motor
+    mechanics: Mechanics
+    electrical: Electrical | None = None
+    faults: FaultScales = FaultScales()
+    channels: Channels = Channels()
+
+    @classmethod
+    def thesis(cls) -> Self:
+        """Return the actuator of the thesis (Tab. 3.1), with the choices that it leaves open."""
+        torque_limit = 1.689
+        return cls(
+            name="thesis",
+            controller=Controller(
+                position_gain=1e5,
+                speed_gain=5e-2,
+                speed_limit=8000 * math.pi / 30,
+                current_limit=22.5,
+                torque_constant=0.0752,
+            ),
+            motor=Motor(torque_constant=0.0752, torque_limit=torque_limit),
+            mechanics=Mechanics(
+                inertia_motor=1.3e-5,
+                inertia_user=1.2e-5,
+                viscous_motor=30 / math.pi * 1e-6,
+                viscous_user=4.5e-7,
+                static_friction_motor=0.06 * torque_limit,
+                static_friction_user=0.04 * torque_limit,
+                dynamic_friction_motor=0.03 * torque_limit,
+                dynamic_friction_user=0.02 * torque_limit,
+                backlash=5e-3,
+                gear_ratio=1 / 500,
+                end_stops=(-0.5236, 0.5236),
+            ),
+            electrical=Electrical(
+                supply=48.0, resistance=2.13, inductance=7.2e-4, pole_pairs=2, hysteresis=0.5
+            ),
+        )
+
+    @classmethod
+    def from_toml(cls, path: str | Path) -> Self:
+        """Read an actuator from a TOML file.
+
+        Raises
+        ------
+        ActuatorError
+            The file is missing or no TOML, or a key is unknown, missing or impossible; the message
+            names the file, the key and the remedy.
+        """
+        path = Path(path)
+        try:
+            text = path.read_text(encoding="utf-8")
+        except FileNotFoundError:
+            raise ActuatorError(f"{path}: no such actuator file; give the path of its TOML") from None
+        except (OSError, UnicodeDecodeError) as error:
+            raise ActuatorError(f"{path}: cannot be read as a TOML text file ({error})") from None
+        try:
+            values = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            raise ActuatorError(f"{path}: not valid TOML: {error}; correct the syntax there") from None
+        return cls.from_dict(values, where=str(path))
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any], *, where: str = "actuator") -> Self:
+        """Validate `values` as an actuator; `where` names their origin in an error."""
+        try:
+            return cls.model_validate(values)
+        except ValidationError as error:
+            raise ActuatorError(f"{where}: {validation_message(error, cls)}") from None
+
+    @classmethod
+    def load(cls, name: str | Path) -> Self:
+        """Return the built-in actuator `name` ("thesis"), or the one in the TOML file of that path."""
+        return cls.thesis() if str(name) in PRESETS else cls.from_toml(name)
+
+    def to_toml(self, path: str | Path, *, comments: str = "") -> None:
+        """Write the actuator as TOML, each value with its meaning and unit; `comments` goes on top."""
+        Path(path).write_text(write_toml(self, comments), encoding="utf-8")

@@ -1,0 +1,111 @@
+"""The vector of eight normalised faults, its physical meaning, and the form that estimators use."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from emaphm.actuator.actuator import Actuator
+from emaphm.errors import FaultError, nearest
+
+SHORTEST_WINDING = 0.01
+"""The models keep at least this fraction of healthy turns in each phase."""
+
+
+@dataclass(frozen=True)
+class Faults:
+    """Eight normalised faults, each in [0, 1]; the defaults are a healthy actuator (thesis 6.1).
+
+    friction and backlash grow from 0 (healthy) to 1; short_a, short_b, short_c are the fraction of
+    short-circuited turns in each phase; eccentricity is that of the rotor and eccentricity_phase its
+    direction (0 and 1 are -180 and +180 deg; meaningless without eccentricity); gain is 0.5 when
+    healthy, 0 and 1 being the drive's position gain halved and half as much again.
+
+    Raises
+    ------
+    FaultError
+        A component is not a number in [0, 1].
+    """
+
+    friction: float = 0.0
+    backlash: float = 0.0
+    short_a: float = 0.0
+    short_b: float = 0.0
+    short_c: float = 0.0
+    eccentricity: float = 0.0
+    eccentricity_phase: float = 0.5
+    gain: float = 0.5
+
+    def __post_init__(self) -> None:
+        for name in NAMES:
+            value = float(getattr(self, name))
+            if not 0.0 <= value <= 1.0:  # also refuses NaN
+                raise FaultError(f"fault {name}={value:g} lies outside [0, 1]; give a value from 0 to 1")
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def from_vector(cls, vector: ArrayLike) -> Self:
+        """Return the faults of a vector k of shape (8,)."""
+        values = np.asarray(vector, float)
+        if values.shape != (len(NAMES),):
+            raise FaultError(f"a fault vector has {len(NAMES)} components, got shape {values.shape}")
+        return cls(*(float(value) for value in values))
+
+    @classmethod
+    def from_mapping(cls, values: Mapping[str, float]) -> Self:
+        """Return healthy faults with the named components set; a misspelt name raises `FaultError`."""
+        for name in values:
+            if name not in NAMES:
+                raise FaultError(f"unknown fault '{name}'{nearest(name, NAMES)}")
+        return cls(**values)
+
+    @property
+    def vector(self) -> NDArray[np.float64]:
+        """The vector k, shape (8,)."""
+        return np.array([getattr(self, name) for name in NAMES])
+
+    def physical(self, actuator: Actuator) -> dict[str, float]:
+        """Return what the faults mean on `actuator`.
+
+        Keys: friction_factor [-], backlash_rad (at the motor) [rad], turns_a, turns_b, turns_c
+        (fraction of healthy turns) [-], eccentricity_Z [-], eccentricity_phase_rad [rad],
+        gain_factor [-].
+        """
+        scales = actuator.faults
+        return {
+            "friction_factor": 1 + scales.friction * self.friction,
+            "backlash_rad": actuator.mechanics.backlash * (1 + scales.backlash * self.backlash),
+            "turns_a": 1 - self.short_a,
+            "turns_b": 1 - self.short_b,
+            "turns_c": 1 - self.short_c,
+            "eccentricity_Z": scales.eccentricity * self.eccentricity,
+            "eccentricity_phase_rad": (2 * self.eccentricity_phase - 1) * math.pi,
+            "gain_factor": 1 + scales.gain * (2 * self.gain - 1),
+        }
+
+
+NAMES = tuple(field.name for field in fields(Faults))
+HEALTHY = Faults()
+
+CARTESIAN_NAMES = (*NAMES[:5], "eccentricity_x", "eccentricity_y", "gain")
+"""Coordinates an estimator works in: no wrap, and no false minimum where the eccentricity is 0."""
+
+
+def to_cartesian(vectors: ArrayLike) -> NDArray[np.float64]:
+    """Return fault vectors (…, 8) with (k6, k7) replaced by k6 (cos phi, sin phi)."""
+    k = np.array(vectors, float)
+    phase = (2 * k[..., 6] - 1) * np.pi
+    k[..., 5], k[..., 6] = k[..., 5] * np.cos(phase), k[..., 5] * np.sin(phase)
+    return k
+
+
+def from_cartesian(points: ArrayLike) -> NDArray[np.float64]:
+    """Return the fault vectors (…, 8) of points in estimator coordinates; inverse of `to_cartesian`."""
+    k = np.array(points, float)
+    radius = np.hypot(k[..., 5], k[..., 6])
+    phase = np.where(radius > 0, np.arctan2(k[..., 6], k[..., 5]), 0.0)
+    k[..., 5], k[..., 6] = radius, phase / (2 * np.pi) + 0.5
+    return k

@@ -1,0 +1,148 @@
+"""What an actuator is: its parameters, validated, with unit and source for each.
+
+Symbols and values follow the thesis (Tab. 3.1). A linear actuator uses the same fields with m, N, kg
+in place of rad, N·m, kg·m²; everything mechanical is referred to the motor shaft.
+"""
+
+from typing import Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from emaphm.actuator.quantity import quantity
+
+THESIS = "thesis Tab. 3.1"
+CHOSEN = "chosen, not in the thesis"
+
+
+class Section(BaseModel):
+    """Frozen, and closed to unknown keys."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Controller(Section):
+    """Position loop (P) around a speed loop (PID) around a current loop, each with its limit."""
+
+    position_gain: float = quantity(
+        "speed demand per position error at the user, G_prop", "1/s", THESIS, gt=0
+    )
+    speed_gain: float = quantity("speed loop, proportional, GAP", "N·m·s/rad", THESIS, gt=0)
+    integral_gain: float = quantity("speed loop, integral, GAI", "N·m/rad", THESIS, default=0.0, ge=0)
+    derivative_gain: float = quantity("speed loop, derivative, GAD", "N·m·s²/rad", THESIS, default=0.0, ge=0)
+    speed_limit: float | None = quantity(
+        "limit of the speed demand; none where left out", "rad/s", "thesis 3.1.2", default=None, gt=0
+    )
+    current_limit: float = quantity("limit of the current demand, I_max", "A", THESIS, gt=0)
+    torque_constant: float = quantity("torque per ampere that the drive assumes, k_t", "N·m/A", THESIS, gt=0)
+
+
+class Motor(Section):
+    """Conversion of current to torque; power conservation makes it the back-EMF constant too."""
+
+    torque_constant: float = quantity(
+        "torque constant k_t and back-EMF constant k_e, line to line", "N·m/A", THESIS, gt=0
+    )
+    torque_limit: float | None = quantity(
+        "largest torque, T_max; no limit where left out", "N·m", THESIS, default=None, gt=0
+    )
+
+
+class Electrical(Section):
+    """Windings and inverter. An actuator without this part has an ideal current loop."""
+
+    supply: float = quantity("supply voltage, V_dc", "V", THESIS, gt=0)
+    resistance: float = quantity("resistance line to line, R_s", "ohm", THESIS, gt=0)
+    inductance: float = quantity("inductance line to line, L_s", "H", THESIS, gt=0)
+    pole_pairs: int = quantity("pole pairs, P", "-", THESIS, ge=1)
+    hysteresis: float = quantity(
+        "current hysteresis: comparators switch at plus and minus, hb", "A", THESIS, gt=0
+    )
+
+
+class Mechanics(Section):
+    """Motor and user, both referred to the motor shaft."""
+
+    inertia_motor: float = quantity("inertia of the motor, J_m", "kg·m²", THESIS, ge=0)
+    inertia_user: float = quantity("inertia of the user, J_u", "kg·m²", THESIS, default=0.0, ge=0)
+    viscous_motor: float = quantity(
+        "viscous friction of the motor, C_m", "N·m·s/rad", THESIS, default=0.0, ge=0
+    )
+    viscous_user: float = quantity(
+        "viscous friction of the user, C_u", "N·m·s/rad", THESIS, default=0.0, ge=0
+    )
+    static_friction_motor: float = quantity("static friction of the motor, f_sm", "N·m", THESIS, ge=0)
+    static_friction_user: float = quantity(
+        "static friction of the user, f_su", "N·m", THESIS, default=0.0, ge=0
+    )
+    dynamic_friction_motor: float = quantity("dynamic friction of the motor, f_dm", "N·m", THESIS, ge=0)
+    dynamic_friction_user: float = quantity(
+        "dynamic friction of the user, f_du", "N·m", THESIS, default=0.0, ge=0
+    )
+    backlash: float = quantity("backlash, full width at the motor, BLK", "rad", THESIS, default=0.0, ge=0)
+    offset: float = quantity("constant load", "N·m", CHOSEN, default=0.0)
+    gear_ratio: float = quantity("user motion per motor motion, tau", "-", CHOSEN, gt=0)
+    end_stops: tuple[float, float] | None = quantity(
+        "end stops at the user, lower and upper; none where left out", "rad", CHOSEN, default=None
+    )
+
+    @property
+    def inertia(self) -> float:
+        """Total inertia J_m + J_u."""
+        return self.inertia_motor + self.inertia_user
+
+    @property
+    def viscous(self) -> float:
+        """Total viscous friction coefficient C_m + C_u."""
+        return self.viscous_motor + self.viscous_user
+
+    @property
+    def static_friction(self) -> float:
+        """Total static friction f_sm + f_su."""
+        return self.static_friction_motor + self.static_friction_user
+
+    @property
+    def dynamic_friction(self) -> float:
+        """Total dynamic (Coulomb) friction f_dm + f_du."""
+        return self.dynamic_friction_motor + self.dynamic_friction_user
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        if self.inertia <= 0:
+            raise ValueError("inertia_motor + inertia_user must be greater than 0")
+        if self.dynamic_friction > self.static_friction * (1 + 1e-9):
+            raise ValueError(
+                f"dynamic friction ({self.dynamic_friction:.6g}, motor + user) must not exceed "
+                f"static friction ({self.static_friction:.6g})"
+            )
+        if self.end_stops and not self.end_stops[0] < 0 < self.end_stops[1]:
+            raise ValueError(f"end_stops {list(self.end_stops)} must enclose 0, lower one first")
+        return self
+
+
+class FaultScales(Section):
+    """What the normalised faults mean physically (thesis 6.1)."""
+
+    friction: float = quantity("all friction × (1 + friction × k1)", "-", "thesis 6.1", default=2.0, gt=0)
+    backlash: float = quantity("BLK × (1 + backlash × k2)", "-", "thesis 6.1", default=9.0, gt=0)
+    eccentricity: float = quantity("Z = eccentricity × k6", "-", "thesis 4.5", default=0.42, gt=0, lt=1)
+    gain: float = quantity("G = 1 + gain × (2 k8 - 1)", "-", "thesis 4.6", default=0.5, gt=0, lt=1)
+
+
+class Channels(Section):
+    """The names under which a rig stores the channels, and how its rows were sampled."""
+
+    sampling: Literal["mean", "instant"] = Field(
+        default="mean", description="rows are means over the sample interval, or values at its start"
+    )
+    time_s: str = "time_s"
+    command_rad: str = "command_rad"
+    position_rad: str = "position_rad"
+    speed_rad_s: str = "speed_rad_s"
+    angle_rad: str = "angle_rad"
+    current_a_A: str = "current_a_A"
+    current_b_A: str = "current_b_A"
+    current_c_A: str = "current_c_A"
+    current_A: str = "current_A"
+    voltage_V: str = "voltage_V"
+    load_Nm: str = "load_Nm"
+    temperature_K: str = "temperature_K"

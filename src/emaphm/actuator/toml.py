@@ -1,0 +1,68 @@
+"""Actuator TOML: writing with units, and one-line messages for what is wrong in it."""
+
+from typing import Any
+
+import tomlkit
+from pydantic import BaseModel, ValidationError
+
+from emaphm.actuator.quantity import unit_for
+from emaphm.errors import nearest
+
+
+def write_toml(actuator: BaseModel, comments: str = "") -> str:
+    """Return `actuator` as TOML text, every quantity followed by its meaning and unit."""
+    document = tomlkit.document()
+    for line in comments.splitlines():
+        document.add(tomlkit.comment(line))
+    values = actuator.model_dump(mode="json", exclude_none=True)
+    coordinates = values["coordinates"]
+    for name, value in values.items():
+        if not isinstance(value, dict):
+            document.add(name, value)
+            continue
+        section = getattr(actuator, name)
+        if name == "channels":
+            value = section.model_dump(exclude_defaults=True)
+        if value:
+            document.add(name, _table(type(section), value, coordinates))
+    return tomlkit.dumps(document)
+
+
+def _table(section: type[BaseModel], values: dict[str, Any], coordinates: str) -> Any:
+    table = tomlkit.table()
+    for name, value in values.items():
+        item = tomlkit.item(value)
+        extra = section.model_fields[name].json_schema_extra
+        if isinstance(extra, dict):
+            unit = unit_for(str(extra["unit"]), coordinates)
+            item.comment(f"{unit}: {section.model_fields[name].description}")
+        table.add(name, item)
+    return table
+
+
+def validation_message(error: ValidationError, root: type[BaseModel]) -> str:
+    """Return the first of pydantic's complaints as one line: the key, what is wrong, the remedy."""
+    # A misspelt key also counts as a missing one: name the misspelling, which is what to mend.
+    first, *others = sorted(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
+    path = [str(part) for part in first["loc"]]
+    key = ".".join(path) or "description"
+    more = f" (and {len(others)} more)" if others else ""
+    if first["type"] == "extra_forbidden":
+        known = _section_at(root, path[:-1]).model_fields
+        return f"unknown key '{key}'{nearest(path[-1], known)}{more}"
+    if first["type"] == "missing":
+        field = _section_at(root, path[:-1]).model_fields[path[-1]]
+        meaning = f" ({field.description})" if field.description else ""
+        return f"key '{key}' is missing{meaning}; add it{more}"
+    reason = first["msg"].removeprefix("Value error, ").removeprefix("Input ")
+    got = "" if isinstance(first["input"], dict) else f", got {first['input']!r}"
+    return f"'{key}': {reason}{got}{more}"
+
+
+def _section_at(root: type[BaseModel], path: list[str]) -> type[BaseModel]:
+    section = root
+    for part in path:
+        annotation = section.model_fields[part].annotation
+        candidates = [annotation, *getattr(annotation, "__args__", ())]
+        section = next(c for c in candidates if isinstance(c, type) and issubclass(c, BaseModel))
+    return section

@@ -1,0 +1,39 @@
+"""Errors that the user can mend: each says what is wrong, where, and what to do."""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class EmaphmError(ValueError):
+    """Base of every error that the user can mend; its text is one line."""
+
+
+class ActuatorError(EmaphmError):
+    """An actuator description is incomplete, misspelt or physically impossible."""
+
+
+class FaultError(EmaphmError):
+    """A fault component is unknown or lies outside [0, 1]."""
+
+
+class SignalError(EmaphmError):
+    """A command or load is malformed."""
+
+
+class RecordingError(EmaphmError):
+    """A recording cannot be read, or what it holds cannot be used."""
+
+
+class OutputError(EmaphmError):
+    """A result cannot be written where it was asked to go."""
+
+
+class MethodError(EmaphmError):
+    """A model, method or option is unknown or does not fit what it is used on."""
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Return `` (did you mean 'x'?)`` for the known name closest to `name`, else the list of known names."""
+    options = sorted(known)
+    close = get_close_matches(name.lower(), options, n=1, cutoff=0.5)
+    return f" (did you mean '{close[0]}'?)" if close else f" (known: {', '.join(options)})"
