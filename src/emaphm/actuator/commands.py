@@ -106,7 +106,9 @@ class Sampled:
     def __init__(self, time_s: ArrayLike, values: ArrayLike) -> None:
         t, v = np.asarray(time_s, float), np.asarray(values, float)
         if t.ndim != 1 or t.shape != v.shape or t.size < 2:
-            raise SignalError(f"a sampled signal needs two equal columns of 2 rows or more, got {t.shape}, {v.shape}")
+            raise SignalError(
+                f"a sampled signal needs two equal columns of 2 rows or more, got {t.shape}, {v.shape}"
+            )
         bad = np.flatnonzero(~(np.isfinite(t) & np.isfinite(v)))
         if bad.size:
             raise SignalError(f"row {bad[0] + 1} of the sampled signal is not finite; mend or drop it")

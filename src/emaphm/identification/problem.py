@@ -1,0 +1,119 @@
+"""A recording to be explained: what a model is driven with, and what it is compared to."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from emaphm.actuator import Actuator, Sampled
+from emaphm.recording import Recording
+from emaphm.simulation import AVERAGED, Initial, Inputs, Model, Plant, run, run_batch
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A recording, the actuator it was made on, and the model that is to reproduce it."""
+
+    actuator: Actuator
+    recording: Recording
+    model: Model
+    inputs: Inputs
+    start: Initial
+    workers: int | None = None
+
+    @classmethod
+    def of(
+        cls, recording: Recording, actuator: Actuator, model: Model = AVERAGED, workers: int | None = None
+    ) -> Self:
+        """Return the problem of explaining `recording` by `model` of `actuator`.
+
+        The recorded command, and the load where it was recorded, drive the model; both are taken as
+        linear between interval midpoints (between rows where the recording holds instants).
+        """
+        load = _signal(recording, "load_Nm") if "load_Nm" in recording else 0.0
+        inputs = Inputs.of(
+            _signal(recording, "command_rad"),
+            load,
+            samples=recording.samples,
+            interval=recording.interval_s,
+            step=model.step,
+            sampling=recording.sampling,
+        )
+        return cls(actuator, recording, model, inputs, initial(recording, actuator), workers)
+
+    @property
+    def recorded(self) -> Array:
+        """The recorded equivalent current [A], shape (samples,)."""
+        return self.recording["current_A"]
+
+    def currents(self, faults: ArrayLike, totals: Mapping[str, ArrayLike] | None = None) -> Array:
+        """Return the model's currents [A] for faults (n, 8) and physical totals, shape (n, samples)."""
+        plant = Plant.of(self.actuator, faults, totals)
+        return run_batch(self.model, plant, self.inputs, self.start, workers=self.workers)
+
+    def signals(self, faults: ArrayLike) -> dict[str, Array]:
+        """Return every channel of the model for one fault vector (8,), each of shape (samples,)."""
+        return run(self.model, Plant.of(self.actuator, faults), self.inputs, self.start)
+
+
+def initial(recording: Recording, actuator: Actuator) -> Initial:
+    """Return where the recorded manoeuvre starts.
+
+    The user stands where it was recorded, or on the command where its position was not recorded or
+    differs by no more than the sensor's noise; the gap is centred. The rotor's electrical zero comes
+    from the motor's angle, unless the largest backlash explains its distance from the user's position.
+    """
+    ratio = actuator.mechanics.gear_ratio
+    position = float(recording["command_rad"][0])
+    position_noise = 0.0
+    if "position_rad" in recording:
+        position_noise = noise_level(recording["position_rad"])
+        if abs(recording["position_rad"][0] - position) > 3 * position_noise:
+            position = float(recording["position_rad"][0])
+    angle = position / ratio
+    offset = 0.0
+    if "angle_rad" in recording:
+        distance = float(recording["angle_rad"][0]) - angle
+        noise = noise_level(recording["angle_rad"]) + position_noise / ratio
+        gap = actuator.mechanics.backlash * (1 + actuator.faults.backlash)
+        offset = distance if abs(distance) > gap + 3 * noise else 0.0
+    return Initial(angle, _starting_speed(recording, ratio), offset)
+
+
+FIRST_ROWS = 10
+"""Rows that the starting speed is taken from."""
+
+
+def _starting_speed(recording: Recording, ratio: float) -> float:
+    """Return the motor's speed [rad/s] at the first row, 0 where that is within three standard errors."""
+    t = recording["time_s"][:FIRST_ROWS] - recording["time_s"][0]
+    if "speed_rad_s" in recording:
+        column, order, scale = recording["speed_rad_s"], 0, 1.0
+    elif "position_rad" in recording:
+        column, order, scale = recording["position_rad"], 1, 1 / ratio
+    else:
+        return 0.0
+    coefficients, covariance = np.polyfit(t, column[:FIRST_ROWS], 2, cov=True)
+    speed, error = coefficients[-1 - order], np.sqrt(covariance[-1 - order, -1 - order])
+    return float(speed) * scale if abs(speed) > 3 * error else 0.0
+
+
+def noise_level(values: Array) -> float:
+    """Return the rms of the white noise on a smooth signal (n,), from its second differences."""
+    return float(np.sqrt(np.mean(np.diff(values, 2) ** 2) / 6))
+
+
+def _signal(recording: Recording, name: str) -> Sampled:
+    """Return a recorded channel as a function of the time since the first row."""
+    t = np.arange(recording.samples) * recording.interval_s
+    values = recording[name]
+    if recording.sampling == "instant":
+        return Sampled(t, values)
+    # Means stand for their interval's midpoint; half an interval is left over at either end.
+    half = recording.interval_s / 2
+    first, last = (3 * values[0] - values[1]) / 2, (3 * values[-1] - values[-2]) / 2
+    return Sampled(np.concatenate([[0.0], t + half, [t[-1] + 2 * half]]), np.concatenate([[first], values, [last]]))

@@ -1,0 +1,152 @@
+"""Bounded damped least squares from several starts at once (Levenberg 1944, Marquardt 1963).
+
+Every iteration asks for two batches of simulations, for all starts together: finite-difference
+Jacobians, then several damped steps for each start, of which the best is taken.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emaphm.identification.space import Box
+
+Array = NDArray[np.float64]
+Simulate = Callable[[Array], Array]
+"""Maps points (n, d) to what a sensor would have recorded, (n, samples)."""
+
+DAMPING_FACTORS = np.array([0.1, 1.0, 10.0, 100.0])
+"""Steps tried at once, as multiples of the current damping."""
+
+MOST_DAMPING = 1e6
+
+
+@dataclass(frozen=True, eq=False)
+class Refined:
+    """Where each start ended: `points` (m, d), `costs` (m,) mean squared residuals, all `evaluations` spent."""
+
+    points: Array
+    costs: Array
+    evaluations: int
+
+    @property
+    def best(self) -> int:
+        """The index of the least cost."""
+        return int(np.argmin(self.costs))
+
+
+@dataclass
+class _Descent:
+    """One start's progress; lives only inside `refine`."""
+
+    point: Array
+    residual: Array
+    cost: float
+    damping: float = 1e-2
+    done: bool = False
+
+
+def refine(
+    simulate: Simulate,
+    recorded: Array,
+    starts: Array,
+    box: Box,
+    *,
+    step: float = 2e-3,
+    iterations: int = 12,
+    tolerance: float = 1e-4,
+    on_iteration: Callable[[int], None] | None = None,
+) -> Refined:
+    """Minimise the mean squared residual of `simulate` against `recorded` from each of `starts` (m, d).
+
+    Parameters
+    ----------
+    recorded
+        Shape (samples,).
+    step
+        Finite-difference step: large enough to bridge the kinks of stick-slip, in the unit of a point.
+    tolerance
+        A start is done when an iteration reduces its cost by less than this fraction.
+    on_iteration
+        Called with the number of iterations done.
+    """
+    points = box.project(np.array(starts, float))
+    residuals = recorded - simulate(points)
+    descents = [
+        _Descent(point, residual, float(np.mean(residual**2)))
+        for point, residual in zip(points, residuals, strict=True)
+    ]
+    evaluations = len(points)
+    for iteration in range(iterations):
+        active = [descent for descent in descents if not descent.done]
+        if not active:
+            break
+        jacobians, spent = jacobian(simulate, recorded, _points(active), [d.residual for d in active], box, step)
+        trials = np.concatenate([_trials(d, j, box) for d, j in zip(active, jacobians, strict=True)])
+        outcomes = recorded - simulate(trials)
+        evaluations += spent + len(trials)
+        per_start = len(DAMPING_FACTORS)
+        for i, descent in enumerate(active):
+            mine = slice(i * per_start, (i + 1) * per_start)
+            _accept(descent, trials[mine], outcomes[mine], tolerance)
+        if on_iteration is not None:
+            on_iteration(iteration + 1)
+    return Refined(
+        _points(descents), np.array([descent.cost for descent in descents]), evaluations
+    )
+
+
+def _points(descents: list[_Descent]) -> Array:
+    """Return the points of `descents`, shape (m, d)."""
+    return np.stack([descent.point for descent in descents])
+
+
+def jacobian(
+    simulate: Simulate, recorded: Array, points: Array, residuals: list[Array], box: Box, step: float
+) -> tuple[Array, int]:
+    """Return the derivatives of `simulate` at `points` (m, d), shape (m, d, samples), and the simulations spent.
+
+    One-sided differences, taken inward where a bound is near; `residuals` are those at the points.
+    """
+    m, d = points.shape
+    signs = np.where(points + step <= box.upper, 1.0, -1.0)
+    moved = points[:, np.newaxis, :] + np.eye(d) * (signs * step)[:, :, np.newaxis]
+    moved = box.project(moved)
+    steps = np.einsum("mii->mi", moved - points[:, np.newaxis, :])
+    steps = np.where(np.abs(steps) < 1e-3 * step, signs * step, steps)
+    outputs = simulate(moved.reshape(m * d, d)).reshape(m, d, -1)
+    at_points = np.stack([recorded - residual for residual in residuals])
+    return (outputs - at_points[:, np.newaxis, :]) / steps[:, :, np.newaxis], m * d
+
+
+def _trials(descent: _Descent, derivatives: Array, box: Box) -> Array:
+    """Return the points that damped Gauss-Newton steps lead to, one for each damping factor."""
+    normal = derivatives @ derivatives.T
+    gradient = derivatives @ descent.residual
+    at_lower = (descent.point <= box.lower) & (gradient < 0)
+    at_upper = (descent.point >= box.upper) & (gradient > 0)
+    free = np.flatnonzero(~(at_lower | at_upper))
+    trials = np.tile(descent.point, (len(DAMPING_FACTORS), 1))
+    if free.size:
+        normal = normal[np.ix_(free, free)]
+        scale = np.diag(normal).copy()
+        # A component without effect would otherwise leave the equations singular.
+        scale = np.maximum(scale, 1e-9 * max(scale.max(), np.finfo(float).tiny))
+        for row, factor in enumerate(DAMPING_FACTORS):
+            damped = normal + np.diag(descent.damping * factor * scale)
+            trials[row, free] += np.linalg.solve(damped, gradient[free])
+    return box.project(trials)
+
+
+def _accept(descent: _Descent, trials: Array, residuals: Array, tolerance: float) -> None:
+    """Move `descent` to its best trial, or raise its damping if none is better."""
+    costs = np.mean(residuals**2, axis=1)
+    best = int(np.argmin(costs))
+    if costs[best] < descent.cost:
+        descent.done = costs[best] > (1 - tolerance) * descent.cost
+        descent.point, descent.residual, descent.cost = trials[best], residuals[best], float(costs[best])
+        descent.damping = max(descent.damping * DAMPING_FACTORS[best], 1e-9)
+    else:
+        descent.damping *= 10 * DAMPING_FACTORS[-1]
+        descent.done = descent.damping > MOST_DAMPING

@@ -1,0 +1,67 @@
+"""How sure an estimate is: standard errors from the Jacobian, the residual's autocorrelation allowed for.
+
+Residuals of a good fit are still correlated over milliseconds: ripple, friction, what the model leaves
+out. Least squares then seems surer than it is; the sandwich estimator of Newey and West (1987) is not
+misled. A weak prior keeps what the data do not constrain at its prior width instead of at infinity.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import irfft, next_fast_len, rfft
+
+Array = NDArray[np.float64]
+
+
+def covariance(derivatives: Array, residual: Array, prior_deviation: Array) -> Array:
+    """Return the covariance (d, d) of a least-squares estimate.
+
+    Parameters
+    ----------
+    derivatives
+        Of the model's output with respect to each parameter, shape (d, samples).
+    residual
+        Recorded less model, shape (samples,).
+    prior_deviation
+        Standard deviation of each parameter before the data, shape (d,).
+    """
+    variance = max(float(np.mean(residual**2)), np.finfo(float).tiny)
+    information = derivatives @ derivatives.T / variance
+    spread = derivatives @ _correlated(derivatives, residual).T / variance**2
+    prior = np.diag(1 / prior_deviation**2)
+    inverse = np.linalg.inv(information + prior)
+    result: Array = inverse @ (spread + prior) @ inverse
+    return (result + result.T) / 2
+
+
+def _correlated(derivatives: Array, residual: Array) -> Array:
+    """Return the derivatives (d, samples) multiplied by the residual's autocovariance matrix.
+
+    The sample autocovariance is tapered linearly (Bartlett), which keeps the matrix positive
+    semidefinite; multiplying by a Toeplitz matrix is a convolution.
+    """
+    n = residual.size
+    lags = bandwidth(residual)
+    size = next_fast_len(n + lags)
+    spectrum = np.abs(rfft(residual - residual.mean(), size)) ** 2
+    autocovariance = irfft(spectrum, size)[: lags + 1] / n
+    autocovariance[0] += residual.mean() ** 2
+    taper = 1 - np.arange(lags + 1) / (lags + 1)
+    kernel = np.zeros(size)
+    kernel[: lags + 1] = autocovariance * taper
+    kernel[size - lags :] = (autocovariance * taper)[:0:-1]
+    product = irfft(rfft(derivatives, size, axis=1) * rfft(kernel), size, axis=1)
+    return np.asarray(product[:, :n])
+
+
+def bandwidth(residual: Array) -> int:
+    """Return the number of lags over which the residual's autocorrelation counts.
+
+    Andrews (1991), eq. 6.4, for the Bartlett taper and a first-order autoregression.
+    """
+    centred = residual - residual.mean()
+    power = float(centred @ centred)
+    rho = float(centred[1:] @ centred[:-1]) / power if power > 0 else 0.0
+    rho = float(np.clip(rho, 0.0, 0.99))
+    alpha = 4 * rho**2 / (1 - rho**2) ** 2
+    lags = int(np.ceil(1.1447 * (alpha * residual.size) ** (1 / 3)))
+    return int(np.clip(lags, 1, residual.size // 4))

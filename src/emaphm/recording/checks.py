@@ -1,0 +1,134 @@
+"""What every recording must satisfy, whatever the actuator; each error names column, row and remedy."""
+
+from collections.abc import Collection, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emaphm.errors import RecordingError, nearest
+from emaphm.recording.schema import PHASES, SCHEMA
+
+Array = NDArray[np.float64]
+
+FEWEST_SAMPLES = 50
+"""Fewer rows than this cannot tell eight faults apart."""
+
+STEP_TOLERANCE = 0.01
+"""Largest deviation of one time step from the sample interval, as a fraction of it."""
+
+NEEDED = "time_s, command_rad, and current_A or the three phase currents with angle_rad"
+
+COUNTING = "rows count from 1, the header not included"
+
+
+def check(columns: Mapping[str, Array], source: str, labels: Mapping[str, str] | None = None) -> None:
+    """Refuse columns that no recording may have.
+
+    Parameters
+    ----------
+    columns
+        Arrays of shape (n,) by schema name, in SI units. Further columns may be present; they need
+        only the same length.
+    source
+        File or description that an error names.
+    labels
+        Names in the file, by schema name, where they differ.
+
+    Raises
+    ------
+    RecordingError
+        A needed column is missing, lengths differ, there are fewer than 50 rows, a value is not
+        finite, time does not increase in uniform steps, or nothing was commanded.
+    """
+    labels = {name: _label(name, labels or {}) for name in columns}
+    complaint = (
+        _missing(columns)
+        or _misshapen(columns, labels)
+        or _not_finite(columns, labels)
+        or _time_steps(columns["time_s"], labels["time_s"])
+        or _nothing_commanded(columns["command_rad"], labels["command_rad"])
+    )
+    if complaint:
+        raise RecordingError(f"{source}: {complaint}")
+
+
+def missing_columns(present: Collection[str]) -> tuple[str, ...]:
+    """Return the needed columns that are not among `present`.
+
+    Where some phase currents are there, the others and the angle count as missing, else `current_A`.
+    """
+    missing = [name for name in ("time_s", "command_rad") if name not in present]
+    if "current_A" not in present:
+        has_phases = any(name in present for name in PHASES)
+        current = (*PHASES, "angle_rad") if has_phases else ("current_A",)
+        missing += [name for name in current if name not in present]
+    return tuple(missing)
+
+
+def _label(name: str, labels: Mapping[str, str]) -> str:
+    given = labels.get(name, name)
+    return f"'{name}'" if given == name else f"'{given}' ({name})"
+
+
+def _missing(columns: Mapping[str, Array]) -> str | None:
+    missing = missing_columns(columns)
+    if not missing:
+        return None
+    return f"column '{missing[0]}' is missing{nearest(missing[0], columns)}; a recording needs {NEEDED}"
+
+
+def _misshapen(columns: Mapping[str, Array], labels: Mapping[str, str]) -> str | None:
+    for name, values in columns.items():
+        if values.ndim != 1:
+            return f"column {labels[name]} has shape {values.shape}; give one value a row"
+    rows = columns["time_s"].size
+    for name, values in columns.items():
+        if values.size != rows:
+            return (
+                f"column {labels[name]} has {values.size} rows, {labels['time_s']} has {rows}; "
+                "give all columns the same length"
+            )
+    if rows < FEWEST_SAMPLES:
+        return f"too short: {rows} rows, at least {FEWEST_SAMPLES} are needed; record a longer manoeuvre"
+    return None
+
+
+def _not_finite(columns: Mapping[str, Array], labels: Mapping[str, str]) -> str | None:
+    for name in SCHEMA:
+        bad = np.flatnonzero(~np.isfinite(columns[name])) if name in columns else np.empty(0)
+        if bad.size:
+            more = f" (and {bad.size - 1} more)" if bad.size > 1 else ""
+            return (
+                f"row {bad[0] + 1} of column {labels[name]} is empty or not a finite number{more}; "
+                f"mend it or leave the column out ({COUNTING})"
+            )
+    return None
+
+
+def _time_steps(time: Array, label: str) -> str | None:
+    with np.errstate(over="ignore"):
+        steps = np.diff(time)
+    back = np.flatnonzero(steps <= 0)
+    if back.size:
+        row = back[0] + 2
+        return (
+            f"time does not increase at row {row} of column {label} ({time[row - 2]:.9g} s, then "
+            f"{time[row - 1]:.9g} s); sort the rows and drop repeated ones ({COUNTING})"
+        )
+    # The median, so that one gap does not make every healthy row look wrong.
+    interval = np.median(steps)
+    uneven = np.flatnonzero(np.abs(steps - interval) > STEP_TOLERANCE * interval)
+    if uneven.size:
+        row = uneven[0] + 2
+        return (
+            f"sampling is not uniform: row {row} of column {label} comes {steps[row - 2]:.6g} s after "
+            f"the one before it, where {interval:.6g} s is usual; resample to a constant rate, or store more "
+            f"digits of time ({COUNTING})"
+        )
+    return None
+
+
+def _nothing_commanded(command: Array, label: str) -> str | None:
+    if np.any(command):
+        return None
+    return f"nothing was commanded: column {label} is 0 throughout; a manoeuvre must move the actuator"

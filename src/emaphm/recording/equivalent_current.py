@@ -1,0 +1,72 @@
+"""Equivalent current: the one current that makes the torque which three phases make together."""
+
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from emaphm.errors import RecordingError, nearest
+
+Form = Literal["torque", "active", "magnitude"]
+
+
+def equivalent_current(
+    phases: ArrayLike, angle: ArrayLike, pole_pairs: int, form: Form = "torque"
+) -> NDArray[np.float64]:
+    """Return the equivalent current of three phase currents.
+
+    With s_i the unit trapezoid and r_i the commutation of phase i at its electrical angle
+    P angle - 2 pi (i - 1)/3:
+
+    - ``torque``: 1/2 sum s_i i_i
+    - ``active``: 1/2 sum r_i i_i
+    - ``magnitude``: 1/2 sum |i_i| × sign(sum s_i i_i); the idle phase's ripple biases it (PHYSICS
+      section 3), so it is there for comparison with the thesis.
+
+    Parameters
+    ----------
+    phases
+        Currents of phases a, b, c [A], shape (3, n).
+    angle
+        Motor angle [rad], shape (n,), unwrapped or not.
+    pole_pairs
+        P.
+    form
+        Which of the three.
+
+    Returns
+    -------
+    Current [A], shape (n,).
+
+    Raises
+    ------
+    RecordingError
+        Shapes do not fit each other, or `form` is unknown.
+
+    References
+    ----------
+    Thesis sections 3.1.3 and 6.2.
+    """
+    # Numba stands behind these; reading a file that has `current_A` does without.
+    from emaphm.simulation.commutation import (  # noqa: PLC0415 - heavy
+        PHASE_SHIFT,
+        demand_sign,
+        trapezoid,
+        wrap,
+    )
+
+    currents, motor_angle = np.asarray(phases, float), np.asarray(angle, float)
+    if currents.shape != (3, *motor_angle.shape):
+        raise RecordingError(
+            f"phase currents of shape {currents.shape} do not fit an angle of shape {motor_angle.shape}; "
+            "give three rows, each as long as the angle"
+        )
+    electrical = np.stack([wrap(pole_pairs * motor_angle - PHASE_SHIFT * phase) for phase in range(3)])
+    torque = 0.5 * np.sum(trapezoid(electrical) * currents, axis=0)
+    if form == "torque":
+        return np.asarray(torque, float)
+    if form == "active":
+        return np.asarray(0.5 * np.sum(demand_sign(electrical) * currents, axis=0), float)
+    if form == "magnitude":
+        return np.asarray(0.5 * np.sum(np.abs(currents), axis=0) * np.sign(torque), float)
+    raise RecordingError(f"unknown equivalent current '{form}'{nearest(form, get_args(Form))}")

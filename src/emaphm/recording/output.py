@@ -1,0 +1,79 @@
+"""Putting a result where it was asked to go: refused early, and never half-written."""
+
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from uuid import uuid4
+
+from emaphm.errors import OutputError
+
+
+def check_writable(path: str | Path, *, force: bool = False, endings: Collection[str] = ()) -> None:
+    """Refuse an output that could not be written; to be called before long work.
+
+    Parameters
+    ----------
+    path
+        The file to be written.
+    force
+        Whether an existing file may be replaced.
+    endings
+        The file endings that are allowed, in lower case, e.g. ``(".html",)``; any where empty.
+
+    Raises
+    ------
+    OutputError
+        The ending is not allowed, a file is there already, `path` is a folder or no regular file, or
+        its folder is missing or not writable.
+    """
+    path = Path(path)
+    folder = path.parent
+    if path.is_dir():
+        raise OutputError(f"{path}: is a folder; give the name of a file in it")
+    if endings and path.suffix.lower() not in endings:
+        ending = f"unknown file ending '{path.suffix}'" if path.suffix else "the name has no ending"
+        raise OutputError(f"{path}: {ending}; end the name in {' or '.join(endings)}")
+    if not folder.is_dir():
+        what = "is not a folder" if folder.exists() else "does not exist"
+        raise OutputError(f"{path}: folder '{folder}' {what}; create it, or give another one")
+    if path.exists() and not path.is_file():
+        raise OutputError(f"{path}: is not a regular file; give another name")
+    if path.exists() and not force:
+        raise OutputError(f"{path}: exists already; give another name, or --force to replace it")
+    # Permission bits do not tell (root, read-only and network file systems): only trying does.
+    probe = _beside(path)
+    try:
+        probe.touch(exist_ok=False)
+        probe.unlink()
+    except OSError as error:
+        raise OutputError(
+            f"{path}: cannot write in folder '{folder}' ({error.strerror}); give another one"
+        ) from None
+
+
+@contextmanager
+def written_whole(path: str | Path) -> Iterator[Path]:
+    """Yield the path of a new file, which takes the place of `path` once the block has ended well.
+
+    Raises
+    ------
+    OutputError
+        The operating system refuses, e.g. because the disk is full; nothing is left behind then.
+    """
+    # Resolved, so that a symbolic link stays one and its target is replaced.
+    path = Path(path).resolve()
+    temporary = _beside(path)
+    try:
+        yield temporary
+        temporary.replace(path)
+    except OSError as error:
+        raise OutputError(
+            f"{path}: cannot be written ({error.strerror or error}); free space there, or give another place"
+        ) from None
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _beside(path: Path) -> Path:
+    # In the same folder, hence the same file system: only there is a rename atomic.
+    return path.parent / f".{uuid4().hex}.tmp"

@@ -1,0 +1,202 @@
+"""Wrong units, found by judging a recording against the limits of its actuator.
+
+Each rule leaves room for any healthy or faulty actuator and fires only on orders of magnitude.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emaphm.actuator import Actuator
+from emaphm.errors import RecordingError
+from emaphm.recording.checks import COUNTING
+from emaphm.recording.recording import Recording
+from emaphm.recording.schema import PHASES
+
+Array = NDArray[np.float64]
+
+LONGEST_INTERVAL_S = 0.02
+"""Slower rows show no current loop at all; milliseconds taken for seconds look like this."""
+
+SHORTEST_INTERVAL_S = 1e-7
+"""A tenth of the reference model's own step."""
+
+BEYOND_END_STOPS = 3.0
+BEYOND_LIMIT = 5.0
+"""Margins over what the hardware can do; noise and overshoot stay well below, 57 and 1000 far above."""
+
+MOTION_RATIO = 20.0
+"""Largest ratio of position to command swing, either way: below 57.3, above any loop's resonance."""
+
+FOLLOWS = 0.5
+"""Correlation of position and command from which on the one follows the other."""
+
+FRICTION_SHARE = 0.05
+"""A moving motor draws at least this share of what carries its friction; in kA it would seem less."""
+
+COLDEST_K = 150.0
+"""No actuator works below; Celsius taken for kelvin looks like this."""
+
+ROTARY_UNITS = {"degrees": 180 / math.pi, "milliradians": 1e3}
+LINEAR_UNITS = {"millimetres": 1e3, "micrometres": 1e6}
+
+
+def check_plausible(recording: Recording, actuator: Actuator) -> None:
+    """Refuse a recording whose units are wrong by orders of magnitude.
+
+    Parameters
+    ----------
+    recording
+        To be judged.
+    actuator
+        Gives the limits: end stops, current and speed limit, friction.
+
+    Raises
+    ------
+    RecordingError
+        A channel is far outside what the actuator can do; the message names the likely cause.
+    """
+    complaint = (
+        _interval(recording)
+        or _end_stops(recording, actuator)
+        or _motion(recording, actuator)
+        or _high_current(recording, actuator)
+        or _low_current(recording, actuator)
+        or _speed(recording, actuator)
+        or _temperature(recording)
+    )
+    if complaint:
+        raise RecordingError(f"{recording.source}: {complaint}")
+
+
+def _interval(recording: Recording) -> str | None:
+    interval = recording.interval_s
+    if interval > LONGEST_INTERVAL_S:
+        return (
+            f"rows are {interval:.4g} s apart, more than {LONGEST_INTERVAL_S:g} s; if time_s is in "
+            "milliseconds convert it to s, else sample faster"
+        )
+    if interval < SHORTEST_INTERVAL_S:
+        return (
+            f"rows are {interval:.4g} s apart, less than {SHORTEST_INTERVAL_S:g} s; time_s must be in s, "
+            "convert it"
+        )
+    return None
+
+
+def _end_stops(recording: Recording, actuator: Actuator) -> str | None:
+    if actuator.mechanics.end_stops is None:
+        return None
+    farthest = max(map(abs, actuator.mechanics.end_stops))
+    for name in ("command_rad", "position_rad"):
+        reached, row = _peak(recording, name)
+        if reached > BEYOND_END_STOPS * farthest:
+            return (
+                f"{name} reaches {reached:.4g} at row {row}, the end stops are at {farthest:.4g}; it seems "
+                f"to be in {_unit_of(reached / farthest, actuator)}: convert it to {_si(actuator)} "
+                f"({COUNTING})"
+            )
+    return None
+
+
+def _motion(recording: Recording, actuator: Actuator) -> str | None:
+    if not _follows(recording):
+        return None
+    ratio = _swing(recording["position_rad"]) / _swing(recording["command_rad"])
+    if 1 / MOTION_RATIO <= ratio <= MOTION_RATIO:
+        return None
+    larger, times = ("position_rad", ratio) if ratio > 1 else ("command_rad", 1 / ratio)
+    return (
+        f"position_rad swings {ratio:.4g} times as far as command_rad; {larger} seems to be in "
+        f"{_unit_of(times, actuator)}: convert it to {_si(actuator)}"
+    )
+
+
+def _high_current(recording: Recording, actuator: Actuator) -> str | None:
+    limit = actuator.controller.current_limit
+    for name in (*PHASES, "current_A"):
+        reached, row = _peak(recording, name)
+        if reached > BEYOND_LIMIT * limit:
+            return (
+                f"{name} reaches {reached:.4g} at row {row}, the current limit is {limit:.4g}; it seems to "
+                f"be in milliamperes or raw counts: convert it to A ({COUNTING})"
+            )
+    return None
+
+
+def _low_current(recording: Recording, actuator: Actuator) -> str | None:
+    # A small current alone proves nothing; a small current that moves a motor with friction does.
+    needed = actuator.mechanics.dynamic_friction / actuator.motor.torque_constant
+    if "current_A" not in recording or not _follows(recording):
+        return None
+    reached, _ = _peak(recording, "current_A")
+    if reached >= FRICTION_SHARE * needed:
+        return None
+    return (
+        f"current_A stays below {reached:.4g} while the position moves, yet friction alone takes "
+        f"{needed:.4g}; it seems to be in kiloamperes or normalised: convert it to A"
+    )
+
+
+def _speed(recording: Recording, actuator: Actuator) -> str | None:
+    limit = actuator.controller.speed_limit
+    reached, row = _peak(recording, "speed_rad_s")
+    if limit is None or reached <= BEYOND_LIMIT * limit:
+        return None
+    unit, si = ("mm/s", "m/s") if actuator.coordinates == "linear" else ("rpm or deg/s", "rad/s")
+    return (
+        f"speed_rad_s reaches {reached:.4g} at row {row}, the speed limit is {limit:.4g}; it seems to be in "
+        f"{unit}: convert it to {si} ({COUNTING})"
+    )
+
+
+def _temperature(recording: Recording) -> str | None:
+    if "temperature_K" not in recording:
+        return None
+    row = int(np.argmin(recording["temperature_K"]))
+    coldest = recording["temperature_K"][row]
+    if coldest >= COLDEST_K:
+        return None
+    return (
+        f"temperature_K is {coldest:.4g} at row {row + 1}; it seems to be in degrees Celsius: add 273.15 "
+        f"({COUNTING})"
+    )
+
+
+def _peak(recording: Recording, name: str) -> tuple[float, int]:
+    """Return the largest magnitude in a column and its row, 0 where the recording lacks the column."""
+    if name not in recording:
+        return 0.0, 0
+    row = int(np.argmax(np.abs(recording[name])))
+    return float(abs(recording[name][row])), row + 1
+
+
+def _swing(values: Array) -> float:
+    """Return the rms deviation from the mean, safe from overflow."""
+    largest = float(np.abs(values).max())
+    return largest * float(np.std(values / largest)) if largest > 0 else 0.0
+
+
+def _follows(recording: Recording) -> bool:
+    """Return whether the position repeats the shape of the command, in whatever unit.
+
+    A jammed actuator, or one that never left its backlash, does not, and that is no matter of units.
+    """
+    if "position_rad" not in recording:
+        return False
+    command, position = recording["command_rad"], recording["position_rad"]
+    swings = _swing(command), _swing(position)
+    if min(swings) <= 0:
+        return False
+    correlation = np.mean((command - command.mean()) / swings[0] * ((position - position.mean()) / swings[1]))
+    return bool(correlation > FOLLOWS)
+
+
+def _unit_of(ratio: float, actuator: Actuator) -> str:
+    units = LINEAR_UNITS if actuator.coordinates == "linear" else ROTARY_UNITS
+    return min(units, key=lambda unit: abs(math.log(ratio / units[unit])))
+
+
+def _si(actuator: Actuator) -> str:
+    return "m" if actuator.coordinates == "linear" else "rad"

@@ -1,0 +1,94 @@
+"""Reading a recording from a file: CSV, Parquet or MATLAB .mat, told apart by the file's ending."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emaphm.actuator import Actuator
+from emaphm.errors import RecordingError
+from emaphm.recording.checks import check
+from emaphm.recording.equivalent_current import equivalent_current
+from emaphm.recording.naming import names_in_file
+from emaphm.recording.read_csv import read_csv
+from emaphm.recording.read_mat import read_mat
+from emaphm.recording.read_parquet import read_parquet
+from emaphm.recording.recording import Recording
+from emaphm.recording.schema import PHASES, SCHEMA
+from emaphm.recording.table import Table
+
+Array = NDArray[np.float64]
+
+READERS: dict[str, Callable[[bytes, str], Table]] = {
+    ".csv": read_csv,
+    ".parquet": read_parquet,
+    ".mat": read_mat,
+}
+"""How each kind of file is read; the endings in lower case."""
+
+
+def read_recording(path: str | Path, actuator: Actuator) -> Recording:
+    """Read a recording of `actuator` from a file.
+
+    Columns are found by the names in ``actuator.channels``, else by their schema names. Columns of
+    numbers beyond the schema are kept if they have as many rows. Where `current_A` is absent it is
+    made from the phase currents and `angle_rad` (`equivalent_current`, form "torque").
+
+    Parameters
+    ----------
+    path
+        A .csv, .parquet or .mat file; capitals do not matter.
+    actuator
+        Gives the names of the channels, how they were sampled, and the pole pairs.
+
+    Raises
+    ------
+    RecordingError
+        The file cannot be read, lacks a column, or breaks a rule of `emaphm.recording.checks.check`.
+    """
+    path = Path(path)
+    source = str(path)
+    table = _read_table(path)
+    names = names_in_file(table, actuator.channels, source)
+    columns = {name: table.numeric[there] for name, there in names.items()}
+    check(columns, source, names)
+    if "current_A" not in columns:
+        columns["current_A"] = _current_of_phases(columns, actuator, source)
+    taken = {*names.values(), *SCHEMA}
+    for name, values in table.numeric.items():
+        if name not in taken and values.shape == columns["time_s"].shape:
+            columns[name] = values
+    return Recording(columns, actuator.channels.sampling, source)
+
+
+def _read_table(path: Path) -> Table:
+    read = READERS.get(path.suffix.lower())
+    if path.is_dir():
+        raise RecordingError(f"{path}: is a folder; give a file in it")
+    if read is None:
+        ending = f"unknown file ending '{path.suffix}'" if path.suffix else "the name has no ending"
+        raise RecordingError(
+            f"{path}: {ending}; a recording ends in {', '.join(READERS)}: convert or rename the file"
+        )
+    try:
+        content = path.read_bytes()
+    except FileNotFoundError:
+        raise RecordingError(f"{path}: no such file; check the path") from None
+    except OSError as error:
+        raise RecordingError(
+            f"{path}: cannot be read ({error.strerror}); check the path and its permissions"
+        ) from None
+    if not content:
+        raise RecordingError(f"{path}: the file is empty; record or copy it again")
+    return read(content, str(path))
+
+
+def _current_of_phases(columns: dict[str, Array], actuator: Actuator, source: str) -> Array:
+    if actuator.electrical is None:
+        raise RecordingError(
+            f"{source}: no column 'current_A', and to make it from the phases the pole pairs are needed; add "
+            "that column, or [electrical] to the actuator's TOML"
+        )
+    phases = np.stack([columns[name] for name in PHASES])
+    return equivalent_current(phases, columns["angle_rad"], actuator.electrical.pole_pairs)

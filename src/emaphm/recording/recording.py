@@ -1,0 +1,163 @@
+"""A recording: what was measured of an actuator while it followed a command."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from emaphm.actuator.quantity import unit_for
+from emaphm.errors import RecordingError, nearest
+from emaphm.recording.checks import check
+from emaphm.recording.schema import SCHEMA
+
+if TYPE_CHECKING:
+    import polars as pl
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+Sampling = Literal["mean", "instant"]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Recording:
+    """Uniformly sampled channels of one manoeuvre.
+
+    Parameters
+    ----------
+    channels
+        Columns of shape (n,) by name, in SI units; kept as read-only copies. Names and units of the
+        known ones are in `emaphm.recording.schema.SCHEMA`; others are kept as they are.
+    sampling
+        "mean" where row n is the mean over [t_n, t_n + interval), "instant" where it is the value at
+        t_n (PHYSICS section 3, Acquisition).
+    source
+        File name or description, for error messages and titles.
+
+    Raises
+    ------
+    RecordingError
+        See `emaphm.recording.checks.check`.
+    """
+
+    channels: Mapping[str, Array]
+    sampling: Sampling = "mean"
+    source: str = "recording"
+
+    def __init__(
+        self, channels: Mapping[str, ArrayLike], sampling: Sampling = "mean", source: str = "recording"
+    ) -> None:
+        columns = {name: _read_only(values, name, source) for name, values in channels.items()}
+        check(columns, source)
+        object.__setattr__(self, "channels", MappingProxyType(columns))
+        object.__setattr__(self, "sampling", sampling)
+        object.__setattr__(self, "source", source)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A mapping proxy cannot be pickled, and worker processes need recordings.
+        return Recording, (dict(self.channels), self.sampling, self.source)
+
+    def __getitem__(self, name: str) -> Array:
+        """Return column `name`, shape (n,), read-only; an unknown name raises `RecordingError`."""
+        try:
+            return self.channels[name]
+        except KeyError:
+            hint = nearest(name, self.channels)
+            raise RecordingError(f"{self.source}: no column '{name}'{hint}; ask for one it has") from None
+
+    def __contains__(self, name: object) -> bool:
+        """Return whether there is a column `name`."""
+        return name in self.channels
+
+    def __iter__(self) -> Iterator[str]:
+        """Iterate over the column names."""
+        return iter(self.channels)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Column names, in their order."""
+        return tuple(self.channels)
+
+    @property
+    def samples(self) -> int:
+        """Number of rows n."""
+        return self.channels["time_s"].size
+
+    @property
+    def interval_s(self) -> float:
+        """Mean time between rows [s]."""
+        time = self.channels["time_s"]
+        return float(time[-1] - time[0]) / (time.size - 1)
+
+    @property
+    def sample_rate_hz(self) -> float:
+        """Rows per second [Hz]."""
+        return 1 / self.interval_s
+
+    @property
+    def duration_s(self) -> float:
+        """Time covered [s]: each row stands for one interval."""
+        return self.samples * self.interval_s
+
+    def to_frame(self) -> "pl.DataFrame":
+        """Return the columns as a polars frame."""
+        import polars as pl  # noqa: PLC0415 - heavy
+
+        return pl.DataFrame(dict(self.channels))
+
+    def plot(
+        self, names: Sequence[str] | None = None, *, coordinates: Literal["rotary", "linear"] = "rotary"
+    ) -> "Figure":
+        """Draw columns over time, stacked, with units.
+
+        Parameters
+        ----------
+        names
+            Which columns; all but time where left out.
+        coordinates
+            "linear" labels m and N where a rotary actuator has rad and N·m.
+
+        Raises
+        ------
+        RecordingError
+            A name is not in the recording.
+        """
+        from matplotlib.figure import Figure  # noqa: PLC0415 - heavy
+
+        shown = [name for name in self.names if name != "time_s"] if names is None else list(names)
+        figure = Figure(figsize=(8, 1 + 1.3 * len(shown)), layout="constrained")
+        axes = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
+        for axis, name in zip(axes, shown, strict=True):
+            axis.plot(self["time_s"], self[name], linewidth=1)
+            axis.set_ylabel(_axis_label(name, coordinates), fontsize="small")
+            axis.grid(alpha=0.3)
+        axes[-1].set_xlabel("time [s]")
+        figure.suptitle(self.source, fontsize="medium")
+        return figure
+
+    def __repr__(self) -> str:
+        what = "interval means" if self.sampling == "mean" else "instants"
+        rate = f"{self.sample_rate_hz:.6g} Hz, {self.duration_s:.6g} s"
+        width = max(map(len, self.names))
+        ranges = (
+            f"  {name:<{width}}  {values.min():.4g} to {values.max():.4g}"
+            for name, values in self.channels.items()
+        )
+        return "\n".join((f"Recording '{self.source}': {self.samples} rows ({what}) at {rate}", *ranges))
+
+
+def _read_only(values: ArrayLike, name: str, source: str) -> Array:
+    try:
+        column = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise RecordingError(f"{source}: column '{name}' is not numeric; give one number a row") from None
+    column.setflags(write=False)
+    return column
+
+
+def _axis_label(name: str, coordinates: str) -> str:
+    if name not in SCHEMA:
+        return name
+    return f"{SCHEMA[name].meaning}\n[{unit_for(SCHEMA[name].unit, coordinates)}]"

@@ -1,0 +1,35 @@
+"""The columns of a recording: names, units and meanings."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+
+@dataclass(frozen=True)
+class Channel:
+    """What a column holds: its meaning, and the unit in which it stands."""
+
+    meaning: str
+    unit: str
+
+
+SCHEMA: Mapping[str, Channel] = MappingProxyType(
+    {
+        "time_s": Channel("time", "s"),
+        "command_rad": Channel("command", "rad"),
+        "position_rad": Channel("position of the user", "rad"),
+        "speed_rad_s": Channel("speed of the motor", "rad/s"),
+        "angle_rad": Channel("angle of the motor", "rad"),
+        "current_a_A": Channel("current of phase a", "A"),
+        "current_b_A": Channel("current of phase b", "A"),
+        "current_c_A": Channel("current of phase c", "A"),
+        "current_A": Channel("equivalent current", "A"),
+        "voltage_V": Channel("line voltage", "V"),
+        "load_Nm": Channel("load at the motor", "N·m"),
+        "temperature_K": Channel("temperature", "K"),
+    }
+)
+"""Schema columns in their usual order; a linear actuator puts m and N where rad and N·m stand."""
+
+PHASES = ("current_a_A", "current_b_A", "current_c_A")
+"""The phase currents; with `angle_rad` they stand in for a missing `current_A`."""

@@ -1,0 +1,25 @@
+"""How the actuator moves: the laws, the reference, monitor and averaged models, and running them."""
+
+from emaphm.simulation.averaged import AVERAGED
+from emaphm.simulation.inputs import Inputs
+from emaphm.simulation.kernels import Initial, Model
+from emaphm.simulation.monitor import monitor
+from emaphm.simulation.plant import TOTALS, Plant
+from emaphm.simulation.reference import REFERENCE
+from emaphm.simulation.run import MODELS, model_named, run, run_batch, simulate_batch
+
+__all__ = [
+    "AVERAGED",
+    "MODELS",
+    "REFERENCE",
+    "TOTALS",
+    "Initial",
+    "Inputs",
+    "Model",
+    "Plant",
+    "model_named",
+    "monitor",
+    "run",
+    "run_batch",
+    "simulate_batch",
+]

@@ -1,0 +1,184 @@
+"""What a batch simulates: physical quantities of `n` actuators side by side, faults applied."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from emaphm.actuator import Actuator
+from emaphm.actuator.faults import NAMES, SHORTEST_WINDING
+from emaphm.errors import FaultError, MethodError, nearest
+
+Array = NDArray[np.float64]
+
+NO_LIMIT = 1e30
+"""Stands for an absent limit; the kernels are compiled on the understanding that nothing is infinite."""
+
+TOTALS = {
+    "inertia": "kg·m²",
+    "viscous": "N·m·s/rad",
+    "coulomb": "N·m",
+    "static": "N·m",
+    "offset": "N·m",
+    "position_gain": "1/s",
+    "speed_gain": "N·m·s/rad",
+    "torque_constant": "N·m/A",
+    "resistance": "ohm",
+    "inductance": "H",
+}
+"""Physical parameters that can be set per actuator, totals referred to the motor shaft, and their units."""
+
+NEED_ELECTRICAL = ("resistance", "inductance")
+
+
+@dataclass(frozen=True)
+class Plant:
+    """Quantities of `n` actuators, each of shape (n,), SI units; turns and z have a row a phase or axis.
+
+    Friction, backlash and position gain have their faults applied; the windings are described by the
+    healthy line-to-line values and `turns` (3, n), the fraction of healthy turns in each phase;
+    `z` (2, n) is Z (cos phi, sin phi).
+    """
+
+    inertia: Array
+    viscous: Array
+    coulomb: Array
+    static: Array
+    offset: Array
+    backlash: Array
+    gear_ratio: Array
+    low_stop: Array
+    high_stop: Array
+    position_gain: Array
+    speed_gain: Array
+    integral_gain: Array
+    derivative_gain: Array
+    speed_limit: Array
+    current_limit: Array
+    drive_constant: Array
+    torque_constant: Array
+    torque_limit: Array
+    supply: Array
+    resistance: Array
+    inductance: Array
+    hysteresis: Array
+    pole_pairs: Array
+    turns: Array
+    z: Array
+
+    @classmethod
+    def of(cls, actuator: Actuator, faults: ArrayLike, totals: Mapping[str, ArrayLike] | None = None) -> Self:
+        """Return the plants of `actuator` under `faults`.
+
+        Parameters
+        ----------
+        faults
+            Normalised fault vectors, shape (n, 8).
+        totals
+            Physical parameters to set instead of the actuator's, by their names in `TOTALS`; each of
+            shape (n,) or a scalar. Friction faults multiply them.
+
+        Raises
+        ------
+        FaultError
+            `faults` has another shape or a value outside [0, 1].
+        MethodError
+            A total is unknown, or needs the electrical description that the actuator lacks.
+        """
+        k = np.atleast_2d(np.asarray(faults, float))
+        if k.ndim != 2 or k.shape[1] != len(NAMES):
+            raise FaultError(f"fault vectors have shape (n, {len(NAMES)}), got {np.shape(faults)}")
+        outside = np.argwhere(~((k >= 0) & (k <= 1)))
+        if outside.size:
+            row, column = outside[0]
+            raise FaultError(
+                f"fault {NAMES[column]}={k[row, column]:g} of vector {row} lies outside [0, 1]; "
+                "give a value from 0 to 1"
+            )
+        return cls._healthy(actuator, len(k))._with_totals(actuator, totals or {})._with_faults(actuator, k)
+
+    @classmethod
+    def _healthy(cls, actuator: Actuator, n: int) -> Self:
+        m, c, motor, e = actuator.mechanics, actuator.controller, actuator.motor, actuator.electrical
+        low, high = m.end_stops or (-NO_LIMIT, NO_LIMIT)
+        scalars = {
+            "inertia": m.inertia,
+            "viscous": m.viscous,
+            "coulomb": m.dynamic_friction,
+            "static": m.static_friction,
+            "offset": m.offset,
+            "backlash": m.backlash,
+            "gear_ratio": m.gear_ratio,
+            "low_stop": low / m.gear_ratio,
+            "high_stop": high / m.gear_ratio,
+            "position_gain": c.position_gain,
+            "speed_gain": c.speed_gain,
+            "integral_gain": c.integral_gain,
+            "derivative_gain": c.derivative_gain,
+            "speed_limit": c.speed_limit or NO_LIMIT,
+            "current_limit": c.current_limit,
+            "drive_constant": c.torque_constant,
+            "torque_constant": motor.torque_constant,
+            "torque_limit": motor.torque_limit or NO_LIMIT,
+            # An ideal current loop is one whose supply can force any current within a step.
+            "supply": e.supply if e else 1e12,
+            "resistance": e.resistance if e else 1.0,
+            "inductance": e.inductance if e else 1e-12,
+            "hysteresis": e.hysteresis if e else 0.0,
+            "pole_pairs": e.pole_pairs if e else 1,
+        }
+        columns = {name: np.full(n, float(value)) for name, value in scalars.items()}
+        return cls(**columns, turns=np.ones((3, n)), z=np.zeros((2, n)))
+
+    def _with_totals(self, actuator: Actuator, totals: Mapping[str, ArrayLike]) -> Self:
+        for name in totals:
+            if name not in TOTALS:
+                raise MethodError(f"unknown parameter '{name}'{nearest(name, TOTALS)}")
+            if name in NEED_ELECTRICAL and actuator.electrical is None:
+                raise MethodError(
+                    f"parameter '{name}' needs an [electrical] section, which actuator '{actuator.name}' lacks"
+                )
+        set_to = {name: np.broadcast_to(np.asarray(v, float), (self.count,)) for name, v in totals.items()}
+        if "coulomb" in set_to and "static" not in set_to:
+            # Static friction keeps its ratio to dynamic friction unless it is estimated itself.
+            m = actuator.mechanics
+            ratio = m.static_friction / m.dynamic_friction if m.dynamic_friction > 0 else 1.0
+            set_to["static"] = ratio * set_to["coulomb"]
+        return replace(self, **set_to)
+
+    def _with_faults(self, actuator: Actuator, k: Array) -> Self:
+        scales = actuator.faults
+        friction = 1 + scales.friction * k[:, 0]
+        phase = (2 * k[:, 6] - 1) * np.pi
+        return replace(
+            self,
+            coulomb=self.coulomb * friction,
+            static=self.static * friction,
+            backlash=self.backlash * (1 + scales.backlash * k[:, 1]),
+            turns=np.maximum(1 - k[:, 2:5].T, SHORTEST_WINDING),
+            z=scales.eccentricity * k[:, 5] * np.stack([np.cos(phase), np.sin(phase)]),
+            position_gain=self.position_gain * (1 + scales.gain * (2 * k[:, 7] - 1)),
+        )
+
+    @property
+    def count(self) -> int:
+        """The number of actuators, n."""
+        return int(self.inertia.size)
+
+    def part(self, first: int, last: int) -> Self:
+        """Return the plants from `first` up to, not including, `last`."""
+        return replace(self, **{f.name: getattr(self, f.name)[..., first:last] for f in fields(self)})
+
+    def padded(self, multiple: int) -> Self:
+        """Return the plants with the last repeated until their number is a multiple of `multiple`."""
+        extra = -self.count % multiple
+        columns = {f.name: getattr(self, f.name) for f in fields(self)}
+        return replace(
+            self,
+            **{
+                name: np.concatenate([column, np.repeat(column[..., -1:], extra, axis=-1)], axis=-1)
+                for name, column in columns.items()
+            },
+        )

@@ -1,0 +1,113 @@
+"""Running a model: one actuator with every signal, or many with their equivalent currents."""
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from emaphm.actuator import Actuator
+from emaphm.errors import MethodError, nearest
+from emaphm.simulation.averaged import AVERAGED
+from emaphm.simulation.inputs import Inputs
+from emaphm.simulation.kernels import LANES, Initial, Model, kernel
+from emaphm.simulation.monitor import monitor
+from emaphm.simulation.plant import Plant
+from emaphm.simulation.reference import REFERENCE
+
+Array = NDArray[np.float64]
+
+WORTH_A_THREAD = 200_000
+"""Group-steps (about 10 ms) below which starting threads costs more than it gains."""
+
+MODELS = {"reference": REFERENCE, "monitor": monitor(), "averaged": AVERAGED}
+"""The models by the names that the command line uses."""
+
+
+def model_named(name: str) -> Model:
+    """Return the model of that name; `MethodError` with the nearest name if there is none."""
+    if name not in MODELS:
+        raise MethodError(f"unknown model '{name}'{nearest(name, MODELS)}")
+    return MODELS[name]
+
+
+def run(model: Model, plant: Plant, inputs: Inputs, start: Initial = Initial()) -> dict[str, Array]:  # noqa: B008
+    """Return every channel of `model` for the single actuator in `plant`, each of shape (samples,).
+
+    Raises
+    ------
+    MethodError
+        The simulation did not stay finite.
+    """
+    out = np.empty((len(model.channels), inputs.samples, 1))
+    _advance(model, plant, inputs, start, out, traced=True)
+    _check_finite(model, out)
+    return {name: out[i, :, 0] for i, name in enumerate(model.channels)}
+
+
+def run_batch(
+    model: Model,
+    plant: Plant,
+    inputs: Inputs,
+    start: Initial = Initial(),  # noqa: B008
+    *,
+    workers: int | None = None,
+) -> Array:
+    """Return the sampled equivalent currents [A] of all actuators in `plant`, shape (n, samples).
+
+    Groups of `LANES` actuators run in `workers` threads (default: one a core); the result does not
+    depend on their number, bit for bit.
+
+    Raises
+    ------
+    MethodError
+        A simulation did not stay finite.
+    """
+    padded = plant.padded(LANES)
+    out = np.empty((padded.count // LANES, inputs.samples, LANES))
+    groups = [padded.part(first, first + LANES) for first in range(0, padded.count, LANES)]
+    workers = min(workers or len(os.sched_getaffinity(0)), len(groups))
+    if len(groups) * inputs.command.size < WORTH_A_THREAD:
+        workers = 1
+
+    def advance(i: int) -> None:
+        _advance(model, groups[i], inputs, start, out[i : i + 1], traced=False)
+
+    if workers <= 1:
+        for i in range(len(groups)):
+            advance(i)
+    else:
+        kernel(model, LANES, traced=False)  # compile once, before the threads
+        with ThreadPoolExecutor(workers) as pool:
+            list(pool.map(advance, range(len(groups))))
+    _check_finite(model, out)
+    return np.ascontiguousarray(out.transpose(0, 2, 1).reshape(padded.count, inputs.samples)[: plant.count])
+
+
+def simulate_batch(
+    model: Model,
+    actuator: Actuator,
+    faults: ArrayLike,
+    inputs: Inputs,
+    start: Initial = Initial(),  # noqa: B008
+    *,
+    workers: int | None = None,
+) -> Array:
+    """Return the equivalent currents [A] of `actuator` under each of `faults` (n, 8), shape (n, samples)."""
+    return run_batch(model, Plant.of(actuator, faults), inputs, start, workers=workers)
+
+
+def _advance(model: Model, plant: Plant, inputs: Inputs, start: Initial, out: Array, *, traced: bool) -> None:
+    step = inputs.step
+    x = model.initial_state(plant, inputs, start).ravel()
+    p = model.parameters(plant, step).ravel()
+    advance = kernel(model, plant.count, traced)
+    advance(x, p, inputs.command, inputs.load, inputs.noise, step, inputs.substeps, inputs.window, out)
+
+
+def _check_finite(model: Model, out: Array) -> None:
+    if not np.all(np.isfinite(out)):
+        raise MethodError(
+            f"the {model.name} model did not stay finite; "
+            "check the actuator's inertia, inductance and gains, or shorten the step"
+        )

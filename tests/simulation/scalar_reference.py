@@ -1,0 +1,119 @@
+"""The reference model a second time: scalar Python, written from PHYSICS.md section 3 and nothing else."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emaphm.actuator import Actuator, Faults
+
+Array = NDArray[np.float64]
+
+
+def trapezoid(degrees: float) -> float:
+    """Return s at an electrical angle [deg], read off PHYSICS.md as a polyline."""
+    return float(np.interp(degrees % 360.0, [0.0, 30.0, 150.0, 210.0, 330.0, 360.0], [0, 1, 1, -1, -1, 0]))
+
+
+def demand(degrees: float) -> int:
+    """Return r at an electrical angle [deg]: +1 from 30 to 150, -1 from 210 to 330, else 0."""
+    turned = degrees % 360.0
+    if 30.0 <= turned <= 150.0:
+        return 1
+    return -1 if 210.0 <= turned <= 330.0 else 0
+
+
+def simulate(
+    actuator: Actuator,
+    faults: Faults,
+    command: Callable[[float], float],
+    steps: int,
+    *,
+    load: float = 0.0,
+    rotor_offset: float = 0.0,
+    dt: float = 1e-6,
+) -> dict[str, Array]:
+    """Return phase currents [A], legs' voltages [V], speed, angle, user position and torque after each step."""
+    e, c, m = actuator.electrical, actuator.controller, actuator.mechanics
+    assert e is not None
+    assert c.speed_limit is not None
+    assert actuator.motor.torque_limit is not None
+    assert m.end_stops is not None
+    k1, k2, ka, kb, kc, k6, k7, k8 = (float(k) for k in faults.vector)
+    turns = [max(1 - k, 0.01) for k in (ka, kb, kc)]
+    R = [e.resistance / 2 * n for n in turns]
+    L = [e.inductance / 2 * n * n for n in turns]
+    Z, phi = 0.42 * k6, (2 * k7 - 1) * math.pi
+    gain = (0.5 + k8) * c.position_gain
+    static, dynamic = m.static_friction * (1 + 2 * k1), m.dynamic_friction * (1 + 2 * k1)
+    gap = m.backlash * (1 + 9 * k2)
+    low, high = (stop / m.gear_ratio for stop in m.end_stops)
+
+    i, legs = [0.0, 0.0, 0.0], [-1, -1, -1]
+    theta = w = output = integral = 0.0
+    previous: float | None = None
+    trace = []
+    for n in range(steps):
+        # 1. Controller.
+        wanted = gain * (command(n * dt) - m.gear_ratio * output)
+        error = min(max(wanted, -c.speed_limit), c.speed_limit) - w
+        slope = 0.0 if previous is None else (error - previous) / dt
+        asked = c.speed_gain * error + c.integral_gain * integral + c.derivative_gain * slope
+        reference = min(max(asked / c.torque_constant, -c.current_limit), c.current_limit)
+        integral += error * dt
+        previous = error
+        # 2, 3. Commutation and switching.
+        rotor = theta + rotor_offset
+        electrical = [math.degrees(e.pole_pairs * rotor) - 120.0 * phase for phase in range(3)]
+        s = [trapezoid(angle) for angle in electrical]
+        for phase in range(3):
+            off = reference * demand(electrical[phase]) - i[phase]
+            if off > e.hysteresis:
+                legs[phase] = 1
+            elif off < -e.hysteresis:
+                legs[phase] = -1
+        # 4. Windings: v_n makes the slopes of the currents sum to zero.
+        v = [leg * e.supply / 2 for leg in legs]
+        K = [
+            actuator.motor.torque_constant
+            / 2
+            * turns[phase]
+            * (1 + Z * math.cos(rotor + phi + 2 * math.pi * phase / 3))
+            for phase in range(3)
+        ]
+        left = [v[p] - R[p] * i[p] - K[p] * s[p] * w for p in range(3)]
+        v_n = sum(left[p] / L[p] for p in range(3)) / sum(1 / L[p] for p in range(3))
+        i = [i[p] + dt * (left[p] - v_n) / L[p] for p in range(3)]
+        # 5. Torque.
+        torque = sum(K[p] * s[p] * i[p] for p in range(3))
+        torque = min(max(torque, -actuator.motor.torque_limit), actuator.motor.torque_limit)
+        # 6. Mechanics.
+        active = torque - load - m.offset - m.viscous * w
+        if w == 0.0:
+            sticks = abs(active) <= static
+            w = 0.0 if sticks else dt * (active - math.copysign(dynamic, active)) / m.inertia
+        else:
+            following = w + dt * (active - math.copysign(dynamic, w)) / m.inertia
+            w = 0.0 if (following > 0) != (w > 0) else following
+        theta += w * dt
+        if theta - gap / 2 > high or theta + gap / 2 < low:
+            theta = high + gap / 2 if theta > 0 else low - gap / 2
+            w = 0.0
+        # 7. Backlash.
+        output = min(max(output, theta - gap / 2), theta + gap / 2)
+        trace.append((*i, *v, w, theta, m.gear_ratio * output, torque, reference))
+    names = (
+        "current_a_A",
+        "current_b_A",
+        "current_c_A",
+        "voltage_a_V",
+        "voltage_b_V",
+        "voltage_c_V",
+        "speed_rad_s",
+        "angle_rad",
+        "position_rad",
+        "torque_Nm",
+        "reference_current_A",
+    )
+    return dict(zip(names, np.array(trace).T, strict=True))
