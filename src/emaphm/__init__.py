@@ -1,1 +1,77 @@
-"""emaphm."""
+"""Faults of an electromechanical actuator, identified from a recording.
+
+>>> import emaphm as ema
+>>> actuator = ema.Actuator.thesis()
+>>> recording = ema.simulate(actuator, ema.Chirp(), faults=ema.Faults(friction=0.25))
+>>> diagnosis = ema.diagnose(recording, actuator, seed=0)
+>>> bool(abs(diagnosis.faults.friction - 0.25) < 0.02)
+True
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from emaphm.actuator import (
+        Actuator,
+        Chirp,
+        DecayingChirp,
+        Faults,
+        Ramp,
+        Sampled,
+        Sine,
+        Step,
+    )
+    from emaphm.errors import EmaphmError
+    from emaphm.identification import Calibration, Diagnosis, calibrate, diagnose, error_percent, replay
+    from emaphm.recording import Recording, acquire, read_recording, write_recording
+    from emaphm.report import write_report
+    from emaphm.rig import simulate
+    from emaphm.simulation import simulate_batch
+    from emaphm.version import VERSION as __version__
+
+_HOMES = {
+    "emaphm.actuator": "Actuator Chirp DecayingChirp Faults Ramp Sampled Sine Step",
+    "emaphm.errors": "EmaphmError",
+    "emaphm.identification": "Calibration Diagnosis calibrate diagnose error_percent replay",
+    "emaphm.recording": "Recording acquire read_recording write_recording",
+    "emaphm.report": "write_report",
+    "emaphm.rig": "simulate",
+    "emaphm.simulation": "simulate_batch",
+}
+_HOME = {name: home for home, names in _HOMES.items() for name in names.split()}
+
+__all__ = [
+    "Actuator",
+    "Calibration",
+    "Chirp",
+    "DecayingChirp",
+    "Diagnosis",
+    "EmaphmError",
+    "Faults",
+    "Ramp",
+    "Recording",
+    "Sampled",
+    "Sine",
+    "Step",
+    "__version__",
+    "acquire",
+    "calibrate",
+    "diagnose",
+    "error_percent",
+    "read_recording",
+    "replay",
+    "simulate",
+    "simulate_batch",
+    "write_recording",
+    "write_report",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name on first use: the command line answers --help without loading a compiler."""
+    if name == "__version__":
+        return import_module("emaphm.version").VERSION
+    if name not in _HOME:
+        raise AttributeError(f"module 'emaphm' has no attribute '{name}'")
+    return getattr(import_module(_HOME[name]), name)

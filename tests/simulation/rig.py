@@ -57,11 +57,11 @@ def record(
     start: Initial | None = None,
     **options: Any,
 ) -> dict[str, Array]:
-    """Return every channel of one run; `options` as for `Inputs.of`."""
+    """Return every channel of one run, and its time; `options` as for `Inputs.of`."""
     samples = round(duration / interval)
     inputs = Inputs.of(command, load, samples=samples, interval=interval, step=step or model.step, **options)
     plant = Plant.of(actuator, (faults or Faults()).vector)
-    return run(model, plant, inputs, start or Initial())
+    return {"time_s": inputs.time_s, **run(model, plant, inputs, start or Initial())}
 
 
 def rms(values: ArrayLike) -> Any:

@@ -34,7 +34,7 @@ def simulate(
     rotor_offset: float = 0.0,
     dt: float = 1e-6,
 ) -> dict[str, Array]:
-    """Return phase currents [A], legs' voltages [V], speed, angle, user position and torque after each step."""
+    """Return the channels of the reference model after each step; legs start low, as PHYSICS.md leaves open."""
     e, c, m = actuator.electrical, actuator.controller, actuator.mechanics
     assert e is not None
     assert c.speed_limit is not None
@@ -67,8 +67,9 @@ def simulate(
         rotor = theta + rotor_offset
         electrical = [math.degrees(e.pole_pairs * rotor) - 120.0 * phase for phase in range(3)]
         s = [trapezoid(angle) for angle in electrical]
+        r = [demand(angle) for angle in electrical]
         for phase in range(3):
-            off = reference * demand(electrical[phase]) - i[phase]
+            off = reference * r[phase] - i[phase]
             if off > e.hysteresis:
                 legs[phase] = 1
             elif off < -e.hysteresis:
@@ -102,8 +103,26 @@ def simulate(
             w = 0.0
         # 7. Backlash.
         output = min(max(output, theta - gap / 2), theta + gap / 2)
-        trace.append((*i, *v, w, theta, m.gear_ratio * output, torque, reference))
+        trace.append(
+            (
+                sum(s[p] * i[p] for p in range(3)) / 2,
+                sum(r[p] * i[p] for p in range(3)) / 2,
+                sum(abs(current) for current in i) / 2 * math.copysign(1, torque),
+                sum(r[p] * v[p] for p in range(3)),
+                *i,
+                *v,
+                w,
+                theta,
+                m.gear_ratio * output,
+                torque,
+                reference,
+            )
+        )
     names = (
+        "current_A",
+        "current_active_A",
+        "current_magnitude_A",
+        "voltage_V",
         "current_a_A",
         "current_b_A",
         "current_c_A",

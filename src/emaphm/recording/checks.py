@@ -74,7 +74,9 @@ def _missing(columns: Mapping[str, Array]) -> str | None:
     missing = missing_columns(columns)
     if not missing:
         return None
-    return f"column '{missing[0]}' is missing{nearest(missing[0], columns)}; a recording needs {NEEDED}"
+    foreign = [name for name in columns if name not in SCHEMA]
+    hint = nearest(missing[0], foreign) if foreign else ""
+    return f"column '{missing[0]}' is missing{hint}; a recording needs {NEEDED}"
 
 
 def _misshapen(columns: Mapping[str, Array], labels: Mapping[str, str]) -> str | None:
@@ -100,7 +102,7 @@ def _not_finite(columns: Mapping[str, Array], labels: Mapping[str, str]) -> str 
             more = f" (and {bad.size - 1} more)" if bad.size > 1 else ""
             return (
                 f"row {bad[0] + 1} of column {labels[name]} is empty or not a finite number{more}; "
-                f"mend it or leave the column out ({COUNTING})"
+                f"mend that value, or cut the recording there ({COUNTING})"
             )
     return None
 

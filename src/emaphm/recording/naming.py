@@ -1,7 +1,5 @@
 """From the names in a file to the names of the schema, through an actuator's `[channels]`."""
 
-from collections.abc import Mapping
-
 from emaphm.actuator.parameters import Channels
 from emaphm.errors import RecordingError, nearest
 from emaphm.recording.checks import NEEDED, missing_columns
@@ -44,8 +42,8 @@ def names_in_file(table: Table, channels: Channels, source: str) -> dict[str, st
     missing = [name for name in foreign if is_foreign and name not in names]
     missing += missing_columns(names)
     if missing:
-        free = [name for name in held if name not in names.values()] or held
-        raise RecordingError(f"{source}: {_missing(missing[0], given, free)}")
+        free = [name for name in held if name not in names.values()]
+        raise RecordingError(f"{source}: {_missing(missing[0], given[missing[0]], free, held)}")
     for name, there in names.items():
         if there in table.unusable:
             label = f"'{there}'" if there == name else f"'{there}' ({name})"
@@ -53,16 +51,15 @@ def names_in_file(table: Table, channels: Channels, source: str) -> dict[str, st
     return names
 
 
-def _missing(name: str, given: Mapping[str, str], free: list[str]) -> str:
-    there = given[name]
-    if not free:
-        return f"there is no column at all; a recording needs {NEEDED}"
+def _missing(name: str, there: str, free: list[str], held: list[str]) -> str:
+    # A column that already is another channel is no candidate for the missing one.
+    hint = nearest(there, free) if free else f" (the file has: {', '.join(held) or 'no column'})"
     if there != name:
         return (
-            f"no column '{there}', which [channels] in the actuator's TOML gives for {name}"
-            f"{nearest(there, free)}; correct the name there, or take the line out"
+            f"no column '{there}', which [channels] in the actuator's TOML gives for {name}{hint}; "
+            "correct the name there, or take the line out"
         )
     return (
-        f"no column '{name}'{nearest(name, free)}; if it has another name in the file, put "
-        f'{name} = "that name" under [channels] in the actuator\'s TOML (a recording needs {NEEDED})'
+        f"no column '{name}'{hint}; if it has another name in the file, put {name} = \"that name\" under "
+        f"[channels] in the actuator's TOML (a recording needs {NEEDED})"
     )

@@ -27,28 +27,33 @@ def check_writable(path: str | Path, *, force: bool = False, endings: Collection
         its folder is missing or not writable.
     """
     path = Path(path)
-    folder = path.parent
+    try:
+        complaint = _refusal(path, force, endings)
+        if complaint is None:
+            # Permission bits do not tell (root, read-only and network file systems): only trying does.
+            probe = _beside(path)
+            probe.touch(exist_ok=False)
+            probe.unlink()
+    except OSError as error:
+        complaint = f"cannot be written there ({error.strerror}); give another name or folder"
+    if complaint:
+        raise OutputError(f"{path}: {complaint}")
+
+
+def _refusal(path: Path, force: bool, endings: Collection[str]) -> str | None:
     if path.is_dir():
-        raise OutputError(f"{path}: is a folder; give the name of a file in it")
+        return "is a folder; give the name of a file in it"
     if endings and path.suffix.lower() not in endings:
         ending = f"unknown file ending '{path.suffix}'" if path.suffix else "the name has no ending"
-        raise OutputError(f"{path}: {ending}; end the name in {' or '.join(endings)}")
-    if not folder.is_dir():
-        what = "is not a folder" if folder.exists() else "does not exist"
-        raise OutputError(f"{path}: folder '{folder}' {what}; create it, or give another one")
+        return f"{ending}; end the name in {' or '.join(endings)}"
+    if not path.parent.is_dir():
+        what = "is not a folder" if path.parent.exists() else "does not exist"
+        return f"folder '{path.parent}' {what}; create it, or give another one"
     if path.exists() and not path.is_file():
-        raise OutputError(f"{path}: is not a regular file; give another name")
+        return "is not a regular file; give another name"
     if path.exists() and not force:
-        raise OutputError(f"{path}: exists already; give another name, or --force to replace it")
-    # Permission bits do not tell (root, read-only and network file systems): only trying does.
-    probe = _beside(path)
-    try:
-        probe.touch(exist_ok=False)
-        probe.unlink()
-    except OSError as error:
-        raise OutputError(
-            f"{path}: cannot write in folder '{folder}' ({error.strerror}); give another one"
-        ) from None
+        return "exists already; give another name, or --force to replace it"
+    return None
 
 
 @contextmanager

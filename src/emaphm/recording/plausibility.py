@@ -59,8 +59,8 @@ def check_plausible(recording: Recording, actuator: Actuator) -> None:
     """
     complaint = (
         _interval(recording)
-        or _end_stops(recording, actuator)
         or _motion(recording, actuator)
+        or _end_stops(recording, actuator)
         or _high_current(recording, actuator)
         or _low_current(recording, actuator)
         or _speed(recording, actuator)
@@ -94,8 +94,7 @@ def _end_stops(recording: Recording, actuator: Actuator) -> str | None:
         if reached > BEYOND_END_STOPS * farthest:
             return (
                 f"{name} reaches {reached:.4g} at row {row}, the end stops are at {farthest:.4g}; it seems "
-                f"to be in {_unit_of(reached / farthest, actuator)}: convert it to {_si(actuator)} "
-                f"({COUNTING})"
+                f"to be in {' or '.join(_units(actuator))}: convert it to {_si(actuator)} ({COUNTING})"
             )
     return None
 
@@ -103,13 +102,15 @@ def _end_stops(recording: Recording, actuator: Actuator) -> str | None:
 def _motion(recording: Recording, actuator: Actuator) -> str | None:
     if not _follows(recording):
         return None
-    ratio = _swing(recording["position_rad"]) / _swing(recording["command_rad"])
+    ratio = _deviation(recording["position_rad"])[1] / _deviation(recording["command_rad"])[1]
     if 1 / MOTION_RATIO <= ratio <= MOTION_RATIO:
         return None
     larger, times = ("position_rad", ratio) if ratio > 1 else ("command_rad", 1 / ratio)
+    units = _units(actuator)
+    unit = min(units, key=lambda name: abs(math.log(times / units[name])))
     return (
-        f"position_rad swings {ratio:.4g} times as far as command_rad; {larger} seems to be in "
-        f"{_unit_of(times, actuator)}: convert it to {_si(actuator)}"
+        f"position_rad swings {ratio:.4g} times as far as command_rad; {larger} seems to be in {unit}: "
+        f"convert it to {_si(actuator)}"
     )
 
 
@@ -172,10 +173,13 @@ def _peak(recording: Recording, name: str) -> tuple[float, int]:
     return float(abs(recording[name][row])), row + 1
 
 
-def _swing(values: Array) -> float:
-    """Return the rms deviation from the mean, safe from overflow."""
-    largest = float(np.abs(values).max())
-    return largest * float(np.std(values / largest)) if largest > 0 else 0.0
+def _deviation(values: Array) -> tuple[Array, float]:
+    """Return the deviation from the mean as a multiple of its rms, and that rms; safe from overflow."""
+    largest = float(np.abs(values).max()) or 1.0
+    scaled = values / largest
+    scaled = scaled - scaled.mean()
+    rms = float(np.sqrt(np.mean(scaled**2)))
+    return (scaled / rms, rms * largest) if rms > 0 else (scaled, 0.0)
 
 
 def _follows(recording: Recording) -> bool:
@@ -185,17 +189,13 @@ def _follows(recording: Recording) -> bool:
     """
     if "position_rad" not in recording:
         return False
-    command, position = recording["command_rad"], recording["position_rad"]
-    swings = _swing(command), _swing(position)
-    if min(swings) <= 0:
-        return False
-    correlation = np.mean((command - command.mean()) / swings[0] * ((position - position.mean()) / swings[1]))
-    return bool(correlation > FOLLOWS)
+    command, _ = _deviation(recording["command_rad"])
+    position, _ = _deviation(recording["position_rad"])
+    return bool(np.mean(command * position) > FOLLOWS)
 
 
-def _unit_of(ratio: float, actuator: Actuator) -> str:
-    units = LINEAR_UNITS if actuator.coordinates == "linear" else ROTARY_UNITS
-    return min(units, key=lambda unit: abs(math.log(ratio / units[unit])))
+def _units(actuator: Actuator) -> dict[str, float]:
+    return LINEAR_UNITS if actuator.coordinates == "linear" else ROTARY_UNITS
 
 
 def _si(actuator: Actuator) -> str:

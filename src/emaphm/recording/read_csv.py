@@ -3,11 +3,12 @@
 import csv
 import io
 from collections import Counter
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from emaphm.errors import RecordingError
 from emaphm.recording.checks import COUNTING
-from emaphm.recording.table import Table, excerpt, reason
+from emaphm.recording.table import Table, excerpt, reason, tidy
 
 if TYPE_CHECKING:
     import polars as pl
@@ -32,16 +33,17 @@ def read_csv(content: bytes, source: str) -> Table:
     """
     import polars as pl  # noqa: PLC0415 - heavy
 
+    # Files often begin or end with blank lines, which polars takes for rows.
+    content = content.strip()
     try:
-        # As text, to show a value that is no number with its row; stripped, for files end in blank lines.
-        rows = pl.read_csv(content.rstrip(), has_header=False, infer_schema=False)
+        # As text, so that a value that is no number can be shown with its row.
+        rows = pl.read_csv(content, has_header=False, infer_schema=False)
     except pl.exceptions.PolarsError as error:
         complaint = _uneven_row(content) or (
             f"not a readable CSV file ({reason(error)}); export it again as comma-separated UTF-8 text"
         )
         raise RecordingError(f"{source}: {complaint}") from None
-    names = [" ".join((name or "").split()) for name in rows.row(0)]
-    _check_header(names, source)
+    names = _column_names(rows.row(0), source)
     table = Table({}, {})
     for name, column in zip(names, rows.slice(1).get_columns(), strict=True):
         if name:
@@ -49,18 +51,20 @@ def read_csv(content: bytes, source: str) -> Table:
     return table
 
 
-def _check_header(names: list[str], source: str) -> None:
+def _column_names(header: Sequence[str | None], source: str) -> list[str]:
     for separator, written in FOREIGN_SEPARATORS.items():
-        if len(names) == 1 and separator in names[0]:
+        if len(header) == 1 and separator in (header[0] or ""):
             raise RecordingError(
                 f"{source}: the header is separated by {written}; save the file with commas between columns "
                 "and points in numbers"
             )
+    names = [tidy(name) for name in header]
     for name, count in Counter(names).items():
         if name and count > 1:
             raise RecordingError(
                 f"{source}: the header has {count} columns named '{name}'; rename or drop all but one"
             )
+    return names
 
 
 def _add(table: Table, name: str, column: "pl.Series") -> None:
@@ -77,16 +81,16 @@ def _add(table: Table, name: str, column: "pl.Series") -> None:
 
 
 def _uneven_row(content: bytes) -> str | None:
-    text = io.StringIO(content.decode("utf-8", errors="replace"), newline="")
+    """Say which row has more values than the header, for polars does not."""
     try:
-        lines = csv.reader(text)
-        columns = len(next(lines, []))
+        lines = csv.reader(io.StringIO(content.decode("utf-8"), newline=""))
+        columns = len(next(lines))
         for number, line in enumerate(lines, start=1):
             if len(line) > columns:
                 return (
                     f"row {number} has {len(line)} values where the header names {columns} columns; mend "
                     f"that row, and use points as the decimal sign ({COUNTING})"
                 )
-    except csv.Error:
+    except (UnicodeDecodeError, csv.Error, StopIteration):
         return None
     return None

@@ -52,7 +52,8 @@ def _load(content: bytes, source: str) -> dict[str, Any]:
             warnings.simplefilter("error", MatReadWarning)
             variables = loadmat(io.BytesIO(content))  # type: ignore[arg-type] # its stubs forget file objects
     except MatReadWarning as warning:
-        raise RecordingError(f"{source}: {reason(warning)}; save each variable once") from None
+        what = reason(warning).partition(" in stream")[0]
+        raise RecordingError(f"{source}: {what}; save each variable once") from None
     except Exception as error:  # noqa: BLE001 - SciPy's parser fails in any way on foreign bytes
         raise _unreadable(error, source) from None
     return {name: value for name, value in variables.items() if not name.startswith("__")}
@@ -73,11 +74,9 @@ def _load_hdf5(content: bytes, source: str) -> dict[str, Any]:
 
 
 def _hdf5_value(item: Any) -> Any:
-    kind = item.attrs.get("MATLAB_class", b"double")
     # Text is stored as numbers there, and only this attribute tells.
-    if kind == b"char" or not hasattr(item, "shape"):
-        return kind.decode()
-    return item[()]
+    is_text = item.attrs.get("MATLAB_class") in {b"char", "char"}
+    return item[()] if hasattr(item, "shape") and not is_text else None
 
 
 def _unreadable(error: Exception, source: str) -> RecordingError:

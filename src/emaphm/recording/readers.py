@@ -63,15 +63,8 @@ def read_recording(path: str | Path, actuator: Actuator) -> Recording:
 
 
 def _read_table(path: Path) -> Table:
-    read = READERS.get(path.suffix.lower())
-    if path.is_dir():
-        raise RecordingError(f"{path}: is a folder; give a file in it")
-    if read is None:
-        ending = f"unknown file ending '{path.suffix}'" if path.suffix else "the name has no ending"
-        raise RecordingError(
-            f"{path}: {ending}; a recording ends in {', '.join(READERS)}: convert or rename the file"
-        )
     try:
+        read = _reader(path)
         content = path.read_bytes()
     except FileNotFoundError:
         raise RecordingError(f"{path}: no such file; check the path") from None
@@ -82,6 +75,18 @@ def _read_table(path: Path) -> Table:
     if not content:
         raise RecordingError(f"{path}: the file is empty; record or copy it again")
     return read(content, str(path))
+
+
+def _reader(path: Path) -> Callable[[bytes, str], Table]:
+    if path.is_dir():
+        raise RecordingError(f"{path}: is a folder; give a file in it")
+    read = READERS.get(path.suffix.lower())
+    if read:
+        return read
+    ending = f"unknown file ending '{path.suffix}'" if path.suffix else "the name has no ending"
+    raise RecordingError(
+        f"{path}: {ending}; a recording ends in {', '.join(READERS)}: convert or rename the file"
+    )
 
 
 def _current_of_phases(columns: dict[str, Array], actuator: Actuator, source: str) -> Array:

@@ -24,6 +24,11 @@ def reason(error: BaseException) -> str:
     return lines[0].rstrip(".") if lines else type(error).__name__
 
 
+def tidy(name: str | None) -> str:
+    """Return a column name from a file with its blanks and line breaks made single blanks."""
+    return " ".join((name or "").split())
+
+
 def excerpt(value: object) -> str:
     """Return a value from a file, short enough to stand in an error message."""
     text = repr(value)

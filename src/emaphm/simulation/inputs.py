@@ -93,6 +93,10 @@ class Inputs:
         """The time stamps of the rows, shape (samples,)."""
         return np.arange(self.samples) * self.interval
 
+    def rows(self, values: Array) -> Array:
+        """Return values given at every step, shape (samples × substeps,), as rows of output, (samples,)."""
+        return np.asarray(values.reshape(self.samples, self.substeps)[:, : self.window].mean(axis=1))
+
 
 def _finite(what: str, values: NDArray[np.floating]) -> Array:
     if not np.all(np.isfinite(values)):

@@ -1,0 +1,76 @@
+"""From an estimate and its covariance to a statement about each fault component."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emaphm.actuator import NAMES
+from emaphm.actuator.faults import HEALTHY
+from emaphm.identification.diagnosis import Estimate
+from emaphm.identification.problem import noise_level
+from emaphm.identification.space import FaultSpace
+
+Array = NDArray[np.float64]
+
+Z95 = 1.959963984540054
+PRIOR_DEVIATION = 1 / np.sqrt(12)
+"""Of a component that may be anywhere in [0, 1]."""
+
+WIDEST_HALF_INTERVAL = 0.25
+"""A component known less well than this is called not identifiable: the data leave half its range open."""
+
+UNEXPLAINED_SHARE = 0.1
+"""Residual, as a share of the current's rms, beyond which the model does not explain a recording."""
+
+
+def estimates(space: FaultSpace, point: Array, covariance: Array) -> dict[str, Estimate]:
+    """Return the eight components at `point` (d,) with intervals from `covariance` (d, d)."""
+    faults = space.faults(point)
+    result = {}
+    for i, name in enumerate(NAMES):
+        if name in space.fixed:
+            reason = space.fixed[name]
+            result[name] = Estimate(HEALTHY.vector[i], PRIOR_DEVIATION, (0.0, 1.0), identifiable=False, reason=reason)
+        elif i in (5, 6):
+            continue
+        else:
+            column = space.columns.index(i)
+            result[name] = _component(float(faults[i]), float(np.sqrt(covariance[column, column])))
+    if "eccentricity" not in space.fixed:
+        result |= _eccentricity(space, point, covariance)
+    return {name: result[name] for name in NAMES}
+
+
+def _component(value: float, error: float) -> Estimate:
+    half = Z95 * error
+    interval = (max(value - half, 0.0), min(value + half, 1.0))
+    if half > WIDEST_HALF_INTERVAL:
+        reason = "the recording does not constrain it; a manoeuvre with more motion would"
+        return Estimate(value, error, interval, identifiable=False, reason=reason)
+    return Estimate(value, error, interval, identifiable=True)
+
+
+def _eccentricity(space: FaultSpace, point: Array, covariance: Array) -> Mapping[str, Estimate]:
+    """Return radius and phase from their Cartesian form; the phase only where the radius is beyond doubt."""
+    x = space.columns.index(5)
+    block = covariance[x : x + 2, x : x + 2]
+    radius = float(np.hypot(point[x], point[x + 1]))
+    phase = float(space.faults(point)[6])
+    along = point[x : x + 2] / radius if radius > 0 else np.array([1.0, 0.0])
+    across = np.array([-along[1], along[0]])
+    radial = float(np.sqrt(along @ block @ along))
+    turning = float(np.sqrt(across @ block @ across)) / (2 * np.pi * max(radius, 1e-12))
+    half = Z95 * turning
+    if radius < Z95 * float(np.sqrt(np.linalg.eigvalsh(block)[-1])) or half > WIDEST_HALF_INTERVAL:
+        reason = "no eccentricity beyond doubt, so its direction has no meaning"
+        angle = Estimate(phase, min(turning, PRIOR_DEVIATION), (0.0, 1.0), identifiable=False, reason=reason)
+    else:
+        angle = Estimate(phase, turning, (phase - half, phase + half), identifiable=True)
+    return {"eccentricity": _component(radius, radial), "eccentricity_phase": angle}
+
+
+def is_explained(recorded: Array, residual: Array) -> bool:
+    """Return whether `residual` (samples,) is no more than noise and a tenth of the current's rms."""
+    allowed = (3 * noise_level(recorded)) ** 2 + UNEXPLAINED_SHARE**2 * float(np.mean(recorded**2))
+    return bool(np.mean(residual**2) <= allowed)

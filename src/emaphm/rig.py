@@ -1,0 +1,92 @@
+"""A rig in software: an actuator is driven through a manoeuvre and recorded as a real one would be."""
+
+from typing import Literal
+
+import numpy as np
+
+from emaphm.actuator import Actuator, Command, Faults, Load
+from emaphm.errors import MethodError, SignalError
+from emaphm.recording import Recording, acquire, full_scales
+from emaphm.recording.schema import PHASES
+from emaphm.simulation import REFERENCE, Inputs, Plant, model_named, run
+
+MOST_STEPS = 300_000_000
+"""Longest run: five minutes of manoeuvre at the reference model's step, some 10 GB of inputs."""
+
+
+def simulate(
+    actuator: Actuator,
+    command: Command,
+    *,
+    faults: Faults = Faults(),  # noqa: B008 - frozen
+    model: str = "reference",
+    duration: float = 0.5,
+    sample_rate: float = 5000.0,
+    load: Load = 0.0,
+    noise: float = 0.0,
+    adc_bits: int | None = None,
+    controller_noise: float = 0.0,
+    sampling: Literal["mean", "instant"] = "mean",
+    seed: int = 0,
+) -> Recording:
+    """Return the recording of `actuator` following `command` from rest at 0, every signal included.
+
+    Parameters
+    ----------
+    command
+        Function of time [s] giving the user's position [rad].
+    model
+        "reference", "monitor" or "averaged". The reference model adds the phases' currents and
+        voltages and the other two equivalent currents.
+    duration, sample_rate
+        Of the recording [s], [Hz].
+    load
+        At the motor shaft [N·m], a number or a function of time; recorded as `load_Nm` unless it is 0.
+    noise
+        Sensor noise on every recorded current, rms [A].
+    adc_bits
+        Resolution of the converters, over the ranges of `full_scales`; exact where left out.
+    controller_noise
+        White noise on the reference current, rms [A] a step (thesis 4.1); the reference model only.
+    sampling
+        Whether rows are interval means or instants.
+    seed
+        Source of all noise.
+
+    Raises
+    ------
+    MethodError, SignalError, RecordingError
+        The model is unknown, a duration, rate or noise is impossible, the command is 0 throughout, or
+        the recording would be too short.
+    """
+    chosen = model_named(model)
+    if not (0 < duration < np.inf and 0 < sample_rate < np.inf):
+        raise SignalError(f"duration ({duration:g} s) and sample rate ({sample_rate:g} Hz) must be above 0")
+    if duration > MOST_STEPS * chosen.step:
+        raise SignalError(
+            f"{duration:g} s are too long for the {model} model; {MOST_STEPS * chosen.step:g} s are possible"
+        )
+    if controller_noise and chosen is not REFERENCE:
+        raise MethodError(f"the {model} model's controller has no noise; use the reference model")
+    inputs = Inputs.of(
+        command,
+        load,
+        samples=round(duration * sample_rate),
+        interval=1 / sample_rate,
+        step=chosen.step,
+        sampling=sampling,
+        noise=controller_noise,
+        seed=seed,
+    )
+    signals = run(chosen, Plant.of(actuator, faults.vector), inputs)
+    if actuator.electrical is None:
+        del signals["voltage_V"]  # an ideal current loop has no voltage to speak of
+    rows = {"time_s": inputs.time_s, "command_rad": inputs.rows(inputs.command), **signals}
+    if callable(load) or load:
+        rows["load_Nm"] = inputs.rows(inputs.load)
+    exact = Recording(rows, sampling, f"simulated ({model} model)")
+    if not noise and adc_bits is None:
+        return exact
+    currents = [name for name in (*PHASES, "current_A") if name in exact]
+    ranges = full_scales(actuator) if adc_bits is not None else None
+    return acquire(exact, noise=dict.fromkeys(currents, noise), adc_bits=adc_bits, full_scale=ranges, seed=seed)

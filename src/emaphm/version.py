@@ -1,0 +1,5 @@
+"""The version of what computed a result."""
+
+from importlib.metadata import version
+
+VERSION = version("emaphm")

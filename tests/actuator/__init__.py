@@ -1,0 +1,1 @@
+"""Tests of what an actuator is: parameters, faults, commands."""

@@ -1,0 +1,111 @@
+"""The three forms of equivalent current against closed forms."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from emaphm.actuator import Actuator
+from emaphm.recording import equivalent_current, read_recording
+from emaphm.recording.equivalent_current import Form
+
+from .conftest import Columns, Refusal
+
+FORMS: tuple[Form, ...] = ("torque", "active", "magnitude")
+
+# Which phase carries the current in, and which out, in each sixth of an electrical turn from 30 deg on:
+# the commutation table of any textbook on BLDC drives.
+SECTORS = [(0, 1), (0, 2), (1, 2), (1, 0), (2, 0), (2, 1)]
+
+
+@pytest.mark.parametrize("form", FORMS)
+@given(
+    sector=st.integers(0, 5),
+    inside=st.floats(0.01, 0.99),
+    turns=st.integers(-50, 50),
+    current=st.floats(-30, 30),
+    pole_pairs=st.integers(1, 8),
+)
+def test_two_phases_on_their_flats_carry_the_equivalent_current(
+    form: Form, sector: int, inside: float, turns: int, current: float, pole_pairs: int
+) -> None:
+    electrical = np.deg2rad(30 + 60 * (sector + inside)) + 2 * np.pi * turns
+    phases = np.zeros((3, 1))
+    into, out_of = SECTORS[sector]
+    phases[into], phases[out_of] = current, -current
+    found = equivalent_current(phases, np.array([electrical / pole_pairs]), pole_pairs, form)
+    # 1e-9 is far above the rounding of some 300 rad, far below anything physical.
+    assert found[0] == pytest.approx(current, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("form", "mean"),
+    # Means over a turn of balanced unit sinusoids in phase with the trapezoids; the trapezoid's
+    # fundamental is 12/pi², that of the commutation 2 sqrt(3)/pi, and the mean of |sin| 2/pi.
+    [("torque", 9 / np.pi**2), ("active", 1.5 * np.sqrt(3) / np.pi), ("magnitude", 3 / np.pi)],
+)
+def test_balanced_sinusoids(form: Form, mean: float) -> None:
+    electrical = np.linspace(0, 2 * np.pi, 36000, endpoint=False) + 1e-5
+    shifts = 2 * np.pi / 3 * np.arange(3)[:, None]
+    found = equivalent_current(np.sin(electrical - shifts), electrical / 3, 3, form)
+    # The commutation jumps 4 times in 36000 points: the sum is off by at most 4/36000.
+    assert found.mean() == pytest.approx(mean, abs=2e-4)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_reversing_the_currents_reverses_the_result(form: Form) -> None:
+    rng = np.random.default_rng(0)
+    phases, angle = rng.normal(size=(3, 500)), rng.uniform(-20, 20, 500)
+    np.testing.assert_allclose(
+        equivalent_current(-phases, angle, 2, form), -equivalent_current(phases, angle, 2, form)
+    )
+
+
+def test_ripple_in_the_idle_phase_biases_the_magnitude_alone() -> None:
+    angle = np.full(1000, np.deg2rad(60.0))  # phase c passes through the zero of its trapezoid
+    ripple = np.where(np.arange(1000) % 2, 0.5, -0.5)
+    phases = np.stack([5 - ripple / 2, -5 - ripple / 2, ripple])
+    assert equivalent_current(phases, angle, 1, "torque").mean() == pytest.approx(5.0)
+    assert equivalent_current(phases, angle, 1, "active").mean() == pytest.approx(5.0)
+    assert equivalent_current(phases, angle, 1, "magnitude").mean() == pytest.approx(5.25)
+
+
+def test_misspelt_form_and_wrong_shape_are_refused(refusal: Refusal) -> None:
+    zeros = np.zeros((3, 5))
+    text = refusal(lambda: equivalent_current(zeros, np.zeros(5), 2, "torqe"))  # type: ignore[arg-type]
+    assert "'torque'" in text
+    text = refusal(lambda: equivalent_current(zeros.T, np.zeros(5), 2))
+    assert "(5, 3)" in text
+    assert "three rows" in text
+
+
+def _phase_csv(columns: Columns, folder: Path) -> Path:
+    """Write a rig's file with block currents of 3 A instead of the equivalent current."""
+    electrical = np.deg2rad(30 + 60 * (np.arange(2500) % 6 + 0.5))
+    phases = np.zeros((3, 2500))
+    for row in range(2500):
+        into, out_of = SECTORS[row % 6]
+        phases[into, row], phases[out_of, row] = 3.0, -3.0
+    table = np.column_stack([columns["time_s"], columns["command_rad"], electrical / 2, *phases])
+    path = folder / "phases.csv"
+    header = "time_s,command_rad,angle_rad,current_a_A,current_b_A,current_c_A"
+    np.savetxt(path, table, delimiter=",", header=header, comments="", fmt="%.17g")
+    return path
+
+
+def test_reader_makes_it_from_the_phases(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
+    recording = read_recording(_phase_csv(columns, tmp_path), thesis)
+    np.testing.assert_allclose(recording["current_A"], 3.0)
+    assert "current_b_A" in recording
+
+
+def test_reader_needs_pole_pairs_for_it(
+    columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refusal
+) -> None:
+    ideal = thesis.model_copy(update={"electrical": None})
+    text = refusal(lambda: read_recording(_phase_csv(columns, tmp_path), ideal))
+    assert "phases.csv" in text
+    assert "pole pairs" in text
+    assert "[electrical]" in text

@@ -1,0 +1,105 @@
+"""Wrong units are found; sound recordings of healthy and faulty actuators are left alone."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from emaphm.actuator import Actuator
+from emaphm.recording import Recording, check_plausible, read_recording
+
+from .conftest import Columns, Refusal
+
+DEGREES = 180 / np.pi
+
+
+def _scaled(factors: dict[str, float]) -> Callable[[Columns], Columns]:
+    return lambda columns: {**columns, **{name: columns[name] * factor for name, factor in factors.items()}}
+
+
+WRONG = {
+    "time in ms": (_scaled({"time_s": 1e3}), ["0.2 s apart", "milliseconds"]),
+    "time in Ms": (_scaled({"time_s": 1e-6}), ["2e-10 s apart", "time_s must be in s"]),
+    "both in millidegrees": (
+        _scaled({"command_rad": 1e3 * DEGREES, "position_rad": 1e3 * DEGREES}),
+        ["command_rad reaches 286.5", "end stops are at 0.5236", "degrees", "convert it to rad"],
+    ),
+    "position in degrees": (
+        _scaled({"position_rad": DEGREES}),
+        ["57.3 times", "position_rad seems to be in degrees", "rad"],
+    ),
+    "position in mrad": (_scaled({"position_rad": 1e3}), ["position_rad", "milliradians"]),
+    "command in degrees": (_scaled({"command_rad": DEGREES}), ["command_rad seems to be in degrees"]),
+    "current in mA": (
+        _scaled({"current_A": 1e3}),
+        ["current_A reaches", "current limit is 22.5", "milliamperes"],
+    ),
+    "current in kA": (_scaled({"current_A": 1e-3}), ["current_A stays below", "kiloamperes"]),
+    "speed far too large": (_scaled({"speed_rad_s": 1e3}), ["speed_rad_s reaches", "rpm"]),
+    "Celsius": (
+        lambda columns: {**columns, "temperature_K": columns["temperature_K"] - 273.15},
+        ["temperature_K is 20 at row 1;", "add 273.15"],
+    ),
+}
+
+
+@pytest.mark.parametrize(("change", "expected"), WRONG.values(), ids=WRONG.keys())
+def test_wrong_unit_is_named(
+    columns: Columns,
+    thesis: Actuator,
+    refusal: Refusal,
+    change: Callable[[Columns], Columns],
+    expected: list[str],
+) -> None:
+    check_plausible(Recording(columns), thesis)
+    bad = Recording(change(columns), source="rig 3")
+    text = refusal(lambda: check_plausible(bad, thesis))
+    assert text.startswith("rig 3: ")
+    for part in expected:
+        assert part in text
+
+
+def test_row_of_a_spike_is_named(columns: Columns, thesis: Actuator, refusal: Refusal) -> None:
+    columns["current_A"][122] = -5000.0
+    assert "at row 123," in refusal(lambda: check_plausible(Recording(columns), thesis))
+
+
+def test_phase_currents_are_judged_too(columns: Columns, thesis: Actuator, refusal: Refusal) -> None:
+    bad = Recording({**columns, "current_b_A": 1e3 * columns["current_A"]})
+    assert "current_b_A reaches" in refusal(lambda: check_plausible(bad, thesis))
+
+
+SOUND = {
+    "as recorded": {},
+    "jammed: the position only jitters": {"position_rad": 1e-6},
+    "jammed far from the command": {"position_rad": 0.4},
+    "never left its backlash": {"position_rad": 0.0},
+    "idling: too little current to move": {"position_rad": 0.0, "current_A": 1e-4},
+}
+
+
+@pytest.mark.parametrize("levels", SOUND.values(), ids=SOUND.keys())
+def test_faults_are_not_mistaken_for_units(
+    columns: Columns, thesis: Actuator, levels: dict[str, float]
+) -> None:
+    rng = np.random.default_rng(0)
+    changed = {name: level + 1e-6 * rng.normal(size=2500) for name, level in levels.items()}
+    check_plausible(Recording({**columns, **changed}), thesis)
+
+
+def test_values_near_the_largest_float_are_judged_without_overflow(
+    columns: Columns, emps: Actuator, refusal: Refusal
+) -> None:
+    bad = Recording({**columns, "position_rad": columns["command_rad"] * 1e300})
+    assert "micrometres" in refusal(lambda: check_plausible(bad, emps))
+
+
+def test_measured_data_are_plausible_and_in_millimetres_are_not(
+    emps_file: Path, emps: Actuator, refusal: Refusal
+) -> None:
+    recording = read_recording(emps_file, emps)
+    check_plausible(recording, emps)
+    scaled = Recording({**recording.channels, "position_rad": 1e3 * recording["position_rad"]})
+    text = refusal(lambda: check_plausible(scaled, emps))
+    assert "position_rad seems to be in millimetres: convert it to m" in text

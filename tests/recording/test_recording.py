@@ -1,0 +1,100 @@
+"""The value object: what it promises about its columns, and what it shows of them."""
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+
+from emaphm.recording import Recording
+
+from .conftest import Columns, Refusal
+
+
+def test_time_base_of_known_sampling(columns: Columns) -> None:
+    recording = Recording(columns)
+    assert recording.samples == 2500
+    assert recording.interval_s == pytest.approx(2e-4, rel=1e-12)
+    assert recording.sample_rate_hz == pytest.approx(5000.0, rel=1e-12)
+    # Each row stands for an interval, so the last row's interval counts too.
+    assert recording.duration_s == pytest.approx(0.5, rel=1e-12)
+
+
+def test_later_changes_to_the_input_do_not_reach_it(columns: Columns) -> None:
+    recording = Recording(columns)
+    columns["current_A"][0] = 1e9
+    assert recording["current_A"][0] != 1e9
+
+
+def test_columns_and_mapping_are_read_only(columns: Columns) -> None:
+    recording = Recording(columns)
+    with pytest.raises(ValueError, match="read-only"):
+        recording["current_A"][0] = 0.0
+    with pytest.raises(TypeError):
+        recording.channels["current_A"] = columns["time_s"]  # type: ignore[index]
+
+
+def test_integer_columns_become_floats(columns: Columns) -> None:
+    recording = Recording({**columns, "temperature_K": np.full(2500, 293, dtype=np.int16)})
+    assert recording["temperature_K"].dtype == np.float64
+
+
+@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda r: pickle.loads(pickle.dumps(r))])  # noqa: S301 - our own bytes
+def test_copies_are_equal_and_read_only(columns: Columns, duplicate: type) -> None:
+    recording = Recording(columns, "instant", "rig 3")
+    other = duplicate(recording)
+    assert (other.sampling, other.source, other.names) == ("instant", "rig 3", recording.names)
+    for name in recording:
+        np.testing.assert_array_equal(other[name], recording[name])
+        assert not other[name].flags.writeable
+
+
+def test_columns_beyond_the_schema_are_kept(columns: Columns) -> None:
+    torque = np.linspace(0, 1, 2500)
+    recording = Recording({**columns, "torque_Nm": torque})
+    assert "torque_Nm" in recording
+    np.testing.assert_array_equal(recording["torque_Nm"], torque)
+
+
+def test_unknown_column_is_answered_with_the_nearest(columns: Columns, refusal: Refusal) -> None:
+    text = refusal(lambda: Recording(columns, source="rig 3")["position_rd"])
+    assert "rig 3" in text
+    assert "'position_rad'" in text
+
+
+def test_text_is_no_column(columns: Columns, refusal: Refusal) -> None:
+    text = refusal(lambda: Recording({**columns, "current_A": ["much"] * 2500}))
+    assert "'current_A'" in text
+    assert "not numeric" in text
+
+
+def test_frame_holds_every_column(columns: Columns) -> None:
+    frame = Recording(columns).to_frame()
+    assert tuple(frame.columns) == tuple(columns)
+    np.testing.assert_array_equal(frame["current_A"].to_numpy(), columns["current_A"])
+
+
+def test_repr_tells_source_size_rate_and_ranges(columns: Columns) -> None:
+    text = repr(Recording(columns, source="rig 3"))
+    assert "rig 3" in text
+    assert "2500 rows (interval means) at 5000 Hz, 0.5 s" in text
+    assert "-0.005 to 0.005" in text
+
+
+def test_plot_stacks_the_named_columns_over_a_shared_time(columns: Columns) -> None:
+    figure = Recording(columns).plot(["current_A", "position_rad"])
+    upper, lower = figure.axes
+    assert [axis.get_ylabel() for axis in figure.axes] == [
+        "equivalent current\n[A]",
+        "position of the user\n[rad]",
+    ]
+    np.testing.assert_array_equal(upper.lines[0].get_ydata(), columns["current_A"])
+    lower.set_xlim(0.1, 0.2)
+    assert upper.get_xlim() == (0.1, 0.2)
+
+
+def test_plot_of_a_linear_actuator_shows_metres_and_all_columns(columns: Columns) -> None:
+    figure = Recording({**columns, "torque_Nm": columns["current_A"]}).plot(coordinates="linear")
+    labels = [axis.get_ylabel() for axis in figure.axes]
+    assert labels[:3] == ["command\n[m]", "position of the user\n[m]", "speed of the motor\n[m/s]"]
+    assert labels[-1] == "torque_Nm"

@@ -1,0 +1,106 @@
+"""The controller: its gains and limits seen from outside, and its noise."""
+
+import math
+
+import numpy as np
+import pytest
+
+from emaphm.actuator import Chirp, Faults, Ramp, Step
+from emaphm.simulation import AVERAGED, MODELS, REFERENCE, Model
+from simulation.rig import LOCKED, altered, record
+
+EACH_MODEL = pytest.mark.parametrize("model", MODELS.values(), ids=list(MODELS))
+WIDE = {"current_limit": 1e9, "speed_limit": None}
+
+
+@EACH_MODEL
+@pytest.mark.parametrize("k8", [0.0, 0.5, 1.0])
+def test_a_held_shaft_is_asked_for_gains_times_error(model: Model, k8: float) -> None:
+    actuator = altered(
+        mechanics=LOCKED, controller=WIDE | {"integral_gain": 3.0}, motor={"torque_constant": 1e-6}
+    )
+    amplitude = 1e-4
+    got = record(model, Step(amplitude), actuator, faults=Faults(gain=k8), duration=2e-3, interval=model.step)
+    error = (0.5 + k8) * 1e5 * amplitude
+    expected = (5e-2 * error + 3.0 * error * got["time_s"]) / 0.0752
+    np.testing.assert_allclose(got["reference_current_A"], expected, rtol=1e-10)  # sums of 2000 terms
+
+
+@EACH_MODEL
+def test_the_derivative_gain_answers_to_the_slope_of_the_error(model: Model) -> None:
+    rate, derivative = 1e-3, 1e-3
+    actuator = altered(
+        mechanics=LOCKED, controller=WIDE | {"derivative_gain": derivative}, motor={"torque_constant": 1e-6}
+    )
+    got = record(model, Ramp(rate), actuator, duration=2e-3, interval=model.step)
+    error = 1e5 * rate * got["time_s"]
+    expected = (5e-2 * error + derivative * 1e5 * rate) / 0.0752
+    # The first step has no slope yet. A difference of errors of up to 0.2, divided by a step of 1e-6.
+    np.testing.assert_allclose(got["reference_current_A"][1:], expected[1:], rtol=1e-8)
+    assert got["reference_current_A"][0] == 0
+
+
+@EACH_MODEL
+@pytest.mark.parametrize("sign", [1, -1])
+def test_speed_demand_and_current_demand_are_limited(model: Model, sign: int) -> None:
+    held = {"mechanics": LOCKED, "motor": {"torque_constant": 1e-6}}
+    unlimited = record(model, Step(sign * 0.1), altered(**held, controller={"current_limit": 1e9}), duration=1e-3)
+    demand = 5e-2 * 8000 / 60 * math.tau / 0.0752
+    assert unlimited["reference_current_A"][0] == pytest.approx(sign * demand, rel=1e-12)
+    limited = record(model, Step(sign * 0.1), altered(**held), duration=1e-3)
+    assert limited["reference_current_A"].tolist() == [sign * 22.5] * 5
+
+
+@EACH_MODEL
+def test_the_drive_divides_by_its_own_torque_constant(model: Model) -> None:
+    # The motor's may differ: shorts or a calibration change it, and the drive does not know.
+    actuator = altered(
+        mechanics=LOCKED, controller=WIDE | {"torque_constant": 0.1}, motor={"torque_constant": 0.02}
+    )
+    got = record(model, Step(1e-4), actuator, duration=2e-4)
+    assert got["reference_current_A"][0] == pytest.approx(5e-2 * 10 / 0.1, rel=1e-12)
+
+
+@EACH_MODEL
+def test_torque_is_limited(model: Model) -> None:
+    actuator = altered(motor={"torque_limit": 0.5})
+    got = record(model, Step(1e-2), actuator, duration=0.02, interval=model.step)
+    assert got["torque_Nm"].max() == 0.5
+    assert 0.0752 * got["current_A"].max() > 0.6
+
+
+NOISE_A = 0.3
+
+
+def noisy(seed: int, model: Model = REFERENCE) -> dict[str, np.ndarray[tuple[int], np.dtype[np.float64]]]:
+    return record(
+        model, Step(0.0), altered(mechanics=LOCKED), duration=0.02, interval=model.step, noise=NOISE_A, seed=seed
+    )
+
+
+def test_noise_is_made_from_its_seed() -> None:
+    one, same, other = (noisy(seed)["reference_current_A"] for seed in (7, 7, 8))
+    assert np.array_equal(one, same)
+    assert np.abs(np.corrcoef(one, other)[0, 1]) < 5 / math.sqrt(one.size)
+
+
+def test_noise_is_white_and_of_the_rms_asked_for() -> None:
+    added = noisy(7)["reference_current_A"]
+    n = added.size
+    assert np.std(added) == pytest.approx(NOISE_A, rel=5 / math.sqrt(2 * n))  # five standard errors
+    assert np.mean(added) == pytest.approx(0, abs=5 * NOISE_A / math.sqrt(n))
+    assert np.corrcoef(added[1:], added[:-1])[0, 1] == pytest.approx(0, abs=5 / math.sqrt(n))
+
+
+def test_noise_is_off_unless_asked_for_and_moves_the_current_if_on() -> None:
+    quiet = record(REFERENCE, Chirp(), duration=0.05)["current_A"]
+    silent = record(REFERENCE, Chirp(), duration=0.05, noise=0.0, seed=3)["current_A"]
+    loud = record(REFERENCE, Chirp(), duration=0.05, noise=NOISE_A, seed=3)["current_A"]
+    assert np.array_equal(quiet, silent)
+    assert not np.array_equal(quiet, loud)
+
+
+@pytest.mark.parametrize("model", [AVERAGED, MODELS["monitor"]], ids=["averaged", "monitor"])
+def test_the_lighter_models_know_no_noise(model: Model) -> None:
+    # Thesis 3.2.1: the white noise block is absent from the monitor model.
+    assert not noisy(7, model)["reference_current_A"].any()

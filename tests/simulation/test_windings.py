@@ -1,0 +1,234 @@
+"""Windings: closed forms, conservation of power, and the star equations solved by another integrator."""
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from emaphm.actuator import Faults, Sine, Step
+from emaphm.simulation import AVERAGED, MODELS, REFERENCE, Initial, Model, monitor
+from emaphm.simulation.windings import star_slopes, winding_current
+from simulation.rig import FREE, LOCKED, altered, record
+from simulation.scalar_reference import trapezoid
+
+Array = NDArray[np.float64]
+EACH_MODEL = pytest.mark.parametrize("model", MODELS.values(), ids=list(MODELS))
+
+V_DC, R_S, L_S, K_E, J = 48.0, 2.13, 7.2e-4, 0.0752, 2.5e-5
+HELD = altered(mechanics=LOCKED)
+UNBRAKED = altered(
+    mechanics=FREE,
+    controller={"current_limit": 1e3, "speed_limit": None},
+    motor={"torque_limit": None},
+)
+
+
+def rise(t: Array, resistance: float = R_S, inductance: float = L_S) -> Array:
+    """Return the current [A] in a winding that V_dc is laid on at 0."""
+    return np.asarray(V_DC / resistance * -np.expm1(-t * resistance / inductance))
+
+
+@EACH_MODEL
+@pytest.mark.parametrize("electrical_degrees", [60, 120, 240])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_current_rises_in_a_locked_rotor(model: Model, electrical_degrees: float, sign: int) -> None:
+    # Phases halfway along their flats; the demand, 22.5 A, is not reached within three time constants.
+    start = Initial(rotor_offset=math.radians(electrical_degrees) / 2)
+    got = record(
+        model, Step(sign * 1e-2), HELD, duration=1e-3, interval=model.step, step=model.step, start=start
+    )
+    expected = sign * rise(got["time_s"] + model.step)  # a row shows the end of its step
+    # Explicit Euler (reference) errs by V/R × step / (2 L/R) / e at most; the others are exact.
+    bound = V_DC / R_S * model.step * R_S / L_S / 2 / math.e * 1.01 if model is REFERENCE else 1e-12
+    np.testing.assert_allclose(got["current_A"], expected, rtol=0, atol=bound)
+    assert not got["speed_rad_s"].any()
+    assert sign * got["current_A"][-1] > 21
+
+
+def test_euler_error_of_the_locked_rotor_halves_with_the_step() -> None:
+    start = Initial(rotor_offset=math.radians(30))
+    errors = []
+    for step in (2e-6, 1e-6, 5e-7):
+        got = record(REFERENCE, Step(1e-2), HELD, duration=6e-4, interval=step, step=step, start=start)
+        errors.append(np.abs(got["current_A"] - rise(got["time_s"] + step)).max())
+    # The next order is step R/L / 2 = 0.3 % of the first.
+    np.testing.assert_allclose(np.divide(errors[:-1], errors[1:]), 2, rtol=0.01)
+
+
+@pytest.mark.parametrize(
+    ("model", "electrical_degrees", "turns", "squares"),
+    [
+        # Shorts 0.2, 0.4, 0.7 leave N = 0.8, 0.6, 0.3.
+        (AVERAGED, 0, (0.6 + 0.3) / 2, (0.6**2 + 0.3**2) / 2),
+        (AVERAGED, 60, (0.8 + 0.6) / 2, (0.8**2 + 0.6**2) / 2),
+        (AVERAGED, 120, (0.8 + 0.3) / 2, (0.8**2 + 0.3**2) / 2),
+        (monitor(), 0, 1.7 / 3, (1.7 / 3) ** 2),
+        (monitor(), 60, 1.7 / 3, (1.7 / 3) ** 2),
+        (monitor("modulated"), 0, 0.45, 0.45**2),
+        (monitor("modulated"), 60, 0.7, 0.7**2),
+        (monitor("modulated"), 120, 0.55, 0.55**2),
+    ],
+)
+def test_current_rises_in_a_shorted_winding(
+    model: Model, electrical_degrees: float, turns: float, squares: float
+) -> None:
+    actuator = altered(mechanics=LOCKED, controller={"current_limit": 1e3})
+    got = record(
+        model,
+        Step(1e-2),
+        actuator,
+        faults=Faults(short_a=0.2, short_b=0.4, short_c=0.7),
+        duration=1e-3,
+        interval=model.step,
+        start=Initial(rotor_offset=math.radians(electrical_degrees) / 2),
+    )
+    expected = rise(got["time_s"] + model.step, R_S * turns, L_S * squares)
+    np.testing.assert_allclose(got["current_A"], expected, rtol=1e-11)  # rounding of 100 steps
+
+
+@EACH_MODEL
+@pytest.mark.parametrize("sign", [1, -1])
+def test_no_load_speed_is_supply_over_back_emf_constant(model: Model, sign: int) -> None:
+    got = record(model, Step(sign * 1e6), UNBRAKED, duration=0.3)
+    # The electromechanical time constant J R / k² is 9.4 ms: e⁻³² is left. In the reference model the idle
+    # phase's ripple adds torque on the ramps of its trapezoid: 0.1 % of the speed, measured.
+    bound = 5e-3 if model is REFERENCE else 1e-9
+    assert got["speed_rad_s"][-1] == pytest.approx(sign * V_DC / K_E, rel=bound)
+    assert abs(got["reference_current_A"][-1]) == 1e3
+
+
+@pytest.mark.parametrize("model", [AVERAGED, monitor()], ids=["averaged", "monitor"])
+@pytest.mark.parametrize("short", [0.0, 0.4])
+def test_speed_falls_with_torque_along_the_straight_line(model: Model, short: float) -> None:
+    turns, load = 1 - short, 0.2
+    faults = Faults(short_a=short, short_b=short, short_c=short)
+    got = record(model, Step(1e6), UNBRAKED, faults=faults, load=load, duration=0.4)
+    current = load / (K_E * turns)
+    assert got["current_A"][-1] == pytest.approx(current, rel=1e-9)
+    assert got["speed_rad_s"][-1] == pytest.approx((V_DC - R_S * turns * current) / (K_E * turns), rel=1e-9)
+
+
+def energies(step: float, faults: Faults) -> dict[str, float]:
+    """Return what the legs supply over a run of the reference model, and where it goes, all in J."""
+    actuator = altered(motor={"torque_limit": None})
+    got = record(REFERENCE, Sine(8e-3, 15.0), actuator, faults=faults, duration=0.05, interval=step, step=step)
+    turns = np.array([1 - faults.short_a, 1 - faults.short_b, 1 - faults.short_c])[:, None]
+    after = np.stack([got[f"current_{phase}_A"] for phase in "abc"])
+    legs = np.stack([got[f"voltage_{phase}_V"] for phase in "abc"])
+    before = np.pad(after, ((0, 0), (1, 0)))[:, :-1]
+    w = got["speed_rad_s"]
+    w_before = np.pad(w, (1, 0))[:-1]
+    friction = 0.05 * 1.689 * (1 + 2 * faults.friction)
+    viscous = 30 / math.pi * 1e-6 + 4.5e-7
+    return {
+        "supplied": float(np.sum(legs * (before + after) / 2) * step),
+        "joule": float(np.sum(R_S / 2 * turns * ((before + after) / 2) ** 2) * step),
+        "shaft": float(np.sum(got["torque_Nm"] * (w + w_before) / 2) * step),
+        "magnetic": float(np.sum(L_S / 4 * turns[:, 0] ** 2 * after[:, -1] ** 2)),
+        "kinetic": J / 2 * float(w[-1]) ** 2,
+        "dry": friction * float(np.sum(np.abs(w))) * step,
+        "viscous": viscous * float(np.sum(w**2)) * step,
+    }
+
+
+FAULTY = Faults(0.3, 0.4, 0.2, 0.5, 0.1, 0.7, 0.2, 0.6)
+
+
+@pytest.mark.parametrize("faults", [Faults(), FAULTY], ids=["healthy", "faulty"])
+def test_windings_conserve_power(faults: Faults) -> None:
+    e = energies(1e-6, faults)
+    lost = e["supplied"] - e["joule"] - e["shaft"] - e["magnetic"]
+    # Back-EMF is taken at a step's start and the torque after it: of the order of step × dT/dt w. A
+    # conversion that used two different k for torque and back-EMF would lose their difference, of 10 %.
+    assert abs(lost) < 3e-4 * e["supplied"]
+    assert e["shaft"] > 0.1 * e["supplied"]
+
+
+@pytest.mark.parametrize("faults", [Faults(), FAULTY], ids=["healthy", "faulty"])
+def test_shaft_conserves_power(faults: Faults) -> None:
+    e = energies(1e-6, faults)
+    # Friction of the step's start times the mean speed of the step; rests of a step at each reversal.
+    assert e["kinetic"] + e["dry"] + e["viscous"] == pytest.approx(e["shaft"], rel=2e-5)
+    assert e["viscous"] > 1e-3 * e["shaft"]
+
+
+def solved(
+    legs: Array, seconds: float, turns: Array, z: float, phi: float, rotor: float, w: float
+) -> Array:
+    """Return the phase currents [A] after `seconds` from rest: the star equations of PHYSICS.md section 3."""
+    R, L = R_S / 2 * turns, L_S / 2 * turns**2
+    third = 2 * np.pi / 3 * np.arange(3)
+
+    def slopes(t: float, i: Array) -> Array:
+        theta = rotor + w * t
+        K = K_E / 2 * turns * (1 + z * np.cos(theta + phi + third))
+        s = np.array([trapezoid(float(np.degrees(2 * theta - shift))) for shift in third])
+        # Four unknowns, v_n and three slopes, in one linear system.
+        system = np.zeros((4, 4))
+        system[:3, :3] = np.diag(L)
+        system[:3, 3] = 1.0
+        system[3, :3] = 1.0
+        right = np.append(legs - R * i - K * s * w, 0.0)
+        return np.asarray(np.linalg.solve(system, right)[:3])
+
+    end = solve_ivp(slopes, (0, seconds), np.zeros(3), method="DOP853", rtol=1e-10, atol=1e-12)
+    return np.asarray(end.y[:, -1])
+
+
+@pytest.mark.parametrize("rotor", np.radians([20.0, 50.0, 80.0, 110.0, 140.0, 170.0]))
+@pytest.mark.parametrize("w", [0.0, 300.0, -500.0])
+def test_currents_between_switchings_are_those_of_another_integrator(rotor: float, w: float) -> None:
+    # A wide hysteresis and a heavy rotor keep legs and speed for the 60 us.
+    actuator = altered(
+        electrical={"hysteresis": 15.0},
+        mechanics=FREE | {"inertia_motor": 1e9},
+    )
+    faults = Faults(short_a=0.1, short_b=0.3, short_c=0.5, eccentricity=1.0, eccentricity_phase=0.7)
+    seconds = 60e-6
+    after: list[Array] = []
+    legs: list[Array] = []
+    for step in (1e-6, 5e-7):
+        got = record(
+            REFERENCE,
+            Step(0.1),
+            actuator,
+            faults=faults,
+            duration=seconds,
+            interval=step,
+            step=step,
+            start=Initial(speed=w, rotor_offset=rotor),
+        )
+        voltages = np.stack([got[f"voltage_{phase}_V"] for phase in "abc"])
+        assert (voltages == voltages[:, :1]).all()
+        assert np.abs(got["speed_rad_s"] - w).max() < 1e-12
+        legs.append(voltages[:, 0])
+        after.append(np.stack([got[f"current_{phase}_A"][-1] for phase in "abc"]))
+    assert set(legs[0]) == {V_DC / 2, -V_DC / 2}
+    turns = np.array([0.9, 0.7, 0.5])
+    expected = solved(legs[0], seconds, turns, 0.42, 0.4 * np.pi, rotor, w)
+    assert np.abs(expected).max() > 1
+    # Euler errs by step / 2 × t × d²i/dt²: 3e-11 s² × V / L × R / L, with phase c's 1e-4 H and 6e3 /s.
+    coarse, fine = after[0] - expected, after[1] - expected
+    assert np.abs(coarse).max() < 5e-2
+    assert np.abs(coarse).max() > 1e-4
+    # First order: half the step, half the error; what Richardson leaves is of second order, 1e-3 of it.
+    np.testing.assert_allclose(2 * fine - coarse, 0, atol=5e-3 * np.abs(coarse).max())
+
+
+def test_star_takes_no_current_out_of_its_centre() -> None:
+    rng = np.random.default_rng(5)
+    drive, inverse = rng.normal(0, 30, (3, 50)), rng.uniform(1e3, 1e5, (3, 50))
+    slopes = np.array(star_slopes(*drive, *inverse))
+    np.testing.assert_allclose(slopes.sum(axis=0), 0, atol=1e-9 * np.abs(slopes).max())
+    # What is left of each leg's voltage after its winding is the centre's voltage, the same for all.
+    centre = drive - slopes / inverse
+    np.testing.assert_allclose(centre, centre[:1].repeat(3, axis=0), atol=1e-12 * np.abs(drive).max())
+
+
+def test_one_winding_relaxes_to_its_final_current() -> None:
+    current = 5.0
+    for _ in range(40):
+        current = float(winding_current(current, 12.0, 1 / 3.0, math.exp(-1e-4 * 3.0 / 1e-3)))
+    assert current == pytest.approx(4 + (5 - 4) * math.exp(-40 * 1e-4 * 3.0 / 1e-3), rel=1e-13)

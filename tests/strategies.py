@@ -1,0 +1,79 @@
+"""Hypothesis strategies that several rooms share."""
+
+import numpy as np
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from emaphm.actuator import Actuator, Faults
+
+UNIT = st.floats(0.0, 1.0)
+POSITIVE = st.floats(1e-9, 1e9)
+NOT_NEGATIVE = st.just(0.0) | POSITIVE
+
+
+def fault_vectors() -> st.SearchStrategy[NDArray[np.float64]]:
+    """Fault vectors k, shape (8,), anywhere in the unit cube."""
+    return st.lists(UNIT, min_size=8, max_size=8).map(np.array)
+
+
+def faults() -> st.SearchStrategy[Faults]:
+    """Faults anywhere in the unit cube."""
+    return fault_vectors().map(Faults.from_vector)
+
+
+@st.composite
+def actuators(draw: st.DrawFn) -> Actuator:
+    """Draw valid actuators, rotary and linear, with and without each optional part."""
+    static = draw(NOT_NEGATIVE), draw(NOT_NEGATIVE)
+    share = draw(UNIT)
+    mechanics = {
+        "inertia_motor": draw(POSITIVE),
+        "inertia_user": draw(NOT_NEGATIVE),
+        "viscous_motor": draw(NOT_NEGATIVE),
+        "viscous_user": draw(NOT_NEGATIVE),
+        "static_friction_motor": static[0],
+        "static_friction_user": static[1],
+        "dynamic_friction_motor": share * static[0],
+        "dynamic_friction_user": share * static[1],
+        "backlash": draw(NOT_NEGATIVE),
+        "offset": draw(st.floats(-1e9, 1e9)),
+        "gear_ratio": draw(POSITIVE),
+        "end_stops": draw(st.none() | st.tuples(POSITIVE.map(lambda stop: -stop), POSITIVE)),
+    }
+    controller = {
+        "position_gain": draw(POSITIVE),
+        "speed_gain": draw(POSITIVE),
+        "integral_gain": draw(NOT_NEGATIVE),
+        "derivative_gain": draw(NOT_NEGATIVE),
+        "speed_limit": draw(st.none() | POSITIVE),
+        "current_limit": draw(POSITIVE),
+        "torque_constant": draw(POSITIVE),
+    }
+    electrical = {
+        "supply": draw(POSITIVE),
+        "resistance": draw(POSITIVE),
+        "inductance": draw(POSITIVE),
+        "pole_pairs": draw(st.integers(1, 50)),
+        "hysteresis": draw(POSITIVE),
+    }
+    fault_scales = {
+        "friction": draw(POSITIVE),
+        "backlash": draw(POSITIVE),
+        "eccentricity": draw(st.floats(0.01, 0.99)),
+        "gain": draw(st.floats(0.01, 0.99)),
+    }
+    return Actuator.from_dict(
+        {
+            "name": draw(st.text(min_size=1)),
+            "coordinates": draw(st.sampled_from(["rotary", "linear"])),
+            "controller": controller,
+            "motor": {"torque_constant": draw(POSITIVE), "torque_limit": draw(st.none() | POSITIVE)},
+            "mechanics": mechanics,
+            "electrical": draw(st.none() | st.just(electrical)),
+            "faults": fault_scales,
+            "channels": {
+                "sampling": draw(st.sampled_from(["mean", "instant"])),
+                "command_rad": draw(st.text()),
+            },
+        }
+    )
