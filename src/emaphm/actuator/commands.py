@@ -104,7 +104,7 @@ class Sampled:
     values: Array = field(repr=False)
 
     def __init__(self, time_s: ArrayLike, values: ArrayLike) -> None:
-        t, v = np.asarray(time_s, float), np.asarray(values, float)
+        t, v = np.array(time_s, float), np.array(values, float)
         if t.ndim != 1 or t.shape != v.shape or t.size < 2:
             raise SignalError(
                 f"a sampled signal needs two equal columns of 2 rows or more, got {t.shape}, {v.shape}"
@@ -115,6 +115,7 @@ class Sampled:
         late = np.flatnonzero(np.diff(t) <= 0)
         if late.size:
             raise SignalError(f"times of a sampled signal must increase; row {late[0] + 2} does not")
+        t.flags.writeable = v.flags.writeable = False
         object.__setattr__(self, "time_s", t)
         object.__setattr__(self, "values", v)
 

@@ -34,6 +34,9 @@ class Controller(Section):
     )
     current_limit: float = quantity("limit of the current demand, I_max", "A", THESIS, gt=0)
     torque_constant: float = quantity("torque per ampere that the drive assumes, k_t", "N·m/A", THESIS, gt=0)
+    speed_lag: float = quantity(
+        "time constant of the speed feedback: differencing, filtering, sampling", "s", CHOSEN, default=0.0, ge=0
+    )
 
 
 class Motor(Section):

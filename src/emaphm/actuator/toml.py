@@ -21,10 +21,9 @@ def write_toml(actuator: BaseModel, comments: str = "") -> str:
             document.add(name, value)
             continue
         section = getattr(actuator, name)
-        if name == "channels":
-            value = section.model_dump(exclude_defaults=True)
-        if value:
-            document.add(name, _table(type(section), value, coordinates))
+        kept = section.model_dump(exclude_defaults=True) if name == "channels" else value
+        if kept:
+            document.add(name, _table(type(section), kept, coordinates))
     return tomlkit.dumps(document)
 
 
@@ -51,8 +50,8 @@ def validation_message(error: ValidationError, root: type[BaseModel]) -> str:
         known = _section_at(root, path[:-1]).model_fields
         return f"unknown key '{key}'{nearest(path[-1], known)}{more}"
     if first["type"] == "missing":
-        field = _section_at(root, path[:-1]).model_fields[path[-1]]
-        meaning = f" ({field.description})" if field.description else ""
+        field = _section_at(root, path[:-1]).model_fields.get(path[-1])
+        meaning = f" ({field.description})" if field and field.description else ""
         return f"key '{key}' is missing{meaning}; add it{more}"
     reason = first["msg"].removeprefix("Value error, ").removeprefix("Input ")
     got = "" if isinstance(first["input"], dict) else f", got {first['input']!r}"
@@ -64,5 +63,8 @@ def _section_at(root: type[BaseModel], path: list[str]) -> type[BaseModel]:
     for part in path:
         annotation = section.model_fields[part].annotation
         candidates = [annotation, *getattr(annotation, "__args__", ())]
-        section = next(c for c in candidates if isinstance(c, type) and issubclass(c, BaseModel))
+        below = [c for c in candidates if isinstance(c, type) and issubclass(c, BaseModel)]
+        if not below:  # a value of several parts, such as end_stops
+            return section
+        section = below[0]
     return section

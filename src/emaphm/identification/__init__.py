@@ -1,8 +1,21 @@
 """Which faults explain a recording, and how sure that is."""
 
+from emaphm.identification.calibration import Calibration, calibrate
 from emaphm.identification.diagnose import METHODS, diagnose
 from emaphm.identification.diagnosis import Diagnosis, Estimate
 from emaphm.identification.error import error_percent
 from emaphm.identification.fitness import FITNESSES
+from emaphm.identification.replay import Replay, replay
 
-__all__ = ["FITNESSES", "METHODS", "Diagnosis", "Estimate", "diagnose", "error_percent"]
+__all__ = [
+    "FITNESSES",
+    "METHODS",
+    "Calibration",
+    "Diagnosis",
+    "Estimate",
+    "Replay",
+    "calibrate",
+    "diagnose",
+    "error_percent",
+    "replay",
+]

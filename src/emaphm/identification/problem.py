@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from emaphm.actuator import Actuator, Sampled
 from emaphm.recording import Recording
 from emaphm.simulation import AVERAGED, Initial, Inputs, Model, Plant, run, run_batch
+from emaphm.simulation.commutation import wrap
 
 Array = NDArray[np.float64]
 
@@ -57,7 +58,9 @@ class Problem:
 
     def signals(self, faults: ArrayLike) -> dict[str, Array]:
         """Return every channel of the model for one fault vector (8,), each of shape (samples,)."""
-        return run(self.model, Plant.of(self.actuator, faults), self.inputs, self.start)
+        signals = run(self.model, Plant.of(self.actuator, faults), self.inputs, self.start)
+        signals["angle_rad"] += self.start.rotor_offset
+        return signals
 
 
 def initial(recording: Recording, actuator: Actuator) -> Initial:
@@ -77,7 +80,7 @@ def initial(recording: Recording, actuator: Actuator) -> Initial:
     angle = position / ratio
     offset = 0.0
     if "angle_rad" in recording:
-        distance = float(recording["angle_rad"][0]) - angle
+        distance = float(wrap(recording["angle_rad"][0] - angle))
         noise = noise_level(recording["angle_rad"]) + position_noise / ratio
         gap = actuator.mechanics.backlash * (1 + actuator.faults.backlash)
         offset = distance if abs(distance) > gap + 3 * noise else 0.0

@@ -4,7 +4,7 @@ from emaphm.simulation.averaged import AVERAGED
 from emaphm.simulation.inputs import Inputs
 from emaphm.simulation.kernels import Initial, Model
 from emaphm.simulation.monitor import monitor
-from emaphm.simulation.plant import TOTALS, Plant
+from emaphm.simulation.plant import Plant
 from emaphm.simulation.reference import REFERENCE
 from emaphm.simulation.run import MODELS, model_named, run, run_batch, simulate_batch
 
@@ -12,7 +12,6 @@ __all__ = [
     "AVERAGED",
     "MODELS",
     "REFERENCE",
-    "TOTALS",
     "Initial",
     "Inputs",
     "Model",

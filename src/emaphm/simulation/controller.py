@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from emaphm.simulation.inline import law
 
@@ -13,13 +14,24 @@ def clip(value: Any, low: Any, high: Any) -> Any:
     return np.minimum(np.maximum(value, low), high)
 
 
+def feedback_share(lag: NDArray[np.float64], step: float) -> NDArray[np.float64]:
+    """Return the share of the present speed in the measured one after `step` [s], for a first-order `lag` [s]."""
+    return np.asarray(-np.expm1(-step / np.maximum(lag, 1e-6 * step)))
+
+
 @law
-def speed_error(command: Any, position: Any, speed: Any, gain: Any, limit: Any) -> Any:
-    """Return the speed demand less the motor speed [rad/s].
+def measured_speed(measured: Any, speed: Any, share: Any) -> Any:
+    """Return the speed [rad/s] that the drive sees: the one before, moved to the present one by `share`."""
+    return (1.0 - share) * measured + share * speed
+
+
+@law
+def speed_error(command: Any, position: Any, measured: Any, gain: Any, limit: Any) -> Any:
+    """Return the speed demand less the measured speed [rad/s].
 
     The demand is gain [1/s] × (command - position) [rad, at the user], limited to ± `limit` [rad/s].
     """
-    return clip(gain * (command - position), -limit, limit) - speed
+    return clip(gain * (command - position), -limit, limit) - measured
 
 
 @law

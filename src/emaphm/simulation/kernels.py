@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.simulation.commutation import wrap
-from emaphm.simulation.controller import speed_error
+from emaphm.simulation.controller import feedback_share, speed_error
 from emaphm.simulation.inputs import Inputs
 from emaphm.simulation.plant import Plant
 
@@ -102,6 +102,7 @@ CONTROL_AND_MOTION = (
     "integrating",
     "derivative",
     "current_limit",
+    "feedback_share",
     "gear_ratio",
     "torque_limit",
     "offset",
@@ -123,6 +124,7 @@ CONTROL_AND_MOTION = (
     INTEGRATING,
     DERIVATIVE,
     CURRENT_LIMIT,
+    FEEDBACK_SHARE,
     GEAR_RATIO,
     TORQUE_LIMIT,
     OFFSET,
@@ -146,6 +148,7 @@ def control_and_motion(plant: Plant, step: float) -> Array:
         "integrating": plant.integral_gain / plant.drive_constant,
         "derivative": plant.derivative_gain / plant.drive_constant / step,
         "current_limit": plant.current_limit,
+        "feedback_share": feedback_share(plant.speed_lag, step),
         "gear_ratio": plant.gear_ratio,
         "torque_limit": plant.torque_limit,
         "offset": plant.offset,
@@ -161,7 +164,7 @@ def control_and_motion(plant: Plant, step: float) -> Array:
     return np.stack([rows[name] for name in CONTROL_AND_MOTION])
 
 
-SPEED, ANGLE, OUTPUT, ELECTRICAL, COS, SIN, INTEGRAL, ERROR, CURRENT = range(9)
+SPEED, FEEDBACK, ANGLE, OUTPUT, ELECTRICAL, COS, SIN, INTEGRAL, ERROR, CURRENT = range(10)
 """The first state rows of every model; the currents follow from CURRENT on."""
 
 
@@ -169,7 +172,7 @@ def moving_state(plant: Plant, inputs: Inputs, start: Initial, currents: int) ->
     """Return state rows for motion and control at `start` and `currents` rows of zero, shape (rows, n)."""
     x = np.zeros((CURRENT + currents, plant.count))
     rotor = start.angle + start.rotor_offset
-    x[SPEED] = start.speed
+    x[SPEED] = x[FEEDBACK] = start.speed
     x[ANGLE] = x[OUTPUT] = start.angle
     x[ELECTRICAL] = wrap(plant.pole_pairs * rotor)
     x[COS], x[SIN] = np.cos(rotor), np.sin(rotor)

@@ -9,29 +9,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.faults import NAMES, SHORTEST_WINDING
-from emaphm.errors import FaultError, MethodError, nearest
+from emaphm.actuator.totals import check_totals, static_follows
+from emaphm.errors import FaultError
 
 Array = NDArray[np.float64]
 
 NO_LIMIT = 1e30
 """Stands for an absent limit; the kernels are compiled on the understanding that nothing is infinite."""
-
-TOTALS = {
-    "inertia": "kg·m²",
-    "viscous": "N·m·s/rad",
-    "coulomb": "N·m",
-    "static": "N·m",
-    "offset": "N·m",
-    "position_gain": "1/s",
-    "speed_gain": "N·m·s/rad",
-    "torque_constant": "N·m/A",
-    "resistance": "ohm",
-    "inductance": "H",
-}
-"""Physical parameters that can be set per actuator, totals referred to the motor shaft, and their units."""
-
-NEED_ELECTRICAL = ("resistance", "inductance")
-
 
 @dataclass(frozen=True)
 class Plant:
@@ -58,6 +42,7 @@ class Plant:
     speed_limit: Array
     current_limit: Array
     drive_constant: Array
+    speed_lag: Array
     torque_constant: Array
     torque_limit: Array
     supply: Array
@@ -120,6 +105,7 @@ class Plant:
             "speed_limit": c.speed_limit or NO_LIMIT,
             "current_limit": c.current_limit,
             "drive_constant": c.torque_constant,
+            "speed_lag": c.speed_lag,
             "torque_constant": motor.torque_constant,
             "torque_limit": motor.torque_limit or NO_LIMIT,
             # An ideal current loop is one whose supply can force any current within a step.
@@ -133,19 +119,9 @@ class Plant:
         return cls(**columns, turns=np.ones((3, n)), z=np.zeros((2, n)))
 
     def _with_totals(self, actuator: Actuator, totals: Mapping[str, ArrayLike]) -> Self:
-        for name in totals:
-            if name not in TOTALS:
-                raise MethodError(f"unknown parameter '{name}'{nearest(name, TOTALS)}")
-            if name in NEED_ELECTRICAL and actuator.electrical is None:
-                raise MethodError(
-                    f"parameter '{name}' needs an [electrical] section, which actuator '{actuator.name}' lacks"
-                )
-        set_to = {name: np.broadcast_to(np.asarray(v, float), (self.count,)) for name, v in totals.items()}
-        if "coulomb" in set_to and "static" not in set_to:
-            # Static friction keeps its ratio to dynamic friction unless it is estimated itself.
-            m = actuator.mechanics
-            ratio = m.static_friction / m.dynamic_friction if m.dynamic_friction > 0 else 1.0
-            set_to["static"] = ratio * set_to["coulomb"]
+        check_totals(actuator, totals)
+        values = static_follows(actuator, totals)
+        set_to = {name: np.broadcast_to(np.asarray(v, float), (self.count,)) for name, v in values.items()}
         return replace(self, **set_to)
 
     def _with_faults(self, actuator: Actuator, k: Array) -> Self:

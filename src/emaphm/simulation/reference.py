@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.simulation.commutation import PHASE_SHIFT, demand_sign, trapezoid, wrap_once
-from emaphm.simulation.controller import clip, current_demand, speed_error
+from emaphm.simulation.controller import clip, current_demand, measured_speed, speed_error
 from emaphm.simulation.eccentricity import gap_factors
 from emaphm.simulation.inputs import Inputs
 from emaphm.simulation.inverter import switch
@@ -20,6 +20,8 @@ from emaphm.simulation.kernels import (
     DERIVATIVE,
     ELECTRICAL,
     ERROR,
+    FEEDBACK,
+    FEEDBACK_SHARE,
     GEAR_RATIO,
     HALF_GAP,
     HIGH_STOP,
@@ -132,10 +134,13 @@ def build(layout: Layout) -> Any:
                     integral = x[INTEGRAL * lanes + lane]
                     tau = p[GEAR_RATIO * lanes + lane]
 
+                    measured = measured_speed(
+                        x[FEEDBACK * lanes + lane], speed, p[FEEDBACK_SHARE * lanes + lane]
+                    )
                     error = speed_error(
                         commanded,
                         tau * x[OUTPUT * lanes + lane],
-                        speed,
+                        measured,
                         p[POSITION_GAIN * lanes + lane],
                         p[SPEED_LIMIT * lanes + lane],
                     )
@@ -208,6 +213,7 @@ def build(layout: Layout) -> Any:
                     x[LEG_B * lanes + lane] = leg_b
                     x[LEG_C * lanes + lane] = leg_c
                     x[SPEED * lanes + lane] = speed
+                    x[FEEDBACK * lanes + lane] = measured
                     x[ANGLE * lanes + lane] = reached
                     x[OUTPUT * lanes + lane] = output
                     x[ELECTRICAL * lanes + lane] = wrap_once(

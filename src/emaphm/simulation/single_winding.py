@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.simulation.commutation import idle_phase, wrap_once
-from emaphm.simulation.controller import clip, current_demand, speed_error
+from emaphm.simulation.controller import clip, current_demand, measured_speed, speed_error
 from emaphm.simulation.eccentricity import gap_factors, printed_factor
 from emaphm.simulation.inline import select
 from emaphm.simulation.inputs import Inputs
@@ -24,6 +24,8 @@ from emaphm.simulation.kernels import (
     DERIVATIVE,
     ELECTRICAL,
     ERROR,
+    FEEDBACK,
+    FEEDBACK_SHARE,
     GEAR_RATIO,
     HALF_GAP,
     HIGH_STOP,
@@ -136,10 +138,13 @@ def build(layout: Layout, *, averaged: bool, printed_eccentricity: bool) -> Any:
                     tau = p[GEAR_RATIO * lanes + lane]
                     pole_pairs = p[POLE_PAIRS * lanes + lane]
 
+                    measured = measured_speed(
+                        x[FEEDBACK * lanes + lane], speed, p[FEEDBACK_SHARE * lanes + lane]
+                    )
                     error = speed_error(
                         commanded,
                         tau * x[OUTPUT * lanes + lane],
-                        speed,
+                        measured,
                         p[POSITION_GAIN * lanes + lane],
                         p[SPEED_LIMIT * lanes + lane],
                     )
@@ -206,6 +211,7 @@ def build(layout: Layout, *, averaged: bool, printed_eccentricity: bool) -> Any:
                     turned = reached - angle
                     x[CURRENT * lanes + lane] = current
                     x[SPEED * lanes + lane] = speed
+                    x[FEEDBACK * lanes + lane] = measured
                     x[ANGLE * lanes + lane] = reached
                     x[OUTPUT * lanes + lane] = output
                     x[ELECTRICAL * lanes + lane] = wrap_once(electrical + pole_pairs * turned)

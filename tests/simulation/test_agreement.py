@@ -1,0 +1,146 @@
+"""The models against each other, and against what PHYSICS.md states about their distance."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from strategies import fault_vectors
+
+from emaphm.actuator import Chirp, Faults, Sine
+from emaphm.simulation import AVERAGED, REFERENCE, Initial, Inputs, Model, Plant, monitor, run, simulate_batch
+from simulation.rig import INTERVAL, SHORTED, THESIS, record, rms
+
+Array = NDArray[np.float64]
+
+DRAWN = np.random.default_rng(15).random((14, 8)) * SHORTED
+MULTIPLE = np.array([0.25, 0.75, 0.8, 0.8, 0.8, 0.25, 0.5, 0.75])
+"""The thesis's multiple faults (PHYSICS.md section 8)."""
+
+CASES = np.vstack([Faults().vector, MULTIPLE, DRAWN])
+CHIRP = Chirp()
+
+
+def currents(model: Model, step: float, k: Array = CASES) -> Array:
+    return simulate_batch(model, THESIS, k, Inputs.of(CHIRP, samples=2500, interval=INTERVAL, step=step))
+
+
+@pytest.fixture(scope="module")
+def reference() -> Array:
+    return currents(REFERENCE, 1e-6)
+
+
+@pytest.fixture(scope="module")
+def halved(reference: Array) -> Array:
+    """Return the rms difference that halving the reference model's step makes: what no model can go below."""
+    return np.asarray(rms(currents(REFERENCE, 5e-7) - reference))
+
+
+def test_size_of_the_signals(reference: Array) -> None:
+    # PHYSICS.md: 2.5 A rms nominal (section 1), 14.6 A rms with multiple faults (section 3).
+    assert rms(reference[0]) == pytest.approx(2.45, abs=0.05)
+    assert rms(reference[1]) == pytest.approx(14.6, abs=0.1)
+
+
+def test_hysteresis_switching_is_chaotic_by_as_much_as_stated(halved: Array) -> None:
+    # PHYSICS.md section 3: 0.1 A nominal, 0.5 A with multiple faults, both to a digit.
+    assert halved[0] == pytest.approx(0.1, abs=0.05)
+    assert halved[1] == pytest.approx(0.5, abs=0.05)
+
+
+def test_nominal_difference_of_the_averaged_model(reference: Array) -> None:
+    # PHYSICS.md section 1: 0.08 A, to a digit; 0.083 measured.
+    assert rms(currents(AVERAGED, AVERAGED.step)[0] - reference[0]) == pytest.approx(0.08, abs=0.01)
+    assert rms(currents(monitor(), monitor().step)[0] - reference[0]) == pytest.approx(0.09, abs=0.02)
+
+
+def test_averaged_model_comes_as_near_as_the_ripple_lets_it(reference: Array, halved: Array) -> None:
+    away = {step: rms(currents(AVERAGED, step) - reference) for step in (1e-4, 5e-5, 1e-5)}
+    # Twice the chaos on average and three times at worst, measured: the rest is the commutation of a real
+    # third phase, which one winding cannot show.
+    ratio = away[5e-5] / halved
+    assert ratio.mean() < 2
+    assert ratio.max() < 3.2
+    # Each refinement helps, or changes nothing beyond a tenth of what is chaos. The thesis's shorts of 0.8
+    # are left out: they are beyond the 0.7 that section 5 states for the model.
+    within = np.arange(len(CASES)) != 1
+    assert np.all((away[5e-5] <= away[1e-4] + 0.1 * halved)[within])
+    assert np.all((away[1e-5] <= away[5e-5] + 0.1 * halved)[within])
+    assert away[1e-5][within].mean() < 0.95 * away[1e-4][within].mean()
+
+
+def test_averaged_model_converges_as_its_step_shrinks() -> None:
+    finest = currents(AVERAGED, 2.5e-6)
+    errors = np.array([rms(currents(AVERAGED, step) - finest) for step in (1e-4, 5e-5, 2.5e-5)]).mean(axis=1)
+    # First order at least: each halving of the step takes off nearly half or more.
+    assert np.all(errors[1:] < 0.6 * errors[:-1])
+
+
+def test_phase_resolved_shorts_are_what_the_printed_mean_lacks() -> None:
+    one_phase = Faults(short_a=0.6).vector[None]
+    target = currents(REFERENCE, 1e-6, one_phase)
+    resolved = rms(currents(AVERAGED, AVERAGED.step, one_phase) - target)
+    printed = rms(currents(monitor(), monitor().step, one_phase) - target)
+    assert resolved[0] < 0.3 * printed[0]
+
+
+@settings(max_examples=15)
+@given(k=fault_vectors(), offset=st.floats(-np.pi, np.pi))
+def test_mirroring_motor_and_command_mirrors_the_motion(k: Array, offset: float) -> None:
+    # Seen from the other end of the shaft, phases b and c change places and every angle its sign.
+    mirrored = k[[0, 1, 2, 4, 3, 5, 6, 7]] * np.array([1, 1, 1, 1, 1, 1, -1, 1])
+    mirrored[6] += 1
+    got = record(
+        AVERAGED, Chirp(), faults=Faults.from_vector(k), start=Initial(rotor_offset=offset), duration=0.3
+    )
+    image = record(
+        AVERAGED,
+        Chirp(-5e-3),
+        faults=Faults.from_vector(mirrored),
+        start=Initial(rotor_offset=-offset),
+        duration=0.3,
+    )
+    for name in ("current_A", "speed_rad_s", "position_rad", "torque_Nm", "voltage_V"):
+        # Rounding, amplified by sectors that start a step earlier or later where it decides: one sample
+        # in a thousand at most.
+        far = np.abs(got[name] + image[name]) > 1e-6 * np.abs(got[name]).max()
+        assert far.mean() < 5e-3, name
+
+
+@pytest.mark.parametrize("model", [REFERENCE, AVERAGED], ids=["reference", "averaged"])
+@pytest.mark.parametrize("k", [DRAWN[0], DRAWN[1]])
+def test_relabelling_the_phases_changes_only_their_names(model: Model, k: Array) -> None:
+    # A third of an electrical turn, 60 deg of the rotor at two pole pairs, makes phase b of phase a; the
+    # eccentricity is then half a turn away.
+    relabelled = k[[0, 1, 4, 2, 3, 5, 6, 7]]
+    relabelled[6] = (k[6] + 0.5) % 1
+    turned = Initial(rotor_offset=0.4 + np.pi / 3)
+    command = Sine(8e-3, 15.0)
+    options = {"duration": 0.02, "interval": model.step}
+    got = record(model, command, faults=Faults.from_vector(k), start=Initial(rotor_offset=0.4), **options)
+    other = record(model, command, faults=Faults.from_vector(relabelled), start=turned, **options)
+    names = {name: name for name in got}
+    if model is REFERENCE:
+        for unit in ("current_{}_A", "voltage_{}_V"):
+            names |= {unit.format(a): unit.format(b) for a, b in ("ab", "bc", "ca")}
+    for name, new in names.items():
+        np.testing.assert_allclose(
+            other[new], got[name], rtol=0, atol=1e-9 * np.abs(got[name]).max(), err_msg=name
+        )
+
+
+@pytest.mark.parametrize(
+    ("form", "other"),
+    [(monitor(), monitor("modulated")), (monitor(), monitor(eccentricity="printed"))],
+    ids=["shorts", "eccentricity"],
+)
+def test_the_monitor_models_forms_differ_only_where_their_fault_is(form: Model, other: Model) -> None:
+    inputs = Inputs.of(CHIRP, samples=500, interval=INTERVAL, step=1e-5)
+
+    def current(model: Model, faults: Faults) -> Array:
+        return run(model, Plant.of(THESIS, faults.vector), inputs)["current_A"]
+
+    without = Faults(friction=0.4, backlash=0.3, gain=0.6)
+    assert np.array_equal(current(form, without), current(other, without))
+    with_both = Faults(short_a=0.5, eccentricity=0.5, eccentricity_phase=0.3)
+    assert rms(current(form, with_both) - current(other, with_both)) > 0.1

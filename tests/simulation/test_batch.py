@@ -1,0 +1,94 @@
+"""A batch is its single runs side by side: no lane knows of another, nor of the threads."""
+
+import importlib
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from emaphm.actuator import Chirp, Sine
+from emaphm.simulation import AVERAGED, MODELS, REFERENCE, Inputs, Model, Plant, run, run_batch, simulate_batch
+from emaphm.simulation.kernels import LANES
+from simulation.rig import INTERVAL, SHORTED, THESIS, rms
+
+Array = NDArray[np.float64]
+
+EACH_MODEL = pytest.mark.parametrize("model", MODELS.values(), ids=list(MODELS))
+DRAWN = np.random.default_rng(33).random((33, 8)) * SHORTED
+
+
+def inputs(model: Model, samples: int = 250) -> Inputs:
+    return Inputs.of(Sine(8e-3, 15.0), 0.02, samples=samples, interval=INTERVAL, step=model.step)
+
+
+@EACH_MODEL
+def test_a_batch_is_its_single_runs(model: Model) -> None:
+    batch = simulate_batch(model, THESIS, DRAWN[:3], inputs(model))
+    single = [run(model, Plant.of(THESIS, k), inputs(model))["current_A"] for k in DRAWN[:3]]
+    if model is AVERAGED:
+        np.testing.assert_allclose(batch, single, rtol=1e-9, atol=1e-9)
+        return
+    # Vector and scalar instructions may round differently, and switching is chaotic: 0.2 A for some lanes,
+    # twice what halving the step makes (PHYSICS.md section 3). Before any leg tips over they agree.
+    assert np.all(rms(batch - np.array(single)) < 0.2)
+    np.testing.assert_allclose(batch[:, :10], np.array(single)[:, :10], rtol=0, atol=1e-9)
+
+
+@EACH_MODEL
+@pytest.mark.parametrize("rows", [1, LANES - 1, LANES, LANES + 1, 33])
+def test_any_number_of_rows_gives_the_same_bits(model: Model, rows: int) -> None:
+    every = simulate_batch(model, THESIS, DRAWN, inputs(model, 50))
+    some = simulate_batch(model, THESIS, DRAWN[:rows], inputs(model, 50))
+    assert some.shape == (rows, 50)
+    assert np.array_equal(some, every[:rows])
+
+
+@EACH_MODEL
+def test_permuted_rows_give_permuted_bits(model: Model) -> None:
+    order = np.random.default_rng(1).permutation(33)
+    straight = simulate_batch(model, THESIS, DRAWN, inputs(model, 50))
+    assert np.array_equal(simulate_batch(model, THESIS, DRAWN[order], inputs(model, 50)), straight[order])
+    assert len(np.unique(straight, axis=0)) == 33  # otherwise nothing was tested
+
+
+@EACH_MODEL
+def test_the_number_of_workers_changes_no_bit(model: Model, monkeypatch: pytest.MonkeyPatch) -> None:
+    running = importlib.import_module("emaphm.simulation.run")
+    pools: list[int] = []
+
+    class Counted(running.ThreadPoolExecutor):  # type: ignore[misc, name-defined]
+        def __init__(self, workers: int) -> None:
+            pools.append(workers)
+            super().__init__(workers)
+
+    monkeypatch.setattr(running, "ThreadPoolExecutor", Counted)
+    monkeypatch.setattr(running, "WORTH_A_THREAD", 0)
+    one, two, three = (
+        simulate_batch(model, THESIS, DRAWN, inputs(model, 50), workers=workers) for workers in (1, 2, 3)
+    )
+    assert pools == [2, 3]
+    assert np.array_equal(one, two)
+    assert np.array_equal(one, three)
+
+
+def test_repeated_runs_give_the_same_bits_and_leave_their_arguments_alone() -> None:
+    plant, given = Plant.of(THESIS, DRAWN), inputs(REFERENCE, 50)
+    kept = plant.turns.copy(), given.command.copy()
+    first = run_batch(REFERENCE, plant, given)
+    assert np.array_equal(run_batch(REFERENCE, plant, given), first)
+    assert np.array_equal(plant.turns, kept[0])
+    assert np.array_equal(given.command, kept[1])
+
+
+def test_no_rows_give_no_rows() -> None:
+    assert simulate_batch(AVERAGED, THESIS, np.empty((0, 8)), inputs(AVERAGED)).shape == (0, 250)
+
+
+def test_totals_are_set_row_by_row() -> None:
+    masses = np.array([1e-5, 2.5e-5, 5e-5])
+    given = Inputs.of(Chirp(), samples=500, interval=INTERVAL, step=AVERAGED.step)
+    together = run_batch(AVERAGED, Plant.of(THESIS, np.tile(DRAWN[0], (3, 1)), {"inertia": masses}), given)
+    for row, inertia in zip(together, masses, strict=True):
+        alone = run_batch(AVERAGED, Plant.of(THESIS, DRAWN[0], {"inertia": inertia}), given)[0]
+        assert np.array_equal(row, alone)
+    assert rms(together[0] - together[2]) > 0.1

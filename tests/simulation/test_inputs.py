@@ -1,0 +1,90 @@
+"""Steps and samples: when inputs are read, how rows are formed from steps, and in what time."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from emaphm.actuator import Chirp, Ramp, Sampled, Sine
+from emaphm.simulation import AVERAGED, MODELS, REFERENCE, Initial, Inputs, Model
+from simulation.rig import INTERVAL, record
+
+EACH_MODEL = pytest.mark.parametrize("model", MODELS.values(), ids=list(MODELS))
+
+
+@given(interval=st.floats(1e-5, 1e-2), longest=st.floats(1e-6, 1e-2), samples=st.integers(1, 5))
+def test_the_step_is_the_largest_that_divides_the_interval(
+    interval: float, longest: float, samples: int
+) -> None:
+    inputs = Inputs.of(Ramp(1.0), 3.0, samples=samples, interval=interval, step=longest)
+    assert inputs.step * inputs.substeps == pytest.approx(interval, rel=1e-15)
+    assert inputs.step <= longest * (1 + 2e-9)
+    if inputs.substeps > 1:
+        assert interval / (inputs.substeps - 1) > longest * (1 - 1e-9)
+    assert inputs.command.shape == inputs.load.shape == (samples * inputs.substeps,)
+    # A ramp of rate 1 shows the times at which it was asked: the starts of the steps.
+    np.testing.assert_allclose(inputs.command, np.arange(inputs.command.size) * inputs.step, rtol=1e-14)
+    np.testing.assert_allclose(inputs.time_s, np.arange(samples) * interval, rtol=1e-15)
+    assert set(inputs.load) == {3.0}
+
+
+@pytest.mark.parametrize(("interval", "step", "substeps"), [(2e-4, 1e-6, 200), (2e-4, 5e-5, 4), (1e-3, 7e-4, 2)])
+def test_number_of_steps(interval: float, step: float, substeps: int) -> None:
+    # 2e-4 / 1e-6 is 199.99999999999997 in binary, and 2e-4 / 5e-5 exactly 4.
+    assert Inputs.of(Ramp(), samples=3, interval=interval, step=step).substeps == substeps
+
+
+def test_a_load_may_be_a_number_or_a_signal() -> None:
+    options = {"samples": 4, "interval": 0.5, "step": 0.25}
+    assert set(Inputs.of(Ramp(), 2, **options).load) == {2.0}  # type: ignore[arg-type]
+    ramp = Inputs.of(Ramp(), Sampled([0, 2], [0, 4]), **options).load  # type: ignore[arg-type]
+    np.testing.assert_allclose(ramp, np.arange(8) * 0.5)
+
+
+@EACH_MODEL
+def test_a_row_is_the_mean_of_its_steps_or_the_first_of_them(model: Model) -> None:
+    options = {"faults": None, "duration": 0.02, "start": Initial(rotor_offset=0.3)}
+    steps = record(model, Sine(8e-3, 15.0), interval=model.step, **options)
+    means = record(model, Sine(8e-3, 15.0), **options)
+    instants = record(model, Sine(8e-3, 15.0), sampling="instant", **options)
+    per_row = round(INTERVAL / model.step)
+    for name in set(steps) - {"time_s"}:
+        by_row = steps[name].reshape(-1, per_row)
+        largest = np.abs(by_row).max()
+        # Rounding of a sum of 200 values; the sum of a run's steps does not depend on its rows.
+        np.testing.assert_allclose(means[name], by_row.mean(axis=1), rtol=0, atol=1e-11 * largest, err_msg=name)
+        np.testing.assert_allclose(instants[name], by_row[:, 0], rtol=0, atol=1e-11 * largest, err_msg=name)
+
+
+@EACH_MODEL
+def test_rows_at_another_rate_describe_the_same_run(model: Model) -> None:
+    fine = record(model, Chirp(), duration=0.1, interval=1e-4)
+    coarse = record(model, Chirp(), duration=0.1, interval=4e-4)
+    for name in ("current_A", "position_rad", "voltage_V"):
+        pooled = fine[name].reshape(-1, 4).mean(axis=1)
+        # Times of steps are rounded otherwise, to 1e-17 s: of no weight before a leg tips over.
+        np.testing.assert_allclose(coarse[name], pooled, rtol=0, atol=1e-9 * np.abs(pooled).max(), err_msg=name)
+
+
+def test_the_rotor_offset_moves_the_phases_and_nothing_else() -> None:
+    plain = record(AVERAGED, Chirp(), duration=0.2)
+    turned = record(AVERAGED, Chirp(), duration=0.2, start=Initial(rotor_offset=1.0))
+    # A healthy averaged motor looks the same at every angle; the three phases of the reference do not.
+    np.testing.assert_allclose(turned["current_A"], plain["current_A"], rtol=0, atol=1e-9)
+    phases = [
+        record(REFERENCE, Chirp(), duration=0.02, start=Initial(rotor_offset=offset))["current_a_A"]
+        for offset in (0.0, 1.0)
+    ]
+    assert np.abs(phases[0] - phases[1]).max() > 0.5
+
+
+def test_a_start_away_from_zero_is_a_shifted_run() -> None:
+    angle = 2 * np.pi * 7
+    shift = angle / 500
+    chirp = Chirp()
+    plain = record(AVERAGED, chirp, duration=0.2)
+    shifted = record(AVERAGED, lambda t: chirp(t) + shift, duration=0.2, start=Initial(angle=angle))
+    # Positions near 0.09 rad are resolved to 1e-17 rad, which the gain of 1e5 × 0.66 A makes 1e-12 A of.
+    np.testing.assert_allclose(shifted["current_A"], plain["current_A"], rtol=0, atol=1e-8)
+    np.testing.assert_allclose(shifted["position_rad"], plain["position_rad"] + shift, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(shifted["angle_rad"], plain["angle_rad"] + angle, rtol=0, atol=1e-10)

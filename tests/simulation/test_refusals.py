@@ -1,0 +1,153 @@
+"""What the user can mend is refused in one line that says what to mend."""
+
+import importlib
+from typing import Any
+
+import numpy as np
+import pytest
+
+from emaphm.actuator import Chirp, Sampled
+from emaphm.actuator.totals import TOTALS
+from emaphm.errors import EmaphmError, FaultError, MethodError, SignalError
+from emaphm.simulation import AVERAGED, MODELS, REFERENCE, Inputs, Plant, model_named, monitor, run, run_batch
+from simulation.rig import INTERVAL, THESIS, altered, record
+
+HEALTHY = np.array([0, 0, 0, 0, 0, 0, 0.5, 0.5])
+IDEAL = altered(electrical=None)
+
+
+def inputs(**changes: Any) -> Inputs:
+    return Inputs.of(**({"command": Chirp(), "samples": 5, "interval": INTERVAL, "step": 5e-5} | changes))
+
+
+@pytest.mark.parametrize("name", ["reference", "monitor", "averaged"])
+def test_models_are_found_by_name(name: str) -> None:
+    assert model_named(name) is MODELS[name]
+
+
+def test_an_unknown_model_is_answered_with_the_nearest() -> None:
+    with pytest.raises(MethodError, match=r"unknown model 'avreaged' \(did you mean 'averaged'\?\)"):
+        model_named("avreaged")
+    with pytest.raises(MethodError, match=r"unknown model 'x' \(known: averaged, monitor, reference\)"):
+        model_named("x")
+
+
+@pytest.mark.parametrize("form", [{"shorts": "modulatd"}, {"eccentricity": "print"}])
+def test_an_unknown_form_of_the_monitor_model_is_refused(form: dict[str, Any]) -> None:
+    with pytest.raises(MethodError, match="did you mean"):
+        monitor(**form)
+
+
+def test_an_unknown_total_is_answered_with_the_nearest() -> None:
+    with pytest.raises(MethodError, match=r"unknown parameter 'inertai' \(did you mean 'inertia'\?\)"):
+        Plant.of(THESIS, HEALTHY, {"inertai": 1e-5})
+
+
+@pytest.mark.parametrize("name", ["resistance", "inductance"])
+def test_a_total_of_the_windings_needs_windings(name: str) -> None:
+    with pytest.raises(MethodError, match=rf"'{name}' needs an \[electrical\] section, which .*'thesis' lacks"):
+        Plant.of(IDEAL, HEALTHY, {name: 1.0})
+
+
+@pytest.mark.parametrize("name", sorted(set(TOTALS) - {"resistance", "inductance"}))
+def test_the_other_totals_do_not(name: str) -> None:
+    assert Plant.of(IDEAL, HEALTHY, {name: 1.0}).count == 1
+
+
+def test_totals_of_another_length_are_refused() -> None:
+    with pytest.raises(MethodError, match="inertia"):
+        Plant.of(THESIS, np.tile(HEALTHY, (2, 1)), {"inertia": [1e-5, 2e-5, 3e-5]})
+
+
+@pytest.mark.parametrize("value", [0.0, -1e-5, np.nan])
+def test_an_impossible_total_is_refused(value: float) -> None:
+    with pytest.raises(MethodError, match="inertia"):
+        Plant.of(THESIS, HEALTHY, {"inertia": value})
+
+
+def test_static_friction_below_dynamic_friction_makes_no_motion() -> None:
+    # Friction that is larger than what it balances would push: a standing shaft would move against its load.
+    plant = Plant.of(THESIS, HEALTHY, {"coulomb": 0.2, "static": 0.1})
+    given = Inputs.of(lambda t: 0 * t, 0.15, samples=50, interval=INTERVAL, step=5e-5)
+    assert not np.any(run(AVERAGED, plant, given)["speed_rad_s"] > 0)
+
+
+@pytest.mark.parametrize("shape", [(7,), (2, 9), (1, 2, 8), (0,)])
+def test_fault_vectors_of_another_shape_are_refused(shape: tuple[int, ...]) -> None:
+    with pytest.raises(FaultError, match=r"fault vectors have shape \(n, 8\), got"):
+        Plant.of(THESIS, np.zeros(shape))
+
+
+@pytest.mark.parametrize("value", [-0.01, 1.01, np.nan, np.inf])
+def test_a_fault_outside_the_unit_interval_is_found(value: float) -> None:
+    k = np.tile(HEALTHY, (3, 1))
+    k[2, 1] = value
+    with pytest.raises(FaultError, match=r"fault backlash=\S+ of vector 2 lies outside \[0, 1\]; give"):
+        Plant.of(THESIS, k)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_command_or_load_that_is_not_finite_is_refused(value: float) -> None:
+    with pytest.raises(SignalError, match="the command is not finite"):
+        inputs(command=lambda t: np.where(t > 4e-4, value, 0.0))
+    with pytest.raises(SignalError, match="the load is not finite"):
+        inputs(load=value)
+    with pytest.raises(SignalError, match="the load is not finite"):
+        inputs(load=lambda t: t + value)
+
+
+@pytest.mark.parametrize(
+    "changes", [{"samples": 0}, {"samples": -3}, {"interval": 0.0}, {"interval": -1.0}, {"interval": np.nan}]
+)
+def test_a_run_of_no_length_is_refused(changes: dict[str, Any]) -> None:
+    with pytest.raises(SignalError, match="needs samples"):
+        inputs(**changes)
+
+
+@pytest.mark.parametrize("changes", [{"step": 0.0}, {"step": -1e-6}, {"noise": -1.0}])
+def test_an_impossible_step_or_noise_is_refused(changes: dict[str, Any]) -> None:
+    with pytest.raises(SignalError):
+        inputs(**changes)
+
+
+def test_a_command_of_another_length_is_refused() -> None:
+    with pytest.raises(SignalError, match="command"):
+        inputs(command=lambda t: t[:3])
+
+
+@pytest.mark.parametrize("count", [0, 2, 5])
+def test_a_single_run_takes_a_single_actuator(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Were it to get as far as the kernel, it would write beyond its output.
+    running = importlib.import_module("emaphm.simulation.run")
+    monkeypatch.setattr(running, "_advance", lambda *_, **__: pytest.fail("reached the kernel"))
+    with pytest.raises(MethodError):
+        run(AVERAGED, Plant.of(THESIS, np.tile(HEALTHY, (count, 1))), inputs())
+
+
+def test_a_run_that_explodes_is_reported() -> None:
+    # Explicit Euler is unstable where the step exceeds 2 L / R.
+    stiff = altered(electrical={"inductance": 1e-8})
+    with pytest.raises(MethodError, match="the reference model did not stay finite; check the actuator's"):
+        record(REFERENCE, Chirp(), stiff, duration=0.02)
+    given = Inputs.of(Chirp(), samples=100, interval=INTERVAL, step=1e-6)
+    with pytest.raises(MethodError, match="did not stay finite"):
+        run_batch(REFERENCE, Plant.of(stiff, HEALTHY), given)
+
+
+@pytest.mark.parametrize("name", ["reference", "monitor"])
+def test_switching_models_need_windings(name: str) -> None:
+    model = MODELS[name]
+    with pytest.raises(MethodError, match=r"\[electrical\]"):
+        record(model, Chirp(), IDEAL, duration=0.01)
+
+
+def test_every_refusal_is_one_the_user_can_mend() -> None:
+    for refuse in (
+        lambda: model_named("x"),
+        lambda: Plant.of(THESIS, np.zeros(7)),
+        lambda: inputs(samples=0),
+        lambda: Sampled([0.0], [0.0]),
+    ):
+        with pytest.raises(EmaphmError) as caught:
+            refuse()
+        assert "\n" not in str(caught.value)
