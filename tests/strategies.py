@@ -45,6 +45,7 @@ def actuators(draw: st.DrawFn) -> Actuator:
         "speed_gain": draw(POSITIVE),
         "integral_gain": draw(NOT_NEGATIVE),
         "derivative_gain": draw(NOT_NEGATIVE),
+        "speed_lag": draw(NOT_NEGATIVE),
         "speed_limit": draw(st.none() | POSITIVE),
         "current_limit": draw(POSITIVE),
         "torque_constant": draw(POSITIVE),

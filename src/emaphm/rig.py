@@ -89,4 +89,6 @@ def simulate(
         return exact
     currents = [name for name in (*PHASES, "current_A") if name in exact]
     ranges = full_scales(actuator) if adc_bits is not None else None
-    return acquire(exact, noise=dict.fromkeys(currents, noise), adc_bits=adc_bits, full_scale=ranges, seed=seed)
+    return acquire(
+        exact, noise=dict.fromkeys(currents, noise), adc_bits=adc_bits, full_scale=ranges, seed=seed
+    )

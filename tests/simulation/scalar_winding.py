@@ -46,12 +46,15 @@ def simulate(
     static, dynamic = m.static_friction * (1 + 2 * k1), m.dynamic_friction * (1 + 2 * k1)
     gap = m.backlash * (1 + 9 * k2)
 
-    i = theta = w = output = integral = 0.0
+    i = theta = w = seen = output = integral = 0.0
     previous: float | None = None
+    # Not in PHYSICS.md: the drive may see the speed through a first-order lag.
+    fading = math.exp(-dt / c.speed_lag) if c.speed_lag else 0.0
     trace = []
     for n in range(steps):
         wanted = (0.5 + k8) * c.position_gain * (command(n * dt) - m.gear_ratio * output)
-        error = min(max(wanted, -c.speed_limit), c.speed_limit) - w
+        seen = w + (seen - w) * fading
+        error = min(max(wanted, -c.speed_limit), c.speed_limit) - seen
         slope = 0.0 if previous is None else (error - previous) / dt
         asked = c.speed_gain * error + c.integral_gain * integral + c.derivative_gain * slope
         reference = min(max(asked / c.torque_constant, -c.current_limit), c.current_limit)

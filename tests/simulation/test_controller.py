@@ -7,7 +7,7 @@ import pytest
 
 from emaphm.actuator import Chirp, Faults, Ramp, Step
 from emaphm.simulation import AVERAGED, MODELS, REFERENCE, Model
-from simulation.rig import LOCKED, altered, record
+from simulation.rig import FREE, LOCKED, altered, record
 
 EACH_MODEL = pytest.mark.parametrize("model", MODELS.values(), ids=list(MODELS))
 WIDE = {"current_limit": 1e9, "speed_limit": None}
@@ -67,6 +67,25 @@ def test_torque_is_limited(model: Model) -> None:
     got = record(model, Step(1e-2), actuator, duration=0.02, interval=model.step)
     assert got["torque_Nm"].max() == 0.5
     assert 0.0752 * got["current_A"].max() > 0.6
+
+
+@EACH_MODEL
+@pytest.mark.parametrize("lag", [0.0, 2e-3])
+def test_the_drive_sees_the_speed_through_a_first_order_lag(model: Model, lag: float) -> None:
+    # A shaft without friction that its load accelerates evenly; the motor has no torque to speak of.
+    actuator = altered(
+        mechanics=FREE,
+        controller=WIDE | {"position_gain": 1e-12, "speed_lag": lag},
+        motor={"torque_constant": 1e-9},
+    )
+    acceleration = 0.05 / 2.5e-5
+    got = record(model, Step(0.0), actuator, load=-0.05, duration=0.02, sampling="instant")
+    t = got["time_s"]
+    late = lag * -np.expm1(-t / lag) if lag else 0.0
+    # The filter takes a ramp as steps: half a step of it, 50 us at most, is gained or lost.
+    expected = -5e-2 * acceleration * (t - late) / 0.0752
+    bound = 5e-2 * acceleration * model.step / 0.0752
+    np.testing.assert_allclose(got["reference_current_A"], expected, rtol=1e-6, atol=bound)
 
 
 NOISE_A = 0.3

@@ -35,7 +35,11 @@ class Controller(Section):
     current_limit: float = quantity("limit of the current demand, I_max", "A", THESIS, gt=0)
     torque_constant: float = quantity("torque per ampere that the drive assumes, k_t", "N·m/A", THESIS, gt=0)
     speed_lag: float = quantity(
-        "time constant of the speed feedback: differencing, filtering, sampling", "s", CHOSEN, default=0.0, ge=0
+        "time constant of the speed feedback: differencing, filtering, sampling",
+        "s",
+        CHOSEN,
+        default=0.0,
+        ge=0,
     )
 
 
@@ -47,6 +51,13 @@ class Motor(Section):
     )
     torque_limit: float | None = quantity(
         "largest torque, T_max; no limit where left out", "N·m", THESIS, default=None, gt=0
+    )
+    torque_lag: float = quantity(
+        "time constant from recorded current to torque: a digital drive's hold, its amplifier",
+        "s",
+        CHOSEN,
+        default=0.0,
+        ge=0,
     )
 
 

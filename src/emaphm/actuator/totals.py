@@ -16,6 +16,7 @@ TOTALS = {
     "speed_gain": "N·m·s/rad",
     "speed_lag": "s",
     "torque_constant": "N·m/A",
+    "torque_lag": "s",
     "resistance": "ohm",
     "inductance": "H",
 }
@@ -31,6 +32,7 @@ PARTS = {
     "speed_gain": ("controller", "speed_gain"),
     "speed_lag": ("controller", "speed_lag"),
     "torque_constant": ("motor", "torque_constant"),
+    "torque_lag": ("motor", "torque_lag"),
     "resistance": ("electrical", "resistance"),
     "inductance": ("electrical", "inductance"),
 }

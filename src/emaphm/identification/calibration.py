@@ -190,7 +190,10 @@ class _Scales:
                     "give an estimate there to start from"
                 )
         # An offset has a sign; it is measured in units of what friction alone takes.
-        size = actuator.mechanics.dynamic_friction or actuator.controller.current_limit * actuator.motor.torque_constant
+        size = (
+            actuator.mechanics.dynamic_friction
+            or actuator.controller.current_limit * actuator.motor.torque_constant
+        )
         linear = np.array([size if name == "offset" else 0.0 for name in names])
         return cls(names, np.array(list(present.values())), linear)
 

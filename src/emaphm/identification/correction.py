@@ -47,7 +47,9 @@ def correct(problem: Problem, space: FaultSpace, point: Array, turns: int = MOST
     """
     reference = Problem.of(problem.recording, problem.actuator, REFERENCE)
     recorded = problem.recorded
-    current = Corrected(point, np.zeros_like(recorded), discrepancy(problem, reference, space.faults(point)), 0)
+    current = Corrected(
+        point, np.zeros_like(recorded), discrepancy(problem, reference, space.faults(point)), 0
+    )
     best, least = current, _misfit(problem, space, current)
     evaluations = 1
     for _ in range(turns):

@@ -111,7 +111,9 @@ def _check_names(method: str, fitness: str) -> None:
         raise MethodError(f"method 'hybrid' minimises least_squares; choose a swarm for fitness '{fitness}'")
 
 
-def _hybrid(problem: Problem, space: FaultSpace, turns: int, seed: int, on_progress: Progress | None) -> _Found:
+def _hybrid(
+    problem: Problem, space: FaultSpace, turns: int, seed: int, on_progress: Progress | None
+) -> _Found:
     refined = hybrid(problem, space, seed, on_progress)
     point, cost = refined.points[refined.best], float(refined.costs[refined.best])
     if problem.actuator.electrical is None:

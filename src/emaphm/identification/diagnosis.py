@@ -133,7 +133,9 @@ class Diagnosis:
 
     def __str__(self) -> str:
         """Return the table that `emaphm diagnose` prints."""
-        return format_table(("fault", "found", "95 % interval", "meaning"), self.rows()) + "\n" + self.summary()
+        return (
+            format_table(("fault", "found", "95 % interval", "meaning"), self.rows()) + "\n" + self.summary()
+        )
 
     def summary(self) -> str:
         """Return one line: how well the model explains the recording, and what it took."""
@@ -164,5 +166,8 @@ def physical_text(faults: Faults, actuator: Actuator) -> dict[str, str]:
 def format_table(header: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
     """Return rows of text as an aligned table."""
     widths = [max(len(row[i]) for row in [header, *rows]) for i in range(len(header))]
-    lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in [header, *rows]]
+    lines = [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in [header, *rows]
+    ]
     return "\n".join([lines[0], "-" * max(map(len, lines)), *lines[1:]])

@@ -119,4 +119,6 @@ def _signal(recording: Recording, name: str) -> Sampled:
     # Means stand for their interval's midpoint; half an interval is left over at either end.
     half = recording.interval_s / 2
     first, last = (3 * values[0] - values[1]) / 2, (3 * values[-1] - values[-2]) / 2
-    return Sampled(np.concatenate([[0.0], t + half, [t[-1] + 2 * half]]), np.concatenate([[first], values, [last]]))
+    return Sampled(
+        np.concatenate([[0.0], t + half, [t[-1] + 2 * half]]), np.concatenate([[first], values, [last]])
+    )

@@ -82,7 +82,9 @@ def refine(
         active = [descent for descent in descents if not descent.done]
         if not active:
             break
-        jacobians, spent = jacobian(simulate, recorded, _points(active), [d.residual for d in active], box, step)
+        jacobians, spent = jacobian(
+            simulate, recorded, _points(active), [d.residual for d in active], box, step
+        )
         trials = np.concatenate([_trials(d, j, box) for d, j in zip(active, jacobians, strict=True)])
         outcomes = recorded - simulate(trials)
         evaluations += spent + len(trials)
@@ -92,9 +94,7 @@ def refine(
             _accept(descent, trials[mine], outcomes[mine], tolerance)
         if on_iteration is not None:
             on_iteration(iteration + 1)
-    return Refined(
-        _points(descents), np.array([descent.cost for descent in descents]), evaluations
-    )
+    return Refined(_points(descents), np.array([descent.cost for descent in descents]), evaluations)
 
 
 def _points(descents: list[_Descent]) -> Array:

@@ -31,7 +31,9 @@ def estimates(space: FaultSpace, point: Array, covariance: Array) -> dict[str, E
     for i, name in enumerate(NAMES):
         if name in space.fixed:
             reason = space.fixed[name]
-            result[name] = Estimate(HEALTHY.vector[i], PRIOR_DEVIATION, (0.0, 1.0), identifiable=False, reason=reason)
+            result[name] = Estimate(
+                HEALTHY.vector[i], PRIOR_DEVIATION, (0.0, 1.0), identifiable=False, reason=reason
+            )
         elif i in (5, 6):
             continue
         else:

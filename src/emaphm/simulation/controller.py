@@ -3,7 +3,6 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from emaphm.simulation.inline import law
 
@@ -12,17 +11,6 @@ from emaphm.simulation.inline import law
 def clip(value: Any, low: Any, high: Any) -> Any:
     """Return `value` limited to [low, high]."""
     return np.minimum(np.maximum(value, low), high)
-
-
-def feedback_share(lag: NDArray[np.float64], step: float) -> NDArray[np.float64]:
-    """Return the share of the present speed in the measured one after `step` [s], for a first-order `lag` [s]."""
-    return np.asarray(-np.expm1(-step / np.maximum(lag, 1e-6 * step)))
-
-
-@law
-def measured_speed(measured: Any, speed: Any, share: Any) -> Any:
-    """Return the speed [rad/s] that the drive sees: the one before, moved to the present one by `share`."""
-    return (1.0 - share) * measured + share * speed
 
 
 @law

@@ -25,8 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.simulation.commutation import wrap
-from emaphm.simulation.controller import feedback_share, speed_error
+from emaphm.simulation.controller import speed_error
 from emaphm.simulation.inputs import Inputs
+from emaphm.simulation.lag import share_of_step
 from emaphm.simulation.plant import Plant
 
 Array = NDArray[np.float64]
@@ -103,6 +104,7 @@ CONTROL_AND_MOTION = (
     "derivative",
     "current_limit",
     "feedback_share",
+    "torque_share",
     "gear_ratio",
     "torque_limit",
     "offset",
@@ -125,6 +127,7 @@ CONTROL_AND_MOTION = (
     DERIVATIVE,
     CURRENT_LIMIT,
     FEEDBACK_SHARE,
+    TORQUE_SHARE,
     GEAR_RATIO,
     TORQUE_LIMIT,
     OFFSET,
@@ -148,7 +151,8 @@ def control_and_motion(plant: Plant, step: float) -> Array:
         "integrating": plant.integral_gain / plant.drive_constant,
         "derivative": plant.derivative_gain / plant.drive_constant / step,
         "current_limit": plant.current_limit,
-        "feedback_share": feedback_share(plant.speed_lag, step),
+        "feedback_share": share_of_step(plant.speed_lag, step),
+        "torque_share": share_of_step(plant.torque_lag, step),
         "gear_ratio": plant.gear_ratio,
         "torque_limit": plant.torque_limit,
         "offset": plant.offset,
@@ -164,7 +168,19 @@ def control_and_motion(plant: Plant, step: float) -> Array:
     return np.stack([rows[name] for name in CONTROL_AND_MOTION])
 
 
-SPEED, FEEDBACK, ANGLE, OUTPUT, ELECTRICAL, COS, SIN, INTEGRAL, ERROR, CURRENT = range(10)
+(
+    SPEED,
+    FEEDBACK,
+    TORQUE,
+    ANGLE,
+    OUTPUT,
+    ELECTRICAL,
+    COS,
+    SIN,
+    INTEGRAL,
+    ERROR,
+    CURRENT,
+) = range(11)
 """The first state rows of every model; the currents follow from CURRENT on."""
 
 

@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 NO_LIMIT = 1e30
 """Stands for an absent limit; the kernels are compiled on the understanding that nothing is infinite."""
 
+
 @dataclass(frozen=True)
 class Plant:
     """Quantities of `n` actuators, each of shape (n,), SI units; turns and z have a row a phase or axis.
@@ -45,6 +46,7 @@ class Plant:
     speed_lag: Array
     torque_constant: Array
     torque_limit: Array
+    torque_lag: Array
     supply: Array
     resistance: Array
     inductance: Array
@@ -108,6 +110,7 @@ class Plant:
             "speed_lag": c.speed_lag,
             "torque_constant": motor.torque_constant,
             "torque_limit": motor.torque_limit or NO_LIMIT,
+            "torque_lag": motor.torque_lag,
             # An ideal current loop is one whose supply can force any current within a step.
             "supply": e.supply if e else 1e12,
             "resistance": e.resistance if e else 1.0,

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.simulation.commutation import PHASE_SHIFT, demand_sign, trapezoid, wrap_once
-from emaphm.simulation.controller import clip, current_demand, measured_speed, speed_error
+from emaphm.simulation.controller import clip, current_demand, speed_error
 from emaphm.simulation.eccentricity import gap_factors
 from emaphm.simulation.inputs import Inputs
 from emaphm.simulation.inverter import switch
@@ -38,7 +38,9 @@ from emaphm.simulation.kernels import (
     SPEED_LIMIT,
     STATIC,
     STEP_PER_INERTIA,
+    TORQUE,
     TORQUE_LIMIT,
+    TORQUE_SHARE,
     VISCOUS,
     Initial,
     Layout,
@@ -46,6 +48,7 @@ from emaphm.simulation.kernels import (
     control_and_motion,
     moving_state,
 )
+from emaphm.simulation.lag import approach
 from emaphm.simulation.motion import move, turn
 from emaphm.simulation.plant import Plant
 from emaphm.simulation.windings import star_slopes
@@ -134,9 +137,7 @@ def build(layout: Layout) -> Any:
                     integral = x[INTEGRAL * lanes + lane]
                     tau = p[GEAR_RATIO * lanes + lane]
 
-                    measured = measured_speed(
-                        x[FEEDBACK * lanes + lane], speed, p[FEEDBACK_SHARE * lanes + lane]
-                    )
+                    measured = approach(x[FEEDBACK * lanes + lane], speed, p[FEEDBACK_SHARE * lanes + lane])
                     error = speed_error(
                         commanded,
                         tau * x[OUTPUT * lanes + lane],
@@ -189,7 +190,10 @@ def build(layout: Layout) -> Any:
                     current_b += rise_b
                     current_c += rise_c
                     limit = p[TORQUE_LIMIT * lanes + lane]
-                    torque = clip(flux_a * current_a + flux_b * current_b + flux_c * current_c, -limit, limit)
+                    produced = clip(
+                        flux_a * current_a + flux_b * current_b + flux_c * current_c, -limit, limit
+                    )
+                    torque = approach(x[TORQUE * lanes + lane], produced, p[TORQUE_SHARE * lanes + lane])
 
                     speed, reached, output = move(
                         speed,
@@ -214,6 +218,7 @@ def build(layout: Layout) -> Any:
                     x[LEG_C * lanes + lane] = leg_c
                     x[SPEED * lanes + lane] = speed
                     x[FEEDBACK * lanes + lane] = measured
+                    x[TORQUE * lanes + lane] = torque
                     x[ANGLE * lanes + lane] = reached
                     x[OUTPUT * lanes + lane] = output
                     x[ELECTRICAL * lanes + lane] = wrap_once(

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.simulation.commutation import idle_phase, wrap_once
-from emaphm.simulation.controller import clip, current_demand, measured_speed, speed_error
+from emaphm.simulation.controller import clip, current_demand, speed_error
 from emaphm.simulation.eccentricity import gap_factors, printed_factor
 from emaphm.simulation.inline import select
 from emaphm.simulation.inputs import Inputs
@@ -42,13 +42,16 @@ from emaphm.simulation.kernels import (
     SPEED_LIMIT,
     STATIC,
     STEP_PER_INERTIA,
+    TORQUE,
     TORQUE_LIMIT,
+    TORQUE_SHARE,
     VISCOUS,
     Initial,
     Layout,
     control_and_motion,
     moving_state,
 )
+from emaphm.simulation.lag import approach
 from emaphm.simulation.motion import move, turn
 from emaphm.simulation.plant import Plant
 from emaphm.simulation.windings import winding_current
@@ -138,9 +141,7 @@ def build(layout: Layout, *, averaged: bool, printed_eccentricity: bool) -> Any:
                     tau = p[GEAR_RATIO * lanes + lane]
                     pole_pairs = p[POLE_PAIRS * lanes + lane]
 
-                    measured = measured_speed(
-                        x[FEEDBACK * lanes + lane], speed, p[FEEDBACK_SHARE * lanes + lane]
-                    )
+                    measured = approach(x[FEEDBACK * lanes + lane], speed, p[FEEDBACK_SHARE * lanes + lane])
                     error = speed_error(
                         commanded,
                         tau * x[OUTPUT * lanes + lane],
@@ -192,7 +193,8 @@ def build(layout: Layout, *, averaged: bool, printed_eccentricity: bool) -> Any:
                         side = select(reference > before, 1.0, select(reference < before, -1.0, 0.0))
                         current = winding_current(before, side * supply - back_emf, conductance, decay)
                     limit = p[TORQUE_LIMIT * lanes + lane]
-                    torque = clip(flux * current, -limit, limit)
+                    produced = clip(flux * current, -limit, limit)
+                    torque = approach(x[TORQUE * lanes + lane], produced, p[TORQUE_SHARE * lanes + lane])
 
                     speed, reached, output = move(
                         speed,
@@ -212,6 +214,7 @@ def build(layout: Layout, *, averaged: bool, printed_eccentricity: bool) -> Any:
                     x[CURRENT * lanes + lane] = current
                     x[SPEED * lanes + lane] = speed
                     x[FEEDBACK * lanes + lane] = measured
+                    x[TORQUE * lanes + lane] = torque
                     x[ANGLE * lanes + lane] = reached
                     x[OUTPUT * lanes + lane] = output
                     x[ELECTRICAL * lanes + lane] = wrap_once(electrical + pole_pairs * turned)
