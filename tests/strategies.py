@@ -68,7 +68,11 @@ def actuators(draw: st.DrawFn) -> Actuator:
             "name": draw(st.text(min_size=1)),
             "coordinates": draw(st.sampled_from(["rotary", "linear"])),
             "controller": controller,
-            "motor": {"torque_constant": draw(POSITIVE), "torque_limit": draw(st.none() | POSITIVE)},
+            "motor": {
+                "torque_constant": draw(POSITIVE),
+                "torque_limit": draw(st.none() | POSITIVE),
+                "torque_lag": draw(NOT_NEGATIVE),
+            },
             "mechanics": mechanics,
             "electrical": draw(st.none() | st.just(electrical)),
             "faults": fault_scales,

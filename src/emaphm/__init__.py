@@ -28,7 +28,8 @@ if TYPE_CHECKING:
     from emaphm.report import write_report
     from emaphm.rig import simulate
     from emaphm.simulation import simulate_batch
-    from emaphm.version import VERSION as __version__
+
+    __version__: str
 
 _HOMES = {
     "emaphm.actuator": "Actuator Chirp DecayingChirp Faults Ramp Sampled Sine Step",

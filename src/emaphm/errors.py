@@ -17,7 +17,7 @@ class FaultError(EmaphmError):
 
 
 class SignalError(EmaphmError):
-    """A command or load is malformed."""
+    """A command, load, duration, rate or seed is malformed."""
 
 
 class RecordingError(EmaphmError):

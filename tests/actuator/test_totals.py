@@ -2,18 +2,18 @@
 
 import pytest
 from hypothesis import given
-from strategies import actuators
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.totals import TOTALS, totals, with_totals
 from emaphm.errors import ActuatorError, MethodError
+from strategies import actuators
 
 THESIS = Actuator.thesis()
 MECHANICAL = tuple(name for name in TOTALS if name not in {"resistance", "inductance"})
 
 
 def test_totals_of_the_thesis() -> None:
-    # Sums of the table in PHYSICS.md section 1.
+    # Sums of the table in PHYSICS.md section 1, which knows no lags.
     assert totals(THESIS, tuple(TOTALS)) == pytest.approx(
         {
             "inertia": 2.5e-5,
@@ -24,6 +24,7 @@ def test_totals_of_the_thesis() -> None:
             "position_gain": 1e5,
             "speed_gain": 5e-2,
             "speed_lag": 0.0,
+            "torque_lag": 0.0,
             "torque_constant": 0.0752,
             "resistance": 2.13,
             "inductance": 7.2e-4,
@@ -72,7 +73,7 @@ def test_a_total_of_nothing_goes_to_the_motor() -> None:
 def test_what_cannot_be_set_is_refused() -> None:
     with pytest.raises(MethodError, match=r"unknown parameter 'intertia' \(did you mean 'inertia'\?\)"):
         with_totals(THESIS, {"intertia": 1.0})
-    with pytest.raises(ActuatorError, match="thesis: 'mechanics.inertia_motor'.*greater than"):
+    with pytest.raises(ActuatorError, match=r"thesis: 'mechanics\.inertia_motor'.*greater than"):
         with_totals(THESIS, {"inertia": -1e-5})
     with pytest.raises(ActuatorError, match="dynamic friction"):
         with_totals(THESIS, {"coulomb": 0.3, "static": 0.2})

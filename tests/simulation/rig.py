@@ -18,7 +18,7 @@ SHORTED = np.array([1.0, 1.0, 0.7, 0.7, 0.7, 1.0, 1.0, 1.0])
 """Upper ends of the faults that the averaged model is meant for (PHYSICS.md section 5)."""
 
 
-def altered(actuator: Actuator = THESIS, **sections: dict[str, Any] | None) -> Actuator:
+def altered(actuator: Actuator = THESIS, /, **sections: dict[str, Any] | None) -> Actuator:
     """Return `actuator` with the given keys of its sections set; a section given as None is dropped."""
     values = actuator.model_dump()
     for name, keys in sections.items():

@@ -24,7 +24,7 @@ def demand(degrees: float) -> int:
     return -1 if 210.0 <= turned <= 330.0 else 0
 
 
-def simulate(
+def simulate(  # noqa: PLR0915 - one step, in the order of PHYSICS.md
     actuator: Actuator,
     faults: Faults,
     command: Callable[[float], float],
@@ -34,7 +34,7 @@ def simulate(
     rotor_offset: float = 0.0,
     dt: float = 1e-6,
 ) -> dict[str, Array]:
-    """Return the channels of the reference model after each step; legs start low, as PHYSICS.md leaves open."""
+    """Return all channels after each step. PHYSICS.md leaves open how the legs start: low."""
     e, c, m = actuator.electrical, actuator.controller, actuator.mechanics
     assert e is not None
     assert c.speed_limit is not None
@@ -51,15 +51,15 @@ def simulate(
     low, high = (stop / m.gear_ratio for stop in m.end_stops)
 
     i, legs = [0.0, 0.0, 0.0], [-1, -1, -1]
-    theta = w = seen = output = integral = 0.0
+    theta = w = seen = felt = output = integral = 0.0
     previous: float | None = None
-    # Not in PHYSICS.md: the drive may see the speed through a first-order lag.
-    fading = math.exp(-dt / c.speed_lag) if c.speed_lag else 0.0
+    # Beyond PHYSICS.md: the drive may see the speed, and the shaft feel the torque, with a lag.
+    unseen, unfelt = (math.exp(-dt / lag) if lag else 0.0 for lag in (c.speed_lag, actuator.motor.torque_lag))
     trace = []
     for n in range(steps):
         # 1. Controller.
         wanted = gain * (command(n * dt) - m.gear_ratio * output)
-        seen = w + (seen - w) * fading
+        seen = w + (seen - w) * unseen
         error = min(max(wanted, -c.speed_limit), c.speed_limit) - seen
         slope = 0.0 if previous is None else (error - previous) / dt
         asked = c.speed_gain * error + c.integral_gain * integral + c.derivative_gain * slope
@@ -92,6 +92,7 @@ def simulate(
         # 5. Torque.
         torque = sum(K[p] * s[p] * i[p] for p in range(3))
         torque = min(max(torque, -actuator.motor.torque_limit), actuator.motor.torque_limit)
+        felt = torque = torque + (felt - torque) * unfelt
         # 6. Mechanics.
         active = torque - load - m.offset - m.viscous * w
         if w == 0.0:

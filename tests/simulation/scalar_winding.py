@@ -22,7 +22,7 @@ def conducting(degrees: float) -> tuple[int, int]:
     return CONDUCTING[int((degrees + 30.0) // 60.0) % 3]
 
 
-def simulate(
+def simulate(  # noqa: PLR0915 - one step, in the order of PHYSICS.md
     actuator: Actuator,
     faults: Faults,
     command: Callable[[float], float],
@@ -36,7 +36,12 @@ def simulate(
     rotor_offset: float = 0.0,
 ) -> dict[str, Array]:
     """Return current [A], voltage [V], user position, speed, angle, torque and reference after each step."""
-    e, c, m, k_e = actuator.electrical, actuator.controller, actuator.mechanics, actuator.motor.torque_constant
+    e, c, m, k_e = (
+        actuator.electrical,
+        actuator.controller,
+        actuator.mechanics,
+        actuator.motor.torque_constant,
+    )
     assert e is not None
     assert c.speed_limit is not None
     assert actuator.motor.torque_limit is not None
@@ -46,14 +51,14 @@ def simulate(
     static, dynamic = m.static_friction * (1 + 2 * k1), m.dynamic_friction * (1 + 2 * k1)
     gap = m.backlash * (1 + 9 * k2)
 
-    i = theta = w = seen = output = integral = 0.0
+    i = theta = w = seen = felt = output = integral = 0.0
     previous: float | None = None
-    # Not in PHYSICS.md: the drive may see the speed through a first-order lag.
-    fading = math.exp(-dt / c.speed_lag) if c.speed_lag else 0.0
+    # Beyond PHYSICS.md: the drive may see the speed, and the shaft feel the torque, with a lag.
+    unseen, unfelt = (math.exp(-dt / lag) if lag else 0.0 for lag in (c.speed_lag, actuator.motor.torque_lag))
     trace = []
     for n in range(steps):
         wanted = (0.5 + k8) * c.position_gain * (command(n * dt) - m.gear_ratio * output)
-        seen = w + (seen - w) * fading
+        seen = w + (seen - w) * unseen
         error = min(max(wanted, -c.speed_limit), c.speed_limit) - seen
         slope = 0.0 if previous is None else (error - previous) / dt
         asked = c.speed_gain * error + c.integral_gain * integral + c.derivative_gain * slope
@@ -80,7 +85,9 @@ def simulate(
 
         decay = math.exp(-dt * R / L)
 
-        def after(voltage: float, *, i: float = i, emf: float = k * w, R: float = R, decay: float = decay) -> float:
+        def after(
+            voltage: float, *, i: float = i, emf: float = k * w, R: float = R, decay: float = decay
+        ) -> float:
             return (voltage - emf) / R * (1 - decay) + i * decay
 
         if averaged:
@@ -90,6 +97,7 @@ def simulate(
         voltage = k * w + R * (new - i * decay) / (1 - decay)
         i = new
         torque = min(max(k * i, -actuator.motor.torque_limit), actuator.motor.torque_limit)
+        felt = torque = torque + (felt - torque) * unfelt
         active = torque - load - m.offset - m.viscous * w
         if w == 0.0:
             sticks = abs(active) <= static

@@ -1,15 +1,17 @@
 """The models against each other, and against what PHYSICS.md states about their distance."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from strategies import fault_vectors
 
 from emaphm.actuator import Chirp, Faults, Sine
 from emaphm.simulation import AVERAGED, REFERENCE, Initial, Inputs, Model, Plant, monitor, run, simulate_batch
 from simulation.rig import INTERVAL, SHORTED, THESIS, record, rms
+from strategies import fault_vectors
 
 Array = NDArray[np.float64]
 
@@ -116,7 +118,7 @@ def test_relabelling_the_phases_changes_only_their_names(model: Model, k: Array)
     relabelled[6] = (k[6] + 0.5) % 1
     turned = Initial(rotor_offset=0.4 + np.pi / 3)
     command = Sine(8e-3, 15.0)
-    options = {"duration": 0.02, "interval": model.step}
+    options: dict[str, Any] = {"duration": 0.02, "interval": model.step}
     got = record(model, command, faults=Faults.from_vector(k), start=Initial(rotor_offset=0.4), **options)
     other = record(model, command, faults=Faults.from_vector(relabelled), start=turned, **options)
     names = {name: name for name in got}

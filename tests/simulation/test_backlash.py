@@ -1,5 +1,7 @@
 """Backlash: the play operator's properties, its hysteresis loop, and lost motion in a run."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -39,7 +41,9 @@ def test_output_moves_only_when_dragged_at_the_gaps_edge(angles: list[float], ha
             assert after == before
         elif after != before:
             # It trails: behind by half the gap, and in the direction of the motion.
-            assert after - before == pytest.approx((angle - before) - np.sign(angle - before) * half, abs=ROUNDING)
+            assert after - before == pytest.approx(
+                (angle - before) - np.sign(angle - before) * half, abs=ROUNDING
+            )
 
 
 @given(angles=ANGLES, half=HALF, lift=st.floats(0, 5))
@@ -51,7 +55,7 @@ def test_a_higher_input_never_gives_a_lower_output(angles: list[float], half: fl
 @given(angles=ANGLES, half=HALF)
 def test_it_depends_on_the_path_and_not_on_how_fine_it_is_cut(angles: list[float], half: float) -> None:
     path = [0.0, *angles]
-    fine = [p + (q - p) * part for p, q in zip(path, path[1:], strict=False) for part in (0.25, 0.5, 0.75, 1)]
+    fine = [p + (q - p) * part for p, q in pairwise(path) for part in (0.25, 0.5, 0.75, 1)]
     assert followed(fine, half)[3::4] == pytest.approx(followed(angles, half), abs=ROUNDING)
 
 

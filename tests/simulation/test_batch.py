@@ -7,7 +7,17 @@ import pytest
 from numpy.typing import NDArray
 
 from emaphm.actuator import Chirp, Sine
-from emaphm.simulation import AVERAGED, MODELS, REFERENCE, Inputs, Model, Plant, run, run_batch, simulate_batch
+from emaphm.simulation import (
+    AVERAGED,
+    MODELS,
+    REFERENCE,
+    Inputs,
+    Model,
+    Plant,
+    run,
+    run_batch,
+    simulate_batch,
+)
 from emaphm.simulation.kernels import LANES
 from simulation.rig import INTERVAL, SHORTED, THESIS, rms
 

@@ -44,7 +44,9 @@ def test_the_derivative_gain_answers_to_the_slope_of_the_error(model: Model) -> 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_speed_demand_and_current_demand_are_limited(model: Model, sign: int) -> None:
     held = {"mechanics": LOCKED, "motor": {"torque_constant": 1e-6}}
-    unlimited = record(model, Step(sign * 0.1), altered(**held, controller={"current_limit": 1e9}), duration=1e-3)
+    unlimited = record(
+        model, Step(sign * 0.1), altered(**held, controller={"current_limit": 1e9}), duration=1e-3
+    )
     demand = 5e-2 * 8000 / 60 * math.tau / 0.0752
     assert unlimited["reference_current_A"][0] == pytest.approx(sign * demand, rel=1e-12)
     limited = record(model, Step(sign * 0.1), altered(**held), duration=1e-3)
@@ -88,12 +90,27 @@ def test_the_drive_sees_the_speed_through_a_first_order_lag(model: Model, lag: f
     np.testing.assert_allclose(got["reference_current_A"], expected, rtol=1e-6, atol=bound)
 
 
+@pytest.mark.parametrize("lag", [0.0, 2e-3])
+def test_torque_follows_an_ideal_current_through_a_first_order_lag(lag: float) -> None:
+    actuator = altered(mechanics=LOCKED, motor={"torque_lag": lag, "torque_limit": None}, electrical=None)
+    got = record(AVERAGED, Step(1.0), actuator, duration=0.01, interval=5e-5)
+    assert set(got["current_A"]) == {22.5}
+    risen = -np.expm1(-(got["time_s"] + 5e-5) / lag) if lag else 1.0
+    np.testing.assert_allclose(got["torque_Nm"], 0.0752 * 22.5 * risen, rtol=1e-12)  # sums of 200 steps
+
+
 NOISE_A = 0.3
 
 
 def noisy(seed: int, model: Model = REFERENCE) -> dict[str, np.ndarray[tuple[int], np.dtype[np.float64]]]:
     return record(
-        model, Step(0.0), altered(mechanics=LOCKED), duration=0.02, interval=model.step, noise=NOISE_A, seed=seed
+        model,
+        Step(0.0),
+        altered(mechanics=LOCKED),
+        duration=0.02,
+        interval=model.step,
+        noise=NOISE_A,
+        seed=seed,
     )
 
 

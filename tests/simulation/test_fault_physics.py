@@ -115,7 +115,9 @@ def test_eccentricity_modulates_current_once_a_turn_at_its_phase(model: Model, k
 @EACH_MODEL
 def test_the_ends_of_the_phase_are_one_fault(model: Model) -> None:
     low, high = (
-        record(model, Chirp(), faults=Faults(eccentricity=0.8, eccentricity_phase=k7), duration=0.1)["current_A"]
+        record(model, Chirp(), faults=Faults(eccentricity=0.8, eccentricity_phase=k7), duration=0.1)[
+            "current_A"
+        ]
         for k7 in (0.0, 1.0)
     )
     # The sine of pi is 1e-16 in binary; switching may make of it what a halved step makes.
@@ -202,7 +204,14 @@ def test_totals_stand_for_the_actuators_own(name: str) -> None:
             }
         },
     }
-    totals = {"inertia": 3e-5, "viscous": 1e-4, "static": 0.3, "offset": 0.04, "position_gain": 7e4, "coulomb": 0.1}
+    totals = {
+        "inertia": 3e-5,
+        "viscous": 1e-4,
+        "static": 0.3,
+        "offset": 0.04,
+        "position_gain": 7e4,
+        "coulomb": 0.1,
+    }
     k = Faults(friction=0.3, gain=0.8).vector
     inputs = Inputs.of(Chirp(), samples=1500, interval=INTERVAL, step=AVERAGED.step)
     by_total = run(AVERAGED, Plant.of(THESIS, k, {name: totals[name]}), inputs)["current_A"]
@@ -221,7 +230,9 @@ def test_totals_stand_for_the_actuators_own(name: str) -> None:
         ("inductance", "electrical", "inductance", 2e-3),
     ],
 )
-def test_electrical_totals_stand_for_the_actuators_own(name: str, section: str, key: str, value: float) -> None:
+def test_electrical_totals_stand_for_the_actuators_own(
+    name: str, section: str, key: str, value: float
+) -> None:
     inputs = Inputs.of(Sine(2e-2, 15.0), samples=500, interval=INTERVAL, step=AVERAGED.step)
     k = Faults(short_b=0.2).vector
     by_total = run(AVERAGED, Plant.of(THESIS, k, {name: value}), inputs)["current_A"]
@@ -231,6 +242,8 @@ def test_electrical_totals_stand_for_the_actuators_own(name: str, section: str, 
 
 
 def test_a_held_shaft_stays_held_whatever_the_faults() -> None:
-    got = record(REFERENCE, Chirp(), altered(mechanics=LOCKED), faults=Faults(0.2, 0.3, 0.5, 0.1, 0, 1, 0.2, 1))
+    got = record(
+        REFERENCE, Chirp(), altered(mechanics=LOCKED), faults=Faults(0.2, 0.3, 0.5, 0.1, 0, 1, 0.2, 1)
+    )
     assert not got["speed_rad_s"].any()
     assert not got["position_rad"].any()

@@ -114,9 +114,7 @@ def test_motion_is_semi_implicit_and_uniformly_accelerated(sign: int) -> None:
     for _ in range(200):
         w, angle, output = (
             float(value)
-            for value in move(
-                w, angle, output, torque, viscous, STATIC, DYNAMIC, 0.0, -1e9, 1e9, DT, DT / J
-            )
+            for value in move(w, angle, output, torque, viscous, STATIC, DYNAMIC, 0.0, -1e9, 1e9, DT, DT / J)
         )
     acceleration = sign * (0.5 - DYNAMIC) / J
     assert w == pytest.approx(200 * DT * acceleration, rel=1e-12)

@@ -1,5 +1,7 @@
 """Steps and samples: when inputs are read, how rows are formed from steps, and in what time."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -28,22 +30,24 @@ def test_the_step_is_the_largest_that_divides_the_interval(
     assert set(inputs.load) == {3.0}
 
 
-@pytest.mark.parametrize(("interval", "step", "substeps"), [(2e-4, 1e-6, 200), (2e-4, 5e-5, 4), (1e-3, 7e-4, 2)])
+@pytest.mark.parametrize(
+    ("interval", "step", "substeps"), [(2e-4, 1e-6, 200), (2e-4, 5e-5, 4), (1e-3, 7e-4, 2)]
+)
 def test_number_of_steps(interval: float, step: float, substeps: int) -> None:
     # 2e-4 / 1e-6 is 199.99999999999997 in binary, and 2e-4 / 5e-5 exactly 4.
     assert Inputs.of(Ramp(), samples=3, interval=interval, step=step).substeps == substeps
 
 
 def test_a_load_may_be_a_number_or_a_signal() -> None:
-    options = {"samples": 4, "interval": 0.5, "step": 0.25}
-    assert set(Inputs.of(Ramp(), 2, **options).load) == {2.0}  # type: ignore[arg-type]
-    ramp = Inputs.of(Ramp(), Sampled([0, 2], [0, 4]), **options).load  # type: ignore[arg-type]
+    options: dict[str, Any] = {"samples": 4, "interval": 0.5, "step": 0.25}
+    assert set(Inputs.of(Ramp(), 2, **options).load) == {2.0}
+    ramp = Inputs.of(Ramp(), Sampled([0, 2], [0, 4]), **options).load
     np.testing.assert_allclose(ramp, np.arange(8) * 0.5)
 
 
 @EACH_MODEL
 def test_a_row_is_the_mean_of_its_steps_or_the_first_of_them(model: Model) -> None:
-    options = {"faults": None, "duration": 0.02, "start": Initial(rotor_offset=0.3)}
+    options: dict[str, Any] = {"duration": 0.02, "start": Initial(rotor_offset=0.3)}
     steps = record(model, Sine(8e-3, 15.0), interval=model.step, **options)
     means = record(model, Sine(8e-3, 15.0), **options)
     instants = record(model, Sine(8e-3, 15.0), sampling="instant", **options)
@@ -52,7 +56,9 @@ def test_a_row_is_the_mean_of_its_steps_or_the_first_of_them(model: Model) -> No
         by_row = steps[name].reshape(-1, per_row)
         largest = np.abs(by_row).max()
         # Rounding of a sum of 200 values; the sum of a run's steps does not depend on its rows.
-        np.testing.assert_allclose(means[name], by_row.mean(axis=1), rtol=0, atol=1e-11 * largest, err_msg=name)
+        np.testing.assert_allclose(
+            means[name], by_row.mean(axis=1), rtol=0, atol=1e-11 * largest, err_msg=name
+        )
         np.testing.assert_allclose(instants[name], by_row[:, 0], rtol=0, atol=1e-11 * largest, err_msg=name)
 
 
@@ -63,7 +69,9 @@ def test_rows_at_another_rate_describe_the_same_run(model: Model) -> None:
     for name in ("current_A", "position_rad", "voltage_V"):
         pooled = fine[name].reshape(-1, 4).mean(axis=1)
         # Times of steps are rounded otherwise, to 1e-17 s: of no weight before a leg tips over.
-        np.testing.assert_allclose(coarse[name], pooled, rtol=0, atol=1e-9 * np.abs(pooled).max(), err_msg=name)
+        np.testing.assert_allclose(
+            coarse[name], pooled, rtol=0, atol=1e-9 * np.abs(pooled).max(), err_msg=name
+        )
 
 
 def test_the_rotor_offset_moves_the_phases_and_nothing_else() -> None:

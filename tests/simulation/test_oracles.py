@@ -15,7 +15,9 @@ Array = NDArray[np.float64]
 
 DRAWN = np.random.default_rng(2019).random((3, 8)) * SHORTED
 PID = altered(
-    controller={"integral_gain": 1.0, "derivative_gain": 1e-6, "speed_lag": 2e-4}, mechanics={"offset": 0.02}
+    controller={"integral_gain": 1.0, "derivative_gain": 1e-6, "speed_lag": 2e-4},
+    motor={"torque_lag": 1e-4},
+    mechanics={"offset": 0.02},
 )
 NARROW = altered(mechanics={"end_stops": (-2e-3, 1e-3)})
 
@@ -34,7 +36,7 @@ def scalar(command: Command) -> Any:
         (Sine(4e-3, 30.0), Faults().vector, 0.0, 0.0, NARROW),
         (Step(2e-3), np.array([0, 0, 1, 0.2, 0, 0.5, 0.1, 0.5]), 0.0, 0.7, THESIS),  # N at its floor of 0.01
     ],
-    ids=["healthy", "faults", "reversed", "PID and lag", "stops", "shorted out"],
+    ids=["healthy", "faults", "reversed", "PID and lags", "stops", "shorted out"],
 )
 def test_reference_model(
     command: Command, k: Array, load: float, rotor_offset: float, actuator: Actuator
@@ -78,7 +80,7 @@ def test_reference_model(
     ids=["averaged", "monitor", "monitor, printed eccentricity", "monitor, modulated and printed"],
 )
 @pytest.mark.parametrize(
-    ("k", "actuator"), [(DRAWN[0], THESIS), (DRAWN[1], PID)], ids=["faults", "PID and lag"]
+    ("k", "actuator"), [(DRAWN[0], THESIS), (DRAWN[1], PID)], ids=["faults", "PID and lags"]
 )
 def test_models_with_one_winding(model: Model, form: dict[str, Any], k: Array, actuator: Actuator) -> None:
     command, faults, duration = Sine(8e-3, 15.0), Faults.from_vector(k), 0.1

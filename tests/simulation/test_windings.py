@@ -113,7 +113,9 @@ def test_speed_falls_with_torque_along_the_straight_line(model: Model, short: fl
 def energies(step: float, faults: Faults) -> dict[str, float]:
     """Return what the legs supply over a run of the reference model, and where it goes, all in J."""
     actuator = altered(motor={"torque_limit": None})
-    got = record(REFERENCE, Sine(8e-3, 15.0), actuator, faults=faults, duration=0.05, interval=step, step=step)
+    got = record(
+        REFERENCE, Sine(8e-3, 15.0), actuator, faults=faults, duration=0.05, interval=step, step=step
+    )
     turns = np.array([1 - faults.short_a, 1 - faults.short_b, 1 - faults.short_c])[:, None]
     after = np.stack([got[f"current_{phase}_A"] for phase in "abc"])
     legs = np.stack([got[f"voltage_{phase}_V"] for phase in "abc"])
@@ -154,9 +156,7 @@ def test_shaft_conserves_power(faults: Faults) -> None:
     assert e["viscous"] > 1e-3 * e["shaft"]
 
 
-def solved(
-    legs: Array, seconds: float, turns: Array, z: float, phi: float, rotor: float, w: float
-) -> Array:
+def solved(legs: Array, seconds: float, turns: Array, z: float, phi: float, rotor: float, w: float) -> Array:
     """Return the phase currents [A] after `seconds` from rest: the star equations of PHYSICS.md section 3."""
     R, L = R_S / 2 * turns, L_S / 2 * turns**2
     third = 2 * np.pi / 3 * np.arange(3)

@@ -15,13 +15,13 @@ from emaphm.actuator.faults import HEALTHY
 from emaphm.actuator.quantity import unit_for
 from emaphm.actuator.totals import TOTALS, totals, with_totals
 from emaphm.errors import MethodError
-from emaphm.identification.diagnosis import format_table
 from emaphm.identification.optimizers import space_filling
 from emaphm.identification.problem import Problem
 from emaphm.identification.refinement import Refined, jacobian, refine
 from emaphm.identification.replay import Replay, replay
 from emaphm.identification.space import Box
 from emaphm.identification.uncertainty import covariance
+from emaphm.identification.wording import format_table
 from emaphm.recording import Recording, check_plausible
 from emaphm.version import VERSION
 

@@ -36,7 +36,7 @@ class Corrected:
 
 def discrepancy(problem: Problem, reference: Problem, faults: Array) -> Array:
     """Return the reference model's current less the problem's model's [A] at `faults` (8,), (samples,)."""
-    return reference.signals(faults)["current_A"] - problem.currents(faults[np.newaxis])[0]
+    return np.asarray(reference.signals(faults)["current_A"] - problem.currents(faults[np.newaxis])[0])
 
 
 def correct(problem: Problem, space: FaultSpace, point: Array, turns: int = MOST_TURNS) -> Corrected:

@@ -14,7 +14,7 @@ from emaphm.identification.correction import MOST_TURNS, correct, discrepancy
 from emaphm.identification.diagnosis import Diagnosis
 from emaphm.identification.fitness import FITNESSES
 from emaphm.identification.hybrid import hybrid
-from emaphm.identification.optimizers import Dragonfly, Optimizer, minimise
+from emaphm.identification.optimizers import Dragonfly, DragonflyState, Optimizer, minimise
 from emaphm.identification.problem import Problem
 from emaphm.identification.refinement import jacobian
 from emaphm.identification.space import FaultSpace
@@ -29,7 +29,7 @@ Progress = Callable[[float], None]
 
 JACOBIAN_STEP = 2e-3
 
-SWARMS: dict[str, Callable[[int], Optimizer]] = {
+SWARMS: dict[str, Callable[[int], Optimizer[DragonflyState]]] = {
     "dragonfly": lambda d: Dragonfly(np.zeros(d), np.ones(d), variant="corrected"),
     "dragonfly-thesis": lambda d: Dragonfly(np.zeros(d), np.ones(d), variant="thesis"),
 }

@@ -4,13 +4,13 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.actuator import NAMES, Actuator, Faults
-from emaphm.actuator.quantity import unit_for
+from emaphm.identification.wording import format_table, physical_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -20,16 +20,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Estimate:
-    """One fault component: its normalised value, standard error and 95 % interval.
+    """One fault component: its normalised value, standard error, 95 % interval and verdict.
 
-    `identifiable` is false where the data do not constrain it, and `reason` says why. The interval of
-    the eccentricity's phase may run past 0 or 1, where the circle closes.
+    The verdict is "healthy", "degraded" or "unknown". `identifiable` is false where the data do not
+    constrain the component, and `reason` says why. The interval of the eccentricity's phase may run
+    past 0 or 1, where the circle closes.
     """
 
     value: float
     standard_error: float
     interval95: tuple[float, float]
     identifiable: bool
+    verdict: Literal["healthy", "degraded", "unknown"]
     reason: str = ""
 
 
@@ -82,6 +84,7 @@ class Diagnosis:
                 "standard_error": estimate.standard_error,
                 "interval95": list(estimate.interval95),
                 "identifiable": estimate.identifiable,
+                "verdict": estimate.verdict,
             }
             if estimate.reason:
                 faults[name]["reason"] = estimate.reason
@@ -117,57 +120,48 @@ class Diagnosis:
 
         return draw_diagnosis(self)
 
+    @property
+    def relative_residual(self) -> float:
+        """The residual's rms as a fraction of the recorded current's."""
+        size = float(np.sqrt(np.mean(self.recorded**2)))
+        return self.residual_rms_A / size if size > 0 else float("inf")
+
     def rows(self, truth: Faults | None = None) -> list[tuple[str, ...]]:
-        """Return a table of text: component, value, interval, physical meaning, and the truth if given."""
+        """Return rows of text: component, truth if given, value, interval, verdict, meaning or reason."""
         meanings = physical_text(self.faults, self.actuator)
         table = []
         for name, estimate in self.components.items():
             low, high = estimate.interval95
-            row = [name, f"{estimate.value:.4f}", f"{low:.4f} to {high:.4f}", meanings[name]]
+            row = [
+                name,
+                f"{estimate.value:.4f}",
+                f"{low:.4f} to {high:.4f}",
+                estimate.verdict,
+                meanings[name],
+            ]
             if not estimate.identifiable:
-                row = [name, "-", "-", estimate.reason]
+                row = [name, "-", "-", estimate.verdict, estimate.reason]
             if truth is not None:
                 row.insert(1, f"{getattr(truth, name):.4f}")
             table.append(tuple(row))
         return table
 
+    def table(self, truth: Faults | None = None) -> str:
+        """Return the components as a table of text, beside the truth if it is known."""
+        header = ["fault", "found", "95 % interval", "verdict", "meaning"]
+        if truth is not None:
+            header.insert(1, "true")
+        return format_table(header, self.rows(truth))
+
     def __str__(self) -> str:
-        """Return the table that `emaphm diagnose` prints."""
-        return (
-            format_table(("fault", "found", "95 % interval", "meaning"), self.rows()) + "\n" + self.summary()
-        )
+        """Return what `emaphm diagnose` prints."""
+        return f"{self.table()}\n{self.summary()}"
 
     def summary(self) -> str:
         """Return one line: how well the model explains the recording, and what it took."""
-        share = 100 * self.residual_rms_A / max(float(np.sqrt(np.mean(self.recorded**2))), 1e-300)
         verdict = "explains the recording" if self.explained else "does NOT explain the recording"
         return (
-            f"The {self.model} model {verdict}: residual {self.residual_rms_A:.3g} A rms ({share:.1f} % of the "
-            f"current). {self.method}, {self.evaluations} simulations, {self.seconds:.2f} s, seed {self.seed}."
+            f"The {self.model} model {verdict}: residual {self.residual_rms_A:.3g} A rms "
+            f"({100 * self.relative_residual:.1f} % of the current). "
+            f"{self.method}, {self.evaluations} simulations, {self.seconds:.2f} s, seed {self.seed}."
         )
-
-
-def physical_text(faults: Faults, actuator: Actuator) -> dict[str, str]:
-    """Return what each component means on `actuator`, with its unit."""
-    p = faults.physical(actuator)
-    angle = unit_for("rad", actuator.coordinates)
-    return {
-        "friction": f"dry friction × {p['friction_factor']:.3f}",
-        "backlash": f"backlash {p['backlash_rad']:.4g} {angle} at the motor",
-        "short_a": f"{100 * p['turns_a']:.1f} % of phase a's turns healthy",
-        "short_b": f"{100 * p['turns_b']:.1f} % of phase b's turns healthy",
-        "short_c": f"{100 * p['turns_c']:.1f} % of phase c's turns healthy",
-        "eccentricity": f"rotor off centre by {100 * p['eccentricity_Z']:.1f} % of the air gap",
-        "eccentricity_phase": f"towards {np.degrees(p['eccentricity_phase_rad']):+.1f} deg",
-        "gain": f"position gain × {p['gain_factor']:.4f}",
-    }
-
-
-def format_table(header: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
-    """Return rows of text as an aligned table."""
-    widths = [max(len(row[i]) for row in [header, *rows]) for i in range(len(header))]
-    lines = [
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in [header, *rows]
-    ]
-    return "\n".join([lines[0], "-" * max(map(len, lines)), *lines[1:]])

@@ -12,7 +12,7 @@ Fitness = Callable[[Array, Array, float], Array]
 
 def least_squares(recorded: Array, simulated: Array, interval: float) -> Array:  # noqa: ARG001
     """Return the mean squared difference [A²]."""
-    return np.mean((recorded - simulated) ** 2, axis=-1)
+    return np.asarray(np.mean((recorded - simulated) ** 2, axis=-1))
 
 
 def thesis(recorded: Array, simulated: Array, interval: float) -> Array:
@@ -22,13 +22,13 @@ def thesis(recorded: Array, simulated: Array, interval: float) -> Array:
     of a point from a curve of slope dI/dt. `interval` in s, dI/dt of the recorded current in A/s.
     """
     slope = np.gradient(recorded, interval)
-    return np.sum((recorded - simulated) ** 2 / np.sqrt(slope**2 + 1), axis=-1) * interval
+    return np.asarray(np.sum((recorded - simulated) ** 2 / np.sqrt(slope**2 + 1), axis=-1) * interval)
 
 
 def total_least_squares(recorded: Array, simulated: Array, interval: float) -> Array:
     """Return the sum of squared orthogonal distances [A² s]: as `thesis`, without the root."""
     slope = np.gradient(recorded, interval)
-    return np.sum((recorded - simulated) ** 2 / (slope**2 + 1), axis=-1) * interval
+    return np.asarray(np.sum((recorded - simulated) ** 2 / (slope**2 + 1), axis=-1) * interval)
 
 
 FITNESSES: dict[str, Fitness] = {

@@ -24,7 +24,7 @@ MOST_DAMPING = 1e6
 
 @dataclass(frozen=True, eq=False)
 class Refined:
-    """Where each start ended: `points` (m, d), `costs` (m,) mean squared residuals, all `evaluations` spent."""
+    """Where each start ended: `points` (m, d), mean squared residuals `costs` (m,), `evaluations` spent."""
 
     points: Array
     costs: Array
@@ -105,9 +105,10 @@ def _points(descents: list[_Descent]) -> Array:
 def jacobian(
     simulate: Simulate, recorded: Array, points: Array, residuals: list[Array], box: Box, step: float
 ) -> tuple[Array, int]:
-    """Return the derivatives of `simulate` at `points` (m, d), shape (m, d, samples), and the simulations spent.
+    """Return the derivatives of `simulate` at `points` (m, d), and the simulations spent.
 
-    One-sided differences, taken inward where a bound is near; `residuals` are those at the points.
+    The derivatives have shape (m, d, samples): one-sided differences, taken inward where a bound is
+    near. `residuals` are those at the points.
     """
     m, d = points.shape
     signs = np.where(points + step <= box.upper, 1.0, -1.0)

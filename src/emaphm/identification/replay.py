@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator, Faults
-from emaphm.identification.diagnosis import format_table
 from emaphm.identification.problem import Problem
+from emaphm.identification.wording import format_table
 from emaphm.recording import Recording, check_plausible
 from emaphm.recording.schema import SCHEMA
 from emaphm.simulation import model_named
@@ -52,7 +52,7 @@ class Replay:
 
     def plot(self) -> "Figure":
         """Draw each channel, measured against model, with its residual."""
-        from emaphm.identification.figures import draw_replay  # noqa: PLC0415 - heavy
+        from emaphm.identification.figures import draw_replay
 
         return draw_replay(self.recording, self.signals, self.actuator, self.relative_error)
 
@@ -85,7 +85,7 @@ def replay(
 
 
 def relative_error(name: str, measured: Array, modelled: Array) -> float:
-    """Return rms(measured - model) / rms(measured) of a channel; the motor's angle is compared modulo a turn."""
+    """Return rms(measured - model) / rms(measured) of a channel; angles are compared modulo a turn."""
     difference = measured - modelled
     if name == "angle_rad":
         difference = wrap(difference)

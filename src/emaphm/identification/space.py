@@ -82,7 +82,7 @@ class FaultSpace(Box):
         return cartesian
 
     def spread(self, unit: ArrayLike) -> Array:
-        """Return points (n, d) for `unit` (n, d) in [0, 1]: normalised faults, spread evenly in each component."""
+        """Return points (n, d) for `unit` (n, d) in [0, 1]: normalised faults, evenly spread."""
         faults = np.tile(HEALTHY.vector, (len(np.asarray(unit)), 1))
         faults[:, list(self.columns)] = unit
         return self.points(faults)

@@ -1,6 +1,7 @@
 """From an estimate and its covariance to a statement about each fault component."""
 
 from collections.abc import Mapping
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,9 @@ PRIOR_DEVIATION = 1 / np.sqrt(12)
 WIDEST_HALF_INTERVAL = 0.25
 """A component known less well than this is called not identifiable: the data leave half its range open."""
 
+HEALTHY_MARGIN = 0.02
+"""An interval this near to the healthy value counts as healthy: no model is right to a hundredth."""
+
 UNEXPLAINED_SHARE = 0.1
 """Residual, as a share of the current's rms, beyond which the model does not explain a recording."""
 
@@ -31,26 +35,30 @@ def estimates(space: FaultSpace, point: Array, covariance: Array) -> dict[str, E
     for i, name in enumerate(NAMES):
         if name in space.fixed:
             reason = space.fixed[name]
-            result[name] = Estimate(
-                HEALTHY.vector[i], PRIOR_DEVIATION, (0.0, 1.0), identifiable=False, reason=reason
-            )
+            result[name] = _unknown(float(HEALTHY.vector[i]), PRIOR_DEVIATION, (0.0, 1.0), reason)
         elif i in (5, 6):
             continue
         else:
             column = space.columns.index(i)
-            result[name] = _component(float(faults[i]), float(np.sqrt(covariance[column, column])))
+            error = float(np.sqrt(covariance[column, column]))
+            result[name] = _component(float(faults[i]), error, float(HEALTHY.vector[i]))
     if "eccentricity" not in space.fixed:
         result |= _eccentricity(space, point, covariance)
     return {name: result[name] for name in NAMES}
 
 
-def _component(value: float, error: float) -> Estimate:
+def _unknown(value: float, error: float, interval: tuple[float, float], reason: str) -> Estimate:
+    return Estimate(value, error, interval, identifiable=False, verdict="unknown", reason=reason)
+
+
+def _component(value: float, error: float, healthy: float) -> Estimate:
     half = Z95 * error
     interval = (max(value - half, 0.0), min(value + half, 1.0))
     if half > WIDEST_HALF_INTERVAL:
-        reason = "the recording does not constrain it; a manoeuvre with more motion would"
-        return Estimate(value, error, interval, identifiable=False, reason=reason)
-    return Estimate(value, error, interval, identifiable=True)
+        return _unknown(value, error, interval, "this recording does not constrain it; more motion would")
+    distance = max(interval[0] - healthy, healthy - interval[1])
+    verdict: Literal["healthy", "degraded"] = "healthy" if distance <= HEALTHY_MARGIN else "degraded"
+    return Estimate(value, error, interval, identifiable=True, verdict=verdict)
 
 
 def _eccentricity(space: FaultSpace, point: Array, covariance: Array) -> Mapping[str, Estimate]:
@@ -64,12 +72,15 @@ def _eccentricity(space: FaultSpace, point: Array, covariance: Array) -> Mapping
     radial = float(np.sqrt(along @ block @ along))
     turning = float(np.sqrt(across @ block @ across)) / (2 * np.pi * max(radius, 1e-12))
     half = Z95 * turning
+    size = _component(radius, radial, healthy=0.0)
     if radius < Z95 * float(np.sqrt(np.linalg.eigvalsh(block)[-1])) or half > WIDEST_HALF_INTERVAL:
         reason = "no eccentricity beyond doubt, so its direction has no meaning"
-        angle = Estimate(phase, min(turning, PRIOR_DEVIATION), (0.0, 1.0), identifiable=False, reason=reason)
+        angle = _unknown(phase, min(turning, PRIOR_DEVIATION), (0.0, 1.0), reason)
     else:
-        angle = Estimate(phase, turning, (phase - half, phase + half), identifiable=True)
-    return {"eccentricity": _component(radius, radial), "eccentricity_phase": angle}
+        # A direction is neither good nor bad: it shares the verdict of the eccentricity itself.
+        interval = (phase - half, phase + half)
+        angle = Estimate(phase, turning, interval, identifiable=True, verdict=size.verdict)
+    return {"eccentricity": size, "eccentricity_phase": angle}
 
 
 def is_explained(recorded: Array, residual: Array) -> bool:

@@ -4,7 +4,7 @@ from emaphm.recording.acquisition import acquire, full_scales
 from emaphm.recording.equivalent_current import equivalent_current
 from emaphm.recording.output import check_writable
 from emaphm.recording.plausibility import check_plausible
-from emaphm.recording.readers import read_recording
+from emaphm.recording.readers import read_recording, read_signal
 from emaphm.recording.recording import Recording
 from emaphm.recording.writers import write_recording
 
@@ -16,5 +16,6 @@ __all__ = [
     "equivalent_current",
     "full_scales",
     "read_recording",
+    "read_signal",
     "write_recording",
 ]

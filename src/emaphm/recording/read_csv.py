@@ -31,7 +31,7 @@ def read_csv(content: bytes, source: str) -> Table:
     RecordingError
         It is no CSV text, its rows differ in length, or two columns have the same name.
     """
-    import polars as pl  # noqa: PLC0415 - heavy
+    import polars as pl
 
     # Files often begin or end with blank lines, which polars takes for rows.
     content = content.strip()

@@ -43,8 +43,8 @@ def read_mat(content: bytes, source: str) -> Table:
 
 
 def _load(content: bytes, source: str) -> dict[str, Any]:
-    from scipy.io import loadmat  # noqa: PLC0415 - heavy
-    from scipy.io.matlab import MatReadWarning  # noqa: PLC0415 - heavy
+    from scipy.io import loadmat
+    from scipy.io.matlab import MatReadWarning
 
     try:
         with warnings.catch_warnings():

@@ -23,7 +23,7 @@ def read_parquet(content: bytes, source: str) -> Table:
     RecordingError
         It is no Parquet file, or is damaged.
     """
-    import polars as pl  # noqa: PLC0415 - heavy
+    import polars as pl
 
     try:
         frame = pl.read_parquet(io.BytesIO(content))

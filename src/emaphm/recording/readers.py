@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from emaphm.actuator import Actuator
-from emaphm.errors import RecordingError
+from emaphm.actuator import Actuator, Sampled
+from emaphm.errors import RecordingError, SignalError, nearest
 from emaphm.recording.checks import check
 from emaphm.recording.equivalent_current import equivalent_current
 from emaphm.recording.naming import names_in_file
@@ -60,6 +60,28 @@ def read_recording(path: str | Path, actuator: Actuator) -> Recording:
         if name not in taken and values.shape == columns["time_s"].shape:
             columns[name] = values
     return Recording(columns, actuator.channels.sampling, source)
+
+
+def read_signal(path: str | Path, name: str) -> Sampled:
+    """Read one signal, such as a command to play, from the columns `time_s` and `name` of a file.
+
+    Raises
+    ------
+    RecordingError
+        The file cannot be read, or lacks one of the two columns.
+    SignalError
+        The values are not finite or the times do not increase.
+    """
+    path = Path(path)
+    table = _read_table(path)
+    for needed in ("time_s", name):
+        if needed not in table.numeric:
+            absent = f"is missing{nearest(needed, table.numeric)}; the file needs time_s and {name}"
+            raise RecordingError(f"{path}: column '{needed}' {table.unusable.get(needed, absent)}")
+    try:
+        return Sampled(table.numeric["time_s"], table.numeric[name])
+    except SignalError as error:
+        raise SignalError(f"{path}: {error}") from None
 
 
 def _read_table(path: Path) -> Table:

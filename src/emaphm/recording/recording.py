@@ -103,7 +103,7 @@ class Recording:
 
     def to_frame(self) -> "pl.DataFrame":
         """Return the columns as a polars frame."""
-        import polars as pl  # noqa: PLC0415 - heavy
+        import polars as pl
 
         return pl.DataFrame(dict(self.channels))
 
@@ -124,7 +124,7 @@ class Recording:
         RecordingError
             A name is not in the recording.
         """
-        from matplotlib.figure import Figure  # noqa: PLC0415 - heavy
+        from matplotlib.figure import Figure
 
         shown = [name for name in self.names if name != "time_s"] if names is None else list(names)
         figure = Figure(figsize=(8, 1 + 1.3 * len(shown)), layout="constrained")

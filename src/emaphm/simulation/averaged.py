@@ -1,4 +1,4 @@
-"""The averaged model: what identification runs. No ripple, so its step may be 50 µs (PHYSICS.md section 5)."""
+"""The averaged model, which identification runs: no ripple, so its step may be 50 µs."""
 
 from functools import partial
 

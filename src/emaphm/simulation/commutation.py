@@ -38,7 +38,7 @@ def trapezoid(angle: Any) -> Any:
 
 @law
 def demand_sign(angle: Any) -> Any:
-    """Return r, the share of the reference current asked of a phase: the trapezoid's sign on its flats, else 0."""
+    """Return r, the share of the reference current asked of a phase: the sign of a flat, 0 on a ramp."""
     magnitude = np.abs(angle)
     from_zero = np.minimum(magnitude, np.pi - magnitude)
     return select(from_zero >= RAMP, np.copysign(1.0, angle), 0.0)
@@ -46,7 +46,7 @@ def demand_sign(angle: Any) -> Any:
 
 @law
 def idle_phase(angle: Any) -> Any:
-    """Return three weights, 1 for the phase that is not commutated at a wrapped electrical angle [rad], else 0.
+    """Return three weights, 1 for the phase that idles at a wrapped electrical angle [rad], else 0.
 
     It is the phase nearest to a zero of its trapezoid; exactly one weight is 1 at any angle.
     """

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Literal, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,7 +65,7 @@ class Inputs:
             raise SignalError(f"a run needs samples ({samples}) and an interval ({interval:g} s) above 0")
         substeps = max(1, math.ceil(interval / step * (1 - 1e-9)))
         steps = samples * substeps
-        t = np.arange(steps) * (interval / substeps)
+        t: Array = np.arange(steps) * (interval / substeps)
         zero = np.broadcast_to(0.0, steps)
         rng = np.random.default_rng(seed)
         return cls(
@@ -91,14 +91,14 @@ class Inputs:
     @property
     def time_s(self) -> Array:
         """The time stamps of the rows, shape (samples,)."""
-        return np.arange(self.samples) * self.interval
+        return np.asarray(np.arange(self.samples) * self.interval)
 
     def rows(self, values: Array) -> Array:
         """Return values given at every step, shape (samples × substeps,), as rows of output, (samples,)."""
         return np.asarray(values.reshape(self.samples, self.substeps)[:, : self.window].mean(axis=1))
 
 
-def _finite(what: str, values: NDArray[np.floating]) -> Array:
+def _finite(what: str, values: Any) -> Array:
     if not np.all(np.isfinite(values)):
         raise SignalError(f"the {what} is not finite everywhere; mend its values")
-    return values.astype(np.float64, copy=False)
+    return np.asarray(values, float)

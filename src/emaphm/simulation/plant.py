@@ -55,8 +55,8 @@ class Plant:
     turns: Array
     z: Array
 
-    @classmethod
-    def of(cls, actuator: Actuator, faults: ArrayLike, totals: Mapping[str, ArrayLike] | None = None) -> Self:
+    @staticmethod
+    def of(actuator: Actuator, faults: ArrayLike, totals: Mapping[str, ArrayLike] | None = None) -> "Plant":
         """Return the plants of `actuator` under `faults`.
 
         Parameters
@@ -84,62 +84,7 @@ class Plant:
                 f"fault {NAMES[column]}={k[row, column]:g} of vector {row} lies outside [0, 1]; "
                 "give a value from 0 to 1"
             )
-        return cls._healthy(actuator, len(k))._with_totals(actuator, totals or {})._with_faults(actuator, k)
-
-    @classmethod
-    def _healthy(cls, actuator: Actuator, n: int) -> Self:
-        m, c, motor, e = actuator.mechanics, actuator.controller, actuator.motor, actuator.electrical
-        low, high = m.end_stops or (-NO_LIMIT, NO_LIMIT)
-        scalars = {
-            "inertia": m.inertia,
-            "viscous": m.viscous,
-            "coulomb": m.dynamic_friction,
-            "static": m.static_friction,
-            "offset": m.offset,
-            "backlash": m.backlash,
-            "gear_ratio": m.gear_ratio,
-            "low_stop": low / m.gear_ratio,
-            "high_stop": high / m.gear_ratio,
-            "position_gain": c.position_gain,
-            "speed_gain": c.speed_gain,
-            "integral_gain": c.integral_gain,
-            "derivative_gain": c.derivative_gain,
-            "speed_limit": c.speed_limit or NO_LIMIT,
-            "current_limit": c.current_limit,
-            "drive_constant": c.torque_constant,
-            "speed_lag": c.speed_lag,
-            "torque_constant": motor.torque_constant,
-            "torque_limit": motor.torque_limit or NO_LIMIT,
-            "torque_lag": motor.torque_lag,
-            # An ideal current loop is one whose supply can force any current within a step.
-            "supply": e.supply if e else 1e12,
-            "resistance": e.resistance if e else 1.0,
-            "inductance": e.inductance if e else 1e-12,
-            "hysteresis": e.hysteresis if e else 0.0,
-            "pole_pairs": e.pole_pairs if e else 1,
-        }
-        columns = {name: np.full(n, float(value)) for name, value in scalars.items()}
-        return cls(**columns, turns=np.ones((3, n)), z=np.zeros((2, n)))
-
-    def _with_totals(self, actuator: Actuator, totals: Mapping[str, ArrayLike]) -> Self:
-        check_totals(actuator, totals)
-        values = static_follows(actuator, totals)
-        set_to = {name: np.broadcast_to(np.asarray(v, float), (self.count,)) for name, v in values.items()}
-        return replace(self, **set_to)
-
-    def _with_faults(self, actuator: Actuator, k: Array) -> Self:
-        scales = actuator.faults
-        friction = 1 + scales.friction * k[:, 0]
-        phase = (2 * k[:, 6] - 1) * np.pi
-        return replace(
-            self,
-            coulomb=self.coulomb * friction,
-            static=self.static * friction,
-            backlash=self.backlash * (1 + scales.backlash * k[:, 1]),
-            turns=np.maximum(1 - k[:, 2:5].T, SHORTEST_WINDING),
-            z=scales.eccentricity * k[:, 5] * np.stack([np.cos(phase), np.sin(phase)]),
-            position_gain=self.position_gain * (1 + scales.gain * (2 * k[:, 7] - 1)),
-        )
+        return _with_faults(_with_totals(_healthy(actuator, len(k)), actuator, totals or {}), actuator, k)
 
     @property
     def count(self) -> int:
@@ -161,3 +106,60 @@ class Plant:
                 for name, column in columns.items()
             },
         )
+
+
+def _healthy(actuator: Actuator, n: int) -> Plant:
+    m, c, motor, e = actuator.mechanics, actuator.controller, actuator.motor, actuator.electrical
+    low, high = m.end_stops or (-NO_LIMIT, NO_LIMIT)
+    scalars = {
+        "inertia": m.inertia,
+        "viscous": m.viscous,
+        "coulomb": m.dynamic_friction,
+        "static": m.static_friction,
+        "offset": m.offset,
+        "backlash": m.backlash,
+        "gear_ratio": m.gear_ratio,
+        "low_stop": low / m.gear_ratio,
+        "high_stop": high / m.gear_ratio,
+        "position_gain": c.position_gain,
+        "speed_gain": c.speed_gain,
+        "integral_gain": c.integral_gain,
+        "derivative_gain": c.derivative_gain,
+        "speed_limit": c.speed_limit or NO_LIMIT,
+        "current_limit": c.current_limit,
+        "drive_constant": c.torque_constant,
+        "speed_lag": c.speed_lag,
+        "torque_constant": motor.torque_constant,
+        "torque_limit": motor.torque_limit or NO_LIMIT,
+        "torque_lag": motor.torque_lag,
+        # An ideal current loop is one whose supply can force any current within a step.
+        "supply": e.supply if e else 1e12,
+        "resistance": e.resistance if e else 1.0,
+        "inductance": e.inductance if e else 1e-12,
+        "hysteresis": e.hysteresis if e else 0.0,
+        "pole_pairs": e.pole_pairs if e else 1,
+    }
+    columns = {name: np.full(n, float(value)) for name, value in scalars.items()}
+    return Plant(**columns, turns=np.ones((3, n)), z=np.zeros((2, n)))
+
+
+def _with_totals(plant: Plant, actuator: Actuator, totals: Mapping[str, ArrayLike]) -> Plant:
+    check_totals(actuator, totals)
+    values = static_follows(actuator, totals)
+    set_to = {name: np.broadcast_to(np.asarray(v, float), (plant.count,)) for name, v in values.items()}
+    return replace(plant, **set_to)
+
+
+def _with_faults(plant: Plant, actuator: Actuator, k: Array) -> Plant:
+    scales = actuator.faults
+    friction = 1 + scales.friction * k[:, 0]
+    phase = (2 * k[:, 6] - 1) * np.pi
+    return replace(
+        plant,
+        coulomb=plant.coulomb * friction,
+        static=plant.static * friction,
+        backlash=plant.backlash * (1 + scales.backlash * k[:, 1]),
+        turns=np.maximum(1 - k[:, 2:5].T, SHORTEST_WINDING),
+        z=scales.eccentricity * k[:, 5] * np.stack([np.cos(phase), np.sin(phase)]),
+        position_gain=plant.position_gain * (1 + scales.gain * (2 * k[:, 7] - 1)),
+    )

@@ -24,7 +24,7 @@ def space_filling(n: int, lower: ArrayLike, upper: ArrayLike, seed: int) -> NDAr
     MethodError
         `n` is below 1, the seed is negative, or a lower bound is not less than its upper bound.
     """
-    from scipy.stats import qmc  # noqa: PLC0415 - importing it takes most of a second
+    from scipy.stats import qmc
 
     if n < 1:
         raise MethodError(f"number of points must be at least 1, got {n}")

@@ -1,0 +1,87 @@
+"""The demonstration: a faulty actuator with noisy sensors, diagnosed, found beside true."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from emaphm.actuator import Actuator, Chirp, Faults
+from emaphm.errors import OutputError
+from emaphm.identification import Diagnosis, diagnose, error_percent
+from emaphm.identification.figures import draw_diagnosis
+from emaphm.recording import check_writable
+from emaphm.recording.output import written_whole
+from emaphm.report import write_report
+from emaphm.rig import simulate
+
+FAULTS = Faults(
+    friction=0.3,
+    backlash=0.4,
+    short_b=0.25,
+    eccentricity=0.35,
+    eccentricity_phase=0.7,
+    gain=0.4,
+)
+NOISE = 0.05
+"""Sensor noise, rms [A]."""
+
+
+@dataclass(frozen=True)
+class Demo:
+    """What the demonstration found, the truth, and where its report stands."""
+
+    diagnosis: Diagnosis
+    truth: Faults
+    report: Path
+    figure: Path
+
+    @property
+    def error(self) -> float:
+        """The error of the diagnosis [%]."""
+        return float(error_percent(self.truth.vector, self.diagnosis.faults.vector))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the diagnosis with the truth and the error beside it."""
+        return {
+            **self.diagnosis.to_dict(),
+            "true_k": self.truth.vector.tolist(),
+            "error_percent": self.error,
+            "report": str(self.report),
+            "figure": str(self.figure),
+        }
+
+    def __str__(self) -> str:
+        """Return found beside true."""
+        return (
+            f"A faulty actuator was simulated, its currents recorded with {NOISE:g} A rms of noise.\n\n"
+            f"{self.diagnosis.table(self.truth)}\n{self.diagnosis.summary()}\n"
+            f"Error: {self.error:.2f} %. Report: {self.report}, figure: {self.figure}"
+        )
+
+
+def run_demo(
+    folder: Path, *, seed: int = 0, force: bool = False, on_progress: Callable[[float], None] | None = None
+) -> Demo:
+    """Simulate, diagnose, and write `report.html` and `diagnosis.svg` into `folder`, made if absent.
+
+    Raises
+    ------
+    OutputError
+        The folder cannot be made, or holds these files already and `force` is not set.
+    """
+    report, figure = folder / "report.html", folder / "diagnosis.svg"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(
+            f"{folder}: cannot be made a folder ({error.strerror}); give another --out"
+        ) from None
+    for path in (report, figure):
+        check_writable(path, force=force)
+    actuator = Actuator.thesis()
+    recording = simulate(actuator, Chirp(), faults=FAULTS, noise=NOISE, seed=seed)
+    diagnosis = diagnose(recording, actuator, seed=seed, on_progress=on_progress)
+    with written_whole(figure) as temporary:
+        draw_diagnosis(diagnosis, FAULTS).savefig(temporary, format="svg")
+    write_report(diagnosis, report, truth=FAULTS, force=force)
+    return Demo(diagnosis, FAULTS, report, figure)
