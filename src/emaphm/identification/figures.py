@@ -1,7 +1,7 @@
 """Figures of a diagnosis and of a replay: the current and its model, what is left over, the faults found."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,21 +16,29 @@ from emaphm.simulation.commutation import wrap
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, FigureBase
 
 Array = NDArray[np.float64]
 
-RECORDED, MODELLED, RESIDUAL, FAINT = "0.25", "#d55e00", "#0072b2", "0.55"
+RECORDED, MODELLED, RESIDUAL, FAINT = "0.6", "#d55e00", "#0072b2", "0.55"
 """Told apart by the colour-blind (Okabe and Ito 2008), and in grey print by their lightness."""
 
 VERDICTS = {"healthy": (RESIDUAL, "o"), "degraded": (MODELLED, "s"), "unknown": (FAINT, "")}
-"""Colour and marker of each verdict."""
+"""Colour and marker of each verdict; what is unknown has an interval only."""
 
 WIDTH = 6.4
 """Width of a figure [in]: its 8-point text is still legible on a telephone."""
 
 MOST_BINS = 700
 """Pairs of points in a line: about one a pixel at the width of a page."""
+
+LEGEND: dict[str, Any] = {
+    "frameon": False,
+    "fontsize": 8,
+    "handlelength": 1.4,
+    "handletextpad": 0.5,
+    "columnspacing": 1.2,
+}
 
 ZOOM_SHARE = 0.1
 """Part of the recording that the zoom shows."""
@@ -49,13 +57,16 @@ def draw_diagnosis(diagnosis: Diagnosis, truth: Faults | None = None) -> "Figure
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8, 10), layout="constrained")
-    layout = [["fit", "fit"], ["residual", "residual"], ["zoom", "spectrum"], ["faults", "faults"]]
-    axes = figure.subplot_mosaic(layout, height_ratios=(1.3, 0.8, 1.2, 1.7))
+    halves = figure.subfigures(2, 1, squeeze=False, height_ratios=(2, 1))
+    above, below = halves[:, 0]
+    layout = [["fit", "fit"], ["residual", "residual"], ["zoom", "spectrum"]]
+    axes = above.subplot_mosaic(layout, height_ratios=(1.3, 0.8, 1.1))
     _fit(axes["fit"], diagnosis)
     _residual(axes["residual"], diagnosis)
     _zoom(axes["zoom"], diagnosis)
     _spectrum(axes["spectrum"], diagnosis)
-    _faults(axes["faults"], diagnosis, truth)
+    above.align_ylabels([axes["fit"], axes["residual"], axes["zoom"]])
+    _faults(below, diagnosis, truth)
     _title(figure, diagnosis.recording, diagnosis.actuator)
     return figure
 
@@ -68,6 +79,7 @@ def draw_fit(diagnosis: Diagnosis) -> "Figure":
     whole, zoom = figure.subplots(2, 1)
     _fit(whole, diagnosis)
     _zoom(zoom, diagnosis)
+    figure.align_ylabels()
     return figure
 
 
@@ -79,6 +91,7 @@ def draw_residual(diagnosis: Diagnosis) -> "Figure":
     residual, spectrum = figure.subplots(2, 1)
     _residual(residual, diagnosis)
     _spectrum(spectrum, diagnosis)
+    figure.align_ylabels()
     return figure
 
 
@@ -87,7 +100,7 @@ def draw_faults(diagnosis: Diagnosis, truth: Faults | None = None) -> "Figure":
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(WIDTH, 3.4), layout="constrained")
-    _faults(figure.subplots(), diagnosis, truth)
+    _faults(figure, diagnosis, truth)
     return figure
 
 
@@ -119,13 +132,13 @@ def draw_replay(
         residual = recording[name] - signals[name]
         _pair(above, time, recording[name], signals[name], "measured")
         meaning = SCHEMA[name].meaning
-        _style(
-            above, f"{meaning.capitalize()}: relative error {100 * error:.3g} %", "", f"{meaning} [{unit}]"
-        )
+        size = f"{100 * error:.3g} %" if np.isfinite(error) else "undefined, as 0 was measured"
+        _style(above, f"{meaning.capitalize()}: relative error {size}", "", f"{meaning} [{unit}]")
         _legend(above)
         # The model's angle may run on where the sensor's starts again.
         _line(below, time, wrap(residual) if name == "angle_rad" else residual, RESIDUAL)
         _style(below, "", "time [s]", f"residual [{unit}]")
+        below.tick_params(labelbottom=True)
     figure.align_ylabels(axes)
     _title(figure, recording.source, actuator)
     return figure
@@ -178,24 +191,22 @@ def _spectrum(axis: "Axes", diagnosis: Diagnosis) -> None:
     _legend(axis)
 
 
-def _faults(axis: "Axes", diagnosis: Diagnosis, truth: Faults | None) -> None:
-    axis.axhline(-1, color=FAINT, linewidth=3, alpha=0.5, label="not identifiable")
+def _faults(figure: "FigureBase", diagnosis: Diagnosis, truth: Faults | None) -> None:
+    axis = figure.subplots()
     for row, (name, estimate) in enumerate(diagnosis.components.items()):
         _component(axis, row, estimate)
-        if name != "eccentricity_phase":  # no direction is the healthy one
-            axis.plot(getattr(HEALTHY, name), row, "|", color="black", markersize=14, label="healthy value")
-        # Without eccentricity its direction has no truth either.
-        if truth and (name != "eccentricity_phase" or truth.eccentricity > 0):
-            axis.plot(
-                getattr(truth, name), row, "D", color="black", markersize=9, fillstyle="none", label="true"
-            )
+        is_phase = name == "eccentricity_phase"  # no direction is healthy, nor true without eccentricity
+        if not is_phase:
+            axis.plot(getattr(HEALTHY, name), row, "|", color="black", markersize=12)
+        if truth and not (is_phase and truth.eccentricity == 0):
+            axis.plot(getattr(truth, name), row, "D", color="black", markersize=8, fillstyle="none")
     axis.set_xlim(-0.03, 1.03)
     axis.set_ylim(len(NAMES) - 0.5, -0.5)
     axis.set_yticks(range(len(NAMES)), NAMES)
-    _style(axis, "Faults", "normalised value and 95 % interval", "")
+    _style(axis, "", "normalised value and 95 % interval", "")
     for tick, estimate in zip(axis.get_yticklabels(), diagnosis.components.values(), strict=True):
         tick.set_color("black" if estimate.identifiable else FAINT)
-    _legend(axis)
+    _fault_legend(figure, axis, with_truth=truth is not None)
 
 
 def _component(axis: "Axes", row: int, estimate: Estimate) -> None:
@@ -210,19 +221,31 @@ def _component(axis: "Axes", row: int, estimate: Estimate) -> None:
     text = "not identifiable"
     if estimate.identifiable:
         text = f"{estimate.value:.3f}  ({low:.3f} to {high:.3f})"
-        axis.plot(estimate.value, row, marker, color=colour, markersize=5, label=estimate.verdict)
+        axis.plot(estimate.value, row, marker, color=colour, markersize=5)
     shade = "black" if estimate.identifiable else FAINT
     axis.text(1.02, row, text, transform=axis.get_yaxis_transform(), va="center", fontsize=8, color=shade)
 
 
+def _fault_legend(figure: "FigureBase", axis: "Axes", *, with_truth: bool) -> None:
+    for verdict in ("healthy", "degraded"):
+        colour, marker = VERDICTS[verdict]
+        axis.plot([], [], marker, color=colour, markersize=5, label=verdict)
+    axis.plot([], [], color=FAINT, linewidth=3, alpha=0.5, label="not identifiable")
+    axis.plot([], [], "|", color="black", markersize=12, label="healthy value")
+    if with_truth:
+        axis.plot([], [], "D", color="black", markersize=8, fillstyle="none", label="true value")
+    figure.legend(loc="outside upper center", ncols=5, **LEGEND)
+
+
 def _pair(axis: "Axes", time: Array, measured: Array, modelled: Array, label: str) -> None:
-    _line(axis, time, measured, RECORDED, label)
+    # The measured line is the wider one: it shows on both sides of a model that is right.
+    _line(axis, time, measured, RECORDED, label, width=2.5)
     _line(axis, time, modelled, MODELLED, "model")
 
 
-def _line(axis: "Axes", time: Array, values: Array, colour: str, label: str = "") -> None:
+def _line(axis: "Axes", time: Array, values: Array, colour: str, label: str = "", width: float = 1) -> None:
     rows = _extremes(values)
-    axis.plot(time[rows], values[rows], color=colour, linewidth=1, label=label)
+    axis.plot(time[rows], values[rows], color=colour, linewidth=width, label=label)
     axis.margins(x=0)
 
 
@@ -241,23 +264,16 @@ def _style(axis: "Axes", title: str, xlabel: str, ylabel: str) -> None:
     axis.set_xlabel(xlabel, fontsize=8)
     axis.set_ylabel(ylabel, fontsize=8)
     axis.tick_params(which="both", labelsize=8)
+    axis.yaxis.get_offset_text().set_fontsize(8)
     axis.grid(alpha=0.3)
     axis.spines[["top", "right"]].set_visible(False)
 
 
 def _legend(axis: "Axes") -> None:
-    """Put the legend at the right of the title, where it hides nothing; each label once."""
-    handles, labels = axis.get_legend_handles_labels()
-    once = dict(zip(labels, handles, strict=True))
+    """Put the legend at the right of the title, where it hides nothing."""
+    handles, _ = axis.get_legend_handles_labels()
     axis.legend(
-        once.values(),
-        once.keys(),
-        loc="lower right",
-        bbox_to_anchor=(1, 1),
-        ncols=len(once),
-        frameon=False,
-        borderaxespad=0.2,
-        fontsize=8,
+        handles=handles, loc="lower right", bbox_to_anchor=(1, 1), ncols=2, borderaxespad=0.2, **LEGEND
     )
 
 

@@ -1,0 +1,58 @@
+"""Prints each benchmark's ratio to what it is held against, and the budget for that ratio."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import pytest
+
+MANOEUVRE_S = 0.5
+"""Duration of the default manoeuvre, which speed is measured against [s]."""
+
+ROWS = pytest.StashKey[list["Row"]]()
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the summary: what was measured, its time [s], and its ratio against a budget."""
+
+    what: str
+    seconds: float
+    ratio: float
+    against: str
+    budget: str
+
+
+Report = Callable[..., None]
+
+
+@pytest.fixture
+def report(request: pytest.FixtureRequest, benchmark: Any) -> Report:
+    """Return a function that notes the benchmark's median, for `runs` at once, against `reference` seconds."""
+    rows = request.config.stash.setdefault(ROWS, [])
+
+    def note(
+        what: str,
+        *,
+        budget: str,
+        runs: int = 1,
+        reference: float = MANOEUVRE_S,
+        against: str = "real time",
+    ) -> None:
+        seconds = benchmark.stats.stats.median / runs
+        rows.append(Row(what, seconds, reference / seconds, against, budget))
+
+    return note
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    """Print the table of ratios after the benchmarks' own."""
+    rows = config.stash.get(ROWS, [])
+    if not rows:
+        return
+    terminalreporter.section("speed as ratios (median of the rounds, one core)")
+    for row in rows:
+        terminalreporter.write_line(
+            f"{row.what:<58} {row.seconds * 1e3:>10.3f} ms  {row.ratio:>9.4g} × {row.against:<14} "
+            f"budget: {row.budget}"
+        )

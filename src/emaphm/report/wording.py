@@ -1,0 +1,155 @@
+"""What a report says: its headline, its table, its lists."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from emaphm.actuator import Faults
+from emaphm.identification.diagnosis import Diagnosis
+from emaphm.identification.wording import physical_text
+
+LABELS = {
+    "friction": "friction",
+    "backlash": "backlash",
+    "short_a": "short circuit in phase a",
+    "short_b": "short circuit in phase b",
+    "short_c": "short circuit in phase c",
+    "eccentricity": "eccentricity of the rotor",
+    "eccentricity_phase": "direction of the eccentricity",
+    "gain": "position gain of the drive",
+}
+"""The components in words."""
+
+FITNESS_UNITS = {"least_squares": "A²", "thesis": "A²·s", "total_least_squares": "A²·s"}
+
+NOTHING = "–"
+
+
+@dataclass(frozen=True)
+class Headline:
+    """The verdict: in a few words, in `sentences`, and as a `kind`: "healthy", "degraded" or "doubtful"."""
+
+    words: str
+    sentences: tuple[str, ...]
+    kind: str
+
+
+@dataclass(frozen=True)
+class Row:
+    """One component in the table, as text; `true` is empty where the truth is not known."""
+
+    name: str
+    label: str
+    found: str
+    interval: str
+    true: str
+    verdict: str
+    meaning: str
+
+
+def headline(diagnosis: Diagnosis) -> Headline:
+    """Return the verdict on `diagnosis`, faults first."""
+    # A direction is no fault of its own: it is told with the eccentricity.
+    verdicts = {n: e.verdict for n, e in diagnosis.components.items() if n != "eccentricity_phase"}
+    degraded, healthy, unknown = (
+        [LABELS[name] for name, verdict in verdicts.items() if verdict == wanted]
+        for wanted in ("degraded", "healthy", "unknown")
+    )
+    sentences = (
+        _sentence("Beyond doubt away from its healthy value", degraded),
+        _sentence("Healthy", healthy),
+        _sentence("Not identifiable from this recording", unknown),
+        _explanation(diagnosis),
+    )
+    told = tuple(sentence for sentence in sentences if sentence)
+    if not diagnosis.explained:
+        return Headline("The model does not explain this recording", told, "doubtful")
+    if degraded:
+        return Headline(f"Degraded: {_listed(degraded)}", told, "degraded")
+    if unknown:
+        return Headline("No fault found in what this recording can tell", told, "healthy")
+    return Headline("Healthy: no fault found", told, "healthy")
+
+
+def _explanation(diagnosis: Diagnosis) -> str:
+    residual = f"{diagnosis.residual_rms_A:.3g} A rms"
+    share = f"{100 * diagnosis.relative_residual:.1f} % of the current"
+    size = f"its residual is {residual}, {share}"
+    if diagnosis.explained:
+        return f"The {diagnosis.model} model explains the recording: {size}."
+    return (
+        f"The {diagnosis.model} model does not explain the recording: {size}. No combination of these faults "
+        "reproduces it, so the values and intervals below are not to be relied on; check the actuator's "
+        "parameters, the units of the recording, and the load."
+    )
+
+
+def table(diagnosis: Diagnosis, truth: Faults | None) -> list[Row]:
+    """Return the table's rows, one for each component; the reason stands in for what is not known."""
+    meanings = physical_text(diagnosis.faults, diagnosis.actuator)
+    rows = []
+    for name, estimate in diagnosis.components.items():
+        low, high = estimate.interval95
+        known = estimate.identifiable
+        rows.append(
+            Row(
+                name,
+                LABELS[name],
+                f"{estimate.value:.4f}" if known else NOTHING,
+                f"{low:.4f} to {high:.4f}" if known else NOTHING,
+                _true(name, truth),
+                estimate.verdict,
+                meanings[name] if known else estimate.reason,
+            )
+        )
+    return rows
+
+
+def _true(name: str, truth: Faults | None) -> str:
+    if truth is None:
+        return ""
+    if name == "eccentricity_phase" and truth.eccentricity == 0:
+        return NOTHING
+    return f"{getattr(truth, name):.4f}"
+
+
+def unidentifiable(diagnosis: Diagnosis) -> list[tuple[str, str]]:
+    """Return pairs of the components that share a reason, in words, and that reason."""
+    by_reason: dict[str, list[str]] = {}
+    for name, estimate in diagnosis.components.items():
+        if not estimate.identifiable:
+            by_reason.setdefault(estimate.reason, []).append(LABELS[name])
+    return [(_capital(_listed(names)), reason) for reason, names in by_reason.items()]
+
+
+def _sentence(opening: str, names: Sequence[str]) -> str:
+    return f"{opening}: {_listed(names)}." if names else ""
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names)
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def computation(diagnosis: Diagnosis) -> dict[str, str]:
+    """Return what it took: how the diagnosis was computed, item by item."""
+    time = diagnosis.time_s
+    interval = (time[-1] - time[0]) / (time.size - 1)
+    rows = f"{time.size} rows at {1 / interval:.6g} Hz, {time.size * interval:.4g} s"
+    correction = "none"
+    if diagnosis.reference_runs:
+        correction = f"{diagnosis.reference_runs}, by which the {diagnosis.model} model's bias was measured"
+    return {
+        "Recording": f"{diagnosis.recording}: {rows}",
+        "Actuator": f"{diagnosis.actuator.name}, {diagnosis.actuator.coordinates}",
+        "Method": diagnosis.method,
+        "Model": diagnosis.model,
+        "Fitness": f"{diagnosis.fitness:.4g} {FITNESS_UNITS[diagnosis.fitness_name]} ({diagnosis.fitness_name})",
+        "Simulations": str(diagnosis.evaluations),
+        "Reference runs": correction,
+        "Time": f"{diagnosis.seconds:.2f} s",
+        "Seed": str(diagnosis.seed),
+        "Version": f"emaphm {diagnosis.version}",
+    }

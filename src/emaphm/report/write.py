@@ -1,0 +1,74 @@
+"""Writing the report of a diagnosis."""
+
+from pathlib import Path
+
+from emaphm.actuator import Faults
+from emaphm.actuator.toml import write_toml
+from emaphm.identification.diagnosis import Diagnosis
+from emaphm.identification.error import error_percent
+from emaphm.identification.figures import draw_faults, draw_fit, draw_residual
+from emaphm.identification.verdict import HEALTHY_MARGIN
+from emaphm.recording.output import check_writable, written_whole
+from emaphm.report.embed import data_uri, plain_style
+from emaphm.report.wording import computation, headline, table, unidentifiable
+
+TEMPLATE = "diagnosis.html.jinja"
+
+
+def write_report(
+    diagnosis: Diagnosis, path: str | Path, *, truth: Faults | None = None, force: bool = False
+) -> None:
+    """Write `diagnosis` as one HTML file that needs nothing else: figures and style are inside.
+
+    The same diagnosis gives the same bytes.
+
+    Parameters
+    ----------
+    path
+        An .html or .htm file.
+    truth
+        The true faults, told and drawn beside those found where they are known.
+    force
+        Whether an existing file may be replaced.
+
+    Raises
+    ------
+    OutputError
+        See `emaphm.recording.check_writable`; also if the operating system refuses half-way, nothing
+        being left then.
+    """
+    check_writable(path, force=force, endings=(".html", ".htm"))
+    page = _page(diagnosis, truth)
+    with written_whole(path) as temporary:
+        # A recording's name need not be valid text: what cannot be encoded becomes a question mark.
+        temporary.write_text(page, encoding="utf-8", errors="replace")
+
+
+def _page(diagnosis: Diagnosis, truth: Faults | None) -> str:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("emaphm", "report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    with plain_style():
+        figures = {
+            "faults": data_uri(draw_faults(diagnosis, truth)),
+            "fit": data_uri(draw_fit(diagnosis)),
+            "residual": data_uri(draw_residual(diagnosis)),
+        }
+    error = None if truth is None else float(error_percent(truth.vector, diagnosis.faults.vector))
+    return environment.get_template(TEMPLATE).render(
+        diagnosis=diagnosis,
+        headline=headline(diagnosis),
+        rows=table(diagnosis, truth),
+        error=error,
+        figures=figures,
+        unidentifiable=unidentifiable(diagnosis),
+        computation=computation(diagnosis),
+        actuator=write_toml(diagnosis.actuator),
+        margin=HEALTHY_MARGIN,
+    )
