@@ -1,0 +1,1 @@
+"""Measurements of speed (pytest-benchmark) and of accuracy."""

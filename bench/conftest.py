@@ -28,7 +28,7 @@ Report = Callable[..., None]
 
 @pytest.fixture
 def report(request: pytest.FixtureRequest, benchmark: Any) -> Report:
-    """Return a function that notes the benchmark's median, for `runs` at once, against `reference` seconds."""
+    """Return a function that notes the benchmark's median over `runs` against `reference` seconds."""
     rows = request.config.stash.setdefault(ROWS, [])
 
     def note(

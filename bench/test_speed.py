@@ -43,13 +43,16 @@ def test_reference_model_single(benchmark: Any, report: Report) -> None:
 
 
 @pytest.mark.parametrize(
-    ("model", "budget"), [(REFERENCE, "≥ 60 ×"), (AVERAGED, "≥ 6,000 ×"), (monitor(), "-")], ids=str
+    ("model", "budget"),
+    [(REFERENCE, "≥ 60 ×"), (AVERAGED, "≥ 6,000 ×"), (monitor(), "-")],
+    ids=["reference", "averaged", "monitor"],
 )
 def test_batch(benchmark: Any, report: Report, model: Model, budget: str) -> None:
     faults, driven = random_faults(RUNS), inputs(model)
     simulate_batch(model, ema.Actuator.thesis(), faults[:1], driven)
     benchmark(simulate_batch, model, ema.Actuator.thesis(), faults, driven, workers=1)
-    report(f"{model.name}, in a batch, per run", budget=budget, runs=RUNS)
+    name = model.name.partition(" ")[0]
+    report(f"{name} model, in a batch, per run", budget=budget, runs=RUNS)
 
 
 @pytest.mark.parametrize("turns", [0, 3], ids=["uncorrected", "corrected"])
@@ -84,9 +87,7 @@ def test_help(benchmark: Any, report: Report) -> None:
     report("emaphm --help, whole process", budget="≤ 0.5 s", reference=0.5, against="its budget")
 
 
-def test_first_compilation(
-    benchmark: Any, report: Report, tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_first_compilation(benchmark: Any, report: Report, tmp_path_factory: pytest.TempPathFactory) -> None:
     script = (
         "import emaphm as ema; a = ema.Actuator.thesis(); "
         "ema.diagnose(ema.simulate(a, ema.Chirp()), a, seed=0)"

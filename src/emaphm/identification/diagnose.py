@@ -156,8 +156,9 @@ def _conclude(
 ) -> Diagnosis:
     """Return the diagnosis at `found`.
 
-    To the covariance of the fit is added what the model's remaining bias moves the estimate by: the
-    Gauss-Newton step that its discrepancy, not yet corrected for, would cause.
+    To the covariance of the fit is added what the model's remaining bias moves the estimate by, the
+    Gauss-Newton step that its discrepancy, not yet corrected for, would cause; and the resolution of the
+    search, which the kinks of stick-slip make no finer than the differences that bridge them.
     """
     faults = space.faults(found.point)
     modelled = problem.currents(faults[np.newaxis])[0] + found.correction
@@ -173,7 +174,7 @@ def _conclude(
     normal = derivatives[0] @ derivatives[0].T
     prior = np.mean(residual**2) / PRIOR_DEVIATION**2 * np.eye(space.dimensions)
     bias = np.linalg.solve(normal + prior, derivatives[0] @ (found.discrepancy - found.correction))
-    spread = spread + np.outer(bias, bias)
+    spread = spread + np.outer(bias, bias) + JACOBIAN_STEP**2 * np.eye(space.dimensions)
     return Diagnosis(
         components=estimates(space, found.point, spread),
         coordinates=tuple(CARTESIAN_NAMES[i] for i in space.columns),

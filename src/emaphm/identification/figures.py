@@ -26,7 +26,7 @@ RECORDED, MODELLED, RESIDUAL, FAINT = "0.6", "#d55e00", "#0072b2", "0.55"
 VERDICTS = {"healthy": (RESIDUAL, "o"), "degraded": (MODELLED, "s"), "unknown": (FAINT, "")}
 """Colour and marker of each verdict; what is unknown has an interval only."""
 
-WIDTH = 6.4
+WIDTH = 5.6
 """Width of a figure [in]: its 8-point text is still legible on a telephone."""
 
 MOST_BINS = 700
@@ -75,7 +75,7 @@ def draw_fit(diagnosis: Diagnosis) -> "Figure":
     """Draw the recorded current against the model's, and enlarged where they differ most."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(WIDTH, 4.6), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 4.4), layout="constrained")
     whole, zoom = figure.subplots(2, 1)
     _fit(whole, diagnosis)
     _zoom(zoom, diagnosis)
@@ -87,7 +87,7 @@ def draw_residual(diagnosis: Diagnosis) -> "Figure":
     """Draw what the model leaves over: over time, and its spectrum below that of the current."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(WIDTH, 4.4), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 4.2), layout="constrained")
     residual, spectrum = figure.subplots(2, 1)
     _residual(residual, diagnosis)
     _spectrum(spectrum, diagnosis)
@@ -99,7 +99,7 @@ def draw_faults(diagnosis: Diagnosis, truth: Faults | None = None) -> "Figure":
     """Draw the eight components with their 95 % intervals and healthy values, the truth as open markers."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(WIDTH, 3.4), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
     _faults(figure, diagnosis, truth)
     return figure
 
@@ -256,7 +256,7 @@ def _extremes(values: Array) -> NDArray[np.intp]:
     bins = np.array_split(np.arange(values.size), MOST_BINS)
     least = [rows[np.argmin(values[rows])] for rows in bins]
     most = [rows[np.argmax(values[rows])] for rows in bins]
-    return np.unique(np.concatenate([least, most]))
+    return np.unique([0, *least, *most, values.size - 1])
 
 
 def _style(axis: "Axes", title: str, xlabel: str, ylabel: str) -> None:

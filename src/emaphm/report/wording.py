@@ -10,14 +10,14 @@ from emaphm.identification.wording import physical_text
 LABELS = {
     "friction": "friction",
     "backlash": "backlash",
-    "short_a": "short circuit in phase a",
-    "short_b": "short circuit in phase b",
-    "short_c": "short circuit in phase c",
-    "eccentricity": "eccentricity of the rotor",
-    "eccentricity_phase": "direction of the eccentricity",
-    "gain": "position gain of the drive",
+    "short_a": "winding of phase a",
+    "short_b": "winding of phase b",
+    "short_c": "winding of phase c",
+    "eccentricity": "rotor centring",
+    "eccentricity_phase": "eccentricity direction",
+    "gain": "position gain",
 }
-"""The components in words."""
+"""The components in words that go with "healthy" and "degraded" alike."""
 
 FITNESS_UNITS = {"least_squares": "A²", "thesis": "A²·s", "total_least_squares": "A²·s"}
 
@@ -47,33 +47,38 @@ class Row:
 
 
 def headline(diagnosis: Diagnosis) -> Headline:
-    """Return the verdict on `diagnosis`, faults first."""
-    # A direction is no fault of its own: it is told with the eccentricity.
-    verdicts = {n: e.verdict for n, e in diagnosis.components.items() if n != "eccentricity_phase"}
+    """Return the verdict on `diagnosis`: what is degraded, what is healthy, what nobody can tell."""
     degraded, healthy, unknown = (
-        [LABELS[name] for name, verdict in verdicts.items() if verdict == wanted]
-        for wanted in ("degraded", "healthy", "unknown")
+        _called(verdict, diagnosis) for verdict in ("degraded", "healthy", "unknown")
     )
+    meanings = physical_text(diagnosis.faults, diagnosis.actuator)
+    if diagnosis.components["eccentricity_phase"].identifiable:
+        meanings["eccentricity"] += f" {meanings['eccentricity_phase']}"
     sentences = (
-        _sentence("Beyond doubt away from its healthy value", degraded),
-        _sentence("Healthy", healthy),
-        _sentence("Not identifiable from this recording", unknown),
+        _sentence("Away from healthy by more than the interval", [meanings[name] for name in degraded]),
+        _sentence("Healthy", [LABELS[name] for name in healthy]),
+        _sentence("Not identifiable from this recording", [LABELS[name] for name in unknown]),
         _explanation(diagnosis),
     )
     told = tuple(sentence for sentence in sentences if sentence)
     if not diagnosis.explained:
-        return Headline("The model does not explain this recording", told, "doubtful")
+        return Headline("The model does not explain this recording.", told, "doubtful")
     if degraded:
-        return Headline(f"Degraded: {_listed(degraded)}", told, "degraded")
+        return Headline(_sentence("Degraded", [LABELS[name] for name in degraded]), told, "degraded")
     if unknown:
-        return Headline("No fault found in what this recording can tell", told, "healthy")
-    return Headline("Healthy: no fault found", told, "healthy")
+        return Headline("No fault found in what this recording can tell.", told, "healthy")
+    return Headline("Healthy: no fault found.", told, "healthy")
+
+
+def _called(verdict: str, diagnosis: Diagnosis) -> list[str]:
+    """Return the components of that verdict; a direction is no fault of its own and is left out."""
+    components = diagnosis.components.items()
+    return [name for name, e in components if e.verdict == verdict and name != "eccentricity_phase"]
 
 
 def _explanation(diagnosis: Diagnosis) -> str:
-    residual = f"{diagnosis.residual_rms_A:.3g} A rms"
     share = f"{100 * diagnosis.relative_residual:.1f} % of the current"
-    size = f"its residual is {residual}, {share}"
+    size = f"its residual is {diagnosis.residual_rms_A:.3g} A rms, {share}"
     if diagnosis.explained:
         return f"The {diagnosis.model} model explains the recording: {size}."
     return (
@@ -118,19 +123,11 @@ def unidentifiable(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     for name, estimate in diagnosis.components.items():
         if not estimate.identifiable:
             by_reason.setdefault(estimate.reason, []).append(LABELS[name])
-    return [(_capital(_listed(names)), reason) for reason, names in by_reason.items()]
+    return [(", ".join(names), reason) for reason, names in by_reason.items()]
 
 
-def _sentence(opening: str, names: Sequence[str]) -> str:
-    return f"{opening}: {_listed(names)}." if names else ""
-
-
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names)
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
+def _sentence(opening: str, items: Sequence[str]) -> str:
+    return f"{opening}: {', '.join(items)}." if items else ""
 
 
 def computation(diagnosis: Diagnosis) -> dict[str, str]:

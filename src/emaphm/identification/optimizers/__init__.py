@@ -9,4 +9,13 @@ from emaphm.identification.optimizers.space_filling import space_filling
 OPTIMIZERS: dict[str, type[Optimizer[Any]]] = {"dragonfly": Dragonfly}
 """Every optimiser by the name it has on the command line."""
 
-__all__ = ["OPTIMIZERS", "Dragonfly", "DragonflyState", "Optimizer", "Result", "State", "minimise", "space_filling"]
+__all__ = [
+    "OPTIMIZERS",
+    "Dragonfly",
+    "DragonflyState",
+    "Optimizer",
+    "Result",
+    "State",
+    "minimise",
+    "space_filling",
+]
