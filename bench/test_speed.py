@@ -51,8 +51,7 @@ def test_batch(benchmark: Any, report: Report, model: Model, budget: str) -> Non
     faults, driven = random_faults(RUNS), inputs(model)
     simulate_batch(model, ema.Actuator.thesis(), faults[:1], driven)
     benchmark(simulate_batch, model, ema.Actuator.thesis(), faults, driven, workers=1)
-    name = model.name.partition(" ")[0]
-    report(f"{name} model, in a batch, per run", budget=budget, runs=RUNS)
+    report(f"{model.name} model, in a batch, per run", budget=budget, runs=RUNS)
 
 
 @pytest.mark.parametrize("turns", [0, 3], ids=["uncorrected", "corrected"])

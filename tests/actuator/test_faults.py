@@ -32,7 +32,6 @@ def test_the_ends_belong_to_the_interval(name: str, value: float) -> None:
 
 
 @pytest.mark.parametrize("value", ["much", None, [0.5]])
-@pytest.mark.xfail(strict=True, reason="float() complains, and does not name the fault")
 def test_a_component_that_is_no_number_is_named(value: object) -> None:
     with pytest.raises(FaultError, match="friction"):
         Faults(friction=value)  # type: ignore[arg-type]

@@ -34,7 +34,6 @@ def test_an_unknown_model_is_answered_with_the_nearest() -> None:
 
 
 @pytest.mark.parametrize("form", [{"shorts": "modulatd"}, {"eccentricity": "print"}])
-@pytest.mark.xfail(strict=True, reason="any unknown form is taken for the default")
 def test_an_unknown_form_of_the_monitor_model_is_refused(form: dict[str, Any]) -> None:
     with pytest.raises(MethodError, match="did you mean"):
         monitor(**form)
@@ -58,20 +57,17 @@ def test_the_other_totals_do_not(name: str) -> None:
     assert Plant.of(IDEAL, HEALTHY, {name: 1.0}).count == 1
 
 
-@pytest.mark.xfail(strict=True, reason="NumPy complains, and does not name the total")
 def test_totals_of_another_length_are_refused() -> None:
     with pytest.raises(MethodError, match="inertia"):
         Plant.of(THESIS, np.tile(HEALTHY, (2, 1)), {"inertia": [1e-5, 2e-5, 3e-5]})
 
 
 @pytest.mark.parametrize("value", [0.0, -1e-5, np.nan])
-@pytest.mark.xfail(strict=True, reason="totals are not checked")
 def test_an_impossible_total_is_refused(value: float) -> None:
     with pytest.raises(MethodError, match="inertia"):
         Plant.of(THESIS, HEALTHY, {"inertia": value})
 
 
-@pytest.mark.xfail(strict=True, reason="friction pushes a standing shaft")
 def test_static_friction_below_dynamic_friction_makes_no_motion() -> None:
     # Friction that is larger than what it balances would push: a standing shaft would move against its load.
     plant = Plant.of(THESIS, HEALTHY, {"coulomb": 0.2, "static": 0.1})
@@ -112,20 +108,17 @@ def test_a_run_of_no_length_is_refused(changes: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("changes", [{"step": 0.0}, {"step": -1e-6}, {"noise": -1.0}])
-@pytest.mark.xfail(strict=True, reason="only interval and samples are checked")
 def test_an_impossible_step_or_noise_is_refused(changes: dict[str, Any]) -> None:
     with pytest.raises(SignalError):
         inputs(**changes)
 
 
-@pytest.mark.xfail(strict=True, reason="the kernel reads beyond its input")
 def test_a_command_of_another_length_is_refused() -> None:
     with pytest.raises(SignalError, match="command"):
         inputs(command=lambda t: t[:3])
 
 
 @pytest.mark.parametrize("count", [0, 2, 5])
-@pytest.mark.xfail(strict=True, reason="the kernel writes beyond its output")
 def test_a_single_run_takes_a_single_actuator(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     # Were it to get as far as the kernel, it would write beyond its output.
     running = importlib.import_module("emaphm.simulation.run")
@@ -145,7 +138,6 @@ def test_a_run_that_explodes_is_reported() -> None:
 
 
 @pytest.mark.parametrize("name", ["reference", "monitor"])
-@pytest.mark.xfail(strict=True, reason="the monitor model yields 1e12 A, the reference model blames the step")
 def test_switching_models_need_windings(name: str) -> None:
     model = MODELS[name]
     with pytest.raises(MethodError, match=r"\[electrical\]"):

@@ -83,7 +83,7 @@ class DecayingChirp:
         return chirp(t) * np.clip(1 - t / self.duration, 0.0, 1.0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sampled:
     """A signal given by samples, linear between them and held at both ends.
 

@@ -41,7 +41,11 @@ class Faults:
 
     def __post_init__(self) -> None:
         for name in NAMES:
-            value = float(getattr(self, name))
+            given = getattr(self, name)
+            try:
+                value = float(given)
+            except (TypeError, ValueError):
+                raise FaultError(f"fault {name}={given!r} is no number; give a value from 0 to 1") from None
             if not 0.0 <= value <= 1.0:  # also refuses NaN
                 raise FaultError(f"fault {name}={value:g} lies outside [0, 1]; give a value from 0 to 1")
             object.__setattr__(self, name, value)

@@ -156,9 +156,9 @@ def _conclude(
 ) -> Diagnosis:
     """Return the diagnosis at `found`.
 
-    To the covariance of the fit is added what the model's remaining bias moves the estimate by, the
-    Gauss-Newton step that its discrepancy, not yet corrected for, would cause; and the resolution of the
-    search, which the kinks of stick-slip make no finer than the differences that bridge them.
+    To the covariance of the fit is added the Gauss-Newton step that is left to do: towards the optimum
+    that a swarm may not have reached, and for the model's discrepancy not yet corrected. And the search's
+    resolution, which the kinks of stick-slip make no finer than the differences that bridge them.
     """
     faults = space.faults(found.point)
     modelled = problem.currents(faults[np.newaxis])[0] + found.correction
@@ -173,8 +173,10 @@ def _conclude(
     spread = covariance(derivatives[0], residual, np.full(space.dimensions, PRIOR_DEVIATION))
     normal = derivatives[0] @ derivatives[0].T
     prior = np.mean(residual**2) / PRIOR_DEVIATION**2 * np.eye(space.dimensions)
-    bias = np.linalg.solve(normal + prior, derivatives[0] @ (found.discrepancy - found.correction))
-    spread = spread + np.outer(bias, bias) + JACOBIAN_STEP**2 * np.eye(space.dimensions)
+    unanswered = residual - (found.discrepancy - found.correction)
+    step = np.linalg.solve(normal + prior, derivatives[0] @ unanswered)
+    left = space.project(found.point + step) - found.point
+    spread = spread + np.outer(left, left) + JACOBIAN_STEP**2 * np.eye(space.dimensions)
     return Diagnosis(
         components=estimates(space, found.point, spread),
         coordinates=tuple(CARTESIAN_NAMES[i] for i in space.columns),

@@ -24,6 +24,9 @@ WIDEST_HALF_INTERVAL = 0.25
 HEALTHY_MARGIN = 0.02
 """An interval this near to the healthy value counts as healthy: no model is right to a hundredth."""
 
+NOISE_MARGIN = 1.5
+"""Residual, as a multiple of the noise on the recording, that noise alone may make."""
+
 UNEXPLAINED_SHARE = 0.1
 """Residual, as a share of the current's rms, beyond which the model does not explain a recording."""
 
@@ -84,6 +87,6 @@ def _eccentricity(space: FaultSpace, point: Array, covariance: Array) -> Mapping
 
 
 def is_explained(recorded: Array, residual: Array) -> bool:
-    """Return whether `residual` (samples,) is no more than noise and a tenth of the current's rms."""
-    allowed = (3 * noise_level(recorded)) ** 2 + UNEXPLAINED_SHARE**2 * float(np.mean(recorded**2))
+    """Return whether `residual` (samples,) is little more than noise and a tenth of the current's rms."""
+    allowed = (NOISE_MARGIN * noise_level(recorded)) ** 2 + UNEXPLAINED_SHARE**2 * float(np.mean(recorded**2))
     return bool(np.mean(residual**2) <= allowed)

@@ -134,7 +134,7 @@ class Recording:
             axis.set_ylabel(_axis_label(name, coordinates), fontsize="small")
             axis.grid(alpha=0.3)
         axes[-1].set_xlabel("time [s]")
-        figure.suptitle(self.source, fontsize="medium")
+        figure.suptitle(self.source, fontsize="medium", parse_math=False)
         return figure
 
     def __repr__(self) -> str:

@@ -54,20 +54,20 @@ def headline(diagnosis: Diagnosis) -> Headline:
     meanings = physical_text(diagnosis.faults, diagnosis.actuator)
     if diagnosis.components["eccentricity_phase"].identifiable:
         meanings["eccentricity"] += f" {meanings['eccentricity_phase']}"
-    sentences = (
+    findings = (
         _sentence("Away from healthy by more than the interval", [meanings[name] for name in degraded]),
         _sentence("Healthy", [LABELS[name] for name in healthy]),
         _sentence("Not identifiable from this recording", [LABELS[name] for name in unknown]),
-        _explanation(diagnosis),
     )
-    told = tuple(sentence for sentence in sentences if sentence)
+    told = tuple(sentence for sentence in findings if sentence)
+    explanation = _explanation(diagnosis)
     if not diagnosis.explained:
-        return Headline("The model does not explain this recording.", told, "doubtful")
+        return Headline("The model does not explain this recording.", (explanation, *told), "doubtful")
     if degraded:
-        return Headline(_sentence("Degraded", [LABELS[name] for name in degraded]), told, "degraded")
-    if unknown:
-        return Headline("No fault found in what this recording can tell.", told, "healthy")
-    return Headline("Healthy: no fault found.", told, "healthy")
+        words = _sentence("Degraded", [LABELS[name] for name in degraded])
+        return Headline(words, (*told, explanation), "degraded")
+    words = "No fault found in what this recording can tell." if unknown else "Healthy: no fault found."
+    return Headline(words, (*told, explanation), "healthy")
 
 
 def _called(verdict: str, diagnosis: Diagnosis) -> list[str]:
@@ -135,6 +135,7 @@ def computation(diagnosis: Diagnosis) -> dict[str, str]:
     time = diagnosis.time_s
     interval = (time[-1] - time[0]) / (time.size - 1)
     rows = f"{time.size} rows at {1 / interval:.6g} Hz, {time.size * interval:.4g} s"
+    unit = FITNESS_UNITS[diagnosis.fitness_name]
     correction = "none"
     if diagnosis.reference_runs:
         correction = f"{diagnosis.reference_runs}, by which the {diagnosis.model} model's bias was measured"
@@ -143,10 +144,10 @@ def computation(diagnosis: Diagnosis) -> dict[str, str]:
         "Actuator": f"{diagnosis.actuator.name}, {diagnosis.actuator.coordinates}",
         "Method": diagnosis.method,
         "Model": diagnosis.model,
-        "Fitness": f"{diagnosis.fitness:.4g} {FITNESS_UNITS[diagnosis.fitness_name]} ({diagnosis.fitness_name})",
+        "Fitness": f"{diagnosis.fitness:.4g} {unit} ({diagnosis.fitness_name})",
         "Simulations": str(diagnosis.evaluations),
         "Reference runs": correction,
-        "Time": f"{diagnosis.seconds:.2f} s",
+        "Computing time": f"{diagnosis.seconds:.2f} s",
         "Seed": str(diagnosis.seed),
         "Version": f"emaphm {diagnosis.version}",
     }

@@ -1,6 +1,6 @@
 """Writing the report of a diagnosis."""
 
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 
 from emaphm.actuator import Faults
 from emaphm.actuator.toml import write_toml
@@ -63,6 +63,8 @@ def _page(diagnosis: Diagnosis, truth: Faults | None) -> str:
     error = None if truth is None else float(error_percent(truth.vector, diagnosis.faults.vector))
     return environment.get_template(TEMPLATE).render(
         diagnosis=diagnosis,
+        # Cut at either system's separator: a diagnosis may be reported on another machine.
+        name=PureWindowsPath(diagnosis.recording).name or diagnosis.recording,
         headline=headline(diagnosis),
         rows=table(diagnosis, truth),
         error=error,

@@ -29,6 +29,7 @@ AVERAGED = Model(
     "averaged",
     5e-5,
     CHANNELS,
+    False,
     parameters,
     initial_state,
     partial(single_winding.build, averaged=True, printed_eccentricity=False),

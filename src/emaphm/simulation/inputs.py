@@ -59,18 +59,23 @@ class Inputs:
         Raises
         ------
         SignalError
-            There are no samples, the interval is not positive, or command or load is not finite.
+            There are no samples, interval or step are not positive, the noise is negative, or command or
+            load is not one finite value a step.
         """
-        if samples < 1 or not interval > 0:
-            raise SignalError(f"a run needs samples ({samples}) and an interval ({interval:g} s) above 0")
+        if samples < 1 or not interval > 0 or not step > 0:
+            raise SignalError(
+                f"a run needs samples ({samples}), interval ({interval:g} s) and step ({step:g} s) above 0"
+            )
+        if not 0 <= noise < math.inf:
+            raise SignalError(f"noise on the reference current, {noise:g} A, is no rms; give 0 or more")
         substeps = max(1, math.ceil(interval / step * (1 - 1e-9)))
         steps = samples * substeps
-        t: Array = np.arange(steps) * (interval / substeps)
+        t = np.asarray(np.arange(steps) * (interval / substeps))
         zero = np.broadcast_to(0.0, steps)
         rng = np.random.default_rng(seed)
         return cls(
-            command=_finite("command", command(t)),
-            load=_finite("load", load(t) if callable(load) else np.broadcast_to(float(load), steps)),
+            command=_checked("command", command(t), steps),
+            load=_checked("load", load(t) if callable(load) else np.broadcast_to(float(load), steps), steps),
             noise=rng.normal(0.0, noise, steps) if noise else zero,
             samples=samples,
             substeps=substeps,
@@ -98,7 +103,9 @@ class Inputs:
         return np.asarray(values.reshape(self.samples, self.substeps)[:, : self.window].mean(axis=1))
 
 
-def _finite(what: str, values: Any) -> Array:
+def _checked(what: str, values: Any, steps: int) -> Array:
+    if np.shape(values) != (steps,):
+        raise SignalError(f"the {what} gave {np.shape(values)} values for {steps} times; give one for each")
     if not np.all(np.isfinite(values)):
         raise SignalError(f"the {what} is not finite everywhere; mend its values")
     return np.asarray(values, float)

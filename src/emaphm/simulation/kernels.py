@@ -37,6 +37,17 @@ LANES = 16
 """Actuators that a batch kernel advances together: two AVX-512 registers, four of AVX2."""
 
 
+def _revision() -> int:
+    digest = hashlib.sha256()
+    for source in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(source.read_bytes())
+    return int.from_bytes(digest.digest()[:4], "big")
+
+
+REVISION = _revision()
+"""Of the source of all laws, as loaded."""
+
+
 class Layout(NamedTuple):
     """What a kernel is compiled for."""
 
@@ -64,12 +75,14 @@ class Model:
     """A model of the actuator: how to build its kernel, parameters and initial state.
 
     `step` is its integration step [s]; `channels` are what a traced run records, of which a batch
-    records the first, the equivalent current.
+    records the first, the equivalent current; `switches` says that it switches the supply, which takes
+    windings.
     """
 
     name: str
     step: float
     channels: tuple[str, ...]
+    switches: bool
     parameters: Callable[[Plant, float], Array]
     initial_state: Callable[[Plant, Inputs, Initial], Array]
     build: Callable[[Layout], Callable[..., None]]
@@ -84,16 +97,8 @@ def kernel(model: Model, lanes: int, traced: bool) -> Kernel:
     cube = numba.types.Array(numba.float64, 3, "C")
     signature = numba.void(flat, flat, vector, vector, vector, numba.float64, numba.int64, numba.int64, cube)
     options: Any = {"fastmath": True, "error_model": "numpy", "nogil": True, "cache": True}
-    compiled: Kernel = numba.njit(signature, **options)(model.build(Layout(lanes, traced, _revision())))
+    compiled: Kernel = numba.njit(signature, **options)(model.build(Layout(lanes, traced, REVISION)))
     return compiled
-
-
-@cache
-def _revision() -> int:
-    digest = hashlib.sha256()
-    for source in sorted(Path(__file__).parent.glob("*.py")):
-        digest.update(source.read_bytes())
-    return int.from_bytes(digest.digest()[:4], "big")
 
 
 CONTROL_AND_MOTION = (

@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from emaphm.errors import MethodError, nearest
 from emaphm.simulation import single_winding
 from emaphm.simulation.kernels import Model
 from emaphm.simulation.plant import Plant
@@ -25,6 +26,10 @@ def modulated_shorts(plant: Plant, step: float) -> NDArray[np.float64]:
     return single_winding.parameters(plant, step, pairs, pairs**2, turns)
 
 
+SHORTS = {"printed": printed_shorts, "modulated": modulated_shorts}
+ECCENTRICITIES = ("reference", "printed")
+
+
 @cache
 def monitor(
     shorts: Literal["printed", "modulated"] = "printed",
@@ -34,12 +39,22 @@ def monitor(
 
     `printed` are the thesis's formulas; `modulated` resolves shorts by rotor sector; `reference` is the
     eccentricity of the reference model, once per mechanical turn.
+
+    Raises
+    ------
+    MethodError
+        A form is unknown.
     """
+    for given, known in ((shorts, SHORTS), (eccentricity, ECCENTRICITIES)):
+        if given not in known:
+            raise MethodError(f"unknown form '{given}' of the monitor model{nearest(given, known)}")
+    default = (shorts, eccentricity) == ("printed", "reference")
     return Model(
-        f"monitor ({shorts} shorts, {eccentricity} eccentricity)",
+        "monitor" if default else f"monitor ({shorts} shorts, {eccentricity} eccentricity)",
         1e-5,
         CHANNELS,
-        modulated_shorts if shorts == "modulated" else printed_shorts,
+        True,
+        SHORTS[shorts],
         initial_state,
         partial(single_winding.build, averaged=False, printed_eccentricity=eccentricity == "printed"),
     )

@@ -10,12 +10,14 @@ from numpy.typing import ArrayLike, NDArray
 from emaphm.actuator import Actuator
 from emaphm.actuator.faults import NAMES, SHORTEST_WINDING
 from emaphm.actuator.totals import check_totals, static_follows
-from emaphm.errors import FaultError
+from emaphm.errors import FaultError, MethodError
 
 Array = NDArray[np.float64]
 
 NO_LIMIT = 1e30
 """Stands for an absent limit; the kernels are compiled on the understanding that nothing is infinite."""
+
+NEVER_ZERO = ("inertia", "position_gain", "speed_gain", "torque_constant", "resistance", "inductance")
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,8 @@ class Plant:
         FaultError
             `faults` has another shape or a value outside [0, 1].
         MethodError
-            A total is unknown, or needs the electrical description that the actuator lacks.
+            A total is unknown, impossible or not one value an actuator, or needs the electrical
+            description that the actuator lacks.
         """
         k = np.atleast_2d(np.asarray(faults, float))
         if k.ndim != 2 or k.shape[1] != len(NAMES):
@@ -85,6 +88,11 @@ class Plant:
                 "give a value from 0 to 1"
             )
         return _with_faults(_with_totals(_healthy(actuator, len(k)), actuator, totals or {}), actuator, k)
+
+    @property
+    def has_windings(self) -> bool:
+        """Whether the windings are described; without them the current loop is ideal."""
+        return bool(self.hysteresis[0] > 0)
 
     @property
     def count(self) -> int:
@@ -145,9 +153,21 @@ def _healthy(actuator: Actuator, n: int) -> Plant:
 
 def _with_totals(plant: Plant, actuator: Actuator, totals: Mapping[str, ArrayLike]) -> Plant:
     check_totals(actuator, totals)
-    values = static_follows(actuator, totals)
-    set_to = {name: np.broadcast_to(np.asarray(v, float), (plant.count,)) for name, v in values.items()}
-    return replace(plant, **set_to)
+    set_to = {}
+    for name, values in static_follows(actuator, totals).items():
+        column = np.asarray(values, float)
+        if column.shape not in {(), (plant.count,)}:
+            raise MethodError(
+                f"parameter '{name}' has shape {column.shape}; give one value, or {plant.count}"
+            )
+        if not np.all(np.isfinite(column)) or (np.any(column < 0) and name != "offset"):
+            raise MethodError(f"parameter '{name}' must be finite and not negative; correct its value")
+        if name in NEVER_ZERO and np.any(column == 0):
+            raise MethodError(f"parameter '{name}' must be greater than 0; correct its value")
+        set_to[name] = np.broadcast_to(column, (plant.count,))
+    changed = replace(plant, **set_to)
+    # Friction larger than what it has to balance would push a standing shaft.
+    return replace(changed, static=np.maximum(changed.static, changed.coulomb))
 
 
 def _with_faults(plant: Plant, actuator: Actuator, k: Array) -> Plant:

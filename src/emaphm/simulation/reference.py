@@ -123,6 +123,8 @@ def build(layout: Layout) -> Any:
     ) -> None:
         lanes, traced = layout[0], layout[1]
         total = np.empty(channels * lanes)
+        # Motion at an instant is that at the step's start; a mean takes what each step leads to.
+        carried = 1.0 if window == substeps else 0.0
         for sample in range(out.shape[1]):
             total[:] = 0.0
             for substep in range(substeps):
@@ -138,9 +140,10 @@ def build(layout: Layout) -> Any:
                     tau = p[GEAR_RATIO * lanes + lane]
 
                     measured = approach(x[FEEDBACK * lanes + lane], speed, p[FEEDBACK_SHARE * lanes + lane])
+                    output = x[OUTPUT * lanes + lane]
                     error = speed_error(
                         commanded,
-                        tau * x[OUTPUT * lanes + lane],
+                        tau * output,
                         measured,
                         p[POSITION_GAIN * lanes + lane],
                         p[SPEED_LIMIT * lanes + lane],
@@ -195,10 +198,10 @@ def build(layout: Layout) -> Any:
                     )
                     torque = approach(x[TORQUE * lanes + lane], produced, p[TORQUE_SHARE * lanes + lane])
 
-                    speed, reached, output = move(
+                    moved, reached, followed = move(
                         speed,
                         angle,
-                        x[OUTPUT * lanes + lane],
+                        output,
                         torque - loaded - p[OFFSET * lanes + lane],
                         p[VISCOUS * lanes + lane],
                         p[STATIC * lanes + lane],
@@ -216,11 +219,11 @@ def build(layout: Layout) -> Any:
                     x[LEG_A * lanes + lane] = leg_a
                     x[LEG_B * lanes + lane] = leg_b
                     x[LEG_C * lanes + lane] = leg_c
-                    x[SPEED * lanes + lane] = speed
+                    x[SPEED * lanes + lane] = moved
                     x[FEEDBACK * lanes + lane] = measured
                     x[TORQUE * lanes + lane] = torque
                     x[ANGLE * lanes + lane] = reached
-                    x[OUTPUT * lanes + lane] = output
+                    x[OUTPUT * lanes + lane] = followed
                     x[ELECTRICAL * lanes + lane] = wrap_once(
                         electrical + p[POLE_PAIRS * lanes + lane] * turned
                     )
@@ -236,9 +239,9 @@ def build(layout: Layout) -> Any:
                         along = active_a * current_a + active_b * current_b + active_c * current_c
                         size = np.abs(current_a) + np.abs(current_b) + np.abs(current_c)
                         total[lanes + lane] += weight * across * half_supply
-                        total[2 * lanes + lane] += weight * tau * output
-                        total[3 * lanes + lane] += weight * speed
-                        total[4 * lanes + lane] += weight * reached
+                        total[2 * lanes + lane] += weight * tau * (output + carried * (followed - output))
+                        total[3 * lanes + lane] += weight * (speed + carried * (moved - speed))
+                        total[4 * lanes + lane] += weight * (angle + carried * turned)
                         total[5 * lanes + lane] += weight * torque
                         total[6 * lanes + lane] += weight * reference
                         total[7 * lanes + lane] += weight * current_a
@@ -256,5 +259,5 @@ def build(layout: Layout) -> Any:
     return kernel
 
 
-REFERENCE = Model("reference", 1e-6, CHANNELS, parameters, initial_state, build)
+REFERENCE = Model("reference", 1e-6, CHANNELS, True, parameters, initial_state, build)
 """The reference model at its step of 1 µs."""

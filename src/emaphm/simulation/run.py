@@ -37,8 +37,11 @@ def run(model: Model, plant: Plant, inputs: Inputs, start: Initial = Initial()) 
     Raises
     ------
     MethodError
-        The simulation did not stay finite.
+        There is not exactly one actuator, its windings are not described and the model needs them, or
+        the simulation did not stay finite.
     """
+    if plant.count != 1:
+        raise MethodError(f"a single run takes one actuator, got {plant.count}; use run_batch")
     out = np.empty((len(model.channels), inputs.samples, 1))
     _advance(model, plant, inputs, start, out, traced=True)
     _check_finite(model, out)
@@ -61,7 +64,8 @@ def run_batch(
     Raises
     ------
     MethodError
-        A simulation did not stay finite.
+        The actuators' windings are not described and the model needs them, or a simulation did not stay
+        finite.
     """
     padded = plant.padded(LANES)
     out = np.empty((padded.count // LANES, inputs.samples, LANES))
@@ -98,6 +102,11 @@ def simulate_batch(
 
 
 def _advance(model: Model, plant: Plant, inputs: Inputs, start: Initial, out: Array, *, traced: bool) -> None:
+    if model.switches and not plant.has_windings:
+        raise MethodError(
+            f"the {model.name} model switches the windings' voltage, which needs an [electrical] section; "
+            "add one to the actuator, or use the averaged model"
+        )
     step = inputs.step
     x = model.initial_state(plant, inputs, start).ravel()
     p = model.parameters(plant, step).ravel()

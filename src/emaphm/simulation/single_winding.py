@@ -126,6 +126,8 @@ def build(layout: Layout, *, averaged: bool, printed_eccentricity: bool) -> Any:
     ) -> None:
         lanes, traced = layout[0], layout[1]
         total = np.empty(channels * lanes)
+        # Motion at an instant is that at the step's start; a mean takes what each step leads to.
+        carried = 1.0 if window == substeps else 0.0
         for sample in range(out.shape[1]):
             total[:] = 0.0
             for substep in range(substeps):
@@ -142,9 +144,10 @@ def build(layout: Layout, *, averaged: bool, printed_eccentricity: bool) -> Any:
                     pole_pairs = p[POLE_PAIRS * lanes + lane]
 
                     measured = approach(x[FEEDBACK * lanes + lane], speed, p[FEEDBACK_SHARE * lanes + lane])
+                    output = x[OUTPUT * lanes + lane]
                     error = speed_error(
                         commanded,
-                        tau * x[OUTPUT * lanes + lane],
+                        tau * output,
                         measured,
                         p[POSITION_GAIN * lanes + lane],
                         p[SPEED_LIMIT * lanes + lane],
@@ -196,10 +199,10 @@ def build(layout: Layout, *, averaged: bool, printed_eccentricity: bool) -> Any:
                     produced = clip(flux * current, -limit, limit)
                     torque = approach(x[TORQUE * lanes + lane], produced, p[TORQUE_SHARE * lanes + lane])
 
-                    speed, reached, output = move(
+                    moved, reached, followed = move(
                         speed,
                         angle,
-                        x[OUTPUT * lanes + lane],
+                        output,
                         torque - loaded - p[OFFSET * lanes + lane],
                         p[VISCOUS * lanes + lane],
                         p[STATIC * lanes + lane],
@@ -212,11 +215,11 @@ def build(layout: Layout, *, averaged: bool, printed_eccentricity: bool) -> Any:
                     )
                     turned = reached - angle
                     x[CURRENT * lanes + lane] = current
-                    x[SPEED * lanes + lane] = speed
+                    x[SPEED * lanes + lane] = moved
                     x[FEEDBACK * lanes + lane] = measured
                     x[TORQUE * lanes + lane] = torque
                     x[ANGLE * lanes + lane] = reached
-                    x[OUTPUT * lanes + lane] = output
+                    x[OUTPUT * lanes + lane] = followed
                     x[ELECTRICAL * lanes + lane] = wrap_once(electrical + pole_pairs * turned)
                     x[COS * lanes + lane], x[SIN * lanes + lane] = turn(cos, sin, turned)
                     x[INTEGRAL * lanes + lane] = integral + error * step
@@ -227,9 +230,9 @@ def build(layout: Layout, *, averaged: bool, printed_eccentricity: bool) -> Any:
                         # The constant voltage that takes the winding from `before` to `current`.
                         voltage = back_emf + (current - decay * before) / ((1.0 - decay) * conductance)
                         total[lanes + lane] += weight * voltage
-                        total[2 * lanes + lane] += weight * tau * output
-                        total[3 * lanes + lane] += weight * speed
-                        total[4 * lanes + lane] += weight * reached
+                        total[2 * lanes + lane] += weight * tau * (output + carried * (followed - output))
+                        total[3 * lanes + lane] += weight * (speed + carried * (moved - speed))
+                        total[4 * lanes + lane] += weight * (angle + carried * turned)
                         total[5 * lanes + lane] += weight * torque
                         total[6 * lanes + lane] += weight * reference
             for i in range(channels):

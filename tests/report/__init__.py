@@ -1,0 +1,1 @@
+"""Tests of `emaphm.report` and of the figures that it shows."""

@@ -1,0 +1,257 @@
+"""The report: whole, self-contained, and true to its diagnosis."""
+
+import base64
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import matplotlib as mpl
+import pytest
+
+import emaphm.report.write
+from emaphm.actuator import NAMES, Actuator, Faults
+from emaphm.errors import OutputError
+from emaphm.identification import FITNESSES, Diagnosis, error_percent
+from emaphm.report import write_report
+from emaphm.report.wording import FITNESS_UNITS
+
+from .conftest import LACKING
+
+HOSTILE = """<script src="http://bad.example/x.js">alert(1)</script>"><img src='//bad.example/i.png'>&amp;"""
+
+
+class Page(HTMLParser):
+    """What a browser would see: open tags, addresses, and the text with its blanks made single."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.source = path.read_text(encoding="utf-8")
+        self.tags: list[str] = []
+        self.open: list[str] = []
+        self.addresses: list[str] = []
+        self._text: list[str] = []
+        self.feed(self.source)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Note a tag, that it is open unless it holds nothing, and the addresses in it."""
+        self.tags.append(tag)
+        if tag not in ("meta", "img"):
+            self.open.append(tag)
+        self.addresses += [value or "" for name, value in attrs if name in ("src", "href", "srcset", "data")]
+
+    def handle_endtag(self, tag: str) -> None:
+        """Insist that a tag closes the last one opened."""
+        assert self.open.pop() == tag, f"</{tag}> closes something else"
+
+    def handle_data(self, data: str) -> None:
+        """Note text."""
+        if self.open[-1:] != ["style"]:
+            self._text.append(data)
+
+    @property
+    def text(self) -> str:
+        """All text, its blanks made single."""
+        return " ".join("".join(self._text).split())
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "report.html"
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave the figures empty where only the text matters: drawing them is what takes long."""
+    monkeypatch.setattr(emaphm.report.write, "data_uri", lambda _: "data:,")
+
+
+def test_file_is_well_formed_and_needs_nothing_else(faulty: Diagnosis, truth: Faults, path: Path) -> None:
+    write_report(faulty, path, truth=truth)
+    page = Page(path)
+    assert not page.open
+    assert "script" not in page.tags
+    assert "link" not in page.tags
+    assert len(page.addresses) == 3
+    for address in page.addresses:
+        kind, encoded = address.split(",", 1)
+        assert kind == "data:image/svg+xml;base64"
+        picture = base64.b64decode(encoded, validate=True)
+        assert ET.fromstring(picture).tag.endswith("svg")  # noqa: S314 - made by us
+    style = page.source[page.source.index("<style>") : page.source.index("</style>")]
+    assert "url(" not in style
+    assert "@import" not in style
+    assert [file.name for file in path.parent.iterdir()] == [path.name]
+
+
+def test_a_report_can_be_sent_by_mail(faulty: Diagnosis, truth: Faults, path: Path) -> None:
+    write_report(faulty, path, truth=truth)
+    assert path.stat().st_size < 1_000_000
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_every_component_is_told_with_value_interval_and_meaning(faulty: Diagnosis, path: Path) -> None:
+    write_report(faulty, path)
+    text = Page(path).text
+    for name in NAMES:
+        assert name in text
+    for told in (
+        "0.3111",
+        "0.2811 to 0.3411",
+        "dry friction × 1.500",
+        "backlash 0.019 rad at the motor",
+        "59.0 % of phase b's turns healthy",
+        "towards +172.8 deg",
+        "position gain × 1.1000",
+    ):
+        assert told in text
+    assert "All eight components are identifiable" in text
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_headline_names_what_is_degraded_and_what_is_healthy(faulty: Diagnosis, path: Path) -> None:
+    write_report(faulty, path)
+    text = Page(path).text
+    assert "Degraded: friction, backlash, winding of phase b, rotor centring, position gain." in text
+    assert "Healthy: winding of phase a, winding of phase c." in text
+    assert "The averaged model explains the recording" in text
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_what_cannot_be_told_is_told_with_the_reason_and_units_follow_the_actuator(
+    linear: Diagnosis, path: Path
+) -> None:
+    write_report(linear, path)
+    text = Page(path).text
+    assert "No fault found in what this recording can tell" in text
+    assert f"rotor centring, eccentricity direction: {LACKING}." in text
+    assert "0.0059 m at the motor" in text
+    assert " rad " not in text
+    assert "bias of the averaged model itself was not measured" in text
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_poor_fit_is_warned_of_first(faulty: Diagnosis, path: Path) -> None:
+    write_report(replace(faulty, explained=False), path)
+    text = Page(path).text
+    warning = text.index("The model does not explain this recording.")
+    assert warning < text.index("not to be relied on") < text.index("Away from healthy")
+    assert "Degraded:" not in text
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_truth_stands_beside_what_was_found(faulty: Diagnosis, truth: Faults, path: Path) -> None:
+    write_report(faulty, path, truth=truth)
+    text = Page(path).text
+    error = float(error_percent(truth.vector, faulty.faults.vector))
+    assert f"Error of the diagnosis against the truth: {error:.2f} %" in text
+    assert "0.2500 0.2300 to 0.2700 0.2600 degraded" in text
+    write_report(faulty, path, force=True)
+    assert "truth:" not in Page(path).text
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_it_says_how_it_was_computed(faulty: Diagnosis, path: Path) -> None:
+    write_report(faulty, path)
+    text = Page(path).text
+    assert text.startswith("Diagnosis of run 3.csv ")  # the path would be too long for a heading
+    for told in (
+        "rig/run 3.csv: 500 rows at 1000 Hz, 0.5 s",
+        "Method hybrid",
+        "0.01234 A² (least_squares)",
+        "Simulations 940",
+        "Reference runs 4",
+        "1.25 s",
+        "Seed 17",
+        "emaphm 9.8.7",
+        "position_gain = 100000.0 # 1/s",
+    ):
+        assert told in text
+
+
+def test_every_fitness_has_a_unit() -> None:
+    assert FITNESS_UNITS.keys() == FITNESSES.keys()
+
+
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize("field", ["recording", "actuator"])
+def test_a_hostile_name_is_text_and_nothing_else(faulty: Diagnosis, path: Path, field: str) -> None:
+    actuator = faulty.actuator.model_copy(update={"name": HOSTILE})
+    hostile = (
+        replace(faulty, recording=HOSTILE) if field == "recording" else replace(faulty, actuator=actuator)
+    )
+    write_report(hostile, path)
+    page = Page(path)
+    assert HOSTILE in page.text
+    assert "script" not in page.tags
+    assert page.tags.count("img") == 3
+    assert not [address for address in page.addresses if not address.startswith("data:")]
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_name_that_is_no_text_is_written_too(faulty: Diagnosis, path: Path) -> None:
+    write_report(replace(faulty, recording="rec\udcff.csv"), path)
+    assert "rec?.csv" in Page(path).text
+
+
+def test_the_same_diagnosis_gives_the_same_bytes_whatever_the_user_s_style(
+    faulty: Diagnosis, tmp_path: Path
+) -> None:
+    write_report(faulty, tmp_path / "a.html")
+    with mpl.rc_context({"figure.facecolor": "black", "font.size": 20, "svg.fonttype": "none"}):
+        write_report(faulty, tmp_path / "b.html")
+    assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_nothing_is_replaced_unasked(faulty: Diagnosis, path: Path) -> None:
+    path.write_text("mine", encoding="utf-8")
+    with pytest.raises(OutputError, match="exists already"):
+        write_report(faulty, path)
+    assert path.read_text(encoding="utf-8") == "mine"
+    write_report(faulty, path, force=True)
+    assert Page(path).text
+
+
+@pytest.mark.parametrize("name", ["report.pdf", "report", "missing/report.html"])
+def test_an_impossible_place_is_refused_by_name(faulty: Diagnosis, tmp_path: Path, name: str) -> None:
+    with pytest.raises(OutputError, match=re.escape(str(tmp_path / name))):
+        write_report(faulty, tmp_path / name)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_an_error_leaves_what_was_there(
+    faulty: Diagnosis, path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: object, **__: object) -> int:
+        path.parent.joinpath("begun").touch()
+        raise OSError(28, "No space left on device")
+
+    path.write_text("before", encoding="utf-8")
+    monkeypatch.setattr(Path, "write_text", fails)
+    with pytest.raises(OutputError, match="No space left"):
+        write_report(faulty, path, force=True)
+    assert sorted(file.name for file in path.parent.iterdir()) == ["begun", path.name]
+    assert path.read_bytes() == b"before"
+
+
+def test_a_defect_while_drawing_leaves_nothing(
+    faulty: Diagnosis, path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(_: object) -> None:
+        raise RuntimeError
+
+    monkeypatch.setattr(emaphm.report.write, "draw_fit", fails)
+    with pytest.raises(RuntimeError):
+        write_report(faulty, path)
+    assert not list(path.parent.iterdir())
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_an_actuator_of_any_description_can_be_reported(faulty: Diagnosis, path: Path) -> None:
+    bare = Actuator.thesis().model_copy(update={"electrical": None, "name": "bare"})
+    write_report(replace(faulty, actuator=bare), path)
+    assert "[electrical]" not in Page(path).text
