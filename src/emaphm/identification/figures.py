@@ -1,6 +1,7 @@
 """Figures of a diagnosis and of a replay: the current and its model, what is left over, the faults found."""
 
 from collections.abc import Mapping
+from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -280,5 +281,6 @@ def _legend(axis: "Axes") -> None:
 
 def _title(figure: "Figure", source: str, actuator: Actuator) -> None:
     """Write what was recorded on what above the figure; a file's name is no formula, and may be long."""
-    short = source if len(source) <= 60 else f"…{source[-59:]}"
+    name = PurePath(source).name
+    short = name if len(name) <= 60 else f"…{name[-59:]}"
     figure.suptitle(f"{short}, actuator {actuator.name}", fontsize=10, parse_math=False)
