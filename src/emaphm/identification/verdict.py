@@ -78,7 +78,7 @@ def _eccentricity(space: FaultSpace, point: Array, covariance: Array) -> Mapping
     size = _component(radius, radial, healthy=0.0)
     if radius < Z95 * float(np.sqrt(np.linalg.eigvalsh(block)[-1])) or half > WIDEST_HALF_INTERVAL:
         reason = "no eccentricity beyond doubt, so its direction has no meaning"
-        angle = _unknown(phase, min(turning, PRIOR_DEVIATION), (0.0, 1.0), reason)
+        angle = _unknown(phase, min(turning, float(PRIOR_DEVIATION)), (0.0, 1.0), reason)
     else:
         # A direction is neither good nor bad: it shares the verdict of the eccentricity itself.
         interval = (phase - half, phase + half)
