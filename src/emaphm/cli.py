@@ -300,6 +300,8 @@ def _command(name: str, amplitude: float, frequency: float | None, duration: flo
     from emaphm import actuator
     from emaphm.recording import read_signal
 
+    if not duration > 0:
+        raise SignalError(f"--duration {duration:g}: give more than 0 s")
     last = 15.0 if frequency is None else frequency
     makers: dict[str, Callable[[], Command]] = {
         "chirp": lambda: actuator.Chirp(amplitude, stop_hz=last, duration=duration),

@@ -13,6 +13,9 @@ from emaphm.simulation import REFERENCE, Inputs, Plant, model_named, run
 MOST_STEPS = 300_000_000
 """Longest run: five minutes of manoeuvre at the reference model's step, some 10 GB of inputs."""
 
+MOST_ROWS = 20_000_000
+"""Longest recording: some 3 GB of signals."""
+
 
 def simulate(
     actuator: Actuator,
@@ -65,6 +68,10 @@ def simulate(
     if duration > MOST_STEPS * chosen.step:
         raise SignalError(
             f"{duration:g} s are too long for the {model} model; {MOST_STEPS * chosen.step:g} s are possible"
+        )
+    if duration * sample_rate > MOST_ROWS:
+        raise SignalError(
+            f"{duration * sample_rate:.3g} rows are too many, {MOST_ROWS:g} are possible; sample slower"
         )
     if controller_noise and chosen is not REFERENCE:
         raise MethodError(f"the {model} model's controller has no noise; use the reference model")

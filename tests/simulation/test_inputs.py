@@ -73,9 +73,7 @@ def test_a_row_is_the_mean_of_its_steps_or_the_first_of_them(model: Model) -> No
 @pytest.mark.parametrize(
     "steps_a_row",
     [
-        pytest.param(
-            1, marks=pytest.mark.xfail(strict=True, reason="a row of one step is taken for a mean of it")
-        ),
+        1,
         2,
         4,
     ],

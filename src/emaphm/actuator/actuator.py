@@ -17,7 +17,7 @@ from emaphm.actuator.parameters import (
     Section,
 )
 from emaphm.actuator.toml import validation_message, write_toml
-from emaphm.errors import ActuatorError
+from emaphm.errors import ActuatorError, OutputError
 
 PRESETS = ("thesis",)
 
@@ -109,5 +109,14 @@ class Actuator(Section):
         return cls.thesis() if str(name) in PRESETS else cls.from_toml(name)
 
     def to_toml(self, path: str | Path, *, comments: str = "") -> None:
-        """Write the actuator as TOML, each value with its meaning and unit; `comments` goes on top."""
-        Path(path).write_text(write_toml(self, comments), encoding="utf-8")
+        """Write the actuator as TOML, each value with its meaning and unit; `comments` goes on top.
+
+        Raises
+        ------
+        OutputError
+            The file cannot be written there.
+        """
+        try:
+            Path(path).write_text(write_toml(self, comments), encoding="utf-8")
+        except OSError as error:
+            raise OutputError(f"{path}: cannot be written ({error.strerror}); give another path") from None

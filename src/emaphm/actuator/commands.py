@@ -62,6 +62,11 @@ class Chirp:
     stop_hz: float = 15.0
     duration: float = 0.5
 
+    def __post_init__(self) -> None:
+        """Refuse a duration that is not positive with `SignalError`."""
+        if not self.duration > 0:
+            raise SignalError(f"a chirp of {self.duration:g} s sweeps nothing; give a duration above 0")
+
     def __call__(self, t: Array) -> Array:
         """Return the command [rad] at times `t` [s]."""
         sweep = (self.stop_hz - self.start_hz) / (2 * self.duration)

@@ -96,7 +96,11 @@ class Mechanics(Section):
     offset: float = quantity("constant load", "N·m", CHOSEN, default=0.0)
     gear_ratio: float = quantity("user motion per motor motion, tau", "-", CHOSEN, gt=0)
     end_stops: tuple[float, float] | None = quantity(
-        "end stops at the user, lower and upper; none where left out", "rad", CHOSEN, default=None
+        "end stops at the user, lower and upper; none where left out",
+        "rad",
+        CHOSEN,
+        default=None,
+        strict=False,
     )
 
     @property

@@ -9,6 +9,7 @@ ROTARY_TO_LINEAR = (("kg·m²", "kg"), ("N·m", "N"), ("rad", "m"))
 
 def quantity(description: str, unit: str, source: str, **bounds: Any) -> Any:
     """Return a pydantic field for a quantity in `unit`, as found in `source`; `bounds` as for `Field`."""
+    bounds.setdefault("strict", True)  # true and "48" are no quantities
     return Field(
         description=description,
         json_schema_extra={"unit": unit, "source": source},

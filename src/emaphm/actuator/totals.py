@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from emaphm.actuator.actuator import Actuator
 from emaphm.errors import MethodError, nearest
 
@@ -66,8 +68,10 @@ def static_follows(actuator: Actuator, values: Mapping[str, Any]) -> dict[str, A
     following = dict(values)
     if "coulomb" in following and "static" not in following:
         m = actuator.mechanics
-        ratio = m.static_friction / m.dynamic_friction if m.dynamic_friction > 0 else 1.0
-        following["static"] = ratio * following["coulomb"]
+        if m.dynamic_friction > 0:
+            following["static"] = m.static_friction / m.dynamic_friction * following["coulomb"]
+        else:
+            following["static"] = np.maximum(m.static_friction, following["coulomb"])
     return following
 
 
@@ -89,6 +93,6 @@ def with_totals(actuator: Actuator, values: Mapping[str, float], *, name: str | 
         present = fields[first] + sum(fields[field] for field in others)
         for field in (first, *others):
             share = fields[field] / present if present else float(field == first)
-            fields[field] = value * share
+            fields[field] = float(value * share)
     description["name"] = name or actuator.name
     return Actuator.from_dict(description, where=description["name"])

@@ -7,6 +7,7 @@ command, load, noise : float64 (samples × substeps,), shared by all lanes
 step : integration step [s]
 substeps : steps in a sample interval
 window : steps at the start of each interval that its mean is taken over
+carried : 0 or 1, whether motion is recorded as at the start of a step or as it has led to
 out : float64 (channels, samples, lanes), filled with the means
 
 LLVM turns the innermost loop, over lanes, into vector instructions where the number of lanes is known
@@ -26,6 +27,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from emaphm.errors import MethodError
 from emaphm.simulation.commutation import wrap
 from emaphm.simulation.controller import speed_error
 from emaphm.simulation.inputs import Inputs
@@ -97,7 +99,9 @@ def kernel(model: Model, lanes: int, traced: bool) -> Kernel:
     vector = numba.types.Array(numba.float64, 1, "A", readonly=True)
     flat = numba.types.Array(numba.float64, 1, "C")
     cube = numba.types.Array(numba.float64, 3, "C")
-    signature = numba.void(flat, flat, vector, vector, vector, numba.float64, numba.int64, numba.int64, cube)
+    signature = numba.void(
+        flat, flat, vector, vector, vector, numba.float64, numba.int64, numba.int64, numba.float64, cube
+    )
     options: Any = {"fastmath": True, "error_model": "numpy", "nogil": True, "cache": True}
     compiled: Kernel = numba.njit(signature, **options)(model.build(Layout(lanes, traced, REVISION)))
     return compiled
@@ -191,9 +195,19 @@ def control_and_motion(plant: Plant, step: float) -> Array:
 """The first state rows of every model; the currents follow from CURRENT on."""
 
 
+BEYOND_STOP = 0.1
+"""Start beyond an end stop [rad at the motor] that is still put down to a sensor."""
+
+
 def moving_state(plant: Plant, inputs: Inputs, start: Initial, currents: int) -> Array:
     """Return state rows for motion and control at `start` and `currents` rows of zero, shape (rows, n)."""
     x = np.zeros((CURRENT + currents, plant.count))
+    beyond = np.maximum(start.angle - plant.high_stop, plant.low_stop - start.angle) - plant.backlash / 2
+    if np.any(beyond > BEYOND_STOP):
+        raise MethodError(
+            f"the run starts at {start.angle * plant.gear_ratio[0]:.4g}, beyond the actuator's end stops; "
+            "correct end_stops or the position"
+        )
     rotor = start.angle + start.rotor_offset
     x[SPEED] = x[FEEDBACK] = start.speed
     x[ANGLE] = x[OUTPUT] = start.angle

@@ -119,12 +119,19 @@ def build(layout: Layout) -> Any:
     channels = len(CHANNELS) if layout[1] else 1
 
     def kernel(
-        x: Any, p: Any, command: Any, load: Any, noise: Any, step: Any, substeps: Any, window: Any, out: Any
+        x: Any,
+        p: Any,
+        command: Any,
+        load: Any,
+        noise: Any,
+        step: Any,
+        substeps: Any,
+        window: Any,
+        carried: Any,
+        out: Any,
     ) -> None:
         lanes, traced = layout[0], layout[1]
         total = np.empty(channels * lanes)
-        # Motion at an instant is that at the step's start; a mean takes what each step leads to.
-        carried = 1.0 if window == substeps else 0.0
         for sample in range(out.shape[1]):
             total[:] = 0.0
             for substep in range(substeps):

@@ -111,7 +111,18 @@ def _advance(model: Model, plant: Plant, inputs: Inputs, start: Initial, out: Ar
     x = model.initial_state(plant, inputs, start).ravel()
     p = model.parameters(plant, step).ravel()
     advance = kernel(model, plant.count, traced)
-    advance(x, p, inputs.command, inputs.load, inputs.noise, step, inputs.substeps, inputs.window, out)
+    advance(
+        x,
+        p,
+        inputs.command,
+        inputs.load,
+        inputs.noise,
+        step,
+        inputs.substeps,
+        inputs.window,
+        float(inputs.sampling == "mean"),
+        out,
+    )
 
 
 def _check_finite(model: Model, out: Array) -> None:
