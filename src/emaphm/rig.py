@@ -3,6 +3,7 @@
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator, Command, Faults, Load
 from emaphm.errors import MethodError, SignalError
@@ -15,6 +16,9 @@ MOST_STEPS = 300_000_000
 
 MOST_ROWS = 20_000_000
 """Longest recording: some 3 GB of signals."""
+
+MEAN_POINTS = 16
+"""Points that a given signal's mean over a row's interval is taken from."""
 
 
 def simulate(
@@ -63,6 +67,8 @@ def simulate(
         the recording would be too short.
     """
     chosen = model_named(model)
+    if seed < 0:
+        raise SignalError(f"seed {seed} is negative; give 0 or more")
     if not (0 < duration < np.inf and 0 < sample_rate < np.inf):
         raise SignalError(f"duration ({duration:g} s) and sample rate ({sample_rate:g} Hz) must be above 0")
     if duration > MOST_STEPS * chosen.step:
@@ -88,9 +94,9 @@ def simulate(
     signals = run(chosen, Plant.of(actuator, faults.vector), inputs)
     if actuator.electrical is None:
         del signals["voltage_V"]  # an ideal current loop has no voltage to speak of
-    rows = {"time_s": inputs.time_s, "command_rad": inputs.rows(inputs.command), **signals}
+    rows = {"time_s": inputs.time_s, "command_rad": _rows(command, inputs), **signals}
     if callable(load) or load:
-        rows["load_Nm"] = inputs.rows(inputs.load)
+        rows["load_Nm"] = _rows(load, inputs) if callable(load) else np.full(inputs.samples, float(load))
     exact = Recording(rows, sampling, f"simulated ({model} model)")
     if not noise and adc_bits is None:
         return exact
@@ -99,3 +105,12 @@ def simulate(
     return acquire(
         exact, noise=dict.fromkeys(currents, noise), adc_bits=adc_bits, full_scale=ranges, seed=seed
     )
+
+
+def _rows(signal: Command, inputs: Inputs) -> NDArray[np.float64]:
+    """Return a given signal as it is recorded: at each row's instant, or its mean over the row's interval."""
+    if inputs.sampling == "instant":
+        return signal(inputs.time_s)
+    middles = (np.arange(MEAN_POINTS) + 0.5) * inputs.interval / MEAN_POINTS
+    times = inputs.time_s[:, np.newaxis] + middles
+    return np.asarray(signal(times.ravel()).reshape(times.shape).mean(axis=1))

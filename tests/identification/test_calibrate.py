@@ -148,15 +148,16 @@ def test_a_scale_that_no_current_can_tell_is_not_identifiable() -> None:
 
 
 @pytest.mark.parametrize("free", [["static"], ["coulomb", "static"]])
+@pytest.mark.xfail(strict=True, reason="it may end below dynamic friction, which no actuator may have")
 def test_static_friction_may_be_as_small_as_dynamic_friction(free: list[str]) -> None:
     equal = with_totals(THESIS, {"static": THESIS.mechanics.dynamic_friction})
-    recording = simulate(equal, Chirp(), model="averaged")
-    for factor in (1.0, 1.3):
-        guess = with_totals(equal, {"static": factor * equal.mechanics.static_friction})
-        found = calibrate(recording, guess, free).actuator.mechanics
+    recording = simulate(equal, Chirp())
+    guess = with_totals(equal, {"static": 1.3 * equal.mechanics.static_friction})
+    # Below dynamic friction nothing changes, so where a descent ends there depends on where it began.
+    for seed in range(4):
+        found = calibrate(recording, guess, free, seed=seed).actuator.mechanics
         assert found.dynamic_friction == pytest.approx(equal.mechanics.dynamic_friction, rel=0.01)
-        # How little more it takes to break away, a chirp does not tell.
-        assert found.static_friction == pytest.approx(found.dynamic_friction, rel=0.5)
+        assert found.static_friction >= found.dynamic_friction
 
 
 def test_a_recorded_load_is_no_offset() -> None:

@@ -4,6 +4,7 @@ import io
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import PurePath
 from typing import Any
 
 import matplotlib as mpl
@@ -122,16 +123,16 @@ def test_the_whole_shows_every_part(faulty: Diagnosis, truth: Faults) -> None:
     whole = [axis.get_ylabel() for axis in figure.axes]
     parts = [*draw_fit(faulty).axes, *draw_residual(faulty).axes, *draw_faults(faulty).axes]
     assert sorted(whole) == sorted(axis.get_ylabel() for axis in parts)
-    assert faulty.recording in figure.get_suptitle()
+    assert PurePath(faulty.recording).name in figure.get_suptitle()
 
 
-@pytest.mark.parametrize("source", ["a$b^_{c$.csv", "long/" * 40 + "rec.csv"])
+@pytest.mark.parametrize("source", ["a$b^_{c$.csv", "folder/" + "long-" * 8 + "rec.csv"])
 def test_the_name_of_a_file_is_no_formula_and_leaves_room_for_the_figure(
     faulty: Diagnosis, source: str
 ) -> None:
     figure = draw_diagnosis(replace(faulty, recording=source))
     assert _svg(figure)
-    assert source[-50:] in figure.get_suptitle()
+    assert PurePath(source).name in figure.get_suptitle()
     assert len(figure.get_suptitle()) < 100
 
 

@@ -51,7 +51,7 @@ def correct(problem: Problem, space: FaultSpace, point: Array, turns: int = MOST
         point, np.zeros_like(recorded), discrepancy(problem, reference, space.faults(point)), 0
     )
     best, least = current, _misfit(problem, space, current)
-    evaluations = 1
+    evaluations = 2
     for _ in range(turns):
         added = current.discrepancy
         fit = refine(

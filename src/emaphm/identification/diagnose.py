@@ -70,7 +70,7 @@ def diagnose(
         One of `METHODS`: "hybrid" (space-filling starts, damped least squares, bias correction), or a
         swarm at its published settings.
     model
-        What reproduces the recording: "averaged" or "monitor" ("reference" is possible, and slow).
+        What reproduces the recording: "averaged"; a swarm may also use "monitor", or "reference", slowly.
     fitness
         What a swarm minimises: one of `FITNESSES`; `hybrid` minimises least squares.
     turns
@@ -86,7 +86,7 @@ def diagnose(
     RecordingError
         The recording cannot be meant for this actuator, by orders of magnitude.
     MethodError
-        A name is unknown, or the fitness does not go with the method.
+        A name is unknown, or fitness or model do not go with the method.
     """
     began = time.perf_counter()
     _check_names(method, fitness)
@@ -96,6 +96,11 @@ def diagnose(
     if not space.dimensions:
         raise MethodError(f"actuator '{actuator.name}' can show no fault: {'; '.join(space.fixed.values())}")
     if method == "hybrid":
+        if problem.model.switches:
+            raise MethodError(
+                f"method 'hybrid' needs derivatives, which drown in the {model} model's switching; "
+                "use the averaged model, or a swarm"
+            )
         found = _hybrid(problem, space, turns, seed, on_progress)
     else:
         found = _swarm(problem, space, method, fitness, seed, on_progress)

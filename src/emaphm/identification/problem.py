@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from emaphm.actuator import Actuator, Sampled
-from emaphm.recording import Recording
+from emaphm.recording import Recording, with_equivalent_current
 from emaphm.simulation import AVERAGED, Initial, Inputs, Model, Plant, run, run_batch
 from emaphm.simulation.commutation import wrap
 
@@ -36,6 +36,7 @@ class Problem:
         linear between interval midpoints (between rows where the recording holds instants).
         """
         load = _signal(recording, "load_Nm") if "load_Nm" in recording else 0.0
+        recording = with_equivalent_current(recording, actuator)
         inputs = Inputs.of(
             _signal(recording, "command_rad"),
             load,
@@ -67,24 +68,36 @@ def initial(recording: Recording, actuator: Actuator) -> Initial:
     """Return where the recorded manoeuvre starts.
 
     The user stands where it was recorded, or on the command where its position was not recorded or
-    differs by no more than the sensor's noise; the gap is centred. The rotor's electrical zero comes
-    from the motor's angle, unless the largest backlash explains its distance from the user's position.
+    differs by no more than the sensor's noise; the gap is centred. Without a position the motor's angle
+    stands in for it.
     """
     ratio = actuator.mechanics.gear_ratio
     position = float(recording["command_rad"][0])
-    position_noise = 0.0
     if "position_rad" in recording:
-        position_noise = noise_level(recording["position_rad"])
-        if abs(recording["position_rad"][0] - position) > 3 * position_noise:
-            position = float(recording["position_rad"][0])
+        measured = recording["position_rad"]
+        if abs(measured[0] - position) > 3 * noise_level(measured):
+            position = float(measured[0])
     angle = position / ratio
-    offset = 0.0
-    if "angle_rad" in recording:
-        distance = float(wrap(recording["angle_rad"][0] - angle))
-        noise = noise_level(recording["angle_rad"]) + position_noise / ratio
-        gap = actuator.mechanics.backlash * (1 + actuator.faults.backlash)
-        offset = distance if abs(distance) > gap + 3 * noise else 0.0
+    offset = _rotor_offset(recording, actuator) if "angle_rad" in recording else 0.0
+    if "angle_rad" in recording and "position_rad" not in recording:
+        angle += float(wrap(recording["angle_rad"][0] - offset - angle))
     return Initial(angle, _starting_speed(recording, ratio), offset)
+
+
+def _rotor_offset(recording: Recording, actuator: Actuator) -> float:
+    """Return the motor's angle less the user's [rad], 0 where backlash, noise or lag explain the distance."""
+    ratio = actuator.mechanics.gear_ratio
+    motor = np.unwrap(recording["angle_rad"])
+    tolerance = actuator.mechanics.backlash * (1 + actuator.faults.backlash) + 3 * noise_level(motor)
+    if "position_rad" in recording:
+        user = recording["position_rad"] / ratio
+        tolerance += 3 * noise_level(user)
+    else:
+        user = recording["command_rad"] / ratio
+        tolerance += float(np.ptp(motor - user)) / 4
+    distances = motor - user
+    distance = float(wrap(distances[0] + np.median(wrap(distances - distances[0]))))
+    return distance if abs(distance) > tolerance else 0.0
 
 
 FIRST_ROWS = 10

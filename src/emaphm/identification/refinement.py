@@ -111,11 +111,11 @@ def jacobian(
     near. `residuals` are those at the points.
     """
     m, d = points.shape
-    signs = np.where(points + step <= box.upper, 1.0, -1.0)
-    moved = points[:, np.newaxis, :] + np.eye(d) * (signs * step)[:, :, np.newaxis]
+    forward = points[:, np.newaxis, :] + step * np.eye(d)
+    inside = np.all(box.project(forward) == forward, axis=2)
+    moved = np.where(inside[:, :, np.newaxis], forward, points[:, np.newaxis, :] - step * np.eye(d))
     moved = box.project(moved)
     steps = np.einsum("mii->mi", moved - points[:, np.newaxis, :])
-    steps = np.where(np.abs(steps) < 1e-3 * step, signs * step, steps)
     outputs = simulate(moved.reshape(m * d, d)).reshape(m, d, -1)
     at_points = np.stack([recorded - residual for residual in residuals])
     return (outputs - at_points[:, np.newaxis, :]) / steps[:, :, np.newaxis], m * d

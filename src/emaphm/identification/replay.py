@@ -79,8 +79,14 @@ def replay(
     signals = problem.signals((faults or Faults()).vector)
     if actuator.electrical is None:
         del signals["voltage_V"]  # an ideal current loop has no voltage to speak of
-    shared = [name for name in SCHEMA if name in recording and name in signals and name != "load_Nm"]
-    errors = {name: relative_error(name, recording[name], signals[name]) for name in shared}
+    recording = problem.recording
+    shared = [name for name in SCHEMA if name in recording and name in signals]
+    # A channel that is 0 throughout has nothing for an error to be relative to.
+    errors = {
+        name: relative_error(name, recording[name], signals[name])
+        for name in shared
+        if np.any(recording[name])
+    }
     return Replay(recording, actuator, model, signals, errors)
 
 
@@ -90,4 +96,4 @@ def relative_error(name: str, measured: Array, modelled: Array) -> float:
     if name == "angle_rad":
         difference = wrap(difference)
     size = float(np.sqrt(np.mean(measured**2)))
-    return float(np.sqrt(np.mean(difference**2))) / size if size > 0 else float("nan")
+    return float(np.sqrt(np.mean(difference**2))) / size

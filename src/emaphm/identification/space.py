@@ -62,12 +62,12 @@ class FaultSpace(Box):
 
     def project(self, points: Array) -> Array:
         """Return `points` (…, d) moved into the bounds and the eccentricity into its circle."""
-        points = np.clip(points, self.lower, self.upper)
+        points = np.array(points, float)
         if 5 in self.columns:
             x = self.columns.index(5)
             radius = np.hypot(points[..., x], points[..., x + 1])[..., np.newaxis]
             points[..., x : x + 2] /= np.maximum(radius, 1.0)
-        return points
+        return np.clip(points, self.lower, self.upper)
 
     def faults(self, points: ArrayLike) -> Array:
         """Return the normalised fault vectors (…, 8) of `points` (…, d)."""

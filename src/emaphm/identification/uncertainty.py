@@ -24,7 +24,9 @@ def covariance(derivatives: Array, residual: Array, prior_deviation: Array) -> A
     prior_deviation
         Standard deviation of each parameter before the data, shape (d,).
     """
-    variance = max(float(np.mean(residual**2)), np.finfo(float).tiny)
+    # A perfect fit would make the information infinite: rounding leaves at least this much residual.
+    rounding = 1e-20 * float(np.mean(derivatives**2)) + np.finfo(float).tiny ** 0.25
+    variance = max(float(np.mean(residual**2)), rounding)
     information = derivatives @ derivatives.T / variance
     spread = derivatives @ _correlated(derivatives, residual).T / variance**2
     prior = np.diag(1 / prior_deviation**2)

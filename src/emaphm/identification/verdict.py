@@ -27,7 +27,7 @@ HEALTHY_MARGIN = 0.02
 NOISE_MARGIN = 1.5
 """Residual, as a multiple of the noise on the recording, that noise alone may make."""
 
-UNEXPLAINED_SHARE = 0.1
+UNEXPLAINED_SHARE = 0.05
 """Residual, as a share of the current's rms, beyond which the model does not explain a recording."""
 
 
@@ -67,9 +67,10 @@ def _component(value: float, error: float, healthy: float) -> Estimate:
 def _eccentricity(space: FaultSpace, point: Array, covariance: Array) -> Mapping[str, Estimate]:
     """Return radius and phase from their Cartesian form; the phase only where the radius is beyond doubt."""
     x = space.columns.index(5)
+    faults = space.faults(point)
     block = covariance[x : x + 2, x : x + 2]
-    radius = float(np.hypot(point[x], point[x + 1]))
-    phase = float(space.faults(point)[6])
+    radius = float(faults[5])
+    phase = float(faults[6])
     along = point[x : x + 2] / radius if radius > 0 else np.array([1.0, 0.0])
     across = np.array([-along[1], along[0]])
     radial = float(np.sqrt(along @ block @ along))
@@ -87,6 +88,6 @@ def _eccentricity(space: FaultSpace, point: Array, covariance: Array) -> Mapping
 
 
 def is_explained(recorded: Array, residual: Array) -> bool:
-    """Return whether `residual` (samples,) is little more than noise and a tenth of the current's rms."""
+    """Return whether `residual` (samples,) is little more than noise and 5 % of the current's rms."""
     allowed = (NOISE_MARGIN * noise_level(recorded)) ** 2 + UNEXPLAINED_SHARE**2 * float(np.mean(recorded**2))
     return bool(np.mean(residual**2) <= allowed)

@@ -1,7 +1,7 @@
 """What was measured: the schema, reading, writing, checks, equivalent current, acquisition."""
 
 from emaphm.recording.acquisition import acquire, full_scales
-from emaphm.recording.equivalent_current import equivalent_current
+from emaphm.recording.equivalent_current import equivalent_current, with_equivalent_current
 from emaphm.recording.output import check_writable
 from emaphm.recording.plausibility import check_plausible
 from emaphm.recording.readers import read_recording, read_signal
@@ -17,5 +17,6 @@ __all__ = [
     "full_scales",
     "read_recording",
     "read_signal",
+    "with_equivalent_current",
     "write_recording",
 ]

@@ -5,7 +5,10 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from emaphm.actuator import Actuator
 from emaphm.errors import RecordingError, nearest
+from emaphm.recording.recording import Recording
+from emaphm.recording.schema import PHASES
 
 Form = Literal["torque", "active", "magnitude"]
 
@@ -70,3 +73,23 @@ def equivalent_current(
     if form == "magnitude":
         return np.asarray(0.5 * np.sum(np.abs(currents), axis=0) * np.sign(torque), float)
     raise RecordingError(f"unknown equivalent current '{form}'{nearest(form, get_args(Form))}")
+
+
+def with_equivalent_current(recording: Recording, actuator: Actuator) -> Recording:
+    """Return `recording` with `current_A`, made from its phase currents and `angle_rad` where it is absent.
+
+    Raises
+    ------
+    RecordingError
+        It is absent, and the actuator has no electrical description to give the pole pairs.
+    """
+    if "current_A" in recording:
+        return recording
+    if actuator.electrical is None:
+        raise RecordingError(
+            f"{recording.source}: no column 'current_A', and to make it from the phases the pole pairs are "
+            "needed; add that column, or [electrical] to the actuator's TOML"
+        )
+    phases = np.stack([recording[name] for name in PHASES])
+    current = equivalent_current(phases, recording["angle_rad"], actuator.electrical.pole_pairs)
+    return Recording({**recording.channels, "current_A": current}, recording.sampling, recording.source)

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 from emaphm.actuator import Actuator, Sampled
 from emaphm.errors import RecordingError, SignalError, nearest
 from emaphm.recording.checks import check
-from emaphm.recording.equivalent_current import equivalent_current
+from emaphm.recording.equivalent_current import with_equivalent_current
 from emaphm.recording.naming import names_in_file
 from emaphm.recording.read_csv import read_csv
 from emaphm.recording.read_mat import read_mat
 from emaphm.recording.read_parquet import read_parquet
 from emaphm.recording.recording import Recording
-from emaphm.recording.schema import PHASES, SCHEMA
+from emaphm.recording.schema import SCHEMA
 from emaphm.recording.table import Table
 
 Array = NDArray[np.float64]
@@ -53,13 +53,11 @@ def read_recording(path: str | Path, actuator: Actuator) -> Recording:
     names = names_in_file(table, actuator.channels, source)
     columns = {name: table.numeric[there] for name, there in names.items()}
     check(columns, source, names)
-    if "current_A" not in columns:
-        columns["current_A"] = _current_of_phases(columns, actuator, source)
     taken = {*names.values(), *SCHEMA}
     for name, values in table.numeric.items():
         if name not in taken and values.shape == columns["time_s"].shape:
             columns[name] = values
-    return Recording(columns, actuator.channels.sampling, source)
+    return with_equivalent_current(Recording(columns, actuator.channels.sampling, source), actuator)
 
 
 def read_signal(path: str | Path, name: str) -> Sampled:
@@ -109,13 +107,3 @@ def _reader(path: Path) -> Callable[[bytes, str], Table]:
     raise RecordingError(
         f"{path}: {ending}; a recording ends in {', '.join(READERS)}: convert or rename the file"
     )
-
-
-def _current_of_phases(columns: dict[str, Array], actuator: Actuator, source: str) -> Array:
-    if actuator.electrical is None:
-        raise RecordingError(
-            f"{source}: no column 'current_A', and to make it from the phases the pole pairs are needed; add "
-            "that column, or [electrical] to the actuator's TOML"
-        )
-    phases = np.stack([columns[name] for name in PHASES])
-    return equivalent_current(phases, columns["angle_rad"], actuator.electrical.pole_pairs)
