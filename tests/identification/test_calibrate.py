@@ -90,9 +90,6 @@ def test_standard_errors_are_how_much_estimates_scatter() -> None:
         assert abs(values.mean() - TRUE[name]) < 4 * claimed / np.sqrt(40)
 
 
-@pytest.mark.xfail(
-    strict=True, reason="the command's means are of the steps' starts, half a step (25 µs) before the middles"
-)
 def test_a_unit_recorded_in_interval_means_by_the_averaged_model_is_found_exactly() -> None:
     recording = simulate(UNIT, Chirp(), model="averaged")
     found = calibrate(recording, misdescribed(WRONG_STARTS[0]), FREE)
@@ -148,7 +145,6 @@ def test_a_scale_that_no_current_can_tell_is_not_identifiable() -> None:
 
 
 @pytest.mark.parametrize("free", [["static"], ["coulomb", "static"]])
-@pytest.mark.xfail(strict=True, reason="it may end below dynamic friction, which no actuator may have")
 def test_static_friction_may_be_as_small_as_dynamic_friction(free: list[str]) -> None:
     equal = with_totals(THESIS, {"static": THESIS.mechanics.dynamic_friction})
     recording = simulate(equal, Chirp())

@@ -192,13 +192,7 @@ SHORT = Faults(short_b=0.3)
         (1.0, False),
         (-3.0, False),
         (-1.6, True),
-        pytest.param(
-            0.3,
-            True,
-            marks=pytest.mark.xfail(
-                strict=True, reason="the jumps of a wrapped angle pass for noise that hides the offset"
-            ),
-        ),
+        (0.3, True),
     ],
 )
 def test_a_short_is_located_whatever_the_resolvers_zero(offset: float, wrapped: bool) -> None:
@@ -218,10 +212,7 @@ CUT = 1000
     [
         [],
         ["angle_rad"],
-        pytest.param(
-            ["position_rad"],
-            marks=pytest.mark.xfail(strict=True, reason="the tracking error passes for the resolver's zero"),
-        ),
+        ["position_rad"],
     ],
     ids=["nothing missing", "no angle", "no position"],
 )
@@ -286,7 +277,6 @@ def test_a_models_step_divides_the_interval() -> None:
         assert inputs.samples == ROWS
 
 
-@pytest.mark.xfail(strict=True, reason="only a file's reader makes the equivalent current")
 def test_phase_currents_and_angle_stand_in_for_the_equivalent_current(shorted: Recording) -> None:
     names = ("time_s", "command_rad", "current_a_A", "current_b_A", "current_c_A", "angle_rad")
     phases = Recording({name: shorted[name] for name in names})

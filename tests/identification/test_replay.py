@@ -132,7 +132,6 @@ def test_the_json_has_what_the_design_asks_for(healthy: Recording) -> None:
         assert f"{100 * error:.4g} %" in next(line for line in str(found).splitlines() if name in line)
 
 
-@pytest.mark.xfail(strict=True, reason="its relative error is NaN, which JSON lacks")
 def test_a_channel_that_is_zero_throughout_leaves_the_json_valid(healthy: Recording) -> None:
     jammed = Recording(dict(healthy.channels) | {"speed_rad_s": np.zeros(healthy.samples)})
 

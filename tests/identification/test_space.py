@@ -71,7 +71,6 @@ def test_the_eccentricity_keeps_its_direction(x: float, y: float) -> None:
     np.testing.assert_allclose(projected[[X, Y]] * max(radius, 1), [x, y], rtol=0, atol=2 * ROUNDING)
 
 
-@pytest.mark.xfail(strict=True, reason="it is clipped to the square before it is scaled to the circle")
 def test_a_far_eccentricity_goes_to_the_nearest_point_of_the_circle() -> None:
     point = SPACE.points(HEALTHY)
     point[[X, Y]] = 2.0, 0.5

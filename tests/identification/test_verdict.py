@@ -141,7 +141,6 @@ def test_the_phase_shares_the_verdict_of_the_eccentricity() -> None:
     assert judged(0.01, eccentricity=0.30)["eccentricity_phase"].verdict == "degraded"
 
 
-@pytest.mark.xfail(strict=True, reason="its radius may round to just above 1, which is no fault")
 def test_full_eccentricity_in_any_direction_is_a_fault_vector() -> None:
     angles = np.linspace(-np.pi, np.pi, 500)
     points = np.full((500, 8), 0.5)
@@ -164,11 +163,11 @@ def test_noise_of_any_size_is_explained(noise: float) -> None:
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.01, 0.05])
-def test_a_misfit_of_a_tenth_is_the_limit(noise: float) -> None:
+def test_a_misfit_of_a_twentieth_is_the_limit(noise: float) -> None:
     white = np.random.default_rng(0).normal(0, noise, CURRENT.size)
     rms = np.sqrt(np.mean(CURRENT**2))
-    assert is_explained(CURRENT + white, white + 0.09 * rms * STRUCTURE)
-    assert not is_explained(CURRENT + white, white + 0.13 * rms * STRUCTURE)
+    assert is_explained(CURRENT + white, white + 0.045 * rms * STRUCTURE)
+    assert not is_explained(CURRENT + white, white + 0.065 * rms * STRUCTURE)
 
 
 def test_structure_twice_as_large_as_the_noise_is_not_explained() -> None:

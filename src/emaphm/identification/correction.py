@@ -19,6 +19,9 @@ Array = NDArray[np.float64]
 
 MOST_TURNS = 3
 
+CHAOS = 1.1
+"""Two runs of the reference model that differ by rounding alone differ in misfit by several percent."""
+
 
 @dataclass(frozen=True, eq=False)
 class Corrected:
@@ -42,8 +45,8 @@ def discrepancy(problem: Problem, reference: Problem, faults: Array) -> Array:
 def correct(problem: Problem, space: FaultSpace, point: Array, turns: int = MOST_TURNS) -> Corrected:
     """Return the estimate after up to `turns` corrections of the fit at `point` (d,).
 
-    Never worse than `point`: of all turns, the one is returned at which the reference model itself is
-    nearest to the recording.
+    Each turn is nearer to the fixed point than the one before, so the last is returned at which the
+    reference model itself is no farther from the recording than switching chaos can make it seem.
     """
     reference = Problem.of(problem.recording, problem.actuator, REFERENCE)
     recorded = problem.recorded
@@ -65,8 +68,9 @@ def correct(problem: Problem, space: FaultSpace, point: Array, turns: int = MOST
         faults = space.faults(fit.points[0])
         current = Corrected(fit.points[0], added, discrepancy(problem, reference, faults), evaluations)
         misfit = _misfit(problem, space, current)
-        if misfit < least:
-            best, least = current, misfit
+        if misfit < CHAOS * least:
+            best = current
+        least = min(least, misfit)
     return Corrected(best.point, best.correction, best.discrepancy, evaluations)
 
 

@@ -112,7 +112,8 @@ def jacobian(
     """
     m, d = points.shape
     forward = points[:, np.newaxis, :] + step * np.eye(d)
-    inside = np.all(box.project(forward) == forward, axis=2)
+    # Rounding alone may put a point on a bound beside it.
+    inside = np.all(np.abs(box.project(forward) - forward) < 1e-6 * step, axis=2)
     moved = np.where(inside[:, :, np.newaxis], forward, points[:, np.newaxis, :] - step * np.eye(d))
     moved = box.project(moved)
     steps = np.einsum("mii->mi", moved - points[:, np.newaxis, :])
