@@ -134,9 +134,6 @@ def test_a_gentle_manoeuvre_does_not_tell_the_resistance() -> None:
     assert "not identifiable" in str(found)
 
 
-@pytest.mark.xfail(
-    strict=True, reason="one-sided differences over a kink make a scale known that no current can tell"
-)
 def test_a_scale_that_no_current_can_tell_is_not_identifiable() -> None:
     # Torque constant, inertia and friction times one factor give the same current, to the last bits.
     recording = simulate(THESIS, Chirp())

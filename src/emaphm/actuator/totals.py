@@ -78,8 +78,6 @@ def static_follows(actuator: Actuator, values: Mapping[str, Any]) -> dict[str, A
 def with_totals(actuator: Actuator, values: Mapping[str, float], *, name: str | None = None) -> Actuator:
     """Return `actuator` with the given totals, motor and user keeping their shares; renamed if asked.
 
-    Static friction below dynamic friction, which no actuator has, is raised to it.
-
     Raises
     ------
     MethodError
@@ -89,11 +87,7 @@ def with_totals(actuator: Actuator, values: Mapping[str, float], *, name: str | 
     """
     check_totals(actuator, values)
     description = actuator.model_dump()
-    following = static_follows(actuator, values)
-    if "static" in following:
-        dynamic = following.get("coulomb", actuator.mechanics.dynamic_friction)
-        following["static"] = max(following["static"], dynamic)
-    for total, value in following.items():
+    for total, value in static_follows(actuator, values).items():
         section, first, *others = PARTS[total]
         fields = description[section]
         present = fields[first] + sum(fields[field] for field in others)

@@ -17,7 +17,7 @@ from emaphm.actuator.totals import TOTALS, totals, with_totals
 from emaphm.errors import MethodError
 from emaphm.identification.optimizers import space_filling
 from emaphm.identification.problem import Problem
-from emaphm.identification.refinement import Refined, jacobian, refine
+from emaphm.identification.refinement import Refined, refine, sensitivity
 from emaphm.identification.replay import Replay, replay
 from emaphm.identification.space import Box
 from emaphm.identification.uncertainty import covariance
@@ -155,13 +155,14 @@ def calibrate(
     found = _search(simulate, problem.recorded, box, seed, on_progress)
     point = found.points[found.best]
     residual = problem.recorded - simulate(point[np.newaxis])[0]
-    derivatives, spent = jacobian(simulate, problem.recorded, point[np.newaxis], [residual], box, STEP)
-    spread = covariance(derivatives[0], residual, np.full(point.size, math.log(WIDEST_FACTOR)))
-    calibrated = with_totals(
-        actuator,
-        {name: float(value[0]) for name, value in scales.values(point[np.newaxis]).items()},
-        name=f"{actuator.name}, calibrated",
-    )
+    derivatives, spent = sensitivity(simulate, point, box, STEP)
+    spread = covariance(derivatives, residual, np.full(point.size, math.log(WIDEST_FACTOR)))
+    values = {name: float(value[0]) for name, value in scales.values(point[np.newaxis]).items()}
+    if "static" in values:
+        # Below dynamic friction it has no effect, so the search may have left it anywhere there.
+        dynamic = values.get("coulomb", actuator.mechanics.dynamic_friction)
+        values["static"] = max(values["static"], dynamic)
+    calibrated = with_totals(actuator, values, name=f"{actuator.name}, calibrated")
     return Calibration(
         scales.parameters(point, spread, actuator.coordinates),
         calibrated,

@@ -16,7 +16,7 @@ from emaphm.identification.fitness import FITNESSES
 from emaphm.identification.hybrid import hybrid
 from emaphm.identification.optimizers import Dragonfly, DragonflyState, Optimizer, minimise
 from emaphm.identification.problem import Problem
-from emaphm.identification.refinement import jacobian
+from emaphm.identification.refinement import sensitivity
 from emaphm.identification.space import FaultSpace
 from emaphm.identification.uncertainty import covariance
 from emaphm.identification.verdict import PRIOR_DEVIATION, estimates, is_explained
@@ -172,14 +172,12 @@ def _conclude(
     def simulate(points: Array) -> Array:
         return problem.currents(space.faults(points)) + found.correction
 
-    derivatives, spent = jacobian(
-        simulate, problem.recorded, found.point[np.newaxis], [residual], space, JACOBIAN_STEP
-    )
-    spread = covariance(derivatives[0], residual, np.full(space.dimensions, PRIOR_DEVIATION))
-    normal = derivatives[0] @ derivatives[0].T
+    derivatives, spent = sensitivity(simulate, found.point, space, JACOBIAN_STEP)
+    spread = covariance(derivatives, residual, np.full(space.dimensions, PRIOR_DEVIATION))
+    normal = derivatives @ derivatives.T
     prior = np.mean(residual**2) / PRIOR_DEVIATION**2 * np.eye(space.dimensions)
     unanswered = residual - (found.discrepancy - found.correction)
-    step = np.linalg.solve(normal + prior, derivatives[0] @ unanswered)
+    step = np.linalg.solve(normal + prior, derivatives @ unanswered)
     left = space.project(found.point + step) - found.point
     spread = spread + np.outer(left, left) + JACOBIAN_STEP**2 * np.eye(space.dimensions)
     return Diagnosis(

@@ -122,6 +122,19 @@ def jacobian(
     return (outputs - at_points[:, np.newaxis, :]) / steps[:, :, np.newaxis], m * d
 
 
+def sensitivity(simulate: Simulate, point: Array, box: Box, step: float) -> tuple[Array, int]:
+    """Return the derivatives of `simulate` at `point` (d,), shape (d, samples), and the simulations spent.
+
+    Differences over both sides, as far as the bounds allow: on one side alone, a kink of stick-slip
+    looks like information.
+    """
+    d = point.size
+    sides = box.project(np.concatenate([point + step * np.eye(d), point - step * np.eye(d)]))
+    outputs = simulate(sides)
+    distances = np.diag(sides[:d] - sides[d:])
+    return (outputs[:d] - outputs[d:]) / distances[:, np.newaxis], 2 * d
+
+
 def _trials(descent: _Descent, derivatives: Array, box: Box) -> Array:
     """Return the points that damped Gauss-Newton steps lead to, one for each damping factor."""
     normal = derivatives @ derivatives.T
