@@ -5,19 +5,23 @@ estimate is subtracted from the recording, and the fit repeated from there: spac
 multi-fidelity additive correction (Bandler et al. 2004; March and Willcox 2012).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from emaphm.identification.hybrid import descend
 from emaphm.identification.problem import Problem
-from emaphm.identification.refinement import refine
 from emaphm.identification.space import FaultSpace
 from emaphm.simulation import REFERENCE
 
 Array = NDArray[np.float64]
 
 MOST_TURNS = 3
+
+LONGEST_S = 30.0
+"""Recordings up to here are corrected: beyond, the reference model's steps would fill gigabytes."""
 
 CHAOS = 1.1
 """Two runs of the reference model that differ by rounding alone differ in misfit by several percent."""
@@ -37,12 +41,23 @@ class Corrected:
     evaluations: int
 
 
+def has_reference(problem: Problem) -> bool:
+    """Return whether the reference model can run: windings described, the recording not too long."""
+    return problem.actuator.electrical is not None and problem.recording.duration_s <= LONGEST_S
+
+
 def discrepancy(problem: Problem, reference: Problem, faults: Array) -> Array:
     """Return the reference model's current less the problem's model's [A] at `faults` (8,), (samples,)."""
     return np.asarray(reference.signals(faults)["current_A"] - problem.currents(faults[np.newaxis])[0])
 
 
-def correct(problem: Problem, space: FaultSpace, point: Array, turns: int = MOST_TURNS) -> Corrected:
+def correct(
+    problem: Problem,
+    space: FaultSpace,
+    point: Array,
+    turns: int,
+    on_progress: Callable[[float], None] | None = None,
+) -> Corrected:
     """Return the estimate after up to `turns` corrections of the fit at `point` (d,).
 
     Each turn is nearer to the fixed point than the one before, so the last is returned at which the
@@ -55,15 +70,9 @@ def correct(problem: Problem, space: FaultSpace, point: Array, turns: int = MOST
     )
     best, least = current, _misfit(problem, space, current)
     evaluations = 2
-    for _ in range(turns):
+    for turn in range(turns):
         added = current.discrepancy
-        fit = refine(
-            lambda points: problem.currents(space.faults(points)) + added,  # noqa: B023 - used within the turn
-            recorded,
-            current.point[np.newaxis],
-            space,
-            iterations=4,
-        )
+        fit = descend(problem, space, current.point[np.newaxis], added)
         evaluations += fit.evaluations + 2
         faults = space.faults(fit.points[0])
         current = Corrected(fit.points[0], added, discrepancy(problem, reference, faults), evaluations)
@@ -71,6 +80,8 @@ def correct(problem: Problem, space: FaultSpace, point: Array, turns: int = MOST
         if misfit < CHAOS * least:
             best = current
         least = min(least, misfit)
+        if on_progress:
+            on_progress((turn + 1) / turns)
     return Corrected(best.point, best.correction, best.discrepancy, evaluations)
 
 

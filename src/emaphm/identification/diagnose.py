@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from emaphm.actuator import Actuator
 from emaphm.actuator.faults import CARTESIAN_NAMES
 from emaphm.errors import MethodError, nearest
-from emaphm.identification.correction import MOST_TURNS, correct, discrepancy
+from emaphm.identification.correction import MOST_TURNS, correct, discrepancy, has_reference
 from emaphm.identification.diagnosis import Diagnosis
 from emaphm.identification.fitness import FITNESSES
 from emaphm.identification.hybrid import hybrid
@@ -74,8 +74,8 @@ def diagnose(
     fitness
         What a swarm minimises: one of `FITNESSES`; `hybrid` minimises least squares.
     turns
-        Most corrections of the model's bias by the reference model (`hybrid`, and actuators with an
-        electrical description); 0 turns them off.
+        Most corrections of the model's bias by the reference model (`hybrid`, actuators with an
+        electrical description, recordings up to 30 s); 0 turns them off.
     seed, workers
         The same seed gives the same bits, whatever the number of threads.
     on_progress
@@ -93,8 +93,6 @@ def diagnose(
     check_plausible(recording, actuator)
     problem = Problem.of(recording, actuator, model_named(model), workers)
     space = FaultSpace.of(actuator)
-    if not space.dimensions:
-        raise MethodError(f"actuator '{actuator.name}' can show no fault: {'; '.join(space.fixed.values())}")
     if method == "hybrid":
         if problem.model.switches:
             raise MethodError(
@@ -119,16 +117,24 @@ def _check_names(method: str, fitness: str) -> None:
 def _hybrid(
     problem: Problem, space: FaultSpace, turns: int, seed: int, on_progress: Progress | None
 ) -> _Found:
-    refined = hybrid(problem, space, seed, on_progress)
+    corrects = turns > 0 and has_reference(problem)
+    refined = hybrid(problem, space, seed, _part(on_progress, 0.0, 0.4 if corrects else 1.0))
     point, cost = refined.points[refined.best], float(refined.costs[refined.best])
-    if problem.actuator.electrical is None:
+    if not has_reference(problem):
         nothing = np.zeros_like(problem.recorded)
         return _Found(point, cost, nothing, nothing, refined.evaluations, 0)
-    corrected = correct(problem, space, point, turns)
+    corrected = correct(problem, space, point, turns, _part(on_progress, 0.4, 1.0))
     residual = problem.recorded - problem.currents(space.faults(corrected.point[np.newaxis]))[0]
     cost = float(np.mean((residual - corrected.correction) ** 2))
     evaluations = refined.evaluations + corrected.evaluations + 1
     return _Found(corrected.point, cost, corrected.correction, corrected.discrepancy, evaluations, turns + 1)
+
+
+def _part(on_progress: Progress | None, first: float, last: float) -> Progress | None:
+    """Return a progress function for the part of the work between two fractions."""
+    if on_progress is None:
+        return None
+    return lambda fraction: on_progress(first + (last - first) * fraction)
 
 
 def _swarm(
@@ -149,7 +155,7 @@ def _swarm(
     )
     point = space.spread(result.point[np.newaxis])[0]
     nothing = np.zeros_like(problem.recorded)
-    if problem.actuator.electrical is None:
+    if not has_reference(problem):
         return _Found(point, result.fitness, nothing, nothing, result.evaluations, 0)
     reference = Problem.of(problem.recording, problem.actuator, REFERENCE)
     remaining = discrepancy(problem, reference, space.faults(point))

@@ -88,7 +88,8 @@ def _rotor_offset(recording: Recording, actuator: Actuator) -> float:
     """Return the motor's angle less the user's [rad], 0 where backlash, noise or lag explain the distance."""
     ratio = actuator.mechanics.gear_ratio
     motor = np.unwrap(recording["angle_rad"])
-    tolerance = actuator.mechanics.backlash * (1 + actuator.faults.backlash) + 3 * noise_level(motor)
+    # The gap lets the motor be half its width ahead of the user, or behind.
+    tolerance = actuator.mechanics.backlash * (1 + actuator.faults.backlash) / 2 + 3 * noise_level(motor)
     if "position_rad" in recording:
         user = recording["position_rad"] / ratio
         tolerance += 3 * noise_level(user)

@@ -70,7 +70,7 @@ def run_batch(
     padded = plant.padded(LANES)
     out = np.empty((padded.count // LANES, inputs.samples, LANES))
     groups = [padded.part(first, first + LANES) for first in range(0, padded.count, LANES)]
-    workers = min(workers or len(os.sched_getaffinity(0)), len(groups))
+    workers = min(workers or os.cpu_count() or 1, len(groups))
     if len(groups) * inputs.command.size < WORTH_A_THREAD:
         workers = 1
 
