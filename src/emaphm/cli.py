@@ -1,6 +1,10 @@
 """The command line: it parses, calls the library, and prints."""
 
+import errno
+import io
 import json
+import math
+import os
 import sys
 from contextlib import contextmanager
 from pathlib import Path
@@ -26,6 +30,7 @@ app = App(
     name="emaphm",
     help="Faults of an electromechanical actuator, identified from a recording.",
     version=_version,
+    suppress_keyboard_interrupt=False,
 )
 
 AsJson = Annotated[
@@ -96,6 +101,8 @@ def simulate(
 
     _check_seed(seed)
     check_writable(out, force=force, endings=ENDINGS)
+    if not 0 <= noise < math.inf:
+        raise SignalError(f"--noise {noise:g} is no rms; give 0 A or more")
     described, faults = _actuator(actuator), _faults(fault)
     with _progress("simulating", as_json):
         recording = rig.simulate(
@@ -105,7 +112,7 @@ def simulate(
             model=model,
             duration=duration,
             sample_rate=sample_rate,
-            load=_load(load),
+            load=_load(load, duration),
             noise=noise,
             adc_bits=adc_bits,
             sampling=described.channels.sampling,
@@ -234,19 +241,33 @@ def replay(
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; return 0 when done, 2 for what the user can mend, 1 for a defect of ours."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal without × or · is no reason to fail
     try:
         app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+        sys.stdout.flush()
     except EmaphmError as error:
         return _complain(str(error))
     except CycloptsError as error:
         return _complain(f"{' '.join(str(error).split())} See emaphm --help.")
-    except BrokenPipeError:
-        # The reader of a pipe left early (`emaphm … | head`): nothing more can be said to it.
-        sys.stderr.close()
     except KeyboardInterrupt:
         print("emaphm: interrupted", file=sys.stderr)
         return 130
+    except BrokenPipeError:
+        # The reader of a pipe left early (`emaphm … | head`): nothing more can be said to it.
+        _discard_stdout()
+    except OSError as error:
+        if error.errno != errno.ENOSPC:
+            raise
+        _discard_stdout()
+        return _complain("no space is left for the output; free some, or write elsewhere")
     return 0
+
+
+def _discard_stdout() -> None:
+    """Send what is still buffered nowhere, or the interpreter would fail on it when it exits."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _complain(text: str) -> int:
@@ -289,6 +310,8 @@ def _faults(assignments: tuple[str, ...]) -> "Faults":
     values = {}
     for assignment in assignments:
         name, _, value = assignment.partition("=")
+        if name.strip() in values:
+            raise FaultError(f"--fault {name.strip()} is given twice; give each fault once")
         try:
             values[name.strip()] = float(value)
         except ValueError:
@@ -298,10 +321,13 @@ def _faults(assignments: tuple[str, ...]) -> "Faults":
 
 def _command(name: str, amplitude: float, frequency: float | None, duration: float) -> "Command":
     from emaphm import actuator
-    from emaphm.recording import read_signal
 
     if not duration > 0:
         raise SignalError(f"--duration {duration:g}: give more than 0 s")
+    if not (math.isfinite(amplitude) and math.isfinite(frequency or 0.0)):
+        raise SignalError(
+            f"--amplitude {amplitude:g} or --frequency {frequency} is not finite; give a number"
+        )
     last = 15.0 if frequency is None else frequency
     makers: dict[str, Callable[[], Command]] = {
         "chirp": lambda: actuator.Chirp(amplitude, stop_hz=last, duration=duration),
@@ -316,16 +342,29 @@ def _command(name: str, amplitude: float, frequency: float | None, duration: flo
         raise SignalError(
             f"unknown command '{name}' (known: {', '.join(makers)}); or give a file such as command.csv"
         )
-    return read_signal(name, "command_rad")
+    return _signal(name, "command_rad", duration)
 
 
-def _load(value: str) -> "Load":
-    from emaphm.recording import read_signal
-
+def _load(value: str, duration: float) -> "Load":
     try:
         return float(value)
     except ValueError:
-        return read_signal(value, "load_Nm")
+        if not Path(value).suffix:
+            raise SignalError(f"--load {value} is neither a number nor a file; give e.g. 0.05") from None
+        return _signal(value, "load_Nm", duration)
+
+
+def _signal(path: str, name: str, duration: float) -> "Command":
+    from emaphm.recording import read_signal
+
+    signal = read_signal(path, name)
+    first, last = signal.time_s[0], signal.time_s[-1]
+    if first >= duration or last <= 0:
+        raise SignalError(
+            f"{path}: time_s runs from {first:g} to {last:g} s, the simulation from 0 to {duration:g} s; "
+            "shift the times to start at 0"
+        )
+    return signal
 
 
 def _draw(result: Any, figure: Path | None) -> None:

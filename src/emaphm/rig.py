@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 from emaphm.actuator import Actuator, Command, Faults, Load
 from emaphm.errors import MethodError, SignalError
 from emaphm.recording import Recording, acquire, full_scales
+from emaphm.recording.acquisition import check_bits
 from emaphm.recording.schema import PHASES
-from emaphm.simulation import REFERENCE, Inputs, Plant, model_named, run
+from emaphm.simulation import REFERENCE, Inputs, Model, Plant, model_named, run
 
 MOST_STEPS = 300_000_000
 """Longest run: five minutes of manoeuvre at the reference model's step, some 10 GB of inputs."""
@@ -67,20 +68,7 @@ def simulate(
         the recording would be too short.
     """
     chosen = model_named(model)
-    if seed < 0:
-        raise SignalError(f"seed {seed} is negative; give 0 or more")
-    if not (0 < duration < np.inf and 0 < sample_rate < np.inf):
-        raise SignalError(f"duration ({duration:g} s) and sample rate ({sample_rate:g} Hz) must be above 0")
-    if duration > MOST_STEPS * chosen.step:
-        raise SignalError(
-            f"{duration:g} s are too long for the {model} model; {MOST_STEPS * chosen.step:g} s are possible"
-        )
-    if duration * sample_rate > MOST_ROWS:
-        raise SignalError(
-            f"{duration * sample_rate:.3g} rows are too many, {MOST_ROWS:g} are possible; sample slower"
-        )
-    if controller_noise and chosen is not REFERENCE:
-        raise MethodError(f"the {model} model's controller has no noise; use the reference model")
+    _check(chosen, duration, sample_rate, noise, adc_bits, controller_noise, seed)
     inputs = Inputs.of(
         command,
         load,
@@ -105,6 +93,36 @@ def simulate(
     return acquire(
         exact, noise=dict.fromkeys(currents, noise), adc_bits=adc_bits, full_scale=ranges, seed=seed
     )
+
+
+def _check(
+    model: Model,
+    duration: float,
+    sample_rate: float,
+    noise: float,
+    adc_bits: int | None,
+    controller_noise: float,
+    seed: int,
+) -> None:
+    """Refuse what a rig cannot do, before it is set in motion."""
+    if seed < 0:
+        raise SignalError(f"seed {seed} is negative; give 0 or more")
+    if not (0 < duration < np.inf and 0 < sample_rate < np.inf):
+        raise SignalError(f"duration ({duration:g} s) and sample rate ({sample_rate:g} Hz) must be above 0")
+    if not 0 <= noise < np.inf:
+        raise SignalError(f"noise of {noise:g} A is no rms; give 0 or more")
+    if duration > MOST_STEPS * model.step:
+        raise SignalError(
+            f"{duration:g} s are too long for the {model.name} model; {MOST_STEPS * model.step:g} s are possible"
+        )
+    if duration * sample_rate > MOST_ROWS:
+        raise SignalError(
+            f"{duration * sample_rate:.3g} rows are too many, {MOST_ROWS:g} are possible; sample slower"
+        )
+    if controller_noise and model is not REFERENCE:
+        raise MethodError(f"the {model.name} model's controller has no noise; use the reference model")
+    if adc_bits is not None:
+        check_bits(adc_bits)
 
 
 def _rows(signal: Command, inputs: Inputs) -> NDArray[np.float64]:

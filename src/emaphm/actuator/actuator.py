@@ -84,7 +84,7 @@ class Actuator(Section):
         """
         path = Path(path)
         try:
-            text = path.read_text(encoding="utf-8")
+            text = path.read_text(encoding="utf-8-sig")
         except FileNotFoundError:
             raise ActuatorError(f"{path}: no such actuator file; give the path of its TOML") from None
         except (OSError, UnicodeDecodeError) as error:

@@ -117,12 +117,17 @@ def _check_converter(adc_bits: int | None, full_scale: Mapping[str, float]) -> N
             raise RecordingError(f"full scale {name}={scale:g} is impossible; give more than 0")
     if adc_bits is None:
         return
+    check_bits(adc_bits)
+    if not full_scale:
+        raise RecordingError("adc_bits needs the full scale of each channel; give full_scale too")
+
+
+def check_bits(adc_bits: int) -> None:
+    """Raise `RecordingError` for a converter of fewer than 4 or more than 24 bits."""
     if not FEWEST_BITS <= adc_bits <= MOST_BITS:
         raise RecordingError(
             f"a converter of {adc_bits} bits is not known; give {FEWEST_BITS} to {MOST_BITS}"
         )
-    if not full_scale:
-        raise RecordingError("adc_bits needs the full scale of each channel; give full_scale too")
 
 
 def _check_sensed(name: str, what: str) -> None:

@@ -1,5 +1,6 @@
 """Putting a result where it was asked to go: refused early, and never half-written."""
 
+import os
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -40,7 +41,9 @@ def check_writable(path: str | Path, *, force: bool = False, endings: Collection
         raise OutputError(f"{path}: {complaint}")
 
 
-def _refusal(path: Path, force: bool, endings: Collection[str]) -> str | None:
+def _refusal(path: Path, force: bool, endings: Collection[str]) -> str | None:  # noqa: PLR0911 - one a rule
+    if path.is_symlink() and not os.path.exists(path):  # noqa: PTH110 - Path.exists fails on a loop
+        return "is a link to nowhere; remove the link, or give another name"
     if path.is_dir():
         return "is a folder; give the name of a file in it"
     if endings and path.suffix.lower() not in endings:

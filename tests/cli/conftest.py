@@ -1,0 +1,81 @@
+"""A command, and what comes back of it."""
+
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+
+from emaphm.cli import main
+
+from . import files
+
+Refusal = Callable[..., str]
+
+
+class Answer(NamedTuple):
+    """What a command left: its exit code, and both of its streams."""
+
+    code: int
+    out: str
+    err: str
+
+
+Emaphm = Callable[..., Answer]
+
+
+@pytest.fixture
+def emaphm(capsys: pytest.CaptureFixture[str]) -> Emaphm:
+    """Return what runs a command line in this process."""
+
+    def run(*arguments: str | Path) -> Answer:
+        capsys.readouterr()
+        code = main([str(argument) for argument in arguments])
+        return Answer(code, *capsys.readouterr())
+
+    return run
+
+
+@pytest.fixture
+def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the current folder: it holds the recording `good.csv` and the description `good.toml`."""
+    (tmp_path / "good.csv").write_bytes(files.csv(files.columns()))
+    (tmp_path / "good.toml").write_text(files.THESIS, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def refused(emaphm: Emaphm, desk: Path) -> Refusal:
+    """Return what runs a command that must be refused, and gives its message.
+
+    Exit code 2; one line on stderr, nothing on stdout; no file made, changed or removed.
+    """
+
+    def run(*arguments: str | Path) -> str:
+        before = dict(_contents(desk))
+        code, out, err = emaphm(*arguments)
+        assert (code, out) == (2, "")
+        assert err.startswith("emaphm: ")
+        assert err.endswith("\n")
+        assert len(err.splitlines()) == 1
+        assert dict(_contents(desk)) == before
+        return err
+
+    return run
+
+
+def _contents(folder: Path) -> Iterator[tuple[str, Any]]:
+    for path in sorted(folder.rglob("*")):
+        yield str(path), path.read_bytes() if path.is_file() else None
+
+
+@pytest.fixture
+def emps_file() -> Path:
+    """Return the path of the measured EMPS data; tests that want it are skipped where it is absent."""
+    beside = Path(__file__).resolve().parents[3] / "shared" / "data"
+    path = Path(os.environ.get("EMAPHM_DATA", beside)) / "emps" / "DATA_EMPS.mat"
+    if not path.is_file():
+        pytest.skip(f"the EMPS data are not at {path}; set EMAPHM_DATA to the folder that holds them")
+    return path

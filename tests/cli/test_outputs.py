@@ -1,0 +1,132 @@
+"""Where results go: never over something else, never half, and refused before the work."""
+
+from pathlib import Path
+
+import pytest
+
+from .conftest import Emaphm, Refusal
+
+WRITERS = {
+    "simulate {}": ("out.csv", "out.parquet"),
+    "diagnose good.csv --report {}": ("out.html",),
+    "calibrate good.csv --free inertia -o {}": ("out.toml",),
+    "calibrate good.csv --free inertia -o spare.toml --figure {}": ("out.png",),
+    "replay good.csv --figure {}": ("out.png", "out.svg", "out.pdf"),
+}
+"""Every option that writes a file, with the endings that it takes."""
+
+EACH = [(line, name) for line, names in WRITERS.items() for name in names]
+
+
+@pytest.fixture
+def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make every simulation and identification fail the test."""
+
+    def work(*_: object, **__: object) -> None:
+        pytest.fail("the work was done first")
+
+    for name in (
+        "rig.simulate",
+        "identification.diagnose",
+        "identification.calibrate",
+        "identification.replay",
+    ):
+        monkeypatch.setattr(f"emaphm.{name}", work)
+    monkeypatch.setattr("emaphm.demo.simulate", work)
+
+
+@pytest.mark.usefixtures("no_work")
+@pytest.mark.parametrize(("line", "name"), EACH)
+def test_an_existing_file_is_kept(refused: Refusal, desk: Path, line: str, name: str) -> None:
+    # `refused` compares all contents before and after.
+    (desk / name).write_text("three weeks of work", encoding="utf-8")
+    message = refused(*line.format(name).split())
+    for piece in (f"{name}: exists already", "--force"):
+        assert piece in message
+
+
+@pytest.mark.usefixtures("no_work")
+@pytest.mark.parametrize("line", WRITERS)
+@pytest.mark.parametrize(
+    ("where", "pieces"),
+    [
+        ("absent/{}", ("folder 'absent' does not exist", "create it")),
+        ("good.csv/{}", ("folder 'good.csv' is not a folder", "another one")),
+        ("folder", ("folder: is a folder", "name of a file in it")),
+        ("out.xyz", ("'.xyz'", "end the name in .")),
+        ("out", ("no ending", "end the name in .")),
+        ("", ("is a folder",)),
+    ],
+)
+def test_an_impossible_output_is_refused_before_the_work(
+    refused: Refusal, desk: Path, line: str, where: str, pieces: tuple[str, ...]
+) -> None:
+    (desk / "folder").mkdir()
+    path = where.format(WRITERS[line][0])
+    message = refused(*(part.format(path) for part in line.split()))
+    for piece in pieces:
+        assert piece in message
+
+
+@pytest.mark.usefixtures("no_work")
+@pytest.mark.parametrize("line", WRITERS)
+@pytest.mark.parametrize(
+    "target",
+    [
+        pytest.param("absent/file", marks=pytest.mark.xfail(strict=True, reason="found after the work")),
+        pytest.param("itself", marks=pytest.mark.xfail(strict=True, reason="taken for a defect of ours")),
+    ],
+)
+def test_a_link_to_nowhere_is_refused_before_the_work(
+    refused: Refusal, desk: Path, line: str, target: str
+) -> None:
+    name = WRITERS[line][0]
+    (desk / name).symlink_to(name if target == "itself" else target)
+    assert name in refused(*line.format(name).split())
+
+
+@pytest.mark.usefixtures("no_work")
+@pytest.mark.parametrize("line", WRITERS)
+def test_a_folder_of_the_system_is_refused_before_the_work(refused: Refusal, line: str) -> None:
+    if not Path("/proc/self").is_dir():
+        pytest.skip("needs a folder that nobody may write to: /proc")
+    path = Path("/proc") / WRITERS[line][0]
+    assert f"{path}: cannot be written there" in refused(*line.format(path).split())
+
+
+@pytest.mark.parametrize(("line", "name"), EACH)
+def test_force_replaces_the_file_and_nothing_else_is_left(
+    emaphm: Emaphm, desk: Path, line: str, name: str
+) -> None:
+    (desk / name).write_text("old", encoding="utf-8")
+    quick = ["--model", "averaged"] if line.startswith("simulate") else []
+    code, _, err = emaphm(*line.format(name).split(), *quick, "--force")
+    assert (code, err) == (0, "")
+    assert (desk / name).stat().st_size > 1000
+    spare = {"spare.toml"} if "spare.toml" in line else set()
+    assert {path.name for path in desk.iterdir()} == {"good.csv", "good.toml", name} | spare
+
+
+@pytest.mark.usefixtures("no_work")
+@pytest.mark.parametrize("present", ["report.html", "diagnosis.svg"])
+def test_the_demo_keeps_what_is_there(refused: Refusal, desk: Path, present: str) -> None:
+    (desk / "demo").mkdir()
+    (desk / "demo" / present).write_text("mine", encoding="utf-8")
+    assert f"{present}: exists already" in refused("demo")
+
+
+@pytest.mark.usefixtures("no_work")
+@pytest.mark.parametrize("where", ["good.csv", "good.csv/demo"])
+def test_the_demo_needs_a_folder(refused: Refusal, where: str) -> None:
+    message = refused("demo", "--out", where)
+    for piece in (f"{where}: cannot be made a folder", "--out"):
+        assert piece in message
+
+
+@pytest.mark.xfail(strict=True, reason="noise and converter are looked at after the simulation")
+@pytest.mark.parametrize("option", ["--noise=-1", "--noise=nan", "--adc-bits=1"])
+def test_impossible_sensors_are_refused_before_the_work(
+    refused: Refusal, monkeypatch: pytest.MonkeyPatch, option: str
+) -> None:
+    monkeypatch.setattr("emaphm.rig.run", lambda *_: pytest.fail("the work was done first"))
+    assert refused("simulate", "out.csv", option)

@@ -1,0 +1,295 @@
+"""The command as a process: exit codes, signals, pipes, terminals, encodings, and what it loads."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from emaphm.cli import main
+
+from .conftest import Emaphm
+
+HEAVY = ("numba", "scipy", "polars", "matplotlib", "pydantic", "numpy", "jinja2")
+
+ON_A_TERMINAL = pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
+
+Start = Callable[..., "subprocess.Popen[bytes]"]
+
+PATIENCE_S = 120
+"""For kernels that are compiled for the first time, on a busy machine."""
+
+
+def environment(**changes: str) -> dict[str, str]:
+    """Return this process's environment without what changes Python's streams."""
+    dropped = (
+        "PYTHONUNBUFFERED",
+        "PYTHONIOENCODING",
+        "PYTHONUTF8",
+        "COLUMNS",
+        "TERM",
+        "FORCE_COLOR",
+        "TTY_COMPATIBLE",
+    )
+    return {name: value for name, value in os.environ.items() if name not in dropped} | changes
+
+
+@pytest.fixture
+def start(desk: Path) -> Start:
+    """Return what starts `emaphm` in the folder `desk`."""
+
+    def run(
+        *arguments: str, stdout: int, stderr: int = subprocess.PIPE, **variables: str
+    ) -> "subprocess.Popen[bytes]":
+        return subprocess.Popen(  # noqa: S603 - the arguments are this file's
+            [sys.executable, "-m", "emaphm.cli", *arguments],
+            stdin=subprocess.DEVNULL,
+            stdout=stdout,
+            stderr=stderr,
+            cwd=desk,
+            env=environment(**variables),
+        )
+
+    return run
+
+
+def ended(process: "subprocess.Popen[bytes]") -> tuple[int, str, str]:
+    """Return a process's exit code, stdout and stderr."""
+    out, err = process.communicate(timeout=PATIENCE_S)
+    return process.returncode, (out or b"").decode(), (err or b"").decode()
+
+
+@pytest.mark.parametrize("verb", ["", "demo", "simulate", "diagnose", "calibrate", "replay"])
+def test_help_loads_nothing_heavy(verb: str) -> None:
+    code = (
+        "import json, sys; from emaphm.cli import main; main(sys.argv[1:]); print(json.dumps([*sys.modules]))"
+    )
+    arguments = [verb, "--help"] if verb else ["--help"]
+    done = subprocess.run(  # noqa: S603 - the arguments are this file's
+        [sys.executable, "-c", code, *arguments],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=environment(),
+    )
+    assert "Usage: emaphm" in done.stdout
+    loaded = json.loads(done.stdout.splitlines()[-1])
+    assert "emaphm.cli" in loaded
+    assert not {name.partition(".")[0] for name in loaded} & set(HEAVY)
+
+
+@pytest.mark.parametrize(
+    ("line", "code"),
+    [("--version", 0), ("replay good.csv", 0), ("replay absent.csv", 2), ("replay", 2), ("bogus", 2)],
+)
+def test_exit_codes(start: Start, line: str, code: int) -> None:
+    returned, out, err = ended(start(*line.split(), stdout=subprocess.PIPE))
+    assert returned == code
+    assert bool(out) == (code == 0)
+    assert len(err.splitlines()) == (code == 2)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="scripts are named otherwise there")
+def test_the_installed_command_runs_whatever_lies_in_the_folder(desk: Path) -> None:
+    script = Path(sys.executable).with_name("emaphm")
+    if not script.is_file():
+        pytest.skip("emaphm is not installed beside this Python")
+    for name in ("emaphm.py", "numpy.py", "json.py", "polars.py"):
+        (desk / name).write_text("raise RuntimeError('not this one')\n", encoding="utf-8")
+    done = subprocess.run(  # noqa: S603 - the arguments are this file's
+        [script, "replay", "good.csv", "--json"],
+        capture_output=True,
+        check=False,
+        cwd=desk,
+        env=environment(),
+    )
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert "relative_error" in json.loads(done.stdout)
+
+
+def test_a_defect_of_ours_is_not_hidden(emaphm: Emaphm, desk: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError
+
+    assert desk.is_dir()
+    monkeypatch.setattr("emaphm.recording.read_recording", broken)
+    # The interpreter turns it into a traceback and exit code 1.
+    with pytest.raises(ZeroDivisionError):
+        emaphm("replay", "good.csv")
+
+
+# Pipes and full disks
+
+
+@pytest.mark.parametrize(
+    ("line", "unbuffered"),
+    [
+        ("replay good.csv", "1"),
+        pytest.param(
+            "replay good.csv", "", marks=pytest.mark.xfail(strict=True, reason="exit code 120, noise")
+        ),
+        pytest.param(
+            "replay good.csv --json", "", marks=pytest.mark.xfail(strict=True, reason="exit code 120, noise")
+        ),
+        pytest.param("--help", "", marks=pytest.mark.xfail(strict=True, reason="exit code 1, a defect")),
+    ],
+)
+def test_a_reader_that_left_is_no_mishap(start: Start, line: str, unbuffered: str) -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    process = start(*line.split(), stdout=writing, PYTHONUNBUFFERED=unbuffered)
+    os.close(writing)
+    code, _, err = ended(process)
+    assert (code, err) == (0, "")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+@pytest.mark.xfail(strict=True, reason="a traceback, or exit code 120")
+@pytest.mark.parametrize(
+    ("line", "unbuffered"), [("replay good.csv", ""), ("replay good.csv --json", "1"), ("--help", "")]
+)
+def test_a_full_disk_behind_stdout_is_told_in_one_line(start: Start, line: str, unbuffered: str) -> None:
+    with Path("/dev/full").open("wb") as full:
+        process = start(*line.split(), stdout=full.fileno(), PYTHONUNBUFFERED=unbuffered)
+        code, _, err = ended(process)
+    assert code == 2
+    assert len(err.splitlines()) == 1
+    assert "No space left" in err
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a limit on the size of files")
+def test_a_disk_that_fills_up_leaves_nothing_behind(emaphm: Emaphm, desk: Path) -> None:
+    # The kernel's own cache on disk is larger than the limit, and must be there before.
+    assert emaphm("simulate", "warm.csv", "--model", "averaged").code == 0
+    (desk / "warm.csv").unlink()
+    limited = (
+        "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000));"
+        "from emaphm.cli import main; sys.exit(main(sys.argv[1:]))"
+    )
+    done = subprocess.run(  # noqa: S603 - the arguments are this file's
+        [sys.executable, "-c", limited, "simulate", "out.csv", "--model", "averaged"],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=desk,
+        env=environment(),
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    assert len(done.stderr.splitlines()) == 1
+    assert "out.csv: cannot be written (File too large" in done.stderr
+    assert {path.name for path in desk.iterdir()} == {"good.csv", "good.toml"}
+
+
+# Terminals and signals
+
+
+def _shown(terminal: int, until: bytes = b"") -> bytes:
+    """Return what a terminal shows until `until` has appeared, or until the other side is closed."""
+    shown, deadline = b"", time.monotonic() + PATIENCE_S
+    while time.monotonic() < deadline:
+        try:
+            piece = os.read(terminal, 65536)
+        except OSError:  # so Linux says that the other side is closed
+            break
+        shown += piece
+        if not piece or (until and until in shown):
+            break
+    return shown
+
+
+@ON_A_TERMINAL
+def test_progress_is_shown_on_a_terminal_and_stdout_stays_clean(start: Start) -> None:
+    terminal, other = os.openpty()
+    process = start("diagnose", "good.csv", stdout=subprocess.PIPE, stderr=other, TERM="xterm")
+    os.close(other)
+    shown = _shown(terminal)
+    code, out, _ = ended(process)
+    os.close(terminal)
+    assert code == 0
+    assert b"diagnosing" in shown
+    assert b"100%" in shown
+    assert "\x1b" not in out
+    assert "diagnosing" not in out
+
+
+@ON_A_TERMINAL
+@pytest.mark.parametrize(
+    ("line", "bar"),
+    [
+        ("simulate out.csv --duration 20", b"simulating"),
+        ("diagnose good.csv --method dragonfly-thesis --report out.html", b"diagnosing"),
+        ("calibrate good.csv --free inertia,viscous,coulomb -o out.toml", b"calibrating"),
+        ("demo", b"diagnosing"),
+    ],
+)
+def test_an_interruption_ends_it_without_traceback_or_half_a_file(
+    start: Start, desk: Path, line: str, bar: bytes
+) -> None:
+    terminal, other = os.openpty()
+    process = start(*line.split(), stdout=subprocess.PIPE, stderr=other, TERM="xterm")
+    os.close(other)
+    shown = _shown(terminal, until=bar)
+    process.send_signal(signal.SIGINT)
+    shown += _shown(terminal)
+    code, out, _ = ended(process)
+    os.close(terminal)
+    assert (code, out) == (130, "")
+    assert b"Traceback" not in shown
+    (desk / "demo").mkdir(exist_ok=True)
+    assert {path.name for path in desk.rglob("*")} == {"good.csv", "good.toml", "demo"}
+
+
+@pytest.mark.xfail(strict=True, reason="the parser ends the process silently")
+def test_an_interruption_is_said(
+    desk: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    assert desk.is_dir()
+    monkeypatch.setattr("emaphm.recording.read_recording", interrupted)
+    assert main(["replay", "good.csv"]) == 130
+    assert capsys.readouterr() == ("", "emaphm: interrupted\n")
+
+
+# Encodings
+
+
+@pytest.mark.parametrize("line", ["diagnose good.csv --json", "replay good.csv"])
+def test_json_and_plain_tables_survive_ascii(start: Start, line: str) -> None:
+    code, out, err = ended(start(*line.split(), stdout=subprocess.PIPE, PYTHONIOENCODING="ascii"))
+    assert (code, err) == (0, "")
+    assert out.isascii()
+    assert out
+
+
+@pytest.mark.xfail(strict=True, reason="a traceback: '×' and '·' have no ASCII")
+@pytest.mark.parametrize("line", ["diagnose good.csv", "simulate --help"])
+def test_tables_and_help_survive_ascii(start: Start, line: str) -> None:
+    code, out, err = ended(start(*line.split(), stdout=subprocess.PIPE, PYTHONIOENCODING="ascii"))
+    assert (code, err) == (0, "")
+    assert out.isascii()
+
+
+def test_a_message_survives_ascii(start: Start) -> None:
+    process = start("replay", "räder ×.csv", stdout=subprocess.PIPE, PYTHONIOENCODING="ascii")
+    code, out, err = ended(process)
+    assert (code, out) == (2, "")
+    assert len(err.splitlines()) == 1
+    assert "no such file" in err
+
+
+def test_files_are_utf_8_in_every_locale(start: Start, desk: Path) -> None:
+    line = "calibrate good.csv --free inertia -o out.toml --json"
+    process = start(
+        *line.split(), stdout=subprocess.PIPE, LC_ALL="C", PYTHONUTF8="0", PYTHONCOERCECLOCALE="0"
+    )
+    code, out, err = ended(process)
+    assert (code, err) == (0, "")
+    assert json.loads(out)["parameters"]["inertia"]["unit"] == "kg·m²"
+    assert "# kg·m²" in (desk / "out.toml").read_text(encoding="utf-8")

@@ -1,0 +1,339 @@
+"""The verbs used as they are meant: what they print, write and pass on to each other."""
+
+import json
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+import polars as pl
+import pytest
+
+from emaphm.actuator import NAMES, Actuator, Faults
+from emaphm.version import VERSION
+
+from . import files
+from .conftest import Emaphm
+
+EMPS = Path(__file__).resolve().parents[2] / "examples" / "emps" / "emps.toml"
+
+TRUTH = ("--fault", "friction=0.3", "--fault", "short_b=0.2")
+
+TRUE_K = Faults(friction=0.3, short_b=0.2).vector
+
+DIAGNOSIS = {
+    "faults",
+    "k",
+    "method",
+    "fitness",
+    "residual_rms_A",
+    "explained",
+    "evaluations",
+    "seconds",
+    "seed",
+    "recording",
+    "actuator",
+    "version",
+}
+"""What the design promises of `diagnose --json`."""
+
+
+def _refuse(constant: str) -> NoReturn:
+    raise AssertionError(f"{constant} is no JSON")
+
+
+def parsed(emaphm: Emaphm, *arguments: str | Path) -> dict[str, Any]:
+    """Return the one JSON object that a command prints."""
+    code, out, err = emaphm(*arguments, "--json")
+    assert (code, err) == (0, "")
+    assert out.count("\n") == 1
+    # Python's own parser would let NaN and Infinity pass, which are no JSON.
+    result = json.loads(out, parse_constant=_refuse)
+    assert isinstance(result, dict)
+    return result
+
+
+@pytest.fixture
+def faulty(emaphm: Emaphm, desk: Path) -> Path:
+    """Return a recording of an actuator with the faults `TRUTH`, made by the reference model."""
+    assert emaphm("simulate", "faulty.csv", *TRUTH).code == 0
+    return desk / "faulty.csv"
+
+
+def test_simulate_writes_what_it_says(emaphm: Emaphm, desk: Path) -> None:
+    said = parsed(
+        emaphm, "simulate", "out.parquet", "--duration", "0.3", "--sample-rate", "2000", "--seed", "3", *TRUTH
+    )
+    written = pl.read_parquet(desk / "out.parquet")
+    assert written.columns == said["channels"]
+    assert written.height == said["samples"] == 600
+    assert said["duration_s"] == pytest.approx(0.3)
+    assert said["sample_rate_hz"] == pytest.approx(2000)
+    np.testing.assert_array_equal(said["k"], TRUE_K)
+    assert (said["recording"], said["model"], said["actuator"]) == ("out.parquet", "reference", "thesis")
+    assert (said["seed"], said["version"]) == (3, VERSION)
+
+
+def test_simulate_tells_people_where_the_recording_is(emaphm: Emaphm, desk: Path) -> None:
+    code, out, err = emaphm("simulate", "out.csv", "--model", "averaged")
+    assert (code, err) == (0, "")
+    for piece in ("2500 rows", "5000 Hz", "current_A", "written to out.csv"):
+        assert piece in out
+    assert (desk / "out.csv").is_file()
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        ((), lambda t: 5e-3 * np.sin(2 * np.pi * 15 * t**2)),
+        (("--frequency", "6"), lambda t: 5e-3 * np.sin(2 * np.pi * 6 * t**2)),
+        (("--command", "decaying-chirp"), lambda t: 5e-3 * np.sin(2 * np.pi * 15 * t**2) * (1 - 2 * t)),
+        (("--command", "sine"), lambda t: 5e-3 * np.sin(2 * np.pi * 4 * t)),
+        (
+            ("--command", "sine", "--frequency", "7", "--amplitude", "2e-3"),
+            lambda t: 2e-3 * np.sin(14 * np.pi * t),
+        ),
+        (("--command", "step", "--amplitude", "-1e-3"), lambda t: np.full(t.size, -1e-3)),
+        (("--command", "ramp", "--amplitude", "0.01"), lambda t: 0.01 * t / 0.5),
+    ],
+)
+def test_the_named_commands_are_played(
+    emaphm: Emaphm, desk: Path, options: tuple[str, ...], expected: Any
+) -> None:
+    assert emaphm("simulate", "out.csv", "--model", "averaged", *options).code == 0
+    written = pl.read_csv(desk / "out.csv")
+    # Rows are means over their interval; a straight command's mean is its value amid the step points.
+    middle = written["time_s"].to_numpy() + 0.5 / 5000
+    # A mean over 0.2 ms at up to 15 Hz differs from the value amid by (2 pi 15)² (2e-4)² / 24 of it; the
+    # points of the mean lie a quarter step early, 2 pi 15 Hz × 25 µs.
+    np.testing.assert_allclose(written["command_rad"], expected(middle), atol=5e-3 * 3e-3)
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet", "mat"])
+def test_command_and_load_come_from_files(emaphm: Emaphm, desk: Path, ending: str) -> None:
+    write = {"csv": files.csv, "parquet": files.parquet, "mat": files.mat}[ending]
+    signal = {
+        "time_s": np.array([0.0, 0.1, 0.2]),
+        "command_rad": np.array([0.0, 2e-3, 2e-3]),
+        "load_Nm": np.array([0.02, 0.02, 0.04]),
+    }
+    (desk / f"signal.{ending}").write_bytes(write(signal))
+    options = ("--command", f"signal.{ending}", "--load", f"signal.{ending}", "--model", "averaged")
+    said = parsed(emaphm, "simulate", "out.csv", *options, "--duration", "0.3")
+    assert "load_Nm" in said["channels"]
+    written = pl.read_csv(desk / "out.csv")
+    middle = written["time_s"].to_numpy() + 0.5 / 5000
+    # Linear between the samples and held after the last; a row's mean is off by half a step of the model.
+    for name in ("command_rad", "load_Nm"):
+        expected = np.interp(middle, signal["time_s"], signal[name])
+        np.testing.assert_allclose(written[name], expected, atol=0.02 / 0.1 * 5e-5)
+
+
+@pytest.mark.parametrize("load", ["0.03", "-0.03"])
+def test_a_constant_load_is_recorded(emaphm: Emaphm, desk: Path, load: str) -> None:
+    assert emaphm("simulate", "out.csv", "--model", "averaged", "--load", load).code == 0
+    np.testing.assert_allclose(pl.read_csv(desk / "out.csv")["load_Nm"], float(load))
+
+
+def test_the_same_seed_gives_the_same_recording_and_another_another(emaphm: Emaphm, desk: Path) -> None:
+    for name, seed in (("a.csv", "1"), ("b.csv", "1"), ("c.csv", "2")):
+        options = ("--model", "averaged", "--noise", "0.05", "--seed", seed)
+        assert emaphm("simulate", name, *options).code == 0
+    first, again, other = ((desk / name).read_bytes() for name in ("a.csv", "b.csv", "c.csv"))
+    assert first == again
+    assert first != other
+
+
+def test_converters_have_the_resolution_asked_for(emaphm: Emaphm, desk: Path) -> None:
+    assert emaphm("simulate", "out.csv", "--model", "averaged", "--adc-bits", "8").code == 0
+    # 8 bits over plus and minus twice the current limit of 22.5 A.
+    codes = pl.read_csv(desk / "out.csv")["current_A"].to_numpy() / (90 / 2**8)
+    np.testing.assert_allclose(codes, np.round(codes), atol=1e-9)
+    assert np.unique(codes).size > 10
+
+
+def test_diagnose_finds_what_was_simulated(emaphm: Emaphm, faulty: Path) -> None:
+    found = parsed(emaphm, "diagnose", faulty.name)
+    assert found.keys() >= DIAGNOSIS
+    assert tuple(found["faults"]) == NAMES
+    for name, value, truth in zip(NAMES, found["k"], TRUE_K, strict=True):
+        component = found["faults"][name]
+        assert component["value"] == value
+        assert component.keys() >= {"value", "interval95", "identifiable"}
+        if component["identifiable"]:
+            # The project's own target for noise-free single faults is 1.4 %; this leaves it room.
+            assert value == pytest.approx(truth, abs=0.02)
+            assert component["interval95"][0] <= value <= component["interval95"][1]
+    assert found["faults"]["friction"]["verdict"] == "degraded"
+    assert found["faults"]["short_b"]["verdict"] == "degraded"
+    assert found["explained"] is True
+    assert (found["recording"], found["actuator"]) == ("faulty.csv", "thesis")
+    assert (found["method"], found["seed"], found["version"]) == ("hybrid", 0, VERSION)
+
+
+def test_the_file_format_does_not_matter(emaphm: Emaphm, faulty: Path, desk: Path) -> None:
+    pl.read_csv(faulty).write_parquet(desk / "faulty.parquet")
+    from_csv, from_parquet = (parsed(emaphm, "diagnose", f"faulty.{ending}") for ending in ("csv", "parquet"))
+    for told in (from_csv, from_parquet):
+        del told["seconds"], told["recording"]
+    assert from_csv == from_parquet
+
+
+@pytest.mark.parametrize("method", ["hybrid", "dragonfly"])
+def test_the_same_seed_gives_the_same_diagnosis(emaphm: Emaphm, faulty: Path, method: str) -> None:
+    def told(seed: int) -> dict[str, Any]:
+        found = parsed(emaphm, "diagnose", faulty.name, "--method", method, "--seed", str(seed))
+        assert found.pop("seconds") > 0
+        assert found.pop("seed") == seed
+        assert found["method"] == method
+        return found
+
+    assert told(7) == told(7)
+    assert told(7) != told(8)
+
+
+def test_diagnose_can_do_without_correction(emaphm: Emaphm, faulty: Path) -> None:
+    corrected = parsed(emaphm, "diagnose", faulty.name)
+    plain = parsed(emaphm, "diagnose", faulty.name, "--no-correction")
+    assert plain["evaluations"] < corrected["evaluations"]
+    assert plain["reference_runs"] < corrected["reference_runs"]
+
+
+def test_people_get_a_table_and_a_report(emaphm: Emaphm, faulty: Path, desk: Path) -> None:
+    code, out, err = emaphm("diagnose", faulty.name, "--report", "report.html")
+    assert (code, err) == (0, "")
+    for piece in (*NAMES, "degraded", "healthy", "explains the recording", "seed 0", "report.html"):
+        assert piece in out
+    page = (desk / "report.html").read_text(encoding="utf-8")
+    for piece in ("<html", *NAMES, "faulty.csv", "thesis"):
+        assert piece in page
+
+
+def test_json_stays_json_with_a_report(emaphm: Emaphm, faulty: Path, desk: Path) -> None:
+    assert parsed(emaphm, "diagnose", faulty.name, "--report", "report.html").keys() >= DIAGNOSIS
+    assert (desk / "report.html").is_file()
+
+
+def test_replay_with_the_true_faults_is_nearer(emaphm: Emaphm, faulty: Path) -> None:
+    healthy, true = (
+        parsed(emaphm, "replay", faulty.name, *faults)["relative_error"] for faults in ((), TRUTH)
+    )
+    # The averaged model is within 3 to 4 % of the reference model's current.
+    assert true["current_A"] < 0.05 < healthy["current_A"]
+    assert true.keys() == healthy.keys() >= {"current_A", "position_rad", "speed_rad_s", "angle_rad"}
+
+
+def test_replay_by_the_model_that_recorded_leaves_nothing(emaphm: Emaphm, faulty: Path) -> None:
+    told = parsed(emaphm, "replay", faulty.name, "--model", "reference", *TRUTH)
+    assert told["model"] == "reference"
+    # The command is known from its means alone, 0.2 ms apart.
+    assert told["relative_error"]["position_rad"] < 1e-3
+
+
+@pytest.mark.parametrize(("ending", "magic"), [("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF")])
+def test_figures_are_what_their_names_say(emaphm: Emaphm, desk: Path, ending: str, magic: bytes) -> None:
+    assert emaphm("replay", "good.csv", "--figure", f"figure.{ending}").code == 0
+    assert (desk / f"figure.{ending}").read_bytes().startswith(magic)
+
+
+def test_an_unconnected_sensor_leaves_json_valid(emaphm: Emaphm, desk: Path) -> None:
+    (desk / "still.csv").write_bytes(files.csv(files.scaled(speed_rad_s=0)))
+    # Its relative error would be a division by zero.
+    assert parsed(emaphm, "replay", "still.csv")["relative_error"].keys() == {"position_rad", "current_A"}
+
+
+def test_calibrate_hands_on_to_replay(emaphm: Emaphm, desk: Path) -> None:
+    worn = files.thesis_with("inertia_motor = 1.3e-05", "inertia_motor = 2.3e-05")
+    (desk / "worn.toml").write_text(worn, encoding="utf-8")
+    options = ("--actuator", "worn.toml", "--model", "averaged")
+    assert emaphm("simulate", "worn.csv", *options).code == 0
+    before = parsed(emaphm, "replay", "worn.csv")["relative_error"]
+    told = parsed(emaphm, "calibrate", "worn.csv", "--free", "inertia,viscous", "-o", "found.toml")
+    assert list(told["parameters"]) == ["inertia", "viscous"]
+    inertia = told["parameters"]["inertia"]
+    assert inertia["unit"] == "kg·m²"
+    # The same model made the recording: what is left is the command, known from its means alone.
+    assert inertia["value"] == pytest.approx(3.5e-5, rel=0.01)
+    assert 0 < inertia["standard_error"] < 0.01 * inertia["value"]
+    after = parsed(emaphm, "replay", "worn.csv", "--actuator", "found.toml")
+    assert after["relative_error"] == pytest.approx(told["relative_error"])
+    assert after["relative_error"]["current_A"] < 0.1 * before["current_A"]
+    described = Actuator.from_toml("found.toml")
+    assert described.mechanics.inertia == pytest.approx(inertia["value"])
+    assert after["actuator"] == described.name == told["actuator"]
+    comments = (desk / "found.toml").read_text(encoding="utf-8").splitlines()
+    assert comments[0].startswith("# Calibrated on worn.csv: inertia, viscous")
+
+
+def test_a_real_machine_from_calibration_to_diagnosis(emaphm: Emaphm, desk: Path, emps_file: Path) -> None:
+    free = "inertia, viscous, coulomb, offset"
+    told = parsed(emaphm, "calibrate", emps_file, "--actuator", EMPS, "--free", free, "-o", "unit.toml")
+    # Janot, Gautier, Brunot 2019: 95.1089 kg; force error of their closed-loop simulation 5.848 %.
+    assert told["parameters"]["inertia"]["value"] == pytest.approx(95.1089, rel=0.01)
+    assert told["parameters"]["inertia"]["unit"] == "kg"
+    replayed = parsed(emaphm, "replay", emps_file, "--actuator", "unit.toml")
+    assert replayed["relative_error"] == pytest.approx(told["relative_error"])
+    assert replayed["relative_error"]["current_A"] <= 0.0585
+    found = parsed(emaphm, "diagnose", emps_file, "--actuator", "unit.toml", "--report", "unit.html")
+    assert found["faults"]["friction"]["verdict"] == "healthy"
+    assert found["faults"]["short_a"]["identifiable"] is False
+    assert "electrical" in found["faults"]["short_a"]["reason"]
+    assert (desk / "unit.html").is_file()
+
+
+def test_the_demo_finds_what_it_simulated(emaphm: Emaphm, desk: Path) -> None:
+    told = parsed(emaphm, "demo")
+    assert told.keys() >= DIAGNOSIS
+    assert np.abs(np.array(told["k"]) - told["true_k"]).max() < 0.02
+    assert 0 < told["error_percent"] < 2
+    assert {path.name for path in (desk / "demo").iterdir()} == {"report.html", "diagnosis.svg"}
+    assert told["report"] == str(Path("demo", "report.html"))
+    assert "<html" in (desk / told["report"]).read_text(encoding="utf-8")
+    assert (desk / told["figure"]).read_bytes().startswith(b"<?xml")
+
+
+def test_the_demo_tells_people_found_beside_true(emaphm: Emaphm, desk: Path) -> None:
+    code, out, err = emaphm("demo", "--out", "new/folder", "--seed", "1")
+    assert (code, err) == (0, "")
+    for piece in ("true", "found", *NAMES, "0.7000", "Error: ", str(Path("new", "folder", "report.html"))):
+        assert piece in out
+    assert (desk / "new" / "folder" / "report.html").is_file()
+    again = parsed(emaphm, "demo", "--out", "new/folder", "--force", "--seed", "1")
+    assert f"Error: {again['error_percent']:.2f} %" in out
+
+
+def test_version(emaphm: Emaphm) -> None:
+    assert emaphm("--version") == (0, f"{VERSION}\n", "")
+
+
+PROMISED = {
+    "demo": ("--seed", "--json"),
+    "simulate": (
+        *(
+            "--model",
+            "--command",
+            "--fault",
+            "--noise",
+            "--duration",
+            "--sample-rate",
+            "--load",
+            "--actuator",
+        ),
+        *("--seed", "--json"),
+    ),
+    "diagnose": ("--actuator", "--method", "--report", "--seed", "--json"),
+    "calibrate": ("--actuator", "--free", "-o", "--seed", "--json"),
+    "replay": ("--actuator", "--seed", "--json"),
+}
+
+
+@pytest.mark.parametrize("verb", PROMISED)
+def test_help_names_what_the_design_promises(emaphm: Emaphm, verb: str) -> None:
+    assert verb in emaphm("--help").out
+    code, out, err = emaphm(verb, "--help")
+    assert (code, err) == (0, "")
+    for option in PROMISED[verb]:
+        assert option in out
+
+
+def test_without_a_verb_help_is_shown(emaphm: Emaphm) -> None:
+    assert emaphm() == emaphm("--help")
