@@ -102,7 +102,7 @@ def simulate(
     _check_seed(seed)
     check_writable(out, force=force, endings=ENDINGS)
     if not 0 <= noise < math.inf:
-        raise SignalError(f"--noise {noise:g} is no rms; give 0 A or more")
+        raise SignalError(f"--noise {noise:g} is no rms; give 0 or more")
     described, faults = _actuator(actuator), _faults(fault)
     with _progress("simulating", as_json):
         recording = rig.simulate(
@@ -271,7 +271,8 @@ def _discard_stdout() -> None:
 
 
 def _complain(text: str) -> int:
-    print(f"emaphm: {text}", file=sys.stderr)
+    line = "".join(c if c.isprintable() else " " for c in text)  # names may hold anything
+    print(f"emaphm: {line}", file=sys.stderr)
     return 2
 
 
@@ -326,7 +327,7 @@ def _command(name: str, amplitude: float, frequency: float | None, duration: flo
         raise SignalError(f"--duration {duration:g}: give more than 0 s")
     if not (math.isfinite(amplitude) and math.isfinite(frequency or 0.0)):
         raise SignalError(
-            f"--amplitude {amplitude:g} or --frequency {frequency} is not finite; give a number"
+            f"the command is not finite with --amplitude {amplitude:g}, --frequency {frequency}; give numbers"
         )
     last = 15.0 if frequency is None else frequency
     makers: dict[str, Callable[[], Command]] = {

@@ -32,8 +32,21 @@ class MethodError(EmaphmError):
     """A model, method or option is unknown or does not fit what it is used on."""
 
 
+MOST_LISTED = 20
+"""Names listed in an error; a file may have thousands."""
+
+LONGEST_LISTED = 60
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
     """Return `` (did you mean 'x'?)`` for the known name closest to `name`, else the list of known names."""
     options = sorted(known)
     close = get_close_matches(name.lower(), options, n=1, cutoff=0.5)
-    return f" (did you mean '{close[0]}'?)" if close else f" (known: {', '.join(options)})"
+    if close:
+        return f" (did you mean '{_short(close[0])}'?)"
+    more = f" and {len(options) - MOST_LISTED} more" if len(options) > MOST_LISTED else ""
+    return f" (known: {', '.join(map(_short, options[:MOST_LISTED]))}{more})"
+
+
+def _short(name: str) -> str:
+    return name if len(name) <= LONGEST_LISTED else f"{name[: LONGEST_LISTED - 1]}…"

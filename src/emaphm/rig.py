@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator, Command, Faults, Load
-from emaphm.errors import MethodError, SignalError
+from emaphm.errors import MethodError, RecordingError, SignalError
 from emaphm.recording import Recording, acquire, full_scales
 from emaphm.recording.acquisition import check_bits
 from emaphm.recording.schema import PHASES
@@ -110,10 +110,11 @@ def _check(
     if not (0 < duration < np.inf and 0 < sample_rate < np.inf):
         raise SignalError(f"duration ({duration:g} s) and sample rate ({sample_rate:g} Hz) must be above 0")
     if not 0 <= noise < np.inf:
-        raise SignalError(f"noise of {noise:g} A is no rms; give 0 or more")
+        raise RecordingError(f"noise of {noise:g} A is no rms; give 0 or more")
     if duration > MOST_STEPS * model.step:
         raise SignalError(
-            f"{duration:g} s are too long for the {model.name} model; {MOST_STEPS * model.step:g} s are possible"
+            f"{duration:g} s are too long for the {model.name} model; "
+            f"{MOST_STEPS * model.step:g} s are possible"
         )
     if duration * sample_rate > MOST_ROWS:
         raise SignalError(

@@ -143,7 +143,6 @@ def test_the_thesis_from_a_file_is_the_built_in_one(emaphm: Emaphm, desk: Path, 
     assert emaphm("replay", "good.csv", "--actuator", "thesis ü.toml") == emaphm("replay", "good.csv")
 
 
-@pytest.mark.xfail(strict=True, reason="tomllib takes the mark for a statement")
 def test_a_byte_order_mark_does_no_harm(emaphm: Emaphm, desk: Path) -> None:
     (desk / "notepad.toml").write_bytes(b"\xef\xbb\xbf" + files.THESIS.encode())
     assert emaphm("replay", "good.csv", "--actuator", "notepad.toml").code == 0

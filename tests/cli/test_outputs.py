@@ -73,8 +73,8 @@ def test_an_impossible_output_is_refused_before_the_work(
 @pytest.mark.parametrize(
     "target",
     [
-        pytest.param("absent/file", marks=pytest.mark.xfail(strict=True, reason="found after the work")),
-        pytest.param("itself", marks=pytest.mark.xfail(strict=True, reason="taken for a defect of ours")),
+        "absent/file",
+        "itself",
     ],
 )
 def test_a_link_to_nowhere_is_refused_before_the_work(
@@ -123,7 +123,6 @@ def test_the_demo_needs_a_folder(refused: Refusal, where: str) -> None:
         assert piece in message
 
 
-@pytest.mark.xfail(strict=True, reason="noise and converter are looked at after the simulation")
 @pytest.mark.parametrize("option", ["--noise=-1", "--noise=nan", "--adc-bits=1"])
 def test_impossible_sensors_are_refused_before_the_work(
     refused: Refusal, monkeypatch: pytest.MonkeyPatch, option: str
