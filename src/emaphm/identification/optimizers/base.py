@@ -3,7 +3,7 @@
 The one who holds the state drives the search, so that a run can be stopped, saved, resumed and compared::
 
     state = optimizer.init(seed)
-    while state.iteration < optimizer.iterations:
+    while not optimizer.finished(state):
         state = optimizer.tell(state, fitness(optimizer.ask(state)))
 """
 
@@ -27,12 +27,13 @@ class State:
 
     `positions`, shape (n, d), are the points to evaluate next; `best_point`, shape (d,), is the best
     evaluated so far and `best_fitness` its fitness (inf, and any start point, before the first finite one);
-    `iteration` counts the populations evaluated. The random numbers of an iteration derive from
-    `seed` and `iteration` alone, so no generator needs to be saved.
+    `iteration` counts the populations evaluated, `evaluations` their points. The random numbers of an
+    iteration derive from `seed` and `iteration` alone, so no generator needs to be saved.
     """
 
     seed: int
     iteration: int
+    evaluations: int
     positions: NDArray[np.float64]
     best_point: NDArray[np.float64]
     best_fitness: float
@@ -45,7 +46,8 @@ S = TypeVar("S", bound=State)
 class Optimizer(ABC, Generic[S]):
     """Settings of a search for the least fitness in the box between `lower` and `upper`, shape (d,) each.
 
-    A subclass defines `init` and `_move`; each of `iterations` steps evaluates `population` points.
+    A subclass defines `init` and `_move`; each of `iterations` steps evaluates `population` points. The
+    defaults are the budget of the thesis (6.7).
 
     Raises
     ------
@@ -57,7 +59,7 @@ class Optimizer(ABC, Generic[S]):
     lower: NDArray[np.float64]
     upper: NDArray[np.float64]
     population: int = 50
-    iterations: int = 100
+    iterations: int = 200
 
     def __post_init__(self) -> None:
         lower, upper = checked_box(self.lower, self.upper)
@@ -76,6 +78,15 @@ class Optimizer(ABC, Generic[S]):
     def _move(self, state: S, fitness: NDArray[np.float64]) -> S:
         """Return `state` with new positions; its iteration and best already take in `fitness`, shape (n,)."""
 
+    @property
+    def budget(self) -> int:
+        """The most points that a whole run evaluates."""
+        return self.population * self.iterations
+
+    def finished(self, state: S) -> bool:
+        """Return whether the run has come to its end."""
+        return state.iteration >= self.iterations
+
     def ask(self, state: S) -> NDArray[np.float64]:
         """Return the points to evaluate, shape (n, d); a copy, the caller's to change."""
         return state.positions.copy()
@@ -88,13 +99,11 @@ class Optimizer(ABC, Generic[S]):
         MethodError
             `fitness` has another shape.
         """
-        values = np.asarray(fitness, float)
-        if values.shape != (self.population,):
-            raise MethodError(
-                f"fitness has shape {values.shape}, expected ({self.population},): one value for each point"
-            )
+        values, n = np.asarray(fitness, float), len(state.positions)
+        if values.shape != (n,):
+            raise MethodError(f"fitness has shape {values.shape}, expected ({n},): one value for each point")
         values = np.where(np.isnan(values), np.inf, values)
-        state = replace(state, iteration=state.iteration + 1)
+        state = replace(state, iteration=state.iteration + 1, evaluations=state.evaluations + n)
         best = int(np.argmin(values))
         if values[best] < state.best_fitness:
             state = replace(state, best_point=state.positions[best], best_fitness=float(values[best]))
@@ -110,7 +119,7 @@ class Optimizer(ABC, Generic[S]):
 class Result:
     """What a search found: `point`, shape (d,), its `fitness`, and how it got there.
 
-    `evaluations` counts points; `history`, shape (iterations,), is the best fitness after each iteration.
+    `evaluations` counts points; `history`, shape (iterations done,), is the best fitness after each.
     """
 
     point: NDArray[np.float64]
@@ -131,14 +140,13 @@ def minimise(
     `Optimizer.tell`.
     """
     state = optimizer.init(seed)
-    history = np.empty(optimizer.iterations)
-    for iteration in range(optimizer.iterations):
+    history = []
+    while not optimizer.finished(state):
         state = optimizer.tell(state, fitness(optimizer.ask(state)))
-        history[iteration] = state.best_fitness
+        history.append(state.best_fitness)
         if on_iteration is not None:
             on_iteration(state)
-    evaluations = optimizer.population * optimizer.iterations
-    return Result(state.best_point, state.best_fitness, evaluations, history)
+    return Result(state.best_point, state.best_fitness, state.evaluations, np.array(history))
 
 
 def generator(seed: int, iteration: int) -> np.random.Generator:

@@ -70,7 +70,7 @@ class Dragonfly(Optimizer[DragonflyState]):
     Parameters
     ----------
     lower, upper, population, iterations
-        As in `Optimizer`; the thesis uses 50 agents and 100 iterations.
+        As in `Optimizer`; the thesis gave this one 50 agents and 100 iterations.
     variant
         Which of the two above.
     weight
@@ -93,6 +93,7 @@ class Dragonfly(Optimizer[DragonflyState]):
        processes", Physical Review E 49, 1994.
     """
 
+    iterations: int = 100
     variant: Variant = "corrected"
     weight: float = 0.01
     growth: Growth = "linear"
@@ -113,6 +114,7 @@ class Dragonfly(Optimizer[DragonflyState]):
         return DragonflyState(
             seed=seed,
             iteration=0,
+            evaluations=0,
             positions=positions,
             best_point=positions[0],
             best_fitness=math.inf,
