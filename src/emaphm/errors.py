@@ -32,6 +32,10 @@ class MethodError(EmaphmError):
     """A model, method or option is unknown or does not fit what it is used on."""
 
 
+class StudyError(EmaphmError):
+    """A study's plan asks for what cannot be, or its folder or scheduler cannot be used."""
+
+
 MOST_LISTED = 20
 """Names listed in an error; a file may have thousands."""
 

@@ -61,6 +61,8 @@ def validation_message(error: ValidationError, root: type[BaseModel]) -> str:
 def _section_at(root: type[BaseModel], path: list[str]) -> type[BaseModel]:
     section = root
     for part in path:
+        if part not in section.model_fields:  # a place in a list, or a name in a mapping
+            continue
         annotation = section.model_fields[part].annotation
         candidates = [annotation, *getattr(annotation, "__args__", ())]
         below = [c for c in candidates if isinstance(c, type) and issubclass(c, BaseModel)]

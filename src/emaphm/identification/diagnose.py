@@ -2,21 +2,19 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.faults import CARTESIAN_NAMES
-from emaphm.errors import MethodError, nearest
-from emaphm.identification.correction import MOST_TURNS, correct, discrepancy, has_reference
+from emaphm.identification.correction import MOST_TURNS, discrepancy, has_reference
 from emaphm.identification.diagnosis import Diagnosis
-from emaphm.identification.fitness import FITNESSES
-from emaphm.identification.hybrid import hybrid
-from emaphm.identification.optimizers import Dragonfly, DragonflyState, Optimizer, minimise
+from emaphm.identification.methods import method_named
 from emaphm.identification.problem import Problem
 from emaphm.identification.refinement import sensitivity
+from emaphm.identification.search import Found, check_fitness, search
 from emaphm.identification.space import FaultSpace
 from emaphm.identification.uncertainty import covariance
 from emaphm.identification.verdict import PRIOR_DEVIATION, estimates, is_explained
@@ -28,26 +26,6 @@ Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 
 JACOBIAN_STEP = 2e-3
-
-SWARMS: dict[str, Callable[[int], Optimizer[DragonflyState]]] = {
-    "dragonfly": lambda d: Dragonfly(np.zeros(d), np.ones(d), variant="corrected"),
-    "dragonfly-thesis": lambda d: Dragonfly(np.zeros(d), np.ones(d), variant="thesis"),
-}
-"""Population-based methods by name: the optimiser of d normalised faults, at its published settings."""
-
-METHODS = ("hybrid", *SWARMS)
-
-
-@dataclass(frozen=True, eq=False)
-class _Found:
-    """Where a method ended: its point (d,), fitness, and the correction [A] its model was given."""
-
-    point: Array
-    fitness: float
-    correction: Array
-    discrepancy: Array
-    evaluations: int
-    reference_runs: int
 
 
 def diagnose(
@@ -67,14 +45,16 @@ def diagnose(
     Parameters
     ----------
     method
-        One of `METHODS`: "hybrid" (space-filling starts, damped least squares, bias correction), or a
-        swarm at its published settings.
+        "hybrid" (space-filling starts, damped least squares, bias correction); an optimiser by name or
+        abbreviation, at its published settings; or such a name with "+lsq", to have it find the starts
+        of the least squares: see `emaphm.identification.methods`.
     model
-        What reproduces the recording: "averaged"; a swarm may also use "monitor", or "reference", slowly.
+        What reproduces the recording: "averaged"; an optimiser alone may also use "monitor", or
+        "reference", slowly.
     fitness
-        What a swarm minimises: one of `FITNESSES`; `hybrid` minimises least squares.
+        What an optimiser minimises: one of `FITNESSES`; least squares where they follow.
     turns
-        Most corrections of the model's bias by the reference model (`hybrid`, actuators with an
+        Most corrections of the model's bias by the reference model (with least squares, actuators with an
         electrical description, recordings up to 30 s); 0 turns them off.
     seed, workers
         The same seed gives the same bits, whatever the number of threads.
@@ -89,81 +69,30 @@ def diagnose(
         A name is unknown, or fitness or model do not go with the method.
     """
     began = time.perf_counter()
-    _check_names(method, fitness)
+    chosen = method_named(method)
+    check_fitness(chosen, fitness)
     check_plausible(recording, actuator)
     problem = Problem.of(recording, actuator, model_named(model), workers)
     space = FaultSpace.of(actuator)
-    if method == "hybrid":
-        if problem.model.switches:
-            raise MethodError(
-                f"method 'hybrid' needs derivatives, which drown in the {model} model's switching; "
-                "use the averaged model, or a swarm"
-            )
-        found = _hybrid(problem, space, turns, seed, on_progress)
-    else:
-        found = _swarm(problem, space, method, fitness, seed, on_progress)
-    return _conclude(problem, space, found, method, fitness, seed, began)
+    found = search(problem, space, chosen, fitness=fitness, turns=turns, seed=seed, on_progress=on_progress)
+    if found.discrepancy is None and has_reference(problem):
+        found = _with_discrepancy(problem, space, found)
+    return _conclude(problem, space, found, chosen.name, fitness, seed, began)
 
 
-def _check_names(method: str, fitness: str) -> None:
-    if method not in METHODS:
-        raise MethodError(f"unknown method '{method}'{nearest(method, METHODS)}")
-    if fitness not in FITNESSES:
-        raise MethodError(f"unknown fitness '{fitness}'{nearest(fitness, FITNESSES)}")
-    if method == "hybrid" and fitness != "least_squares":
-        raise MethodError(f"method 'hybrid' minimises least_squares; choose a swarm for fitness '{fitness}'")
-
-
-def _hybrid(
-    problem: Problem, space: FaultSpace, turns: int, seed: int, on_progress: Progress | None
-) -> _Found:
-    corrects = turns > 0 and has_reference(problem)
-    refined = hybrid(problem, space, seed, _part(on_progress, 0.0, 0.4 if corrects else 1.0))
-    point, cost = refined.points[refined.best], float(refined.costs[refined.best])
-    if not has_reference(problem):
-        nothing = np.zeros_like(problem.recorded)
-        return _Found(point, cost, nothing, nothing, refined.evaluations, 0)
-    corrected = correct(problem, space, point, turns, _part(on_progress, 0.4, 1.0))
-    residual = problem.recorded - problem.currents(space.faults(corrected.point[np.newaxis]))[0]
-    cost = float(np.mean((residual - corrected.correction) ** 2))
-    evaluations = refined.evaluations + corrected.evaluations + 1
-    return _Found(corrected.point, cost, corrected.correction, corrected.discrepancy, evaluations, turns + 1)
-
-
-def _part(on_progress: Progress | None, first: float, last: float) -> Progress | None:
-    """Return a progress function for the part of the work between two fractions."""
-    if on_progress is None:
-        return None
-    return lambda fraction: on_progress(first + (last - first) * fraction)
-
-
-def _swarm(
-    problem: Problem, space: FaultSpace, method: str, fitness: str, seed: int, on_progress: Progress | None
-) -> _Found:
-    optimizer = SWARMS[method](space.dimensions)
-    measure = FITNESSES[fitness]
-
-    def evaluate(unit: Array) -> Array:
-        currents = problem.currents(space.faults(space.spread(unit)))
-        return measure(problem.recorded, currents, problem.inputs.interval)
-
-    result = minimise(
-        optimizer,
-        evaluate,
-        seed,
-        (lambda state: on_progress(state.iteration / optimizer.iterations)) if on_progress else None,
-    )
-    point = space.spread(result.point[np.newaxis])[0]
-    nothing = np.zeros_like(problem.recorded)
-    if not has_reference(problem):
-        return _Found(point, result.fitness, nothing, nothing, result.evaluations, 0)
+def _with_discrepancy(problem: Problem, space: FaultSpace, found: Found) -> Found:
     reference = Problem.of(problem.recording, problem.actuator, REFERENCE)
-    remaining = discrepancy(problem, reference, space.faults(point))
-    return _Found(point, result.fitness, nothing, remaining, result.evaluations + 1, 1)
+    remaining = discrepancy(problem, reference, space.faults(found.point))
+    return replace(
+        found,
+        discrepancy=remaining,
+        evaluations=found.evaluations + 1,
+        reference_runs=found.reference_runs + 1,
+    )
 
 
 def _conclude(
-    problem: Problem, space: FaultSpace, found: _Found, method: str, fitness: str, seed: int, began: float
+    problem: Problem, space: FaultSpace, found: Found, method: str, fitness: str, seed: int, began: float
 ) -> Diagnosis:
     """Return the diagnosis at `found`.
 
@@ -182,7 +111,8 @@ def _conclude(
     spread = covariance(derivatives, residual, np.full(space.dimensions, PRIOR_DEVIATION))
     normal = derivatives @ derivatives.T
     prior = np.mean(residual**2) / PRIOR_DEVIATION**2 * np.eye(space.dimensions)
-    unanswered = residual - (found.discrepancy - found.correction)
+    bias = 0.0 if found.discrepancy is None else found.discrepancy - found.correction
+    unanswered = residual - bias
     step = np.linalg.solve(normal + prior, derivatives @ unanswered)
     left = space.project(found.point + step) - found.point
     spread = spread + np.outer(left, left) + JACOBIAN_STEP**2 * np.eye(space.dimensions)

@@ -1,12 +1,13 @@
-"""The default method: space-filling starts, then damped least squares from the best of them."""
+"""Hybrid methods: a global stage, then damped least squares from the best points that it came upon."""
 
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from emaphm.identification.optimizers import space_filling
+from emaphm.identification.optimizers import Optimizer, minimise, space_filling
 from emaphm.identification.problem import Problem
 from emaphm.identification.refinement import Refined, refine
 from emaphm.identification.space import FaultSpace
@@ -19,6 +20,9 @@ GLOBAL_POINTS = 256
 STARTS = 4
 """The best of them, refined."""
 
+APART = 0.2
+"""Least distance between two starts: a population gathers, and one start from each gathering is enough."""
+
 STAGES = ((1e-2, 8), (2e-3, 12))
 """Finite-difference step and most iterations, one after the other: coarse steps see past the kinks that
 stick-slip and heavy shorts make, fine ones settle between them."""
@@ -28,15 +32,44 @@ def hybrid(
     problem: Problem,
     space: FaultSpace,
     seed: int,
+    optimizer: Callable[..., Optimizer[Any]] | None = None,
     on_progress: Callable[[float], None] | None = None,
 ) -> Refined:
-    """Return the refined points of the best starts; `on_progress` is told the fraction done."""
+    """Return the refined points of the best starts.
+
+    `optimizer`, made from lower and upper bounds, finds the starts; without one they are the best of
+    `GLOBAL_POINTS` space-filling points. `on_progress` is told the fraction done.
+    """
     d = space.dimensions
-    starts = space.spread(space_filling(GLOBAL_POINTS, np.zeros(d), np.ones(d), seed))
-    misfits = np.mean((problem.recorded - problem.currents(space.faults(starts))) ** 2, axis=1)
-    best = np.argsort(misfits, kind="stable")[:STARTS]
-    found = descend(problem, space, starts[best], np.zeros_like(problem.recorded), on_progress)
-    return Refined(found.points, found.costs, found.evaluations + GLOBAL_POINTS)
+    lower, upper = np.zeros(d), np.ones(d)
+    tried: list[Array] = []
+    misfits: list[Array] = []
+
+    def misfit(unit: Array) -> Array:
+        points = space.spread(unit)
+        tried.append(points)
+        misfits.append(np.mean((problem.recorded - problem.currents(space.faults(points))) ** 2, axis=1))
+        return misfits[-1]
+
+    if optimizer is None:
+        misfit(space_filling(GLOBAL_POINTS, lower, upper, seed))
+    else:
+        minimise(optimizer(lower, upper), misfit, seed)
+    points = np.concatenate(tried)
+    starts = _apart(points, np.concatenate(misfits))
+    found = descend(problem, space, starts, np.zeros_like(problem.recorded), on_progress)
+    return Refined(found.points, found.costs, found.evaluations + len(points))
+
+
+def _apart(points: Array, misfits: Array) -> Array:
+    """Return the best of `points` (n, d), none within `APART` of a better one, shape (≤ STARTS, d)."""
+    chosen: list[Array] = []
+    for i in np.argsort(misfits, kind="stable"):
+        if all(np.linalg.norm(points[i] - other) > APART for other in chosen):
+            chosen.append(points[i])
+        if len(chosen) == STARTS:
+            break
+    return np.array(chosen)
 
 
 def descend(

@@ -1,0 +1,125 @@
+"""What several verbs take: the options, and how their text becomes objects."""
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from emaphm.errors import FaultError, SignalError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from emaphm.actuator import Actuator, Command, Faults, Load
+
+AsJson = Annotated[
+    bool, Parameter(name="--json", negative="", help="Print one JSON object and nothing else.")
+]
+Seed = Annotated[int, Parameter(help="Source of all randomness; the same seed gives the same numbers.")]
+Force = Annotated[bool, Parameter(negative="", help="Replace existing output files.")]
+ActuatorFile = Annotated[
+    str, Parameter(help="TOML description of the actuator, or 'thesis' for the built-in one.")
+]
+FaultList = Annotated[
+    tuple[str, ...],
+    Parameter(name="--fault", negative="", help="NAME=VALUE, from 0 to 1; may be repeated."),
+]
+RecordingFile = Annotated[Path, Parameter(help="Recording: .csv, .parquet or .mat.")]
+FigureFile = Annotated[Path | None, Parameter(help="Draw measured against model: .png, .svg or .pdf.")]
+
+FIGURES = (".png", ".svg", ".pdf")
+
+
+def check_seed(seed: int) -> None:
+    """Refuse a seed that no generator takes."""
+    if seed < 0:
+        raise SignalError(f"--seed {seed} is negative; give 0 or more")
+
+
+def check_output(path: Path | None, endings: tuple[str, ...], *, force: bool) -> None:
+    """Refuse an output that could not be written, before the work that it would be lost with."""
+    from emaphm.recording import check_writable
+
+    if path is not None:
+        check_writable(path, force=force, endings=endings)
+
+
+def described_actuator(name: str) -> "Actuator":
+    """Return the actuator that --actuator names."""
+    from emaphm.actuator import Actuator
+
+    return Actuator.load(name)
+
+
+def recording_of(path: Path, actuator: "Actuator") -> Any:
+    """Return the recording in a file, its channels named as `actuator` says."""
+    from emaphm.recording import read_recording
+
+    return read_recording(path, actuator)
+
+
+def fault_vector(assignments: tuple[str, ...]) -> "Faults":
+    """Return the faults that the --fault options set."""
+    from emaphm.actuator import Faults
+
+    values = {}
+    for assignment in assignments:
+        name, _, value = assignment.partition("=")
+        if name.strip() in values:
+            raise FaultError(f"--fault {name.strip()} is given twice; give each fault once")
+        try:
+            values[name.strip()] = float(value)
+        except ValueError:
+            raise FaultError(f"--fault {assignment}: give NAME=VALUE, e.g. friction=0.25") from None
+    return Faults.from_mapping(values)
+
+
+def command_named(name: str, amplitude: float, frequency: float | None, duration: float) -> "Command":
+    """Return the command that --command and its companions describe."""
+    from emaphm import actuator
+
+    if not duration > 0:
+        raise SignalError(f"--duration {duration:g}: give more than 0 s")
+    if not (math.isfinite(amplitude) and math.isfinite(frequency or 0.0)):
+        raise SignalError(
+            f"the command is not finite with --amplitude {amplitude:g}, --frequency {frequency}; give numbers"
+        )
+    last = 15.0 if frequency is None else frequency
+    makers: dict[str, Callable[[], Command]] = {
+        "chirp": lambda: actuator.Chirp(amplitude, stop_hz=last, duration=duration),
+        "decaying-chirp": lambda: actuator.DecayingChirp(amplitude, stop_hz=last, duration=duration),
+        "step": lambda: actuator.Step(amplitude),
+        "ramp": lambda: actuator.Ramp(amplitude / duration),
+        "sine": lambda: actuator.Sine(amplitude, 4.0 if frequency is None else frequency),
+    }
+    if name in makers:
+        return makers[name]()
+    if not Path(name).suffix:
+        raise SignalError(
+            f"unknown command '{name}' (known: {', '.join(makers)}); or give a file such as command.csv"
+        )
+    return _signal(name, "command_rad", duration)
+
+
+def load_named(value: str, duration: float) -> "Load":
+    """Return the load that --load gives: a number, or a file."""
+    try:
+        return float(value)
+    except ValueError:
+        if not Path(value).suffix:
+            raise SignalError(f"--load {value} is neither a number nor a file; give e.g. 0.05") from None
+        return _signal(value, "load_Nm", duration)
+
+
+def _signal(path: str, name: str, duration: float) -> "Command":
+    from emaphm.recording import read_signal
+
+    signal = read_signal(path, name)
+    first, last = signal.time_s[0], signal.time_s[-1]
+    if first >= duration or last <= 0:
+        raise SignalError(
+            f"{path}: time_s runs from {first:g} to {last:g} s, the simulation from 0 to {duration:g} s; "
+            "shift the times to start at 0"
+        )
+    return signal

@@ -1,0 +1,64 @@
+"""How verbs answer: text or JSON on stdout, progress on stderr, figures in files."""
+
+import json
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+
+def show(values: dict[str, Any], text: str, as_json: bool) -> None:
+    """Print the answer, as JSON or as text."""
+    print(json.dumps(values) if as_json else text)
+
+
+def draw(result: Any, figure: Path | None) -> None:
+    """Save the figure of a result where one was asked for."""
+    from emaphm.recording.output import written_whole
+
+    if figure is not None:
+        with written_whole(figure) as temporary:
+            result.plot().savefig(temporary, format=figure.suffix[1:].lower(), dpi=150)
+
+
+@contextmanager
+def progress(what: str, quiet: bool) -> "Iterator[Callable[[float], None] | None]":
+    """Show a progress bar on stderr while the body runs, if a person is watching."""
+    if quiet or not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(what, total=1.0)
+        yield lambda fraction: bar.update(task, completed=fraction)
+
+
+@contextmanager
+def counter(what: str, quiet: bool) -> "Iterator[Callable[[int, int], None] | None]":
+    """Show runs done and the time left on stderr while the body runs, if a person is watching."""
+    if quiet or not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
+    # Runs of different methods differ in length: the estimate is taken from the last minute and more.
+    with Progress(*columns, console=Console(stderr=True), speed_estimate_period=120) as bar:
+        task = bar.add_task(what, total=None)
+
+        def count(done: int, total: int) -> None:
+            bar.update(task, completed=done, total=total)
+
+        yield count

@@ -1,0 +1,120 @@
+"""`emaphm study …`: comparing methods over many cases."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import App, Parameter
+
+from emaphm.cli.options import AsJson
+from emaphm.cli.output import counter, show
+
+if TYPE_CHECKING:
+    from emaphm.study import Plan, Store
+
+app = App(name="study", help="Compare methods of identification over many cases.")
+
+@app.command
+def run(
+    plan: Annotated[str, Parameter(help="TOML of the plan, or the name of a built-in one.")],
+    *,
+    out: Annotated[
+        Path, Parameter(name=("--out", "-o"), help="Folder for the results, new or of this plan.")
+    ],
+    workers: Annotated[int | None, Parameter(help="Runs side by side; one a core if left out.")] = None,
+    scheduler: Annotated[
+        str | None, Parameter(help="Address of a Dask scheduler to run on, e.g. tcp://10.0.0.1:8786.")
+    ] = None,
+    mix: Annotated[
+        bool, Parameter(negative="", help="Let results of another version of the models stand.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Do what is missing of a plan; start it again, and it goes on where it stopped."""
+    from emaphm.errors import StudyError
+    from emaphm.study import Plan, run_study
+
+    if workers is not None and workers < 1:
+        raise StudyError(f"--workers {workers}: give 1 or more")
+    if workers is not None and scheduler is not None:
+        raise StudyError("--workers and --scheduler exclude each other: the scheduler has workers of its own")
+    loaded = Plan.load(plan)
+    with counter(f"study {loaded.name}", as_json) as count:
+        try:
+            store = run_study(loaded, out, workers=workers, scheduler=scheduler, mix=mix, on_run=count)
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(f"what finished is kept in {out}; the same command goes on") from None
+    values = {"plan": loaded.name, "folder": str(out), "runs": store.results.height}
+    show(values, f"{_summary(store)}\nResults in {out}; see them with: emaphm study report {out}", as_json)
+
+
+@app.command
+def plans(
+    name: Annotated[str | None, Parameter(help="Print this plan's TOML, to start one's own from.")] = None,
+    *,
+    as_json: AsJson = False,
+) -> None:
+    """List the built-in plans, or print one of them."""
+    from emaphm.study import BUILT_IN, Plan
+    from emaphm.study.plan import built_in_text
+
+    if name is not None:
+        Plan.load(name)
+        show({"name": name, "toml": built_in_text(name)}, built_in_text(name).rstrip(), as_json)
+        return
+    every = [Plan.load(built_in) for built_in in BUILT_IN]
+    values = {
+        "plans": [
+            {"name": plan.name, "runs": len(plan.tasks), "description": plan.description} for plan in every
+        ]
+    }
+    show(values, "\n".join(map(_line, every)), as_json)
+
+
+def _line(plan: "Plan") -> str:
+    return f"{plan.name:<10}{len(plan.tasks):>5} runs  {plan.description}"
+
+
+def _summary(store: "Store") -> str:
+    """Return each method's errors, as a table of text."""
+    import polars as pl
+
+    from emaphm.identification.wording import format_table
+
+    total = len(store.plan.tasks)
+    told = f"{store.plan.name}: {store.results.height} of {total} runs"
+    if store.damaged:
+        names = ", ".join(path.name for path in store.damaged)
+        told += f"; not whole, and to be done again: {names}"
+    if store.results.is_empty():
+        return told
+    error = pl.col("error_percent")
+    by_method = store.results.group_by("method", maintain_order=True).agg(
+        error.median().alias("median"),
+        error.mean().alias("mean"),
+        error.max().alias("worst"),
+        (error <= 2).mean().alias("success"),
+        pl.col("evaluations").mean(),
+        pl.col("seconds").median(),
+    )
+    rows = [
+        (
+            row["method"],
+            f"{row['median']:.2f}",
+            f"{row['mean']:.2f}",
+            f"{row['worst']:.2f}",
+            f"{100 * row['success']:.0f}",
+            f"{row['evaluations']:.0f}",
+            f"{row['seconds']:.2f}",
+        )
+        for row in by_method.sort("mean").iter_rows(named=True)
+    ]
+    header = (
+        "method",
+        "median error, %",
+        "mean, %",
+        "worst, %",
+        "within 2 %, % of runs",
+        "evaluations",
+        "time of a run, s",
+    )
+    return f"{told}\n{format_table(header, rows)}"

@@ -1,0 +1,211 @@
+"""The verbs on one recording: each parses, calls the library, and prints."""
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from emaphm.cli.options import (
+    FIGURES,
+    ActuatorFile,
+    AsJson,
+    FaultList,
+    FigureFile,
+    Force,
+    RecordingFile,
+    Seed,
+    check_output,
+    check_seed,
+    command_named,
+    described_actuator,
+    fault_vector,
+    load_named,
+    recording_of,
+)
+from emaphm.cli.output import draw, progress, show
+from emaphm.errors import SignalError
+from emaphm.version import VERSION
+
+
+def demo(
+    *,
+    out: Annotated[Path, Parameter(help="Folder for the report.")] = Path("demo"),
+    seed: Seed = 0,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Simulate a faulty actuator with sensor noise, diagnose it, and print found beside true."""
+    from emaphm.demo import run_demo
+
+    check_seed(seed)
+    with progress("diagnosing", as_json) as advance:
+        result = run_demo(out, seed=seed, force=force, on_progress=advance)
+    show(result.to_dict(), str(result), as_json)
+
+
+def simulate(
+    out: Annotated[Path, Parameter(help="Recording to write: .csv or .parquet.")],
+    *,
+    model: Annotated[str, Parameter(help="reference, monitor or averaged.")] = "reference",
+    command: Annotated[
+        str,
+        Parameter(help="chirp, decaying-chirp, step, ramp, sine, or a file with time_s and command_rad."),
+    ] = "chirp",
+    amplitude: Annotated[float, Parameter(help="Of the command, at the user [rad].")] = 5e-3,
+    frequency: Annotated[
+        float | None, Parameter(help="Of the sine, or the last of a chirp [Hz]; 4 and 15 if left out.")
+    ] = None,
+    fault: FaultList = (),
+    noise: Annotated[float, Parameter(help="Sensor noise on the currents, rms [A].")] = 0.0,
+    adc_bits: Annotated[int | None, Parameter(help="Resolution of the sensors' converters.")] = None,
+    duration: Annotated[float, Parameter(help="Of the recording [s].")] = 0.5,
+    sample_rate: Annotated[float, Parameter(help="Rows a second [Hz].")] = 5000.0,
+    load: Annotated[
+        str, Parameter(help="At the motor [N·m]: a number, or a file with time_s and load_Nm.")
+    ] = "0",
+    actuator: ActuatorFile = "thesis",
+    seed: Seed = 0,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Simulate an actuator and write its recording."""
+    from emaphm import rig
+    from emaphm.recording import check_writable, write_recording
+    from emaphm.recording.writers import ENDINGS
+
+    check_seed(seed)
+    check_writable(out, force=force, endings=ENDINGS)
+    if not 0 <= noise < math.inf:
+        raise SignalError(f"--noise {noise:g} is no rms; give 0 or more")
+    described, faults = described_actuator(actuator), fault_vector(fault)
+    with progress("simulating", as_json):
+        recording = rig.simulate(
+            described,
+            command_named(command, amplitude, frequency, duration),
+            faults=faults,
+            model=model,
+            duration=duration,
+            sample_rate=sample_rate,
+            load=load_named(load, duration),
+            noise=noise,
+            adc_bits=adc_bits,
+            sampling=described.channels.sampling,
+            seed=seed,
+        )
+    write_recording(recording, out, force=force)
+    summary = {
+        "recording": str(out),
+        "samples": recording.samples,
+        "duration_s": recording.duration_s,
+        "sample_rate_hz": recording.sample_rate_hz,
+        "channels": list(recording.names),
+        "model": model,
+        "k": faults.vector.tolist(),
+        "actuator": described.name,
+        "seed": seed,
+        "version": VERSION,
+    }
+    show(summary, f"{recording!r}\nwritten to {out}", as_json)
+
+
+def diagnose(
+    recording: RecordingFile,
+    *,
+    actuator: ActuatorFile = "thesis",
+    method: Annotated[str, Parameter(help="hybrid, dragonfly or dragonfly-thesis.")] = "hybrid",
+    model: Annotated[str, Parameter(help="Model to fit: averaged, monitor or reference.")] = "averaged",
+    fitness: Annotated[
+        str, Parameter(help="What a swarm minimises: least_squares, thesis or total_least_squares.")
+    ] = "least_squares",
+    correction: Annotated[
+        bool, Parameter(help="Correct the model's bias by a few runs of the reference model (hybrid).")
+    ] = True,
+    report: Annotated[Path | None, Parameter(help="Write a report: .html.")] = None,
+    seed: Seed = 0,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Say which faults explain a recording, and how sure that is."""
+    from emaphm.identification import diagnose as identify
+    from emaphm.identification.correction import MOST_TURNS
+
+    check_seed(seed)
+    check_output(report, (".html",), force=force)
+    described = described_actuator(actuator)
+    recorded = recording_of(recording, described)
+    with progress("diagnosing", as_json) as advance:
+        diagnosis = identify(
+            recorded,
+            described,
+            method=method,
+            model=model,
+            fitness=fitness,
+            turns=MOST_TURNS if correction else 0,
+            seed=seed,
+            on_progress=advance,
+        )
+    text = str(diagnosis)
+    if report:
+        from emaphm.report import write_report
+
+        write_report(diagnosis, report, force=force)
+        text += f"\nReport written to {report}"
+    show(diagnosis.to_dict(), text, as_json)
+
+
+def calibrate(
+    recording: RecordingFile,
+    *,
+    free: Annotated[
+        str, Parameter(help="Parameters to estimate, with commas between, e.g. inertia,viscous,coulomb.")
+    ],
+    out: Annotated[Path, Parameter(name=("--out", "-o"), help="Calibrated TOML to write.")],
+    actuator: ActuatorFile = "thesis",
+    figure: FigureFile = None,
+    seed: Seed = 0,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Estimate physical parameters of a healthy unit, and write its calibrated description."""
+    from emaphm.identification import calibrate as estimate
+    from emaphm.recording.output import written_whole
+
+    check_seed(seed)
+    check_output(out, (".toml",), force=force)
+    check_output(figure, FIGURES, force=force)
+    described = described_actuator(actuator)
+    recorded = recording_of(recording, described)
+    names = [name.strip() for name in free.split(",") if name.strip()]
+    with progress("calibrating", as_json) as advance:
+        result = estimate(recorded, described, names, seed=seed, on_progress=advance)
+    comments = (
+        f"Calibrated on {recording.name}: {', '.join(names)}; the rest as in '{described.name}'.\n{result}"
+    )
+    with written_whole(out) as temporary:
+        result.actuator.to_toml(temporary, comments=comments)
+    text = f"{result}\n\nCalibrated description written to {out}"
+    draw(result, figure)
+    show(result.to_dict(), text, as_json)
+
+
+def replay(
+    recording: RecordingFile,
+    *,
+    actuator: ActuatorFile = "thesis",
+    model: Annotated[str, Parameter(help="averaged, monitor or reference.")] = "averaged",
+    fault: FaultList = (),
+    figure: FigureFile = None,
+    seed: Seed = 0,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Run a model on a recording's command and load, and compare it channel by channel."""
+    from emaphm.identification import replay as rerun
+
+    check_seed(seed)
+    check_output(figure, FIGURES, force=force)
+    described, faults = described_actuator(actuator), fault_vector(fault)
+    result = rerun(recording_of(recording, described), described, faults=faults, model=model)
+    draw(result, figure)
+    show(result.to_dict(), str(result), as_json)

@@ -1,0 +1,23 @@
+"""Which source made a result: results of another one are not to be mixed unawares."""
+
+import hashlib
+from pathlib import Path
+
+import emaphm
+
+DECIDING = ("actuator", "simulation", "recording", "identification")
+"""The rooms whose code decides what a run finds."""
+
+
+def _revision() -> str:
+    root = Path(emaphm.__file__).parent
+    digest = hashlib.sha256()
+    for room in DECIDING:
+        for source in sorted((root / room).rglob("*.py")):
+            digest.update(source.relative_to(root).as_posix().encode())
+            digest.update(source.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+REVISION = _revision()
+"""Of the source of those rooms, as loaded."""

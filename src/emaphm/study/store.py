@@ -1,0 +1,176 @@
+"""The folder of a study: its plan, and one Parquet part for each finished run.
+
+A part is written beside its place and renamed, so it is there as a whole or not at all, and what is there
+is never written again. A study that was stopped at any moment therefore goes on where it stood.
+"""
+
+import fcntl
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+import polars as pl
+
+from emaphm.errors import StudyError
+from emaphm.recording.output import written_whole
+from emaphm.study.plan import Plan
+from emaphm.study.revision import REVISION
+
+SCHEMA: dict[str, pl.DataType | type[pl.DataType]] = {
+    "index": pl.Int64,
+    "case": pl.String,
+    "method": pl.String,
+    "model": pl.String,
+    "fitness": pl.String,
+    "equivalent": pl.String,
+    "noise_A": pl.Float64,
+    "run": pl.Int64,
+    "seed": pl.Int64,
+    "truth": pl.List(pl.Float64),
+    "found": pl.List(pl.Float64),
+    "error_percent": pl.Float64,
+    "fitness_value": pl.Float64,
+    "evaluations": pl.Int64,
+    "reference_runs": pl.Int64,
+    "seconds": pl.Float64,
+    "curve_evaluations": pl.List(pl.Int64),
+    "curve_fitness": pl.List(pl.Float64),
+    "curve_error_percent": pl.List(pl.Float64),
+    "revision": pl.String,
+    "version": pl.String,
+}
+"""Columns of the results, one row a run. `index` numbers the run in the plan; `truth` and `found` are
+fault vectors; the curves are the best so far after each population; `seconds` is wall time."""
+
+PLAN = "plan.json"
+PARTS = "runs"
+LOCK = ".lock"
+
+
+@dataclass(frozen=True)
+class Store:
+    """The folder of one study. `damaged` are the parts that were not whole; their runs count as missing."""
+
+    folder: Path
+    plan: Plan
+    results: pl.DataFrame
+    damaged: tuple[Path, ...]
+
+    @classmethod
+    def create(cls, folder: str | Path, plan: Plan, *, mix: bool = False) -> Self:
+        """Return the store of `plan` in `folder`, made where it is missing, with what is finished there.
+
+        `mix` lets results of another version of the models stand.
+
+        Raises
+        ------
+        StudyError
+            The folder holds something else, another plan's results, or results of another version.
+        """
+        folder = Path(folder)
+        if folder.exists() and not folder.is_dir():
+            raise StudyError(f"{folder} is not a folder; give another name")
+        if not (folder / PLAN).exists():
+            _begin(folder, plan)
+        store = cls.open(folder)
+        difference = _difference(store.plan, plan)
+        if difference:
+            raise StudyError(
+                f"{folder} holds results of another plan: {difference}; give another folder with -o"
+            )
+        store.check_revision(mix=mix)
+        return store
+
+    @classmethod
+    def open(cls, folder: str | Path) -> Self:
+        """Return the store in `folder` as it stands; `StudyError` if there is none."""
+        folder = Path(folder)
+        try:
+            values = json.loads((folder / PLAN).read_text(encoding="utf-8"))
+            plan = Plan.model_validate(values)
+        except FileNotFoundError:
+            raise StudyError(
+                f"{folder} holds no study; give a folder that 'emaphm study run' wrote"
+            ) from None
+        except (OSError, ValueError) as error:
+            reason = str(error).splitlines()[0]
+            raise StudyError(f"{folder / PLAN}: cannot be read as a plan ({reason})") from None
+        frames, damaged = [], []
+        for part in sorted((folder / PARTS).glob("*.parquet")):
+            frame = _read(part)
+            if frame is None:
+                damaged.append(part)
+            else:
+                frames.append(frame)
+        results = pl.concat([pl.DataFrame(schema=SCHEMA), *frames]).sort("index")
+        return cls(folder, plan, results, tuple(damaged))
+
+    def check_revision(self, *, mix: bool) -> None:
+        """Refuse results of another version of the models, unless told to mix."""
+        others = sorted(set(self.results["revision"]) - {REVISION})
+        if others and not mix:
+            raise StudyError(
+                f"{self.folder} holds results of another version of the models ({', '.join(others)}; this is "
+                f"{REVISION}); give another folder with -o, or --mix to let them stand"
+            )
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Keep every other study out of the folder while the body runs, however the process ends."""
+        with (self.folder / LOCK).open("w") as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError:
+                raise StudyError(
+                    f"another study is running in {self.folder}; wait, or give another folder"
+                ) from None
+            yield
+
+    def clear_debris(self) -> None:
+        """Remove what a killed study left half-written."""
+        for path in (*self.damaged, *(self.folder / PARTS).glob(".*.tmp")):
+            path.unlink(missing_ok=True)
+
+    def add(self, row: Mapping[str, Any]) -> None:
+        """Put one finished run on disk, whole."""
+        frame = pl.DataFrame([row], schema=SCHEMA)
+        with written_whole(self._part(row["index"])) as temporary:
+            frame.write_parquet(temporary)
+
+    def _part(self, index: int) -> Path:
+        return self.folder / PARTS / f"{index:07d}.parquet"
+
+
+def _begin(folder: Path, plan: Plan) -> None:
+    if folder.is_dir() and any(not path.name.startswith(".") for path in folder.iterdir()):
+        raise StudyError(f"{folder} holds something else than a study; give a new or empty folder")
+    try:
+        (folder / PARTS).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StudyError(f"{folder} cannot be created ({error.strerror}); give another place") from None
+    with written_whole(folder / PLAN) as temporary:
+        temporary.write_text(plan.model_dump_json(indent=1), encoding="utf-8")
+
+
+def _difference(there: Plan, here: Plan) -> str:
+    """Return which keys differ between two plans, and how where that is short; empty if none does."""
+    one, other = there.model_dump(mode="json"), here.model_dump(mode="json")
+    differences = []
+    for key in one:
+        if one[key] == other[key]:
+            continue
+        told = f"{one[key]!r} there, {other[key]!r} here"
+        differences.append(f"'{key}' ({told})" if len(told) < 100 else f"'{key}'")
+    return ", ".join(differences)
+
+
+def _read(part: Path) -> pl.DataFrame | None:
+    """Return the rows of a part, or None where it is not whole."""
+    try:
+        frame = pl.read_parquet(part)
+    except (pl.exceptions.PolarsError, OSError):
+        return None
+    return frame if frame.schema == pl.Schema(SCHEMA) else None
