@@ -13,6 +13,7 @@ import pytest
 from emaphm.actuator import NAMES, Actuator, Chirp, Faults
 from emaphm.errors import MethodError, RecordingError
 from emaphm.identification import METHODS, Diagnosis, diagnose, error_percent
+from emaphm.identification.correction import MOST_TURNS
 from emaphm.recording import Recording
 from emaphm.rig import simulate
 from emaphm.simulation import AVERAGED, Model, Plant
@@ -53,8 +54,8 @@ def test_the_json_has_what_the_design_asks_for(found: Diagnosis, mixed: Recordin
     assert read["explained"] is True
     assert (read["seed"], read["version"], read["actuator"]) == (4, VERSION, "thesis")
     assert read["recording"] == mixed.source
-    assert read["evaluations"] > 256
-    assert read["reference_runs"] == 4
+    assert read["evaluations"] > 128
+    assert 2 <= read["reference_runs"] <= 1 + MOST_TURNS
     assert 0 < read["seconds"] < 60
     matrix = np.array(read["covariance"]["matrix"])
     assert matrix.shape == (8, 8)
@@ -133,7 +134,7 @@ def test_evaluations_are_the_runs_of_the_averaged_model(
     assert reported == counted
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", [*METHODS, "random+lsq", "pymoo-ga"])
 def test_progress_only_grows(method: str, mixed: Recording) -> None:
     told: list[float] = []
     diagnose(mixed, THESIS, method=method, turns=0, on_progress=told.append)

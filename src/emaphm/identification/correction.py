@@ -6,7 +6,7 @@ multi-fidelity additive correction (Bandler et al. 2004; March and Willcox 2012)
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,10 @@ from emaphm.simulation import REFERENCE
 
 Array = NDArray[np.float64]
 
-MOST_TURNS = 3
+MOST_TURNS = 8
+
+SETTLED = 5e-3
+"""A turn that moves the estimate by less than this is the last: switching chaos alone moves it by as much."""
 
 LONGEST_S = 30.0
 """Recordings up to here are corrected: beyond, the reference model's steps would fill gigabytes."""
@@ -32,13 +35,15 @@ class Corrected:
     """An estimate and the `correction` [A], (samples,), that the model's current had when it was found.
 
     `discrepancy` is that correction as it stands at the estimate itself: the two differ by what a
-    further turn would still change. `evaluations` counts the averaged model's runs.
+    further turn would still change. `evaluations` counts the averaged model's runs, `reference_runs` the
+    reference model's.
     """
 
     point: Array
     correction: Array
     discrepancy: Array
     evaluations: int
+    reference_runs: int
 
 
 def has_reference(problem: Problem) -> bool:
@@ -64,25 +69,25 @@ def correct(
     reference model itself is no farther from the recording than switching chaos can make it seem.
     """
     reference = Problem.of(problem.recording, problem.actuator, REFERENCE)
-    recorded = problem.recorded
-    current = Corrected(
-        point, np.zeros_like(recorded), discrepancy(problem, reference, space.faults(point)), 0
-    )
+    nothing = np.zeros_like(problem.recorded)
+    current = Corrected(point, nothing, discrepancy(problem, reference, space.faults(point)), 1, 1)
     best, least = current, _misfit(problem, space, current)
     evaluations = 2
     for turn in range(turns):
-        added = current.discrepancy
-        fit = descend(problem, space, current.point[np.newaxis], added)
+        fit = descend(problem, space, current.point, current.discrepancy)
         evaluations += fit.evaluations + 2
-        faults = space.faults(fit.points[0])
-        current = Corrected(fit.points[0], added, discrepancy(problem, reference, faults), evaluations)
+        moved = float(np.linalg.norm(fit.points[0] - current.point))
+        remaining = discrepancy(problem, reference, space.faults(fit.points[0]))
+        current = Corrected(fit.points[0], current.discrepancy, remaining, evaluations, turn + 2)
         misfit = _misfit(problem, space, current)
         if misfit < CHAOS * least:
             best = current
         least = min(least, misfit)
+        if moved < SETTLED:
+            break
         if on_progress:
             on_progress((turn + 1) / turns)
-    return Corrected(best.point, best.correction, best.discrepancy, evaluations)
+    return replace(best, evaluations=evaluations, reference_runs=current.reference_runs)
 
 
 def _misfit(problem: Problem, space: FaultSpace, estimate: Corrected) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 
 from emaphm.errors import MethodError, nearest
 from emaphm.identification.optimizers import OPTIMIZERS, Optimizer
+from emaphm.identification.optimizers.peers import PEERS, is_peer, peer
 
 ABBREVIATIONS = {
     "ga": "genetic",
@@ -29,8 +30,8 @@ REFINED = "+lsq"
 GLOBAL_POPULATION, GLOBAL_ITERATIONS = 32, 16
 """Budget of an optimiser as the global stage of a hybrid."""
 
-METHODS = (HYBRID, *OPTIMIZERS, *VARIANTS)
-"""Names of methods; any but `hybrid` may end in ``+lsq``."""
+METHODS = (HYBRID, *OPTIMIZERS, *VARIANTS, *PEERS)
+"""Names of methods, beside those of pymoo (`pymoo-ga`, …); any but `hybrid` may end in ``+lsq``."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,8 @@ def _factory(base: str, given: str) -> Callable[..., Optimizer[Any]]:
     if base in VARIANTS:
         kind, preset = VARIANTS[base]
         return lambda **settings: OPTIMIZERS[kind](**{**preset, **settings})
+    if is_peer(base):
+        return peer(base)
     raise MethodError(f"unknown method '{given}'{nearest(base, (*METHODS, *ABBREVIATIONS))}")
 
 

@@ -97,7 +97,14 @@ def _refined(
     residual = problem.recorded - problem.currents(space.faults(corrected.point[np.newaxis]))[0]
     cost = float(np.mean((residual - corrected.correction) ** 2))
     evaluations = refined.evaluations + corrected.evaluations + 1
-    return Found(corrected.point, cost, corrected.correction, corrected.discrepancy, evaluations, turns + 1)
+    return Found(
+        corrected.point,
+        cost,
+        corrected.correction,
+        corrected.discrepancy,
+        evaluations,
+        corrected.reference_runs,
+    )
 
 
 def _part(on_progress: Progress | None, first: float, last: float) -> Progress | None:

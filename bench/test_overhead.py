@@ -1,0 +1,113 @@
+"""What an optimiser costs beside the simulator, per generation of 50 agents in 8 dimensions, one core.
+
+The same trivial fitness for all, so that what is measured is the optimiser. Run by `make bench`.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from bench.conftest import Report
+from emaphm.identification.optimizers import OPTIMIZERS, minimise
+
+Array = NDArray[np.float64]
+
+AGENTS, DIMENSIONS, GENERATIONS = 50, 8, 100
+
+BUDGET_S = 2e-4
+"""Per generation: a tenth of what its 50 simulations take."""
+
+
+def fitness(points: Array) -> Array:
+    """Return one component: next to no work, and no ties."""
+    return points[:, 0]
+
+
+@pytest.mark.parametrize("name", OPTIMIZERS)
+def test_ours(benchmark: Any, report: Report, name: str) -> None:
+    make = OPTIMIZERS[name]
+    optimizer = make(np.zeros(DIMENSIONS), np.ones(DIMENSIONS), AGENTS, GENERATIONS)
+    benchmark(minimise, optimizer, fitness, 0)
+    report(
+        f"{name}, one generation",
+        budget="≥ 1 ×",
+        runs=GENERATIONS,
+        reference=BUDGET_S,
+        against="0.2 ms",
+    )
+
+
+@pytest.mark.parametrize("name", ["ga", "de", "pso"])
+def test_pymoo(benchmark: Any, report: Report, name: str) -> None:
+    from importlib import import_module
+
+    from pymoo.core.problem import Problem
+    from pymoo.optimize import minimize
+
+    class Trivial(Problem):  # type: ignore[misc]
+        def __init__(self) -> None:
+            super().__init__(n_var=DIMENSIONS, n_obj=1, xl=0.0, xu=1.0)
+
+        def _evaluate(self, x: Array, out: dict[str, Array], *_: Any, **__: Any) -> None:
+            out["F"] = fitness(x)
+
+    kind = getattr(import_module(f"pymoo.algorithms.soo.nonconvex.{name}"), name.upper())
+    benchmark(lambda: minimize(Trivial(), kind(pop_size=AGENTS), ("n_gen", GENERATIONS), seed=0))
+    _note(report, f"pymoo's {name.upper()}, one generation")
+
+
+def test_scipy(benchmark: Any, report: Report) -> None:
+    from scipy.optimize import differential_evolution
+
+    start = np.random.default_rng(0).random((AGENTS, DIMENSIONS))
+    benchmark(
+        lambda: differential_evolution(
+            lambda x: fitness(x.T),
+            [(0.0, 1.0)] * DIMENSIONS,
+            maxiter=GENERATIONS - 1,
+            init=start,
+            tol=0,
+            vectorized=True,
+            updating="deferred",
+            polish=False,
+            rng=0,
+        )
+    )
+    _note(report, "scipy's differential evolution, one generation")
+
+
+@pytest.mark.parametrize(
+    ("module", "kind"),
+    [
+        ("ga", "GeneticAlgorithm"),
+        ("de", "DifferentialEvolution"),
+        ("pso", "ParticleSwarmOptimization"),
+        ("gwo", "GreyWolfOptimizer"),
+    ],
+    ids=["ga", "de", "pso", "gwo"],
+)
+def test_niapy(benchmark: Any, report: Report, module: str, kind: str) -> None:
+    from importlib import import_module
+
+    from niapy.problems import Problem
+    from niapy.task import Task
+
+    class Trivial(Problem):  # type: ignore[misc]
+        def __init__(self) -> None:
+            super().__init__(dimension=DIMENSIONS, lower=0.0, upper=1.0)
+
+        def _evaluate(self, x: Array) -> float:
+            return float(x[0])
+
+    algorithm: Callable[..., Any] = getattr(import_module(f"niapy.algorithms.basic.{module}"), kind)
+    benchmark(
+        lambda: algorithm(population_size=AGENTS, seed=0).run(Task(problem=Trivial(), max_iters=GENERATIONS))
+    )
+    _note(report, f"niapy's {kind}, one generation")
+
+
+def _note(report: Report, what: str) -> None:
+    report(what, budget="-", runs=GENERATIONS, reference=BUDGET_S, against="0.2 ms")
