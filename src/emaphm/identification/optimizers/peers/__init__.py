@@ -5,7 +5,7 @@ from typing import Any
 
 from emaphm.errors import MethodError, nearest
 from emaphm.identification.optimizers.peers.cma_es import CmaEs
-from emaphm.identification.optimizers.peers.driven import Driven, DrivenState
+from emaphm.identification.optimizers.peers.driven import Driven, DrivenState, library
 from emaphm.identification.optimizers.peers.from_pymoo import (
     PREFIX,
     Pymoo,
@@ -51,9 +51,10 @@ def peer_names() -> tuple[str, ...]:
     The first call takes seconds, in which each algorithm is tried.
     """
     try:
-        return (*PEERS, *(PREFIX + name for name in usable_algorithms()))
+        library("pymoo", "pymoo")
     except MethodError:
         return tuple(PEERS)
+    return (*PEERS, *(PREFIX + name for name in usable_algorithms()))
 
 
 __all__ = [

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from emaphm.errors import MethodError
 from emaphm.identification.optimizers.peers.driven import Driven, Evaluate, library
 
 SIGMA = 0.25
@@ -27,7 +28,7 @@ class CmaEs(Driven):
     Raises
     ------
     MethodError
-        As in `Driven`.
+        As in `Driven`; or the box has one component, with which the library fails.
 
     References
     ----------
@@ -41,6 +42,8 @@ class CmaEs(Driven):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.lower.size < 2:
+            raise MethodError(f"method '{self.method}' needs at least 2 components to search in, got 1")
         library(self.method, "cma")
 
     def _drive(self, evaluate: Evaluate, rng: np.random.Generator) -> None:

@@ -115,7 +115,8 @@ class Driven(Optimizer[DrivenState]):
     def _asked(self, search: "_Search", state: DrivenState) -> DrivenState:
         """Return `state` with the points that `search` asks for; none if it has ended."""
         points = search.ask()
-        state = replace(state, positions=points[: self.budget - state.evaluations])
+        left = self.budget - state.evaluations
+        state = replace(state, positions=points[:left].reshape(-1, self.lower.size))
         if len(points):
             self._live[state] = search
         return state
@@ -235,10 +236,11 @@ def library(method: str, module: str) -> Any:
     """
     name = module.partition(".")[0]
     try:
-        return import_module(module)
+        import_module(name)
     except ModuleNotFoundError as error:
-        if error.name is None or error.name.partition(".")[0] != name:
+        if error.name != name:  # it is there, but something that it needs is not
             raise
         raise MethodError(
             f"method '{method}' needs the library '{name}'; install it with: pip install 'emaphm[peers]'"
         ) from None
+    return import_module(module)

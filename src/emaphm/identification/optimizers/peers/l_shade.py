@@ -44,10 +44,14 @@ class LShade(Driven):
             values: list[float] = evaluate(np.array(points)).tolist()
             return values
 
-        library(self.method, "minionpy.algorithms").LSHADE(
+        search = library(self.method, "minionpy.algorithms").LSHADE(
             fitness,
             bounds=[(0.0, 1.0)] * self.lower.size,
             maxevals=self.budget,
             seed=int(rng.integers(2**31)),
             options={"population_size": self.population},
-        ).optimize()
+        )
+        try:
+            search.optimize()
+        finally:
+            del search.optimizer  # a cycle through compiled code, which is never collected
