@@ -3,17 +3,41 @@
 from typing import Any
 
 from emaphm.identification.optimizers.base import Optimizer, Result, State, minimise
+from emaphm.identification.optimizers.differential_evolution import (
+    DifferentialEvolution,
+    DifferentialEvolutionState,
+)
 from emaphm.identification.optimizers.dragonfly import Dragonfly, DragonflyState
+from emaphm.identification.optimizers.genetic import Genetic, GeneticState
+from emaphm.identification.optimizers.grey_wolf import GreyWolf, GreyWolfState
+from emaphm.identification.optimizers.particle_swarm import ParticleSwarm, ParticleSwarmState
+from emaphm.identification.optimizers.random_search import RandomSearch
 from emaphm.identification.optimizers.space_filling import space_filling
 
-OPTIMIZERS: dict[str, type[Optimizer[Any]]] = {"dragonfly": Dragonfly}
+OPTIMIZERS: dict[str, type[Optimizer[Any]]] = {
+    "genetic": Genetic,
+    "particle-swarm": ParticleSwarm,
+    "differential-evolution": DifferentialEvolution,
+    "grey-wolf": GreyWolf,
+    "dragonfly": Dragonfly,
+    "random": RandomSearch,
+}
 """Every optimiser by the name it has on the command line."""
 
 __all__ = [
     "OPTIMIZERS",
+    "DifferentialEvolution",
+    "DifferentialEvolutionState",
     "Dragonfly",
     "DragonflyState",
+    "Genetic",
+    "GeneticState",
+    "GreyWolf",
+    "GreyWolfState",
     "Optimizer",
+    "ParticleSwarm",
+    "ParticleSwarmState",
+    "RandomSearch",
     "Result",
     "State",
     "minimise",
