@@ -27,8 +27,8 @@ VARIANTS: dict[str, tuple[str, Mapping[str, Any]]] = {
 HYBRID = "hybrid"
 REFINED = "+lsq"
 
-GLOBAL_POPULATION, GLOBAL_ITERATIONS = 32, 16
-"""Budget of an optimiser as the global stage of a hybrid."""
+GLOBAL_POPULATION, GLOBAL_ITERATIONS = 32, 8
+"""Budget of an optimiser as the global stage of a hybrid; twice as much brings nothing (plan "hybrids")."""
 
 METHODS = (HYBRID, *OPTIMIZERS, *VARIANTS, *PEERS)
 """Names of methods, beside those of pymoo (`pymoo-ga`, …); any but `hybrid` may end in ``+lsq``."""

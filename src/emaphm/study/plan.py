@@ -22,7 +22,7 @@ from emaphm.identification.search import check_fitness
 from emaphm.recording.equivalent_current import Form
 from emaphm.simulation import model_named
 
-BUILT_IN = ("thesis", "quick")
+BUILT_IN = ("thesis", "quick", "hybrids", "forms", "monitor")
 """Plans that come with the package."""
 
 Positive = Annotated[int, Field(ge=1)]
