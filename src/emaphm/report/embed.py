@@ -2,6 +2,7 @@
 
 import base64
 import io
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -19,8 +20,21 @@ def plain_style() -> Iterator[None]:
         yield
 
 
-def data_uri(figure: "Figure") -> str:
-    """Return `figure` as a data URI of its SVG, which is sharp at any size and without a date."""
+def svg(figure: "Figure") -> bytes:
+    """Return `figure` as SVG, which is sharp at any size and without a date."""
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="svg", metadata={"Date": None})
-    return "data:image/svg+xml;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
+    with warnings.catch_warnings():
+        # A name may hold letters that the font lacks: they show as boxes, and nobody can do more about it.
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font", category=UserWarning)
+        figure.savefig(buffer, format="svg", metadata={"Date": None})
+    return buffer.getvalue()
+
+
+def svg_uri(picture: bytes) -> str:
+    """Return an SVG as a data URI."""
+    return "data:image/svg+xml;base64," + base64.b64encode(picture).decode("ascii")
+
+
+def data_uri(figure: "Figure") -> str:
+    """Return `figure` as a data URI of its SVG."""
+    return svg_uri(svg(figure))

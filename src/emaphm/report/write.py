@@ -10,6 +10,7 @@ from emaphm.identification.figures import draw_faults, draw_fit, draw_residual
 from emaphm.identification.verdict import HEALTHY_MARGIN
 from emaphm.recording.output import check_writable, written_whole
 from emaphm.report.embed import data_uri, plain_style
+from emaphm.report.page import render
 from emaphm.report.wording import computation, headline, table, unidentifiable
 
 TEMPLATE = "diagnosis.html.jinja"
@@ -45,15 +46,6 @@ def write_report(
 
 
 def _page(diagnosis: Diagnosis, truth: Faults | None) -> str:
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("emaphm", "report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     with plain_style():
         figures = {
             "faults": data_uri(draw_faults(diagnosis, truth)),
@@ -61,7 +53,8 @@ def _page(diagnosis: Diagnosis, truth: Faults | None) -> str:
             "residual": data_uri(draw_residual(diagnosis)),
         }
     error = None if truth is None else float(error_percent(truth.vector, diagnosis.faults.vector))
-    return environment.get_template(TEMPLATE).render(
+    return render(
+        TEMPLATE,
         diagnosis=diagnosis,
         # Cut at either system's separator: a diagnosis may be reported on another machine.
         name=PureWindowsPath(diagnosis.recording).name or diagnosis.recording,

@@ -1,0 +1,297 @@
+"""The report of a study: Markdown, CSV and one HTML page, from the table of its finished runs."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import polars as pl
+
+from emaphm.errors import OutputError
+from emaphm.recording.output import written_whole
+from emaphm.report.document import Block, Document, Facts, Heading, Items, Paragraph, Picture
+from emaphm.report.embed import plain_style, svg
+from emaphm.report.study_wording import (
+    CONVERGENCE,
+    COSTS,
+    ERROR,
+    ERRORS,
+    HOLLOW,
+    INTERVAL,
+    PAIRS,
+    RANK,
+    RANKS,
+    RELIABILITY,
+    RELIABILITY_THESIS,
+    SUCCESS,
+    THESIS,
+    TIME,
+    TIME_THESIS,
+)
+from emaphm.report.wording import FITNESS_UNITS
+from emaphm.study.figures import draw_convergence, draw_costs, draw_errors, draw_ranks, draw_success
+from emaphm.study.ranks import FEWEST_BLOCKS, SIGNIFICANT, friedman, mean_ranks, pairs
+from emaphm.study.statistics import (
+    LIMITS_PERCENT,
+    VARIANT,
+    by_case,
+    by_method,
+    comparable,
+    prepared,
+    reliability,
+)
+from emaphm.study.tables import (
+    MOST_CASES,
+    error_table,
+    p_value,
+    pair_table,
+    rank_table,
+    reliability_table,
+    success_table,
+    summary_table,
+    time_table,
+    variant_names,
+    variant_table,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SUBTITLE = "Comparison of methods of fault identification"
+
+
+def write_study_report(
+    runs: pl.DataFrame,
+    title: str,
+    description: str,
+    folder: str | Path,
+    total_runs: int,
+    environment: Mapping[str, str],
+) -> list[Path]:
+    """Write report.md, report.html, figures/*.svg and tables/*.csv to `folder`; return their paths.
+
+    An earlier report's files are replaced, each as a whole. The same runs give the same bytes.
+
+    Parameters
+    ----------
+    runs
+        The finished runs (`emaphm.study.store.SCHEMA`), of a study that need not be complete.
+    title, description
+        What the study is called and asks.
+    total_runs
+        Runs of the complete study.
+    environment
+        What the runs were made with, item by item, e.g. the machine and versions.
+
+    Raises
+    ------
+    OutputError
+        The folder or a file in it cannot be written.
+    """
+    folder = Path(folder)
+    with plain_style():
+        document = _document(runs, title, description, total_runs, environment)
+    contents = {
+        **{f"figures/{picture.name}": picture.svg for picture in document.pictures},
+        **{f"tables/{name}.csv": frame.write_csv().encode() for name, frame in tables(runs).items()},
+        # A plan's names need not be valid text: what cannot be encoded becomes a question mark.
+        "report.md": document.to_markdown().encode(errors="replace"),
+        "report.html": document.to_html().encode(errors="replace"),
+    }
+    paths = []
+    for name, content in contents.items():
+        path = folder / name
+        _make_folder(path.parent)
+        with written_whole(path) as temporary:
+            temporary.write_bytes(content)
+        paths.append(path)
+    return paths
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(
+            f"{folder}: this folder cannot be made ({error.strerror or error}); give another place"
+        ) from None
+
+
+def tables(runs: pl.DataFrame) -> dict[str, pl.DataFrame]:
+    """Return what the CSV files hold, by their names: the numbers of the report, unrounded, and the runs."""
+    cases, methods = by_case(runs), by_method(runs)
+    identity = (*VARIANT, "kind", "method")
+    success = [f"within_{limit}" for limit in LIMITS_PERCENT]
+    times = ("seconds", "mean_seconds")
+    without_lists = [name for name, kind in runs.schema.items() if not isinstance(kind, pl.List)]
+    return {
+        "errors": cases.drop(*success, *times, "thesis_seconds", "evaluations", "reference_runs"),
+        "times": cases.select(*VARIANT, "kind", "case", "method", "runs", *times, "thesis_seconds"),
+        "summary": methods.drop(success),
+        "success": methods.select(*identity, "cases", "runs", *success),
+        "ranks": mean_ranks(runs),
+        "friedman": friedman(runs),
+        "pairs": pairs(runs),
+        "reliability": reliability(runs),
+        "runs": runs.sort("index").select(without_lists),
+    }
+
+
+def _document(
+    runs: pl.DataFrame, title: str, description: str, total_runs: int, environment: Mapping[str, str]
+) -> Document:
+    blocks: list[Block] = [Paragraph(description)] if description else []
+    blocks += _extent(runs, total_runs)
+    names = variant_names(runs)
+    if len(names) > 1:
+        blocks += _across(runs)
+    for number, (variant, name) in enumerate(names.items(), 1):
+        of_variant = runs.filter(
+            pl.all_horizontal(pl.col(key) == value for key, value in zip(VARIANT, variant, strict=True))
+        )
+        several = len(names) > 1
+        blocks += [Heading(2, _capital(name))] if several else [Paragraph(f"All runs: {name}.")]
+        blocks += _variant(of_variant, f"-{number}" if several else "", 3 if several else 2)
+    blocks += [
+        Heading(2, "How to read this"),
+        Items((ERROR, INTERVAL, RANK, *((THESIS,) if _is_printed(runs) else ()))),
+    ]
+    blocks += [Heading(2, "How this was computed"), Facts({**environment, **_origin(runs, total_runs)})]
+    return Document(title, SUBTITLE, tuple(blocks))
+
+
+def _extent(runs: pl.DataFrame, total_runs: int) -> Iterator[Block]:
+    counts = f"methods: {runs['method'].n_unique()}, cases: {runs['case'].n_unique()}"
+    if runs.is_empty():
+        yield Paragraph(f"0 of {total_runs} runs are finished: there is nothing to tell yet.", warning=True)
+    elif runs.height < total_runs:
+        yield Paragraph(
+            f"The study is not complete: {runs.height} of {total_runs} runs are finished ({counts}). "
+            "All figures below are of these and may yet change.",
+            warning=True,
+        )
+    else:
+        yield Paragraph(f"{runs.height} of {total_runs} runs are finished; {counts}.")
+
+
+def _across(runs: pl.DataFrame) -> Iterator[Block]:
+    yield Heading(2, "All variants side by side")
+    for kind in _kinds(runs):
+        table = variant_table(runs, kind)
+        if table.rows:
+            yield Paragraph(
+                f"Mean error in % over the cases with {kind} that every method has run in every variant."
+            )
+            yield table
+        else:
+            yield Paragraph(f"No case with {kind} has been run by every method in every variant yet.")
+
+
+def _variant(runs: pl.DataFrame, suffix: str, level: int) -> Iterator[Block]:
+    """Yield what there is to say of one variant; its figures' file names end in `suffix`."""
+
+    def picture(name: str, words: str, figure: "Figure | None", caption: str) -> Iterator[Block]:
+        if figure is not None:
+            yield Picture(f"{name}{suffix}.svg", words, caption, svg(figure))
+
+    hollow = HOLLOW if _is_printed(runs) else ""
+    yield Heading(level, "Result")
+    yield from _summaries(runs)
+    yield from picture("costs", "Mean error against cost", draw_costs(runs), COSTS + hollow)
+    yield Heading(level, "Error in each case")
+    yield from _errors(runs)
+    yield from picture("errors", "Error in each case", draw_errors(runs), ERRORS + hollow)
+    success = success_table(runs)
+    if success.rows:
+        yield Heading(level, "How often a method succeeds")
+        yield Paragraph("Runs in % whose error is at most 1, 2 and 5 %.")
+        yield success
+        yield from picture("success", "Share of runs that succeed", draw_success(runs), SUCCESS)
+    yield Heading(level, "How fast a method gets there")
+    curves = draw_convergence(runs, FITNESS_UNITS.get(runs["fitness"][0], "arbitrary unit"))
+    yield from picture("convergence", "Best error and fitness against evaluations", curves, CONVERGENCE)
+    yield Heading(level, "Time of a run")
+    yield Paragraph(TIME + (TIME_THESIS if _is_printed(runs) else ""))
+    yield time_table(runs)
+    coefficients = reliability_table(runs)
+    if coefficients.rows:
+        yield Heading(level, "Reliability coefficient of the thesis")
+        yield Paragraph(RELIABILITY + (RELIABILITY_THESIS if _is_printed(runs) else ""))
+        yield coefficients
+    if runs["method"].n_unique() > 1:
+        yield Heading(level, "Are the differences more than luck?")
+        yield Paragraph(_friedman(runs))
+        yield rank_table(runs)
+        yield from picture("ranks", "Mean ranks", draw_ranks(runs), RANKS)
+        yield Paragraph(PAIRS)
+        yield pair_table(runs)
+
+
+def _summaries(runs: pl.DataFrame) -> Iterator[Block]:
+    kept = set(comparable(runs)["case"])
+    left_out = [case for case in runs.sort("index")["case"].unique(maintain_order=True) if case not in kept]
+    if left_out:
+        yield Paragraph(
+            f"Not every method has run {_listed(left_out)} yet: left out of all averages, so that these "
+            "compare methods and not cases.",
+            warning=True,
+        )
+    for kind in _kinds(runs):
+        table = summary_table(runs, kind)
+        if table.rows:
+            yield Paragraph(f"Cases with {kind}, least mean error first.")
+            yield table
+
+
+def _errors(runs: pl.DataFrame) -> Iterator[Block]:
+    cases = runs["case"].n_unique()
+    told = (
+        f" The first {MOST_CASES} of {cases} cases; tables/errors.csv has all." if cases > MOST_CASES else ""
+    )
+    thesis = ", beside the thesis's where it prints one (ours / thesis)" if _is_printed(runs) else ""
+    yield Paragraph(f"Mean error in % over the runs of a case{thesis}.{told}")
+    yield error_table(runs)
+
+
+def _is_printed(runs: pl.DataFrame) -> bool:
+    """Return whether the thesis prints an error for any of these cases and methods."""
+    return by_case(runs)["thesis"].count() > 0
+
+
+def _friedman(runs: pl.DataFrame) -> str:
+    """Return in words what Friedman's test says of one variant."""
+    test = friedman(runs).row(0, named=True)
+    left_out = f"; {test['incomplete']} more lack a method and are left out" if test["incomplete"] else ""
+    basis = f"In {test['blocks']} runs every method began from the same case and seed{left_out}."
+    if test["p"] is None:
+        lacking = "three methods" if test["methods"] < 3 else f"{FEWEST_BLOCKS} such runs"
+        return f"{basis} Too few for Friedman's test, which takes {lacking} or more."
+    verdict = "differ by more than luck" if test["p"] <= SIGNIFICANT else "cannot be told apart"
+    p = p_value(test["p"])
+    relation = "p < 0.001" if p.startswith("<") else f"p = {p}"
+    return (
+        f"{basis} Ranked within each, the methods {verdict} (Friedman's test: χ² = {test['statistic']:.1f}, "
+        f"{relation})."
+    )
+
+
+def _origin(runs: pl.DataFrame, total_runs: int) -> dict[str, str]:
+    revisions, versions = (", ".join(sorted(set(runs[name]))) for name in ("revision", "version"))
+    return {
+        "Runs": f"{runs.height} of {total_runs}",
+        "Version": f"emaphm {versions}",
+        "Revision of the models": revisions,
+    }
+
+
+def _kinds(runs: pl.DataFrame) -> list[str]:
+    return prepared(runs)["kind"].unique(maintain_order=True).to_list()
+
+
+def _listed(names: Sequence[str]) -> str:
+    most = 8
+    more = f" and {len(names) - most} more cases" if len(names) > most else ""
+    return ", ".join(f"\u2018{name}\u2019" for name in names[:most]) + more
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]

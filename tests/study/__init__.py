@@ -1,0 +1,1 @@
+"""The study: plans, execution, statistics, report."""

@@ -1,0 +1,383 @@
+"""The report of a study: Markdown, CSV and HTML say the same, need nothing else, and can be replaced."""
+
+import base64
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import matplotlib as mpl
+import polars as pl
+import pytest
+
+import emaphm.report.study
+from emaphm.errors import OutputError
+from emaphm.report.document import escaped
+from emaphm.report.study import write_study_report
+from emaphm.study.tables import MOST_CASES
+
+from .conftest import CASES, METHODS, study
+
+ENVIRONMENT = {"Machine": "2 cores", "Python": "3.11"}
+
+HOSTILE = """<script src="http://bad.example/x.js">|a_b_ *c* `d` [e](http://bad.example) $f$ & \\g"""
+
+Cells = list[list[str]]
+
+
+class Page(HTMLParser):
+    """What a browser would see: tables, open tags, addresses, and the text with its blanks made single."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.open: list[str] = []
+        self.addresses: list[str] = []
+        self.tables: list[Cells] = []
+        self._text: list[str] = []
+        self.feed(path.read_text(encoding="utf-8"))
+        self.close()
+        assert not self.open
+        self.text = " ".join("".join(self._text).split())
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Note a tag, that it is open unless it holds nothing, and begin tables, rows and cells."""
+        self.tags.append(tag)
+        if tag not in ("meta", "img"):
+            self.open.append(tag)
+        self.addresses += [value or "" for name, value in attrs if name in ("src", "href", "srcset", "data")]
+        if tag == "table":
+            self.tables.append([])
+        elif tag == "tr":
+            self.tables[-1].append([])
+        elif tag in ("th", "td"):
+            self.tables[-1][-1].append("")
+
+    def handle_endtag(self, tag: str) -> None:
+        """Insist that a tag closes the last one opened."""
+        assert self.open.pop() == tag, f"</{tag}> closes something else"
+
+    def handle_data(self, data: str) -> None:
+        """Note text."""
+        if self.open[-1:] != ["style"]:
+            self._text.append(data)
+        if self.open[-1:] in (["th"], ["td"]):
+            self.tables[-1][-1][-1] += data
+
+
+def _markdown_tables(path: Path) -> list[Cells]:
+    """Return the cells of each table, as a reader of Markdown would: backslashes taken away."""
+    tables: list[Cells] = []
+    inside = False
+    for line in path.read_text(encoding="utf-8").splitlines():
+        if not line.startswith("| "):
+            inside = False
+            continue
+        if not inside:
+            tables.append([])
+            inside = True
+        cells = [re.sub(r"\\(.)", r"\1", cell.strip()) for cell in re.split(r"(?<!\\)\|", line)[1:-1]]
+        if set(cells[0]) != {"-"}:
+            tables[-1].append(cells)
+    return tables
+
+
+def _csv(folder: Path, name: str) -> list[dict[str, object]]:
+    return list(pl.read_csv(folder / "tables" / f"{name}.csv").iter_rows(named=True))
+
+
+def _write(runs: pl.DataFrame, folder: Path, total: int | None = None, title: str = "thesis") -> list[Path]:
+    return write_study_report(
+        runs, title, "Ten faults.", folder, runs.height if total is None else total, ENVIRONMENT
+    )
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave the figures empty where only the text matters: drawing them is what takes long."""
+    monkeypatch.setattr(emaphm.report.study, "svg", lambda _: b"<svg/>")
+
+
+@pytest.fixture(scope="session")
+def whole(runs: pl.DataFrame, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of the whole study's report."""
+    folder = tmp_path_factory.mktemp("whole") / "report"
+    paths = _write(runs, folder)
+    assert sorted(paths) == sorted(path for path in folder.rglob("*") if path.is_file())
+    return folder
+
+
+def test_page_is_well_formed_and_needs_nothing_else(whole: Path) -> None:
+    page = Page(whole / "report.html")
+    assert "script" not in page.tags
+    assert "link" not in page.tags
+    assert len(page.addresses) == 5
+    for address in page.addresses:
+        kind, encoded = address.split(",", 1)
+        assert kind == "data:image/svg+xml;base64"
+        assert ET.fromstring(base64.b64decode(encoded, validate=True)).tag.endswith("svg")  # noqa: S314 - made by us
+    source = (whole / "report.html").read_text(encoding="utf-8")
+    assert "url(" not in source
+    assert "@import" not in source
+    assert "http" not in re.sub(r'src="data:[^"]*"', "", source).replace("http-equiv", "")
+
+
+def test_page_can_be_sent_by_mail(whole: Path) -> None:
+    assert (whole / "report.html").stat().st_size < 1_500_000
+
+
+def test_markdown_links_to_figures_that_are_there_and_in_the_page(whole: Path) -> None:
+    linked = re.findall(r"!\[[^\]]+\]\((figures/[^)]+)\)", (whole / "report.md").read_text(encoding="utf-8"))
+    assert sorted(linked) == sorted(f"figures/{path.name}" for path in (whole / "figures").iterdir())
+    inside = [base64.b64decode(address.split(",", 1)[1]) for address in Page(whole / "report.html").addresses]
+    assert inside == [(whole / link).read_bytes() for link in linked]
+
+
+def test_markdown_and_page_hold_the_same_tables(whole: Path) -> None:
+    tables = _markdown_tables(whole / "report.md")
+    assert len(tables) == 8
+    assert Page(whole / "report.html").tables == tables
+
+
+def test_every_figure_has_a_caption(whole: Path) -> None:
+    page = Page(whole / "report.html")
+    assert page.tags.count("figcaption") == page.tags.count("figure") == 5
+
+
+def test_the_errors_in_the_tables_are_those_of_the_csv(whole: Path) -> None:
+    tables = {table[0][0]: table for table in _markdown_tables(whole / "report.md")[2:3]}
+    header, *rows = tables["case"]
+    assert header[1:] == list(METHODS)
+    told = {(row[0], method): cell for row in rows for method, cell in zip(header[1:], row[1:], strict=True)}
+    errors = _csv(whole, "errors")
+    assert len(errors) == len(CASES) * len(METHODS)
+    for row in errors:
+        ours, *thesis = told[str(row["case"]), str(row["method"])].split(" / ")
+        assert ours == f"{row['mean']:.2f}"
+        assert thesis == ([] if row["thesis"] is None else [f"{row['thesis']:.2f}"])
+    for row in _csv(whole, "summary"):
+        if row["kind"] == "single faults":
+            average = told["Average of 10 cases, single faults", str(row["method"])]
+            assert average.split(" / ")[0] == f"{row['mean']:.2f}"
+
+
+def test_the_other_tables_are_those_of_the_csv(whole: Path) -> None:
+    single, several, _, success, times, reliability, ranks, pairs = _markdown_tables(whole / "report.md")
+    summary = {(str(row["kind"]), str(row["method"])): row for row in _csv(whole, "summary")}
+    for kind, table in (("single faults", single), ("several faults", several)):
+        assert len(table) == 1 + len(METHODS)
+        assert [float(row[1]) for row in table[1:]] == sorted(float(row[1]) for row in table[1:])
+        for name, mean, interval, median, worst, _, evaluations, _, seconds, count in table[1:]:
+            row = summary[kind, name]
+            assert [mean, median, worst] == [f"{row[key]:.2f}" for key in ("mean", "median", "worst")]
+            assert interval == f"{row['lower95']:.2f} to {row['upper95']:.2f}"
+            assert [evaluations, seconds, count] == [
+                f"{row['evaluations']:.0f}",
+                f"{row['seconds']:.2f}",
+                f"{row['runs']}",
+            ]
+    shares = {(str(row["kind"]), str(row["method"])): row for row in _csv(whole, "success")}
+    for name, *cells in success[1:]:
+        expected = [
+            f"{100 * shares[kind, name][f'within_{limit}']:.0f}"  # type: ignore[operator]
+            for kind in ("single faults", "several faults")
+            for limit in (1, 2, 5)
+        ]
+        assert cells == expected
+    by_case = {(str(row["case"]), str(row["method"])): row["mean_seconds"] for row in _csv(whole, "times")}
+    for name, *cells in times[1 : 1 + len(CASES)]:
+        assert [cell.split(" / ")[0] for cell in cells] == [
+            f"{by_case[name, method]:.2f}" for method in times[0][1:]
+        ]
+    assert times[1][1].endswith(" / 2549")  # GA, low F
+    assert times[-1][1].endswith(" / 2786")  # and its printed average
+    for row in _csv(whole, "reliability"):
+        cells = next(cells for name, *cells in reliability if name == row["method"])
+        keys = ("all_methods", "thesis_methods", "thesis_recomputed", "thesis_printed")
+        assert cells == ["–" if row[key] is None else f"{row[key]:.1f}" for key in keys]
+    by_name = {row["method"]: f"{row['mean_rank']:.2f}" for row in _csv(whole, "ranks")}
+    assert {row[0]: row[1] for row in ranks[1:]} == by_name
+    p_values = {
+        (row[0], other): cell for row in pairs[1:] for other, cell in zip(pairs[0][1:], row[1:], strict=True)
+    }
+    for row in _csv(whole, "pairs"):
+        p = row["p_holm"]
+        assert isinstance(p, float)
+        text = "<0.001" if p < 0.001 else f"{p:.3f}"
+        assert p_values[str(row["method"]), str(row["other"])] == text
+        assert p_values[str(row["other"]), str(row["method"])] == text
+
+
+def test_the_runs_are_kept_without_their_lists(runs: pl.DataFrame, whole: Path) -> None:
+    kept = pl.read_csv(whole / "tables" / "runs.csv")
+    assert kept.height == runs.height
+    assert kept["error_percent"].to_list() == runs["error_percent"].to_list()
+    assert not {"truth", "found", "curve_fitness"} & set(kept.columns)
+
+
+def test_it_says_what_was_asked_what_is_there_and_how_it_was_made(whole: Path) -> None:
+    text = Page(whole / "report.html").text
+    for told in (
+        "thesis Ten faults.",
+        "990 of 990 runs are finished",
+        "averaged model, fitness least_squares, equivalent current torque, 0 A noise",
+        "while others ran beside it",
+        "In 110 runs every method began from the same case and seed.",
+        "the methods differ by more than luck",
+        "Machine 2 cores",
+        "emaphm 9.8.7",
+        "0123456789ab",
+    ):
+        assert told in text
+
+
+def test_the_same_runs_give_the_same_bytes_whatever_their_order_or_the_user_s_style(tmp_path: Path) -> None:
+    runs = study(("GA", "DE", "hybrid"), ("low F", "low B"), 6)
+    first = _write(runs, tmp_path / "a")
+    with mpl.rc_context({"figure.facecolor": "black", "font.size": 20, "svg.fonttype": "none"}):
+        second = _write(runs.sample(fraction=1, shuffle=True, seed=2), tmp_path / "b")
+    assert [path.read_bytes() for path in first] == [path.read_bytes() for path in second]
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_an_incomplete_study_says_so_and_leaves_out_of_averages_what_is_not_common(
+    runs: pl.DataFrame, tmp_path: Path
+) -> None:
+    _write(runs.head(60), tmp_path, runs.height)
+    text = Page(tmp_path / "report.html").text
+    assert "60 of 990 runs are finished" in text
+    assert "Not every method has run ‘low K’ yet" in text
+    assert "Average of 6 cases, single faults" in text
+    errors = _markdown_tables(tmp_path / "report.md")[1]
+    assert "–" in next(row for row in errors if row[0] == "low K")
+
+
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize(
+    ("count", "told"), [(0, "there is nothing to tell yet"), (1, "1 of 990 runs are finished")]
+)
+def test_no_run_and_one_run_can_be_reported(
+    runs: pl.DataFrame, tmp_path: Path, count: int, told: str
+) -> None:
+    _write(runs.head(count), tmp_path, runs.height)
+    assert told in Page(tmp_path / "report.html").text
+    assert len(_csv(tmp_path, "runs")) == count
+    assert "Are the differences more than luck?" not in Page(tmp_path / "report.html").text
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_too_few_runs_are_said_to_be_too_few(tmp_path: Path) -> None:
+    _write(study(("GA", "DE", "hybrid"), ("low F",), 4), tmp_path)
+    text = Page(tmp_path / "report.html").text
+    assert "In 4 runs every method began from the same case and seed. Too few" in text
+    pairs = _markdown_tables(tmp_path / "report.md")[-1]
+    assert {cell for row in pairs[1:] for cell in row[1:]} == {"–", "too few"}
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_methods_the_thesis_has_not_are_not_set_beside_it(tmp_path: Path) -> None:
+    _write(study(("hybrid", "random"), ("low F", "low B"), 6), tmp_path)
+    text = Page(tmp_path / "report.html").text
+    assert "Hollow markers" not in text
+    assert "printed" not in text
+    tables = _markdown_tables(tmp_path / "report.md")
+    assert not [cell for table in tables for row in table for cell in row if " / " in cell]
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_each_variant_has_a_section_and_all_stand_side_by_side(
+    variants: pl.DataFrame, tmp_path: Path
+) -> None:
+    _write(variants, tmp_path)
+    markdown = (tmp_path / "report.md").read_text(encoding="utf-8")
+    headings = re.findall(r"^## (.*)$", markdown, re.MULTILINE)
+    assert headings[:3] == ["All variants side by side", "0 A noise", "0.1 A noise"]
+    beside = _markdown_tables(tmp_path / "report.md")[0]
+    assert beside[0] == ["method", "0 A noise", "0.1 A noise"]
+    for name, *cells in beside[1:]:
+        expected = {
+            str(row["noise_A"]): f"{row['mean']:.2f}"
+            for row in _csv(tmp_path, "summary")
+            if row["method"] == name and row["kind"] == "single faults"
+        }
+        assert cells == [expected["0.0"], expected["0.1"]]
+    assert Page(tmp_path / "report.html").tables == _markdown_tables(tmp_path / "report.md")
+    names = {path.name for path in (tmp_path / "figures").iterdir()}
+    assert {"errors-1.svg", "errors-2.svg"} <= names
+    assert all(f"figures/{name}" in markdown for name in names)
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_of_hundreds_of_cases_the_page_tells_some_and_the_csv_all(tmp_path: Path) -> None:
+    runs = study(("GA",), ("low F",), 200)
+    many = runs.with_columns(pl.format("random {}", "run").alias("case"))
+    _write(many, tmp_path)
+    errors = _markdown_tables(tmp_path / "report.md")[1]
+    assert len(errors) == 1 + MOST_CASES + 1  # header, cases, average
+    assert f"The first {MOST_CASES} of 200 cases" in Page(tmp_path / "report.html").text
+    assert len(_csv(tmp_path, "errors")) == 200
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_hostile_names_are_text_and_nothing_else(tmp_path: Path) -> None:
+    runs = study((HOSTILE, "_x_", "two\nlines"), ("low F", "low B"), 6)
+    write_study_report(runs, HOSTILE, "1. " + HOSTILE, tmp_path, runs.height, {HOSTILE: HOSTILE})
+    page = Page(tmp_path / "report.html")
+    assert "script" not in page.tags
+    assert not [address for address in page.addresses if not address.startswith("data:")]
+    assert page.text.count(HOSTILE) > 5
+    tables = _markdown_tables(tmp_path / "report.md")
+    assert {row[0] for row in tables[0][1:]} == {HOSTILE, "_x_", "two lines"}
+    assert [[[" ".join(cell.split()) for cell in row] for row in table] for table in page.tables] == tables
+    markdown = (tmp_path / "report.md").read_text(encoding="utf-8")
+    assert not re.search(r"(?<!\\)<", markdown)
+    assert not re.search(r"(?<![\\!])\[", markdown)
+    assert "\n1\\. " in markdown
+
+
+@pytest.mark.parametrize("text", ["- a", "+ a", "= a", "3) a", "# a", "a\n\n- b"])
+def test_what_begins_like_markup_is_no_markup(text: str) -> None:
+    line = escaped(text)
+    assert "\n" not in line
+    assert not re.match(r"[-+=#]|\d+[.)]", line)
+    assert re.sub(r"\\(.)", r"\1", line) == " ".join(text.split())
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_name_that_is_no_text_is_written_too(tmp_path: Path) -> None:
+    _write(study(("GA",), ("low F",), 1), tmp_path, title="rec\udcff")
+    assert "rec?" in Page(tmp_path / "report.html").text
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_an_earlier_report_is_replaced_and_other_files_stay(tmp_path: Path) -> None:
+    mine = tmp_path / "figures" / "mine.txt"
+    _write(study(("GA",), ("low F",), 1), tmp_path, 4)
+    mine.write_text("mine", encoding="utf-8")
+    _write(study(("GA",), ("low F",), 4), tmp_path)
+    assert "4 of 4 runs are finished" in Page(tmp_path / "report.html").text
+    assert mine.read_text(encoding="utf-8") == "mine"
+    assert not [path for path in tmp_path.rglob("*") if path.name.endswith(".tmp")]
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_an_error_leaves_the_earlier_file_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    _write(study(("GA",), ("low F",), 1), tmp_path)
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+
+    def fails(self: Path, _: bytes) -> int:
+        self.touch()
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", fails)
+    with pytest.raises(OutputError, match="No space left"):
+        _write(study(("GA",), ("low F",), 2), tmp_path)
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_folder_that_cannot_be_is_refused_by_name(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(OutputError, match=re.escape(str(tmp_path / "file"))) as caught:
+        _write(study(("GA",), ("low F",), 1), tmp_path / "file" / "report")
+    assert "\n" not in str(caught.value)
