@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Callable
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -57,21 +58,13 @@ def _legend(figure: Figure) -> list[str]:
     return [text.get_text() for legend in figure.legends for text in legend.get_texts()]
 
 
-def _drawn(figure: Figure | None) -> Figure:
-    """Return the figure, laid out so that its limits and labels are settled."""
+def _there(figure: Figure | None) -> Figure:
     assert figure is not None
-    figure.draw_without_rendering()
     return figure
 
 
-@pytest.mark.parametrize("draw", PARTS)
-def test_each_is_drawn_without_pyplot_and_leaves_the_settings_alone(
-    monkeypatch: pytest.MonkeyPatch, draw: Draw
-) -> None:
-    monkeypatch.setitem(sys.modules, "matplotlib.pyplot", None)  # importing it now fails
-    before = {name: mpl.rcParams[name] for name in mpl.rcParams if name != "backend"}
-    _drawn(draw(study(("GA", "hybrid"), ("low F",), 2)))
-    assert {name: mpl.rcParams[name] for name in mpl.rcParams if name != "backend"} == before
+def _settings() -> dict[str, Any]:
+    return {name: mpl.rcParams[name] for name in mpl.rcParams if name != "backend"}
 
 
 def test_no_two_of_many_methods_look_the_same() -> None:
@@ -80,7 +73,7 @@ def test_no_two_of_many_methods_look_the_same() -> None:
 
 
 def test_errors_stand_in_their_case_s_row_with_the_thesis_s_as_hollow_markers(runs: pl.DataFrame) -> None:
-    figure = _drawn(draw_errors(runs))
+    figure = draw_errors(runs)
     axis = figure.axes[0]
     assert [tick.get_text() for tick in axis.get_yticklabels()] == list(CASES)
     assert axis.get_xlabel() == "error [%]: median and quartiles"
@@ -115,7 +108,7 @@ def test_only_so_many_cases_are_drawn_as_can_be_read() -> None:
 
 
 def test_convergence_has_error_and_fitness_by_kind_and_hybrid_as_a_marker(runs: pl.DataFrame) -> None:
-    figure = _drawn(_convergence(runs))
+    figure = _convergence(runs)
     above, above_several, below, _ = figure.axes
     assert above.get_title(loc="left") == "single faults"
     assert above_several.get_title(loc="left") == "several faults"
@@ -138,7 +131,7 @@ def test_convergence_has_error_and_fitness_by_kind_and_hybrid_as_a_marker(runs: 
 
 
 def test_costs_show_time_and_evaluations_beside_the_thesis_s(runs: pl.DataFrame) -> None:
-    figure = _drawn(draw_costs(runs))
+    figure = _there(draw_costs(runs))
     times, counts, *_ = figure.axes
     assert [axis.get_xlabel() for axis in figure.axes[-2:]] == [
         "wall time of one run [s]",
@@ -154,7 +147,7 @@ def test_costs_show_time_and_evaluations_beside_the_thesis_s(runs: pl.DataFrame)
 
 
 def test_success_bars_are_as_long_as_their_share(runs: pl.DataFrame) -> None:
-    figure = _drawn(draw_success(runs))
+    figure = _there(draw_success(runs))
     axis = figure.axes[0]
     assert [tick.get_text() for tick in axis.get_yticklabels()] == list(METHODS)
     assert _legend(figure) == [f"error at most {limit} %" for limit in (1, 2, 5)]
@@ -172,7 +165,7 @@ def test_ranks_are_sorted_and_bars_join_what_is_not_told_apart() -> None:
     errors = {"GA": near, "PSO": near + rng.normal(0, 0.1, 30), "hybrid": near - 4}
     values = [errors[row["method"]][row["run"]] for row in runs.iter_rows(named=True)]
     figure = draw_ranks(runs.with_columns(pl.Series("error_percent", values)))
-    axis = _drawn(figure).axes[0]
+    axis = _there(figure).axes[0]
     names = [tick.get_text() for tick in axis.get_yticklabels()]
     assert names[0] == "hybrid"
     assert axis.texts[0].get_text() == "1.00"
@@ -181,7 +174,7 @@ def test_ranks_are_sorted_and_bars_join_what_is_not_told_apart() -> None:
 
 
 def test_without_a_test_no_bar_claims_that_methods_are_alike() -> None:
-    axis = _drawn(draw_ranks(study(("GA", "PSO", "DE"), ("low F",), 3))).axes[0]
+    axis = _there(draw_ranks(study(("GA", "PSO", "DE"), ("low F",), 3))).axes[0]
     assert all(line.get_linewidth() < 2.5 for line in axis.get_lines())
 
 
@@ -190,7 +183,9 @@ def test_without_a_test_no_bar_claims_that_methods_are_alike() -> None:
     "part",
     ["one run", "a method missing in a case", "zero errors and one kind", "odd names"],
 )
-def test_whatever_is_missing_or_odd_it_can_be_drawn(draw: Draw, part: str) -> None:
+def test_whatever_is_missing_or_odd_it_can_be_drawn_without_pyplot_and_leaves_the_settings_alone(
+    monkeypatch: pytest.MonkeyPatch, draw: Draw, part: str
+) -> None:
     methods, cases = ("GA", "DA", "hybrid"), ("low F", "low B", "multiple")
     runs = {
         "one run": study(("GA",), ("low F",), 1),
@@ -205,9 +200,11 @@ def test_whatever_is_missing_or_odd_it_can_be_drawn(draw: Draw, part: str) -> No
         ),
         "odd names": study(("$a^_{b$", "_x", "漢字\n" + "long " * 20), cases, 2),
     }[part]
-    figure = draw(runs)
-    assert figure is not None
+    monkeypatch.setitem(sys.modules, "matplotlib.pyplot", None)  # importing it now fails
+    before = _settings()
+    figure = _there(draw(runs))
     assert b"<svg" in svg(figure)
+    assert _settings() == before
     for axis in figure.axes:
         for line in axis.get_lines():
             assert np.all(np.isfinite(np.asarray(line.get_ydata(), float)))

@@ -224,6 +224,7 @@ def test_it_says_what_was_asked_what_is_there_and_how_it_was_made(whole: Path) -
         "while others ran beside it",
         "In 110 runs every method began from the same case and seed.",
         "the methods differ by more than luck",
+        "in favour of the method with the lower mean rank. p-value",
         "Machine 2 cores",
         "emaphm 9.8.7",
         "0123456789ab",
@@ -270,6 +271,7 @@ def test_too_few_runs_are_said_to_be_too_few(tmp_path: Path) -> None:
     _write(study(("GA", "DE", "hybrid"), ("low F",), 4), tmp_path)
     text = Page(tmp_path / "report.html").text
     assert "In 4 runs every method began from the same case and seed. Too few" in text
+    assert "could be told apart" in text
     pairs = _markdown_tables(tmp_path / "report.md")[-1]
     assert {cell for row in pairs[1:] for cell in row[1:]} == {"–", "too few"}
 

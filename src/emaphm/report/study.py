@@ -16,6 +16,7 @@ from emaphm.report.study_wording import (
     ERROR,
     ERRORS,
     HOLLOW,
+    HOPELESS,
     INTERVAL,
     PAIRS,
     RANK,
@@ -222,7 +223,7 @@ def _variant(runs: pl.DataFrame, suffix: str, level: int) -> Iterator[Block]:
         yield Paragraph(_friedman(runs))
         yield rank_table(runs)
         yield from picture("ranks", "Mean ranks", draw_ranks(runs), RANKS)
-        yield Paragraph(PAIRS)
+        yield Paragraph(PAIRS + ("" if _could_differ(runs) else HOPELESS))
         yield pair_table(runs)
 
 
@@ -285,6 +286,12 @@ def _origin(runs: pl.DataFrame, total_runs: int) -> dict[str, str]:
 
 def _kinds(runs: pl.DataFrame) -> list[str]:
     return prepared(runs)["kind"].unique(maintain_order=True).to_list()
+
+
+def _could_differ(runs: pl.DataFrame) -> bool:
+    """Return whether a method that wins every run of some pair would be told apart from the other."""
+    tests = pairs(runs).drop_nulls("p")
+    return any(tests.height * 2 / 2.0**blocks <= SIGNIFICANT for blocks in tests["blocks"])
 
 
 def _listed(names: Sequence[str]) -> str:

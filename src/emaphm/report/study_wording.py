@@ -47,6 +47,8 @@ PAIRS = (
     "difference, in favour of the method with the lower mean rank."
 )
 
+HOPELESS = " With so few runs for so many pairs, not even a method that wins every run could be told apart."
+
 RELIABILITY = (
     "RC = 1 - t err / Σ t err, with t the mean time and err the mean error over the single faults "
     "(thesis 6.4): 100 % is the best, and it depends on who takes part."

@@ -187,7 +187,7 @@ def percent(value: float) -> str:
 
 def seconds(value: float) -> str:
     """Return a time [s] as text."""
-    return f"{value:.0f}" if value >= 100 else f"{value:.2f}" if value >= 0.1 else f"{value:.4f}"
+    return f"{value:.0f}" if value >= 100 else f"{value:.2f}" if value >= 0.1 else f"{value:.2g}"
 
 
 def p_value(p: float | None) -> str:
