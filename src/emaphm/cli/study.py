@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 app = App(name="study", help="Compare methods of identification over many cases.")
 
+
 @app.command
 def run(
     plan: Annotated[str, Parameter(help="TOML of the plan, or the name of a built-in one.")],
@@ -45,6 +46,34 @@ def run(
             raise KeyboardInterrupt(f"what finished is kept in {out}; the same command goes on") from None
     values = {"plan": loaded.name, "folder": str(out), "runs": store.results.height}
     show(values, f"{_summary(store)}\nResults in {out}; see them with: emaphm study report {out}", as_json)
+
+
+@app.command
+def report(
+    folder: Annotated[Path, Parameter(help="Folder that 'emaphm study run' wrote.")],
+    *,
+    out: Annotated[
+        Path | None, Parameter(name=("--out", "-o"), help="Folder for the report; FOLDER/report if left out.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Write the tables and figures of a study, finished or not: Markdown, CSV and one HTML page."""
+    from emaphm.report.study import write_study_report
+    from emaphm.study import Store
+
+    store = Store.open(folder)
+    plan, total = store.plan, len(store.plan.tasks)
+    written = write_study_report(
+        store.results, plan.name, plan.description, out or folder / "report", total, plan.facts
+    )
+    values = {
+        "plan": plan.name,
+        "runs": store.results.height,
+        "of": total,
+        "files": list(map(str, written)),
+    }
+    pages = "\n".join(f"written: {path}" for path in written if path.suffix in (".html", ".md"))
+    show(values, f"{_summary(store)}\n{pages}", as_json)
 
 
 @app.command

@@ -113,13 +113,20 @@ def diagnose(
     recording: RecordingFile,
     *,
     actuator: ActuatorFile = "thesis",
-    method: Annotated[str, Parameter(help="hybrid, dragonfly or dragonfly-thesis.")] = "hybrid",
+    method: Annotated[
+        str,
+        Parameter(
+            help="hybrid; genetic, particle-swarm, differential-evolution, grey-wolf, dragonfly (or ga, pso, "
+            "de, gwo, da), dragonfly-thesis, random; cma-es, l-shade, scipy-de, pymoo-NAME. Any but hybrid "
+            "may end in +lsq: it finds the starts, least squares do the rest."
+        ),
+    ] = "hybrid",
     model: Annotated[str, Parameter(help="Model to fit: averaged, monitor or reference.")] = "averaged",
     fitness: Annotated[
-        str, Parameter(help="What a swarm minimises: least_squares, thesis or total_least_squares.")
+        str, Parameter(help="What an optimiser minimises: least_squares, thesis or total_least_squares.")
     ] = "least_squares",
     correction: Annotated[
-        bool, Parameter(help="Correct the model's bias by a few runs of the reference model (hybrid).")
+        bool, Parameter(help="Correct the model's bias by a few runs of the reference model (hybrid, +lsq).")
     ] = True,
     report: Annotated[Path | None, Parameter(help="Write a report: .html.")] = None,
     seed: Seed = 0,

@@ -85,6 +85,22 @@ class Contestant(BaseModel):
         self.chosen()
         return self
 
+    @property
+    def described(self) -> str:
+        """Label, method and settings in one line."""
+        settings = [
+            f"{name} {value}"
+            for name, value in (self.model_extra or {}).items()
+            if name not in ("population", "iterations")
+        ]
+        method = self.chosen()
+        if method.optimizer is not None:
+            optimizer = method.optimizer(np.zeros(len(NAMES)), np.ones(len(NAMES)))
+            settings = [f"{optimizer.population} × {optimizer.iterations}", *settings]
+        if method.refines:
+            settings.append(f"up to {self.turns} corrections")
+        return f"{self.label}: {', '.join([method.name, *settings])}"
+
     def chosen(self) -> Method:
         """Return the method at its settings; `MethodError` where it or one of them is unknown."""
         return method_named(self.method, self.model_extra)
@@ -203,6 +219,17 @@ class Plan(Section):
     def all_cases(self) -> dict[str, dict[str, float]]:
         """The named cases and the random ones."""
         return {**self.cases, **(self.random.cases if self.random else {})}
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """What a reader of the results needs to know, item by item."""
+        m = self.manoeuvre
+        command = f"chirp of {m.amplitude:g} rad, {m.start_hz:g} to {m.stop_hz:g} Hz in {m.duration:g} s"
+        return {
+            "Recordings": f"reference model of '{self.actuator.name}', {command}, {m.sample_rate:g} rows/s",
+            "Methods": "; ".join(contestant.described for contestant in self.methods),
+            "Seed": str(self.seed),
+        }
 
     @property
     def tasks(self) -> "tuple[Task, ...]":
