@@ -43,9 +43,6 @@ class ParticleSwarm(Optimizer[ParticleSwarmState]):
     A particle that meets a wall of the box stays on it, and half of that component of V is turned back [3]:
     turned to 0 it stalls there more often, left as it is it presses on.
 
-    [2]'s goals on the sphere, Rosenbrock's and Rastrigin's functions are reached in half to two thirds of the
-    iterations printed there, on Griewank's in as many.
-
     Parameters
     ----------
     lower, upper, population, iterations
