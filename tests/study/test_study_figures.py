@@ -247,3 +247,17 @@ def test_a_fitness_that_was_infinite_at_first_leaves_a_gap() -> None:
     )
     evaluations, values = np.asarray(line.get_xdata()), np.asarray(line.get_ydata(), float)
     np.testing.assert_array_equal(np.isfinite(values), evaluations >= 100)  # the second population's end
+
+
+def test_an_axis_of_less_than_a_decade_still_has_two_numbers_to_read() -> None:
+    runs = study(("GA", "DE"), ("low F",), 2)
+    near = runs.with_columns(
+        pl.when(pl.col("method") == "GA").then(810).otherwise(1000).alias("evaluations"),
+        pl.when(pl.col("method") == "GA").then(2.1).otherwise(4.2).alias("error_percent"),
+    )
+    figure = _there(draw_costs(near))
+    figure.draw_without_rendering()
+    axis = figure.axes[1]
+    low, high = axis.get_xlim()
+    inside = [tick.get_text() for tick in axis.get_xticklabels() if low <= tick.get_position()[0] <= high]
+    assert inside == ["900", "1,000"]

@@ -3,8 +3,8 @@
 from emaphm.study.ranks import SIGNIFICANT
 
 COSTS = (
-    "Mean error against what a run costs, in wall time and in evaluations (simulations of the model): "
-    "the best methods stand at the lower left."
+    "Mean error against what a run costs, in wall time and in evaluations (simulations of the model; a "
+    "correction's runs of the reference model count in the time alone). The best stand at the lower left."
 )
 
 HOLLOW = " Hollow markers are the thesis's."

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import ceil
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -36,10 +37,16 @@ WIDTH = 8.0
 FLOOR = 1e-3
 """Least error [%] that is drawn: a logarithmic axis has no zero, and less error is of no use to anyone."""
 
-NARROW, WIDE = 2.5, 8.0
-"""Decades of a logarithmic axis: below the one 2 and 5 are marked too, above the other powers of ten."""
+TICKS = {0.7: range(1, 10), 3.0: (1, 2, 5)}
+"""What is marked in each decade of a logarithmic axis that spans fewer decades than the key; else 1 alone."""
+
+WIDE = 8.0
+"""Decades from which on the marks are written as powers of ten."""
 
 LONGEST_NAME = 24
+
+MOST_COLUMNS = 5
+"""Names side by side in a legend."""
 
 LEGEND: dict[str, Any] = {
     "frameon": False,
@@ -322,7 +329,8 @@ def _log(axis: "Axes", directions: str) -> None:
         along = axis.xaxis if direction == "x" else axis.yaxis
         low, high = along.get_view_interval()
         decades = np.log10(high / low)
-        along.set_major_locator(LogLocator(subs=(1, 2, 5) if decades < NARROW else (1,)))
+        marked = next((marks for span, marks in TICKS.items() if decades < span), (1,))
+        along.set_major_locator(LogLocator(subs=tuple(marked)))
         along.set_minor_formatter(NullFormatter())
         if decades < WIDE:
             along.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.9g}"))
@@ -342,7 +350,8 @@ def _legend(figure: "Figure", styles: Mapping[str, Look], *, thesis: bool = Fals
             Line2D([], [], color="0.3", marker="o", linestyle="", markersize=5, markerfacecolor="white")
         )
         names.append("printed in the thesis")
-    legend = figure.legend(handles, ["-"] * len(handles), loc="outside upper center", ncols=5, **LEGEND)
+    columns = ceil(len(names) / ceil(len(names) / MOST_COLUMNS))
+    legend = figure.legend(handles, ["-"] * len(names), loc="outside upper center", ncols=columns, **LEGEND)
     # Set afterwards: a legend leaves out a name that begins with an underscore.
     for text, name in zip(legend.get_texts(), names, strict=True):
         text.set_text(name)
