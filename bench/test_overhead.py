@@ -3,8 +3,7 @@
 The same trivial fitness for all, so that what is measured is the optimiser. Run by `make bench`.
 """
 
-from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -12,6 +11,9 @@ from numpy.typing import NDArray
 
 from bench.conftest import Report
 from emaphm.identification.optimizers import OPTIMIZERS, minimise
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 Array = NDArray[np.float64]
 

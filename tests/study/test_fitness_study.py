@@ -112,8 +112,8 @@ def test_the_printed_mean_winding_cannot_fit_a_heavy_short(study: pl.DataFrame) 
     forms = {"fault": "short_a", "level": "high", "equivalent": "torque", "fitness": "least_squares"}
     least = {model: _rows(study, model=model, **forms)["least"].item() for model in MODELS}
     # Two thirds of the time k is 0.65 of the healthy one, else 1, and the current goes by 1/k: a constant
-    # between the two misses sqrt(2/9) (1/0.65 - 1) of 2.4 A rms, 0.6 A. The ripple leaves over 0.1 A, 36 times
-    # less when squared; ten times less is asked for.
+    # between the two misses sqrt(2/9) (1/0.65 - 1) of 2.4 A rms, 0.6 A. The ripple leaves over 0.1 A, 36
+    # times less when squared; ten times less is asked for.
     assert least["monitor"] > 10 * max(least["averaged"], least["monitor, modulated"])
 
 

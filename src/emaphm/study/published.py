@@ -193,23 +193,25 @@ def recomputed_rows() -> pl.DataFrame:
     """Return `dragonfly_rows` with the errors that follow from the faults found in them.
 
     Further columns: the error [%] by each of `FORMULAS`, null where it has no real value, and `explained`:
-    whether one of them gives the printed error. It does where they agree within what rounding can do: half
-    a unit of the printed error's last digit (zeros at the end were dropped, so that is rather generous), and
-    half a unit of the fourth decimal in every component, in whichever direction.
+    whether one of them gives the printed error. It does where they agree within what rounding can do: the
+    printed error may be rounded or, as some of the printed means are, cut off after its last digit (zeros at
+    the end were dropped, so that is rather generous), and every component that is not on a bound may be off
+    by half a unit of its fourth decimal, in whichever direction.
     """
     rows = dragonfly_rows()
     truth = np.array([Faults.from_mapping(CASES[case]).vector for case in rows["case"]])
     found = rows.select(COMPONENTS).to_numpy()
     printed = rows["error_printed"].to_numpy()
     decimals = np.array([len(text.partition(".")[2]) for text in _text_rows()["error_printed"]])
-    half_unit = 0.5 / 10.0**decimals
-    corners = COMPONENT_ROUNDING * np.array(list(product((-1, 1), repeat=len(COMPONENTS))))
-    unrounded = np.concatenate([found[np.newaxis], found + corners[:, np.newaxis]])
+    unit = 10.0**-decimals
+    rounding = np.where((found > 0) & (found < 1), COMPONENT_ROUNDING, 0.0)
+    corners = np.array(list(product((-1, 1), repeat=len(COMPONENTS))))
+    unrounded = np.concatenate([found[np.newaxis], found + rounding * corners[:, np.newaxis]])
     explained = np.zeros(rows.height, dtype=bool)
     for name, formula in FORMULAS.items():
         errors = formula(truth, unrounded)
         least, most = np.fmin.reduce(errors), np.fmax.reduce(errors)  # both pass over NaN
-        explained |= (least <= printed + half_unit) & (most >= printed - half_unit)
+        explained |= (least <= printed + unit) & (most >= printed - unit / 2)
         rows = rows.with_columns(pl.Series(name, errors[0], nan_to_null=True))
     return rows.with_columns(explained=pl.Series(explained))
 
