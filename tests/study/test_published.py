@@ -145,10 +145,11 @@ def test_no_multiple_fault_row_follows_from_the_faults() -> None:
 
 
 def test_most_gain_errors_follow_from_the_faults() -> None:
-    """All but high G, run 3: 0.7337 and no other fault is 1.63 %, and 1.56 % is printed."""
+    """All but two of high G: 0.7337 with no other fault is 1.63 %, and 0.7344 is 1.56 %."""
     rows = published.contradicting_rows().filter(pl.col("case").is_in(["low G", "high G"]))
-    assert rows.select("case", "run", "error_printed").rows() == [("high G", 3, 1.56)]
-    assert rows["error"].item() == pytest.approx(1.63)
+    odd = rows.select("case", "run", "error_printed").rows()
+    assert odd == [("high G", 3, 1.56), ("high G", 9, 1.58)]
+    assert rows["error"].to_list() == pytest.approx([1.63, 1.56])
 
 
 def test_the_recomputed_errors_leave_the_dragonfly_last() -> None:
