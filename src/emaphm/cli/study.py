@@ -44,7 +44,12 @@ def run(
             store = run_study(loaded, out, workers=workers, scheduler=scheduler, mix=mix, on_run=count)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(f"what finished is kept in {out}; the same command goes on") from None
-    values = {"plan": loaded.name, "folder": str(out), "runs": store.results.height}
+    values = {
+        "plan": loaded.name,
+        "folder": str(out),
+        "runs": store.results.height,
+        "done_again": [path.name for path in store.damaged],
+    }
     show(values, f"{_summary(store)}\nResults in {out}; see them with: emaphm study report {out}", as_json)
 
 
@@ -83,11 +88,13 @@ def plans(
     as_json: AsJson = False,
 ) -> None:
     """List the built-in plans, or print one of them."""
+    from emaphm.errors import StudyError, nearest
     from emaphm.study import BUILT_IN, Plan
     from emaphm.study.plan import built_in_text
 
     if name is not None:
-        Plan.load(name)
+        if name not in BUILT_IN:
+            raise StudyError(f"unknown plan '{name}'{nearest(name, BUILT_IN)}; only built-in ones are listed")
         show({"name": name, "toml": built_in_text(name)}, built_in_text(name).rstrip(), as_json)
         return
     every = [Plan.load(built_in) for built_in in BUILT_IN]
@@ -113,7 +120,8 @@ def _summary(store: "Store") -> str:
     told = f"{store.plan.name}: {store.results.height} of {total} runs"
     if store.damaged:
         names = ", ".join(path.name for path in store.damaged)
-        told += f"; not whole, and to be done again: {names}"
+        again = "done again" if store.results.height == total else "to be done again"
+        told += f"; not whole, and {again}: {names}"
     if store.results.is_empty():
         return told
     error = pl.col("error_percent")

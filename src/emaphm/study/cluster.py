@@ -1,30 +1,32 @@
 """Runs on the workers of a Dask scheduler, which may come and go."""
 
-from collections.abc import Iterator, Sequence
+import asyncio
+import logging
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from functools import partial
 from typing import Any
 
 from emaphm.errors import StudyError
 from emaphm.study.plan import Plan, Task
 from emaphm.study.revision import REVISION
-from emaphm.study.task import Outcome, attempt
+from emaphm.study.task import Outcome, attempt, failed
 
 ANSWER_S = 10.0
 """A scheduler that has not answered by then is not there."""
 
-LOSSES = 20
-"""Workers that may be lost under one run before it is blamed for it."""
 
-
-def run_on_cluster(plan: Plan, tasks: Sequence[Task], address: str) -> Iterator[Outcome]:
+def run_on_cluster(plan: Plan, tasks: Sequence[Task], address: str) -> Generator[Outcome]:
     """Yield the outcome of each of `tasks` as it finishes on the Dask scheduler at `address`.
 
-    The runs of a worker that is lost are done again by another.
+    The runs of a worker that is lost are done again by another, as often as the scheduler allows
+    (``distributed.scheduler.allowed-failures``); after that they count as failed.
 
     Raises
     ------
     StudyError
-        Dask is not installed, the scheduler does not answer within ten seconds, or a worker's emaphm is
-        another version.
+        Dask is not installed, the scheduler does not answer within ten seconds or goes away later, or a
+        worker's emaphm is another version.
     """
     try:
         import distributed
@@ -32,38 +34,65 @@ def run_on_cluster(plan: Plan, tasks: Sequence[Task], address: str) -> Iterator[
         raise StudyError(
             "--scheduler needs the library 'dask'; install it with: pip install 'emaphm[cluster]'"
         ) from None
-    with _client(address) as client:
-        futures = client.map(
-            attempt,
-            [plan.actuator] * len(tasks),
-            [plan.manoeuvre] * len(tasks),
-            tasks,
-            key=[f"emaphm-{REVISION}-{task.index}" for task in tasks],
-            pure=False,
-            retries=LOSSES,
-        )
-        for future in distributed.as_completed(futures):
-            outcome = future.result()
+    with ExitStack() as stack:
+        stack.enter_context(_quiet())
+        _check_answer(address)
+        client = stack.enter_context(distributed.Client(address, timeout=ANSWER_S, set_as_default=False))
+        # Not pure: keys made from the arguments would be shared by studies, and so would their results.
+        futures = client.map(partial(attempt, plan.actuator, plan.manoeuvre), tasks, pure=False)
+        task_of = dict(zip(futures, tasks, strict=True))
+        for future in distributed.as_completed(futures, loop=client.loop):
+            yield _outcome(future, task_of[future], address)
             future.release()
-            if outcome.revision != REVISION:
-                raise StudyError(
-                    f"the workers of {address} run another version of the models ({outcome.revision}; this "
-                    f"is {REVISION}); install the same emaphm there"
-                )
-            yield outcome
 
 
-def _client(address: str) -> Any:
-    import distributed
+def _outcome(future: Any, task: Task, address: str) -> Outcome:
+    from distributed import CancelledError
 
     try:
-        return distributed.Client(address, timeout=ANSWER_S, set_as_default=False)
-    except (OSError, TimeoutError, ValueError) as error:
+        outcome: Outcome = future.result()
+    except CancelledError:
         raise StudyError(
-            f"no Dask scheduler answers at {address} ({_first_line(error)}); start one with "
-            "'dask scheduler', or leave out --scheduler to use this machine"
+            f"the Dask scheduler at {address} went away; start it and the study again to go on"
+        ) from None
+    except Exception as error:  # noqa: BLE001 - its workers were lost, or are without emaphm
+        return failed(task, error)
+    if outcome.revision != REVISION:
+        raise StudyError(
+            f"the workers of {address} run another version of the models ({outcome.revision}; this is "
+            f"{REVISION}); install the same emaphm there"
+        )
+    return outcome
+
+
+def _check_answer(address: str) -> None:
+    """Refuse an address without a scheduler; `Client` itself can take a minute, and tracebacks, to do so."""
+    try:
+        asyncio.run(asyncio.wait_for(_ask(address), ANSWER_S))
+    except Exception as error:  # noqa: BLE001 - whatever listens there may answer anything
+        reason = str(error).partition("\n")[0] or f"no answer within {ANSWER_S:g} s"
+        raise StudyError(
+            f"no Dask scheduler answers at '{address}' ({reason}); start one with 'dask scheduler', or "
+            "leave out --scheduler to use this machine"
         ) from None
 
 
-def _first_line(error: BaseException) -> str:
-    return (str(error) or type(error).__name__).splitlines()[0]
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep Dask's log, tracebacks included, off stderr: what matters of it comes back as an error."""
+    log = logging.getLogger("distributed")
+    level = log.level
+    log.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        log.setLevel(level)
+
+
+async def _ask(address: str) -> None:
+    from distributed.core import rpc
+
+    async with rpc(address) as server:
+        kind = (await server.identity())["type"]
+    if kind != "Scheduler":
+        raise StudyError(f"a {kind.lower()} is there")

@@ -8,10 +8,12 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Generator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, ProcessPoolExecutor, wait
+from collections.abc import Generator, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from itertools import islice
+from multiprocessing.connection import Connection
 
 from emaphm.errors import StudyError
 from emaphm.study.plan import Plan, Task
@@ -19,6 +21,9 @@ from emaphm.study.task import Outcome, attempt
 
 WAITING = 2
 """Runs handed out for each worker: one under way, one to go on with."""
+
+LISTENING_S = 0.2
+"""Longest wait in one go: polars has system calls restarted after Ctrl-C, so that a wait does not end."""
 
 
 def run_locally(plan: Plan, tasks: Sequence[Task], workers: int | None = None) -> Generator[Outcome]:
@@ -38,8 +43,10 @@ def run_locally(plan: Plan, tasks: Sequence[Task], workers: int | None = None) -
             yield attempt(plan.actuator, plan.manoeuvre, task)
         return
     context = multiprocessing.get_context("spawn")
+    # Only this process holds `ours`: workers see it closed when the study ends, in whichever way.
+    theirs, ours = context.Pipe(duplex=False)
     try:
-        with ProcessPoolExecutor(workers, context, _begin_worker) as pool:
+        with theirs, ProcessPoolExecutor(workers, context, _begin_worker, (theirs,)) as pool, ours:
             yield from _as_finished(pool, plan, tasks, WAITING * workers)
     except BrokenProcessPool:
         raise StudyError(
@@ -50,28 +57,35 @@ def run_locally(plan: Plan, tasks: Sequence[Task], workers: int | None = None) -
 
 def _as_finished(pool: Executor, plan: Plan, tasks: Sequence[Task], most: int) -> Generator[Outcome]:
     queue = iter(tasks)
-    pending = {pool.submit(attempt, plan.actuator, plan.manoeuvre, task) for task in islice(queue, most)}
+    pending: set[Future[Outcome]] = set()
+    while True:
+        with _interrupts_held_back():
+            pending |= {
+                pool.submit(attempt, plan.actuator, plan.manoeuvre, task)
+                for task in islice(queue, most - len(pending))
+            }
+        if not pending:
+            return
+        finished, pending = wait(pending, LISTENING_S, FIRST_COMPLETED)
+        for future in finished:
+            yield future.result()
+
+
+@contextmanager
+def _interrupts_held_back() -> Iterator[None]:
+    """Start processes that Ctrl-C leaves alone, from their first moment on: they inherit what is blocked."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
-        while pending:
-            finished, pending = wait(pending, return_when=FIRST_COMPLETED)
-            for future in finished:
-                pending |= {
-                    pool.submit(attempt, plan.actuator, plan.manoeuvre, task) for task in islice(queue, 1)
-                }
-                yield future.result()
+        yield
     finally:
-        for future in pending:
-            future.cancel()
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _begin_worker() -> None:
-    """Leave Ctrl-C to the parent, and end with it even if it is killed: else a worker waits for ever."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+def _begin_worker(study: Connection) -> None:
+    """End with the study, also one that was killed or interrupted: else a worker would go on, or wait."""
+    threading.Thread(target=_end_with, args=(study,), daemon=True).start()
 
 
-def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
+def _end_with(study: Connection) -> None:
+    study.poll(None)
+    os._exit(1)

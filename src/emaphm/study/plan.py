@@ -2,6 +2,8 @@
 
 import hashlib
 import itertools
+import math
+import os
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -25,7 +27,10 @@ from emaphm.simulation import model_named
 BUILT_IN = ("thesis", "quick", "hybrids", "forms", "monitor")
 """Plans that come with the package."""
 
-Positive = Annotated[int, Field(ge=1)]
+MOST_RUNS = 1_000_000
+"""Of a whole plan: each is a file, and a number of seven digits."""
+
+Count = Annotated[int, Field(ge=1, le=MOST_RUNS)]
 Label = Annotated[str, Field(min_length=1, max_length=60)]
 
 
@@ -42,7 +47,7 @@ class Manoeuvre(Section):
 class RandomCases(Section):
     """Cases "random 1" and on: vectors drawn from [0, 1], their shorts from [0, `largest_short`]."""
 
-    count: Positive
+    count: Count
     seed: Annotated[int, Field(ge=0)] = 0
     largest_short: Annotated[float, Field(ge=0, le=1)] = 0.7
 
@@ -51,9 +56,8 @@ class RandomCases(Section):
         """The cases by name."""
         vectors = np.random.default_rng(self.seed).random((self.count, len(NAMES)))
         vectors[:, 2:5] *= self.largest_short
-        width = len(str(self.count))
         return {
-            f"random {i + 1:0{width}d}": dict(zip(NAMES, map(float, vector), strict=True))
+            f"random {i + 1}": dict(zip(NAMES, map(float, vector), strict=True))
             for i, vector in enumerate(vectors)
         }
 
@@ -114,7 +118,7 @@ class Plan(Section):
 
     name: Label
     description: str = ""
-    runs: Positive
+    runs: Count
     seed: Annotated[int, Field(ge=0)] = 0
     actuator: Actuator = Actuator.thesis()
     manoeuvre: Manoeuvre = Manoeuvre()
@@ -157,8 +161,7 @@ class Plan(Section):
                 raise StudyError(f"'{key}' is empty, so there is nothing to run; name at least one")
             if len(set(map(str, values))) < len(values):
                 raise StudyError(f"'{key}' names one twice; name each once")
-        if not self.all_cases:
-            raise StudyError("no cases, so there is nothing to run; add [cases] or [random]")
+        self._check_cases_and_runs()
         labels = [contestant.label for contestant in self.methods]
         for label in labels:
             if labels.count(label) > 1:
@@ -166,11 +169,22 @@ class Plan(Section):
         self._check_names()
         return self
 
+    def _check_cases_and_runs(self) -> None:
+        if not self.all_cases:
+            raise StudyError("no cases, so there is nothing to run; add [cases] or [random]")
+        twice = self.cases.keys() & (self.random.cases if self.random else {})
+        if twice:
+            raise StudyError(f"case '{min(twice)}' bears a name of [random]; give it another")
+        lists = (self.models, self.fitnesses, self.equivalents, self.noises_A, self.all_cases, self.methods)
+        total = self.runs * math.prod(map(len, lists))
+        if total > MOST_RUNS:
+            raise StudyError(f"{total} runs are too many; {MOST_RUNS} are possible: ask for fewer")
+
     def _check_names(self) -> None:
         for model, fitness, contestant in itertools.product(self.models, self.fitnesses, self.methods):
-            method = contestant.chosen()
+            method, switches = contestant.chosen(), model_named(model).switches
             check_fitness(method, fitness)
-            if method.refines and model_named(model).switches:
+            if method.refines and switches:
                 raise StudyError(
                     f"method '{contestant.method}' needs derivatives, which drown in the {model} model's "
                     "switching; leave out one of the two"
@@ -188,7 +202,7 @@ class Plan(Section):
         if str(name) in BUILT_IN:
             return cls.from_toml_text(built_in_text(str(name)), where=f"plan '{name}'")
         path = Path(name)
-        if not path.suffix and not path.exists():
+        if not path.suffix and not os.path.exists(path):  # noqa: PTH110 - Path.exists fails on a long name
             raise StudyError(
                 f"unknown plan '{name}'{nearest(str(name), BUILT_IN)}; or give the path of its TOML"
             )
@@ -213,7 +227,7 @@ class Plan(Section):
         try:
             return cls.model_validate(values)
         except ValidationError as error:
-            raise StudyError(f"{where}: {validation_message(error, cls)}") from None
+            raise StudyError(f"{where}: {_complaint(error)}") from None
 
     @property
     def all_cases(self) -> dict[str, dict[str, float]]:
@@ -281,6 +295,12 @@ class Task:
 def built_in_text(name: str) -> str:
     """Return the TOML of a built-in plan."""
     return files("emaphm.study").joinpath("plans", f"{name}.toml").read_text(encoding="utf-8")
+
+
+def _complaint(error: ValidationError) -> str:
+    first = error.errors()[0]
+    # What is wrong with the plan as a whole has no key of its own.
+    return validation_message(error, Plan) if first["loc"] else str(first["ctx"]["error"])
 
 
 def _seed(seed: int, case: str, run: int) -> int:

@@ -5,15 +5,16 @@ from pathlib import Path
 
 import emaphm
 
-DECIDING = ("actuator", "simulation", "recording", "identification")
-"""The rooms whose code decides what a run finds."""
+DECIDING = ("actuator", "simulation", "recording", "identification", "rig.py", "study/task.py")
+"""The rooms and files whose code decides what a run finds."""
 
 
 def _revision() -> str:
     root = Path(emaphm.__file__).parent
     digest = hashlib.sha256()
-    for room in DECIDING:
-        for source in sorted((root / room).rglob("*.py")):
+    for name in DECIDING:
+        place = root / name
+        for source in sorted(place.rglob("*.py")) if place.is_dir() else [place]:
             digest.update(source.relative_to(root).as_posix().encode())
             digest.update(source.read_bytes())
     return digest.hexdigest()[:12]

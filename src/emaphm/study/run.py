@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 from emaphm.errors import StudyError
@@ -24,12 +25,13 @@ def run_study(
 ) -> Store:
     """Do what is missing of `plan` in `folder`, and return its store with every result.
 
-    Results do not depend on the number of workers, on where they are, or on interruptions.
+    Results do not depend on the number of workers, on where they are, or on interruptions. The store's
+    `damaged` are the parts that were not whole; their runs have been done again.
 
     Parameters
     ----------
     workers
-        Threads on this machine; one a core where left out.
+        Processes on this machine; one a core where left out.
     scheduler
         Address of a Dask scheduler, e.g. ``tcp://10.0.0.1:8786``, to run on its workers instead.
     mix
@@ -45,7 +47,7 @@ def run_study(
     store = Store.create(folder, plan, mix=mix)
     with store.locked():
         store = Store.create(folder, plan, mix=mix)  # another study may have added to it meanwhile
-        store.clear_debris()
+        store.prepare()
         done = set(store.results["index"])
         tasks = plan.tasks
         missing = [task for task in tasks if task.index not in done]
@@ -66,7 +68,7 @@ def run_study(
             f"{len(failures)} of {len(missing)} runs failed, the first: {failures[0]}; "
             f"what finished is kept in {folder}"
         )
-    return Store.open(folder)
+    return replace(Store.open(folder), damaged=store.damaged)
 
 
 def _outcomes(

@@ -16,7 +16,7 @@ import polars as pl
 
 from emaphm.errors import StudyError
 from emaphm.recording.output import written_whole
-from emaphm.study.plan import Plan
+from emaphm.study.plan import Plan, Task
 from emaphm.study.revision import REVISION
 
 SCHEMA: dict[str, pl.DataType | type[pl.DataType]] = {
@@ -49,10 +49,18 @@ PLAN = "plan.json"
 PARTS = "runs"
 LOCK = ".lock"
 
+NOTHING = "nothing"
+MOST_TOLD = 3
+"""Differences between two plans that are told one by one."""
+
 
 @dataclass(frozen=True)
 class Store:
-    """The folder of one study. `damaged` are the parts that were not whole; their runs count as missing."""
+    """The folder of one study.
+
+    `damaged` are the parts that are not whole, or not of the run that they are named after; these runs count
+    as missing.
+    """
 
     folder: Path
     plan: Plan
@@ -71,8 +79,6 @@ class Store:
             The folder holds something else, another plan's results, or results of another version.
         """
         folder = Path(folder)
-        if folder.exists() and not folder.is_dir():
-            raise StudyError(f"{folder} is not a folder; give another name")
         if not (folder / PLAN).exists():
             _begin(folder, plan)
         store = cls.open(folder)
@@ -98,15 +104,17 @@ class Store:
         except (OSError, ValueError) as error:
             reason = str(error).splitlines()[0]
             raise StudyError(f"{folder / PLAN}: cannot be read as a plan ({reason})") from None
-        frames, damaged = [], []
-        for part in sorted((folder / PARTS).glob("*.parquet")):
-            frame = _read(part)
+        frames, damaged = [pl.DataFrame(schema=SCHEMA)], []
+        for task in plan.tasks:
+            part = _part(folder, task.index)
+            if not part.exists():
+                continue
+            frame = _read(part, task)
             if frame is None:
                 damaged.append(part)
             else:
                 frames.append(frame)
-        results = pl.concat([pl.DataFrame(schema=SCHEMA), *frames]).sort("index")
-        return cls(folder, plan, results, tuple(damaged))
+        return cls(folder, plan, pl.concat(frames), tuple(damaged))
 
     def check_revision(self, *, mix: bool) -> None:
         """Refuse results of another version of the models, unless told to mix."""
@@ -120,57 +128,91 @@ class Store:
     @contextmanager
     def locked(self) -> Iterator[None]:
         """Keep every other study out of the folder while the body runs, however the process ends."""
-        with (self.folder / LOCK).open("w") as lock:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError:
-                raise StudyError(
-                    f"another study is running in {self.folder}; wait, or give another folder"
-                ) from None
+        with _locked(self.folder):
             yield
 
-    def clear_debris(self) -> None:
-        """Remove what a killed study left half-written."""
-        for path in (*self.damaged, *(self.folder / PARTS).glob(".*.tmp")):
-            path.unlink(missing_ok=True)
+    def prepare(self) -> None:
+        """Make room for parts, and remove what a killed study left half-written."""
+        try:
+            (self.folder / PARTS).mkdir(exist_ok=True)
+            for temporary in (*self.folder.glob(".*.tmp"), *(self.folder / PARTS).glob(".*.tmp")):
+                temporary.unlink()
+        except OSError as error:
+            raise _not_writable(self.folder, error) from None
 
     def add(self, row: Mapping[str, Any]) -> None:
-        """Put one finished run on disk, whole."""
+        """Put one finished run on disk, whole; it takes the place of a damaged part."""
         frame = pl.DataFrame([row], schema=SCHEMA)
-        with written_whole(self._part(row["index"])) as temporary:
+        with written_whole(_part(self.folder, row["index"])) as temporary:
             frame.write_parquet(temporary)
-
-    def _part(self, index: int) -> Path:
-        return self.folder / PARTS / f"{index:07d}.parquet"
 
 
 def _begin(folder: Path, plan: Plan) -> None:
+    if folder.exists() and not folder.is_dir():
+        raise StudyError(f"{folder} is not a folder; give another name")
     if folder.is_dir() and any(not path.name.startswith(".") for path in folder.iterdir()):
         raise StudyError(f"{folder} holds something else than a study; give a new or empty folder")
     try:
-        (folder / PARTS).mkdir(parents=True, exist_ok=True)
+        folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise StudyError(f"{folder} cannot be created ({error.strerror}); give another place") from None
-    with written_whole(folder / PLAN) as temporary:
-        temporary.write_text(plan.model_dump_json(indent=1), encoding="utf-8")
+    with _locked(folder):
+        if not (folder / PLAN).exists():  # else another study has begun meanwhile
+            with written_whole(folder / PLAN) as temporary:
+                temporary.write_text(plan.model_dump_json(indent=1), encoding="utf-8")
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    try:
+        lock = (folder / LOCK).open("w")
+    except OSError as error:
+        raise _not_writable(folder, error) from None
+    with lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise StudyError(f"another study is running in {folder}; wait, or give another folder") from None
+        except OSError as error:
+            raise _not_writable(folder, error) from None
+        yield
+
+
+def _not_writable(folder: Path, error: OSError) -> StudyError:
+    return StudyError(f"{folder} cannot be written to ({error.strerror}); give another folder with -o")
+
+
+def _part(folder: Path, index: int) -> Path:
+    return folder / PARTS / f"{index:07d}.parquet"
 
 
 def _difference(there: Plan, here: Plan) -> str:
-    """Return which keys differ between two plans, and how where that is short; empty if none does."""
-    one, other = there.model_dump(mode="json"), here.model_dump(mode="json")
-    differences = []
-    for key in one:
-        if one[key] == other[key]:
-            continue
-        told = f"{one[key]!r} there, {other[key]!r} here"
-        differences.append(f"'{key}' ({told})" if len(told) < 100 else f"'{key}'")
-    return ", ".join(differences)
+    """Return which keys differ between two plans, and how; empty if none does."""
+    one, other = (dict(_leaves(plan.model_dump(mode="json"))) for plan in (there, here))
+    keys = [key for key in {**one, **other} if one.get(key, NOTHING) != other.get(key, NOTHING)]
+    told = [f"'{key}' ({one.get(key, NOTHING)} there, {other.get(key, NOTHING)} here)" for key in keys]
+    more = f" and {len(keys) - MOST_TOLD} more" if len(keys) > MOST_TOLD else ""
+    return ", ".join(told[:MOST_TOLD]) + more
 
 
-def _read(part: Path) -> pl.DataFrame | None:
-    """Return the rows of a part, or None where it is not whole."""
+def _leaves(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
+    """Yield the values in nested tables and lists as text, by their dotted keys."""
+    if isinstance(value, list):
+        value = {str(place): item for place, item in enumerate(value)}
+    if not isinstance(value, dict) or not value:
+        yield key, repr(value)
+        return
+    for name, item in value.items():
+        yield from _leaves(item, f"{key}.{name}" if key else name)
+
+
+def _read(part: Path, task: Task) -> pl.DataFrame | None:
+    """Return the row of a part, or None where it is not whole or is not of `task`."""
     try:
         frame = pl.read_parquet(part)
-    except (pl.exceptions.PolarsError, OSError):
+    except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError):
         return None
-    return frame if frame.schema == pl.Schema(SCHEMA) else None
+    expected = [task.index, task.case, task.contestant.label, task.seed]
+    if frame.schema != pl.Schema(SCHEMA) or frame.height != 1:
+        return None
+    return frame if [frame[name][0] for name in ("index", "case", "method", "seed")] == expected else None

@@ -41,9 +41,16 @@ def attempt(actuator: Actuator, manoeuvre: Manoeuvre, task: Task) -> Outcome:
     try:
         row = perform(actuator, manoeuvre, task)
     except Exception as error:  # noqa: BLE001 - another library's optimiser may raise anything
-        what = f"{task.case}, {task.contestant.label}, run {task.run}"
-        return Outcome(task.index, None, f"{what}: {type(error).__name__}: {error}", REVISION)
+        return failed(task, error)
     return Outcome(task.index, row, "", REVISION)
+
+
+def failed(task: Task, error: Exception) -> Outcome:
+    """Return the outcome of a run that ended in `error`."""
+    what = f"{task.case}, {task.contestant.label}, run {task.run}"
+    return Outcome(
+        task.index, None, f"{what}: {type(error).__name__}: {' '.join(str(error).split())}", REVISION
+    )
 
 
 def perform(actuator: Actuator, manoeuvre: Manoeuvre, task: Task) -> dict[str, Any]:
