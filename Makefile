@@ -19,15 +19,16 @@ lint: $(INSTALLED)  ## check style and types
 bench: $(INSTALLED)  ## measure speed, as ratios to the manoeuvre's own time
 	$(BIN)/python -m pytest bench -p no:xdist --benchmark-columns=min,median,rounds
 
-study: $(INSTALLED)  ## measure accuracy on many cases, write docs/accuracy.md
+study: $(INSTALLED)  ## measure accuracy, redo the thesis's comparison, write docs/accuracy.md and docs/comparison.md
 	$(BIN)/python bench/accuracy.py docs/accuracy.md
+	$(BIN)/python bench/comparison.py docs/comparison
 
 docs: $(INSTALLED)  ## draw the figures of the README and the examples
 	$(BIN)/emaphm demo --out docs/demo --force
 	$(BIN)/python examples/emps/emps.py --figure docs/emps.svg
 
 clean:  ## remove what the other targets made
-	rm -rf $(VENV) demo
+	rm -rf $(VENV) demo studies
 
 $(INSTALLED): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
