@@ -1,0 +1,300 @@
+"""`emaphm study …`: what it prints, how it ends, and what it refuses."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from emaphm.study import BUILT_IN, Plan, Store
+from emaphm.study.plan import built_in_text
+
+from .conftest import Emaphm, Refusal
+
+PLAN = """\
+name = "small"
+runs = 2
+
+[manoeuvre]
+duration = 0.05
+
+[cases]
+worn = { friction = 0.3 }
+
+[[methods]]
+method = "da"
+population = 4
+iterations = 3
+
+[[methods]]
+method = "dragonfly-thesis"
+population = 4
+iterations = 3
+"""
+
+PATIENCE_S = 60
+"""For a process to come up or to end on a busy machine."""
+
+RUN = "study run plan.toml -o out"
+
+
+@pytest.fixture
+def plan(desk: Path) -> Path:
+    """Return the file of a plan of four short runs, in the folder `desk`."""
+    file = desk / "plan.toml"
+    file.write_text(PLAN, encoding="utf-8")
+    return file
+
+
+@pytest.fixture
+def study(plan: Path, emaphm: Emaphm) -> Path:
+    """Return the folder "out" of that plan's results."""
+    assert emaphm(*RUN.split(), "--workers", "1").code == 0
+    return plan.with_name("out")
+
+
+# Running
+
+
+def test_run_prints_a_line_for_each_method(plan: Path, emaphm: Emaphm) -> None:
+    code, out, err = emaphm(*RUN.split(), "--workers", "1")
+    assert (code, err) == (0, "")
+    lines = out.splitlines()
+    assert lines[0] == "small: 4 of 4 runs"
+    assert sorted(line.split()[0] for line in lines[3:-1]) == ["da", "dragonfly-thesis"]
+    assert lines[-1] == "Results in out; see them with: emaphm study report out"
+    results = Store.open(plan.with_name("out")).results
+    for method in ("da", "dragonfly-thesis"):
+        errors = results.filter(method=method)["error_percent"].to_numpy()
+        (line,) = (line.split() for line in lines[3:-1] if line.split()[0] == method)
+        assert line[1:4] == [f"{value:.2f}" for value in (errors.mean(), errors.mean(), errors.max())]
+        assert line[5] == "12"  # 4 points, 3 times
+
+
+def test_run_answers_in_json(plan: Path, emaphm: Emaphm) -> None:
+    code, out, err = emaphm(*RUN.split(), "--workers", "2", "--json")
+    assert (code, err) == (0, "")
+    assert json.loads(out) == {"plan": "small", "folder": "out", "runs": 4, "done_again": []}
+    assert Store.open(plan.with_name("out")).results.height == 4
+
+
+@pytest.mark.usefixtures("study")
+def test_a_finished_study_may_be_started_again(emaphm: Emaphm) -> None:
+    code, out, err = emaphm(*RUN.split())
+    assert (code, err) == (0, "")
+    assert out.startswith("small: 4 of 4 runs\n")
+
+
+def test_a_part_that_is_cut_is_named(study: Path, emaphm: Emaphm) -> None:
+    part = study / "runs" / "0000002.parquet"
+    for line in (f"{RUN} --workers 1", f"{RUN} --workers 1 --json"):
+        part.write_bytes(part.read_bytes()[:500])
+        code, out, err = emaphm(*line.split())
+        assert (code, err) == (0, "")
+        if line.endswith("--json"):
+            assert json.loads(out)["done_again"] == [part.name]
+        else:
+            assert out.startswith(f"small: 4 of 4 runs; not whole, and done again: {part.name}\n")
+
+
+def test_results_of_another_version_may_be_mixed_in(study: Path, emaphm: Emaphm) -> None:
+    _disguise(study)
+    code, out, err = emaphm(*RUN.split(), "--mix")
+    assert (code, err) == (0, "")
+    assert out.startswith("small: 4 of 4 runs\n")
+
+
+def _disguise(study: Path) -> None:
+    """Give the first result of a study another version."""
+    import polars as pl
+
+    part = study / "runs" / "0000000.parquet"
+    pl.read_parquet(part).with_columns(revision=pl.lit("0123456789ab")).write_parquet(part)
+
+
+# Plans
+
+
+def test_plans_are_listed(emaphm: Emaphm) -> None:
+    code, out, err = emaphm("study", "plans")
+    assert (code, err) == (0, "")
+    for name, line in zip(BUILT_IN, out.splitlines(), strict=True):
+        plan = Plan.load(name)
+        assert line.split()[:3] == [name, str(len(plan.tasks)), "runs"]
+        assert line.endswith(plan.description)
+
+
+def test_plans_are_listed_in_json(emaphm: Emaphm) -> None:
+    code, out, err = emaphm("study", "plans", "--json")
+    assert (code, err) == (0, "")
+    listed = json.loads(out)["plans"]
+    assert [plan["name"] for plan in listed] == list(BUILT_IN)
+    assert [plan["runs"] for plan in listed] == [len(Plan.load(name).tasks) for name in BUILT_IN]
+
+
+def test_a_printed_plan_is_a_plan(emaphm: Emaphm) -> None:
+    code, out, err = emaphm("study", "plans", "thesis")
+    assert (code, err) == (0, "")
+    assert Plan.from_toml_text(out) == Plan.load("thesis")
+    code, out, err = emaphm("study", "plans", "thesis", "--json")
+    assert (code, err) == (0, "")
+    assert json.loads(out) == {"name": "thesis", "toml": built_in_text("thesis")}
+
+
+# What is refused
+
+BAD_LINES = {
+    "study run": ("run", "requires an argument"),
+    "study run plan.toml": ("--out", "requires an argument"),
+    "study bogus": ('"bogus"', "run"),
+    f"{RUN} --workers 0": ("--workers 0", "give 1 or more"),
+    f"{RUN} --workers -3": ("--workers -3", "give 1 or more"),
+    f"{RUN} --workers two": ("--workers", '"two"', "int"),
+    f"{RUN} --workers 2 --scheduler tcp://127.0.0.1:1": ("--workers and --scheduler exclude each other",),
+    "study run thesi -o out": ("'thesi'", "did you mean 'thesis'?"),
+    "study run absent.toml -o out": ("absent.toml", "no such plan file", "give the path"),
+    "study run good.csv -o out": ("good.csv", "not valid TOML", "line 1"),
+    "study run good.toml -o out": ("good.toml", "unknown key"),
+    "study run . -o out": (".: cannot be read", "directory"),
+    "study run plan.toml -o good.csv": ("good.csv is not a folder", "give another name"),
+    "study run plan.toml -o good.csv/out": ("good.csv/out cannot be created", "give another place"),
+    "study run plan.toml -o .": ("holds something else than a study", "give a new or empty folder"),
+    "study plans thesi": ("'thesi'", "did you mean 'thesis'?"),
+    "study plans plan.toml": ("'plan.toml'", "only built-in"),
+}
+
+
+@pytest.mark.usefixtures("plan")
+@pytest.mark.parametrize(("line", "pieces"), BAD_LINES.items(), ids=BAD_LINES.keys())
+def test_bad_lines_are_refused(refused: Refusal, line: str, pieces: tuple[str, ...]) -> None:
+    message = refused(*line.split())
+    for piece in pieces:
+        assert piece in message
+
+
+BAD_PLANS = {
+    "method": ('"da"', '"dda"', ("plan.toml", "'methods.0'", "'dda'", "did you mean 'da'?")),
+    "fault": ("friction", "frictoin", ("plan.toml", "case 'worn'", "did you mean 'friction'?")),
+    "key": ("runs", "rnus", ("plan.toml", "'rnus'", "did you mean 'runs'?")),
+    "nothing": ("worn = { friction = 0.3 }", "", ("plan.toml", "no cases", "nothing to run", "add [cases]")),
+    "lines": ('"da"', '"d\\na"', ("plan.toml", "unknown method")),
+}
+
+
+@pytest.mark.parametrize(("old", "new", "pieces"), BAD_PLANS.values(), ids=BAD_PLANS.keys())
+def test_bad_plans_are_refused(
+    plan: Path, refused: Refusal, old: str, new: str, pieces: tuple[str, ...]
+) -> None:
+    plan.write_text(PLAN.replace(old, new), encoding="utf-8")
+    message = refused(*RUN.split())
+    for piece in pieces:
+        assert piece in message
+
+
+def test_another_plans_folder_is_refused(study: Path, plan: Path, refused: Refusal) -> None:
+    assert study.is_dir()
+    plan.write_text(PLAN.replace("runs = 2", "runs = 3"), encoding="utf-8")
+    assert "out holds results of another plan: 'runs' (2 there, 3 here); give another" in refused(
+        *RUN.split()
+    )
+
+
+def test_another_versions_results_are_refused(study: Path, refused: Refusal) -> None:
+    _disguise(study)
+    message = refused(*RUN.split())
+    assert "out holds results of another version of the models (0123456789ab; this is " in message
+    assert "--mix" in message
+
+
+# Terminals and signals
+
+Start = Callable[..., "subprocess.Popen[bytes]"]
+
+
+@pytest.fixture
+def start(desk: Path) -> Iterator[Start]:
+    """Return what starts a study of many runs, in a process group of its own."""
+    longer = PLAN.replace("runs = 2", "runs = 200").replace("iterations = 3", "iterations = 200")
+    (desk / "plan.toml").write_text(longer, encoding="utf-8")
+    started = []
+
+    def run(*arguments: str, stderr: int = subprocess.PIPE) -> "subprocess.Popen[bytes]":
+        process = subprocess.Popen(  # noqa: S603 - the arguments are this file's
+            [sys.executable, "-m", "emaphm.cli", *RUN.split(), *arguments],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=stderr,
+            cwd=desk,
+            env=os.environ | {"TERM": "xterm", "COLUMNS": "120"},
+            start_new_session=True,
+        )
+        started.append(process)
+        return process
+
+    yield run
+    for process in started:
+        process.kill()
+        process.communicate()
+
+
+def _wait_for_parts(desk: Path, count: int) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while len(list(desk.glob("out/runs/*.parquet"))) < count:
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs process groups")
+@pytest.mark.parametrize("workers", ["1", "2"])
+def test_an_interruption_says_how_to_go_on(start: Start, desk: Path, workers: str) -> None:
+    process = start("--workers", workers)
+    _wait_for_parts(desk, 5)
+    os.killpg(process.pid, signal.SIGINT)
+    out, err = process.communicate(timeout=PATIENCE_S)
+    assert (process.returncode, out) == (130, b"")
+    assert err == b"emaphm: interrupted: what finished is kept in out; the same command goes on\n"
+    assert 5 <= Store.open(desk / "out").results.height < 400
+    assert not list(desk.rglob("*.tmp"))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs process groups")
+def test_an_interruption_while_workers_start_leaves_no_traceback(start: Start, desk: Path) -> None:
+    process = start("--workers", "2")
+    deadline = time.monotonic() + PATIENCE_S
+    while not (desk / "out" / "runs").exists():  # made just before they are started
+        assert time.monotonic() < deadline
+        time.sleep(0.002)
+    time.sleep(0.4)  # they load for a second and more
+    os.killpg(process.pid, signal.SIGINT)
+    out, err = process.communicate(timeout=PATIENCE_S)
+    assert (process.returncode, out) == (130, b"")
+    assert err == b"emaphm: interrupted: what finished is kept in out; the same command goes on\n"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
+def test_progress_is_shown_on_a_terminal_alone(start: Start, desk: Path) -> None:
+    terminal, other = os.openpty()
+    process = start("--workers", "1", stderr=other)
+    os.close(other)
+    _wait_for_parts(desk, 5)
+    shown = b""
+    while b"/400" not in shown:
+        shown += os.read(terminal, 65536)
+    os.killpg(process.pid, signal.SIGINT)
+    while True:
+        try:
+            piece = os.read(terminal, 65536)
+        except OSError:  # so Linux says that the other side is closed
+            break
+        shown += piece
+    out, _ = process.communicate(timeout=PATIENCE_S)
+    os.close(terminal)
+    assert (process.returncode, out) == (130, b"")
+    assert b"study small" in shown
+    assert b"interrupted: what finished is kept in out; the same command goes on" in shown
+    assert b"Traceback" not in shown
