@@ -34,19 +34,16 @@ NURSERY = """
 import os, sys, time
 from pathlib import Path
 
-import polars
-
 from emaphm.study import Plan, run_study
 from emaphm.study.task import perform
 
 plan, folder = Plan.model_validate_json(Path(sys.argv[1]).read_text()), sys.argv[2]
 perform(plan.actuator, plan.manoeuvre, plan.tasks[0])
-write_parquet = polars.DataFrame.write_parquet
+write_bytes = Path.write_bytes
 
 
-def write_half(frame, path):
-    write_parquet(frame, path)
-    path.write_bytes(path.read_bytes()[:1000])
+def write_half(path, content):
+    write_bytes(path, content[:1000])
     print("half", flush=True)
     time.sleep(600)
 
@@ -55,7 +52,7 @@ for line in sys.stdin:
     child = os.fork()
     if not child:
         if line.strip() == "slowly":
-            polars.DataFrame.write_parquet = write_half
+            Path.write_bytes = write_half
         ended = 1
         try:
             run_study(plan, folder, workers=1)

@@ -5,6 +5,7 @@ is never written again. A study that was stopped at any moment therefore goes on
 """
 
 import fcntl
+import io
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -142,9 +143,10 @@ class Store:
 
     def add(self, row: Mapping[str, Any]) -> None:
         """Put one finished run on disk, whole; it takes the place of a damaged part."""
-        frame = pl.DataFrame([row], schema=SCHEMA)
+        content = io.BytesIO()  # polars itself says of a full disk that the file is no Parquet
+        pl.DataFrame([row], schema=SCHEMA).write_parquet(content)
         with written_whole(_part(self.folder, row["index"])) as temporary:
-            frame.write_parquet(temporary)
+            temporary.write_bytes(content.getbuffer())
 
 
 def _begin(folder: Path, plan: Plan) -> None:
