@@ -172,6 +172,8 @@ def test_numbers_are_apart_from_those_of_a_plain_generator(make: Make) -> None:
         ({"upper": [1, 1, 1]}, r"vectors of one length, got shapes \(2,\) and \(3,\)"),
         ({"population": 1}, "population must be at least 2, got 1"),
         ({"iterations": 0}, "iterations must be at least 1, got 0"),
+        ({"population": 4.5}, "population must be a whole number, got 4.5"),
+        ({"iterations": True}, "iterations must be a whole number, got True"),
     ],
 )
 def test_bad_settings_raise(make: Make, bad: dict[str, Any], message: str) -> None:

@@ -285,6 +285,14 @@ def test_a_nonsense_address_is_refused_at_once(
     assert capfd.readouterr() == ("", "")
 
 
+def test_a_notebook_whose_loop_is_running_can_ask_too(tmp_path: Path) -> None:
+    async def cell() -> None:
+        run_study(PLAN, tmp_path / "study", scheduler="http://127.0.0.1:8786")
+
+    with pytest.raises(StudyError, match="unknown address scheme 'http'"):
+        asyncio.run(cell())
+
+
 def test_a_worker_is_no_scheduler(cluster: Cluster, tmp_path: Path) -> None:
     from distributed.core import rpc
 

@@ -3,6 +3,7 @@
 import asyncio
 import logging
 from collections.abc import Generator, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from typing import Any
@@ -68,7 +69,9 @@ def _outcome(future: Any, task: Task, address: str) -> Outcome:
 def _check_answer(address: str) -> None:
     """Refuse an address without a scheduler; `Client` itself can take a minute, and tracebacks, to do so."""
     try:
-        asyncio.run(asyncio.wait_for(_ask(address), ANSWER_S))
+        # In a thread of its own: a notebook's has a running loop already, which cannot be nested.
+        with ThreadPoolExecutor(1) as thread:
+            thread.submit(asyncio.run, asyncio.wait_for(_ask(address), ANSWER_S)).result()
     except Exception as error:  # noqa: BLE001 - whatever listens there may answer anything
         reason = str(error).partition("\n")[0] or f"no answer within {ANSWER_S:g} s"
         raise StudyError(

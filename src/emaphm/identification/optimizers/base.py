@@ -53,7 +53,7 @@ class Optimizer(ABC, Generic[S]):
     ------
     MethodError
         A lower bound is not less than its upper bound, a bound is not finite, the shapes differ, the
-        population is below 2, or the iterations are below 1.
+        population is below 2, the iterations are below 1, or one of these is no whole number.
     """
 
     lower: NDArray[np.float64]
@@ -65,6 +65,9 @@ class Optimizer(ABC, Generic[S]):
         lower, upper = checked_box(self.lower, self.upper)
         object.__setattr__(self, "lower", lower)
         object.__setattr__(self, "upper", upper)
+        for name in ("population", "iterations"):
+            if isinstance(getattr(self, name), bool) or not isinstance(getattr(self, name), int | np.integer):
+                raise MethodError(f"{name} must be a whole number, got {getattr(self, name)!r}")
         if self.population < 2:
             raise MethodError(f"population must be at least 2, got {self.population}")
         if self.iterations < 1:
