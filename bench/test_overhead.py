@@ -65,8 +65,9 @@ def test_scipy(benchmark: Any, report: Report) -> None:
     from scipy.optimize import differential_evolution
 
     start = np.random.default_rng(0).random((AGENTS, DIMENSIONS))
+    minimize: Any = differential_evolution  # its types do not know `vectorized`
     benchmark(
-        lambda: differential_evolution(
+        lambda: minimize(
             lambda x: fitness(x.T),
             [(0.0, 1.0)] * DIMENSIONS,
             maxiter=GENERATIONS - 1,
