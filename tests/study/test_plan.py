@@ -219,7 +219,7 @@ REFUSED: dict[str, tuple[str, tuple[str, ...]]] = {
     "fault, too large": (small.with_(("0.3", "1.3")), ("case 'worn'", "friction=1.3", "outside [0, 1]")),
     "setting, text": (
         small.with_(("population = 8", 'population = "eight"')),
-        ("'methods.1'", "wrong kind", "'eight'"),
+        ("'methods.1'", "whole number", "'eight'"),
     ),
     "setting, too small": (
         small.with_(("population = 8", "population = 1")),

@@ -155,7 +155,7 @@ def calibrate(
     found = _search(simulate, problem.recorded, box, seed, on_progress)
     point = found.points[found.best]
     residual = problem.recorded - simulate(point[np.newaxis])[0]
-    derivatives, spent = sensitivity(simulate, point, box, STEP)
+    derivatives, spent = sensitivity(simulate, point, box, STEP * np.eye(point.size))
     spread = covariance(derivatives, residual, np.full(point.size, math.log(WIDEST_FACTOR)))
     values = {name: float(value[0]) for name, value in scales.values(point[np.newaxis]).items()}
     if "static" in values:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.faults import CARTESIAN_NAMES
-from emaphm.identification.correction import MOST_TURNS, discrepancy, has_reference
+from emaphm.identification.correction import MOST_TURNS, PRIOR_DEVIATION, discrepancy, has_reference
 from emaphm.identification.diagnosis import Diagnosis
 from emaphm.identification.methods import method_named
 from emaphm.identification.problem import Problem
@@ -17,7 +17,7 @@ from emaphm.identification.refinement import sensitivity
 from emaphm.identification.search import Found, check_fitness, search
 from emaphm.identification.space import FaultSpace
 from emaphm.identification.uncertainty import covariance
-from emaphm.identification.verdict import PRIOR_DEVIATION, estimates, is_explained
+from emaphm.identification.verdict import estimates, is_explained
 from emaphm.recording import Recording, check_plausible
 from emaphm.simulation import REFERENCE, model_named
 from emaphm.version import VERSION
@@ -107,7 +107,7 @@ def _conclude(
     def simulate(points: Array) -> Array:
         return problem.currents(space.faults(points)) + found.correction
 
-    derivatives, spent = sensitivity(simulate, found.point, space, JACOBIAN_STEP)
+    derivatives, spent = sensitivity(simulate, found.point, space, JACOBIAN_STEP * np.eye(space.dimensions))
     spread = covariance(derivatives, residual, np.full(space.dimensions, PRIOR_DEVIATION))
     normal = derivatives @ derivatives.T
     prior = np.mean(residual**2) / PRIOR_DEVIATION**2 * np.eye(space.dimensions)

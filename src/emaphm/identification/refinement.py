@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from emaphm.identification.optimizers.base import generator
 from emaphm.identification.space import Box
 
 Array = NDArray[np.float64]
@@ -122,17 +123,50 @@ def jacobian(
     return (outputs - at_points[:, np.newaxis, :]) / steps[:, :, np.newaxis], m * d
 
 
-def sensitivity(simulate: Simulate, point: Array, box: Box, step: float) -> tuple[Array, int]:
-    """Return the derivatives of `simulate` at `point` (d,), shape (d, samples), and the simulations spent.
+def sensitivity(simulate: Simulate, point: Array, box: Box, moves: Array) -> tuple[Array, int]:
+    """Return the derivatives of `simulate` at `point` (d,), shape (d, rows), and the simulations spent.
 
-    Differences over both sides, as far as the bounds allow: on one side alone, a kink of stick-slip
-    looks like information.
+    Differences over both sides of the point along each of `moves` (d, d), as far as the bounds allow: on
+    one side alone, a kink of stick-slip looks like information.
     """
     d = point.size
-    sides = box.project(np.concatenate([point + step * np.eye(d), point - step * np.eye(d)]))
+    sides = box.project(np.concatenate([point + moves, point - moves]))
     outputs = simulate(sides)
-    distances = np.diag(sides[:d] - sides[d:])
-    return (outputs[:d] - outputs[d:]) / distances[:, np.newaxis], 2 * d
+    # At a bound a move is cut short, and near a curved one bent: what was moved is what counts.
+    solved = np.linalg.lstsq(sides[:d] - sides[d:], outputs[:d] - outputs[d:], rcond=1e-9)[0]
+    return np.asarray(solved, float), 2 * d
+
+
+def scattered(
+    simulate: Simulate, point: Array, box: Box, step: float, count: int, seed: int
+) -> tuple[Array, int]:
+    """Return `count` sensitivities (count, d, rows), and the simulations spent.
+
+    Each over differences of `step` and about a point of its own, about as far from `point` (d,): noise
+    from kinks differs between them.
+    """
+    rng = generator(seed, 1)
+    moves = step * np.eye(point.size)
+    derivatives = []
+    for _ in range(count):
+        beside = box.project(point + rng.normal(0.0, step, point.size))
+        derivatives.append(sensitivity(simulate, beside, box, moves)[0])
+    return np.array(derivatives), 2 * count * point.size
+
+
+def information(derivatives: Array) -> Array:
+    """Return the normal matrix (d, d) of several `derivatives` (n, d, rows), free of the bias of their noise.
+
+    The kinks of stick-slip make noise of derivatives, and the square of noise looks like information: on
+    what the data do not tell, it may be all there is. Products of derivatives taken at different points
+    have no such bias, so the mean is over all pairs; a single one (n = 1) is taken as it is.
+    """
+    count = len(derivatives)
+    squares: Array = sum(one @ one.T for one in derivatives)
+    total = derivatives.sum(axis=0)
+    pairs = (total @ total.T - squares) / (count * (count - 1)) if count > 1 else squares
+    values, axes = np.linalg.eigh((pairs + pairs.T) / 2)
+    return np.asarray(axes * np.maximum(values, 0.0) @ axes.T)
 
 
 def _trials(descent: _Descent, derivatives: Array, box: Box) -> Array:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from emaphm.actuator import NAMES
 from emaphm.actuator.faults import HEALTHY
+from emaphm.identification.correction import PRIOR_DEVIATION
 from emaphm.identification.diagnosis import Estimate
 from emaphm.identification.problem import noise_level
 from emaphm.identification.space import FaultSpace
@@ -15,9 +16,6 @@ from emaphm.identification.space import FaultSpace
 Array = NDArray[np.float64]
 
 Z95 = 1.959963984540054
-PRIOR_DEVIATION = 1 / np.sqrt(12)
-"""Of a component that may be anywhere in [0, 1]."""
-
 WIDEST_HALF_INTERVAL = 0.25
 """A component known less well than this is called not identifiable: the data leave half its range open."""
 
