@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
-from emaphm.identification.uncertainty import _correlated, bandwidth, covariance
+from emaphm.identification.uncertainty import _correlated, bandwidth, knowledge
 
 Array = NDArray[np.float64]
 
@@ -23,6 +23,10 @@ WIDE = np.full(3, 1e6)
 DRAWS = 500
 SAMPLING = 3 / np.sqrt(2 * DRAWS)
 """Three standard deviations of a standard deviation that is estimated from the draws, relative."""
+
+
+def covariance(derivatives: Array, residual: Array, prior_deviation: Array) -> Array:
+    return knowledge(derivatives, residual, prior_deviation).covariance
 
 
 def errors_of_estimates(residuals: Array) -> Array:
@@ -99,6 +103,27 @@ def test_two_components_that_cannot_be_told_apart_share_the_prior() -> None:
     # The data know the sum, the prior the difference: variance 2 × 0.29² of it, half of that each.
     assert found[0, 0] == pytest.approx(0.29**2 / 2, rel=0.01)
     assert found[0, 3] == pytest.approx(-(0.29**2) / 2, rel=0.01)
+
+
+def test_noise_of_derivatives_does_not_pass_for_information() -> None:
+    rng = np.random.default_rng(3)
+    white = rng.normal(0, 0.1, SAMPLES)
+    # The fourth component has no effect at all, but its differences catch kinks: noise as large as 1.
+    exact = np.concatenate([DERIVATIVES, np.zeros((1, SAMPLES))])
+    noise = np.zeros((8, 4, SAMPLES))
+    noise[:, 3] = rng.normal(size=(8, SAMPLES))
+    prior = np.full(4, 0.29)
+    fooled = np.sqrt(knowledge(exact + noise[0], white, prior).covariance[3, 3])
+    # 0.1 / sqrt(2500): what a component of that effect would be known to.
+    assert fooled == pytest.approx(0.1 / np.sqrt(SAMPLES), rel=0.2)
+    several = knowledge(exact + noise, white, prior)
+    # Over 28 pairs the products of noise come to some 50 / sqrt(28) in 2500 rows, positive or not.
+    assert several.information[3, 3] < 0.05 * SAMPLES / 0.1**2
+    assert np.sqrt(several.covariance[3, 3]) > 3 * fooled
+    # What a component that nothing is known of might explain, the others cannot claim: they only lose.
+    alone = knowledge(exact[:3], white, prior[:3]).covariance
+    ratios = np.sqrt(np.diag(several.covariance)[:3] / np.diag(alone))
+    assert np.all((ratios > 0.9) & (ratios < 3))
 
 
 @given(

@@ -44,7 +44,7 @@ def test_an_unknown_total_is_answered_with_the_nearest() -> None:
         Plant.of(THESIS, HEALTHY, {"inertai": 1e-5})
 
 
-@pytest.mark.parametrize("name", ["resistance", "inductance"])
+@pytest.mark.parametrize("name", ["resistance", "inductance", "supply"])
 def test_a_total_of_the_windings_needs_windings(name: str) -> None:
     with pytest.raises(
         MethodError, match=rf"'{name}' needs an \[electrical\] section, which .*'thesis' lacks"
@@ -52,7 +52,7 @@ def test_a_total_of_the_windings_needs_windings(name: str) -> None:
         Plant.of(IDEAL, HEALTHY, {name: 1.0})
 
 
-@pytest.mark.parametrize("name", sorted(set(TOTALS) - {"resistance", "inductance"}))
+@pytest.mark.parametrize("name", sorted(set(TOTALS) - {"resistance", "inductance", "supply"}))
 def test_the_other_totals_do_not(name: str) -> None:
     assert Plant.of(IDEAL, HEALTHY, {name: 1.0}).count == 1
 

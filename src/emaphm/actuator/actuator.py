@@ -14,6 +14,7 @@ from emaphm.actuator.parameters import (
     FaultScales,
     Mechanics,
     Motor,
+    Nuisances,
     Section,
 )
 from emaphm.actuator.toml import validation_message, write_toml
@@ -38,6 +39,7 @@ class Actuator(Section):
     mechanics: Mechanics
     electrical: Electrical | None = None
     faults: FaultScales = FaultScales()
+    nuisances: Nuisances = Nuisances()
     channels: Channels = Channels()
 
     @classmethod

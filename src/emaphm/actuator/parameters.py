@@ -71,6 +71,9 @@ class Electrical(Section):
     hysteresis: float = quantity(
         "current hysteresis: comparators switch at plus and minus, hb", "A", THESIS, gt=0
     )
+    temperature: float = quantity(
+        "of windings and magnets where resistance and torque constant hold", "K", CHOSEN, default=293.15, gt=0
+    )
 
 
 class Mechanics(Section):
@@ -94,6 +97,12 @@ class Mechanics(Section):
     )
     backlash: float = quantity("backlash, full width at the motor, BLK", "rad", THESIS, default=0.0, ge=0)
     offset: float = quantity("constant load", "N·m", CHOSEN, default=0.0)
+    hinge: float = quantity(
+        "load at the motor in proportion to the user's position: aerodynamic hinge moment",
+        "N·m/rad",
+        CHOSEN,
+        default=0.0,
+    )
     gear_ratio: float = quantity("user motion per motor motion, tau", "-", CHOSEN, gt=0)
     end_stops: tuple[float, float] | None = quantity(
         "end stops at the user, lower and upper; none where left out",
@@ -144,6 +153,43 @@ class FaultScales(Section):
     backlash: float = quantity("BLK × (1 + backlash × k2)", "-", "thesis 6.1", default=9.0, gt=0)
     eccentricity: float = quantity("Z = eccentricity × k6", "-", "thesis 4.5", default=0.42, gt=0, lt=1)
     gain: float = quantity("G = 1 + gain × (2 k8 - 1)", "-", "thesis 4.6", default=0.5, gt=0, lt=1)
+
+
+PRIOR = "chosen: what may be expected of a rig"
+
+NuisanceName = Literal["load", "hinge", "temperature", "supply", "inertia", "current_offset", "current_scale"]
+
+
+class Nuisances(Section):
+    """What is not known of a recording and is no fault: standard deviations before it, about the description.
+
+    Those in `estimated` are estimated with the faults unless a diagnosis asks for others.
+    """
+
+    estimated: tuple[NuisanceName, ...] = Field(
+        default=("load", "temperature"), description="estimated with the faults by default", strict=False
+    )
+    load: float | None = quantity(
+        "constant load at the motor; 6 % of the motor's torque at its current limit where left out",
+        "N·m",
+        PRIOR,
+        default=None,
+        gt=0,
+    )
+    hinge: float | None = quantity(
+        "load at the motor per position of the user", "N·m/rad", PRIOR, default=None, gt=0
+    )
+    temperature: float = quantity("winding and magnets, above nominal", "K", PRIOR, default=30.0, gt=0)
+    supply: float = quantity("supply voltage, relative", "-", PRIOR, default=0.05, gt=0)
+    inertia: float = quantity("inertia, relative", "-", PRIOR, default=0.05, gt=0)
+    current_offset: float | None = quantity(
+        "zero of the current sensors; 0.2 % of the current limit where left out",
+        "A",
+        PRIOR,
+        default=None,
+        gt=0,
+    )
+    current_scale: float = quantity("scale of the current sensors, relative", "-", PRIOR, default=0.01, gt=0)
 
 
 class Channels(Section):

@@ -8,6 +8,9 @@ from pydantic import BaseModel, ValidationError
 from emaphm.actuator.quantity import unit_for
 from emaphm.errors import nearest
 
+QUIET = ("channels", "nuisances")
+"""Sections of which only what differs from the defaults is written."""
+
 
 def write_toml(actuator: BaseModel, comments: str = "") -> str:
     """Return `actuator` as TOML text, every quantity followed by its meaning and unit."""
@@ -21,7 +24,7 @@ def write_toml(actuator: BaseModel, comments: str = "") -> str:
             document.add(name, value)
             continue
         section = getattr(actuator, name)
-        kept = section.model_dump(exclude_defaults=True) if name == "channels" else value
+        kept = section.model_dump(mode="json", exclude_defaults=True) if name in QUIET else value
         if kept:
             document.add(name, _table(type(section), kept, coordinates))
     return tomlkit.dumps(document)

@@ -14,6 +14,7 @@ TOTALS = {
     "coulomb": "N·m",
     "static": "N·m",
     "offset": "N·m",
+    "hinge": "N·m/rad",
     "position_gain": "1/s",
     "speed_gain": "N·m·s/rad",
     "speed_lag": "s",
@@ -21,8 +22,9 @@ TOTALS = {
     "torque_lag": "s",
     "resistance": "ohm",
     "inductance": "H",
+    "supply": "V",
 }
-"""Names and units: coulomb is dynamic friction, offset a constant load."""
+"""Names and units: coulomb is dynamic friction, offset a constant load, hinge one per user's position."""
 
 PARTS = {
     "inertia": ("mechanics", "inertia_motor", "inertia_user"),
@@ -30,6 +32,7 @@ PARTS = {
     "coulomb": ("mechanics", "dynamic_friction_motor", "dynamic_friction_user"),
     "static": ("mechanics", "static_friction_motor", "static_friction_user"),
     "offset": ("mechanics", "offset"),
+    "hinge": ("mechanics", "hinge"),
     "position_gain": ("controller", "position_gain"),
     "speed_gain": ("controller", "speed_gain"),
     "speed_lag": ("controller", "speed_lag"),
@@ -37,6 +40,7 @@ PARTS = {
     "torque_lag": ("motor", "torque_lag"),
     "resistance": ("electrical", "resistance"),
     "inductance": ("electrical", "inductance"),
+    "supply": ("electrical", "supply"),
 }
 """Where each total stands in the description: its section, then the fields it is the sum of."""
 

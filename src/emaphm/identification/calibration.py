@@ -20,7 +20,7 @@ from emaphm.identification.problem import Problem
 from emaphm.identification.refinement import Refined, refine, sensitivity
 from emaphm.identification.replay import Replay, replay
 from emaphm.identification.space import Box
-from emaphm.identification.uncertainty import covariance
+from emaphm.identification.uncertainty import knowledge
 from emaphm.identification.wording import format_table
 from emaphm.recording import Recording, check_plausible
 from emaphm.version import VERSION
@@ -156,7 +156,7 @@ def calibrate(
     point = found.points[found.best]
     residual = problem.recorded - simulate(point[np.newaxis])[0]
     derivatives, spent = sensitivity(simulate, point, box, STEP * np.eye(point.size))
-    spread = covariance(derivatives, residual, np.full(point.size, math.log(WIDEST_FACTOR)))
+    spread = knowledge(derivatives, residual, np.full(point.size, math.log(WIDEST_FACTOR))).covariance
     values = {name: float(value[0]) for name, value in scales.values(point[np.newaxis]).items()}
     if "static" in values:
         # Below dynamic friction it has no effect, so the search may have left it anywhere there.

@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from emaphm.identification.fit import CORRELATED_ROWS, Fit
 from emaphm.identification.hybrid import descend
 from emaphm.identification.problem import Problem
 from emaphm.identification.refinement import information, scattered
-from emaphm.identification.space import FaultSpace
 from emaphm.simulation import REFERENCE
 
 Array = NDArray[np.float64]
@@ -33,9 +33,6 @@ FARTHEST = 0.1
 WORSE = 1.05
 """Cost that a step of polish may leave, as a multiple: kinks alone make it vary by some percent."""
 
-CORRELATED_ROWS = 20
-"""Rows over which a residual is correlated, roughly: so many count as one against a prior."""
-
 PRIOR_DEVIATION = 1 / 12**0.5
 """Of a component that may be anywhere in [0, 1]."""
 
@@ -48,18 +45,35 @@ CHAOS = 1.1
 
 @dataclass(frozen=True, eq=False)
 class Corrected:
-    """An estimate and the `correction` [A], (samples,), that the model's current had when it was found.
+    """An estimate and the `correction`, (rows,), that the `outputs` of its `fit` had when it was found.
 
     `discrepancy` is that correction as it stands at the estimate itself: the two differ by what a
     further turn would still change. `evaluations` counts the averaged model's runs, `reference_runs` the
     reference model's.
     """
 
+    fit: Fit
     point: Array
     correction: Array
     discrepancy: Array
     evaluations: int
     reference_runs: int
+
+    def residual(self) -> Array:
+        """Return what was recorded less what the reference model has at the estimate, (rows,)."""
+        return np.asarray(self.fit.target - self.fit.outputs(self.point[np.newaxis])[0] - self.discrepancy)
+
+    def misfit(self, weighted: Fit) -> float:
+        """Return the mean squared `residual` [A²], weighted as in another fit."""
+        return float(np.mean(weighted.rescaled(self.residual(), self.fit) ** 2))
+
+    def reweighted(self) -> "Corrected":
+        """Return the estimate with its channels weighted by its residuals."""
+        fit = self.fit.reweighted(self.residual())
+        correction, discrepancy = (
+            fit.rescaled(rows, self.fit) for rows in (self.correction, self.discrepancy)
+        )
+        return replace(self, fit=fit, correction=correction, discrepancy=discrepancy)
 
 
 def has_reference(problem: Problem) -> bool:
@@ -67,14 +81,8 @@ def has_reference(problem: Problem) -> bool:
     return problem.actuator.electrical is not None and problem.recording.duration_s <= LONGEST_S
 
 
-def discrepancy(problem: Problem, reference: Problem, faults: Array) -> Array:
-    """Return the reference model's current less the problem's model's [A] at `faults` (8,), (samples,)."""
-    return np.asarray(reference.signals(faults)["current_A"] - problem.currents(faults[np.newaxis])[0])
-
-
 def correct(
-    problem: Problem,
-    space: FaultSpace,
+    fit: Fit,
     point: Array,
     turns: int,
     on_progress: Callable[[float], None] | None = None,
@@ -82,26 +90,26 @@ def correct(
     """Return the estimate after up to `turns` corrections of the fit at `point` (d,).
 
     Once the descents have settled, the last turns polish. Each turn is nearer to the fixed point than the
-    one before, so the last is returned at which the
-    reference model itself is no farther from the recording than switching chaos can make it seem.
+    one before, so the last is returned at which the reference model itself is no farther from the
+    recording than switching chaos can make it seem.
     """
-    reference = Problem.of(problem.recording, problem.actuator, REFERENCE)
-    nothing = np.zeros_like(problem.recorded)
-    current = Corrected(point, nothing, discrepancy(problem, reference, space.faults(point)), 1, 1)
-    best, least = current, _misfit(problem, space, current)
+    nothing = np.zeros_like(fit.target)
+    current = Corrected(fit, point, nothing, fit.discrepancy(REFERENCE, point), 1, 1)
+    best, least = current, current.misfit(fit)
     descending, polished = True, 0
     for turn in range(turns):
-        step = _descended if descending else _polished
-        found, evaluations = step(problem, space, current, turn)
+        current = current.reweighted()
+        found, evaluations = (_descended if descending else _polished)(current, turn)
         moved = float(np.linalg.norm(found - current.point))
-        current = Corrected(
-            found,
-            current.discrepancy,
-            discrepancy(problem, reference, space.faults(found)),
-            current.evaluations + evaluations + 2,
-            turn + 2,
+        current = replace(
+            current,
+            point=found,
+            correction=current.discrepancy,
+            discrepancy=current.fit.discrepancy(REFERENCE, found),
+            evaluations=current.evaluations + evaluations + 3,
+            reference_runs=turn + 2,
         )
-        misfit = _misfit(problem, space, current)
+        misfit = current.misfit(fit)
         if misfit < CHAOS * least:
             best = current
         least = min(least, misfit)
@@ -116,25 +124,25 @@ def correct(
     return replace(best, evaluations=current.evaluations + 1, reference_runs=current.reference_runs)
 
 
-def _descended(problem: Problem, space: FaultSpace, current: Corrected, _turn: int) -> tuple[Array, int]:
+def _descended(current: Corrected, _turn: int) -> tuple[Array, int]:
     """Return where least squares lead under the present correction, and the simulations spent."""
-    found = descend(problem, space, current.point, current.discrepancy)
+    found = descend(current.fit, current.point, current.discrepancy)
     return found.points[0], found.evaluations
 
 
-def _polished(problem: Problem, space: FaultSpace, current: Corrected, turn: int) -> tuple[Array, int]:
+def _polished(current: Corrected, turn: int) -> tuple[Array, int]:
     """Return the point one Gauss-Newton step on, by derivatives about several points, and the runs spent.
 
     A descent is caught in the kinks of stick-slip, in whichever happens to lie in its way; derivatives
     about several points see past them. The step counts where it is hardly worse in the kinks' own terms.
     """
+    fit, point, space = current.fit, current.point, current.fit.space
 
     def simulate(points: Array) -> Array:
-        return problem.currents(space.faults(points)) + current.discrepancy
+        return fit.outputs(points) + current.discrepancy
 
-    point = current.point
     derivatives, spent = scattered(simulate, point, space, POLISH_STEP, POLISH_POINTS, seed=turn)
-    residual = problem.recorded - simulate(point[np.newaxis])[0]
+    residual = fit.target - simulate(point[np.newaxis])[0]
     gradient = derivatives.mean(axis=0) @ residual
     cost = float(np.mean(residual**2))
     normal = information(derivatives) + cost * CORRELATED_ROWS / PRIOR_DEVIATION**2 * np.eye(point.size)
@@ -144,12 +152,6 @@ def _polished(problem: Problem, space: FaultSpace, current: Corrected, turn: int
     step[free] = np.linalg.solve(normal[np.ix_(free, free)], gradient[free])
     step *= min(1.0, FARTHEST / max(float(np.linalg.norm(step)), FARTHEST))
     trials = space.project(point + np.array([[1.0], [0.5], [0.25]]) * step)
-    costs = np.mean((problem.recorded - simulate(trials)) ** 2, axis=1)
+    costs = np.mean((fit.target - simulate(trials)) ** 2, axis=1)
     good = np.flatnonzero(costs <= WORSE * cost)
     return (trials[good[0]] if good.size else point), spent + 1 + len(trials)
-
-
-def _misfit(problem: Problem, space: FaultSpace, estimate: Corrected) -> float:
-    """Return the mean squared difference [A²] between the recording and the reference model at `estimate`."""
-    averaged = problem.currents(space.faults(estimate.point)[np.newaxis])[0]
-    return float(np.mean((problem.recorded - averaged - estimate.discrepancy) ** 2))

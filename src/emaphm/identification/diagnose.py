@@ -1,7 +1,7 @@
 """From a recording to a diagnosis."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.faults import CARTESIAN_NAMES
-from emaphm.identification.correction import MOST_TURNS, PRIOR_DEVIATION, discrepancy, has_reference
+from emaphm.identification.correction import MOST_TURNS, PRIOR_DEVIATION, has_reference
 from emaphm.identification.diagnosis import Diagnosis
+from emaphm.identification.fit import CORRELATED_ROWS
 from emaphm.identification.methods import method_named
-from emaphm.identification.problem import Problem
-from emaphm.identification.refinement import sensitivity
-from emaphm.identification.search import Found, check_fitness, search
-from emaphm.identification.space import FaultSpace
-from emaphm.identification.uncertainty import covariance
+from emaphm.identification.nuisance import RANGE
+from emaphm.identification.refinement import scattered
+from emaphm.identification.search import Found, check_fitness, fit_of, search
+from emaphm.identification.uncertainty import knowledge
 from emaphm.identification.verdict import estimates, is_explained
 from emaphm.recording import Recording, check_plausible
 from emaphm.simulation import REFERENCE, model_named
@@ -25,7 +25,11 @@ from emaphm.version import VERSION
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 
-JACOBIAN_STEP = 2e-3
+RESOLUTION = 2e-3
+"""What the search cannot tell apart: the last differences that it took."""
+
+DERIVATIVE_STEP, DERIVATIVES = 1e-2, 8
+"""Step of the differences that uncertainty is told from, and how often they are taken."""
 
 
 def diagnose(
@@ -36,6 +40,7 @@ def diagnose(
     model: str = "averaged",
     fitness: str = "least_squares",
     turns: int = MOST_TURNS,
+    nuisances: Sequence[str] | None = None,
     seed: int = 0,
     workers: int | None = None,
     on_progress: Progress | None = None,
@@ -72,60 +77,58 @@ def diagnose(
     chosen = method_named(method)
     check_fitness(chosen, fitness)
     check_plausible(recording, actuator)
-    problem = Problem.of(recording, actuator, model_named(model), workers)
-    space = FaultSpace.of(actuator)
-    found = search(problem, space, chosen, fitness=fitness, turns=turns, seed=seed, on_progress=on_progress)
-    if found.discrepancy is None and has_reference(problem):
-        found = _with_discrepancy(problem, space, found)
-    return _conclude(problem, space, found, chosen.name, fitness, seed, began)
+    fit = fit_of(recording, actuator, chosen, model_named(model), nuisances, workers)
+    found = search(fit, chosen, fitness=fitness, turns=turns, seed=seed, on_progress=on_progress)
+    if found.discrepancy is None and has_reference(fit.problem):
+        found = _with_discrepancy(found)
+    return _conclude(found, chosen.name, fitness, seed, began)
 
 
-def _with_discrepancy(problem: Problem, space: FaultSpace, found: Found) -> Found:
-    reference = Problem.of(problem.recording, problem.actuator, REFERENCE)
-    remaining = discrepancy(problem, reference, space.faults(found.point))
+def _with_discrepancy(found: Found) -> Found:
     return replace(
         found,
-        discrepancy=remaining,
+        discrepancy=found.fit.discrepancy(REFERENCE, found.point),
         evaluations=found.evaluations + 1,
         reference_runs=found.reference_runs + 1,
     )
 
 
-def _conclude(
-    problem: Problem, space: FaultSpace, found: Found, method: str, fitness: str, seed: int, began: float
-) -> Diagnosis:
+def _conclude(found: Found, method: str, fitness: str, seed: int, began: float) -> Diagnosis:
     """Return the diagnosis at `found`.
 
     To the covariance of the fit is added the Gauss-Newton step that is left to do: towards the optimum
     that a swarm may not have reached, and for the model's discrepancy not yet corrected. And the search's
     resolution, which the kinks of stick-slip make no finer than the differences that bridge them.
     """
-    faults = space.faults(found.point)
-    modelled = problem.currents(faults[np.newaxis])[0] + found.correction
-    residual = problem.recorded - modelled
-
-    def simulate(points: Array) -> Array:
-        return problem.currents(space.faults(points)) + found.correction
-
-    derivatives, spent = sensitivity(simulate, found.point, space, JACOBIAN_STEP * np.eye(space.dimensions))
-    spread = covariance(derivatives, residual, np.full(space.dimensions, PRIOR_DEVIATION))
-    normal = derivatives @ derivatives.T
-    prior = np.mean(residual**2) / PRIOR_DEVIATION**2 * np.eye(space.dimensions)
+    fit, problem, space = found.fit, found.fit.problem, found.fit.space
+    outputs = fit.outputs(found.point[np.newaxis])[0] + found.correction
+    residual = fit.target - outputs
+    modelled = outputs[: problem.recording.samples]
+    rows, faults = fit.recorded_rows, len(space.columns)
+    deviations = np.where(np.arange(space.dimensions) < faults, PRIOR_DEVIATION, 1 / RANGE)
+    derivatives, spent = scattered(
+        lambda points: fit.outputs(points)[:, :rows], found.point, space, DERIVATIVE_STEP, DERIVATIVES, seed
+    )
+    known = knowledge(derivatives, residual[:rows], deviations)
     bias = 0.0 if found.discrepancy is None else found.discrepancy - found.correction
-    unanswered = residual - bias
-    step = np.linalg.solve(normal + prior, derivatives @ unanswered)
+    variance = float(np.mean(residual[:rows] ** 2))
+    gradient = derivatives.mean(axis=0) @ (residual - bias)[:rows] / variance
+    prior = CORRELATED_ROWS / deviations**2
+    gradient[faults:] -= prior[faults:] * found.point[faults:]
+    step = np.linalg.solve(known.information + np.diag(prior), gradient)
     left = space.project(found.point + step) - found.point
-    spread = spread + np.outer(left, left) + JACOBIAN_STEP**2 * np.eye(space.dimensions)
+    spread = known.covariance + np.outer(left, left) + RESOLUTION**2 * np.eye(space.dimensions)
+    current = problem.recorded - modelled
     return Diagnosis(
         components=estimates(space, found.point, spread),
-        coordinates=tuple(CARTESIAN_NAMES[i] for i in space.columns),
+        coordinates=(*(CARTESIAN_NAMES[i] for i in space.columns), *space.nuisances.names),
         covariance=spread,
         method=method,
         model=problem.model.name,
         fitness_name=fitness,
         fitness=found.fitness,
-        residual_rms_A=float(np.sqrt(np.mean(residual**2))),
-        explained=is_explained(problem.recorded, residual),
+        residual_rms_A=float(np.sqrt(np.mean(current**2))),
+        explained=is_explained(problem.recorded, current),
         evaluations=found.evaluations + spent + 1,
         reference_runs=found.reference_runs,
         seconds=time.perf_counter() - began,

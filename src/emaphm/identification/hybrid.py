@@ -6,10 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from emaphm.identification.fit import Fit
 from emaphm.identification.optimizers import Optimizer, minimise, space_filling
-from emaphm.identification.problem import Problem
 from emaphm.identification.refinement import Refined, refine
-from emaphm.identification.space import FaultSpace
 
 Array = NDArray[np.float64]
 
@@ -35,8 +34,7 @@ shorts make, fine ones settle between them."""
 
 
 def hybrid(
-    problem: Problem,
-    space: FaultSpace,
+    fit: Fit,
     seed: int,
     optimizer: Callable[..., Optimizer[Any]] | None = None,
     on_progress: Callable[[float], None] | None = None,
@@ -46,17 +44,18 @@ def hybrid(
     `optimizer`, made from lower and upper bounds, finds the starts; without one they are the best of
     `GLOBAL_POINTS` space-filling points. `on_progress` is told the fraction done.
     """
-    d = space.dimensions
+    d = fit.space.dimensions
     lower, upper = np.zeros(d), np.ones(d)
+    recorded = fit.problem.recorded
     tried: list[Array] = []
     sharp: list[Array] = []
     smooth: list[Array] = []
 
     def misfit(unit: Array) -> Array:
-        tried.append(space.spread(unit))
-        residuals = problem.recorded - problem.currents(space.faults(tried[-1]))
+        tried.append(fit.space.spread(unit))
+        residuals = recorded - fit.currents(tried[-1])
         sharp.append(np.mean(residuals**2, axis=1))
-        smooth.append(np.mean(_low_pass(problem, residuals) ** 2, axis=1))
+        smooth.append(np.mean(_low_pass(fit, residuals) ** 2, axis=1))
         return smooth[-1]
 
     if optimizer is None:
@@ -69,10 +68,10 @@ def hybrid(
     for misfits, count, smoothed in ((smooth, SMOOTH_STARTS, True), (sharp, SHARP_STARTS, False)):
         starts = _apart(points, np.concatenate(misfits), count)
         tell = _stage_of(on_progress, len(candidates), COARSE)
-        found = _descend(problem, space, starts, COARSE, smoothed=smoothed, on_iteration=tell)
+        found = _descend(fit, starts, COARSE, smoothed=smoothed, on_iteration=tell)
         candidates.append(found.points[found.best])
         evaluations += found.evaluations
-    fine = _descend(problem, space, np.array(candidates), FINE, on_iteration=_stage_of(on_progress, 2, FINE))
+    fine = _descend(fit, np.array(candidates), FINE, on_iteration=_stage_of(on_progress, 2, FINE))
     return Refined(fine.points, fine.costs, evaluations + fine.evaluations)
 
 
@@ -96,17 +95,16 @@ def _stage_of(
     return lambda iteration: on_progress((done + iteration / stage[1]) / 3)
 
 
-def descend(problem: Problem, space: FaultSpace, start: Array, correction: Array) -> Refined:
+def descend(fit: Fit, start: Array, correction: Array) -> Refined:
     """Return where the fine stage leads from `start` (d,).
 
-    `correction` [A], (samples,), is added to the model's current.
+    `correction`, shape (rows,), is added to the model's `Fit.outputs`.
     """
-    return _descend(problem, space, start[np.newaxis], FINE, correction=correction)
+    return _descend(fit, start[np.newaxis], FINE, correction=correction)
 
 
 def _descend(
-    problem: Problem,
-    space: FaultSpace,
+    fit: Fit,
     starts: Array,
     stage: tuple[float, int],
     *,
@@ -116,22 +114,26 @@ def _descend(
 ) -> Refined:
     step, iterations = stage
 
-    def seen(currents: Array) -> Array:
-        return _low_pass(problem, currents) if smoothed else currents
+    def seen(outputs: Array) -> Array:
+        return _low_pass(fit, outputs) if smoothed else outputs
 
     return refine(
-        lambda points: seen(problem.currents(space.faults(points)) + correction),
-        seen(problem.recorded),
+        lambda points: seen(fit.outputs(points) + correction),
+        seen(fit.target),
         starts,
-        space,
+        fit.space,
         step=step,
         iterations=iterations,
         on_iteration=on_iteration,
     )
 
 
-def _low_pass(problem: Problem, currents: Array) -> Array:
+def _low_pass(fit: Fit, outputs: Array) -> Array:
+    """Return the channels in `outputs` (…, rows) through the low-pass, and what follows them as it is."""
     from scipy.ndimage import gaussian_filter1d
 
-    samples = SMOOTHING_S / problem.recording.interval_s
-    return np.asarray(gaussian_filter1d(currents, samples, axis=-1, mode="nearest"))
+    recording = fit.problem.recording
+    whole = outputs.shape[-1] // recording.samples * recording.samples
+    channels = outputs[..., :whole].reshape(*outputs.shape[:-1], -1, recording.samples)
+    smooth = gaussian_filter1d(channels, SMOOTHING_S / recording.interval_s, axis=-1, mode="nearest")
+    return np.concatenate([smooth.reshape(*outputs.shape[:-1], whole), outputs[..., whole:]], axis=-1)

@@ -1,7 +1,7 @@
 """A recording to be explained: what a model is driven with, and what it is compared to."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
@@ -9,7 +9,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from emaphm.actuator import Actuator, Sampled
 from emaphm.recording import Recording, with_equivalent_current
-from emaphm.simulation import AVERAGED, Initial, Inputs, Model, Plant, run, run_batch
+from emaphm.simulation import (
+    AVERAGED,
+    OBSERVABLE,
+    Initial,
+    Inputs,
+    Model,
+    Plant,
+    observe_batch,
+    run,
+    run_batch,
+)
 from emaphm.simulation.commutation import wrap
 
 Array = NDArray[np.float64]
@@ -25,10 +35,21 @@ class Problem:
     inputs: Inputs
     start: Initial
     workers: int | None = None
+    channels: tuple[str, ...] = ("current_A",)
+    """What is compared, of `OBSERVABLE`; the equivalent current first."""
+    weights: Array = field(default_factory=lambda: np.ones(1))
+    """What a residual of each channel counts, (channels,), in A of the current's residual."""
+    warmer: float = 0.0
+    """Recorded temperature above nominal [K], its mean."""
 
     @classmethod
     def of(
-        cls, recording: Recording, actuator: Actuator, model: Model = AVERAGED, workers: int | None = None
+        cls,
+        recording: Recording,
+        actuator: Actuator,
+        model: Model = AVERAGED,
+        workers: int | None = None,
+        channels: tuple[str, ...] = ("current_A",),
     ) -> Self:
         """Return the problem of explaining `recording` by `model` of `actuator`.
 
@@ -45,7 +66,24 @@ class Problem:
             step=model.step,
             sampling=recording.sampling,
         )
-        return cls(actuator, recording, model, inputs, initial(recording, actuator), workers)
+        warmer = 0.0
+        if "temperature_K" in recording and actuator.electrical is not None:
+            warmer = float(np.mean(recording["temperature_K"])) - actuator.electrical.temperature
+        problem = cls(
+            actuator, recording, model, inputs, initial(recording, actuator), workers, channels, warmer=warmer
+        )
+        # To begin with, a residual counts in proportion to its channel.
+        return problem.weighted([float(np.sqrt(np.mean(problem.recording[name] ** 2))) for name in channels])
+
+    def by(self, model: Model) -> Self:
+        """Return the same problem for another model."""
+        other = type(self).of(self.recording, self.actuator, model, self.workers, self.channels)
+        return replace(other, weights=self.weights)
+
+    def weighted(self, sizes: ArrayLike) -> Self:
+        """Return the problem with residuals weighted by the `sizes` (channels,) that they have."""
+        deviations = np.maximum(np.asarray(sizes, float), np.finfo(float).tiny ** 0.5)
+        return replace(self, weights=deviations[0] / deviations)
 
     @property
     def recorded(self) -> Array:
@@ -57,9 +95,26 @@ class Problem:
         plant = Plant.of(self.actuator, faults, totals)
         return run_batch(self.model, plant, self.inputs, self.start, workers=self.workers)
 
-    def signals(self, faults: ArrayLike) -> dict[str, Array]:
+    @property
+    def observed(self) -> Array:
+        """The recorded channels, weighted and end to end, shape (channels × samples,)."""
+        return np.concatenate(
+            [weight * self.recording[name] for name, weight in zip(self.channels, self.weights, strict=True)]
+        )
+
+    def predict(self, faults: ArrayLike, totals: Mapping[str, ArrayLike] | None = None) -> Array:
+        """Return what the model has for `observed`, shape (n, channels × samples)."""
+        if self.channels == OBSERVABLE[:1]:
+            return self.currents(faults, totals)
+        plant = Plant.of(self.actuator, faults, totals)
+        signals = observe_batch(self.model, plant, self.inputs, self.start, workers=self.workers)
+        chosen = signals[[OBSERVABLE.index(name) for name in self.channels]]
+        chosen *= self.weights[:, np.newaxis, np.newaxis]
+        return np.asarray(chosen.transpose(1, 0, 2).reshape(plant.count, -1))
+
+    def signals(self, faults: ArrayLike, totals: Mapping[str, ArrayLike] | None = None) -> dict[str, Array]:
         """Return every channel of the model for one fault vector (8,), each of shape (samples,)."""
-        signals = run(self.model, Plant.of(self.actuator, faults), self.inputs, self.start)
+        signals = run(self.model, Plant.of(self.actuator, faults, totals), self.inputs, self.start)
         signals["angle_rad"] += self.start.rotor_offset
         return signals
 

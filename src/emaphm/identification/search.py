@@ -1,20 +1,25 @@
 """Searching for the faults that explain a recording, by whichever method."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from emaphm.actuator import Actuator
 from emaphm.errors import MethodError, nearest
 from emaphm.identification.correction import correct, has_reference
+from emaphm.identification.fit import Fit
 from emaphm.identification.fitness import FITNESSES
 from emaphm.identification.hybrid import hybrid
 from emaphm.identification.methods import Method
+from emaphm.identification.nuisance import NuisanceSet
 from emaphm.identification.optimizers import State, minimise
 from emaphm.identification.problem import Problem
 from emaphm.identification.space import FaultSpace
+from emaphm.recording import Recording
+from emaphm.simulation import OBSERVABLE, Model
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
@@ -24,13 +29,14 @@ OnPopulation = Callable[[int, float, Array], None]
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """Where a method ended: its point (d,) and fitness, and what it took.
+    """Where a method ended: its point (d,), its fitness to the current, and what it took.
 
-    `correction` [A], (samples,), was added to the model's current; `discrepancy`, where known, is what it
-    should be at the point itself. `evaluations` counts runs of the fitted model, `reference_runs` those of
-    the reference model.
+    `fit` is what was fitted in the end; `correction`, (rows,), was added to its outputs; `discrepancy`,
+    where known, is what it should be at the point itself. `evaluations` counts runs of the fitted model,
+    `reference_runs` those of the reference model.
     """
 
+    fit: Fit
     point: Array
     fitness: float
     correction: Array
@@ -39,9 +45,35 @@ class Found:
     reference_runs: int
 
 
+def fit_of(
+    recording: Recording,
+    actuator: Actuator,
+    method: Method,
+    model: Model,
+    nuisances: Sequence[str] | None,
+    workers: int | None,
+) -> Fit:
+    """Return what `method` fits: with least squares every channel and the nuisances, else the current alone.
+
+    `nuisances` are named, or the actuator's own where None; those that a channel makes known are left out.
+
+    Raises
+    ------
+    MethodError
+        A nuisance is unknown, or needs the electrical description that the actuator lacks.
+    """
+    if not method.refines:
+        return Fit.of(Problem.of(recording, actuator, model, workers), FaultSpace.of(actuator))
+    unknown = NuisanceSet.of(actuator, nuisances, recording.names)
+    channels = tuple(name for name in OBSERVABLE if name == "current_A" or name in recording)
+    if actuator.electrical is None:
+        channels = tuple(name for name in channels if name != "voltage_V")
+    problem = Problem.of(recording, actuator, model, workers, channels)
+    return Fit.of(problem, FaultSpace.of(actuator, unknown))
+
+
 def search(
-    problem: Problem,
-    space: FaultSpace,
+    fit: Fit,
     method: Method,
     *,
     fitness: str,
@@ -59,13 +91,13 @@ def search(
     """
     check_fitness(method, fitness)
     if not method.refines:
-        return _population(problem, space, method, fitness, seed, on_progress, on_population)
-    if problem.model.switches:
+        return _population(fit, method, fitness, seed, on_progress, on_population)
+    if fit.problem.model.switches:
         raise MethodError(
-            f"method '{method.name}' needs derivatives, which drown in the {problem.model.name} model's "
+            f"method '{method.name}' needs derivatives, which drown in the {fit.problem.model.name} model's "
             "switching; use the averaged model, or a method without least squares"
         )
-    return _refined(problem, space, method, turns, seed, on_progress)
+    return _refined(fit, method, turns, seed, on_progress)
 
 
 def check_fitness(method: Method, fitness: str) -> None:
@@ -78,33 +110,19 @@ def check_fitness(method: Method, fitness: str) -> None:
         )
 
 
-def _refined(
-    problem: Problem,
-    space: FaultSpace,
-    method: Method,
-    turns: int,
-    seed: int,
-    on_progress: Progress | None,
-) -> Found:
-    corrects = turns > 0 and has_reference(problem)
-    refined = hybrid(
-        problem, space, seed, method.optimizer, _part(on_progress, 0.0, 0.4 if corrects else 1.0)
-    )
-    point, cost = refined.points[refined.best], float(refined.costs[refined.best])
-    if not corrects:
-        return Found(point, cost, np.zeros_like(problem.recorded), None, refined.evaluations, 0)
-    corrected = correct(problem, space, point, turns, _part(on_progress, 0.4, 1.0))
-    residual = problem.recorded - problem.currents(space.faults(corrected.point[np.newaxis]))[0]
-    cost = float(np.mean((residual - corrected.correction) ** 2))
-    evaluations = refined.evaluations + corrected.evaluations + 1
-    return Found(
-        corrected.point,
-        cost,
-        corrected.correction,
-        corrected.discrepancy,
-        evaluations,
-        corrected.reference_runs,
-    )
+def _refined(fit: Fit, method: Method, turns: int, seed: int, on_progress: Progress | None) -> Found:
+    corrects = turns > 0 and has_reference(fit.problem)
+    refined = hybrid(fit, seed, method.optimizer, _part(on_progress, 0.0, 0.4 if corrects else 1.0))
+    point, evaluations, reference_runs = refined.points[refined.best], refined.evaluations + 1, 0
+    correction, discrepancy = np.zeros_like(fit.target), None
+    if corrects:
+        corrected = correct(fit, point, turns, _part(on_progress, 0.4, 1.0))
+        fit, point = corrected.fit, corrected.point
+        correction, discrepancy = corrected.correction, corrected.discrepancy
+        evaluations, reference_runs = evaluations + corrected.evaluations, corrected.reference_runs
+    residual = fit.target - fit.outputs(point[np.newaxis])[0] - correction
+    misfit = float(np.mean(residual[: fit.problem.recording.samples] ** 2))
+    return Found(fit, point, misfit, correction, discrepancy, evaluations, reference_runs)
 
 
 def _part(on_progress: Progress | None, first: float, last: float) -> Progress | None:
@@ -115,8 +133,7 @@ def _part(on_progress: Progress | None, first: float, last: float) -> Progress |
 
 
 def _population(
-    problem: Problem,
-    space: FaultSpace,
+    fit: Fit,
     method: Method,
     fitness: str,
     seed: int,
@@ -124,11 +141,12 @@ def _population(
     on_population: OnPopulation | None,
 ) -> Found:
     assert method.optimizer is not None  # noqa: S101 - only `hybrid` has none, and it refines
+    problem, space = fit.problem, fit.space
     optimizer = method.optimizer(np.zeros(space.dimensions), np.ones(space.dimensions))
     measure = FITNESSES[fitness]
 
     def evaluate(unit: Array) -> Array:
-        currents = problem.currents(space.faults(space.spread(unit)))
+        currents = fit.currents(space.spread(unit))
         return measure(problem.recorded, currents, problem.inputs.interval)
 
     def tell(state: State) -> None:
@@ -141,4 +159,4 @@ def _population(
     told: Any = tell if on_progress or on_population else None
     result = minimise(optimizer, evaluate, seed, told)
     point = space.spread(result.point[np.newaxis])[0]
-    return Found(point, result.fitness, np.zeros_like(problem.recorded), None, result.evaluations, 0)
+    return Found(fit, point, result.fitness, np.zeros_like(fit.target), None, result.evaluations, 0)

@@ -5,14 +5,19 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.special import ndtri
 
 from emaphm.actuator import NAMES, Actuator
 from emaphm.actuator.faults import HEALTHY, from_cartesian, to_cartesian
+from emaphm.identification.nuisance import RANGE, NuisanceSet
 
 Array = NDArray[np.float64]
 
 SHORTS = NAMES[2:5]
 ECCENTRICITY = NAMES[5:7]
+
+WIDEST_NUISANCE = 0.8
+"""Bound of a nuisance's coordinate: four standard deviations of its prior."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,15 +38,16 @@ class FaultSpace(Box):
 
     `columns` are the estimated columns of a vector in estimator coordinates (see
     `emaphm.actuator.faults.CARTESIAN_NAMES`); `fixed` says for every other component why it is taken
-    as healthy.
+    as healthy. The last coordinates of a point are those of the `nuisances`.
     """
 
     columns: tuple[int, ...]
     fixed: dict[str, str]
+    nuisances: NuisanceSet
 
     @classmethod
-    def of(cls, actuator: Actuator) -> Self:
-        """Return the space of the faults that `actuator` can show."""
+    def of(cls, actuator: Actuator, nuisances: NuisanceSet = NuisanceSet((), np.zeros(0))) -> Self:  # noqa: B008
+        """Return the space of the faults that `actuator` can show, and of `nuisances`."""
         fixed = {}
         if actuator.mechanics.static_friction == 0:
             fixed["friction"] = "the healthy friction is zero, so its fault scales nothing"
@@ -53,12 +59,19 @@ class FaultSpace(Box):
         columns = tuple(i for i, name in enumerate(NAMES) if name not in fixed)
         lower, upper = np.zeros(len(NAMES)), np.ones(len(NAMES))
         lower[5:7] = -1.0
-        return cls(lower[list(columns)], upper[list(columns)], columns, fixed)
+        widest = np.full(len(nuisances.names), WIDEST_NUISANCE)
+        return cls(
+            np.concatenate([lower[list(columns)], -widest]),
+            np.concatenate([upper[list(columns)], widest]),
+            columns,
+            fixed,
+            nuisances,
+        )
 
     @property
     def dimensions(self) -> int:
         """The number of coordinates, d."""
-        return len(self.columns)
+        return len(self.lower)
 
     def project(self, points: Array) -> Array:
         """Return `points` (…, d) moved into the bounds and the eccentricity into its circle."""
@@ -73,16 +86,24 @@ class FaultSpace(Box):
         """Return the normalised fault vectors (…, 8) of `points` (…, d)."""
         points = np.asarray(points, float)
         full = np.broadcast_to(to_cartesian(HEALTHY.vector), (*points.shape[:-1], len(NAMES))).copy()
-        full[..., list(self.columns)] = points
+        full[..., list(self.columns)] = points[..., : len(self.columns)]
         return np.clip(from_cartesian(full), 0.0, 1.0)
 
     def points(self, faults: ArrayLike) -> Array:
-        """Return the points (…, d) of normalised fault vectors (…, 8)."""
+        """Return the points (…, d) of normalised fault vectors (…, 8), the nuisances at 0."""
         cartesian: Array = to_cartesian(faults)[..., list(self.columns)]
-        return cartesian
+        unknown = np.zeros((*cartesian.shape[:-1], len(self.nuisances.names)))
+        return np.concatenate([cartesian, unknown], axis=-1)
+
+    def nuisance_values(self, points: ArrayLike) -> dict[str, Array]:
+        """Return the values (n,) of the nuisances at `points` (n, d), each in its own unit."""
+        return self.nuisances.values(np.asarray(points, float)[:, len(self.columns) :])
 
     def spread(self, unit: ArrayLike) -> Array:
-        """Return points (n, d) for `unit` (n, d) in [0, 1]: normalised faults, evenly spread."""
-        faults = np.tile(HEALTHY.vector, (len(np.asarray(unit)), 1))
-        faults[:, list(self.columns)] = unit
-        return self.points(faults)
+        """Return points (n, d) for `unit` (n, d) in [0, 1]: faults evenly, nuisances as their priors."""
+        spread = np.asarray(unit, float)
+        faults = np.tile(HEALTHY.vector, (len(spread), 1))
+        faults[:, list(self.columns)] = spread[:, : len(self.columns)]
+        points = self.points(faults)
+        points[:, len(self.columns) :] = ndtri(np.clip(spread[:, len(self.columns) :], 0.02, 0.98)) / RANGE
+        return points

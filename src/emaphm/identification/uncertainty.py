@@ -5,34 +5,59 @@ out. Least squares then seems surer than it is; the sandwich estimator of Newey 
 misled. A weak prior keeps what the data do not constrain at its prior width instead of at infinity.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 
+from emaphm.identification.refinement import information
+
 Array = NDArray[np.float64]
 
 
-def covariance(derivatives: Array, residual: Array, prior_deviation: Array) -> Array:
-    """Return the covariance (d, d) of a least-squares estimate.
+LEAST_SPREAD = 1e-3
+"""Of an estimate, as a share of what white residuals would make."""
+
+
+@dataclass(frozen=True, eq=False)
+class Knowledge:
+    """What a recording tells of an estimate, and what comes of it with a prior.
+
+    `information` (d, d) is Fisher's, that of uncorrelated residuals; `covariance` (d, d) allows for their
+    correlation, and for the prior.
+    """
+
+    information: Array
+    covariance: Array
+
+
+def knowledge(derivatives: Array, residual: Array, prior_deviation: Array) -> Knowledge:
+    """Return what least squares know of an estimate.
 
     Parameters
     ----------
     derivatives
-        Of the model's output with respect to each parameter, shape (d, samples).
+        Of the model's output with respect to each parameter, shape (d, rows); or several times that, each
+        taken at a slightly other point, shape (n, d, rows).
     residual
-        Recorded less model, shape (samples,).
+        Recorded less model, shape (rows,).
     prior_deviation
         Standard deviation of each parameter before the data, shape (d,).
     """
+    several = derivatives[np.newaxis] if derivatives.ndim == 2 else derivatives
     # A perfect fit would make the information infinite: rounding leaves at least this much residual.
-    rounding = 1e-20 * float(np.mean(derivatives**2)) + np.finfo(float).tiny ** 0.25
+    rounding = 1e-20 * float(np.mean(several**2)) + np.finfo(float).tiny ** 0.25
     variance = max(float(np.mean(residual**2)), rounding)
-    information = derivatives @ derivatives.T / variance
-    spread = derivatives @ _correlated(derivatives, residual).T / variance**2
+    fisher = information(several) / variance
+    spread = sum(one @ _correlated(one, residual).T for one in several) / len(several) / variance**2
+    # Anticorrelated or perfect residuals leave next to no spread: no fit is that much better than white.
+    spread = spread + LEAST_SPREAD * fisher
     prior = np.diag(1 / prior_deviation**2)
-    inverse = np.linalg.inv(information + prior)
-    result: Array = inverse @ (spread + prior) @ inverse
-    return (result + result.T) / 2
+    # What the sandwich I⁻¹ S I⁻¹ is worth as information; where I is nothing, only the prior is left.
+    worth = fisher @ np.linalg.pinv(spread, hermitian=True) @ fisher
+    result = np.linalg.inv(worth + prior)
+    return Knowledge(fisher, (result + result.T) / 2)
 
 
 def _correlated(derivatives: Array, residual: Array) -> Array:

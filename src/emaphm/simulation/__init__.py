@@ -2,15 +2,16 @@
 
 from emaphm.simulation.averaged import AVERAGED
 from emaphm.simulation.inputs import Inputs
-from emaphm.simulation.kernels import Initial, Model
+from emaphm.simulation.kernels import OBSERVABLE, Initial, Model
 from emaphm.simulation.monitor import monitor
 from emaphm.simulation.plant import Plant
 from emaphm.simulation.reference import REFERENCE
-from emaphm.simulation.run import MODELS, model_named, run, run_batch, simulate_batch
+from emaphm.simulation.run import MODELS, model_named, observe_batch, run, run_batch, simulate_batch
 
 __all__ = [
     "AVERAGED",
     "MODELS",
+    "OBSERVABLE",
     "REFERENCE",
     "Initial",
     "Inputs",
@@ -18,6 +19,7 @@ __all__ = [
     "Plant",
     "model_named",
     "monitor",
+    "observe_batch",
     "run",
     "run_batch",
     "simulate_batch",

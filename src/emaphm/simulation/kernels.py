@@ -37,6 +37,9 @@ from emaphm.simulation.plant import Plant
 Array = NDArray[np.float64]
 Kernel = Callable[..., None]
 
+OBSERVABLE = ("current_A", "voltage_V", "position_rad", "speed_rad_s")
+"""The first channels of every model: what a rig may record and a fit compare."""
+
 LANES = 16
 """Actuators that a batch kernel advances together: two AVX-512 registers, four of AVX2."""
 
@@ -56,7 +59,8 @@ class Layout(NamedTuple):
     """What a kernel is compiled for."""
 
     lanes: int
-    traced: bool
+    channels: int
+    """How many of the model's channels are recorded, from the first on."""
     revision: int
     """Marks the source of all laws, so that Numba's cache on disk sees when one of them has changed."""
 
@@ -78,9 +82,9 @@ class Initial:
 class Model:
     """A model of the actuator: how to build its kernel, parameters and initial state.
 
-    `step` is its integration step [s]; `channels` are what a traced run records, of which a batch
-    records the first, the equivalent current; `switches` says that it switches the supply, which takes
-    windings.
+    `step` is its integration step [s]; `channels` are what a single run records, of which a batch
+    records the first, the equivalent current, or those of `OBSERVABLE`; `switches` says that it switches
+    the supply, which takes windings.
     """
 
     name: str
@@ -93,8 +97,8 @@ class Model:
 
 
 @cache
-def kernel(model: Model, lanes: int, traced: bool) -> Kernel:
-    """Return the compiled kernel of `model`."""
+def kernel(model: Model, lanes: int, channels: int) -> Kernel:
+    """Return the kernel of `model`, compiled to record its first `channels`: one, `OBSERVABLE`, or all."""
     # Any stride, so that a constant needs no storage.
     vector = numba.types.Array(numba.float64, 1, "A", readonly=True)
     flat = numba.types.Array(numba.float64, 1, "C")
@@ -103,7 +107,7 @@ def kernel(model: Model, lanes: int, traced: bool) -> Kernel:
         flat, flat, vector, vector, vector, numba.float64, numba.int64, numba.int64, numba.float64, cube
     )
     options: Any = {"fastmath": True, "error_model": "numpy", "nogil": True, "cache": True}
-    compiled: Kernel = numba.njit(signature, **options)(model.build(Layout(lanes, traced, REVISION)))
+    compiled: Kernel = numba.njit(signature, **options)(model.build(Layout(lanes, channels, REVISION)))
     return compiled
 
 
@@ -119,6 +123,7 @@ CONTROL_AND_MOTION = (
     "gear_ratio",
     "torque_limit",
     "offset",
+    "hinge",
     "viscous",
     "static",
     "coulomb",
@@ -142,6 +147,7 @@ CONTROL_AND_MOTION = (
     GEAR_RATIO,
     TORQUE_LIMIT,
     OFFSET,
+    HINGE,
     VISCOUS,
     STATIC,
     COULOMB,
@@ -167,6 +173,7 @@ def control_and_motion(plant: Plant, step: float) -> Array:
         "gear_ratio": plant.gear_ratio,
         "torque_limit": plant.torque_limit,
         "offset": plant.offset,
+        "hinge": plant.hinge * plant.gear_ratio,
         "viscous": plant.viscous,
         "static": plant.static,
         "coulomb": plant.coulomb,

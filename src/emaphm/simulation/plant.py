@@ -17,7 +17,17 @@ Array = NDArray[np.float64]
 NO_LIMIT = 1e30
 """Stands for an absent limit; the kernels are compiled on the understanding that nothing is infinite."""
 
-NEVER_ZERO = ("inertia", "position_gain", "speed_gain", "torque_constant", "resistance", "inductance")
+NEVER_ZERO = (
+    "inertia",
+    "position_gain",
+    "speed_gain",
+    "torque_constant",
+    "resistance",
+    "inductance",
+    "supply",
+)
+
+SIGNED = ("offset", "hinge")
 
 
 @dataclass(frozen=True)
@@ -34,6 +44,7 @@ class Plant:
     coulomb: Array
     static: Array
     offset: Array
+    hinge: Array
     backlash: Array
     gear_ratio: Array
     low_stop: Array
@@ -125,6 +136,7 @@ def _healthy(actuator: Actuator, n: int) -> Plant:
         "coulomb": m.dynamic_friction,
         "static": m.static_friction,
         "offset": m.offset,
+        "hinge": m.hinge,
         "backlash": m.backlash,
         "gear_ratio": m.gear_ratio,
         "low_stop": low / m.gear_ratio,
@@ -160,7 +172,7 @@ def _with_totals(plant: Plant, actuator: Actuator, totals: Mapping[str, ArrayLik
             raise MethodError(
                 f"parameter '{name}' has shape {column.shape}; give one value, or {plant.count}"
             )
-        if not np.all(np.isfinite(column)) or (np.any(column < 0) and name != "offset"):
+        if not np.all(np.isfinite(column)) or (np.any(column < 0) and name not in SIGNED):
             raise MethodError(f"parameter '{name}' must be finite and not negative; correct its value")
         if name in NEVER_ZERO and np.any(column == 0):
             raise MethodError(f"parameter '{name}' must be greater than 0; correct its value")

@@ -25,9 +25,11 @@ from emaphm.simulation.kernels import (
     GEAR_RATIO,
     HALF_GAP,
     HIGH_STOP,
+    HINGE,
     INTEGRAL,
     INTEGRATING,
     LOW_STOP,
+    OBSERVABLE,
     OFFSET,
     OUTPUT,
     POLE_PAIRS,
@@ -116,7 +118,6 @@ def build(layout: Layout) -> Any:
     The order within a step is that of PHYSICS.md section 3: commutation, switching and back-EMF from the
     state at the step's start, currents by explicit Euler, torque from the new currents, then the motion.
     """
-    channels = len(CHANNELS) if layout[1] else 1
 
     def kernel(
         x: Any,
@@ -130,7 +131,8 @@ def build(layout: Layout) -> Any:
         carried: Any,
         out: Any,
     ) -> None:
-        lanes, traced = layout[0], layout[1]
+        lanes, channels = layout[0], layout[1]
+        observed, traced = channels > 1, channels > len(OBSERVABLE)
         total = np.empty(channels * lanes)
         for sample in range(out.shape[1]):
             total[:] = 0.0
@@ -209,7 +211,7 @@ def build(layout: Layout) -> Any:
                         speed,
                         angle,
                         output,
-                        torque - loaded - p[OFFSET * lanes + lane],
+                        torque - loaded - p[OFFSET * lanes + lane] - p[HINGE * lanes + lane] * output,
                         p[VISCOUS * lanes + lane],
                         p[STATIC * lanes + lane],
                         p[COULOMB * lanes + lane],
@@ -241,13 +243,14 @@ def build(layout: Layout) -> Any:
                     total[lane] += (
                         weight * 0.5 * (shape_a * current_a + shape_b * current_b + shape_c * current_c)
                     )
-                    if traced:
+                    if observed:
                         across = active_a * leg_a + active_b * leg_b + active_c * leg_c
-                        along = active_a * current_a + active_b * current_b + active_c * current_c
-                        size = np.abs(current_a) + np.abs(current_b) + np.abs(current_c)
                         total[lanes + lane] += weight * across * half_supply
                         total[2 * lanes + lane] += weight * tau * (output + carried * (followed - output))
                         total[3 * lanes + lane] += weight * (speed + carried * (moved - speed))
+                    if traced:
+                        along = active_a * current_a + active_b * current_b + active_c * current_c
+                        size = np.abs(current_a) + np.abs(current_b) + np.abs(current_c)
                         total[4 * lanes + lane] += weight * (angle + carried * turned)
                         total[5 * lanes + lane] += weight * torque
                         total[6 * lanes + lane] += weight * reference

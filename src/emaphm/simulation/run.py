@@ -10,7 +10,7 @@ from emaphm.actuator import Actuator
 from emaphm.errors import MethodError, nearest
 from emaphm.simulation.averaged import AVERAGED
 from emaphm.simulation.inputs import Inputs
-from emaphm.simulation.kernels import LANES, Initial, Model, kernel
+from emaphm.simulation.kernels import LANES, OBSERVABLE, Initial, Model, kernel
 from emaphm.simulation.monitor import monitor
 from emaphm.simulation.plant import Plant
 from emaphm.simulation.reference import REFERENCE
@@ -43,7 +43,7 @@ def run(model: Model, plant: Plant, inputs: Inputs, start: Initial = Initial()) 
     if plant.count != 1:
         raise MethodError(f"a single run takes one actuator, got {plant.count}; use run_batch")
     out = np.empty((len(model.channels), inputs.samples, 1))
-    _advance(model, plant, inputs, start, out, traced=True)
+    _advance(model, plant, inputs, start, out)
     _check_finite(model, out)
     return {name: out[i, :, 0] for i, name in enumerate(model.channels)}
 
@@ -67,25 +67,44 @@ def run_batch(
         The actuators' windings are not described and the model needs them, or a simulation did not stay
         finite.
     """
+    return np.asarray(_batch(model, plant, inputs, start, 1, workers)[0])
+
+
+def observe_batch(
+    model: Model,
+    plant: Plant,
+    inputs: Inputs,
+    start: Initial = Initial(),  # noqa: B008
+    *,
+    workers: int | None = None,
+) -> Array:
+    """Return the channels `OBSERVABLE` of all actuators in `plant`, shape (4, n, samples); as `run_batch`."""
+    return _batch(model, plant, inputs, start, len(OBSERVABLE), workers)
+
+
+def _batch(
+    model: Model, plant: Plant, inputs: Inputs, start: Initial, channels: int, workers: int | None
+) -> Array:
     padded = plant.padded(LANES)
-    out = np.empty((padded.count // LANES, inputs.samples, LANES))
+    out = np.empty((padded.count // LANES, channels, inputs.samples, LANES))
     groups = [padded.part(first, first + LANES) for first in range(0, padded.count, LANES)]
     workers = min(workers or os.cpu_count() or 1, len(groups))
     if len(groups) * inputs.command.size < WORTH_A_THREAD:
         workers = 1
 
     def advance(i: int) -> None:
-        _advance(model, groups[i], inputs, start, out[i : i + 1], traced=False)
+        _advance(model, groups[i], inputs, start, out[i])
 
     if workers <= 1:
         for i in range(len(groups)):
             advance(i)
     else:
-        kernel(model, LANES, traced=False)  # compile once, before the threads
+        kernel(model, LANES, channels)  # compile once, before the threads
         with ThreadPoolExecutor(workers) as pool:
             list(pool.map(advance, range(len(groups))))
     _check_finite(model, out)
-    return np.ascontiguousarray(out.transpose(0, 2, 1).reshape(padded.count, inputs.samples)[: plant.count])
+    by_channel = out.transpose(1, 0, 3, 2).reshape(channels, padded.count, inputs.samples)
+    return np.ascontiguousarray(by_channel[:, : plant.count])
 
 
 def simulate_batch(
@@ -101,7 +120,7 @@ def simulate_batch(
     return run_batch(model, Plant.of(actuator, faults), inputs, start, workers=workers)
 
 
-def _advance(model: Model, plant: Plant, inputs: Inputs, start: Initial, out: Array, *, traced: bool) -> None:
+def _advance(model: Model, plant: Plant, inputs: Inputs, start: Initial, out: Array) -> None:
     if model.switches and not plant.has_windings:
         raise MethodError(
             f"the {model.name} model switches the windings' voltage, which needs an [electrical] section; "
@@ -110,7 +129,7 @@ def _advance(model: Model, plant: Plant, inputs: Inputs, start: Initial, out: Ar
     step = inputs.step
     x = model.initial_state(plant, inputs, start).ravel()
     p = model.parameters(plant, step).ravel()
-    advance = kernel(model, plant.count, traced)
+    advance = kernel(model, plant.count, len(out))
     advance(
         x,
         p,

@@ -29,9 +29,11 @@ from emaphm.simulation.kernels import (
     GEAR_RATIO,
     HALF_GAP,
     HIGH_STOP,
+    HINGE,
     INTEGRAL,
     INTEGRATING,
     LOW_STOP,
+    OBSERVABLE,
     OFFSET,
     OUTPUT,
     POLE_PAIRS,
@@ -119,7 +121,6 @@ def build(layout: Layout, *, averaged: bool, printed_eccentricity: bool) -> Any:
     otherwise the full supply is switched by the sign of the current error. `printed_eccentricity`: the
     thesis's factor for the monitor model instead of the reference model's.
     """
-    channels = len(CHANNELS) if layout[1] else 1
 
     def kernel(
         x: Any,
@@ -133,7 +134,8 @@ def build(layout: Layout, *, averaged: bool, printed_eccentricity: bool) -> Any:
         carried: Any,
         out: Any,
     ) -> None:
-        lanes, traced = layout[0], layout[1]
+        lanes, channels = layout[0], layout[1]
+        observed, traced = channels > 1, channels > len(OBSERVABLE)
         total = np.empty(channels * lanes)
         for sample in range(out.shape[1]):
             total[:] = 0.0
@@ -210,7 +212,7 @@ def build(layout: Layout, *, averaged: bool, printed_eccentricity: bool) -> Any:
                         speed,
                         angle,
                         output,
-                        torque - loaded - p[OFFSET * lanes + lane],
+                        torque - loaded - p[OFFSET * lanes + lane] - p[HINGE * lanes + lane] * output,
                         p[VISCOUS * lanes + lane],
                         p[STATIC * lanes + lane],
                         p[COULOMB * lanes + lane],
@@ -233,12 +235,13 @@ def build(layout: Layout, *, averaged: bool, printed_eccentricity: bool) -> Any:
                     x[ERROR * lanes + lane] = error
 
                     total[lane] += weight * current
-                    if traced:
+                    if observed:
                         # The constant voltage that takes the winding from `before` to `current`.
                         voltage = back_emf + (current - decay * before) / ((1.0 - decay) * conductance)
                         total[lanes + lane] += weight * voltage
                         total[2 * lanes + lane] += weight * tau * (output + carried * (followed - output))
                         total[3 * lanes + lane] += weight * (speed + carried * (moved - speed))
+                    if traced:
                         total[4 * lanes + lane] += weight * (angle + carried * turned)
                         total[5 * lanes + lane] += weight * torque
                         total[6 * lanes + lane] += weight * reference

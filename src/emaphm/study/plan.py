@@ -65,8 +65,8 @@ class RandomCases(Section):
 class Contestant(BaseModel):
     """A method that takes part: its name, a label where the name is not enough, and settings of its own.
 
-    `turns` bounds the bias corrections of a method that refines. Any other key is a setting of the
-    optimiser, e.g. population or iterations.
+    `turns` bounds the bias corrections of a method that refines, and it estimates `nuisances` besides.
+    Any other key is a setting of the optimiser, e.g. population or iterations.
     """
 
     model_config = ConfigDict(frozen=True, extra="allow")
@@ -74,6 +74,7 @@ class Contestant(BaseModel):
     method: str
     label: Label
     turns: Annotated[int, Field(ge=0, le=20)] = MOST_TURNS
+    nuisances: tuple[str, ...] = ()
 
     @model_validator(mode="before")
     @classmethod

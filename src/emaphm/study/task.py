@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.identification.error import error_percent
-from emaphm.identification.problem import Problem
-from emaphm.identification.search import search
-from emaphm.identification.space import FaultSpace
+from emaphm.identification.search import fit_of, search
 from emaphm.recording import Recording, acquire
 from emaphm.rig import simulate
 from emaphm.simulation import model_named
@@ -67,19 +65,18 @@ def perform(actuator: Actuator, manoeuvre: Manoeuvre, task: Task) -> dict[str, A
 
     began = time.perf_counter()
     # One thread a run: a study keeps the cores busy with runs side by side.
-    problem = Problem.of(recording, actuator, model_named(task.model), workers=1)
-    space = FaultSpace.of(actuator)
+    method = task.contestant.chosen()
+    fit = fit_of(recording, actuator, method, model_named(task.model), task.contestant.nuisances, workers=1)
     found = search(
-        problem,
-        space,
-        task.contestant.chosen(),
+        fit,
+        method,
         fitness=task.fitness,
         turns=task.contestant.turns,
         seed=task.seed,
         on_population=note,
     )
     seconds = time.perf_counter() - began
-    faults = space.faults(found.point)
+    faults = fit.space.faults(found.point)
     return {
         "index": task.index,
         "case": task.case,
