@@ -52,11 +52,16 @@ class Demo:
 
     def __str__(self) -> str:
         """Return found beside true."""
-        return (
-            f"A faulty actuator was simulated, its currents recorded with {NOISE:g} A rms of noise.\n\n"
-            f"{self.diagnosis.table(self.truth)}\n{self.diagnosis.summary()}\n"
-            f"Error: {self.error:.2f} %. Report: {self.report}, figure: {self.figure}"
-        )
+        found = self.diagnosis
+        lines = [
+            f"A faulty actuator was simulated, its currents recorded with {NOISE:g} A rms of noise.",
+            "",
+            found.table(self.truth),
+            *found.notes(),
+            found.summary(),
+            f"Error: {self.error:.2f} %. Report: {self.report}, figure: {self.figure}",
+        ]
+        return "\n".join(lines)
 
 
 def run_demo(

@@ -123,3 +123,8 @@ def _signal(path: str, name: str, duration: float) -> "Command":
             "shift the times to start at 0"
         )
     return signal
+
+
+def names_in(text: str) -> list[str]:
+    """Return the names in `text`, which has commas between them; nothing for "none"."""
+    return [name.strip() for name in text.split(",") if name.strip() not in {"", "none"}]

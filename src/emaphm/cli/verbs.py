@@ -21,6 +21,7 @@ from emaphm.cli.options import (
     described_actuator,
     fault_vector,
     load_named,
+    names_in,
     recording_of,
 )
 from emaphm.cli.output import draw, progress, show
@@ -128,6 +129,13 @@ def diagnose(
     correction: Annotated[
         bool, Parameter(help="Correct the model's bias by a few runs of the reference model (hybrid, +lsq).")
     ] = True,
+    nuisance: Annotated[
+        str | None,
+        Parameter(
+            help="What is estimated with the faults, with commas between: load, hinge, temperature, supply, "
+            "inertia, current_offset, current_scale; or 'none'. As the TOML says if left out."
+        ),
+    ] = None,
     report: Annotated[Path | None, Parameter(help="Write a report: .html.")] = None,
     seed: Seed = 0,
     force: Force = False,
@@ -149,6 +157,7 @@ def diagnose(
             model=model,
             fitness=fitness,
             turns=MOST_TURNS if correction else 0,
+            nuisances=None if nuisance is None else names_in(nuisance),
             seed=seed,
             on_progress=advance,
         )
@@ -183,7 +192,7 @@ def calibrate(
     check_output(figure, FIGURES, force=force)
     described = described_actuator(actuator)
     recorded = recording_of(recording, described)
-    names = [name.strip() for name in free.split(",") if name.strip()]
+    names = names_in(free)
     with progress("calibrating", as_json) as advance:
         result = estimate(recorded, described, names, seed=seed, on_progress=advance)
     comments = (

@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.faults import CARTESIAN_NAMES
+from emaphm.actuator.quantity import unit_for
 from emaphm.identification.correction import MOST_TURNS, PRIOR_DEVIATION, has_reference
-from emaphm.identification.diagnosis import Diagnosis
-from emaphm.identification.fit import CORRELATED_ROWS
+from emaphm.identification.diagnosis import Diagnosis, NuisanceEstimate
+from emaphm.identification.fit import CORRELATED_ROWS, Fit
 from emaphm.identification.methods import method_named
-from emaphm.identification.nuisance import RANGE
+from emaphm.identification.nuisance import RANGE, unit_of
 from emaphm.identification.refinement import scattered
 from emaphm.identification.search import Found, check_fitness, fit_of, search
 from emaphm.identification.uncertainty import knowledge
@@ -27,6 +28,9 @@ Progress = Callable[[float], None]
 
 RESOLUTION = 2e-3
 """What the search cannot tell apart: the last differences that it took."""
+
+HARDLY_KNOWN = 0.7
+"""Standard error of a nuisance, as a share of its prior's, from which on the data tell next to nothing."""
 
 DERIVATIVE_STEP, DERIVATIVES = 1e-2, 8
 """Step of the differences that uncertainty is told from, and how often they are taken."""
@@ -58,6 +62,10 @@ def diagnose(
         "reference", slowly.
     fitness
         What an optimiser minimises: one of `FITNESSES`; least squares where they follow.
+    nuisances
+        What is estimated with the faults by a method with least squares: names in
+        `emaphm.identification.nuisance.NAMES`, none where empty, the actuator's own where left out.
+        A recorded load or temperature counts as known.
     turns
         Most corrections of the model's bias by the reference model (with least squares, actuators with an
         electrical description, recordings up to 30 s); 0 turns them off.
@@ -109,7 +117,7 @@ def _conclude(found: Found, method: str, fitness: str, seed: int, began: float) 
     derivatives, spent = scattered(
         lambda points: fit.outputs(points)[:, :rows], found.point, space, DERIVATIVE_STEP, DERIVATIVES, seed
     )
-    known = knowledge(derivatives, residual[:rows], deviations)
+    known = knowledge(derivatives, residual[:rows], deviations, len(problem.channels))
     bias = 0.0 if found.discrepancy is None else found.discrepancy - found.correction
     variance = float(np.mean(residual[:rows] ** 2))
     gradient = derivatives.mean(axis=0) @ (residual - bias)[:rows] / variance
@@ -139,4 +147,19 @@ def _conclude(found: Found, method: str, fitness: str, seed: int, began: float) 
         time_s=problem.recording["time_s"],
         recorded=problem.recorded,
         modelled=modelled,
+        channels=problem.channels,
+        nuisances=_nuisances(fit, found.point, spread),
     )
+
+
+def _nuisances(fit: Fit, point: Array, spread: Array) -> dict[str, NuisanceEstimate]:
+    """Return the nuisances at `point` (d,) with standard errors from the covariance (d, d)."""
+    first = len(fit.space.columns)
+    estimates = {}
+    for i, (name, values) in enumerate(fit.space.nuisance_values(point[np.newaxis]).items(), first):
+        of_prior = float(np.sqrt(spread[i, i])) * RANGE
+        size = float(fit.space.nuisances.deviations[i - first])
+        unit = unit_for(unit_of(name), fit.problem.actuator.coordinates)
+        known = of_prior < HARDLY_KNOWN
+        estimates[name] = NuisanceEstimate(float(values[0]), of_prior * size, unit, known)
+    return estimates

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -35,6 +35,24 @@ class Estimate:
     reason: str = ""
 
 
+@dataclass(frozen=True)
+class NuisanceEstimate:
+    """What was estimated with the faults: a value and its standard error in `unit`.
+
+    `known` is false where the channels tell next to nothing of it, so that its prior is all there is.
+    """
+
+    value: float
+    standard_error: float
+    unit: str
+    known: bool
+
+    def __str__(self) -> str:
+        """Return the value with its standard error and unit."""
+        unit = "" if self.unit == "-" else f" {self.unit}"
+        return f"{self.value:+.3g} ± {self.standard_error:.2g}{unit}"
+
+
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
     """The faults that explain a recording.
@@ -42,7 +60,8 @@ class Diagnosis:
     `components` has the eight of `Faults` in order; `covariance` (d, d) is in estimator coordinates, whose
     names are `coordinates`. `fitness` is the method's own measure, `residual_rms_A` the rms of recorded
     less modelled current; `explained` is false where that is more than the model can answer for.
-    `recorded`, `modelled` [A] and `time_s` [s] have shape (samples,).
+    `recorded`, `modelled` [A] and `time_s` [s] have shape (samples,). `channels` were compared, and
+    `nuisances` estimated with the faults.
     """
 
     components: Mapping[str, Estimate]
@@ -64,6 +83,8 @@ class Diagnosis:
     time_s: Array
     recorded: Array
     modelled: Array
+    channels: tuple[str, ...] = ("current_A",)
+    nuisances: Mapping[str, NuisanceEstimate] = field(default_factory=dict)
 
     @property
     def faults(self) -> Faults:
@@ -91,6 +112,16 @@ class Diagnosis:
         return {
             "faults": faults,
             "k": self.faults.vector.tolist(),
+            "nuisances": {
+                name: {
+                    "value": estimate.value,
+                    "standard_error": estimate.standard_error,
+                    "unit": estimate.unit,
+                    "known": estimate.known,
+                }
+                for name, estimate in self.nuisances.items()
+            },
+            "channels": list(self.channels),
             "method": self.method,
             "model": self.model,
             "fitness": self.fitness,
@@ -155,7 +186,23 @@ class Diagnosis:
 
     def __str__(self) -> str:
         """Return what `emaphm diagnose` prints."""
-        return f"{self.table()}\n{self.summary()}"
+        return "\n".join([self.table(), *self.notes(), self.summary()])
+
+    def notes(self) -> list[str]:
+        """Return a line on the nuisances estimated with the faults, and one on those that cannot be told."""
+        told = {name: estimate for name, estimate in self.nuisances.items() if estimate.known}
+        untold = [name for name in self.nuisances if name not in told]
+        lines = []
+        if told:
+            values = ", ".join(f"{name} {estimate}" for name, estimate in told.items())
+            lines.append(f"Estimated besides: {values}.")
+        if untold:
+            seen = ", ".join(self.channels)
+            lines.append(
+                f"Not to be told from {seen}: {', '.join(untold)}; the intervals allow for what may be "
+                "expected of it. Record more channels, or it itself."
+            )
+        return lines
 
     def summary(self) -> str:
         """Return one line: how well the model explains the recording, and what it took."""

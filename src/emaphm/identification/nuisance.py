@@ -35,6 +35,12 @@ NEEDS_WINDINGS = ("temperature", "supply")
 NAMES = tuple(name for name in Nuisances.model_fields if name != "estimated")
 
 
+def unit_of(name: str) -> str:
+    """Return the unit of a nuisance, for a rotary actuator."""
+    extra = Nuisances.model_fields[name].json_schema_extra
+    return str(extra["unit"]) if isinstance(extra, dict) else "-"
+
+
 @dataclass(frozen=True)
 class NuisanceSet:
     """The nuisances that are estimated: `names`, and the prior standard deviation of each, (m,)."""

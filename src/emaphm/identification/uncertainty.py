@@ -32,7 +32,7 @@ class Knowledge:
     covariance: Array
 
 
-def knowledge(derivatives: Array, residual: Array, prior_deviation: Array) -> Knowledge:
+def knowledge(derivatives: Array, residual: Array, prior_deviation: Array, channels: int = 1) -> Knowledge:
     """Return what least squares know of an estimate.
 
     Parameters
@@ -44,13 +44,17 @@ def knowledge(derivatives: Array, residual: Array, prior_deviation: Array) -> Kn
         Recorded less model, shape (rows,).
     prior_deviation
         Standard deviation of each parameter before the data, shape (d,).
+    channels
+        Series of equal length that stand end to end in the rows; each residual has its own correlation.
     """
     several = derivatives[np.newaxis] if derivatives.ndim == 2 else derivatives
     # A perfect fit would make the information infinite: rounding leaves at least this much residual.
     rounding = 1e-20 * float(np.mean(several**2)) + np.finfo(float).tiny ** 0.25
     variance = max(float(np.mean(residual**2)), rounding)
     fisher = information(several) / variance
-    spread = sum(one @ _correlated(one, residual).T for one in several) / len(several) / variance**2
+    series = zip(np.split(several, channels, axis=2), np.split(residual, channels), strict=True)
+    spread = sum(one @ _correlated(one, left).T for part, left in series for one in part)
+    spread = spread / len(several) / variance**2
     # Anticorrelated or perfect residuals leave next to no spread: no fit is that much better than white.
     spread = spread + LEAST_SPREAD * fisher
     prior = np.diag(1 / prior_deviation**2)

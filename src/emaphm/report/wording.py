@@ -142,6 +142,12 @@ def computation(diagnosis: Diagnosis) -> dict[str, str]:
     return {
         "Recording": f"{diagnosis.recording}: {rows}",
         "Actuator": f"{diagnosis.actuator.name}, {diagnosis.actuator.coordinates}",
+        "Compared": ", ".join(diagnosis.channels),
+        "Estimated besides": ", ".join(
+            f"{name} {estimate}" + ("" if estimate.known else " (the recording hardly tells)")
+            for name, estimate in diagnosis.nuisances.items()
+        )
+        or "nothing",
         "Method": diagnosis.method,
         "Model": diagnosis.model,
         "Fitness": f"{diagnosis.fitness:.4g} {unit} ({diagnosis.fitness_name})",
