@@ -62,7 +62,7 @@ def test_the_json_has_what_the_design_asks_for(found: Diagnosis, mixed: Recordin
     assert matrix.shape == (10, 10)
     assert read["covariance"]["coordinates"][8:] == ["load", "temperature"]
     assert np.linalg.eigvalsh(matrix)[0] > 0
-    assert len(read["covariance"]["coordinates"]) == 8
+    assert len(read["covariance"]["coordinates"]) == 10
 
 
 def test_the_json_holds_no_number_that_json_lacks(found: Diagnosis) -> None:
