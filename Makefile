@@ -20,8 +20,8 @@ bench: $(INSTALLED)  ## measure speed, as ratios to the manoeuvre's own time
 	$(BIN)/python -m pytest bench -p no:xdist --benchmark-columns=min,median,rounds
 
 study: $(INSTALLED)  ## measure accuracy, redo the thesis's comparison, write docs/accuracy.md and docs/comparison.md
-	$(BIN)/python bench/accuracy.py docs/accuracy.md
-	$(BIN)/python bench/comparison.py docs/comparison
+	$(BIN)/python -m bench.accuracy docs/accuracy.md
+	$(BIN)/python -m bench.comparison docs/comparison
 
 docs: $(INSTALLED)  ## draw the figures of the README and the examples
 	$(BIN)/emaphm demo --out docs/demo --force

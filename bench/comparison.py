@@ -1,6 +1,6 @@
 """The thesis's comparison of methods, redone: runs the studies, writes the page and its tables and figures.
 
-    python bench/comparison.py docs/comparison
+    python -m bench.comparison docs/comparison
 
 Results are kept in studies/ and not computed twice. The page's text is in pages/comparison.md.jinja; each
 finding that it states is checked here against the results, so that it cannot outlive them.
