@@ -144,6 +144,38 @@ def test_progress_only_grows(method: str, mixed: Recording) -> None:
     assert all(0 <= one <= two <= 1 for one, two in itertools.pairwise(told))
 
 
+# What is estimated besides.
+
+
+def with_channels(recording: Recording, *names: str) -> Recording:
+    return Recording({name: recording[name] for name in ("time_s", "command_rad", *names)})
+
+
+def test_heat_is_told_by_the_voltage_and_named_where_there_is_none() -> None:
+    whole = simulate(THESIS, Chirp(), faults=MIXED, load=0.1, noise=0.05)
+    blind = diagnose(with_channels(whole, "current_A"), THESIS)
+    assert blind.channels == ("current_A",)
+    # Heat and a short in all phases differ in resistance alone, which a current hardly shows.
+    assert not blind.nuisances["temperature"].known
+    assert any("Not to be told from current_A: temperature" in line for line in blind.notes())
+    seeing = diagnose(with_channels(whole, "current_A", "voltage_V"), THESIS)
+    assert seeing.channels == ("current_A", "voltage_V")
+    heat = seeing.nuisances["temperature"]
+    assert heat.known
+    assert abs(heat.value) < 2 * heat.standard_error + 1.0  # nominal, to a kelvin of what models leave
+    for found in (blind, seeing):
+        assert found.nuisances["load"].known
+        assert found.nuisances["load"].value == pytest.approx(0.1, abs=0.005)
+    assert seeing.to_dict()["nuisances"]["load"]["unit"] == "N·m"
+
+
+def test_nothing_is_estimated_besides_where_nothing_is_asked_for(mixed: Recording) -> None:
+    found = diagnose(mixed, THESIS, nuisances=(), turns=0)
+    assert found.nuisances == {}
+    assert found.notes() == []
+    assert len(found.coordinates) == 8
+
+
 # The other methods, fitnesses and models.
 
 
