@@ -1,6 +1,7 @@
 """What a diagnosis is: the faults found, how sure each is, and how it was computed."""
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -50,7 +51,9 @@ class NuisanceEstimate:
     def __str__(self) -> str:
         """Return the value with its standard error and unit."""
         unit = "" if self.unit == "-" else f" {self.unit}"
-        return f"{self.value:+.3g} ± {self.standard_error:.2g}{unit}"
+        # Both to the second digit of the error.
+        digits = max(0, 1 - math.floor(math.log10(max(self.standard_error, 1e-12))))
+        return f"{self.value:+.{digits}f} ± {self.standard_error:.{digits}f}{unit}"
 
 
 @dataclass(frozen=True, eq=False)
