@@ -92,6 +92,7 @@ BAD_ARGUMENTS = {
     "diagnose good.csv --model avraged": ("'avraged'", "did you mean 'averaged'?"),
     "diagnose good.csv --method hybird": ("'hybird'", "did you mean 'hybrid'?"),
     "diagnose good.csv --method dragonfly --fitness least": ("'least'", "did you mean 'least_squares'?"),
+    "diagnose good.csv --method de --nuisance load": ("faults alone", "'differential-evolution+lsq'"),
     "diagnose good.csv --nuisance lod": ("'lod'", "did you mean 'load'?"),
     "diagnose good.csv --nuisance load,hinge": ("'hinge'", "[nuisances]", "'thesis'"),
     "diagnose good.csv --fitness thesis": ("'hybrid'", "least_squares", "swarm"),

@@ -60,9 +60,15 @@ def fit_of(
     Raises
     ------
     MethodError
-        A nuisance is unknown, or needs the electrical description that the actuator lacks.
+        A nuisance is unknown, or needs the electrical description that the actuator lacks; or the method
+        estimates none.
     """
     if not method.refines:
+        if nuisances:
+            raise MethodError(
+                f"method '{method.name}' estimates faults alone; leave out nuisance '{nuisances[0]}', or use "
+                f"'{method.name}+lsq'"
+            )
         return Fit.of(Problem.of(recording, actuator, model, workers), FaultSpace.of(actuator))
     unknown = NuisanceSet.of(actuator, nuisances, recording.names)
     channels = tuple(name for name in OBSERVABLE if name == "current_A" or _tells(recording, name))
