@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator, Faults
+from emaphm.identification.nuisance import NAMES as NUISANCES
 
 UNIT = st.floats(0.0, 1.0)
 POSITIVE = st.floats(1e-9, 1e9)
@@ -37,6 +38,7 @@ def actuators(draw: st.DrawFn) -> Actuator:
         "dynamic_friction_user": share * static[1],
         "backlash": draw(NOT_NEGATIVE),
         "offset": draw(st.floats(-1e9, 1e9)),
+        "hinge": draw(st.floats(-1e9, 1e9)),
         "gear_ratio": draw(POSITIVE),
         "end_stops": draw(st.none() | st.tuples(POSITIVE.map(lambda stop: -stop), POSITIVE)),
     }
@@ -56,6 +58,7 @@ def actuators(draw: st.DrawFn) -> Actuator:
         "inductance": draw(POSITIVE),
         "pole_pairs": draw(st.integers(1, 50)),
         "hysteresis": draw(POSITIVE),
+        "temperature": draw(POSITIVE),
     }
     fault_scales = {
         "friction": draw(POSITIVE),
@@ -63,6 +66,8 @@ def actuators(draw: st.DrawFn) -> Actuator:
         "eccentricity": draw(st.floats(0.01, 0.99)),
         "gain": draw(st.floats(0.01, 0.99)),
     }
+    estimated = draw(st.lists(st.sampled_from(NUISANCES), unique=True))
+    priors = draw(st.dictionaries(st.sampled_from(NUISANCES), POSITIVE))
     return Actuator.from_dict(
         {
             "name": draw(st.text(min_size=1)),
@@ -76,6 +81,7 @@ def actuators(draw: st.DrawFn) -> Actuator:
             "mechanics": mechanics,
             "electrical": draw(st.none() | st.just(electrical)),
             "faults": fault_scales,
+            "nuisances": {"estimated": estimated} | priors,
             "channels": {
                 "sampling": draw(st.sampled_from(["mean", "instant"])),
                 "command_rad": draw(st.text()),

@@ -94,7 +94,8 @@ def simulate(  # noqa: PLR0915 - one step, in the order of PHYSICS.md
         torque = min(max(torque, -actuator.motor.torque_limit), actuator.motor.torque_limit)
         felt = torque = torque + (felt - torque) * unfelt
         # 6. Mechanics.
-        active = torque - load - m.offset - m.viscous * w
+        # The hinge moment, beyond PHYSICS.md, is that of where the user stands.
+        active = torque - load - m.offset - m.hinge * (m.gear_ratio * output) - m.viscous * w
         if w == 0.0:
             sticks = abs(active) <= static
             w = 0.0 if sticks else dt * (active - math.copysign(dynamic, active)) / m.inertia

@@ -27,6 +27,9 @@ MAGNETS = -1.1e-3
 RANGE = 5.0
 """Standard deviations of the prior to a unit of a nuisance's coordinate."""
 
+LEAST = 0.1
+"""Share of a total that a nuisance leaves of it at least, however wide its prior."""
+
 KNOWN_BY = {"load": "load_Nm", "hinge": "load_Nm", "temperature": "temperature_K"}
 """The channel that makes a nuisance known where it was recorded."""
 
@@ -57,7 +60,7 @@ class NuisanceSet:
         MethodError
             A name is unknown, or needs the electrical description that the actuator lacks.
         """
-        chosen = actuator.nuisances.estimated if names is None else tuple(dict.fromkeys(names))
+        chosen = tuple(dict.fromkeys(actuator.nuisances.estimated if names is None else names))
         for name in chosen:
             if name not in NAMES:
                 raise MethodError(f"unknown nuisance '{name}'{nearest(name, NAMES)}")
@@ -91,13 +94,13 @@ class NuisanceSet:
         if "hinge" in values:
             result["hinge"] = present("hinge") + values["hinge"]
         if "inertia" in values:
-            result["inertia"] = present("inertia") * np.maximum(1 + values["inertia"], 0.1)
+            result["inertia"] = present("inertia") * np.maximum(1 + values["inertia"], LEAST)
         if "supply" in values:
-            result["supply"] = present("supply") * np.maximum(1 + values["supply"], 0.1)
+            result["supply"] = present("supply") * np.maximum(1 + values["supply"], LEAST)
         if "temperature" in values or warmer:
             above = np.asarray(values.get("temperature", 0.0)) + warmer
-            result["resistance"] = present("resistance") * (1 + COPPER * above)
-            result["torque_constant"] = present("torque_constant") * (1 + MAGNETS * above)
+            result["resistance"] = present("resistance") * np.maximum(1 + COPPER * above, LEAST)
+            result["torque_constant"] = present("torque_constant") * np.maximum(1 + MAGNETS * above, LEAST)
         return result
 
 
