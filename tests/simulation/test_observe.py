@@ -1,15 +1,20 @@
 """Batches that record every channel which a rig may compare; a load that grows with the user's position."""
 
+import importlib
+from typing import Any
+
 import numpy as np
 import pytest
 
-from emaphm.actuator import Actuator, Chirp, Faults, Step
+from emaphm.actuator import Actuator, Chirp, Faults, Sine, Step
 from emaphm.actuator.totals import with_totals
 from emaphm.rig import simulate
 from emaphm.simulation import (
     AVERAGED,
+    MODELS,
     OBSERVABLE,
     REFERENCE,
+    Initial,
     Inputs,
     Model,
     Plant,
@@ -18,12 +23,15 @@ from emaphm.simulation import (
     run,
     run_batch,
 )
+from simulation import scalar_reference, scalar_winding
+from simulation.rig import FREE, altered, record
 
 THESIS = Actuator.thesis()
+EACH_MODEL = pytest.mark.parametrize("model", MODELS.values(), ids=list(MODELS))
 FAULTS = np.random.default_rng(5).random((20, 8)) * np.array([1, 1, 0.7, 0.7, 0.7, 1, 1, 1])
 
 
-@pytest.mark.parametrize("model", [REFERENCE, AVERAGED, monitor()], ids=lambda model: model.name)
+@EACH_MODEL
 def test_a_batch_observes_what_a_single_run_records(model: Model) -> None:
     inputs = Inputs.of(Chirp(), samples=100, interval=2e-4, step=model.step)
     plant = Plant.of(THESIS, FAULTS[:3])
@@ -36,13 +44,34 @@ def test_a_batch_observes_what_a_single_run_records(model: Model) -> None:
             np.testing.assert_allclose(channel[i], alone[name], rtol=0, atol=1e-6)
 
 
-def test_the_first_channel_is_the_batch_s_current_whatever_the_workers() -> None:
-    inputs = Inputs.of(Chirp(), samples=2500, interval=2e-4, step=AVERAGED.step)
-    plant = Plant.of(THESIS, np.tile(FAULTS, (4, 1)))
-    currents = run_batch(AVERAGED, plant, inputs)
-    one, two = (observe_batch(AVERAGED, plant, inputs, workers=workers) for workers in (1, 2))
+@EACH_MODEL
+def test_the_first_channel_is_the_batch_s_current(model: Model) -> None:
+    inputs = Inputs.of(Chirp(), samples=100, interval=2e-4, step=model.step)
+    plant = Plant.of(THESIS, FAULTS)
+    # Rounding of the same laws, compiled with and without the other channels.
+    currents = run_batch(model, plant, inputs)
+    np.testing.assert_allclose(observe_batch(model, plant, inputs)[0], currents, rtol=0, atol=1e-6)
+
+
+@EACH_MODEL
+def test_the_number_of_workers_changes_no_bit(model: Model, monkeypatch: pytest.MonkeyPatch) -> None:
+    running = importlib.import_module("emaphm.simulation.run")
+    pools: list[int] = []
+
+    class Counted(running.ThreadPoolExecutor):  # type: ignore[misc, name-defined]
+        def __init__(self, workers: int) -> None:
+            pools.append(workers)
+            super().__init__(workers)
+
+    monkeypatch.setattr(running, "ThreadPoolExecutor", Counted)
+    # So short a batch would not be worth a thread.
+    monkeypatch.setattr(running, "WORTH_A_THREAD", 0)
+    inputs = Inputs.of(Chirp(), samples=50, interval=2e-4, step=model.step)
+    plant = Plant.of(THESIS, np.tile(FAULTS, (2, 1)))
+    one, two, three = (observe_batch(model, plant, inputs, workers=workers) for workers in (1, 2, 3))
+    assert pools == [2, 3]
     np.testing.assert_array_equal(one, two)
-    np.testing.assert_allclose(one[0], currents, rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(one, three)
 
 
 @pytest.mark.parametrize("model", ["averaged", "reference"])
@@ -63,3 +92,49 @@ def test_without_a_hinge_moment_nothing_changes() -> None:
         for actuator in (THESIS, with_totals(THESIS, {"hinge": 0.0}))
     )
     np.testing.assert_array_equal(plain["current_A"], none["current_A"])
+
+
+def sine(t: float) -> float:
+    return float(Sine(8e-3, 15.0)(np.array([t]))[0])
+
+
+HINGED = altered(mechanics={"hinge": 40.0, "offset": 0.02})
+"""Hinge moment at 8 mrad: 0.32 N·m, three times the friction."""
+
+
+@pytest.mark.parametrize(
+    ("model", "form"),
+    [(AVERAGED, {"averaged": True}), (monitor(), {"averaged": False, "shorts": "printed"})],
+    ids=["averaged", "monitor"],
+)
+def test_a_hinge_moment_in_models_with_one_winding(model: Model, form: dict[str, Any]) -> None:
+    faults, duration = Faults.from_vector(FAULTS[0]), 0.1
+    steps = round(duration / model.step)
+    expected = scalar_winding.simulate(HINGED, faults, sine, steps, model.step, **form)
+    got = record(model, Sine(8e-3, 15.0), HINGED, faults=faults, duration=duration, interval=model.step)
+    for name, values in expected.items():
+        # As in test_oracles: what carrying the rotor's cos and sin makes in 0.1 s.
+        np.testing.assert_allclose(got[name], values, rtol=0, atol=1e-8 * np.abs(values).max(), err_msg=name)
+
+
+def test_a_hinge_moment_in_the_reference_model() -> None:
+    faults, steps = Faults.from_vector(FAULTS[0]), 20_000
+    expected = scalar_reference.simulate(HINGED, faults, sine, steps)
+    got = record(REFERENCE, Sine(8e-3, 15.0), HINGED, faults=faults, duration=steps * 1e-6, interval=1e-6)
+    for name, values in expected.items():
+        # As in test_oracles: rounding alone, as long as all legs switch in the same step.
+        np.testing.assert_allclose(got[name], values, rtol=0, atol=1e-10 * np.abs(values).max(), err_msg=name)
+
+
+def test_a_hinge_moment_alone_is_a_spring() -> None:
+    # J dw/dt = -hinge × gear ratio × angle, without friction, backlash or a motor worth the name.
+    swinging = altered(mechanics=FREE | {"hinge": 50.0, "backlash": 0.0}, controller={"current_limit": 1e-9})
+    ratio, inertia = swinging.mechanics.gear_ratio, swinging.mechanics.inertia
+    pulsation = np.sqrt(50.0 * ratio / inertia)
+    swing = record(AVERAGED, Step(0.0), swinging, start=Initial(1.0), sampling="instant")
+    t = swing["time_s"]
+    assert t[-1] * pulsation > 4 * 2 * np.pi
+    # A shaft that reverses stands still at the step's end, which costs up to a step at each reversal.
+    reversals = t[-1] * pulsation / np.pi
+    late = (reversals + 1) * pulsation * AVERAGED.step
+    np.testing.assert_allclose(swing["angle_rad"], np.cos(pulsation * t), rtol=0, atol=late)
