@@ -15,7 +15,7 @@ from emaphm.identification.nuisance import COPPER, MAGNETS, NAMES, RANGE, Nuisan
 from emaphm.identification.search import fit_of
 from emaphm.recording import Recording
 from emaphm.rig import simulate
-from emaphm.simulation import AVERAGED
+from emaphm.simulation import AVERAGED, REFERENCE
 
 THESIS = Actuator.thesis()
 TRUTH = Faults(0.3, 0.4, 0.1, 0.25, 0.2, 0.35, 0.7, 0.4)
@@ -149,3 +149,36 @@ def test_a_weight_is_an_inverse_size() -> None:
     problem = fit(("load",)).problem.weighted([2.0, 1.0, 4.0, 8.0])
     np.testing.assert_allclose(problem.weights, [1.0, 2.0, 0.5, 0.25])
     assert replace(problem).channels == CHANNELS
+
+
+def test_one_run_has_the_rows_of_a_batch() -> None:
+    one = fit(("load", "temperature", "current_scale"))
+    point = one.space.points(TRUTH.vector)
+    point[-3:] = (0.1, -0.2, 0.3)
+    rows = one.outputs(point[np.newaxis])[0]
+    # The same laws in another order of additions.
+    np.testing.assert_allclose(one.signals(point), rows, rtol=0, atol=1e-9 * np.abs(rows).max())
+    np.testing.assert_allclose(one.currents(point[np.newaxis])[0], rows[:2500], rtol=0, atol=1e-9)
+    assert np.abs(one.discrepancy(AVERAGED, point)).max() < 1e-9 * np.abs(rows).max()
+    # The reference model has ripple, and no other opinion of what was known before.
+    other = one.discrepancy(REFERENCE, point)
+    assert np.all(np.sqrt(np.mean(other[: one.recorded_rows].reshape(4, -1) ** 2, axis=1)) > 0)
+    np.testing.assert_array_equal(other[one.recorded_rows :], 0.0)
+
+
+def test_a_channel_without_residual_does_not_silence_the_others() -> None:
+    one = fit(("load",))
+    residual = np.ones(10_001) * 0.1
+    residual[2500:5000] = 0.0
+    weights = one.reweighted(residual).problem.weights
+    # Nothing is trusted beyond a ten-thousandth of its channel.
+    voltage = np.sqrt(np.mean(one.problem.recording["voltage_V"] ** 2))
+    assert weights[1] == pytest.approx(0.1 / (1e-4 * voltage))
+
+
+def test_a_prior_stands_against_a_residual_as_twenty_rows_do() -> None:
+    one = fit(("load",)).against(0.5)
+    point = one.space.points(TRUTH.vector)[np.newaxis]
+    point[0, -1] = 1 / RANGE
+    # One standard deviation off weighs as the square of 0.5 A over the 20 rows that are worth one.
+    assert one.outputs(point)[0, -1] ** 2 == pytest.approx(20 * 0.5**2)
