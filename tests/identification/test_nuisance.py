@@ -159,7 +159,7 @@ def test_units_are_those_of_the_description() -> None:
 # What was recorded is known.
 
 
-def cold_and(actuator: Actuator, load: Load | None = None, **known: float) -> list[Array]:
+def cold_and(actuator: Actuator, load: Load = 0.0, **known: float) -> list[Array]:
     """Return the faults found of the plain actuator, and of another whose difference was recorded or not."""
     kept = ("time_s", "command_rad", "current_A")
     plain = simulate(THESIS, Chirp(), faults=TRUTH, noise=0.05)
