@@ -4,6 +4,9 @@ from pathlib import Path
 
 import pytest
 
+# Loaded before anything is replaced: whatever takes a name from elsewhere would keep the replacement.
+import emaphm.demo  # noqa: F401
+
 from .conftest import Emaphm, Refusal
 
 WRITERS = {
