@@ -159,9 +159,9 @@ def test_one_run_has_the_rows_of_a_batch() -> None:
     # The same laws in another order of additions.
     np.testing.assert_allclose(one.signals(point), rows, rtol=0, atol=1e-9 * np.abs(rows).max())
     np.testing.assert_allclose(one.currents(point[np.newaxis])[0], rows[:2500], rtol=0, atol=1e-9)
-    assert np.abs(one.discrepancy(AVERAGED, point)).max() < 1e-9 * np.abs(rows).max()
+    assert np.abs(one.discrepancy(one.problem.by(AVERAGED), point)).max() < 1e-9 * np.abs(rows).max()
     # The reference model has ripple, and no other opinion of what was known before.
-    other = one.discrepancy(REFERENCE, point)
+    other = one.discrepancy(one.problem.by(REFERENCE), point)
     assert np.all(np.sqrt(np.mean(other[: one.recorded_rows].reshape(4, -1) ** 2, axis=1)) > 0)
     np.testing.assert_array_equal(other[one.recorded_rows :], 0.0)
 

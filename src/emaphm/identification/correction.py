@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from emaphm.identification.fit import CORRELATED_ROWS, Fit
 from emaphm.identification.hybrid import descend
 from emaphm.identification.problem import Problem
-from emaphm.identification.refinement import information, scattered
+from emaphm.identification.refinement import information, movable, scattered
 from emaphm.simulation import REFERENCE
 
 Array = NDArray[np.float64]
@@ -94,7 +94,8 @@ def correct(
     recording than switching chaos can make it seem.
     """
     nothing = np.zeros_like(fit.target)
-    current = Corrected(fit, point, nothing, fit.discrepancy(REFERENCE, point), 1, 1)
+    reference = fit.problem.by(REFERENCE)
+    current = Corrected(fit, point, nothing, fit.discrepancy(reference, point), 1, 1)
     best, least = current, current.misfit(fit)
     descending, polished = True, 0
     for turn in range(turns):
@@ -105,7 +106,7 @@ def correct(
             current,
             point=found,
             correction=current.discrepancy,
-            discrepancy=current.fit.discrepancy(REFERENCE, found),
+            discrepancy=current.fit.discrepancy(reference, found),
             evaluations=current.evaluations + evaluations + 3,
             reference_runs=turn + 2,
         )
@@ -146,8 +147,7 @@ def _polished(current: Corrected, turn: int) -> tuple[Array, int]:
     gradient = derivatives.mean(axis=0) @ residual
     cost = float(np.mean(residual**2))
     normal = information(derivatives) + cost * CORRELATED_ROWS / PRIOR_DEVIATION**2 * np.eye(point.size)
-    outward = ((point <= space.lower) & (gradient < 0)) | ((point >= space.upper) & (gradient > 0))
-    free = np.flatnonzero(~outward)
+    free = movable(point, gradient, space)
     step = np.zeros(point.size)
     step[free] = np.linalg.solve(normal[np.ix_(free, free)], gradient[free])
     step *= min(1.0, FARTHEST / max(float(np.linalg.norm(step)), FARTHEST))

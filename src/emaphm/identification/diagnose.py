@@ -95,7 +95,7 @@ def diagnose(
 def _with_discrepancy(found: Found) -> Found:
     return replace(
         found,
-        discrepancy=found.fit.discrepancy(REFERENCE, found.point),
+        discrepancy=found.fit.discrepancy(found.fit.problem.by(REFERENCE), found.point),
         evaluations=found.evaluations + 1,
         reference_runs=found.reference_runs + 1,
     )

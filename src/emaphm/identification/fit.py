@@ -9,13 +9,11 @@ from numpy.typing import NDArray
 from emaphm.identification.nuisance import RANGE
 from emaphm.identification.problem import Problem
 from emaphm.identification.space import FaultSpace
-from emaphm.simulation import Model
 
 Array = NDArray[np.float64]
 
 CORRELATED_ROWS = 20
 """Rows over which a residual is correlated, roughly: so many count as one against a prior."""
-
 
 FINEST = 1e-4
 """Least residual, as a share of its channel, that a channel is trusted to."""
@@ -48,7 +46,7 @@ class Fit:
         whose size is not known beforehand.
         """
         samples, count = self.problem.recording.samples, len(self.problem.channels)
-        by_channel = residual[: count * samples].reshape(count, samples)
+        by_channel = residual[: self.recorded_rows].reshape(count, samples)
         sizes = np.sqrt(np.mean(by_channel**2, axis=1)) / self.problem.weights
         # A perfect channel would silence the others; nothing is right to a hundredth of a percent.
         recorded = [np.sqrt(np.mean(self.problem.recording[name] ** 2)) for name in self.problem.channels]
@@ -73,10 +71,7 @@ class Fit:
 
     def outputs(self, points: Array) -> Array:
         """Return the model's channels, weighted, and the nuisances at `points` (n, d), shape (n, rows)."""
-        predicted = self.problem.predict(self.space.faults(points), self.totals(points))
-        predicted = self._sensed(predicted, points)
-        priors = self.tolerance * RANGE * points[:, len(self.space.columns) :]
-        return np.concatenate([predicted, priors], axis=1) if priors.size else predicted
+        return self._rows(self.problem.predict(self.space.faults(points), self.totals(points)), points)
 
     def currents(self, points: Array) -> Array:
         """Return the model's equivalent current at `points` (n, d), as sensed [A], shape (n, samples)."""
@@ -88,9 +83,9 @@ class Fit:
         values = space.nuisance_values(points)
         return space.nuisances.totals(self.problem.actuator, values, self.problem.warmer)
 
-    def discrepancy(self, model: Model, point: Array) -> Array:
-        """Return what another model's `outputs` have more at `point` (d,), shape (rows,)."""
-        other = replace(self, problem=self.problem.by(model))
+    def discrepancy(self, reference: Problem, point: Array) -> Array:
+        """Return what the `outputs` of another model's problem have more at `point` (d,), shape (rows,)."""
+        other = replace(self, problem=replace(reference, weights=self.problem.weights))
         here, there = self.outputs(point[np.newaxis])[0], other.signals(point)
         return np.asarray(there - here)
 
@@ -102,8 +97,13 @@ class Fit:
         weighted = [
             w * signals[name] for name, w in zip(self.problem.channels, self.problem.weights, strict=True)
         ]
-        sensed = self._sensed(np.concatenate(weighted)[np.newaxis], one)[0]
-        return np.concatenate([sensed, self.tolerance * RANGE * point[len(self.space.columns) :]])
+        return np.asarray(self._rows(np.concatenate(weighted)[np.newaxis], one)[0])
+
+    def _rows(self, predicted: Array, points: Array) -> Array:
+        """Return the weighted channels (n, recorded rows) as sensed, followed by the nuisances."""
+        sensed = self._sensed(predicted, points)
+        priors = self.tolerance * RANGE * points[:, len(self.space.columns) :]
+        return np.concatenate([sensed, priors], axis=1) if priors.size else sensed
 
     def _sensed(self, predicted: Array, points: Array) -> Array:
         """Return outputs (n, rows), whose first channel is the current, as the sensor shows them."""

@@ -77,8 +77,7 @@ class Problem:
 
     def by(self, model: Model) -> Self:
         """Return the same problem for another model."""
-        other = type(self).of(self.recording, self.actuator, model, self.workers, self.channels)
-        return replace(other, weights=self.weights)
+        return type(self).of(self.recording, self.actuator, model, self.workers, self.channels)
 
     def weighted(self, sizes: ArrayLike) -> Self:
         """Return the problem with residuals weighted by the `sizes` (channels,) that they have."""

@@ -169,13 +169,18 @@ def information(derivatives: Array) -> Array:
     return np.asarray(axes * np.maximum(values, 0.0) @ axes.T)
 
 
+def movable(point: Array, gradient: Array, box: Box) -> NDArray[np.intp]:
+    """Return the indices of the components of `point` (d,) that no bound keeps from following `gradient`."""
+    at_lower = (point <= box.lower) & (gradient < 0)
+    at_upper = (point >= box.upper) & (gradient > 0)
+    return np.flatnonzero(~(at_lower | at_upper))
+
+
 def _trials(descent: _Descent, derivatives: Array, box: Box) -> Array:
     """Return the points that damped Gauss-Newton steps lead to, one for each damping factor."""
     normal = derivatives @ derivatives.T
     gradient = derivatives @ descent.residual
-    at_lower = (descent.point <= box.lower) & (gradient < 0)
-    at_upper = (descent.point >= box.upper) & (gradient > 0)
-    free = np.flatnonzero(~(at_lower | at_upper))
+    free = movable(descent.point, gradient, box)
     trials = np.tile(descent.point, (len(DAMPING_FACTORS), 1))
     if free.size:
         normal = normal[np.ix_(free, free)]

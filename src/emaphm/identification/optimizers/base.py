@@ -10,7 +10,7 @@ The one who holds the state drives the search, so that a run can be stopped, sav
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -111,6 +111,18 @@ class Optimizer(ABC, Generic[S]):
         if values[best] < state.best_fitness:
             state = replace(state, best_point=state.positions[best], best_fitness=float(values[best]))
         return self._move(state, values)
+
+    def _start(self, kind: type[S], seed: int, positions: NDArray[np.float64], **more: Any) -> S:
+        """Return the state before anything is evaluated; `more` are the fields of its own kind."""
+        return kind(
+            seed=seed,
+            iteration=0,
+            evaluations=0,
+            positions=positions,
+            best_point=positions[0],
+            best_fitness=np.inf,
+            **more,
+        )
 
     def _scatter(self, rng: np.random.Generator) -> NDArray[np.float64]:
         """Return points drawn uniformly from the box, shape (n, d)."""

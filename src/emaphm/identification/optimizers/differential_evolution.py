@@ -1,6 +1,5 @@
 """Differential evolution, DE/rand/1/bin."""
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -84,13 +83,10 @@ class DifferentialEvolution(Optimizer[DifferentialEvolutionState]):
     def init(self, seed: int) -> DifferentialEvolutionState:
         """Return random vectors."""
         positions = self._scatter(generator(seed, 0))
-        return DifferentialEvolutionState(
-            seed=seed,
-            iteration=0,
-            evaluations=0,
-            positions=positions,
-            best_point=positions[0],
-            best_fitness=math.inf,
+        return self._start(
+            DifferentialEvolutionState,
+            seed,
+            positions,
             parents=positions,
             parents_fitness=np.full(self.population, np.inf),
         )

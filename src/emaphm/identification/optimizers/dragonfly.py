@@ -111,13 +111,10 @@ class Dragonfly(Optimizer[DragonflyState]):
         """Return a random swarm; as in the listing, its steps too are drawn between the bounds."""
         rng = generator(seed, 0)
         positions = self._scatter(rng)
-        return DragonflyState(
-            seed=seed,
-            iteration=0,
-            evaluations=0,
-            positions=positions,
-            best_point=positions[0],
-            best_fitness=math.inf,
+        return self._start(
+            DragonflyState,
+            seed,
+            positions,
             velocities=self._scatter(rng),
             enemy_point=np.zeros(self.lower.size),
             enemy_fitness=-math.inf,

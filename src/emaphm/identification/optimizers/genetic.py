@@ -82,13 +82,10 @@ class Genetic(Optimizer[GeneticState]):
     def init(self, seed: int) -> GeneticState:
         """Return a random population, which has yet to survive."""
         positions = self._scatter(generator(seed, 0))
-        return GeneticState(
-            seed=seed,
-            iteration=0,
-            evaluations=0,
-            positions=positions,
-            best_point=positions[0],
-            best_fitness=math.inf,
+        return self._start(
+            GeneticState,
+            seed,
+            positions,
             parents=positions,
             parents_fitness=np.full(self.population, np.inf),
         )

@@ -1,6 +1,5 @@
 """The grey wolf optimiser."""
 
-import math
 from bisect import bisect_left
 from dataclasses import dataclass, replace
 
@@ -71,13 +70,10 @@ class GreyWolf(Optimizer[GreyWolfState]):
     def init(self, seed: int) -> GreyWolfState:
         """Return a random pack without leaders."""
         positions = self._scatter(generator(seed, 0))
-        return GreyWolfState(
-            seed=seed,
-            iteration=0,
-            evaluations=0,
-            positions=positions,
-            best_point=positions[0],
-            best_fitness=math.inf,
+        return self._start(
+            GreyWolfState,
+            seed,
+            positions,
             leaders=positions[:LEADERS],
             leaders_fitness=np.full(LEADERS, np.inf),
         )

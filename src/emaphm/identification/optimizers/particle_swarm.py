@@ -87,13 +87,10 @@ class ParticleSwarm(Optimizer[ParticleSwarmState]):
         """Return a random swarm with random velocities."""
         rng = generator(seed, 0)
         positions = self._scatter(rng)
-        return ParticleSwarmState(
-            seed=seed,
-            iteration=0,
-            evaluations=0,
-            positions=positions,
-            best_point=positions[0],
-            best_fitness=math.inf,
+        return self._start(
+            ParticleSwarmState,
+            seed,
+            positions,
             velocities=(rng.random(positions.shape) - 0.5) * (self.upper - self.lower),
             own_points=positions,
             own_fitness=np.full(self.population, np.inf),

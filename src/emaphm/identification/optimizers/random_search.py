@@ -1,6 +1,5 @@
 """Random search: the baseline that any other optimiser must beat."""
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,8 +32,7 @@ class RandomSearch(Optimizer[State]):
 
     def init(self, seed: int) -> State:
         """Return the first random population."""
-        positions = self._scatter(generator(seed, 0))
-        return State(seed, 0, 0, positions, positions[0], math.inf)
+        return self._start(State, seed, self._scatter(generator(seed, 0)))
 
     def _move(self, state: State, fitness: NDArray[np.float64]) -> State:  # noqa: ARG002 - it learns nothing
         return replace(state, positions=self._scatter(generator(state.seed, state.iteration)))
