@@ -13,7 +13,7 @@ import pytest
 from emaphm.actuator import NAMES, Actuator, Chirp, Faults
 from emaphm.errors import MethodError, RecordingError
 from emaphm.identification import METHODS, Diagnosis, diagnose, error_percent
-from emaphm.identification.correction import MOST_TURNS
+from emaphm.identification.correction import MOST_TURNS, RUNS
 from emaphm.recording import Recording
 from emaphm.rig import simulate
 from emaphm.simulation import AVERAGED, Model, Plant
@@ -55,7 +55,7 @@ def test_the_json_has_what_the_design_asks_for(found: Diagnosis, mixed: Recordin
     assert (read["seed"], read["version"], read["actuator"]) == (4, VERSION, "thesis")
     assert read["recording"] == mixed.source
     assert read["evaluations"] > 128
-    assert 2 <= read["reference_runs"] <= 1 + MOST_TURNS
+    assert RUNS < read["reference_runs"] <= RUNS * (1 + MOST_TURNS)
     assert 0 < read["seconds"] < 60
     matrix = np.array(read["covariance"]["matrix"])
     # Eight faults, and the two nuisances that are estimated by default.
@@ -102,7 +102,11 @@ def test_another_seed_starts_elsewhere_and_ends_at_the_same_faults(
 ) -> None:
     other = diagnose(mixed, THESIS, seed=5)
     assert without_seconds(other) != without_seconds(found)
-    assert error_percent(found.faults.vector, other.faults.vector) <= 2.0
+    # From the current alone heat and a short in all phases look alike: what is known is known twice.
+    for name, estimate in found.components.items():
+        errors = np.hypot(estimate.standard_error, other.components[name].standard_error)
+        assert abs(estimate.value - other.components[name].value) <= 4 * errors
+    assert found.components["friction"].standard_error < 0.005
 
 
 def test_the_number_of_workers_changes_no_bit() -> None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from emaphm.actuator import Actuator
 from emaphm.actuator.faults import CARTESIAN_NAMES
 from emaphm.actuator.quantity import unit_for
-from emaphm.identification.correction import MOST_TURNS, PRIOR_DEVIATION, has_reference
+from emaphm.identification.correction import MOST_TURNS, PRIOR_DEVIATION, assessed, has_reference
 from emaphm.identification.diagnosis import Diagnosis, NuisanceEstimate
 from emaphm.identification.fit import CORRELATED_ROWS, Fit
 from emaphm.identification.methods import method_named
@@ -26,8 +26,8 @@ from emaphm.version import VERSION
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 
-RESOLUTION = 2e-3
-"""What the search cannot tell apart: the last differences that it took."""
+RESOLUTION = 2e-4
+"""Standard error that no data go below: kinks of stick-slip leave the least squares that much play."""
 
 HARDLY_KNOWN = 0.7
 """Standard error of a nuisance, as a share of its prior's, from which on the data tell next to nothing."""
@@ -93,39 +93,21 @@ def diagnose(
 
 
 def _with_discrepancy(found: Found) -> Found:
+    known = assessed(found.fit, found.point, found.fit.problem.by(REFERENCE))
     return replace(
         found,
-        discrepancy=found.fit.discrepancy(found.fit.problem.by(REFERENCE), found.point),
-        evaluations=found.evaluations + 1,
-        reference_runs=found.reference_runs + 1,
+        discrepancy=known.discrepancy,
+        evaluations=found.evaluations + known.evaluations,
+        reference_runs=found.reference_runs + known.reference_runs,
     )
 
 
 def _conclude(found: Found, method: str, fitness: str, seed: int, began: float) -> Diagnosis:
-    """Return the diagnosis at `found`.
-
-    To the covariance of the fit is added the Gauss-Newton step that is left to do: towards the optimum
-    that a swarm may not have reached, and for the model's discrepancy not yet corrected. And the search's
-    resolution, which the kinks of stick-slip make no finer than the differences that bridge them.
-    """
+    """Return the diagnosis at `found`."""
     fit, problem, space = found.fit, found.fit.problem, found.fit.space
     outputs = fit.outputs(found.point[np.newaxis])[0] + found.correction
-    residual = fit.target - outputs
     modelled = outputs[: problem.recording.samples]
-    rows, faults = fit.recorded_rows, len(space.columns)
-    deviations = np.where(np.arange(space.dimensions) < faults, PRIOR_DEVIATION, 1 / RANGE)
-    derivatives, spent = scattered(
-        lambda points: fit.outputs(points)[:, :rows], found.point, space, DERIVATIVE_STEP, DERIVATIVES, seed
-    )
-    known = knowledge(derivatives, residual[:rows], deviations, len(problem.channels))
-    bias = 0.0 if found.discrepancy is None else found.discrepancy - found.correction
-    variance = float(np.mean(residual[:rows] ** 2))
-    gradient = derivatives.mean(axis=0) @ (residual - bias)[:rows] / variance
-    prior = CORRELATED_ROWS / deviations**2
-    gradient[faults:] -= prior[faults:] * found.point[faults:]
-    step = np.linalg.solve(known.information + np.diag(prior), gradient)
-    left = space.project(found.point + step) - found.point
-    spread = known.covariance + np.outer(left, left) + RESOLUTION**2 * np.eye(space.dimensions)
+    spread, spent = _spread(found, fit.target - outputs, seed)
     current = problem.recorded - modelled
     return Diagnosis(
         components=estimates(space, found.point, spread),
@@ -150,6 +132,33 @@ def _conclude(found: Found, method: str, fitness: str, seed: int, began: float) 
         channels=problem.channels,
         nuisances=_nuisances(fit, found.point, spread),
     )
+
+
+def _spread(found: Found, residual: Array, seed: int) -> tuple[Array, int]:
+    """Return the covariance (d, d) of `found`, and the simulations spent.
+
+    Where the reference model was not asked whether it knows better points, a Gauss-Newton step is left to
+    do: towards the optimum that a swarm may not have reached, and for the model's discrepancy not yet
+    corrected. The covariance then allows for it.
+    """
+    fit, space = found.fit, found.fit.space
+    rows, faults = fit.recorded_rows, len(space.columns)
+    deviations = np.where(np.arange(space.dimensions) < faults, PRIOR_DEVIATION, 1 / RANGE)
+    derivatives, spent = scattered(
+        lambda points: fit.outputs(points)[:, :rows], found.point, space, DERIVATIVE_STEP, DERIVATIVES, seed
+    )
+    known = knowledge(derivatives, residual[:rows], deviations, len(fit.problem.channels))
+    spread = known.covariance + RESOLUTION**2 * np.eye(space.dimensions)
+    if found.settled:
+        return spread, spent
+    bias = 0.0 if found.discrepancy is None else found.discrepancy - found.correction
+    variance = float(np.mean(residual[:rows] ** 2))
+    gradient = derivatives.mean(axis=0) @ (residual - bias)[:rows] / variance
+    prior = CORRELATED_ROWS / deviations**2
+    gradient[faults:] -= prior[faults:] * found.point[faults:]
+    step = np.linalg.solve(known.information + np.diag(prior), gradient)
+    left = space.project(found.point + step) - found.point
+    return spread + np.outer(left, left), spent
 
 
 def _nuisances(fit: Fit, point: Array, spread: Array) -> dict[str, NuisanceEstimate]:

@@ -32,8 +32,9 @@ class Found:
     """Where a method ended: its point (d,), its fitness to the current, and what it took.
 
     `fit` is what was fitted in the end; `correction`, (rows,), was added to its outputs; `discrepancy`,
-    where known, is what it should be at the point itself. `evaluations` counts runs of the fitted model,
-    `reference_runs` those of the reference model.
+    where known, is what it should be at the point itself; `settled` is true where the reference model has
+    seen no better point beside it. `evaluations` counts runs of the fitted model, `reference_runs` those
+    of the reference model.
     """
 
     fit: Fit
@@ -43,6 +44,7 @@ class Found:
     discrepancy: Array | None
     evaluations: int
     reference_runs: int
+    settled: bool = False
 
 
 def fit_of(
@@ -125,15 +127,15 @@ def _refined(fit: Fit, method: Method, turns: int, seed: int, on_progress: Progr
     corrects = turns > 0 and has_reference(fit.problem)
     refined = hybrid(fit, seed, method.optimizer, _part(on_progress, 0.0, 0.4 if corrects else 1.0))
     point, evaluations, reference_runs = refined.points[refined.best], refined.evaluations + 1, 0
-    correction, discrepancy = np.zeros_like(fit.target), None
+    correction, discrepancy, settled = np.zeros_like(fit.target), None, False
     if corrects:
         corrected = correct(fit, point, turns, _part(on_progress, 0.4, 1.0))
         fit, point = corrected.fit, corrected.point
-        correction, discrepancy = corrected.correction, corrected.discrepancy
+        correction, discrepancy, settled = corrected.correction, corrected.discrepancy, corrected.settled
         evaluations, reference_runs = evaluations + corrected.evaluations, corrected.reference_runs
     residual = fit.target - fit.outputs(point[np.newaxis])[0] - correction
     misfit = float(np.mean(residual[: fit.problem.recording.samples] ** 2))
-    return Found(fit, point, misfit, correction, discrepancy, evaluations, reference_runs)
+    return Found(fit, point, misfit, correction, discrepancy, evaluations, reference_runs, settled)
 
 
 def _part(on_progress: Progress | None, first: float, last: float) -> Progress | None:

@@ -75,8 +75,7 @@ def _eccentricity(space: FaultSpace, point: Array, covariance: Array) -> Mapping
     turning = float(np.sqrt(across @ block @ across)) / (2 * np.pi * max(radius, 1e-12))
     half = Z95 * turning
     size = _component(radius, radial, healthy=0.0)
-    doubtful = radius < Z95 * float(np.sqrt(np.linalg.eigvalsh(block)[-1]))
-    if doubtful or half > WIDEST_HALF_INTERVAL or not size.identifiable:
+    if size.verdict != "degraded" or half > WIDEST_HALF_INTERVAL:
         reason = "no eccentricity beyond doubt, so its direction has no meaning"
         angle = _unknown(phase, min(turning, float(PRIOR_DEVIATION)), (0.0, 1.0), reason)
     else:
