@@ -107,7 +107,7 @@ def test_every_component_is_told_with_value_interval_and_meaning(faulty: Diagnos
         "position gain × 1.1000",
     ):
         assert told in text
-    assert "All eight components are identifiable" in text
+    assert "It tells of all eight components." in text
 
 
 @pytest.mark.usefixtures("undrawn")

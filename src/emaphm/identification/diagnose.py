@@ -10,14 +10,13 @@ from numpy.typing import NDArray
 from emaphm.actuator import Actuator
 from emaphm.actuator.faults import CARTESIAN_NAMES
 from emaphm.actuator.quantity import unit_for
-from emaphm.identification.correction import MOST_TURNS, PRIOR_DEVIATION, assessed, has_reference
+from emaphm.identification.confidence import confidence
+from emaphm.identification.correction import MOST_TURNS, assessed, has_reference
 from emaphm.identification.diagnosis import Diagnosis, NuisanceEstimate
-from emaphm.identification.fit import CORRELATED_ROWS, Fit
+from emaphm.identification.fit import Fit
 from emaphm.identification.methods import method_named
 from emaphm.identification.nuisance import RANGE, unit_of
-from emaphm.identification.refinement import scattered
 from emaphm.identification.search import Found, check_fitness, fit_of, search
-from emaphm.identification.uncertainty import knowledge
 from emaphm.identification.verdict import estimates, is_explained
 from emaphm.recording import Recording, check_plausible
 from emaphm.simulation import REFERENCE, model_named
@@ -26,14 +25,8 @@ from emaphm.version import VERSION
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 
-RESOLUTION = 2e-4
-"""Standard error that no data go below: kinks of stick-slip leave the least squares that much play."""
-
 HARDLY_KNOWN = 0.7
 """Standard error of a nuisance, as a share of its prior's, from which on the data tell next to nothing."""
-
-DERIVATIVE_STEP, DERIVATIVES = 1e-2, 8
-"""Step of the differences that uncertainty is told from, and how often they are taken."""
 
 
 def diagnose(
@@ -107,19 +100,20 @@ def _conclude(found: Found, method: str, fitness: str, seed: int, began: float) 
     fit, problem, space = found.fit, found.fit.problem, found.fit.space
     outputs = fit.outputs(found.point[np.newaxis])[0] + found.correction
     modelled = outputs[: problem.recording.samples]
-    spread, spent = _spread(found, fit.target - outputs, seed)
+    names = (*(CARTESIAN_NAMES[i] for i in space.columns), *space.nuisances.names)
+    sure = confidence(found, fit.target - outputs, names, seed)
     current = problem.recorded - modelled
     return Diagnosis(
-        components=estimates(space, found.point, spread),
-        coordinates=(*(CARTESIAN_NAMES[i] for i in space.columns), *space.nuisances.names),
-        covariance=spread,
+        components=estimates(space, found.point, sure.covariance, sure.groups),
+        coordinates=names,
+        covariance=sure.covariance,
         method=method,
         model=problem.model.name,
         fitness_name=fitness,
         fitness=found.fitness,
         residual_rms_A=float(np.sqrt(np.mean(current**2))),
         explained=is_explained(problem.recorded, current),
-        evaluations=found.evaluations + spent + 1,
+        evaluations=found.evaluations + sure.evaluations + 1,
         reference_runs=found.reference_runs,
         seconds=time.perf_counter() - began,
         seed=seed,
@@ -130,35 +124,9 @@ def _conclude(found: Found, method: str, fitness: str, seed: int, began: float) 
         recorded=problem.recorded,
         modelled=modelled,
         channels=problem.channels,
-        nuisances=_nuisances(fit, found.point, spread),
+        nuisances=_nuisances(fit, found.point, sure.covariance),
+        groups=sure.groups,
     )
-
-
-def _spread(found: Found, residual: Array, seed: int) -> tuple[Array, int]:
-    """Return the covariance (d, d) of `found`, and the simulations spent.
-
-    Where the reference model was not asked whether it knows better points, a Gauss-Newton step is left to
-    do: towards the optimum that a swarm may not have reached, and for the model's discrepancy not yet
-    corrected. The covariance then allows for it.
-    """
-    fit, space = found.fit, found.fit.space
-    rows, faults = fit.recorded_rows, len(space.columns)
-    deviations = np.where(np.arange(space.dimensions) < faults, PRIOR_DEVIATION, 1 / RANGE)
-    derivatives, spent = scattered(
-        lambda points: fit.outputs(points)[:, :rows], found.point, space, DERIVATIVE_STEP, DERIVATIVES, seed
-    )
-    known = knowledge(derivatives, residual[:rows], deviations, len(fit.problem.channels))
-    spread = known.covariance + RESOLUTION**2 * np.eye(space.dimensions)
-    if found.settled:
-        return spread, spent
-    bias = 0.0 if found.discrepancy is None else found.discrepancy - found.correction
-    variance = float(np.mean(residual[:rows] ** 2))
-    gradient = derivatives.mean(axis=0) @ (residual - bias)[:rows] / variance
-    prior = CORRELATED_ROWS / deviations**2
-    gradient[faults:] -= prior[faults:] * found.point[faults:]
-    step = np.linalg.solve(known.information + np.diag(prior), gradient)
-    left = space.project(found.point + step) - found.point
-    return spread + np.outer(left, left), spent
 
 
 def _nuisances(fit: Fit, point: Array, spread: Array) -> dict[str, NuisanceEstimate]:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.actuator import NAMES, Actuator, Faults
+from emaphm.identification.groups import Group
 from emaphm.identification.wording import format_table, physical_text
 
 if TYPE_CHECKING:
@@ -23,16 +24,17 @@ Array = NDArray[np.float64]
 class Estimate:
     """One fault component: its normalised value, standard error, 95 % interval and verdict.
 
-    The verdict is "healthy", "degraded" or "unknown". `identifiable` is false where the data do not
-    constrain the component, and `reason` says why. The interval of the eccentricity's phase may run
-    past 0 or 1, where the circle closes.
+    The verdict is "degraded" where the whole interval is away from the healthy value, "healthy" where it
+    leaves room for no fault that matters, else "cannot tell". `identifiable` is false where the data leave
+    half the range open or more. `reason` says why nothing can be told. The interval of the eccentricity's
+    phase may run past 0 or 1, where the circle closes.
     """
 
     value: float
     standard_error: float
     interval95: tuple[float, float]
     identifiable: bool
-    verdict: Literal["healthy", "degraded", "unknown"]
+    verdict: Literal["healthy", "degraded", "cannot tell"]
     reason: str = ""
 
 
@@ -64,7 +66,7 @@ class Diagnosis:
     names are `coordinates`. `fitness` is the method's own measure, `residual_rms_A` the rms of recorded
     less modelled current; `explained` is false where that is more than the model can answer for.
     `recorded`, `modelled` [A] and `time_s` [s] have shape (samples,). `channels` were compared, and
-    `nuisances` estimated with the faults.
+    `nuisances` estimated with the faults. Of each of the `groups` only the sum is known.
     """
 
     components: Mapping[str, Estimate]
@@ -88,6 +90,7 @@ class Diagnosis:
     modelled: Array
     channels: tuple[str, ...] = ("current_A",)
     nuisances: Mapping[str, NuisanceEstimate] = field(default_factory=dict)
+    groups: tuple[Group, ...] = ()
 
     @property
     def faults(self) -> Faults:
@@ -124,6 +127,9 @@ class Diagnosis:
                 }
                 for name, estimate in self.nuisances.items()
             },
+            "groups": [
+                {"members": list(group.members), "remedies": list(group.remedies)} for group in self.groups
+            ],
             "channels": list(self.channels),
             "method": self.method,
             "model": self.model,
@@ -174,7 +180,11 @@ class Diagnosis:
                 meanings[name],
             ]
             if not estimate.identifiable:
-                row = [name, "-", "-", estimate.verdict, estimate.reason]
+                row[1] = "-"
+            if (low, high) == (0.0, 1.0):
+                row[2] = "-"
+            if estimate.reason:
+                row[-1] = estimate.reason
             if truth is not None:
                 row.insert(1, f"{getattr(truth, name):.4f}")
             table.append(tuple(row))
@@ -192,13 +202,15 @@ class Diagnosis:
         return "\n".join([self.table(), *self.notes(), self.summary()])
 
     def notes(self) -> list[str]:
-        """Return a line on the nuisances estimated with the faults, and one on those that cannot be told."""
+        """Return lines on the nuisances estimated with the faults, the groups, and what cannot be told."""
         told = {name: estimate for name, estimate in self.nuisances.items() if estimate.known}
-        untold = [name for name in self.nuisances if name not in told]
+        grouped = {name for group in self.groups for name in group.members}
+        untold = [name for name in self.nuisances if name not in told and name not in grouped]
         lines = []
         if told:
             values = ", ".join(f"{name} {estimate}" for name, estimate in told.items())
             lines.append(f"Estimated besides: {values}.")
+        lines += [f"Only together: {group}" for group in self.groups]
         if untold:
             seen = ", ".join(self.channels)
             lines.append(

@@ -48,8 +48,8 @@ class Row:
 
 def headline(diagnosis: Diagnosis) -> Headline:
     """Return the verdict on `diagnosis`: what is degraded, what is healthy, what nobody can tell."""
-    degraded, healthy, unknown = (
-        _called(verdict, diagnosis) for verdict in ("degraded", "healthy", "unknown")
+    degraded, healthy, untold = (
+        _called(verdict, diagnosis) for verdict in ("degraded", "healthy", "cannot tell")
     )
     meanings = physical_text(diagnosis.faults, diagnosis.actuator)
     if diagnosis.components["eccentricity_phase"].identifiable:
@@ -57,7 +57,7 @@ def headline(diagnosis: Diagnosis) -> Headline:
     findings = (
         _sentence("Away from healthy by more than the interval", [meanings[name] for name in degraded]),
         _sentence("Healthy", [LABELS[name] for name in healthy]),
-        _sentence("Not identifiable from this recording", [LABELS[name] for name in unknown]),
+        _sentence("This recording cannot tell", [LABELS[name] for name in untold]),
     )
     told = tuple(sentence for sentence in findings if sentence)
     explanation = _explanation(diagnosis)
@@ -66,7 +66,7 @@ def headline(diagnosis: Diagnosis) -> Headline:
     if degraded:
         words = _sentence("Degraded", [LABELS[name] for name in degraded])
         return Headline(words, (*told, explanation), "degraded")
-    words = "No fault found in what this recording can tell." if unknown else "Healthy: no fault found."
+    words = "No fault found in what this recording can tell." if untold else "Healthy: no fault found."
     return Headline(words, (*told, explanation), "healthy")
 
 
@@ -94,16 +94,16 @@ def table(diagnosis: Diagnosis, truth: Faults | None) -> list[Row]:
     rows = []
     for name, estimate in diagnosis.components.items():
         low, high = estimate.interval95
-        known = estimate.identifiable
+        bounded = (low, high) != (0.0, 1.0)
         rows.append(
             Row(
                 name,
                 LABELS[name],
-                f"{estimate.value:.4f}" if known else NOTHING,
-                f"{low:.4f} to {high:.4f}" if known else NOTHING,
+                f"{estimate.value:.4f}" if estimate.identifiable else NOTHING,
+                f"{low:.4f} to {high:.4f}" if bounded else NOTHING,
                 _true(name, truth),
                 estimate.verdict,
-                meanings[name] if known else estimate.reason,
+                estimate.reason or meanings[name],
             )
         )
     return rows
@@ -117,11 +117,11 @@ def _true(name: str, truth: Faults | None) -> str:
     return f"{getattr(truth, name):.4f}"
 
 
-def unidentifiable(diagnosis: Diagnosis) -> list[tuple[str, str]]:
-    """Return pairs of the components that share a reason, in words, and that reason."""
+def untold(diagnosis: Diagnosis) -> list[tuple[str, str]]:
+    """Return pairs of the components that share a reason why nobody can tell, in words, and that reason."""
     by_reason: dict[str, list[str]] = {}
     for name, estimate in diagnosis.components.items():
-        if not estimate.identifiable:
+        if estimate.reason:
             by_reason.setdefault(estimate.reason, []).append(LABELS[name])
     return [(", ".join(names), reason) for reason, names in by_reason.items()]
 
