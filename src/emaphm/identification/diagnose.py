@@ -112,7 +112,7 @@ def _conclude(found: Found, method: str, fitness: str, seed: int, began: float) 
         fitness_name=fitness,
         fitness=found.fitness,
         residual_rms_A=float(np.sqrt(np.mean(current**2))),
-        explained=is_explained(problem.recorded, current),
+        explained=is_explained(problem.recorded, current, corrected=bool(found.correction.any())),
         evaluations=found.evaluations + sure.evaluations + 1,
         reference_runs=found.reference_runs,
         seconds=time.perf_counter() - began,

@@ -26,11 +26,12 @@ HEALTHY_MARGIN = 0.02
 HIDDEN = 0.1
 """A component is called healthy only where its interval leaves no room for a fault larger than this."""
 
-NOISE_MARGIN = 1.5
-"""Residual, as a multiple of the noise on the recording, that noise alone may make."""
+ALLOWED = {False: (1.5, 0.05), True: (1.25, 0.02)}
+"""Residual that a recording may leave without and with correction by the reference model.
 
-UNEXPLAINED_SHARE = 0.05
-"""Residual, as a share of the current's rms, beyond which the model does not explain a recording."""
+As a multiple of the noise on it, and as a share of the current's rms. Of recordings that the reference
+model made itself the correction leaves up to 1.17 times the noise, and nothing beyond 1.25 times.
+"""
 
 
 def estimates(
@@ -110,7 +111,8 @@ def _eccentricity(
     return {"eccentricity": size, "eccentricity_phase": angle}
 
 
-def is_explained(recorded: Array, residual: Array) -> bool:
-    """Return whether `residual` (samples,) is little more than noise and 5 % of the current's rms."""
-    allowed = (NOISE_MARGIN * noise_level(recorded)) ** 2 + UNEXPLAINED_SHARE**2 * float(np.mean(recorded**2))
+def is_explained(recorded: Array, residual: Array, *, corrected: bool) -> bool:
+    """Return whether `residual` (samples,) is no more than what noise and the model may leave, `ALLOWED`."""
+    noise, share = ALLOWED[corrected]
+    allowed = (noise * noise_level(recorded)) ** 2 + share**2 * float(np.mean(recorded**2))
     return bool(np.mean(residual**2) <= allowed)
