@@ -16,6 +16,8 @@ from emaphm.identification.wording import format_table, physical_text
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from emaphm.identification.posterior import Posterior
+
 Array = NDArray[np.float64]
 
 
@@ -64,7 +66,7 @@ class Diagnosis:
     names are `coordinates`. `fitness` is the method's own measure, `residual_rms_A` the rms of recorded
     less modelled current; `explained` is false where that is more than the model can answer for.
     `recorded`, `modelled` [A] and `time_s` [s] have shape (samples,). `channels` were compared, and
-    `nuisances` estimated with the faults.
+    `nuisances` estimated with the faults. `posterior` is there where it was asked for.
     """
 
     components: Mapping[str, Estimate]
@@ -88,6 +90,7 @@ class Diagnosis:
     modelled: Array
     channels: tuple[str, ...] = ("current_A",)
     nuisances: Mapping[str, NuisanceEstimate] = field(default_factory=dict)
+    posterior: "Posterior | None" = None
 
     @property
     def faults(self) -> Faults:
@@ -138,6 +141,7 @@ class Diagnosis:
             "recording": self.recording,
             "actuator": self.actuator.name,
             "covariance": {"coordinates": list(self.coordinates), "matrix": self.covariance.tolist()},
+            **({"posterior": self.posterior.to_dict()} if self.posterior else {}),
             "version": self.version,
         }
 
@@ -192,7 +196,7 @@ class Diagnosis:
         return "\n".join([self.table(), *self.notes(), self.summary()])
 
     def notes(self) -> list[str]:
-        """Return a line on the nuisances estimated with the faults, and one on those that cannot be told."""
+        """Return lines on nuisances that were estimated, on those that cannot be told, on the posterior."""
         told = {name: estimate for name, estimate in self.nuisances.items() if estimate.known}
         untold = [name for name in self.nuisances if name not in told]
         lines = []
@@ -205,6 +209,8 @@ class Diagnosis:
                 f"Not to be told from {seen}: {', '.join(untold)}; the intervals allow for what may be "
                 "expected of it. Record more channels, or it itself."
             )
+        if self.posterior:
+            lines += self.posterior.notes(self.interval)
         return lines
 
     def summary(self) -> str:
