@@ -203,6 +203,15 @@ def test_intervals_are_the_shortest_and_keep_a_bound() -> None:
     assert interval(radii, power=2) == pytest.approx((0, 0.02 * np.sqrt(-2 * np.log(0.05))), abs=5e-4)
 
 
+def test_what_nothing_is_known_of_is_told_as_the_whole_scale() -> None:
+    even = np.random.default_rng(0).random(10_000)
+    assert interval(even) == (0.0, 1.0)
+    assert interval(np.sqrt(even), power=2) == (0.0, 1.0)  # an even disk's radii
+    low, high = interval(0.5 + 0.5 * even)
+    # Ever so little longer is the one that ends at the bound, if it is not the shortest anyway.
+    assert high - low == pytest.approx(0.475, rel=0.02)
+
+
 def test_an_arc_closes_over_the_end_of_its_scale() -> None:
     turns = np.random.default_rng(0).normal(0.99, 0.03, 100_000)
     (low, high), median = arc(turns % 1)
@@ -284,7 +293,7 @@ def test_where_faults_are_strong_both_agree(diagnosed: Diagnosis) -> None:
     for name in strong:
         low, high = posterior.interval95[name]
         assert low < diagnosed.components[name].value < high
-    # No negative short: what is sampled lies within, and half the normal interval is out of bounds.
+    # No short is negative: what is sampled lies within, and half the normal interval is out of bounds.
     assert posterior.interval95["short_c"][0] == 0.0
     assert posterior.median["short_c"] > 0.0
 

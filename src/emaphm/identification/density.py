@@ -4,16 +4,16 @@ Before the recording, the faults are spread evenly over their box and the eccent
 nuisances have their normal priors. The likelihood is a normal one. White residuals would make it far too
 sure: those of a good fit are correlated over milliseconds (see `emaphm.identification.uncertainty`). Its
 covariance of the residual is therefore one under which least squares are efficient (Kruskal 1968), and
-know exactly what the sandwich says that they know (Müller 2013 makes it the posterior's covariance). With
-G (d, rows) the derivatives at the estimate, I = G Gᵀ, W (d, d) the information in the estimate's
-covariance, and s² the mean square of the residual r there,
+know exactly what the estimate's own covariance C (d, d) says that they know (Müller 2013: the sandwich as
+the posterior's covariance). With r the residual, G (d, rows) the derivatives at the estimate, I = G Gᵀ, and
+W = C⁻¹ less the precision of the priors in it,
 
-    log L = -½ Δᵀ W Δ - ½ |r - GᵀΔ|² / (c s²),    Δ = I⁻¹ G r,
+    log L = -½ Δᵀ W Δ - ½ ω |r - GᵀΔ|²,    Δ = I⁻¹ G r,    ω = tr(W C) / tr(I C),
 
-in which Δ is the Gauss-Newton step that r still asks for. What no step can take away counts besides, c
-rows as one (c = `CORRELATED_ROWS`; a power of the likelihood: Pauli et al. 2011, Ribatet et al. 2012).
-Where the model is linear that part is constant, and the posterior is normal with that covariance, cut by
-the bounds.
+in which Δ is the Gauss-Newton step that r still asks for. What no step can take away counts by ω, the mean
+of W against I: a power of the likelihood (Pauli et al. 2011, Ribatet et al. 2012). Were the residual white of
+variance s², this would be -½ |r|² / s². Where the model is linear the last part is constant, and the
+posterior is normal with covariance C, cut by the bounds.
 """
 
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.identification.correction import PRIOR_DEVIATION
-from emaphm.identification.fit import CORRELATED_ROWS, Fit
+from emaphm.identification.fit import Fit
 from emaphm.identification.nuisance import RANGE
 from emaphm.identification.refinement import information, scattered
 from emaphm.identification.space import FaultSpace
@@ -40,7 +40,7 @@ class Density:
 
     `correction` (rows,) is added to the outputs of `fit`. Of the estimate are `derivatives` (d, rows), their
     `normal` matrix G Gᵀ (d, d), the `inverse` (d, d) of I, that without the noise of the derivatives, the
-    `information` (d, d) that the recording adds to the priors, and the `variance` of the residual.
+    `information` W (d, d) that the recording adds to the priors, and the `weight` ω of what no step explains.
     `evaluations` counts the runs of the model.
     """
 
@@ -50,7 +50,7 @@ class Density:
     normal: Array
     inverse: Array
     information: Array
-    variance: float
+    weight: float
     evaluations: int
 
     @classmethod
@@ -61,18 +61,18 @@ class Density:
             lambda points: fit.outputs(points)[:, :rows], point, fit.space, DERIVATIVE_STEP, DERIVATIVES, seed
         )
         derivatives = several.mean(axis=0)
-        inverse = np.asarray(np.linalg.pinv(information(several), rcond=1e-9, hermitian=True), float)
-        outputs = fit.outputs(point[np.newaxis])[0] + correction
-        # A perfect fit would leave nothing to weigh by: rounding leaves at least this much residual.
-        least = 1e-20 * float(np.mean(outputs**2)) + np.finfo(float).tiny ** 0.25
-        variance = max(float(np.mean((fit.target - outputs)[:rows] ** 2)), least)
+        fisher = information(several)
+        inverse = np.asarray(np.linalg.pinv(fisher, rcond=1e-9, hermitian=True), float)
         faults = np.arange(point.size) < len(fit.space.columns)
         # The covariance allows for a normal prior of every coordinate: what is left is the recording's.
         known = np.linalg.inv(covariance) - np.diag(np.where(faults, PRIOR_DEVIATION**-2, RANGE**2))
         values, axes = np.linalg.eigh((known + known.T) / 2)
         told = axes * np.maximum(values, 0.0) @ axes.T
+        # Where nothing moves anything, nothing is told either.
+        least = np.finfo(float).tiny
+        weight = float(np.trace(told @ covariance) / max(float(np.trace(fisher @ covariance)), least))
         normal = derivatives @ derivatives.T
-        return cls(fit, correction[:rows], derivatives, normal, inverse, told, variance, spent + 1)
+        return cls(fit, correction[:rows], derivatives, normal, inverse, told, weight, spent)
 
     def __call__(self, points: Array) -> Array:
         """Return the log density at `points` (n, d), shape (n,); -inf outside of the bounds."""
@@ -94,7 +94,7 @@ class Density:
         left -= 2 * np.sum(steps * along, axis=1)
         prior = np.sum((RANGE * points[:, len(self.fit.space.columns) :]) ** 2, axis=1)
         told = forms(steps, self.information)
-        return np.asarray(-(told + left / (CORRELATED_ROWS * self.variance) + prior) / 2)
+        return np.asarray(-(told + self.weight * left + prior) / 2)
 
 
 def forms(vectors: Array, matrix: Array) -> Array:

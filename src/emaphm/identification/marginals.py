@@ -54,6 +54,8 @@ def _marginal(axis: "Axes", values: Array, estimate: Estimate, interval: tuple[f
     if estimate.identifiable:
         low, high = min(low, normal[0]), max(high, normal[1])
     margin = (REACH - 1) / 2 * (high - low)
+    if past:  # no more than once around
+        margin = min(margin, (1 - min(high - low, 1)) / 2)
     first, last = (low - margin, high + margin) if past else (max(low - margin, 0), min(high + margin, 1))
     edges = np.linspace(first, last, BINS + 1)
     heights = np.histogram(around, edges)[0] / (values.size * (edges[1] - edges[0]))

@@ -16,8 +16,8 @@ Array = NDArray[np.float64]
 HARDLY_LONGER = 0.02
 """An interval that begins at a bound may be longer by this, about the Monte Carlo error of a length."""
 
-WHOLE_CIRCLE = 0.9
-"""A direction whose interval is longer than this share of a turn may be any."""
+WHOLE = 0.9
+"""An interval longer than this share of its scale, or of a turn, is told as all of it."""
 
 MATERIAL, LEAST_DIFFERENCE = 0.25, 5e-3
 """Two intervals differ if an end moves by more than this share of the longer, and by more than that."""
@@ -66,9 +66,14 @@ class Posterior:
             (low, high), (least, most) = self.interval95[name], intervals[name]
             lines.append(
                 f"{name}: {low:.4f} to {high:.4f} sampled (median {self.median[name]:.4f}), "
-                f"{least:.4f} to {most:.4f} as a normal estimate."
+                f"{least:.4f} to {most:.4f} as a normal estimate"
+                + (", should there be an eccentricity at all." if self._directionless(name) else ".")
             )
         return lines
+
+    def _directionless(self, name: str) -> bool:
+        """Return whether `name` is the direction of an eccentricity that may well be none."""
+        return name == "eccentricity_phase" and self.interval95["eccentricity"][0] == 0
 
     def to_dict(self) -> dict[str, Any]:
         """Return what `emaphm diagnose --posterior --json` prints of it."""
@@ -90,12 +95,14 @@ def interval(values: Array, power: int = 1) -> tuple[float, float]:
 
     It is shortest in `values` to a power: in the eccentricity's square, in which its prior is even, so that
     0 is not left out merely because a disk has little area about its centre. One that begins or ends at
-    a bound is taken where it is `HARDLY_LONGER`.
+    a bound is taken where it is `HARDLY_LONGER`, and all of [0, 1] instead of more than `WHOLE`.
     """
     ordered = np.sort(values) ** power
     held = int(np.ceil(0.95 * ordered.size))
     lengths = ordered[held - 1 :] - ordered[: ordered.size - held + 1]
     first = int(np.argmin(lengths))
+    if lengths[first] > WHOLE:
+        return 0.0, 1.0
     ends = (float(ordered[first]), float(ordered[first + held - 1]))
     most = (1 + HARDLY_LONGER) * float(lengths[first])
     for at_bound in ((0.0, float(ordered[held - 1])), (float(ordered[-held]), 1.0)):
@@ -107,7 +114,7 @@ def interval(values: Array, power: int = 1) -> tuple[float, float]:
 def arc(turns: Array) -> tuple[tuple[float, float], float]:
     """Return the shortest arc that holds 95 % of `turns` (n,) in [0, 1], and the median counted along it.
 
-    It may run past 1; where it is longer than `WHOLE_CIRCLE`, it is (0, 1).
+    It may run past 1; where it is longer than `WHOLE`, it is (0, 1).
     """
     ordered = np.sort(turns)
     held = int(np.ceil(0.95 * ordered.size))
@@ -117,7 +124,7 @@ def arc(turns: Array) -> tuple[tuple[float, float], float]:
     # What is left out lies opposite the arc's middle: there the circle is cut open.
     cut = ordered[first] + lengths[first] / 2 - 0.5
     median = float((cut + np.median((turns - cut) % 1)) % 1)
-    if lengths[first] > WHOLE_CIRCLE:
+    if lengths[first] > WHOLE:
         return (0.0, 1.0), median
     low, high = float(ordered[first]), float(ordered[first] + lengths[first])
     return (low, high), median + (1.0 if median < low else 0.0)
