@@ -1,5 +1,6 @@
 """Sampled posteriors against closed forms and numerical integration, and what they say of themselves."""
 
+import importlib
 import json
 import sys
 from dataclasses import dataclass, replace
@@ -311,6 +312,20 @@ def test_a_diagnosis_tells_its_posterior_in_text_and_json(diagnosed: Diagnosis) 
         assert f"\n{name}: " in text
     assert diagnosed.evaluations > posterior.evaluations > 10_000
     assert "posterior" not in replace(diagnosed, posterior=None).to_dict()
+
+
+def test_the_number_of_workers_changes_no_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sampling, "FIRST_CHECK", 40)
+    monkeypatch.setattr(sampling, "MOST_STEPS", 40)
+    # So short a recording would not be worth threads.
+    monkeypatch.setattr(importlib.import_module("emaphm.simulation.run"), "WORTH_A_THREAD", 0)
+    recording = simulate(THESIS, Chirp(), model="averaged", noise=0.05)
+    alone, together = (
+        diagnose(recording, THESIS, turns=0, workers=workers, posterior=True).posterior for workers in (1, 2)
+    )
+    assert alone is not None
+    assert together is not None
+    np.testing.assert_array_equal(alone.samples, together.samples)
 
 
 def test_what_differs_is_told_and_nothing_else() -> None:
