@@ -192,14 +192,15 @@ def test_the_same_seed_gives_the_same_diagnosis(emaphm: Emaphm, faulty: Path, me
 
 
 def test_diagnose_samples_the_posterior_on_request(emaphm: Emaphm, faulty: Path) -> None:
-    found = parsed(emaphm, "diagnose", faulty.name, "--posterior")
+    plain = ("diagnose", faulty.name, "--nuisance", "none", "--no-correction")
+    found = parsed(emaphm, *plain, "--posterior")
     assert set(found["posterior"]) == {"faults", "samples", "convergence"}
     assert found["posterior"]["convergence"]["converged"] is True
     for name, sampled in found["posterior"]["faults"].items():
         low, high = sampled["interval95"]
         assert low <= sampled["median"] <= high
         assert name in found["faults"]
-    assert "posterior" not in parsed(emaphm, "diagnose", faulty.name)
+    assert "posterior" not in parsed(emaphm, *plain)
 
 
 def test_diagnose_can_do_without_correction(emaphm: Emaphm, faulty: Path) -> None:
