@@ -191,6 +191,18 @@ def test_the_same_seed_gives_the_same_diagnosis(emaphm: Emaphm, faulty: Path, me
     assert told(7) != told(8)
 
 
+def test_diagnose_samples_the_posterior_on_request(emaphm: Emaphm, faulty: Path) -> None:
+    plain = ("diagnose", faulty.name, "--nuisance", "none", "--no-correction")
+    found = parsed(emaphm, *plain, "--posterior")
+    assert set(found["posterior"]) == {"faults", "samples", "convergence"}
+    assert found["posterior"]["convergence"]["converged"] is True
+    for name, sampled in found["posterior"]["faults"].items():
+        low, high = sampled["interval95"]
+        assert low <= sampled["median"] <= high
+        assert name in found["faults"]
+    assert "posterior" not in parsed(emaphm, *plain)
+
+
 def test_diagnose_can_do_without_correction(emaphm: Emaphm, faulty: Path) -> None:
     corrected = parsed(emaphm, "diagnose", faulty.name)
     plain = parsed(emaphm, "diagnose", faulty.name, "--no-correction")

@@ -136,6 +136,10 @@ def diagnose(
             "inertia, current_offset, current_scale; or 'none'. As the TOML says if left out."
         ),
     ] = None,
+    posterior: Annotated[
+        bool,
+        Parameter(negative="", help="Sample the posterior too, some seconds: for estimates at a bound."),
+    ] = False,
     report: Annotated[Path | None, Parameter(help="Write a report: .html.")] = None,
     seed: Seed = 0,
     force: Force = False,
@@ -158,6 +162,7 @@ def diagnose(
             fitness=fitness,
             turns=MOST_TURNS if correction else 0,
             nuisances=None if nuisance is None else names_in(nuisance),
+            posterior=posterior,
             seed=seed,
             on_progress=advance,
         )

@@ -16,7 +16,8 @@ from emaphm.identification.diagnosis import Diagnosis, NuisanceEstimate
 from emaphm.identification.fit import Fit
 from emaphm.identification.methods import method_named
 from emaphm.identification.nuisance import RANGE, unit_of
-from emaphm.identification.search import Found, check_fitness, fit_of, search
+from emaphm.identification.sampling import check_posterior, sample
+from emaphm.identification.search import Found, check_fitness, fit_of, part, search
 from emaphm.identification.verdict import estimates, is_explained
 from emaphm.recording import Recording, check_plausible
 from emaphm.simulation import REFERENCE, model_named
@@ -27,6 +28,9 @@ Progress = Callable[[float], None]
 
 HARDLY_KNOWN = 0.7
 """Standard error of a nuisance, as a share of its prior's, from which on the data tell next to nothing."""
+
+SEARCHING = 0.1
+"""Share of the time that the search takes where the posterior is sampled after it."""
 
 
 def diagnose(
@@ -40,6 +44,7 @@ def diagnose(
     nuisances: Sequence[str] | None = None,
     seed: int = 0,
     workers: int | None = None,
+    posterior: bool = False,
     on_progress: Progress | None = None,
 ) -> Diagnosis:
     """Return the faults of `actuator` that explain `recording`, with their uncertainty.
@@ -64,6 +69,9 @@ def diagnose(
         electrical description, recordings up to 30 s); 0 turns them off.
     seed, workers
         The same seed gives the same bits, whatever the number of threads.
+    posterior
+        Whether to sample the posterior as well, which takes some seconds: see
+        `emaphm.identification.sampling`. Values and verdicts stay those of the search.
     on_progress
         Called with the fraction done, from 0 to 1.
 
@@ -72,17 +80,32 @@ def diagnose(
     RecordingError
         The recording cannot be meant for this actuator, by orders of magnitude.
     MethodError
-        A name is unknown, or fitness or model do not go with the method.
+        A name is unknown, or fitness or model do not go with the method, or the model not with a posterior.
     """
     began = time.perf_counter()
     chosen = method_named(method)
     check_fitness(chosen, fitness)
     check_plausible(recording, actuator)
     fit = fit_of(recording, actuator, chosen, model_named(model), nuisances, workers)
-    found = search(fit, chosen, fitness=fitness, turns=turns, seed=seed, on_progress=on_progress)
+    if posterior:
+        check_posterior(fit.problem.model)
+    searching = part(on_progress, 0.0, SEARCHING if posterior else 1.0)
+    found = search(fit, chosen, fitness=fitness, turns=turns, seed=seed, on_progress=searching)
     if found.discrepancy is None and has_reference(fit.problem):
         found = _with_discrepancy(found)
-    return _conclude(found, chosen.name, fitness, seed, began)
+    diagnosis = _conclude(found, chosen.name, fitness, seed, began)
+    if not posterior:
+        return diagnosis
+    # As the reference model has it at the estimate itself, where that is known.
+    correction = found.correction if found.discrepancy is None else found.discrepancy
+    sampling = part(on_progress, SEARCHING, 1.0)
+    sampled = sample(found.fit, found.point, correction, diagnosis.covariance, seed, sampling)
+    return replace(
+        diagnosis,
+        posterior=sampled,
+        evaluations=diagnosis.evaluations + sampled.evaluations,
+        seconds=time.perf_counter() - began,
+    )
 
 
 def _with_discrepancy(found: Found) -> Found:

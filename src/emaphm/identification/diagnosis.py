@@ -17,6 +17,8 @@ from emaphm.identification.wording import format_table, physical_text
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from emaphm.identification.posterior import Posterior
+
 Array = NDArray[np.float64]
 
 
@@ -66,7 +68,8 @@ class Diagnosis:
     names are `coordinates`. `fitness` is the method's own measure, `residual_rms_A` the rms of recorded
     less modelled current; `explained` is false where that is more than the model can answer for.
     `recorded`, `modelled` [A] and `time_s` [s] have shape (samples,). `channels` were compared, and
-    `nuisances` estimated with the faults. Of each of the `groups` only the sum is known.
+    `nuisances` estimated with the faults. Of each of the `groups` only the sum is known. `posterior` is
+    there where it was asked for.
     """
 
     components: Mapping[str, Estimate]
@@ -91,6 +94,7 @@ class Diagnosis:
     channels: tuple[str, ...] = ("current_A",)
     nuisances: Mapping[str, NuisanceEstimate] = field(default_factory=dict)
     groups: tuple[Group, ...] = ()
+    posterior: "Posterior | None" = None
 
     @property
     def faults(self) -> Faults:
@@ -144,6 +148,7 @@ class Diagnosis:
             "recording": self.recording,
             "actuator": self.actuator.name,
             "covariance": {"coordinates": list(self.coordinates), "matrix": self.covariance.tolist()},
+            **({"posterior": self.posterior.to_dict()} if self.posterior else {}),
             "version": self.version,
         }
 
@@ -202,7 +207,7 @@ class Diagnosis:
         return "\n".join([self.table(), *self.notes(), self.summary()])
 
     def notes(self) -> list[str]:
-        """Return lines on the nuisances estimated with the faults, the groups, and what cannot be told."""
+        """Return lines on nuisances estimated besides, groups, what cannot be told, and the posterior."""
         told = {name: estimate for name, estimate in self.nuisances.items() if estimate.known}
         grouped = {name for group in self.groups for name in group.members}
         untold = [name for name in self.nuisances if name not in told and name not in grouped]
@@ -217,6 +222,8 @@ class Diagnosis:
                 f"Not to be told from {seen}: {', '.join(untold)}; the intervals allow for what may be "
                 "expected of it. Record more channels, or it itself."
             )
+        if self.posterior:
+            lines += self.posterior.notes(self.interval)
         return lines
 
     def summary(self) -> str:

@@ -125,11 +125,11 @@ def check_fitness(method: Method, fitness: str) -> None:
 
 def _refined(fit: Fit, method: Method, turns: int, seed: int, on_progress: Progress | None) -> Found:
     corrects = turns > 0 and has_reference(fit.problem)
-    refined = hybrid(fit, seed, method.optimizer, _part(on_progress, 0.0, 0.4 if corrects else 1.0))
+    refined = hybrid(fit, seed, method.optimizer, part(on_progress, 0.0, 0.4 if corrects else 1.0))
     point, evaluations, reference_runs = refined.points[refined.best], refined.evaluations + 1, 0
     correction, discrepancy, settled = np.zeros_like(fit.target), None, False
     if corrects:
-        corrected = correct(fit, point, turns, _part(on_progress, 0.4, 1.0))
+        corrected = correct(fit, point, turns, part(on_progress, 0.4, 1.0))
         fit, point = corrected.fit, corrected.point
         correction, discrepancy, settled = corrected.correction, corrected.discrepancy, corrected.settled
         evaluations, reference_runs = evaluations + corrected.evaluations, corrected.reference_runs
@@ -138,7 +138,7 @@ def _refined(fit: Fit, method: Method, turns: int, seed: int, on_progress: Progr
     return Found(fit, point, misfit, correction, discrepancy, evaluations, reference_runs, settled)
 
 
-def _part(on_progress: Progress | None, first: float, last: float) -> Progress | None:
+def part(on_progress: Progress | None, first: float, last: float) -> Progress | None:
     """Return a progress function for the part of the work between two fractions."""
     if on_progress is None:
         return None

@@ -35,12 +35,13 @@ class Headline:
 
 @dataclass(frozen=True)
 class Row:
-    """One component in the table, as text; `true` is empty where the truth is not known."""
+    """One component in the table, as text; `sampled` and `true` are empty where there is none."""
 
     name: str
     label: str
     found: str
     interval: str
+    sampled: str
     true: str
     verdict: str
     meaning: str
@@ -101,12 +102,20 @@ def table(diagnosis: Diagnosis, truth: Faults | None) -> list[Row]:
                 LABELS[name],
                 f"{estimate.value:.4f}" if estimate.identifiable else NOTHING,
                 f"{low:.4f} to {high:.4f}" if bounded else NOTHING,
+                _sampled(name, diagnosis),
                 _true(name, truth),
                 estimate.verdict,
                 estimate.reason or meanings[name],
             )
         )
     return rows
+
+
+def _sampled(name: str, diagnosis: Diagnosis) -> str:
+    if diagnosis.posterior is None:
+        return ""
+    low, high = diagnosis.posterior.interval95[name]
+    return NOTHING if (low, high) == (0.0, 1.0) else f"{low:.4f} to {high:.4f}"
 
 
 def _true(name: str, truth: Faults | None) -> str:
@@ -154,6 +163,7 @@ def computation(diagnosis: Diagnosis) -> dict[str, str]:
         "Simulations": str(diagnosis.evaluations),
         "Reference runs": correction,
         "Computing time": f"{diagnosis.seconds:.2f} s",
+        **({"Posterior": str(diagnosis.posterior.convergence)} if diagnosis.posterior else {}),
         "Seed": str(diagnosis.seed),
         "Version": f"emaphm {diagnosis.version}",
     }
