@@ -12,7 +12,7 @@ from emaphm.actuator import Actuator, Chirp, Sampled
 from emaphm.actuator.totals import totals, with_totals
 from emaphm.errors import MethodError, RecordingError
 from emaphm.identification import Calibration, calibrate
-from emaphm.identification.calibration import WIDEST_FACTOR
+from emaphm.identification.deviations import WIDEST_FACTOR
 from emaphm.recording import Recording
 from emaphm.rig import simulate
 from emaphm.simulation import AVERAGED

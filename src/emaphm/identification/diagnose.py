@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.faults import CARTESIAN_NAMES
-from emaphm.actuator.quantity import unit_for
 from emaphm.identification.correction import MOST_TURNS, PRIOR_DEVIATION, has_reference
 from emaphm.identification.diagnosis import Diagnosis, NuisanceEstimate
 from emaphm.identification.fit import CORRELATED_ROWS, Fit
 from emaphm.identification.methods import method_named
-from emaphm.identification.nuisance import RANGE, unit_of
+from emaphm.identification.nuisance import unit_of
 from emaphm.identification.refinement import scattered
 from emaphm.identification.search import Found, check_fitness, fit_of, search
 from emaphm.identification.uncertainty import knowledge
@@ -113,7 +112,7 @@ def _conclude(found: Found, method: str, fitness: str, seed: int, began: float) 
     residual = fit.target - outputs
     modelled = outputs[: problem.recording.samples]
     rows, faults = fit.recorded_rows, len(space.columns)
-    deviations = np.where(np.arange(space.dimensions) < faults, PRIOR_DEVIATION, 1 / RANGE)
+    deviations = np.concatenate([np.full(faults, PRIOR_DEVIATION), space.nuisances.priors])
     derivatives, spent = scattered(
         lambda points: fit.outputs(points)[:, :rows], found.point, space, DERIVATIVE_STEP, DERIVATIVES, seed
     )
@@ -153,13 +152,16 @@ def _conclude(found: Found, method: str, fitness: str, seed: int, began: float) 
 
 
 def _nuisances(fit: Fit, point: Array, spread: Array) -> dict[str, NuisanceEstimate]:
-    """Return the nuisances at `point` (d,) with standard errors from the covariance (d, d)."""
-    first = len(fit.space.columns)
-    estimates = {}
-    for i, (name, values) in enumerate(fit.space.nuisance_values(point[np.newaxis]).items(), first):
-        of_prior = float(np.sqrt(spread[i, i])) * RANGE
-        size = float(fit.space.nuisances.deviations[i - first])
-        unit = unit_for(unit_of(name), fit.problem.actuator.coordinates)
-        known = of_prior < HARDLY_KNOWN
-        estimates[name] = NuisanceEstimate(float(values[0]), of_prior * size, unit, known)
-    return estimates
+    """Return what was estimated besides at `point` (d,), with standard errors from the covariance (d, d)."""
+    unknown, first = fit.space.nuisances, len(fit.space.columns)
+    values = fit.space.nuisance_values(point[np.newaxis])
+    told = zip(values.items(), unknown.errors(spread[first:, first:]), unknown.deviations, strict=True)
+    return {
+        name: NuisanceEstimate(
+            float(value[0]),
+            float(error),
+            unit_of(name, fit.problem.actuator.coordinates),
+            bool(error < HARDLY_KNOWN * before),
+        )
+        for (name, value), error, before in told
+    }
