@@ -203,13 +203,13 @@ def calibrate(
     found = []
     for i, fit in enumerate(fits):
         tell = _part(on_progress, i / len(fits), (i + 1) / len(fits))
-        found.append(estimate_unit(fit, unit, turns, seed, tell))
+        found.append(estimate_unit(fit, turns, seed, tell))
     combined = combine(
-        np.array([one.parameters for one in found]),
-        np.array([one.parameter_covariance for one in found]),
+        np.array([one.of(names)[0] for one in found]),
+        np.array([one.of(names)[1] for one in found]),
         unit.priors,
     )
-    days = tuple(one.nuisances_given(combined.mean) for one in found)
+    days = tuple(one.nuisances_given(names, combined.mean) for one in found)
     size = sizes(bare, names)
     values = {
         name: float(deviated(bare, name, deviation))

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.actuator import NAMES, Actuator, Faults
+from emaphm.identification.nuisance import BASELINE
 from emaphm.identification.wording import format_table, physical_text
 
 if TYPE_CHECKING:
@@ -192,9 +193,10 @@ class Diagnosis:
         return "\n".join([self.table(), *self.notes(), self.summary()])
 
     def notes(self) -> list[str]:
-        """Return a line on the nuisances estimated with the faults, and one on those that cannot be told."""
-        told = {name: estimate for name, estimate in self.nuisances.items() if estimate.known}
-        untold = [name for name in self.nuisances if name not in told]
+        """Return lines: the nuisances estimated with the faults, those that cannot be told, the baseline."""
+        unit = {name: estimate for name, estimate in self.nuisances.items() if name.startswith(BASELINE)}
+        told = {name: e for name, e in self.nuisances.items() if e.known and name not in unit}
+        untold = [name for name in self.nuisances if name not in told and name not in unit]
         lines = []
         if told:
             values = ", ".join(f"{name} {estimate}" for name, estimate in told.items())
@@ -205,6 +207,9 @@ class Diagnosis:
                 f"Not to be told from {seen}: {', '.join(untold)}; the intervals allow for what may be "
                 "expected of it. Record more channels, or it itself."
             )
+        if unit:
+            values = ", ".join(f"{name.removeprefix(BASELINE)} {e}" for name, e in unit.items())
+            lines.append(f"Off the calibrated baseline (relative, if without a unit): {values}.")
         return lines
 
     def summary(self) -> str:

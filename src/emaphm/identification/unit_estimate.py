@@ -8,15 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator
+from emaphm.actuator.totals import totals
 from emaphm.errors import MethodError
 from emaphm.identification.correction import correct, has_reference
-from emaphm.identification.deviations import START_FACTOR, Deviations
+from emaphm.identification.deviations import START_FACTOR, WIDEST_FACTOR, Deviations, sizes
 from emaphm.identification.fit import Fit
 from emaphm.identification.methods import method_named
 from emaphm.identification.nuisance import NuisanceSet
 from emaphm.identification.optimizers import space_filling
 from emaphm.identification.refinement import refine, scattered
-from emaphm.identification.search import fit_of
+from emaphm.identification.search import fit_of, tells
 from emaphm.identification.space import FaultSpace
 from emaphm.identification.uncertainty import knowledge
 from emaphm.recording import Recording
@@ -41,38 +42,77 @@ ONE_AND_THE_SAME = {"load": "offset", "hinge": "hinge", "inertia": "inertia", "s
 """The parameter that a nuisance cannot be told from in one recording."""
 
 
+MOMENTS = ("inertia", "viscous", "coulomb", "offset", "hinge")
+"""What the motor's torque has to overcome, if its load is not recorded: all known in proportion to it."""
+
+
 @dataclass(frozen=True, eq=False)
 class UnitEstimate:
     """Where the fit of a healthy unit ended: its `point` (d,), of `covariance` (d, d).
 
-    The last `free` coordinates are the parameters', as in `Deviations.free`.
+    The last coordinates are those of the parameters that were fitted, as in `Deviations.free`.
     """
 
     fit: Fit
     point: Array
     covariance: Array
-    free: int
     evaluations: int
 
-    @property
-    def parameters(self) -> Array:
-        """The deviations of the free parameters from the description, (p,)."""
-        return self.point[-self.free :]
+    def of(self, free: tuple[str, ...]) -> tuple[Array, Array]:
+        """Return the deviations of all `free` parameters (p,) and their covariance (p, p).
+
+        The torque constant was not fitted where the recording tells moments in proportion to it alone:
+        then nothing is known of that common scale.
+        """
+        first = self._first
+        fitted, _ = self._columns(free)
+        chosen = np.eye(len(free))[:, fitted]
+        scale = math.log(WIDEST_FACTOR) * self._scale(free)
+        spread = chosen @ self.covariance[first:, first:] @ chosen.T + np.outer(scale, scale)
+        return chosen @ self.point[first:], spread
+
+    def nuisances_given(self, free: tuple[str, ...], parameters: Array) -> dict[str, float]:
+        """Return the nuisances of the recording by name, the `free` parameters (p,) being known."""
+        first = self._first
+        fitted, held = self._columns(free)
+        known = (parameters - self._scale(free) * sum(parameters[held]))[fitted]
+        shift = np.linalg.solve(self.covariance[first:, first:], known - self.point[first:])
+        others = self.point[:first] + self.covariance[:first, first:] @ shift
+        point = self.fit.space.project(np.concatenate([others, known]))
+        values = self.fit.space.nuisance_values(point[np.newaxis])
+        return {name: float(values[name][0]) for name in self.fit.space.nuisances.names[:first]}
 
     @property
-    def parameter_covariance(self) -> Array:
-        """The covariance of the parameters, (p, p), whatever else was unknown of the recording."""
-        return self.covariance[-self.free :, -self.free :]
+    def _first(self) -> int:
+        return self.point.size - len(self.fit.space.nuisances.parameters)
 
-    def nuisances_given(self, parameters: Array) -> dict[str, float]:
-        """Return the nuisances of the recording by name, the `parameters` (p,) being known."""
-        others = slice(0, self.point.size - self.free)
-        shift = np.linalg.solve(self.parameter_covariance, parameters - self.parameters)
-        known = np.concatenate(
-            [self.point[others] + self.covariance[others, -self.free :] @ shift, parameters]
-        )
-        values = self.fit.space.nuisance_values(self.fit.space.project(known)[np.newaxis])
-        return {name: float(values[name][0]) for name in self.fit.space.nuisances.names[others]}
+    def _columns(self, free: tuple[str, ...]) -> tuple[list[int], list[int]]:
+        """Return the indices of the parameters that were fitted, and of the one that was held, if any."""
+        used = self.fit.space.nuisances.parameters
+        return [free.index(name) for name in used], [i for i, name in enumerate(free) if name not in used]
+
+    def _scale(self, free: tuple[str, ...]) -> Array:
+        """Return what a common factor of all moments makes of the deviations, (p,), by its logarithm."""
+        _, held = self._columns(free)
+        if not held:
+            return np.zeros(len(free))
+        actuator = self.fit.problem.actuator
+        size = sizes(actuator, ("offset",))[0]
+        of_each = dict.fromkeys((*MOMENTS, "static", "torque_constant"), 1.0)
+        values = self.fit.totals(self.point[np.newaxis])
+        if "offset" in values:
+            of_each["offset"] = float(values["offset"][0]) / size
+        return np.array([of_each.get(name, 0.0) for name in free])
+
+
+def _tells_no_scale(recording: Recording, actuator: Actuator, free: tuple[str, ...]) -> bool:
+    """Return whether a recording tells every moment in proportion to the torque constant alone.
+
+    A voltage would tell the constant from the speed, a recorded load from what it takes to hold it.
+    """
+    acting = {name for name, value in totals(actuator, MOMENTS).items() if value}
+    told = actuator.electrical is not None and tells(recording, "voltage_V")
+    return "torque_constant" in free and acting <= set(free) and not told and "load_Nm" not in recording
 
 
 def healthy_fit(
@@ -84,7 +124,8 @@ def healthy_fit(
 ) -> Fit:
     """Return the fit of a healthy unit's parameters, and of the nuisances, to every channel.
 
-    A nuisance that is one and the same with a free parameter is left out.
+    A nuisance that is one and the same with a free parameter is left out, and so is the torque constant
+    where the recording cannot tell it.
 
     Raises
     ------
@@ -101,19 +142,19 @@ def healthy_fit(
     fit = fit_of(recording, actuator, method_named("hybrid"), AVERAGED, nuisances, workers)
     # Where the description is the source, a nuisance that it lacks the means for is left out silently.
     known = tuple(name for name in kept if name in fit.space.nuisances.quantities)
+    if _tells_no_scale(recording, actuator, unit.parameters):
+        unit = Deviations.free(actuator, tuple(n for n in unit.parameters if n != "torque_constant"))
     space = FaultSpace.healthy(NuisanceSet.of(actuator, known, recording.names, unit))
     return Fit.of(fit.problem, space)
 
 
-def estimate_unit(
-    fit: Fit, unit: Deviations, turns: int, seed: int, on_progress: Progress | None = None
-) -> UnitEstimate:
-    """Return what the recording of `fit` tells of the `unit`.
+def estimate_unit(fit: Fit, turns: int, seed: int, on_progress: Progress | None = None) -> UnitEstimate:
+    """Return what the recording of a healthy unit's `fit` tells.
 
     `turns` bounds the corrections of the model's bias by the reference model.
     """
     tell = on_progress or (lambda _: None)
-    point, evaluations = _search(fit, unit.priors.size, seed, lambda fraction: tell(fraction / 3))
+    point, evaluations = _search(fit, seed, lambda fraction: tell(fraction / 3))
     for _ in range(REWEIGHTINGS):
         fit = fit.reweighted(fit.target - fit.outputs(point[np.newaxis])[0])
         found = _descend(fit, point[np.newaxis])
@@ -133,11 +174,12 @@ def estimate_unit(
     unknown = fit.space.nuisances
     spread = knowledge(derivatives, residual[:rows], unknown.priors, channels).covariance
     tell(1.0)
-    return UnitEstimate(fit, point, spread, unit.priors.size, evaluations + spent + 1)
+    return UnitEstimate(fit, point, spread, evaluations + spent + 1)
 
 
-def _search(fit: Fit, free: int, seed: int, on_progress: Progress) -> tuple[Array, int]:
+def _search(fit: Fit, seed: int, on_progress: Progress) -> tuple[Array, int]:
     """Return the refined best of the description's values and of starts spread around them, and the runs."""
+    free = len(fit.space.nuisances.parameters)
     around = np.full(free, math.log(START_FACTOR))
     starts = np.zeros((1 + STARTS, fit.space.dimensions))
     starts[1:, -free:] = space_filling(STARTS, -around, around, seed)
