@@ -38,7 +38,7 @@ def _table(section: type[BaseModel], values: dict[str, Any], coordinates: str) -
     for name, value in values.items():
         item = tomlkit.item(value)
         if isinstance(value, list) and any(isinstance(row, list) for row in value):
-            item.multiline(True)  # type: ignore[attr-defined]
+            item.multiline(True)
         extra = section.model_fields[name].json_schema_extra
         if isinstance(extra, dict):
             unit = unit_for(str(extra["unit"]), coordinates)

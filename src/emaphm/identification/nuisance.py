@@ -125,7 +125,7 @@ class NuisanceSet:
 
     def errors(self, covariance: Array) -> Array:
         """Return the standard error of each quantity, (quantities,), from the `covariance` (m, m)."""
-        return np.sqrt(np.einsum("qi,ij,qj->q", self.meaning, covariance, self.meaning))
+        return np.asarray(np.sqrt(np.einsum("qi,ij,qj->q", self.meaning, covariance, self.meaning)))
 
     def values(self, points: Array) -> dict[str, Array]:
         """Return the values (n,) of each quantity, in its own unit, for `points` (n, m)."""
