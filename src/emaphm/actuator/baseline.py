@@ -49,7 +49,7 @@ LINEAR = ("offset",)
 """Totals that may be of either sign: their covariance is in their own unit, that of the others relative."""
 
 ROUNDING = 1e-9
-"""Asymmetry, and negative eigenvalues, that a covariance may have from rounding, relative."""
+"""Asymmetry, and negative eigenvalues, that a covariance may have from rounding, as a correlation."""
 
 Number = Annotated[float, Field(strict=True)]
 
@@ -92,13 +92,15 @@ class Baseline(Section):
             raise ValueError(
                 f"must have a row and a column for each of {count} names, has {len(rows)} rows of {sizes}"
             )
-        matrix = np.array(rows)
-        size = float(np.abs(matrix).max())
-        uneven = np.argwhere(np.abs(matrix - matrix.T) > ROUNDING * size)
+        # Each in units of its own deviation: they may be of very different sizes.
+        deviations = np.sqrt(np.maximum(np.diag(rows), 0.0))
+        unit = np.where(deviations > 0, deviations, 1.0)
+        matrix = np.array(rows) / np.outer(unit, unit)
+        uneven = np.argwhere(np.abs(matrix - matrix.T) > ROUNDING)
         if uneven.size:
             i, j = uneven[0] + 1
             raise ValueError(f"must be symmetric; row {i}, column {j} differs from row {j}, column {i}")
-        if np.linalg.eigvalsh(matrix)[0] < -ROUNDING * size:
+        if np.diag(rows).min() < 0 or np.linalg.eigvalsh(matrix)[0] < -ROUNDING:
             raise ValueError("must be positive semidefinite; a mixture of the names varies less than 0")
         return rows
 
