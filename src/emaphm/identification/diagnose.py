@@ -64,7 +64,8 @@ def diagnose(
     nuisances
         What is estimated with the faults by a method with least squares: names in
         `emaphm.identification.nuisance.NAMES`, none where empty, the actuator's own where left out.
-        A recorded load or temperature counts as known.
+        A recorded load or temperature counts as known. What the actuator's baseline leaves open is the
+        unit's, not the recording's: a method with least squares estimates it whatever is named here.
     turns
         Most corrections of the model's bias by the reference model (with least squares, actuators with an
         electrical description, recordings up to 30 s); 0 turns them off.
