@@ -256,14 +256,6 @@ def test_a_calibrated_unit_is_diagnosed_where_its_description_misleads(
     assert sum(covered(truth, diagnosed)) >= 7
 
 
-def test_the_baseline_widens_what_rests_on_it(
-    faulty: Recording, calibrated: Calibration, diagnosed: Diagnosis
-) -> None:
-    sure = diagnose(faulty, calibrated.actuator.model_copy(update={"baseline": None}), workers=1)
-    name = "friction"
-    assert diagnosed.components[name].standard_error > 1.1 * sure.components[name].standard_error
-
-
 def test_deviations_are_told_in_text_and_json(diagnosed: Diagnosis) -> None:
     text = str(diagnosed)
     assert "Off the calibrated baseline (relative, if without a unit): inertia " in text

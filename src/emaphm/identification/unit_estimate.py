@@ -12,7 +12,7 @@ from emaphm.actuator.totals import totals
 from emaphm.errors import MethodError
 from emaphm.identification.correction import correct, has_reference
 from emaphm.identification.deviations import START_FACTOR, WIDEST_FACTOR, Deviations, sizes
-from emaphm.identification.fit import Fit
+from emaphm.identification.fit import CORRELATED_ROWS, Fit
 from emaphm.identification.methods import method_named
 from emaphm.identification.nuisance import NuisanceSet
 from emaphm.identification.optimizers import space_filling
@@ -172,9 +172,13 @@ def estimate_unit(fit: Fit, turns: int, seed: int, on_progress: Progress | None 
         lambda points: fit.outputs(points)[:, :rows], point, fit.space, DERIVATIVE_STEP, DERIVATIVES, seed
     )
     unknown = fit.space.nuisances
-    spread = knowledge(derivatives, residual[:rows], unknown.priors, channels).covariance
+    known = knowledge(derivatives, residual[:rows], unknown.priors, channels)
+    # Descents stop short of the prior where the recording tells little; one step by all derivatives does not.
+    prior = CORRELATED_ROWS / unknown.priors**2
+    gradient = derivatives.mean(axis=0) @ residual[:rows] / np.mean(residual[:rows] ** 2) - prior * point
+    step = np.linalg.solve(known.information + np.diag(prior), gradient)
     tell(1.0)
-    return UnitEstimate(fit, point, spread, evaluations + spent + 1)
+    return UnitEstimate(fit, fit.space.project(point + step), known.covariance, evaluations + spent + 1)
 
 
 def _search(fit: Fit, seed: int, on_progress: Progress) -> tuple[Array, int]:
