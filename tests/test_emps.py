@@ -120,7 +120,9 @@ def test_what_the_description_lacks_is_named(diagnosed: Diagnosis) -> None:
         missing = "healthy backlash is zero" if name == "backlash" else "electrical description"
         assert missing in component.reason
     # The temperature needs windings; the load, a drive of any kind can show.
-    assert diagnosed.coordinates == ("friction", "gain", "load")
+    assert diagnosed.coordinates[:3] == ("friction", "gain", "load")
+    # And none of its four parameters is known to a thousandth.
+    assert set(diagnosed.nuisances) == {"load", *(f"baseline {name}" for name in FREE)}
     assert diagnosed.reference_runs == 0
 
 

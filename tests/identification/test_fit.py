@@ -137,7 +137,7 @@ def test_a_description_keeps_its_priors() -> None:
     again = Actuator.from_dict(described.model_dump())
     assert again.nuisances.load == 0.02
     assert NuisanceSet.of(again, None, ()).names == ("load", "supply")
-    np.testing.assert_array_equal(NuisanceSet.of(again, ("load",), ()).deviations, [0.02])
+    np.testing.assert_allclose(NuisanceSet.of(again, ("load",), ()).deviations, [0.02])
 
 
 def replace_priors(**priors: object) -> Actuator:

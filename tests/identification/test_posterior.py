@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-SPACE = FaultSpace.of(THESIS, NuisanceSet(("load",), np.array([0.1])))
+SPACE = FaultSpace.of(THESIS, NuisanceSet.of(THESIS, ("load",), ()))
 D = SPACE.dimensions
 X, Y = SPACE.columns.index(5), SPACE.columns.index(6)
 MIDDLE = np.array([0.4, 0.5, 0.3, 0.5, 0.4, 0.3, 0.2, 0.5, 0.02])

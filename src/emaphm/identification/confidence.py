@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from emaphm.identification.correction import PRIOR_DEVIATION
 from emaphm.identification.fit import CORRELATED_ROWS
 from emaphm.identification.groups import Group, confounded, remedies
-from emaphm.identification.nuisance import KNOWN_BY, RANGE
+from emaphm.identification.nuisance import BASELINE, KNOWN_BY
 from emaphm.identification.refinement import scattered
 from emaphm.identification.search import Found
 from emaphm.identification.uncertainty import assured, knowledge
@@ -45,7 +45,7 @@ def confidence(found: Found, residual: Array, names: tuple[str, ...], seed: int)
     """
     fit, space = found.fit, found.fit.space
     rows, faults = fit.recorded_rows, len(space.columns)
-    deviations = np.where(np.arange(space.dimensions) < faults, PRIOR_DEVIATION, 1 / RANGE)
+    deviations = np.concatenate([np.full(faults, PRIOR_DEVIATION), space.nuisances.priors])
     derivatives, spent = scattered(
         lambda points: fit.outputs(points)[:, :rows], found.point, space, DERIVATIVE_STEP, DERIVATIVES, seed
     )
@@ -76,8 +76,7 @@ def _groups(
     chosen: dict[tuple[str, ...], list[int]] = {}
     for members in confounded(covariance):
         matter = [i for i in members if i >= faults or Z95 * errors[i] > HEALTHY_MARGIN]
-        # The eccentricity has two coordinates and one name.
-        called = tuple(dict.fromkeys(names[i].removesuffix("_x").removesuffix("_y") for i in matter))
+        called = tuple(dict.fromkeys(_called(names[i]) for i in matter))
         if len(called) > 1 and matter[0] < faults:
             chosen[called] = matter
     if not chosen:
@@ -87,6 +86,11 @@ def _groups(
     return tuple(
         Group(called, channels, remedies(covariance, members, more)) for called, members in chosen.items()
     ), spent
+
+
+def _called(name: str) -> str:
+    """Return what a coordinate belongs to: the eccentricity has two of them, the baseline several."""
+    return "the baseline" if name.startswith(BASELINE) else name.removesuffix("_x").removesuffix("_y")
 
 
 def _further_information(found: Found, names: tuple[str, ...], seed: int) -> tuple[dict[str, Array], int]:

@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 
 from emaphm.identification.correction import PRIOR_DEVIATION
 from emaphm.identification.fit import Fit
-from emaphm.identification.nuisance import RANGE
 from emaphm.identification.refinement import information, scattered
 from emaphm.identification.space import FaultSpace
 
@@ -63,9 +62,10 @@ class Density:
         derivatives = several.mean(axis=0)
         fisher = information(several)
         inverse = np.asarray(np.linalg.pinv(fisher, rcond=1e-9, hermitian=True), float)
-        faults = np.arange(point.size) < len(fit.space.columns)
+        faults = np.full(len(fit.space.columns), PRIOR_DEVIATION)
+        priors = np.concatenate([faults, fit.space.nuisances.priors])
         # The covariance allows for a normal prior of every coordinate: what is left is the recording's.
-        known = np.linalg.inv(covariance) - np.diag(np.where(faults, PRIOR_DEVIATION**-2, RANGE**2))
+        known = np.linalg.inv(covariance) - np.diag(priors**-2)
         values, axes = np.linalg.eigh((known + known.T) / 2)
         told = axes * np.maximum(values, 0.0) @ axes.T
         # Where nothing moves anything, nothing is told either.
@@ -92,7 +92,8 @@ class Density:
         # |r - GᵀΔ|² in terms of Gr, which spares the product GᵀΔ.
         left = np.einsum("nr,nr->n", residuals, residuals) + forms(steps, self.normal)
         left -= 2 * np.sum(steps * along, axis=1)
-        prior = np.sum((RANGE * points[:, len(self.fit.space.columns) :]) ** 2, axis=1)
+        space = self.fit.space
+        prior = np.sum((points[:, len(space.columns) :] / space.nuisances.priors) ** 2, axis=1)
         told = forms(steps, self.information)
         return np.asarray(-(told + self.weight * left + prior) / 2)
 

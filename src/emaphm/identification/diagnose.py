@@ -9,13 +9,12 @@ from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.faults import CARTESIAN_NAMES
-from emaphm.actuator.quantity import unit_for
 from emaphm.identification.confidence import confidence
 from emaphm.identification.correction import MOST_TURNS, assessed, has_reference
 from emaphm.identification.diagnosis import Diagnosis, NuisanceEstimate
 from emaphm.identification.fit import Fit
 from emaphm.identification.methods import method_named
-from emaphm.identification.nuisance import RANGE, unit_of
+from emaphm.identification.nuisance import unit_of
 from emaphm.identification.sampling import check_posterior, sample
 from emaphm.identification.search import Found, check_fitness, fit_of, part, search
 from emaphm.identification.verdict import estimates, is_explained
@@ -63,7 +62,8 @@ def diagnose(
     nuisances
         What is estimated with the faults by a method with least squares: names in
         `emaphm.identification.nuisance.NAMES`, none where empty, the actuator's own where left out.
-        A recorded load or temperature counts as known.
+        A recorded load or temperature counts as known. What the actuator's baseline leaves open is the
+        unit's, not the recording's: a method with least squares estimates it whatever is named here.
     turns
         Most corrections of the model's bias by the reference model (with least squares, actuators with an
         electrical description, recordings up to 30 s); 0 turns them off.
@@ -153,13 +153,16 @@ def _conclude(found: Found, method: str, fitness: str, seed: int, began: float) 
 
 
 def _nuisances(fit: Fit, point: Array, spread: Array) -> dict[str, NuisanceEstimate]:
-    """Return the nuisances at `point` (d,) with standard errors from the covariance (d, d)."""
-    first = len(fit.space.columns)
-    estimates = {}
-    for i, (name, values) in enumerate(fit.space.nuisance_values(point[np.newaxis]).items(), first):
-        of_prior = float(np.sqrt(spread[i, i])) * RANGE
-        size = float(fit.space.nuisances.deviations[i - first])
-        unit = unit_for(unit_of(name), fit.problem.actuator.coordinates)
-        known = of_prior < HARDLY_KNOWN
-        estimates[name] = NuisanceEstimate(float(values[0]), of_prior * size, unit, known)
-    return estimates
+    """Return what was estimated besides at `point` (d,), with standard errors from the covariance (d, d)."""
+    unknown, first = fit.space.nuisances, len(fit.space.columns)
+    values = fit.space.nuisance_values(point[np.newaxis])
+    told = zip(values.items(), unknown.errors(spread[first:, first:]), unknown.deviations, strict=True)
+    return {
+        name: NuisanceEstimate(
+            float(value[0]),
+            float(error),
+            unit_of(name, fit.problem.actuator.coordinates),
+            bool(error < HARDLY_KNOWN * before),
+        )
+        for (name, value), error, before in told
+    }

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.identification.groups import Group
+from emaphm.identification.nuisance import BASELINE
 from emaphm.identification.wording import format_table, physical_text
 
 if TYPE_CHECKING:
@@ -207,10 +208,11 @@ class Diagnosis:
         return "\n".join([self.table(), *self.notes(), self.summary()])
 
     def notes(self) -> list[str]:
-        """Return lines on nuisances estimated besides, groups, what cannot be told, and the posterior."""
-        told = {name: estimate for name, estimate in self.nuisances.items() if estimate.known}
+        """Return lines: nuisances estimated besides, groups, what cannot be told, the unit, the posterior."""
+        unit = {name: estimate for name, estimate in self.nuisances.items() if name.startswith(BASELINE)}
+        told = {name: e for name, e in self.nuisances.items() if e.known and name not in unit}
         grouped = {name for group in self.groups for name in group.members}
-        untold = [name for name in self.nuisances if name not in told and name not in grouped]
+        untold = [name for name in self.nuisances if name not in told.keys() | unit.keys() | grouped]
         lines = []
         if told:
             values = ", ".join(f"{name} {estimate}" for name, estimate in told.items())
@@ -222,6 +224,9 @@ class Diagnosis:
                 f"Not to be told from {seen}: {', '.join(untold)}; the intervals allow for what may be "
                 "expected of it. Record more channels, or it itself."
             )
+        if unit:
+            values = ", ".join(f"{name.removeprefix(BASELINE)} {e}" for name, e in unit.items())
+            lines.append(f"Off the calibrated baseline (relative, if without a unit): {values}.")
         if self.posterior:
             lines += self.posterior.notes(self.interval)
         return lines

@@ -6,7 +6,6 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from emaphm.identification.nuisance import RANGE
 from emaphm.identification.problem import Problem
 from emaphm.identification.space import FaultSpace
 
@@ -90,7 +89,7 @@ class Fit:
     def _rows(self, predicted: Array, points: Array) -> Array:
         """Return the weighted channels (n, recorded rows) as sensed, followed by the nuisances."""
         sensed = self._sensed(predicted, points)
-        priors = self.tolerance * RANGE * points[:, len(self.space.columns) :]
+        priors = self.tolerance * points[:, len(self.space.columns) :] / self.space.nuisances.priors
         return np.concatenate([sensed, priors], axis=1) if priors.size else sensed
 
     def _sensed(self, predicted: Array, points: Array) -> Array:

@@ -73,14 +73,14 @@ def fit_of(
             )
         return Fit.of(Problem.of(recording, actuator, model, workers), FaultSpace.of(actuator))
     unknown = NuisanceSet.of(actuator, nuisances, recording.names)
-    channels = tuple(name for name in OBSERVABLE if name == "current_A" or _tells(recording, name))
+    channels = tuple(name for name in OBSERVABLE if name == "current_A" or tells(recording, name))
     if actuator.electrical is None:
         channels = tuple(name for name in channels if name != "voltage_V")
     problem = Problem.of(recording, actuator, model, workers, channels)
     return Fit.of(problem, FaultSpace.of(actuator, unknown))
 
 
-def _tells(recording: Recording, name: str) -> bool:
+def tells(recording: Recording, name: str) -> bool:
     """Return whether a channel was recorded, and is more than an idle column of one value."""
     return name in recording and float(np.ptp(recording[name])) > 0
 
