@@ -21,14 +21,16 @@ from emaphm.actuator import NAMES
 Exact = Mapping[exact.Key, list[Outcome]]
 Base = Mapping[base.Key, list[Outcome]]
 
+MET = {True: "yes", False: "no", None: "–"}
+
 
 def asked_and_reached(without: Exact, rig: Base) -> str:
     """Return the table of what was asked, what was reached, and whether that is enough."""
     rows = [*_without_noise(without), *_on_rig(rig)]
-    return table(["what", "asked", "reached", "met"], [[*row[:3], "yes" if row[3] else "NO"] for row in rows])
+    return table(["what", "asked", "reached", "met"], [[*row[:3], MET[row[3]]] for row in rows])
 
 
-def _without_noise(outcomes: Exact) -> Iterator[tuple[str, str, str, bool]]:
+def _without_noise(outcomes: Exact) -> Iterator[tuple[str, str, str, bool | None]]:
     one, many = errors(outcomes[exact.SINGLES]), errors(outcomes[exact.SEVERAL])
     yield (
         f"{len(one)} single faults, noise-free: mean / worst",
@@ -53,7 +55,7 @@ def _without_noise(outcomes: Exact) -> Iterator[tuple[str, str, str, bool]]:
         )
 
 
-def _on_rig(outcomes: Base) -> Iterator[tuple[str, str, str, bool]]:
+def _on_rig(outcomes: Base) -> Iterator[tuple[str, str, str, bool | None]]:
     cases = outcomes[MAIN, "random", 0.0]
     middle, most = float(np.median(errors(cases))), float(np.percentile(errors(cases), 95))
     yield (
@@ -83,11 +85,10 @@ def _on_rig(outcomes: Base) -> Iterator[tuple[str, str, str, bool]]:
     small = base.SIZES[0]
     rates = {kind: detection(outcomes[MAIN, kind, small]) for kind in SINGLE}
     yield (
-        f"base setting, {MAIN.name}, {100 * small:.0f} % faults, "
-        f"{len(outcomes[MAIN, SINGLE[0], small])} of each: detected",
-        "its rate",
+        f"{len(outcomes[MAIN, SINGLE[0], small])} each of {100 * small:.0f} % faults, {MAIN.name}",
+        "detected, each with its rate",
         ", ".join(f"{kind} {100 * rate:.0f} %" for kind, rate in rates.items()),
-        True,
+        None,
     )
 
 

@@ -83,7 +83,8 @@ def report(outcomes: Mapping[Key, list[Outcome]]) -> Iterator[str]:
     yield (
         f"{NOISE_A:g} A of noise on the current, all channels through {BITS}-bit converters, a load anywhere "
         f"within ±{LOAD_NM:g} N·m and windings within ±{HEAT_K:g} K, neither recorded; 0.5 s at 5 kHz. Load "
-        "and temperature are estimated with the faults unless the row says otherwise. Random faults as above.\n"
+        "and temperature are estimated with the faults unless the row says otherwise. Random faults as above. "
+        "Times are those of two diagnoses side by side.\n"
     )
     yield _errors(outcomes)
     yield "\nShare of the random cases whose 95 % interval holds the truth:\n"
@@ -99,9 +100,8 @@ def report(outcomes: Mapping[Key, list[Outcome]]) -> Iterator[str]:
     )
     yield _healthy(outcomes)
     yield (
-        "\nSingle small faults, the rest healthy: how often the faulty component is called degraded, and how "
-        "often any other is. Sizes are those of the component; a gain is that far above or below its healthy "
-        "0.5.\n"
+        "\nSingle small faults, the rest healthy: how often the faulty component is called degraded, and "
+        "how often any other is. Sizes are those of the component; a gain is that far from its healthy 0.5.\n"
     )
     yield _small(outcomes)
 

@@ -1,4 +1,4 @@
-"""Noise-free cases of an actuator as described, from the current alone: single faults, random, the thesis's."""
+"""The actuator as described, noise-free, from the current alone: single, random and the thesis's faults."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -59,8 +59,8 @@ def report(outcomes: Mapping[Key, list[Outcome]]) -> Iterator[str]:
     """Yield the lines of the page's section."""
     yield "## Noise-free, the actuator as described\n"
     yield (
-        "The current alone is recorded, exactly or with noise; load and temperature are nominal and nothing is "
-        f"estimated besides the faults. The thesis's best method has {THESIS_SINGLE:.2f} % on the ten single "
+        "The current alone is recorded, exactly or with noise; load and temperature are nominal and "
+        f"nothing is estimated besides the faults. The thesis's best method has {THESIS_SINGLE:.2f} % on the ten single "
         f"faults. Without bias correction, {len(outcomes['random', 0.0, 0])} of the random vectors.\n"
     )
     rows = []

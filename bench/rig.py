@@ -44,14 +44,14 @@ class Rig:
 
 
 BASE = Rig()
-"""0.05 A of noise, 12-bit converters, load and heat unknown, current and line voltage recorded, 0.5 s at 5 kHz."""
+"""Noisy, quantised, load and heat unknown; current and line voltage recorded for 0.5 s at 5 kHz."""
 
 IDEAL = Rig(CURRENT, noise=0.0, adc_bits=None, load=(0.0, 0.0), heat=(0.0, 0.0))
 """The current alone, exact, of an actuator as described."""
 
 
 def actuator_on(rig: Rig, seed: int) -> ema.Actuator:
-    """Return the thesis's actuator as it stands on the rig; settings that differ in one range share the rest."""
+    """Return the thesis's actuator as it stands on the rig; what other rigs have alike is drawn alike."""
     shares = np.random.default_rng([seed, 1]).random(4)
     load, heat, supply, inertia = (
         low + share * (high - low)
