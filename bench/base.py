@@ -83,7 +83,7 @@ def report(outcomes: Mapping[Key, list[Outcome]]) -> Iterator[str]:
     yield (
         f"{NOISE_A:g} A of noise on the current, all channels through {BITS}-bit converters, a load anywhere "
         f"within ±{LOAD_NM:g} N·m and windings within ±{HEAT_K:g} K, neither recorded; 0.5 s at 5 kHz. Load "
-        "and temperature are estimated with the faults unless the row says otherwise. Random faults as above. "
+        "and temperature are estimated with the faults unless the row says otherwise. Faults as above. "
         "Times are those of two diagnoses side by side.\n"
     )
     yield _errors(outcomes)

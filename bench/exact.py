@@ -60,8 +60,9 @@ def report(outcomes: Mapping[Key, list[Outcome]]) -> Iterator[str]:
     yield "## Noise-free, the actuator as described\n"
     yield (
         "The current alone is recorded, exactly or with noise; load and temperature are nominal and "
-        f"nothing is estimated besides the faults. The thesis's best method has {THESIS_SINGLE:.2f} % on the ten single "
-        f"faults. Without bias correction, {len(outcomes['random', 0.0, 0])} of the random vectors.\n"
+        f"nothing is estimated besides the faults. The thesis's best method has {THESIS_SINGLE:.2f} % "
+        f"on the ten single faults. Without bias correction, {len(outcomes['random', 0.0, 0])} of the random "
+        "vectors.\n"
     )
     rows = []
     for kind, noise, turns in outcomes:

@@ -6,6 +6,7 @@ and user with the backlash as a dead zone in series, and current sensors that la
 recorder. The speed loop is proportional; lags in the loop, hinge moment and end stops are not built.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -131,9 +132,9 @@ def simulate(
     substeps = int(np.ceil(1 / (sample_rate * STEP_S) * (1 - 1e-9)))
     step = 1 / (sample_rate * substeps)
     out = np.zeros((len(CHANNELS), samples))
-    commanded = np.asarray(command(np.arange(samples * substeps) * step), float)
+    commanded = command(np.asarray(np.arange(samples * substeps) * step))
     _run(_parameters(actuator, faults, features, step), commanded, step, substeps, out)
-    time = np.arange(samples) / sample_rate
+    time = np.asarray(np.arange(samples) / sample_rate)
     within = (np.arange(MEAN_POINTS) + 0.5) / (MEAN_POINTS * sample_rate)
     columns = {
         "time_s": time,
@@ -223,7 +224,7 @@ def commutation(angle: float) -> float:
 @_compiled
 def stribeck_torque(w: float, static: float, dynamic: float, speed: float, smoothing: float) -> float:
     """Return the smooth friction torque [N·m] at speed `w` [rad/s]."""
-    return (dynamic + (static - dynamic) * np.exp(-((w / speed) ** 2))) * np.tanh(w / smoothing)
+    return (dynamic + (static - dynamic) * math.exp(-((w / speed) ** 2))) * math.tanh(w / smoothing)
 
 
 @_compiled
@@ -256,13 +257,13 @@ def speed_after(
     against `dynamic`, and stopping at 0 before going the other way.
     """
     if stribeck_speed > 0:
-        friction = stribeck_torque(w, static, dynamic, stribeck_speed, smoothing)
+        friction: float = stribeck_torque(w, static, dynamic, stribeck_speed, smoothing)
         return w + (torque - friction) * step / inertia
     if w == 0.0:
         if abs(torque) <= static:
             return 0.0
-        return (torque - np.copysign(dynamic, torque)) * step / inertia
-    following = w + (torque - np.copysign(dynamic, w)) * step / inertia
+        return (torque - math.copysign(dynamic, torque)) * step / inertia
+    following: float = w + (torque - math.copysign(dynamic, w)) * step / inertia
     return 0.0 if following * w < 0 else following
 
 

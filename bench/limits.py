@@ -61,7 +61,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class Axis:
-    """One thing that varies about the base setting: how a value of it is written and what it makes of a rig."""
+    """One thing that varies about the base setting: how its values are written and what rigs they make."""
 
     name: str
     title: str
@@ -246,16 +246,16 @@ class Figures:
 
     @property
     def overconfident(self) -> bool:
-        """Whether intervals miss the truth more often than chance allows, though most recordings are explained."""
+        """Whether intervals miss the truth more often than chance lets them, most fits being explained."""
         return self.explained > 0.5 and self.least_coverage < by_chance(self.cases)
 
     def row(self) -> list[str]:
         """Return the cells of a table, in the order of `HEADER`."""
+        weakest = f" ({self.least_covered})" if self.least_coverage < 1 else ""
         return [
             f"{self.median:.2f} / {self.most:.2f}",
             f"{100 * self.mean_coverage:.0f} %",
-            f"{100 * self.least_coverage:.0f} %"
-            + (f" ({self.least_covered})" if self.least_coverage < 1 else ""),
+            f"{100 * self.least_coverage:.0f} %{weakest}",
             f"{100 * self.explained:.0f} %",
             f"{100 * self.detection:.0f} %",
             f"{100 * self.false_alarms:.1f} %",
@@ -289,18 +289,18 @@ def report(
     yield (
         "Made by `make study`. The base setting is that of [accuracy.md](accuracy.md): "
         f"{NOISE_A:g} A of noise, {BITS}-bit converters, load within ±{LOAD_NM:g} N·m and windings within "
-        f"±{HEAT_K:g} K unknown, current and line voltage recorded, a 0.5 s chirp at 5 kHz. Here one thing at a "
-        "time is varied about it; all settings share the same faults, loads and temperatures.\n"
+        f"±{HEAT_K:g} K unknown, current and line voltage recorded, a 0.5 s chirp at 5 kHz. Here one thing "
+        "at a time is varied about it; all settings share the same faults, loads and temperatures.\n"
     )
     small, healthy = (len(outcomes[Setting(BASE), kind]) for kind in ("small", "healthy"))
     yield (
-        f"Each setting has {base.cases} recordings with random faults, which error, coverage of the 95 % "
-        "intervals and the share called explained are taken from; the least coverage is that of the component "
-        f"which has it, in brackets. {small} with a single fault of 5 % and {healthy} healthy ones give the "
-        "share of the small faults that were called degraded, and of the healthy components that were (false "
-        f"alarms, of {6 * small + 7 * healthy}). So few cases show where the diagnosis breaks, not differences "
-        f"of some percent: true 95 % intervals would show a component at {100 * by_chance(base.cases):.0f} % or "
-        "more in 999 settings of 1000.\n"
+        f"Of each setting, {base.cases} recordings with random faults give error, coverage of the 95 % "
+        "intervals (the mean over the components and the least, with its component) and the share called "
+        f"explained. {small} with a single fault of {100 * SMALL_SIZE:.0f} % and {healthy} healthy ones give "
+        "the share of these small faults that were called degraded, and of the healthy components that were "
+        f"(false alarms, of {6 * small + 7 * healthy}). So few cases show where the diagnosis breaks, not "
+        "differences of some percent: of true 95 % intervals, a component would show less than "
+        f"{100 * by_chance(base.cases):.0f} % in one setting of a thousand.\n"
     )
     yield "## Where it is wrong without saying so\n"
     yield from _overconfident(axes, tables, outcomes)
@@ -326,12 +326,12 @@ def report(
 NOTES = {
     "Plant": (
         "Recordings by a plant that is not our reference model, diagnosed as if it were. Smooth friction: "
-        f"Stribeck's, from the static to the dynamic level with a scale of {foreign.Stribeck().speed:g} rad/s, "
-        f"through zero like a tanh of {foreign.Stribeck().smoothing:g} rad/s. Compliant shaft: "
-        f"{foreign.Shaft().stiffness:g} N·m/rad at the motor, backlash as a dead zone that uncouples the user's "
-        f"inertia. Lagging sensors: {1e6 * foreign.LAGGING.sensor_lag:g} µs, for the drive as for the recorder. "
-        "With none of them that plant agrees with the reference model to rounding, which its tests check. "
-        "What matters here is the column `explained`: where it is low, the errors are announced."
+        f"Stribeck's, from the static to the dynamic level with a scale of {foreign.Stribeck().speed:g} "
+        f"rad/s, through zero like a tanh of {foreign.Stribeck().smoothing:g} rad/s. Compliant shaft: "
+        f"{foreign.Shaft().stiffness:g} N·m/rad at the motor, backlash as a dead zone that uncouples the "
+        f"user's inertia. Lagging sensors: {1e6 * foreign.LAGGING.sensor_lag:g} µs, for the drive as for the "
+        "recorder. With none of them that plant agrees with the reference model to rounding, which its tests "
+        "check. What matters here is the column `explained`: where it is low, the errors are announced."
     ),
 }
 

@@ -1,6 +1,6 @@
 """Figures of the map of the limits: error, coverage and alarms along one axis."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from bench.limits import Axis, Figures, Outcomes
 from emaphm.report.embed import plain_style, svg
@@ -9,20 +9,21 @@ from emaphm.study.figures import COLOURS, LEGEND, WIDTH
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-PANELS = (
-    ("error [%]", {"median": "-", "most": ":"}, {"median": "median", "most": "95th percentile"}),
-    (
-        "share of random faults [%]",
-        {"mean_coverage": "-", "least_coverage": ":", "explained": "--"},
-        {"mean_coverage": "covered, mean", "least_coverage": "covered, least", "explained": "explained"},
-    ),
-    (
-        "share of components [%]",
-        {"detection": "-", "false_alarms": ":"},
-        {"detection": "5 % faults detected", "false_alarms": "false alarms"},
-    ),
-)
-"""Of each panel: what its axis says; the line of each of `Figures`' fields; what that is called."""
+Dashes = Literal["-", "--", ":"]
+
+PANELS: dict[str, dict[str, tuple[str, Dashes]]] = {
+    "error [%]": {"median": ("median", "-"), "most": ("95th percentile", ":")},
+    "share of random faults [%]": {
+        "mean_coverage": ("covered, mean", "-"),
+        "least_coverage": ("covered, least", ":"),
+        "explained": ("explained", "--"),
+    },
+    "share of components [%]": {
+        "detection": ("5 % faults detected", "-"),
+        "false_alarms": ("false alarms", ":"),
+    },
+}
+"""By what a panel shows: the fields of `Figures` in it, each with its name and line."""
 
 DECADES = (0.1, 0.3, 1, 3, 10, 30, 100)
 """Errors [%] that are marked, of those that the panel spans."""
@@ -34,51 +35,56 @@ def draw(axis: Axis, outcomes: Outcomes) -> bytes:
 
     with plain_style():
         figure = Figure(figsize=(WIDTH, 2.9), layout="constrained")
-        for number, panel in enumerate(figure.subplots(1, 3)):
-            _panel(panel, number, axis, outcomes)
+        for panel, (title, lines) in zip(figure.subplots(1, 3), PANELS.items(), strict=True):
+            _panel(panel, title, lines, axis, outcomes)
         return svg(figure)
 
 
-def _panel(panel: "Axes", number: int, axis: Axis, outcomes: Outcomes) -> None:
+def _panel(
+    panel: "Axes", title: str, lines: dict[str, tuple[str, Dashes]], axis: Axis, outcomes: Outcomes
+) -> None:
     from matplotlib.lines import Line2D
 
-    label, lines, names = PANELS[number]
+    errors = "median" in lines
     places = {value: i for i, value in enumerate(axis.curves[0].values)}
-    scale = 1.0 if number == 0 else 100.0
+    scale = 1.0 if errors else 100.0
     for curve, colour in zip(axis.curves, COLOURS, strict=False):
         points = [
             (places[value], Figures.of(setting, outcomes))
             for one, value, setting in axis.points()
             if one is curve
         ]
-        for field, dashes in lines.items():
+        for field, (_, dashes) in lines.items():
             shown = [scale * getattr(figures, field) for _, figures in points]
             panel.plot([x for x, _ in points], shown, dashes, color=colour, marker="o", markersize=3)
-    if number == 0:
-        _errors(panel)
+    if errors:
+        _logarithmic(panel)
     else:
         panel.set_ylim(-3, 103)
-        if number == 1:
-            panel.axhline(95, color="0.7", linewidth=0.8, zorder=0)
+    if "mean_coverage" in lines:
+        panel.axhline(95, color="0.7", linewidth=0.8, zorder=0)
     panel.set_xticks(range(len(places)), [axis.write(value) for value in places], fontsize=8)
     panel.set_xlim(-0.3, len(places) - 0.7)
     panel.tick_params(axis="y", labelsize=8)
     panel.set_xlabel(axis.label, fontsize=8)
-    panel.set_title(label, fontsize=9)
+    panel.set_title(title, fontsize=9)
     panel.grid(alpha=0.3)
-    handles = [Line2D([], [], color="0.2", linestyle=dashes) for dashes in lines.values()]
-    several = len(axis.curves) > 1 and number == 0
+    handles = [Line2D([], [], color="0.2", linestyle=dashes) for _, dashes in lines.values()]
+    several = len(axis.curves) > 1 and errors
     colours = [Line2D([], [], color=colour) for colour, _ in zip(COLOURS, axis.curves, strict=False)]
     panel.legend(
         handles + (colours if several else []),
-        [*names.values(), *([curve.name.partition(" (")[0] for curve in axis.curves] if several else [])],
+        [
+            *(name for name, _ in lines.values()),
+            *([curve.name.partition(" (")[0] for curve in axis.curves] if several else []),
+        ],
         loc="upper center",
         bbox_to_anchor=(0.5, -0.26),
         **LEGEND,
     )
 
 
-def _errors(panel: "Axes") -> None:
+def _logarithmic(panel: "Axes") -> None:
     """Make the axis of errors logarithmic, with plain marks."""
     from matplotlib.ticker import NullLocator
 
