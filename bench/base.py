@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import binom
 
 import emaphm as ema
 from bench.cases import (
@@ -87,7 +88,14 @@ def report(outcomes: Mapping[Key, list[Outcome]]) -> Iterator[str]:
         "Times are those of two diagnoses side by side.\n"
     )
     yield _errors(outcomes)
-    yield "\nShare of the random cases whose 95 % interval holds the truth:\n"
+    count = len(outcomes[MAIN, "random", 0.0])
+    low, high = binom.interval(0.95, count, 0.95)
+    yield (
+        "\nShare of the random cases whose 95 % interval holds the truth. Of a component whose intervals "
+        f"are just right, {count} cases show {100 * low / count:.1f} to {100 * high / count:.1f} % nineteen "
+        "times in twenty; more says that its intervals are wider than they need be, less that they are too "
+        "narrow:\n"
+    )
     yield _coverage(outcomes)
     yield (
         "\nMedian half-width of these intervals, in the unit of the components (1 is the whole range). Two "

@@ -47,7 +47,6 @@ class Outcome:
     """What came of a case: error [%]; by component of `NAMES` coverage, half-width and alarm; seconds."""
 
     case: Case
-    found: tuple[float, ...]
     error: float
     covered: tuple[bool, ...]
     half_widths: tuple[float, ...]
@@ -95,7 +94,6 @@ def diagnosed(case: Case) -> Outcome:
     intervals = [found.interval[name] for name in NAMES]
     return Outcome(
         case,
-        tuple(found.faults.vector.tolist()),
         float(ema.error_percent(truth, found.faults.vector)),
         tuple(holds(intervals[i], truth[i], name) for i, name in enumerate(NAMES)),
         tuple((high - low) / 2 for low, high in intervals),
@@ -126,13 +124,14 @@ def measured(plan: Mapping[Key, Sequence[Case]], what: str) -> dict[Key, list[Ou
 
 
 def _told(outcomes: Iterator[Outcome], total: int, what: str) -> Iterator[Outcome]:
-    began = time.perf_counter()
+    began, line_ends = time.perf_counter(), "\r" if sys.stderr.isatty() else "\n"
     for done, outcome in enumerate(outcomes, 1):
-        if sys.stderr.isatty() or done in {1, total}:
+        if sys.stderr.isatty() or 10 * done // total > 10 * (done - 1) // total:
             spent = time.perf_counter() - began
-            print(f"\r{what}: {done} of {total} cases, {spent:.0f} s", end="", file=sys.stderr, flush=True)
+            print(
+                f"{what}: {done} of {total} cases, {spent:.0f} s", end=line_ends, file=sys.stderr, flush=True
+            )
         yield outcome
-    print(file=sys.stderr)
 
 
 def errors(outcomes: Sequence[Outcome]) -> Array:

@@ -315,12 +315,34 @@ def report(
         if axis.note:
             yield axis.note + "\n"
         yield f"![{axis.title.lower()}]({folder}/{axis.name}.svg)\n"
+        yield _reading(axis, outcomes) + "\n"
         several = len(axis.curves) > 1
         rows = [
             [axis.write(value), *([curve.name] if several else []), *Figures.of(setting, outcomes).row()]
             for curve, value, setting in axis.points()
         ]
         yield table([axis.label, *(["estimated"] if several else []), *HEADER], rows)
+
+
+def _reading(axis: Axis, outcomes: Outcomes) -> str:
+    """Return what an axis does to the median error, and what estimating more besides does about it."""
+    medians = [
+        (curve, value, Figures.of(setting, outcomes).median) for curve, value, setting in axis.points()
+    ]
+    by_default = {value: median for curve, value, median in medians if curve is axis.curves[0]}
+    least, largest = (pick(by_default, key=by_default.__getitem__) for pick in (min, max))
+    sentence = (
+        f"The median error is least at {axis.write(least)} ({by_default[least]:.2f} %) and largest at "
+        f"{axis.write(largest)} ({by_default[largest]:.2f} %)"
+    )
+    for curve in axis.curves[1:]:
+        changes = ", ".join(
+            f"{by_default[value]:.2f} to {median:.2f} % at {axis.write(value)}"
+            for one, value, median in medians
+            if one is curve
+        )
+        sentence += f"; with {curve.name} it goes from {changes}"
+    return sentence + "."
 
 
 NOTES = {
