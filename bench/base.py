@@ -43,7 +43,7 @@ class Row:
 
 
 ROWS = (
-    Row("current and line voltage", BASE, None, 300, 500, (50, 50)),
+    Row("current and line voltage", BASE, None, 300, 500, (50, 30)),
     Row("current alone", Rig(CURRENT), None, 300, 100, (20, 0)),
     Row("current, line voltage, position, speed", Rig(EVERYTHING), None, 60, 60, (0, 0)),
     Row("current and line voltage, nothing estimated besides", BASE, (), 30, 30, (0, 0)),
@@ -168,6 +168,7 @@ def _healthy(outcomes: Mapping[Key, list[Outcome]]) -> str:
                 f"{100 * false_alarms(of_row):.2f} %",
                 f"{100 * recordings_alarmed(of_row):.1f} %",
                 _named(of_row),
+                f"{100 * min(coverage(of_row)):.1f} %",
                 f"{100 * explained(of_row):.1f} %",
                 f"{np.median(found):.2f} / {np.percentile(found, 95):.2f} / {found.max():.2f}",
             ]
@@ -179,6 +180,7 @@ def _healthy(outcomes: Mapping[Key, list[Outcome]]) -> str:
             "false alarms, of components",
             "of recordings",
             "raised by",
+            "coverage: least",
             "explained",
             "error: median / 95th percentile / worst, %",
         ],

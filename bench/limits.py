@@ -332,8 +332,8 @@ def _reading(axis: Axis, outcomes: Outcomes) -> str:
     by_default = {value: median for curve, value, median in medians if curve is axis.curves[0]}
     least, largest = (pick(by_default, key=by_default.__getitem__) for pick in (min, max))
     sentence = (
-        f"The median error is least at {axis.write(least)} ({by_default[least]:.2f} %) and largest at "
-        f"{axis.write(largest)} ({by_default[largest]:.2f} %)"
+        f"By {axis.label}, the median error is least at {axis.write(least)} ({by_default[least]:.2f} %) "
+        f"and largest at {axis.write(largest)} ({by_default[largest]:.2f} %)"
     )
     for curve in axis.curves[1:]:
         changes = ", ".join(

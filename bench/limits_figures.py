@@ -11,19 +11,22 @@ if TYPE_CHECKING:
 
 Dashes = Literal["-", "--", ":"]
 
-PANELS: dict[str, dict[str, tuple[str, Dashes]]] = {
-    "error [%]": {"median": ("median", "-"), "most": ("95th percentile", ":")},
+Line = tuple[str, Dashes, str]
+"""What a line is called, its dashes and its marker."""
+
+PANELS: dict[str, dict[str, Line]] = {
+    "error [%]": {"median": ("median", "-", "o"), "most": ("95th percentile", ":", "o")},
     "share of random faults [%]": {
-        "mean_coverage": ("covered, mean", "-"),
-        "least_coverage": ("covered, least", ":"),
-        "explained": ("explained", "--"),
+        "mean_coverage": ("covered, mean", "-", "o"),
+        "least_coverage": ("covered, least", ":", "o"),
+        "explained": ("explained", "--", "x"),
     },
     "share of components [%]": {
-        "detection": ("5 % faults detected", "-"),
-        "false_alarms": ("false alarms", ":"),
+        "detection": ("5 % faults detected", "-", "o"),
+        "false_alarms": ("false alarms", ":", "o"),
     },
 }
-"""By what a panel shows: the fields of `Figures` in it, each with its name and line."""
+"""By what a panel shows: the fields of `Figures` in it, each with its line."""
 
 DECADES = (0.1, 0.3, 1, 3, 10, 30, 100)
 """Errors [%] that are marked, of those that the panel spans."""
@@ -40,9 +43,7 @@ def draw(axis: Axis, outcomes: Outcomes) -> bytes:
         return svg(figure)
 
 
-def _panel(
-    panel: "Axes", title: str, lines: dict[str, tuple[str, Dashes]], axis: Axis, outcomes: Outcomes
-) -> None:
+def _panel(panel: "Axes", title: str, lines: dict[str, Line], axis: Axis, outcomes: Outcomes) -> None:
     from matplotlib.lines import Line2D
 
     errors = "median" in lines
@@ -54,9 +55,10 @@ def _panel(
             for one, value, setting in axis.points()
             if one is curve
         ]
-        for field, (_, dashes) in lines.items():
+        for field, (_, dashes, marker) in lines.items():
             shown = [scale * getattr(figures, field) for _, figures in points]
-            panel.plot([x for x, _ in points], shown, dashes, color=colour, marker="o", markersize=3)
+            size = 3 if marker == "o" else 6
+            panel.plot([x for x, _ in points], shown, dashes, color=colour, marker=marker, markersize=size)
     if errors:
         _logarithmic(panel)
     else:
@@ -69,13 +71,16 @@ def _panel(
     panel.set_xlabel(axis.label, fontsize=8)
     panel.set_title(title, fontsize=9)
     panel.grid(alpha=0.3)
-    handles = [Line2D([], [], color="0.2", linestyle=dashes) for _, dashes in lines.values()]
+    handles = [
+        Line2D([], [], color="0.2", linestyle=dashes, marker=marker, markersize=4)
+        for _, dashes, marker in lines.values()
+    ]
     several = len(axis.curves) > 1 and errors
     colours = [Line2D([], [], color=colour) for colour, _ in zip(COLOURS, axis.curves, strict=False)]
     panel.legend(
         handles + (colours if several else []),
         [
-            *(name for name, _ in lines.values()),
+            *(name for name, _, _ in lines.values()),
             *([curve.name.partition(" (")[0] for curve in axis.curves] if several else []),
         ],
         loc="upper center",
