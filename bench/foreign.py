@@ -20,7 +20,7 @@ from emaphm.recording import Recording, acquire, full_scales
 Array = NDArray[np.float64]
 
 STEP_S = 1e-6
-"""Longest integration step [s]: a thousandth of the period of a 1 kHz shaft."""
+"""Longest integration step [s]: 1/500 of the period of a 2 kHz shaft."""
 
 CHANNELS = (
     "current_A",
@@ -44,20 +44,16 @@ class Stribeck:
     (f_d + (f_s - f_d) exp(-(w / speed)²)) tanh(w / smoothing), both in rad/s.
     """
 
-    speed: float = 20.0
-    smoothing: float = 1.0
+    speed: float
+    smoothing: float
 
 
 @dataclass(frozen=True)
 class Shaft:
-    """A torsional spring with a damper, stiffness [N·m/rad] and damping [N·m·s/rad] at the motor.
+    """A torsional spring with a damper, stiffness [N·m/rad] and damping [N·m·s/rad] at the motor."""
 
-    By default the thesis's two inertias swing against each other at 500 Hz, damped to a twentieth of the
-    critical.
-    """
-
-    stiffness: float = 61.6
-    damping: float = 1.96e-3
+    stiffness: float
+    damping: float
 
 
 @dataclass(frozen=True)
@@ -72,12 +68,20 @@ class Features:
     sensor_lag: float = 0.0
 
 
-STRIBECK = Features(friction=Stribeck())
-COMPLIANT = Features(shaft=Shaft())
-LAGGING = Features(sensor_lag=2e-5)
-"""8 kHz of bandwidth, the lowest of the isolated sensors that drives are built with."""
+MILD = Features(Stribeck(2.0, 0.1), Shaft(985.6, 7.84e-3), 5e-6)
+STRONG = Features(Stribeck(20.0, 1.0), Shaft(61.6, 1.96e-3), 2e-5)
+"""Shafts on which the thesis's two inertias swing at 2 kHz and 500 Hz, damped to a twentieth of the critical;
+sensors of 32 and 8 kHz, the latter the slowest that drives are built with."""
 
-ALL = Features(Stribeck(), Shaft(), 2e-5)
+
+def parts(features: Features) -> dict[str, Features]:
+    """Return each of `features` by itself, and all three."""
+    return {
+        "smooth friction": Features(friction=features.friction),
+        "compliant shaft": Features(shaft=features.shaft),
+        "lagging current sensors": Features(sensor_lag=features.sensor_lag),
+        "all three": features,
+    }
 
 
 class _Parameters(NamedTuple):

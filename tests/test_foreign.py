@@ -1,21 +1,18 @@
 """The foreign plant: the reference model once more where it is switched off, closed forms where it is not."""
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from bench.foreign import (
-    ALL,
-    COMPLIANT,
-    LAGGING,
-    STRIBECK,
+    STRONG,
     Features,
     Shaft,
     Stribeck,
     _parameters,
     move,
+    parts,
     shaft_torque,
     simulate,
     stribeck_torque,
@@ -39,7 +36,8 @@ CASES = {
     "mixed": MIXED,
     "multiple": Faults(0.25, 0.75, 0.8, 0.8, 0.8, 0.25, 0.5, 0.75),
 }
-EACH = {"stribeck": STRIBECK, "compliant": COMPLIANT, "lagging": LAGGING, "all": ALL}
+EACH = parts(STRONG)
+SHAFT, FRICTION = Shaft(61.6, 1.96e-3), Stribeck(20.0, 1.0)
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -127,10 +125,10 @@ def _moved(
 
 def test_the_two_inertias_swing_at_their_natural_frequency() -> None:
     actuator = altered(mechanics=FREE | {"backlash": 0.0})
-    undamped = Features(shaft=Shaft(damping=0.0))
+    undamped = Features(shaft=Shaft(SHAFT.stiffness, 0.0))
     trace = _moved(undamped, actuator, (0.0, 1e-3, 0.0, 0.0), lambda _: 0.0, 10_000)
     m = actuator.mechanics
-    omega = math.sqrt(Shaft().stiffness * (1 / m.inertia_motor + 1 / m.inertia_user))
+    omega = math.sqrt(SHAFT.stiffness * (1 / m.inertia_motor + 1 / m.inertia_user))
     assert omega == pytest.approx(2 * math.pi * 500, rel=1e-3)
     t = (np.arange(10_000) + 1) * STEP
     twist = trace[:, 1] - trace[:, 3]
@@ -142,7 +140,7 @@ def test_the_two_inertias_swing_at_their_natural_frequency() -> None:
 
 def test_gap_spring_damper_and_smooth_friction_move_as_another_integrator_has_it() -> None:
     actuator = with_totals(altered(mechanics={"end_stops": None}), {"offset": 0.05})
-    m, shaft, friction = actuator.mechanics, Shaft(), Stribeck()
+    m, shaft, friction = actuator.mechanics, SHAFT, FRICTION
 
     def torque(t: float) -> float:
         return 0.6 * math.sin(2 * math.pi * 60 * t)
@@ -184,5 +182,5 @@ def test_sensors_lag_as_a_first_order_system_does() -> None:
     expected = final * (1 - (winding * np.exp(-t / winding) - lag * np.exp(-t / lag)) / (winding - lag))
     # At an electrical angle of 0, b and c are on their flats and a idles: -b = c carry the current.
     np.testing.assert_allclose(got["current_A"], expected, rtol=0, atol=final * STEP / lag)
-    true = simulate(held, Step(1e-2), replace(LAGGING, sensor_lag=0.0), **options)
+    true = simulate(held, Step(1e-2), Features(), **options)
     np.testing.assert_allclose(true["current_A"], final * -np.expm1(-t / winding), rtol=0, atol=0.05)

@@ -154,17 +154,20 @@ def made_up(axes: Sequence[Axis]) -> dict[limits.Key, list[Outcome]]:
 def test_the_map_names_the_settings_that_are_wrong_without_saying_so() -> None:
     outcomes = made_up(SMALL_AXES)
     tables = {"Recorded": RECORDED, "Plant": FOREIGN}
-    assert "none of 9." in "\n".join(limits.report(SMALL_AXES, tables, outcomes, "limits"))
+    assert "none of 13." in "\n".join(limits.report(SMALL_AXES, tables, outcomes, "limits"))
     gain = NAMES.index("gain")
     missed: dict[str, Any] = {"covered": tuple(i != gain for i in range(8)), "error": 7.25}
-    for name, explained in (("compliant shaft", False), ("lagging current sensors", True)):
+    for name, explained in (("compliant shaft, mild", False), ("lagging current sensors, mild", True)):
         key = FOREIGN[name], "random"
         outcomes[key] = [replace(one, explained=explained, **missed) for one in outcomes[key]]
     page = "\n".join(limits.report(SMALL_AXES, tables, outcomes, "limits"))
-    assert "1 of 9." in page
-    assert "- plant: lagging current sensors: gain held by 0 %, 100 % explained, median error 7.25 %" in page
+    assert "1 of 13." in page
+    assert (
+        "- plant: lagging current sensors, mild: gain held by 0 %, 100 % explained, median error 7.25 %"
+        in page
+    )
     assert "- plant: compliant shaft" not in page
-    assert "| compliant shaft | 7.25 / 7.25 | 88 % | 0 % (gain) | 0 % |" in page
+    assert "| compliant shaft, mild | 7.25 / 7.25 | 88 % | 0 % (gain) | 0 % |" in page
 
 
 def test_the_base_setting_is_diagnosed_once_for_all_axes() -> None:
@@ -172,8 +175,8 @@ def test_the_base_setting_is_diagnosed_once_for_all_axes() -> None:
     settings = {setting for setting, _ in plan}
     through_base = [setting for axis in AXES for _, _, setting in axis.points() if setting == Setting(BASE)]
     assert len(through_base) == 7  # all but temperature, which is drawn there and set on its axis
-    # 46 points on the axes, six of them the base setting again; two more channels, four foreign plants.
-    assert len(settings) == 46 - 6 + 2 + 4
+    # 46 points on the axes, six of them the base setting again; two more channels, eight foreign plants.
+    assert len(settings) == 46 - 6 + 2 + 8
     assert all(len(cases) == 1 for (_, kind), cases in plan.items() if kind != "small")
 
 
