@@ -359,8 +359,8 @@ NOTES = {
     "Plant": (
         "Recordings by a plant that is not our reference model, diagnosed as if it were. Smooth friction: "
         "Stribeck's, falling from the static to the dynamic level over a first speed, and passing through "
-        "zero like a tanh of a second. Compliant shaft: a damped spring, its backlash a dead zone that uncouples "
-        "the user's inertia. Lagging sensors: for the drive as for the recorder. "
+        "zero like a tanh of a second. Compliant shaft: a damped spring, its backlash a dead zone that "
+        "uncouples the user's inertia. Lagging sensors: for the drive as for the recorder. "
         + "; ".join(f"{degree}: {_degree(features)}" for degree, features in DEGREES.items())
         + ". Without these features that plant agrees with the reference model to rounding, which its tests "
         "check. Where the column `explained` is low, errors are announced; where it is high, they are not."
