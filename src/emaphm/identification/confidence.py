@@ -5,26 +5,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from emaphm.identification.correction import PRIOR_DEVIATION
 from emaphm.identification.fit import CORRELATED_ROWS
 from emaphm.identification.groups import Group, confounded, remedies
+from emaphm.identification.neighbourhood import DERIVATIVE_STEP, DERIVATIVES, RESOLUTION, neighbourhood
 from emaphm.identification.nuisance import BASELINE, KNOWN_BY
 from emaphm.identification.refinement import scattered
 from emaphm.identification.search import Found
-from emaphm.identification.uncertainty import assured, knowledge
+from emaphm.identification.uncertainty import assured
 from emaphm.identification.verdict import HEALTHY_MARGIN, Z95
 from emaphm.simulation import OBSERVABLE
 
 Array = NDArray[np.float64]
 
-RESOLUTION = 2e-4
-"""Standard error that no data go below: kinks of stick-slip leave the least squares that much play."""
-
 FURTHER_SHARE = 0.03
 """Residual, as a share of its rms, that is expected of a channel which was not recorded."""
-
-DERIVATIVE_STEP, DERIVATIVES = 1e-2, 8
-"""Step of the differences that uncertainty is told from, and how often they are taken."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,24 +38,15 @@ def confidence(found: Found, residual: Array, names: tuple[str, ...], seed: int)
     corrected. The covariance then allows for it.
     """
     fit, space = found.fit, found.fit.space
-    rows, faults = fit.recorded_rows, len(space.columns)
-    deviations = np.concatenate([np.full(faults, PRIOR_DEVIATION), space.nuisances.priors])
-    derivatives, spent = scattered(
-        lambda points: fit.outputs(points)[:, :rows], found.point, space, DERIVATIVE_STEP, DERIVATIVES, seed
-    )
-    known = knowledge(derivatives, residual[:rows], deviations, len(fit.problem.channels))
-    covariance = known.covariance + RESOLUTION**2 * np.eye(space.dimensions)
-    groups, more = _groups(found, covariance, names, seed)
+    rows = fit.recorded_rows
+    bias = 0.0 if found.discrepancy is None else (found.discrepancy - found.correction)[:rows]
+    near = neighbourhood(fit, found.point, residual[:rows], seed, bias)
+    groups, more = _groups(found, near.covariance, names, seed)
+    evaluations = near.evaluations + more
     if found.settled:
-        return Confidence(covariance, groups, spent + more)
-    bias = 0.0 if found.discrepancy is None else found.discrepancy - found.correction
-    variance = float(np.mean(residual[:rows] ** 2))
-    gradient = derivatives.mean(axis=0) @ (residual - bias)[:rows] / variance
-    prior = CORRELATED_ROWS / deviations**2
-    gradient[faults:] -= prior[faults:] * found.point[faults:]
-    step = np.linalg.solve(known.information + np.diag(prior), gradient)
-    left = space.project(found.point + step) - found.point
-    return Confidence(covariance + np.outer(left, left), groups, spent + more)
+        return Confidence(near.covariance, groups, evaluations)
+    left = space.project(found.point + near.step) - found.point
+    return Confidence(near.covariance + np.outer(left, left), groups, evaluations)
 
 
 def _groups(

@@ -24,13 +24,11 @@ from numpy.typing import NDArray
 
 from emaphm.identification.correction import PRIOR_DEVIATION
 from emaphm.identification.fit import Fit
+from emaphm.identification.neighbourhood import DERIVATIVE_STEP, DERIVATIVES
 from emaphm.identification.refinement import information, scattered
 from emaphm.identification.space import FaultSpace
 
 Array = NDArray[np.float64]
-
-DERIVATIVE_STEP, DERIVATIVES = 1e-2, 8
-"""Step of the differences that derivatives at the estimate are taken by, and how often."""
 
 
 @dataclass(eq=False)

@@ -61,7 +61,8 @@ def diagnose(
         What an optimiser minimises: one of `FITNESSES`; least squares where they follow.
     nuisances
         What is estimated with the faults by a method with least squares: names in
-        `emaphm.identification.nuisance.NAMES`, none where empty, the actuator's own where left out.
+        `emaphm.identification.nuisance.NAMES`, none where empty, the actuator's own where left out; then
+        also what is off its description beyond doubt (`emaphm.identification.suspicion`).
         A recorded load or temperature counts as known. What the actuator's baseline leaves open is the
         unit's, not the recording's: a method with least squares estimates it whatever is named here.
     turns
@@ -90,7 +91,15 @@ def diagnose(
     if posterior:
         check_posterior(fit.problem.model)
     searching = part(on_progress, 0.0, SEARCHING if posterior else 1.0)
-    found = search(fit, chosen, fitness=fitness, turns=turns, seed=seed, on_progress=searching)
+    found = search(
+        fit,
+        chosen,
+        fitness=fitness,
+        turns=turns,
+        seed=seed,
+        suspecting=nuisances is None,
+        on_progress=searching,
+    )
     if found.discrepancy is None and has_reference(fit.problem):
         found = _with_discrepancy(found)
     diagnosis = _conclude(found, chosen.name, fitness, seed, began)
@@ -149,6 +158,7 @@ def _conclude(found: Found, method: str, fitness: str, seed: int, began: float) 
         channels=problem.channels,
         nuisances=_nuisances(fit, found.point, sure.covariance),
         groups=sure.groups,
+        suspected=found.suspected,
     )
 
 

@@ -69,8 +69,8 @@ class Diagnosis:
     names are `coordinates`. `fitness` is the method's own measure, `residual_rms_A` the rms of recorded
     less modelled current; `explained` is false where that is more than the model can answer for.
     `recorded`, `modelled` [A] and `time_s` [s] have shape (samples,). `channels` were compared, and
-    `nuisances` estimated with the faults. Of each of the `groups` only the sum is known. `posterior` is
-    there where it was asked for.
+    `nuisances` estimated with the faults, those `suspected` because they stood out though nobody had asked.
+    Of each of the `groups` only the sum is known. `posterior` is there where it was asked for.
     """
 
     components: Mapping[str, Estimate]
@@ -95,6 +95,7 @@ class Diagnosis:
     channels: tuple[str, ...] = ("current_A",)
     nuisances: Mapping[str, NuisanceEstimate] = field(default_factory=dict)
     groups: tuple[Group, ...] = ()
+    suspected: tuple[str, ...] = ()
     posterior: "Posterior | None" = None
 
     @property
@@ -132,6 +133,7 @@ class Diagnosis:
                 }
                 for name, estimate in self.nuisances.items()
             },
+            "suspected": list(self.suspected),
             "groups": [
                 {"members": list(group.members), "remedies": list(group.remedies)} for group in self.groups
             ],
@@ -217,6 +219,12 @@ class Diagnosis:
         if told:
             values = ", ".join(f"{name} {estimate}" for name, estimate in told.items())
             lines.append(f"Estimated besides: {values}.")
+        if self.suspected:
+            names = ", ".join(self.suspected)
+            lines.append(
+                f"Off the description beyond doubt, so estimated though nobody asked: {names}. Correct the "
+                "actuator's file if it stays so; without, it would read as faults."
+            )
         lines += [f"Only together: {group}" for group in self.groups]
         if untold:
             seen = ", ".join(self.channels)

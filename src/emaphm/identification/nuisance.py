@@ -97,12 +97,7 @@ class NuisanceSet:
                 raise MethodError(
                     f"nuisance '{name}' needs an [electrical] section, which actuator '{actuator.name}' lacks"
                 )
-        kept = tuple(
-            name
-            for name in chosen
-            if KNOWN_BY.get(name) not in channels
-            and not (name in NEEDS_WINDINGS and actuator.electrical is None)
-        )
+        kept = tuple(name for name in chosen if _matters(actuator, name, channels))
         unit = unit or Deviations.of_baseline(actuator)
         axes = tuple(f"{BASELINE}{i}" for i in range(1, unit.priors.size + 1))
         meaning = np.zeros((len(kept) + len(unit.parameters), len(kept) + len(axes)))
@@ -116,6 +111,21 @@ class NuisanceSet:
             (*kept, *(BASELINE + name for name in unit.parameters)),
             meaning,
             unit.parameters,
+        )
+
+    @property
+    def chosen(self) -> tuple[str, ...]:
+        """What is estimated of the recording, less what is estimated of the unit."""
+        return tuple(name for name in self.quantities if not name.startswith(BASELINE))
+
+    def others(self, actuator: Actuator, channels: Sequence[str]) -> tuple[str, ...]:
+        """Return what might be estimated too: neither estimated nor known, of a size that is known."""
+        return tuple(
+            name
+            for name in NAMES
+            if name not in (*self.chosen, *self.parameters)
+            and _matters(actuator, name, channels)
+            and _prior(actuator, name) is not None
         )
 
     @property
@@ -164,17 +174,32 @@ NOTHING = NuisanceSet((), np.zeros(0), np.zeros(0), (), np.zeros((0, 0)), ())
 """Nothing besides the faults."""
 
 
-def _deviation(actuator: Actuator, name: str) -> float:
-    """Return the prior standard deviation of a nuisance, in its own unit."""
+def _matters(actuator: Actuator, name: str, channels: Sequence[str]) -> bool:
+    """Return whether a nuisance is not made known by `channels`, and acts on what the actuator has."""
+    acts = name not in NEEDS_WINDINGS or actuator.electrical is not None
+    return acts and KNOWN_BY.get(name) not in channels
+
+
+def _prior(actuator: Actuator, name: str) -> float | None:
+    """Return the prior standard deviation of a nuisance, in its own unit, where one is known."""
     given = getattr(actuator.nuisances, name)
     limit = actuator.controller.current_limit
-    if given is None:
-        given = {"load": 0.06 * limit * actuator.motor.torque_constant, "current_offset": 2e-3 * limit}.get(
-            name
-        )
-    if given is None:
+    usual = {"load": 0.06 * limit * actuator.motor.torque_constant, "current_offset": 2e-3 * limit}
+    return usual.get(name) if given is None else float(given)
+
+
+def less_known(actuator: Actuator, names: Sequence[str], factor: float) -> Actuator:
+    """Return the actuator with priors of the nuisances `names` wider by `factor`."""
+    priors = {name: factor * _deviation(actuator, name) for name in names}
+    return actuator.model_copy(update={"nuisances": actuator.nuisances.model_copy(update=priors)})
+
+
+def _deviation(actuator: Actuator, name: str) -> float:
+    """Return the prior standard deviation of a nuisance, in its own unit."""
+    prior = _prior(actuator, name)
+    if prior is None:
         raise MethodError(
             f"how large nuisance '{name}' may be is not known; give its standard deviation as {name} in "
             f"[nuisances] of actuator '{actuator.name}'"
         )
-    return float(given)
+    return prior

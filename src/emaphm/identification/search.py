@@ -19,6 +19,7 @@ from emaphm.identification.optimizers import State, minimise
 from emaphm.identification.optimizers.base import generator
 from emaphm.identification.problem import Problem
 from emaphm.identification.space import FaultSpace
+from emaphm.identification.suspicion import suspected
 from emaphm.recording import Recording
 from emaphm.simulation import OBSERVABLE, Model
 
@@ -35,7 +36,7 @@ class Found:
     `fit` is what was fitted in the end; `correction`, (rows,), was added to its outputs; `discrepancy`,
     where known, is what it should be at the point itself; `settled` is true where the reference model has
     seen no better point beside it. `evaluations` counts runs of the fitted model, `reference_runs` those
-    of the reference model.
+    of the reference model. The nuisances `suspected` were not asked for and stood out.
     """
 
     fit: Fit
@@ -46,6 +47,7 @@ class Found:
     evaluations: int
     reference_runs: int
     settled: bool = False
+    suspected: tuple[str, ...] = ()
 
 
 def fit_of(
@@ -93,10 +95,13 @@ def search(
     fitness: str,
     turns: int,
     seed: int,
+    suspecting: bool = False,
     on_progress: Progress | None = None,
     on_population: OnPopulation | None = None,
 ) -> Found:
     """Return where `method` ends; `turns` bounds the bias corrections of a method that refines.
+
+    Where `suspecting`, it also estimates what else a corrected fit shows to be off its description.
 
     Raises
     ------
@@ -111,7 +116,9 @@ def search(
             f"method '{method.name}' needs derivatives, which drown in the {fit.problem.model.name} model's "
             "switching; use the averaged model, or a method without least squares"
         )
-    return _refined(fit, method, turns, seed, on_progress)
+    if turns > 0 and has_reference(fit.problem):
+        return _corrected(fit, method, turns, seed, on_progress, suspecting=suspecting)
+    return _refined(fit, method, seed, on_progress)
 
 
 def check_fitness(method: Method, fitness: str) -> None:
@@ -124,24 +131,41 @@ def check_fitness(method: Method, fitness: str) -> None:
         )
 
 
-def _refined(fit: Fit, method: Method, turns: int, seed: int, on_progress: Progress | None) -> Found:
-    corrects = turns > 0 and has_reference(fit.problem)
-    refined = hybrid(fit, seed, method.optimizer, part(on_progress, 0.0, 0.4 if corrects else 0.8))
-    point, evaluations, reference_runs = refined.points[refined.best], refined.evaluations + 1, 0
-    correction, discrepancy, settled = np.zeros_like(fit.target), None, False
-    if corrects:
-        corrected = correct(fit, point, turns, part(on_progress, 0.4, 1.0))
-        fit, point = corrected.fit, corrected.point
-        correction, discrepancy, settled = corrected.correction, corrected.discrepancy, corrected.settled
-        evaluations, reference_runs = evaluations + corrected.evaluations, corrected.reference_runs
-    else:
-        descended = descend(fit, point, correction, generator(seed, 3))
-        point, evaluations = descended.points[descended.best], evaluations + descended.evaluations
-        if on_progress is not None:
-            on_progress(1.0)
-    residual = fit.target - fit.outputs(point[np.newaxis])[0] - correction
-    misfit = float(np.mean(residual[: fit.problem.recording.samples] ** 2))
-    return Found(fit, point, misfit, correction, discrepancy, evaluations, reference_runs, settled)
+def _refined(fit: Fit, method: Method, seed: int, on_progress: Progress | None) -> Found:
+    refined = hybrid(fit, seed, method.optimizer, part(on_progress, 0.0, 0.8))
+    nothing = np.zeros_like(fit.target)
+    descended = descend(fit, refined.points[refined.best], nothing, generator(seed, 3))
+    if on_progress is not None:
+        on_progress(1.0)
+    point, evaluations = descended.points[descended.best], refined.evaluations + descended.evaluations
+    misfit = _misfit(fit, fit.outputs(point[np.newaxis])[0])
+    return Found(fit, point, misfit, nothing, None, evaluations + 1, 0)
+
+
+def _corrected(
+    fit: Fit, method: Method, turns: int, seed: int, on_progress: Progress | None, *, suspecting: bool
+) -> Found:
+    refined = hybrid(fit, seed, method.optimizer, part(on_progress, 0.0, 0.4))
+    found = correct(fit, refined.points[refined.best], turns, part(on_progress, 0.4, 1.0))
+    names: tuple[str, ...] = ()
+    if suspecting:
+        found, names = suspected(found, turns, seed)
+    return Found(
+        found.fit,
+        found.point,
+        _misfit(found.fit, found.outputs + found.correction),
+        found.correction,
+        found.discrepancy,
+        refined.evaluations + found.evaluations,
+        found.reference_runs,
+        found.settled,
+        names,
+    )
+
+
+def _misfit(fit: Fit, outputs: Array) -> float:
+    """Return the mean squared residual of the current that `outputs` (rows,) leave."""
+    return float(np.mean((fit.target - outputs)[: fit.problem.recording.samples] ** 2))
 
 
 def part(on_progress: Progress | None, first: float, last: float) -> Progress | None:

@@ -14,6 +14,7 @@ from emaphm.identification.correction import correct, has_reference
 from emaphm.identification.deviations import START_FACTOR, WIDEST_FACTOR, Deviations, sizes
 from emaphm.identification.fit import CORRELATED_ROWS, Fit
 from emaphm.identification.methods import method_named
+from emaphm.identification.neighbourhood import DERIVATIVE_STEP, DERIVATIVES
 from emaphm.identification.nuisance import NuisanceSet
 from emaphm.identification.optimizers import space_filling
 from emaphm.identification.refinement import refine, scattered
@@ -34,9 +35,6 @@ ALIKE = 1.05
 
 REWEIGHTINGS = 3
 """Descents with the channels weighted by what the one before left of them."""
-
-DERIVATIVE_STEP, DERIVATIVES = 1e-2, 8
-"""Step of the differences that standard errors are told from, and how often they are taken."""
 
 ONE_AND_THE_SAME = {"load": "offset", "hinge": "hinge", "inertia": "inertia", "supply": "supply"}
 """The parameter that a nuisance cannot be told from in one recording."""

@@ -1,0 +1,48 @@
+"""What the neighbourhood of a point tells: how sure it is, and where a Gauss-Newton step leads from it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emaphm.identification.correction import PRIOR_DEVIATION
+from emaphm.identification.fit import CORRELATED_ROWS, Fit
+from emaphm.identification.refinement import scattered
+from emaphm.identification.uncertainty import knowledge
+
+Array = NDArray[np.float64]
+
+RESOLUTION = 2e-4
+"""Standard error that no data go below: kinks of stick-slip leave the least squares that much play."""
+
+DERIVATIVE_STEP, DERIVATIVES = 1e-2, 8
+"""Step of the differences that uncertainty is told from, and how often they are taken."""
+
+
+@dataclass(frozen=True, eq=False)
+class Neighbourhood:
+    """The `covariance` (d, d) of a point, a Gauss-Newton `step` (d,), and the `evaluations` for both."""
+
+    covariance: Array
+    step: Array
+    evaluations: int
+
+
+def neighbourhood(
+    fit: Fit, point: Array, residual: Array, seed: int, bias: Array | float = 0.0
+) -> Neighbourhood:
+    """Return what the neighbourhood of `point` (d,) tells, where `residual` (recorded rows,) is left.
+
+    The step is towards the optimum, `bias` being what of the residual is known to be the model's.
+    """
+    space, rows, faults = fit.space, fit.recorded_rows, len(fit.space.columns)
+    deviations = np.concatenate([np.full(faults, PRIOR_DEVIATION), space.nuisances.priors])
+    derivatives, spent = scattered(
+        lambda points: fit.outputs(points)[:, :rows], point, space, DERIVATIVE_STEP, DERIVATIVES, seed
+    )
+    known = knowledge(derivatives, residual, deviations, len(fit.problem.channels))
+    gradient = derivatives.mean(axis=0) @ (residual - bias) / np.mean(residual**2)
+    prior = CORRELATED_ROWS / deviations**2
+    gradient[faults:] -= prior[faults:] * point[faults:]
+    step = np.linalg.solve(known.information + np.diag(prior), gradient)
+    return Neighbourhood(known.covariance + RESOLUTION**2 * np.eye(space.dimensions), step, spent)
