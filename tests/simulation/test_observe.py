@@ -35,7 +35,7 @@ FAULTS = np.random.default_rng(5).random((20, 8)) * np.array([1, 1, 0.7, 0.7, 0.
 def test_a_batch_observes_what_a_single_run_records(model: Model) -> None:
     inputs = Inputs.of(Chirp(), samples=100, interval=2e-4, step=model.step)
     plant = Plant.of(THESIS, FAULTS[:3])
-    together = observe_batch(model, plant, inputs)
+    together = observe_batch(model, plant, inputs).transpose(1, 0, 2)
     assert together.shape == (len(OBSERVABLE), 3, 100)
     for i in range(3):
         alone = run(model, plant.part(i, i + 1), inputs)
@@ -50,7 +50,7 @@ def test_the_first_channel_is_the_batch_s_current(model: Model) -> None:
     plant = Plant.of(THESIS, FAULTS)
     # Rounding of the same laws, compiled with and without the other channels.
     currents = run_batch(model, plant, inputs)
-    np.testing.assert_allclose(observe_batch(model, plant, inputs)[0], currents, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(observe_batch(model, plant, inputs)[:, 0], currents, rtol=0, atol=1e-6)
 
 
 @EACH_MODEL

@@ -7,7 +7,13 @@ from numpy.typing import NDArray
 
 from emaphm.identification.fit import CORRELATED_ROWS
 from emaphm.identification.groups import Group, confounded, remedies
-from emaphm.identification.neighbourhood import DERIVATIVE_STEP, DERIVATIVES, RESOLUTION, neighbourhood
+from emaphm.identification.neighbourhood import (
+    DERIVATIVE_STEP,
+    DERIVATIVES,
+    RESOLUTION,
+    neighbourhood,
+    slopes,
+)
 from emaphm.identification.nuisance import BASELINE, KNOWN_BY
 from emaphm.identification.refinement import scattered
 from emaphm.identification.search import Found
@@ -40,9 +46,10 @@ def confidence(found: Found, residual: Array, names: tuple[str, ...], seed: int)
     fit, space = found.fit, found.fit.space
     rows = fit.recorded_rows
     bias = 0.0 if found.discrepancy is None else (found.discrepancy - found.correction)[:rows]
-    near = neighbourhood(fit, found.point, residual[:rows], seed, bias)
+    derivatives, spent = slopes(fit, found.point, seed)
+    near = neighbourhood(fit, found.point, residual[:rows], derivatives, bias)
     groups, more = _groups(found, near.covariance, names, seed)
-    evaluations = near.evaluations + more
+    evaluations = spent + more
     if found.settled:
         return Confidence(near.covariance, groups, evaluations)
     left = space.project(found.point + near.step) - found.point

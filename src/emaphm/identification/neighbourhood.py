@@ -21,28 +21,32 @@ DERIVATIVE_STEP, DERIVATIVES = 1e-2, 8
 
 @dataclass(frozen=True, eq=False)
 class Neighbourhood:
-    """The `covariance` (d, d) of a point, a Gauss-Newton `step` (d,), and the `evaluations` for both."""
+    """The `covariance` (d, d) of a point, and a Gauss-Newton `step` (d,) from it."""
 
     covariance: Array
     step: Array
-    evaluations: int
+
+
+def slopes(fit: Fit, point: Array, seed: int) -> tuple[Array, int]:
+    """Return derivatives (n, d, recorded rows) about `point` (d,), and the simulations spent."""
+    rows = fit.recorded_rows
+    return scattered(
+        lambda points: fit.outputs(points)[:, :rows], point, fit.space, DERIVATIVE_STEP, DERIVATIVES, seed
+    )
 
 
 def neighbourhood(
-    fit: Fit, point: Array, residual: Array, seed: int, bias: Array | float = 0.0
+    fit: Fit, point: Array, residual: Array, derivatives: Array, bias: Array | float = 0.0
 ) -> Neighbourhood:
-    """Return what the neighbourhood of `point` (d,) tells, where `residual` (recorded rows,) is left.
+    """Return what `derivatives` about `point` (d,) tell where `residual` (recorded rows,) is left.
 
     The step is towards the optimum, `bias` being what of the residual is known to be the model's.
     """
-    space, rows, faults = fit.space, fit.recorded_rows, len(fit.space.columns)
-    deviations = np.concatenate([np.full(faults, PRIOR_DEVIATION), space.nuisances.priors])
-    derivatives, spent = scattered(
-        lambda points: fit.outputs(points)[:, :rows], point, space, DERIVATIVE_STEP, DERIVATIVES, seed
-    )
+    faults = len(fit.space.columns)
+    deviations = np.concatenate([np.full(faults, PRIOR_DEVIATION), fit.space.nuisances.priors])
     known = knowledge(derivatives, residual, deviations, len(fit.problem.channels))
     gradient = derivatives.mean(axis=0) @ (residual - bias) / np.mean(residual**2)
     prior = CORRELATED_ROWS / deviations**2
     gradient[faults:] -= prior[faults:] * point[faults:]
     step = np.linalg.solve(known.information + np.diag(prior), gradient)
-    return Neighbourhood(known.covariance + RESOLUTION**2 * np.eye(space.dimensions), step, spent)
+    return Neighbourhood(known.covariance + RESOLUTION**2 * np.eye(point.size), step)

@@ -106,10 +106,11 @@ class Problem:
         if self.channels == OBSERVABLE[:1]:
             return self.currents(faults, totals)
         plant = Plant.of(self.actuator, faults, totals)
-        signals = observe_batch(self.model, plant, self.inputs, self.start, workers=self.workers)
-        chosen = signals[[OBSERVABLE.index(name) for name in self.channels]]
-        chosen *= self.weights[:, np.newaxis, np.newaxis]
-        return np.asarray(chosen.transpose(1, 0, 2).reshape(plant.count, -1))
+        signals = observe_batch(
+            self.model, plant, self.inputs, self.start, channels=self.channels, workers=self.workers
+        )
+        signals *= self.weights[:, np.newaxis]
+        return signals.reshape(plant.count, -1)
 
     def signals(self, faults: ArrayLike, totals: Mapping[str, ArrayLike] | None = None) -> dict[str, Array]:
         """Return every channel of the model for one fault vector (8,), each of shape (samples,)."""

@@ -10,9 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from emaphm.actuator.faults import CARTESIAN_NAMES
 from emaphm.identification.correction import Corrected, correct
 from emaphm.identification.fit import Fit
-from emaphm.identification.neighbourhood import neighbourhood
+from emaphm.identification.neighbourhood import neighbourhood, slopes
 from emaphm.identification.nuisance import NuisanceSet, less_known
 from emaphm.identification.space import FaultSpace
 
@@ -38,21 +39,20 @@ class _Suspect:
     fit: Fit
     point: Array
     score: float
-    evaluations: int
 
 
 def suspected(found: Corrected, turns: int, seed: int) -> tuple[Corrected, tuple[str, ...]]:
     """Return `found`, or what is found with the nuisances that stand out estimated too, and their names."""
     names: tuple[str, ...] = ()
     while True:
-        suspects = _suspects(found, names, seed)
-        found = replace(found, evaluations=found.evaluations + sum(one.evaluations for one in suspects))
+        suspects, evaluations = _suspects(found, names, seed)
+        found = replace(found, evaluations=found.evaluations + evaluations)
         suspect = max(suspects, key=lambda one: one.score, default=None)
         if suspect is None or suspect.score < SUSPICIOUS:
             return found, names
         tried = correct(suspect.fit, suspect.point, turns)
-        score, spent = _standing_out(tried, suspect.name, seed)
-        evaluations = found.evaluations + tried.evaluations + spent
+        score, evaluations = _standing_out(tried, suspect.name, seed)
+        evaluations += found.evaluations + tried.evaluations
         reference_runs = found.reference_runs + tried.reference_runs
         if score < BEYOND_DOUBT:
             return replace(found, evaluations=evaluations, reference_runs=reference_runs), names
@@ -60,36 +60,51 @@ def suspected(found: Corrected, turns: int, seed: int) -> tuple[Corrected, tuple
         names = (*names, suspect.name)
 
 
-def _suspects(found: Corrected, names: tuple[str, ...], seed: int) -> list[_Suspect]:
-    """Return the nuisances that are neither estimated nor known, `names` having been suspected before."""
+def _suspects(found: Corrected, names: tuple[str, ...], seed: int) -> tuple[list[_Suspect], int]:
+    """Return the nuisances neither estimated nor known, and the simulations spent.
+
+    `names` are those suspected before, whose estimates `found` has.
+    """
     problem = found.fit.problem
     others = found.fit.space.nuisances.others(problem.actuator, problem.recording.names)
-    return [_suspect(found, (*names, name), seed) for name in others]
-
-
-def _suspect(found: Corrected, names: tuple[str, ...], seed: int) -> _Suspect:
-    """Return the last of `names`, those before it being estimated already."""
-    fit, faults = _widened(found.fit, names), len(found.fit.space.columns)
-    before = dict(zip(found.fit.space.nuisances.names, found.point[faults:], strict=True))
-    unknown = np.array([before.get(name, 0.0) for name in fit.space.nuisances.names])
-    point = np.concatenate([found.point[:faults], unknown])
-    near = neighbourhood(fit, point, found.residual[: fit.recorded_rows], seed)
-    i = faults + fit.space.nuisances.names.index(names[-1])
-    score = float(abs(near.step[i]) / near.covariance[i, i] ** 0.5)
-    return _Suspect(names[-1], fit, fit.space.project(point + near.step), score, near.evaluations)
+    if not others:
+        return [], 0
+    wide, start = _widened(found, names, others)
+    derivatives, spent = slopes(wide, start, seed)
+    result = []
+    for name in others:
+        fit, point = _widened(found, names, (name,))
+        # Derivatives were taken for all at once; each is judged as if it alone were estimated besides.
+        kept = [i for i, other in enumerate(_coordinates(wide)) if other in _coordinates(fit)]
+        near = neighbourhood(fit, point, found.residual[: fit.recorded_rows], derivatives[:, kept])
+        i = _coordinates(fit).index(name)
+        score = float(abs(near.step[i]) / near.covariance[i, i] ** 0.5)
+        result.append(_Suspect(name, fit, fit.space.project(point + near.step), score))
+    return result, spent
 
 
 def _standing_out(found: Corrected, name: str, seed: int) -> tuple[float, int]:
     """Return how many standard errors the estimate of `name` is off nominal, and the simulations spent."""
+    fit, i = found.fit, _coordinates(found.fit).index(name)
+    derivatives, spent = slopes(fit, found.point, seed)
+    near = neighbourhood(fit, found.point, found.residual[: fit.recorded_rows], derivatives)
+    return float(abs(found.point[i]) / near.covariance[i, i] ** 0.5), spent
+
+
+def _widened(found: Corrected, names: tuple[str, ...], more: tuple[str, ...]) -> tuple[Fit, Array]:
+    """Return the fit with `more` nuisances estimated besides, and where `found` is in its space (d,).
+
+    They have wide priors, as have `names`, which were suspected before.
+    """
     fit = found.fit
-    near = neighbourhood(fit, found.point, found.residual[: fit.recorded_rows], seed)
-    i = len(fit.space.columns) + fit.space.nuisances.names.index(name)
-    return float(abs(found.point[i]) / near.covariance[i, i] ** 0.5), near.evaluations
-
-
-def _widened(fit: Fit, names: tuple[str, ...]) -> Fit:
-    """Return the fit with the last of `names` estimated besides, and wide priors of all of them."""
     actuator, recorded = fit.problem.actuator, fit.problem.recording.names
-    chosen = (*fit.space.nuisances.chosen, names[-1])
-    unknown = NuisanceSet.of(less_known(actuator, names, WIDER), chosen, recorded)
-    return replace(fit, space=FaultSpace.of(actuator, unknown))
+    chosen = (*fit.space.nuisances.chosen, *more)
+    unknown = NuisanceSet.of(less_known(actuator, (*names, *more), WIDER), chosen, recorded)
+    wide = replace(fit, space=FaultSpace.of(actuator, unknown))
+    values = dict(zip(_coordinates(fit), found.point, strict=True))
+    return wide, np.array([values.get(name, 0.0) for name in _coordinates(wide)])
+
+
+def _coordinates(fit: Fit) -> list[str]:
+    """Return the names of the coordinates of the fit's points."""
+    return [*(CARTESIAN_NAMES[i] for i in fit.space.columns), *fit.space.nuisances.names]

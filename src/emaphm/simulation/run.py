@@ -1,6 +1,7 @@
 """Running a model: one actuator with every signal, or many with their equivalent currents."""
 
 import os
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -67,7 +68,7 @@ def run_batch(
         The actuators' windings are not described and the model needs them, or a simulation did not stay
         finite.
     """
-    return np.asarray(_batch(model, plant, inputs, start, 1, workers)[0])
+    return _batch(model, plant, inputs, start, OBSERVABLE[:1], workers)[:, 0]
 
 
 def observe_batch(
@@ -76,15 +77,18 @@ def observe_batch(
     inputs: Inputs,
     start: Initial = Initial(),  # noqa: B008
     *,
+    channels: Sequence[str] = OBSERVABLE,
     workers: int | None = None,
 ) -> Array:
-    """Return the channels `OBSERVABLE` of all actuators in `plant`, shape (4, n, samples); as `run_batch`."""
-    return _batch(model, plant, inputs, start, len(OBSERVABLE), workers)
+    """Return `channels`, some of `OBSERVABLE`, of all actuators in `plant`: (n, channels, samples)."""
+    return _batch(model, plant, inputs, start, channels, workers)
 
 
 def _batch(
-    model: Model, plant: Plant, inputs: Inputs, start: Initial, channels: int, workers: int | None
+    model: Model, plant: Plant, inputs: Inputs, start: Initial, names: Sequence[str], workers: int | None
 ) -> Array:
+    rows = [OBSERVABLE.index(name) for name in names]
+    channels = 1 if rows == [0] else len(OBSERVABLE)
     padded = plant.padded(LANES)
     out = np.empty((padded.count // LANES, channels, inputs.samples, LANES))
     groups = [padded.part(first, first + LANES) for first in range(0, padded.count, LANES)]
@@ -103,8 +107,10 @@ def _batch(
         with ThreadPoolExecutor(workers) as pool:
             list(pool.map(advance, range(len(groups))))
     _check_finite(model, out)
-    by_channel = out.transpose(1, 0, 3, 2).reshape(channels, padded.count, inputs.samples)
-    return np.ascontiguousarray(by_channel[:, : plant.count])
+    by_actuator = np.empty((padded.count // LANES, LANES, len(rows), inputs.samples))
+    for i, row in enumerate(rows):
+        by_actuator[:, :, i] = out[:, row].transpose(0, 2, 1)
+    return by_actuator.reshape(padded.count, len(rows), inputs.samples)[: plant.count]
 
 
 def simulate_batch(
