@@ -32,7 +32,7 @@ def design(
     noise: Annotated[float, Parameter(help="Noise of the current's sensor, rms [A].")] = 0.05,
     sample_rate: Annotated[float, Parameter(help="Rows a second [Hz].")] = 5000.0,
     out: Annotated[
-        Path | None, Parameter(name=("--out", "-o"), help="Command found, to write: .csv or .parquet.")
+        Path | None, Parameter(name=("--out", "-o"), help="Command found, to write: .csv.")
     ] = None,
     figure: Annotated[
         Path | None, Parameter(help="Draw commands and expected intervals: .png, .svg or .pdf.")
@@ -43,11 +43,10 @@ def design(
 ) -> None:
     """Say before a test how well its manoeuvre will tell each fault, and find a better manoeuvre."""
     from emaphm.identification import design as plan
-    from emaphm.recording import Recording, write_recording
-    from emaphm.recording.writers import ENDINGS
+    from emaphm.recording.output import written_whole
 
     check_seed(seed)
-    check_output(out, ENDINGS, force=force)
+    check_output(out, (".csv",), force=force)
     check_output(figure, FIGURES, force=force)
     described = described_actuator(actuator)
     with progress("designing", as_json) as advance:
@@ -64,8 +63,8 @@ def design(
         )
     text = str(result)
     if out is not None:
-        t, command = result.samples()
-        write_recording(Recording({"time_s": t, "command_rad": command}, "instant"), out, force=force)
+        with written_whole(out) as temporary:
+            result.write_command(temporary)
         text += f"\n\nCommand written to {out}"
     draw(result, figure)
     show(result.to_dict(), text, as_json)

@@ -2,10 +2,10 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from emaphm.actuator import NAMES, Actuator, Chirp
 from emaphm.errors import SignalError
@@ -17,8 +17,6 @@ from emaphm.version import VERSION
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-Array = NDArray[np.float64]
 
 CANDIDATES = 32
 """Manoeuvres a round of the search."""
@@ -61,10 +59,12 @@ class Design:
             "version": VERSION,
         }
 
-    def samples(self) -> tuple[Array, Array]:
-        """Return times [s] and the command found [rad], both (n,), to drive a rig with."""
+    def write_command(self, path: Path) -> None:
+        """Write the command found to a CSV file, as `emaphm simulate --command` reads it."""
+        import polars as pl
+
         t = np.arange(round(self.found.duration * self.sample_rate) + 1) / self.sample_rate
-        return t, self.found(t)
+        pl.DataFrame({"time_s": t, "command_rad": self.found(t)}).write_csv(path)
 
     def plot(self) -> "Figure":
         """Draw the commands and the expected half-widths, before and after."""
@@ -157,9 +157,9 @@ def _check(actuator: Actuator, amplitude: float, frequency: float, duration: flo
         if not 0 < value < np.inf:
             raise SignalError(f"largest {name} of {value:g} leaves no manoeuvre; give more than 0")
     stops = actuator.mechanics.end_stops
-    if stops and amplitude > min(map(abs, stops)):
+    if stops and amplitude > (reach := min(map(abs, stops))):
         raise SignalError(
-            f"amplitude {amplitude:g} is beyond the end stops {list(stops)}; give {min(map(abs, stops)):g} or less"
+            f"amplitude {amplitude:g} is beyond the end stops {list(stops)}; give {reach:g} or less"
         )
     if frequency > rate / 2:
         raise SignalError(f"{frequency:g} Hz cannot be recorded at {rate:g} Hz; give {rate / 2:g} or less")

@@ -46,7 +46,7 @@ LEAST_MOTION = 0.01
 
 @dataclass(frozen=True, eq=False)
 class Conditions:
-    """Under which a test is made: `channels` by schema name, current first; `noise` of the current [A rms]."""
+    """Under which a test is made: `channels` by schema name, current first; `noise` of it [A rms]."""
 
     actuator: Actuator
     channels: tuple[str, ...]
@@ -151,7 +151,9 @@ def expected(conditions: Conditions, command: Chirp, *, ripple: bool = True) -> 
     for point in conditions.vectors(fit.space):
         covariance = _covariance(conditions, fit, point, ripple=ripple)
         found = estimates(fit.space, point, covariance)
-        widths.append({name: Z95 * e.standard_error for name, e in found.items() if name not in fit.space.fixed})
+        widths.append(
+            {name: Z95 * e.standard_error for name, e in found.items() if name not in fit.space.fixed}
+        )
         faults = len(fit.space.columns)
         objectives.append(float(np.mean(np.log(Z95 * np.sqrt(np.diag(covariance)[:faults])))))
     # The first vector is healthy: it has no direction.
@@ -180,5 +182,3 @@ def _covariance(conditions: Conditions, fit: Fit, point: Array, *, ripple: bool)
     )
     known = knowledge(derivatives, residual, deviations, len(fit.problem.channels))
     return np.asarray(known.covariance + RESOLUTION**2 * np.eye(space.dimensions))
-
-
