@@ -19,8 +19,9 @@ lint: $(INSTALLED)  ## check style and types
 bench: $(INSTALLED)  ## measure speed, as ratios to the manoeuvre's own time
 	$(BIN)/python -m pytest bench -p no:xdist --benchmark-columns=min,median,rounds
 
-study: $(INSTALLED)  ## measure accuracy, redo the thesis's comparison, write docs/accuracy.md and docs/comparison.md
+study: $(INSTALLED)  ## measure accuracy and its limits, redo the thesis's comparison, write their pages in docs/
 	$(BIN)/python -m bench.accuracy docs/accuracy.md
+	$(BIN)/python -m bench.limits docs/limits.md
 	$(BIN)/python -m bench.comparison docs/comparison
 
 docs: $(INSTALLED)  ## draw the figures of the README and the examples

@@ -116,11 +116,13 @@ def test_the_rig_is_healthy(diagnosed: Diagnosis) -> None:
 def test_what_the_description_lacks_is_named(diagnosed: Diagnosis) -> None:
     for name in set(NAMES) - {"friction", "gain"}:
         component = diagnosed.components[name]
-        assert (component.verdict, component.identifiable) == ("unknown", False)
+        assert (component.verdict, component.identifiable) == ("cannot tell", False)
         missing = "healthy backlash is zero" if name == "backlash" else "electrical description"
         assert missing in component.reason
     # The temperature needs windings; the load, a drive of any kind can show.
-    assert diagnosed.coordinates == ("friction", "gain", "load")
+    assert diagnosed.coordinates[:3] == ("friction", "gain", "load")
+    # And none of its four parameters is known to a thousandth.
+    assert set(diagnosed.nuisances) == {"load", *(f"baseline {name}" for name in FREE)}
     assert diagnosed.reference_runs == 0
 
 

@@ -102,6 +102,9 @@ BAD_ARGUMENTS = {
     "calibrate good.csv -o out.toml --free ,": ("no parameter to calibrate", "inertia, viscous, coulomb"),
     "calibrate good.csv -o out.toml --free=": ("no parameter to calibrate", "inertia, viscous, coulomb"),
     "calibrate good.csv -o out.toml --free speed_lag": ("'speed_lag' is 0", "give an estimate"),
+    "calibrate -o out.toml --free inertia": ("no recording to calibrate from", "or several"),
+    "calibrate good.csv absent.csv -o out.toml --free inertia": ("absent.csv", "no such file"),
+    "calibrate good.csv -o out.toml --free offset --nuisance load": ("'load'", "'offset'", "leave one out"),
 }
 
 FURTHER = {

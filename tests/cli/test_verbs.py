@@ -191,6 +191,18 @@ def test_the_same_seed_gives_the_same_diagnosis(emaphm: Emaphm, faulty: Path, me
     assert told(7) != told(8)
 
 
+def test_diagnose_samples_the_posterior_on_request(emaphm: Emaphm, faulty: Path) -> None:
+    plain = ("diagnose", faulty.name, "--nuisance", "none", "--no-correction")
+    found = parsed(emaphm, *plain, "--posterior")
+    assert set(found["posterior"]) == {"faults", "samples", "convergence"}
+    assert found["posterior"]["convergence"]["converged"] is True
+    for name, sampled in found["posterior"]["faults"].items():
+        low, high = sampled["interval95"]
+        assert low <= sampled["median"] <= high
+        assert name in found["faults"]
+    assert "posterior" not in parsed(emaphm, *plain)
+
+
 def test_diagnose_can_do_without_correction(emaphm: Emaphm, faulty: Path) -> None:
     corrected = parsed(emaphm, "diagnose", faulty.name)
     plain = parsed(emaphm, "diagnose", faulty.name, "--no-correction")
@@ -247,7 +259,9 @@ def test_calibrate_hands_on_to_replay(emaphm: Emaphm, desk: Path) -> None:
     options = ("--actuator", "worn.toml", "--model", "averaged")
     assert emaphm("simulate", "worn.csv", *options).code == 0
     before = parsed(emaphm, "replay", "worn.csv")["relative_error"]
-    told = parsed(emaphm, "calibrate", "worn.csv", "--free", "inertia,viscous", "-o", "found.toml")
+    # The averaged model made the recording, on a day without load or heat.
+    exact = ("--no-correction", "--nuisance", "none")
+    told = parsed(emaphm, "calibrate", "worn.csv", "--free", "inertia,viscous", "-o", "found.toml", *exact)
     assert list(told["parameters"]) == ["inertia", "viscous"]
     inertia = told["parameters"]["inertia"]
     assert inertia["unit"] == "kg·m²"
@@ -262,6 +276,44 @@ def test_calibrate_hands_on_to_replay(emaphm: Emaphm, desk: Path) -> None:
     assert after["actuator"] == described.name == told["actuator"]
     comments = (desk / "found.toml").read_text(encoding="utf-8").splitlines()
     assert comments[0].startswith("# Calibrated on worn.csv: inertia, viscous")
+
+
+def test_several_recordings_make_the_baseline_of_later_diagnoses(emaphm: Emaphm, desk: Path) -> None:
+    for name, frequency in (("monday.csv", "15"), ("tuesday.csv", "11")):
+        options = ("--model", "averaged", "--noise", "0.1", "--duration", "0.3", "--frequency", frequency)
+        assert emaphm("simulate", name, *options).code == 0
+    days = ("monday.csv", "tuesday.csv")
+    told = parsed(
+        emaphm,
+        "calibrate",
+        *days,
+        "--free",
+        "coulomb",
+        "-o",
+        "unit.toml",
+        "--no-correction",
+        "--nuisance",
+        "none",
+    )
+    assert [one["recording"] for one in told["recordings"]] == list(days)
+    assert told["birge_ratio"] > 0
+    baseline = Actuator.from_toml("unit.toml").baseline
+    assert baseline is not None
+    assert (baseline.names, baseline.recordings) == (("coulomb",), days)
+    coulomb = told["parameters"]["coulomb"]
+    assert baseline.covariance[0][0] ** 0.5 == pytest.approx(coulomb["standard_error"] / coulomb["value"])
+    comments = (desk / "unit.toml").read_text(encoding="utf-8").splitlines()
+    assert comments[0].startswith("# Calibrated on monday.csv, tuesday.csv: coulomb;")
+    # As if the days had scattered more, so that a diagnosis has something to allow for.
+    wider = (
+        (desk / "unit.toml").read_text(encoding="utf-8").replace(repr(baseline.covariance[0][0]), "0.0009")
+    )
+    (desk / "unit.toml").write_text(wider, encoding="utf-8")
+    found = parsed(
+        emaphm, "diagnose", "monday.csv", "--actuator", "unit.toml", "--nuisance", "none", "--no-correction"
+    )
+    assert list(found["nuisances"]) == ["baseline coulomb"]
+    assert found["covariance"]["coordinates"][-1] == "baseline 1"
 
 
 def test_a_real_machine_from_calibration_to_diagnosis(emaphm: Emaphm, desk: Path, emps_file: Path) -> None:

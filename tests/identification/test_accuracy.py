@@ -94,7 +94,7 @@ def test_a_healthy_actuator_is_healthy(healthy: Recording) -> None:
     found = diagnose(healthy, THESIS)
     assert found.explained
     verdicts = {name: component.verdict for name, component in found.components.items()}
-    assert verdicts == dict.fromkeys(NAMES, "healthy") | {"eccentricity_phase": "unknown"}
+    assert verdicts == dict.fromkeys(NAMES, "healthy") | {"eccentricity_phase": "cannot tell"}
     assert error_percent(Faults().vector, found.faults.vector) <= 2.0
 
 

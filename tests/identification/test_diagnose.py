@@ -13,7 +13,7 @@ import pytest
 from emaphm.actuator import NAMES, Actuator, Chirp, Faults
 from emaphm.errors import MethodError, RecordingError
 from emaphm.identification import METHODS, Diagnosis, diagnose, error_percent
-from emaphm.identification.correction import MOST_TURNS
+from emaphm.identification.correction import MOST_TURNS, RUNS
 from emaphm.recording import Recording
 from emaphm.rig import simulate
 from emaphm.simulation import AVERAGED, Model, Plant
@@ -47,7 +47,7 @@ def test_the_json_has_what_the_design_asks_for(found: Diagnosis, mixed: Recordin
         low, high = component["interval95"]
         assert low <= component["value"] <= high
         assert isinstance(component["identifiable"], bool)
-        assert component["verdict"] in {"healthy", "degraded", "unknown"}
+        assert component["verdict"] in {"healthy", "degraded", "cannot tell"}
     assert read["k"] == [read["faults"][name]["value"] for name in NAMES]
     assert (read["method"], read["model"], read["fitness_name"]) == ("hybrid", "averaged", "least_squares")
     assert read["residual_rms_A"] == pytest.approx(np.sqrt(read["fitness"]))
@@ -55,7 +55,7 @@ def test_the_json_has_what_the_design_asks_for(found: Diagnosis, mixed: Recordin
     assert (read["seed"], read["version"], read["actuator"]) == (4, VERSION, "thesis")
     assert read["recording"] == mixed.source
     assert read["evaluations"] > 128
-    assert 2 <= read["reference_runs"] <= 1 + MOST_TURNS
+    assert RUNS < read["reference_runs"] <= RUNS * (1 + MOST_TURNS)
     assert 0 < read["seconds"] < 60
     matrix = np.array(read["covariance"]["matrix"])
     # Eight faults, and the two nuisances that are estimated by default.
@@ -102,7 +102,11 @@ def test_another_seed_starts_elsewhere_and_ends_at_the_same_faults(
 ) -> None:
     other = diagnose(mixed, THESIS, seed=5)
     assert without_seconds(other) != without_seconds(found)
-    assert error_percent(found.faults.vector, other.faults.vector) <= 2.0
+    # From the current alone heat and a short in all phases look alike: what is known is known twice.
+    for name, estimate in found.components.items():
+        errors = np.hypot(estimate.standard_error, other.components[name].standard_error)
+        assert abs(estimate.value - other.components[name].value) <= 4 * errors
+    assert found.components["friction"].standard_error < 0.005
 
 
 def test_the_number_of_workers_changes_no_bit() -> None:
@@ -130,7 +134,7 @@ def test_evaluations_are_the_runs_of_the_averaged_model(
 
         return counted_run
 
-    for name in ("run", "run_batch"):
+    for name in ("run", "run_batch", "observe_batch"):
         monkeypatch.setattr(problem, name, counting(getattr(problem, name)))
     reported = diagnose(mixed, THESIS, turns=turns).evaluations
     assert reported == counted
@@ -157,7 +161,9 @@ def test_heat_is_told_by_the_voltage_and_named_where_there_is_none() -> None:
     assert blind.channels == ("current_A",)
     # Heat and a short in all phases differ in resistance alone, which a current hardly shows.
     assert not blind.nuisances["temperature"].known
-    assert any("Not to be told from current_A: temperature" in line for line in blind.notes())
+    (group,) = blind.groups
+    assert group.members == ("short_a", "short_b", "short_c", "temperature")
+    assert f"Only together: {group}" in blind.notes()
     seeing = diagnose(with_channels(whole, "current_A", "voltage_V"), THESIS)
     assert seeing.channels == ("current_A", "voltage_V")
     heat = seeing.nuisances["temperature"]
@@ -166,6 +172,8 @@ def test_heat_is_told_by_the_voltage_and_named_where_there_is_none() -> None:
     for found in (blind, seeing):
         assert found.nuisances["load"].known
         assert found.nuisances["load"].value == pytest.approx(0.1, abs=0.005)
+    assert seeing.groups == ()
+    assert blind.to_dict()["groups"][0]["members"] == list(group.members)
     assert seeing.to_dict()["nuisances"]["load"]["unit"] == "N·m"
 
 
@@ -188,8 +196,9 @@ def test_a_swarm_finds_a_single_fault(method: str, fitness: str) -> None:
     recording = reference_recordings([truth.vector])[0]
     found = diagnose(recording, THESIS, method=method, fitness=fitness)
     assert (found.method, found.fitness_name) == (method, fitness)
-    # 50 agents, 100 iterations, and what follows: derivatives about eight points, two runs for each of eight.
-    assert 5000 < found.evaluations <= 5000 + 8 * 2 * 8 + 10
+    # 50 agents, 100 iterations, and what follows: derivatives about eight points, two runs for each of eight,
+    # of the recorded channel and, where it leaves something open, of the others.
+    assert 5000 < found.evaluations <= 5000 + 2 * 8 * 2 * 8 + 10
     # A swarm stops where its iterations end: PHYSICS.md section 8 has it up to 36 % off on one fault.
     assert found.faults.friction == pytest.approx(0.5, abs=0.1)
     assert error_percent(truth.vector, found.faults.vector) <= 40.0

@@ -72,7 +72,7 @@ def test_a_hinge_moment_needs_a_prior_unless_the_load_was_recorded() -> None:
     with pytest.raises(MethodError, match=message):
         NuisanceSet.of(THESIS, ("hinge",), ())
     assert NuisanceSet.of(THESIS, ("hinge", "supply"), ("load_Nm",)).names == ("supply",)
-    np.testing.assert_array_equal(NuisanceSet.of(described(hinge=12.0), ("hinge",), ()).deviations, [12.0])
+    np.testing.assert_allclose(NuisanceSet.of(described(hinge=12.0), ("hinge",), ()).deviations, [12.0])
 
 
 def test_priors_of_a_rig() -> None:

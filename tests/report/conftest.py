@@ -68,7 +68,7 @@ def faulty() -> Diagnosis:
 def linear(faulty: Diagnosis) -> Diagnosis:
     """Return a diagnosis of a healthy linear actuator, of which most cannot be told."""
     actuator = Actuator.thesis().model_copy(update={"coordinates": "linear", "electrical": None})
-    unknown = Estimate(0.0, 0.3, (0.0, 1.0), identifiable=False, verdict="unknown", reason=LACKING)
+    unknown = Estimate(0.0, 0.3, (0.0, 1.0), identifiable=False, verdict="cannot tell", reason=LACKING)
     components = dict.fromkeys(faulty.components, unknown)
     components["friction"] = _known(0.01, 0.01, "healthy")
     components["backlash"] = _known(0.02, 0.02, "healthy")

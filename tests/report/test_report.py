@@ -8,12 +8,17 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import matplotlib as mpl
+import numpy as np
 import pytest
 
 import emaphm.report.write
 from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.errors import OutputError
 from emaphm.identification import FITNESSES, Diagnosis, error_percent
+from emaphm.identification.convergence import Convergence
+from emaphm.identification.marginals import draw_marginals
+from emaphm.identification.posterior import Posterior
+from emaphm.identification.space import FaultSpace
 from emaphm.report import write_report
 from emaphm.report.wording import FITNESS_UNITS
 
@@ -107,7 +112,7 @@ def test_every_component_is_told_with_value_interval_and_meaning(faulty: Diagnos
         "position gain × 1.1000",
     ):
         assert told in text
-    assert "All eight components are identifiable" in text
+    assert "It tells of all eight components." in text
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -255,3 +260,54 @@ def test_an_actuator_of_any_description_can_be_reported(faulty: Diagnosis, path:
     bare = Actuator.thesis().model_copy(update={"electrical": None, "name": "bare"})
     write_report(replace(faulty, actuator=bare), path)
     assert "[electrical]" not in Page(path).text
+
+
+@pytest.fixture
+def sampled(faulty: Diagnosis) -> Diagnosis:
+    """Return the faulty diagnosis with a posterior: but for phase a and the direction as estimated."""
+    rng = np.random.default_rng(0)
+    components = faulty.components.values()
+    faults = np.stack([rng.normal(e.value, e.standard_error, 4000) for e in components], axis=1)
+    faults[:, 2] = np.abs(rng.normal(0.0, 0.02, 4000))
+    faults[:, 6] = rng.normal(0.98, 0.2, 4000) % 1
+    space = FaultSpace.of(faulty.actuator)
+    convergence = Convergence.of(rng.normal(size=(1000, 32, 8)), 0.25, 1250)
+    points = space.points(np.clip(faults, 0, 1))
+    return replace(faulty, posterior=Posterior.of(space, points, convergence, 4000))
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_posterior_stands_beside_the_estimates(sampled: Diagnosis, path: Path) -> None:
+    write_report(sampled, path)
+    page = Page(path)
+    assert not page.open
+    assert page.tags.count("img") == 4
+    assert sampled.posterior
+    low, high = sampled.posterior.interval95["short_a"]
+    assert f"0.0010 0.0000 to 0.0050 {low:.4f} to {high:.4f} healthy" in page.text
+    assert f"short_a: {low:.4f} to {high:.4f} sampled" in page.text
+    assert "friction: 0" not in page.text  # where both agree, nothing is said
+    assert "R-hat" in page.text
+    assert "eccentricity at all" not in page.text  # it is beyond doubt here
+
+
+def test_marginals_hold_all_probability_and_the_intervals(sampled: Diagnosis) -> None:
+    figure = draw_marginals(sampled)
+    assert sampled.posterior
+    assert [axis.get_title(loc="left") for axis in figure.axes] == [n.replace("_", " ") for n in NAMES]
+    for axis, name in zip(figure.axes, NAMES, strict=True):
+        heights, edges, _ = axis.patches[0].get_data()  # type: ignore[attr-defined]
+        # The axis covers 1.5 of the widest interval: at least 95 %, and no more than all.
+        assert 0.95 <= np.sum(heights * np.diff(edges)) <= 1 + 1e-9
+        drawn = axis.get_lines()[-1].get_xdata()
+        np.testing.assert_array_equal(drawn, sampled.posterior.interval95[name])
+
+
+def test_what_an_actuator_cannot_show_is_not_drawn(sampled: Diagnosis, linear: Diagnosis) -> None:
+    space = FaultSpace.of(linear.actuator)
+    assert sampled.posterior
+    points = np.random.default_rng(0).random((100, space.dimensions))
+    posterior = Posterior.of(space, points, sampled.posterior.convergence, 100)
+    figure = draw_marginals(replace(linear, posterior=posterior))
+    empty = [axis.get_title(loc="left") for axis in figure.axes if axis.texts]
+    assert empty == [name.replace("_", " ") for name in NAMES if name in space.fixed]

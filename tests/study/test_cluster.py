@@ -254,8 +254,8 @@ def test_a_scheduler_that_does_not_answer_is_refused_within_ten_seconds(tmp_path
             f"emaphm: no Dask scheduler answers at '{address}' (no answer within 10 s); start one with "
             "'dask scheduler', or leave out --scheduler to use this machine\n"
         )
-    # Ten seconds, and up to eight to start two Pythons on a busy machine.
-    assert 10 < took < 18
+    # Ten seconds, and the time that a busy machine takes to start two Pythons; Dask itself waits thirty.
+    assert 10 < took < 30
 
 
 def _study_run(plan: Path, folder: Path, address: str) -> Sequence[str | Path]:

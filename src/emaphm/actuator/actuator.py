@@ -5,8 +5,9 @@ import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, ValidationError
+from pydantic import Field, ValidationError, model_validator
 
+from emaphm.actuator.baseline import LINEAR, PARTS, Baseline
 from emaphm.actuator.parameters import (
     Channels,
     Controller,
@@ -41,6 +42,20 @@ class Actuator(Section):
     faults: FaultScales = FaultScales()
     nuisances: Nuisances = Nuisances()
     channels: Channels = Channels()
+    baseline: Baseline | None = None
+
+    @model_validator(mode="after")
+    def _baseline_of_what_is_described(self) -> Self:
+        for name in self.baseline.names if self.baseline else ():
+            place, *fields = PARTS[name]
+            section = getattr(self, place)
+            if section is None:
+                raise ValueError(f"'baseline.names': '{name}' needs an [{place}] section; add it")
+            if name not in LINEAR and not sum(getattr(section, field) for field in fields) > 0:
+                raise ValueError(
+                    f"'baseline.names': '{name}' is 0 in [{place}]: nothing is relative to it; leave it out"
+                )
+        return self
 
     @classmethod
     def thesis(cls) -> Self:

@@ -11,6 +11,9 @@ from emaphm.errors import nearest
 QUIET = ("channels", "nuisances")
 """Sections of which only what differs from the defaults is written."""
 
+LONGEST_QUOTED = 200
+"""Longest value that a complaint quotes; a matrix would bury it."""
+
 
 def write_toml(actuator: BaseModel, comments: str = "") -> str:
     """Return `actuator` as TOML text, every quantity followed by its meaning and unit."""
@@ -34,6 +37,8 @@ def _table(section: type[BaseModel], values: dict[str, Any], coordinates: str) -
     table = tomlkit.table()
     for name, value in values.items():
         item = tomlkit.item(value)
+        if isinstance(value, list) and any(isinstance(row, list) for row in value):
+            item.multiline(True)
         extra = section.model_fields[name].json_schema_extra
         if isinstance(extra, dict):
             unit = unit_for(str(extra["unit"]), coordinates)
@@ -57,7 +62,10 @@ def validation_message(error: ValidationError, root: type[BaseModel]) -> str:
         meaning = f" ({field.description})" if field and field.description else ""
         return f"key '{key}' is missing{meaning}; add it{more}"
     reason = first["msg"].removeprefix("Value error, ").removeprefix("Input ")
-    got = "" if isinstance(first["input"], dict) else f", got {first['input']!r}"
+    if not path and first["type"] == "value_error":  # about several sections: it names its key itself
+        return reason + more
+    given = repr(first["input"])
+    got = "" if isinstance(first["input"], dict) or len(given) > LONGEST_QUOTED else f", got {given}"
     return f"'{key}': {reason}{got}{more}"
 
 

@@ -6,43 +6,10 @@ from typing import Any
 import numpy as np
 
 from emaphm.actuator.actuator import Actuator
+from emaphm.actuator.baseline import PARTS, TOTALS
 from emaphm.errors import MethodError, nearest
 
-TOTALS = {
-    "inertia": "kg·m²",
-    "viscous": "N·m·s/rad",
-    "coulomb": "N·m",
-    "static": "N·m",
-    "offset": "N·m",
-    "hinge": "N·m/rad",
-    "position_gain": "1/s",
-    "speed_gain": "N·m·s/rad",
-    "speed_lag": "s",
-    "torque_constant": "N·m/A",
-    "torque_lag": "s",
-    "resistance": "ohm",
-    "inductance": "H",
-    "supply": "V",
-}
-"""Names and units: coulomb is dynamic friction, offset a constant load, hinge one per user's position."""
-
-PARTS = {
-    "inertia": ("mechanics", "inertia_motor", "inertia_user"),
-    "viscous": ("mechanics", "viscous_motor", "viscous_user"),
-    "coulomb": ("mechanics", "dynamic_friction_motor", "dynamic_friction_user"),
-    "static": ("mechanics", "static_friction_motor", "static_friction_user"),
-    "offset": ("mechanics", "offset"),
-    "hinge": ("mechanics", "hinge"),
-    "position_gain": ("controller", "position_gain"),
-    "speed_gain": ("controller", "speed_gain"),
-    "speed_lag": ("controller", "speed_lag"),
-    "torque_constant": ("motor", "torque_constant"),
-    "torque_lag": ("motor", "torque_lag"),
-    "resistance": ("electrical", "resistance"),
-    "inductance": ("electrical", "inductance"),
-    "supply": ("electrical", "supply"),
-}
-"""Where each total stands in the description: its section, then the fields it is the sum of."""
+__all__ = ["PARTS", "TOTALS", "check_totals", "static_follows", "totals", "with_totals"]
 
 
 def check_totals(actuator: Actuator, names: Mapping[str, Any] | tuple[str, ...]) -> None:

@@ -136,6 +136,10 @@ def diagnose(
             "inertia, current_offset, current_scale; or 'none'. As the TOML says if left out."
         ),
     ] = None,
+    posterior: Annotated[
+        bool,
+        Parameter(negative="", help="Sample the posterior too, some seconds: for estimates at a bound."),
+    ] = False,
     report: Annotated[Path | None, Parameter(help="Write a report: .html.")] = None,
     seed: Seed = 0,
     force: Force = False,
@@ -158,6 +162,7 @@ def diagnose(
             fitness=fitness,
             turns=MOST_TURNS if correction else 0,
             nuisances=None if nuisance is None else names_in(nuisance),
+            posterior=posterior,
             seed=seed,
             on_progress=advance,
         )
@@ -171,33 +176,54 @@ def diagnose(
 
 
 def calibrate(
-    recording: RecordingFile,
-    *,
+    *recording: RecordingFile,
     free: Annotated[
         str, Parameter(help="Parameters to estimate, with commas between, e.g. inertia,viscous,coulomb.")
     ],
     out: Annotated[Path, Parameter(name=("--out", "-o"), help="Calibrated TOML to write.")],
     actuator: ActuatorFile = "thesis",
+    correction: Annotated[
+        bool, Parameter(help="Correct the model's bias by a few runs of the reference model.")
+    ] = True,
+    nuisance: Annotated[
+        str | None,
+        Parameter(
+            help="What is unknown of each recording, with commas between: load, hinge, temperature, supply, "
+            "inertia, current_offset, current_scale; or 'none'. As the TOML says if left out, less what a "
+            "free parameter cannot be told from."
+        ),
+    ] = None,
     figure: FigureFile = None,
     seed: Seed = 0,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Estimate physical parameters of a healthy unit, and write its calibrated description."""
+    """Estimate physical parameters of a healthy unit from its recordings; write them with their covariance.
+
+    The calibrated description's [baseline] is the prior of later diagnoses.
+    """
     from emaphm.identification import calibrate as estimate
+    from emaphm.identification.correction import MOST_TURNS
     from emaphm.recording.output import written_whole
 
     check_seed(seed)
     check_output(out, (".toml",), force=force)
     check_output(figure, FIGURES, force=force)
     described = described_actuator(actuator)
-    recorded = recording_of(recording, described)
+    recorded = [recording_of(path, described) for path in recording]
     names = names_in(free)
     with progress("calibrating", as_json) as advance:
-        result = estimate(recorded, described, names, seed=seed, on_progress=advance)
-    comments = (
-        f"Calibrated on {recording.name}: {', '.join(names)}; the rest as in '{described.name}'.\n{result}"
-    )
+        result = estimate(
+            recorded,
+            described,
+            names,
+            nuisances=None if nuisance is None else names_in(nuisance),
+            turns=MOST_TURNS if correction else 0,
+            seed=seed,
+            on_progress=advance,
+        )
+    files = ", ".join(path.name for path in recording)
+    comments = f"Calibrated on {files}: {', '.join(names)}; the rest as in '{described.name}'.\n{result}"
     with written_whole(out) as temporary:
         result.actuator.to_toml(temporary, comments=comments)
     text = f"{result}\n\nCalibrated description written to {out}"

@@ -1,26 +1,26 @@
-"""Calibrating a healthy unit: its physical parameters, by the same least squares on the same model."""
+"""Calibrating a healthy unit: its physical parameters, from one recording or several, and how well known."""
 
 import json
-import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.faults import HEALTHY
+from emaphm.actuator.baseline import Baseline
 from emaphm.actuator.quantity import unit_for
-from emaphm.actuator.totals import TOTALS, totals, with_totals
+from emaphm.actuator.totals import TOTALS, check_totals, with_totals
 from emaphm.errors import MethodError
-from emaphm.identification.optimizers import space_filling
-from emaphm.identification.problem import Problem
-from emaphm.identification.refinement import Refined, refine, sensitivity
+from emaphm.identification.combination import combine
+from emaphm.identification.correction import MOST_TURNS
+from emaphm.identification.deviations import Deviations, deviated, sizes
+from emaphm.identification.fit import Fit
+from emaphm.identification.nuisance import NuisanceSet
 from emaphm.identification.replay import Replay, replay
-from emaphm.identification.space import Box
-from emaphm.identification.uncertainty import knowledge
+from emaphm.identification.unit_estimate import estimate_unit, healthy_fit
 from emaphm.identification.wording import format_table
 from emaphm.recording import Recording, check_plausible
 from emaphm.version import VERSION
@@ -30,17 +30,11 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-WIDEST_FACTOR = 30.0
-"""A parameter is sought within this factor of the description's value, either way."""
-
-START_FACTOR = 3.0
-"""The starts are spread within this factor."""
-
-STARTS, REFINED_STARTS = 15, 3
-STEP = 2e-3
-
 LEAST_KNOWN = 0.5
 """A parameter with a larger relative standard error is called not identifiable."""
+
+CALIBRATED = ", calibrated"
+"""What the name of a calibrated actuator ends with."""
 
 
 @dataclass(frozen=True)
@@ -55,19 +49,30 @@ class Parameter:
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """Parameters of a healthy unit, the calibrated `actuator`, and how well it replays the recording."""
+    """Parameters of a healthy unit, and the calibrated `actuator` with its baseline.
+
+    `replays` has each recording beside the calibrated model, under the load, temperature and whatever else
+    was found of that recording: its `nuisances`. `birge_ratio` is how much the recordings scatter, as a
+    multiple of what their own standard errors say; none of one recording.
+    """
 
     parameters: Mapping[str, Parameter]
     actuator: Actuator
-    replay: Replay
+    replays: tuple[Replay, ...]
+    nuisances: tuple[Mapping[str, float], ...]
+    birge_ratio: float | None
     evaluations: int
     seconds: float
     seed: int
 
     @property
     def relative_error(self) -> Mapping[str, float]:
-        """The relative error of each channel, as a fraction."""
-        return self.replay.relative_error
+        """The relative error of each channel, as a fraction: of the recording where it is largest."""
+        worst: dict[str, float] = {}
+        for one in self.replays:
+            for name, error in one.relative_error.items():
+                worst[name] = max(error, worst.get(name, 0.0))
+        return worst
 
     def to_dict(self) -> dict[str, Any]:
         """Return what `emaphm calibrate --json` prints."""
@@ -82,10 +87,18 @@ class Calibration:
                 for name, p in self.parameters.items()
             },
             "relative_error": dict(self.relative_error),
+            "birge_ratio": self.birge_ratio,
+            "recordings": [
+                {
+                    "recording": one.recording.source,
+                    "relative_error": dict(one.relative_error),
+                    "nuisances": dict(found),
+                }
+                for one, found in zip(self.replays, self.nuisances, strict=True)
+            ],
             "evaluations": self.evaluations,
             "seconds": round(self.seconds, 3),
             "seed": self.seed,
-            "recording": self.replay.recording.source,
             "actuator": self.actuator.name,
             "version": VERSION,
         }
@@ -95,149 +108,170 @@ class Calibration:
         return json.dumps(self.to_dict(), indent=2)
 
     def plot(self) -> "Figure":
-        """Draw each channel, measured against calibrated model, with its residual."""
-        return self.replay.plot()
+        """Draw each channel, measured against model, with its residual: of the recording replayed worst."""
+        return max(self.replays, key=lambda one: one.relative_error.get("current_A", 0.0)).plot()
 
     def __str__(self) -> str:
         """Return tables of the parameters and of the relative errors."""
+        told = "this recording" if len(self.replays) == 1 else "these recordings"
         rows = [
             (
                 name,
                 f"{p.value:.6g}",
                 f"{p.standard_error:.2g}",
-                p.unit if p.identifiable else f"{p.unit}  (not identifiable from this recording)",
+                p.unit if p.identifiable else f"{p.unit}  (not identifiable from {told})",
             )
             for name, p in self.parameters.items()
         ]
-        return format_table(("parameter", "value", "std. error", "unit"), rows) + f"\n\n{self.replay}"
+        table = format_table(("parameter", "value", "std. error", "unit"), rows)
+        errors = [(name, f"{100 * error:.4g} %") for name, error in self.relative_error.items()]
+        title = "relative error" if len(self.replays) == 1 else "largest relative error"
+        return "\n\n".join([table, *self.notes(), format_table(("channel", title), errors)])
+
+    def notes(self) -> list[str]:
+        """Return a line on what was unknown of each recording, and one on how much the recordings scatter."""
+        lines = [
+            f"Estimated besides in {one.recording.source}: "
+            + ", ".join(f"{name} {value:+.3g}" for name, value in found.items())
+            + "."
+            for one, found in zip(self.replays, self.nuisances, strict=True)
+            if found
+        ]
+        if self.birge_ratio is not None:
+            count = len(self.replays)
+            lines.append(
+                f"The {count} recordings scatter {self.birge_ratio:.2g} times as much as their own standard "
+                "errors say"
+                + ("; those above allow for it." if self.birge_ratio > 1 else ", no more than chance would.")
+            )
+        return ["\n".join(lines)] if lines else []
 
 
 def calibrate(
-    recording: Recording,
+    recordings: Recording | Sequence[Recording],
     actuator: Actuator,
     free: Sequence[str],
     *,
+    nuisances: Sequence[str] | None = None,
+    turns: int = MOST_TURNS,
     seed: int = 0,
     workers: int | None = None,
     on_progress: Callable[[float], None] | None = None,
 ) -> Calibration:
-    """Return the parameters `free` of a healthy unit that explain `recording`, and the calibrated actuator.
+    """Return the parameters `free` of a healthy unit that explain `recordings`, and the calibrated actuator.
+
+    Every channel counts that a diagnosis would compare. Each recording is explained by itself, its
+    nuisances under their priors; what the recordings tell together, and how much they scatter, is the
+    calibrated actuator's baseline, and so the prior of later diagnoses.
 
     Parameters
     ----------
+    recordings
+        Of the healthy unit; lengths, commands and channels may differ.
     actuator
-        The description to start from; its values need only be right within a factor of 3 or so.
+        The description to start from; its values need only be right within a factor of 3 or so. A baseline
+        of its own is replaced: what is known afterwards is what these recordings tell.
     free
         Names from `emaphm.actuator.totals.TOTALS`; the others keep their values. Static friction keeps
         its ratio to dynamic friction unless it is free itself.
+    nuisances
+        What is unknown of each recording: as in `emaphm.diagnose`. One that a free parameter cannot be
+        told from is left out: a load where `offset` is free.
+    turns
+        Most corrections of the model's bias by the reference model, as in `emaphm.diagnose`.
     seed
         Of the starting points.
 
     Raises
     ------
     MethodError
-        No parameter, or an unknown one, is free; one needs a section that the actuator lacks; or one
-        starts at zero, where its size is not known.
+        There is no recording; no parameter, or an unknown one, is free; one needs a section that the
+        actuator lacks, or starts at zero, where its size is not known; the actuator's baseline holds a
+        parameter that is not free; or a nuisance is unknown or cannot be told from a free parameter.
     RecordingError
-        The recording cannot be meant for this actuator, by orders of magnitude.
+        A recording cannot be meant for this actuator, by orders of magnitude.
     """
     began = time.perf_counter()
-    if not free:
-        raise MethodError(f"no parameter to calibrate; name some of {', '.join(TOTALS)}")
-    check_plausible(recording, actuator)
-    problem = Problem.of(recording, actuator, workers=workers)
-    scales = _Scales.of(actuator, tuple(dict.fromkeys(free)))
-
-    def simulate(points: Array) -> Array:
-        return problem.currents(np.tile(HEALTHY.vector, (len(points), 1)), scales.values(points))
-
-    box = scales.box()
-    found = _search(simulate, problem.recorded, box, seed, on_progress)
-    point = found.points[found.best]
-    residual = problem.recorded - simulate(point[np.newaxis])[0]
-    derivatives, spent = sensitivity(simulate, point, box, STEP * np.eye(point.size))
-    spread = knowledge(derivatives, residual, np.full(point.size, math.log(WIDEST_FACTOR))).covariance
-    values = {name: float(value[0]) for name, value in scales.values(point[np.newaxis]).items()}
+    given = (recordings,) if isinstance(recordings, Recording) else tuple(recordings)
+    names = tuple(dict.fromkeys(free))
+    _check(given, actuator, names)
+    bare = actuator.model_copy(update={"baseline": None})
+    unit = Deviations.free(bare, names)
+    for recording in given:
+        check_plausible(recording, bare)
+    fits = [healthy_fit(recording, bare, unit, nuisances, workers) for recording in given]
+    found = []
+    for i, fit in enumerate(fits):
+        tell = _part(on_progress, i / len(fits), (i + 1) / len(fits))
+        found.append(estimate_unit(fit, turns, seed, tell))
+    combined = combine(
+        np.array([one.of(names)[0] for one in found]),
+        np.array([one.of(names)[1] for one in found]),
+        unit.priors,
+    )
+    days = tuple(one.nuisances_given(names, combined.mean) for one in found)
+    size = sizes(bare, names)
+    values = {
+        name: float(deviated(bare, name, deviation))
+        for name, deviation in zip(names, size * combined.mean, strict=True)
+    }
     if "static" in values:
         # Below dynamic friction it has no effect, so the search may have left it anywhere there.
-        dynamic = values.get("coulomb", actuator.mechanics.dynamic_friction)
-        values["static"] = max(values["static"], dynamic)
-    calibrated = with_totals(actuator, values, name=f"{actuator.name}, calibrated")
+        values["static"] = max(values["static"], values.get("coulomb", bare.mechanics.dynamic_friction))
+    calibrated = with_totals(bare, values, name=f"{actuator.name.removesuffix(CALIBRATED)}{CALIBRATED}")
+    baseline = Baseline.of(
+        names, np.outer(size, size) * combined.covariance, tuple(one.source for one in given)
+    )
+    errors = np.sqrt(np.diag(combined.covariance))
     return Calibration(
-        scales.parameters(point, spread, actuator.coordinates),
-        calibrated,
-        replay(recording, calibrated),
-        found.evaluations + spent + 1,
+        {
+            name: Parameter(
+                value,
+                float(error * (factor if name == "offset" else value)),
+                unit_for(TOTALS[name], actuator.coordinates),
+                identifiable=bool(error < LEAST_KNOWN),
+            )
+            for (name, value), error, factor in zip(values.items(), errors, size, strict=True)
+        },
+        calibrated.model_copy(update={"baseline": baseline}),
+        tuple(_replayed(one, calibrated, day) for one, day in zip(fits, days, strict=True)),
+        days,
+        combined.birge_ratio,
+        sum(one.evaluations for one in found),
         time.perf_counter() - began,
         seed,
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Scales:
-    """Maps points (n, d) of order 1 to parameters: logarithms for what is positive, linear for the offset."""
-
-    names: tuple[str, ...]
-    nominal: Array
-    linear: Array
-
-    @classmethod
-    def of(cls, actuator: Actuator, names: tuple[str, ...]) -> Self:
-        present = totals(actuator, names)
-        for name, value in present.items():
-            if value <= 0 and name != "offset":
-                raise MethodError(
-                    f"parameter '{name}' is {value:g} in actuator '{actuator.name}', so its size is unknown; "
-                    "give an estimate there to start from"
-                )
-        # An offset has a sign; it is measured in units of what friction alone takes.
-        size = (
-            actuator.mechanics.dynamic_friction
-            or actuator.controller.current_limit * actuator.motor.torque_constant
-        )
-        linear = np.array([size if name == "offset" else 0.0 for name in names])
-        return cls(names, np.array(list(present.values())), linear)
-
-    def values(self, points: Array) -> dict[str, Array]:
-        values = np.where(self.linear > 0, self.nominal + self.linear * points, self.nominal * np.exp(points))
-        return dict(zip(self.names, values.T, strict=True))
-
-    def box(self) -> Box:
-        widest = np.full(len(self.names), math.log(WIDEST_FACTOR))
-        return Box(-widest, widest)
-
-    def parameters(self, point: Array, spread: Array, coordinates: str) -> dict[str, Parameter]:
-        result = {}
-        for i, (name, values) in enumerate(self.values(point[np.newaxis]).items()):
-            value, deviation = float(values[0]), float(np.sqrt(spread[i, i]))
-            error = deviation * (self.linear[i] or value)
-            unit = unit_for(TOTALS[name], coordinates)
-            result[name] = Parameter(value, float(error), unit, identifiable=deviation < LEAST_KNOWN)
-        return result
+def _check(recordings: Sequence[Recording], actuator: Actuator, free: tuple[str, ...]) -> None:
+    """Refuse what cannot be calibrated, before the work."""
+    if not recordings:
+        raise MethodError("no recording to calibrate from; give one of the healthy unit, or several")
+    if not free:
+        raise MethodError(f"no parameter to calibrate; name some of {', '.join(TOTALS)}")
+    check_totals(actuator, free)
+    for name in actuator.baseline.names if actuator.baseline else ():
+        if name not in free:
+            raise MethodError(
+                f"actuator '{actuator.name}' has a baseline of '{name}', which calibrating without it "
+                f"would lose; free '{name}' too, or start from the description before it was calibrated"
+            )
 
 
-def _search(
-    simulate: Callable[[Array], Array],
-    recorded: Array,
-    box: Box,
-    seed: int,
-    on_progress: Callable[[float], None] | None,
-) -> Refined:
-    """Return the refined best of the description's values and of starts spread around them."""
-    iterations = 20
-    d = box.lower.size
-    around = np.full(d, math.log(START_FACTOR))
-    starts = np.concatenate([np.zeros((1, d)), space_filling(STARTS, -around, around, seed)])
-    misfits = np.mean((recorded - simulate(starts)) ** 2, axis=1)
-    best = np.argsort(misfits, kind="stable")[:REFINED_STARTS]
-    found = refine(
-        simulate,
-        recorded,
-        starts[best],
-        box,
-        step=STEP,
-        iterations=iterations,
-        tolerance=1e-6,
-        on_iteration=(lambda i: on_progress(i / iterations)) if on_progress else None,
-    )
-    return Refined(found.points, found.costs, found.evaluations + len(starts))
+def _part(
+    on_progress: Callable[[float], None] | None, first: float, last: float
+) -> Callable[[float], None] | None:
+    """Return a progress function for the part of the work between two fractions."""
+    if on_progress is None:
+        return None
+    return lambda fraction: on_progress(first + (last - first) * fraction)
+
+
+def _replayed(fit: Fit, calibrated: Actuator, day: Mapping[str, float]) -> Replay:
+    """Return the recording of `fit` replayed by the calibrated model as it was that `day`."""
+    recording = fit.problem.recording
+    unknown = NuisanceSet.of(calibrated, tuple(day), recording.names)
+    values = {name: np.asarray(value) for name, value in day.items()}
+    changed = unknown.totals(calibrated, values, fit.problem.warmer)
+    totals = {name: float(value) for name, value in changed.items()}
+    return replay(recording, with_totals(calibrated, totals) if totals else calibrated)

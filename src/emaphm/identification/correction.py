@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from emaphm.identification.fit import CORRELATED_ROWS, Fit
 from emaphm.identification.hybrid import descend
+from emaphm.identification.optimizers.base import generator
 from emaphm.identification.problem import Problem
 from emaphm.identification.refinement import information, movable, scattered
 from emaphm.simulation import REFERENCE
@@ -21,17 +22,26 @@ Array = NDArray[np.float64]
 
 MOST_TURNS = 8
 
-SETTLED = 5e-3
-"""After a turn that moves the estimate by less, polish is left: switching chaos alone moves it so far."""
+RUNS = 16
+"""Runs of the reference model in a turn, shared by the points proposed: its kernel takes so many at once."""
 
-POLISHES, POLISH_STEP, POLISH_POINTS = 2, 1e-2, 4
-"""Turns of polish, the step of their differences, and the points that these are taken about."""
+APART = 1e-5
+"""Distance of runs whose ripple is averaged: switching differs between them, and nothing else does."""
+
+SHARES = np.array([[0.0], [0.3], [1.0]])
+"""Proposals, from where a descent ends: shares of a step by derivatives about several points."""
+
+STEP, POINTS = 2e-2, 4
+"""The step of these derivatives' differences, and the points that they are taken about."""
 
 FARTHEST = 0.1
-"""Longest step of polish."""
+"""Longest step of a proposal beyond the descent."""
 
-WORSE = 1.05
-"""Cost that a step of polish may leave, as a multiple: kinks alone make it vary by some percent."""
+ALIKE = 1.2
+"""Misfits that differ by less are alike: chaos alone makes a recording's vary by some ten percent."""
+
+BETTER, PATIENCE = 0.9, 2
+"""What counts as progress of the misfit, and the turns without any after which it ends."""
 
 PRIOR_DEVIATION = 1 / 12**0.5
 """Of a component that may be anywhere in [0, 1]."""
@@ -39,41 +49,47 @@ PRIOR_DEVIATION = 1 / 12**0.5
 LONGEST_S = 30.0
 """Recordings up to here are corrected: beyond, the reference model's steps would fill gigabytes."""
 
-CHAOS = 1.1
-"""Two runs of the reference model that differ by rounding alone differ in misfit by several percent."""
-
 
 @dataclass(frozen=True, eq=False)
 class Corrected:
     """An estimate and the `correction`, (rows,), that the `outputs` of its `fit` had when it was found.
 
     `discrepancy` is that correction as it stands at the estimate itself: the two differ by what a
-    further turn would still change. `evaluations` counts the averaged model's runs, `reference_runs` the
-    reference model's.
+    further turn would still change. `doubt` is its standard error by the chaos of switching, (rows,).
+    `evaluations` counts the averaged model's runs, `reference_runs` the reference model's. `settled` is
+    true where the reference model has seen no better beside it.
     """
 
     fit: Fit
     point: Array
+    outputs: Array
     correction: Array
     discrepancy: Array
+    doubt: Array
     evaluations: int
     reference_runs: int
+    settled: bool = False
 
+    @property
     def residual(self) -> Array:
-        """Return what was recorded less what the reference model has at the estimate, (rows,)."""
-        return np.asarray(self.fit.target - self.fit.outputs(self.point[np.newaxis])[0] - self.discrepancy)
+        """What was recorded less what the reference model has at the estimate, (rows,)."""
+        return self.fit.target - self.outputs - self.discrepancy
 
-    def misfit(self, weighted: Fit) -> float:
-        """Return the mean squared `residual` [A²], weighted as in another fit."""
-        return float(np.mean(weighted.rescaled(self.residual(), self.fit) ** 2))
+    @property
+    def misfit(self) -> float:
+        """The mean squared `residual` [A²] less the share that the doubt has in it."""
+        return float(np.mean(self.residual**2) - np.mean(self.doubt**2))
 
     def reweighted(self) -> "Corrected":
         """Return the estimate with its channels weighted by its residuals."""
-        fit = self.fit.reweighted(self.residual())
-        correction, discrepancy = (
-            fit.rescaled(rows, self.fit) for rows in (self.correction, self.discrepancy)
+        fit = self.fit.reweighted(self.residual)
+        outputs, correction, discrepancy, doubt = (
+            fit.rescaled(rows, self.fit)
+            for rows in (self.outputs, self.correction, self.discrepancy, self.doubt)
         )
-        return replace(self, fit=fit, correction=correction, discrepancy=discrepancy)
+        return replace(
+            self, fit=fit, outputs=outputs, correction=correction, discrepancy=discrepancy, doubt=doubt
+        )
 
 
 def has_reference(problem: Problem) -> bool:
@@ -89,60 +105,72 @@ def correct(
 ) -> Corrected:
     """Return the estimate after up to `turns` corrections of the fit at `point` (d,).
 
-    Once the descents have settled, the last turns polish. Each turn is nearer to the fixed point than the
-    one before, so the last is returned at which the reference model itself is no farther from the
-    recording than switching chaos can make it seem.
+    Each turn proposes several points under the present correction, and asks the reference model how far
+    each is from the recording. It takes the boldest of those that are as near as any, so never one that
+    is farther than before by more than chaos makes of it.
     """
-    nothing = np.zeros_like(fit.target)
     reference = fit.problem.by(REFERENCE)
-    current = Corrected(fit, point, nothing, fit.discrepancy(reference, point), 1, 1)
-    best, least = current, current.misfit(fit)
-    descending, polished = True, 0
+    current = assessed(fit, point, reference)
+    idle = 0
     for turn in range(turns):
         current = current.reweighted()
-        found, evaluations = (_descended if descending else _polished)(current, turn)
-        moved = float(np.linalg.norm(found - current.point))
+        proposals, evaluations = _proposals(current, turn)
+        tried = _assessed(current.fit, proposals, current.discrepancy, reference)
+        misfits = np.array([one.misfit for one in tried])
+        bold = int(np.flatnonzero(misfits <= ALIKE * misfits.min())[-1])
+        idle = 0 if misfits[bold] < BETTER * current.misfit else idle + 1
         current = replace(
-            current,
-            point=found,
-            correction=current.discrepancy,
-            discrepancy=current.fit.discrepancy(reference, found),
-            evaluations=current.evaluations + evaluations + 3,
-            reference_runs=turn + 2,
+            tried[bold] if misfits[bold] < ALIKE * current.misfit else current,
+            evaluations=current.evaluations + evaluations + len(proposals),
+            reference_runs=current.reference_runs + sum(one.reference_runs for one in tried),
+            settled=idle == PATIENCE,
         )
-        misfit = current.misfit(fit)
-        if misfit < CHAOS * least:
-            best = current
-        least = min(least, misfit)
-        polished += not descending
-        descending = descending and moved >= SETTLED
-        if polished == POLISHES:
+        if current.settled:
             break
         if on_progress:
             on_progress((turn + 1) / turns)
     if on_progress:
         on_progress(1.0)
-    return replace(best, evaluations=current.evaluations + 1, reference_runs=current.reference_runs)
+    return current
 
 
-def _descended(current: Corrected, _turn: int) -> tuple[Array, int]:
-    """Return where least squares lead under the present correction, and the simulations spent."""
-    found = descend(current.fit, current.point, current.discrepancy)
-    return found.points[0], found.evaluations
+def assessed(fit: Fit, point: Array, reference: Problem) -> Corrected:
+    """Return an estimate (d,) that was found without correction, with the discrepancy that it has."""
+    return _assessed(fit, point[np.newaxis], np.zeros_like(fit.target), reference)[0]
 
 
-def _polished(current: Corrected, turn: int) -> tuple[Array, int]:
-    """Return the point one Gauss-Newton step on, by derivatives about several points, and the runs spent.
+def _assessed(fit: Fit, points: Array, correction: Array, reference: Problem) -> list[Corrected]:
+    """Return estimates at `points` (n, d) with what the reference model has to say of them.
 
-    A descent is caught in the kinks of stick-slip, in whichever happens to lie in its way; derivatives
-    about several points see past them. The step counts where it is hardly worse in the kinks' own terms.
+    Switching is chaotic, and one run's ripple no better than another's: the discrepancy is the mean over
+    several runs about each point.
     """
-    fit, point, space = current.fit, current.point, current.fit.space
+    repeats = RUNS // len(points)
+    outputs = fit.outputs(points)
+    apart = generator(0, 2).normal(0.0, APART, (len(points), repeats, points.shape[1]))
+    beside = fit.space.project(points[:, np.newaxis] + apart).reshape(-1, points.shape[1])
+    runs = fit.by(reference).outputs(beside).reshape(len(points), repeats, -1)
+    doubts = runs.std(axis=1, ddof=1) / repeats**0.5
+    return [
+        Corrected(fit, point, here, correction, there - here, doubt, 1, repeats)
+        for point, here, there, doubt in zip(points, outputs, runs.mean(axis=1), doubts, strict=True)
+    ]
+
+
+def _proposals(current: Corrected, turn: int) -> tuple[Array, int]:
+    """Return points (n, d) that may be nearer under the present correction, and the simulations spent.
+
+    A descent is caught in the kinks of stick-slip, in whichever happens to lie in its way; a Gauss-Newton
+    step by derivatives about several points sees past them, but may also lead astray.
+    """
+    fit, space = current.fit, current.fit.space
+    descended = descend(fit, current.point, current.discrepancy)
+    point = descended.points[0]
 
     def simulate(points: Array) -> Array:
         return fit.outputs(points) + current.discrepancy
 
-    derivatives, spent = scattered(simulate, point, space, POLISH_STEP, POLISH_POINTS, seed=turn)
+    derivatives, spent = scattered(simulate, point, space, STEP, POINTS, seed=turn)
     residual = fit.target - simulate(point[np.newaxis])[0]
     gradient = derivatives.mean(axis=0) @ residual
     cost = float(np.mean(residual**2))
@@ -151,7 +179,4 @@ def _polished(current: Corrected, turn: int) -> tuple[Array, int]:
     step = np.zeros(point.size)
     step[free] = np.linalg.solve(normal[np.ix_(free, free)], gradient[free])
     step *= min(1.0, FARTHEST / max(float(np.linalg.norm(step)), FARTHEST))
-    trials = space.project(point + np.array([[1.0], [0.5], [0.25]]) * step)
-    costs = np.mean((fit.target - simulate(trials)) ** 2, axis=1)
-    good = np.flatnonzero(costs <= WORSE * cost)
-    return (trials[good[0]] if good.size else point), spent + 1 + len(trials)
+    return space.project(point + SHARES * step), descended.evaluations + spent + 1

@@ -9,15 +9,14 @@ from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.faults import CARTESIAN_NAMES
-from emaphm.actuator.quantity import unit_for
-from emaphm.identification.correction import MOST_TURNS, PRIOR_DEVIATION, has_reference
+from emaphm.identification.confidence import confidence
+from emaphm.identification.correction import MOST_TURNS, assessed, has_reference
 from emaphm.identification.diagnosis import Diagnosis, NuisanceEstimate
-from emaphm.identification.fit import CORRELATED_ROWS, Fit
+from emaphm.identification.fit import Fit
 from emaphm.identification.methods import method_named
-from emaphm.identification.nuisance import RANGE, unit_of
-from emaphm.identification.refinement import scattered
-from emaphm.identification.search import Found, check_fitness, fit_of, search
-from emaphm.identification.uncertainty import knowledge
+from emaphm.identification.nuisance import unit_of
+from emaphm.identification.sampling import check_posterior, sample
+from emaphm.identification.search import Found, check_fitness, fit_of, part, search
 from emaphm.identification.verdict import estimates, is_explained
 from emaphm.recording import Recording, check_plausible
 from emaphm.simulation import REFERENCE, model_named
@@ -26,14 +25,11 @@ from emaphm.version import VERSION
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 
-RESOLUTION = 2e-3
-"""What the search cannot tell apart: the last differences that it took."""
-
 HARDLY_KNOWN = 0.7
 """Standard error of a nuisance, as a share of its prior's, from which on the data tell next to nothing."""
 
-DERIVATIVE_STEP, DERIVATIVES = 1e-2, 8
-"""Step of the differences that uncertainty is told from, and how often they are taken."""
+SEARCHING = 0.1
+"""Share of the time that the search takes where the posterior is sampled after it."""
 
 
 def diagnose(
@@ -47,6 +43,7 @@ def diagnose(
     nuisances: Sequence[str] | None = None,
     seed: int = 0,
     workers: int | None = None,
+    posterior: bool = False,
     on_progress: Progress | None = None,
 ) -> Diagnosis:
     """Return the faults of `actuator` that explain `recording`, with their uncertainty.
@@ -65,12 +62,16 @@ def diagnose(
     nuisances
         What is estimated with the faults by a method with least squares: names in
         `emaphm.identification.nuisance.NAMES`, none where empty, the actuator's own where left out.
-        A recorded load or temperature counts as known.
+        A recorded load or temperature counts as known. What the actuator's baseline leaves open is the
+        unit's, not the recording's: a method with least squares estimates it whatever is named here.
     turns
         Most corrections of the model's bias by the reference model (with least squares, actuators with an
         electrical description, recordings up to 30 s); 0 turns them off.
     seed, workers
         The same seed gives the same bits, whatever the number of threads.
+    posterior
+        Whether to sample the posterior as well, which takes some seconds: see
+        `emaphm.identification.sampling`. Values and verdicts stay those of the search.
     on_progress
         Called with the fraction done, from 0 to 1.
 
@@ -79,65 +80,63 @@ def diagnose(
     RecordingError
         The recording cannot be meant for this actuator, by orders of magnitude.
     MethodError
-        A name is unknown, or fitness or model do not go with the method.
+        A name is unknown, or fitness or model do not go with the method, or the model not with a posterior.
     """
     began = time.perf_counter()
     chosen = method_named(method)
     check_fitness(chosen, fitness)
     check_plausible(recording, actuator)
     fit = fit_of(recording, actuator, chosen, model_named(model), nuisances, workers)
-    found = search(fit, chosen, fitness=fitness, turns=turns, seed=seed, on_progress=on_progress)
+    if posterior:
+        check_posterior(fit.problem.model)
+    searching = part(on_progress, 0.0, SEARCHING if posterior else 1.0)
+    found = search(fit, chosen, fitness=fitness, turns=turns, seed=seed, on_progress=searching)
     if found.discrepancy is None and has_reference(fit.problem):
         found = _with_discrepancy(found)
-    return _conclude(found, chosen.name, fitness, seed, began)
+    diagnosis = _conclude(found, chosen.name, fitness, seed, began)
+    if not posterior:
+        return diagnosis
+    # As the reference model has it at the estimate itself, where that is known.
+    correction = found.correction if found.discrepancy is None else found.discrepancy
+    sampling = part(on_progress, SEARCHING, 1.0)
+    sampled = sample(found.fit, found.point, correction, diagnosis.covariance, seed, sampling)
+    return replace(
+        diagnosis,
+        posterior=sampled,
+        evaluations=diagnosis.evaluations + sampled.evaluations,
+        seconds=time.perf_counter() - began,
+    )
 
 
 def _with_discrepancy(found: Found) -> Found:
+    known = assessed(found.fit, found.point, found.fit.problem.by(REFERENCE))
     return replace(
         found,
-        discrepancy=found.fit.discrepancy(found.fit.problem.by(REFERENCE), found.point),
-        evaluations=found.evaluations + 1,
-        reference_runs=found.reference_runs + 1,
+        discrepancy=known.discrepancy,
+        evaluations=found.evaluations + known.evaluations,
+        reference_runs=found.reference_runs + known.reference_runs,
     )
 
 
 def _conclude(found: Found, method: str, fitness: str, seed: int, began: float) -> Diagnosis:
-    """Return the diagnosis at `found`.
-
-    To the covariance of the fit is added the Gauss-Newton step that is left to do: towards the optimum
-    that a swarm may not have reached, and for the model's discrepancy not yet corrected. And the search's
-    resolution, which the kinks of stick-slip make no finer than the differences that bridge them.
-    """
+    """Return the diagnosis at `found`."""
     fit, problem, space = found.fit, found.fit.problem, found.fit.space
     outputs = fit.outputs(found.point[np.newaxis])[0] + found.correction
-    residual = fit.target - outputs
     modelled = outputs[: problem.recording.samples]
-    rows, faults = fit.recorded_rows, len(space.columns)
-    deviations = np.where(np.arange(space.dimensions) < faults, PRIOR_DEVIATION, 1 / RANGE)
-    derivatives, spent = scattered(
-        lambda points: fit.outputs(points)[:, :rows], found.point, space, DERIVATIVE_STEP, DERIVATIVES, seed
-    )
-    known = knowledge(derivatives, residual[:rows], deviations, len(problem.channels))
-    bias = 0.0 if found.discrepancy is None else found.discrepancy - found.correction
-    variance = float(np.mean(residual[:rows] ** 2))
-    gradient = derivatives.mean(axis=0) @ (residual - bias)[:rows] / variance
-    prior = CORRELATED_ROWS / deviations**2
-    gradient[faults:] -= prior[faults:] * found.point[faults:]
-    step = np.linalg.solve(known.information + np.diag(prior), gradient)
-    left = space.project(found.point + step) - found.point
-    spread = known.covariance + np.outer(left, left) + RESOLUTION**2 * np.eye(space.dimensions)
+    names = (*(CARTESIAN_NAMES[i] for i in space.columns), *space.nuisances.names)
+    sure = confidence(found, fit.target - outputs, names, seed)
     current = problem.recorded - modelled
     return Diagnosis(
-        components=estimates(space, found.point, spread),
-        coordinates=(*(CARTESIAN_NAMES[i] for i in space.columns), *space.nuisances.names),
-        covariance=spread,
+        components=estimates(space, found.point, sure.covariance, sure.groups),
+        coordinates=names,
+        covariance=sure.covariance,
         method=method,
         model=problem.model.name,
         fitness_name=fitness,
         fitness=found.fitness,
         residual_rms_A=float(np.sqrt(np.mean(current**2))),
-        explained=is_explained(problem.recorded, current),
-        evaluations=found.evaluations + spent + 1,
+        explained=is_explained(problem.recorded, current, corrected=bool(found.correction.any())),
+        evaluations=found.evaluations + sure.evaluations + 1,
         reference_runs=found.reference_runs,
         seconds=time.perf_counter() - began,
         seed=seed,
@@ -148,18 +147,22 @@ def _conclude(found: Found, method: str, fitness: str, seed: int, began: float) 
         recorded=problem.recorded,
         modelled=modelled,
         channels=problem.channels,
-        nuisances=_nuisances(fit, found.point, spread),
+        nuisances=_nuisances(fit, found.point, sure.covariance),
+        groups=sure.groups,
     )
 
 
 def _nuisances(fit: Fit, point: Array, spread: Array) -> dict[str, NuisanceEstimate]:
-    """Return the nuisances at `point` (d,) with standard errors from the covariance (d, d)."""
-    first = len(fit.space.columns)
-    estimates = {}
-    for i, (name, values) in enumerate(fit.space.nuisance_values(point[np.newaxis]).items(), first):
-        of_prior = float(np.sqrt(spread[i, i])) * RANGE
-        size = float(fit.space.nuisances.deviations[i - first])
-        unit = unit_for(unit_of(name), fit.problem.actuator.coordinates)
-        known = of_prior < HARDLY_KNOWN
-        estimates[name] = NuisanceEstimate(float(values[0]), of_prior * size, unit, known)
-    return estimates
+    """Return what was estimated besides at `point` (d,), with standard errors from the covariance (d, d)."""
+    unknown, first = fit.space.nuisances, len(fit.space.columns)
+    values = fit.space.nuisance_values(point[np.newaxis])
+    told = zip(values.items(), unknown.errors(spread[first:, first:]), unknown.deviations, strict=True)
+    return {
+        name: NuisanceEstimate(
+            float(value[0]),
+            float(error),
+            unit_of(name, fit.problem.actuator.coordinates),
+            bool(error < HARDLY_KNOWN * before),
+        )
+        for (name, value), error, before in told
+    }

@@ -11,10 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.actuator import NAMES, Actuator, Faults
+from emaphm.identification.groups import Group
+from emaphm.identification.nuisance import BASELINE
 from emaphm.identification.wording import format_table, physical_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from emaphm.identification.posterior import Posterior
 
 Array = NDArray[np.float64]
 
@@ -23,16 +27,17 @@ Array = NDArray[np.float64]
 class Estimate:
     """One fault component: its normalised value, standard error, 95 % interval and verdict.
 
-    The verdict is "healthy", "degraded" or "unknown". `identifiable` is false where the data do not
-    constrain the component, and `reason` says why. The interval of the eccentricity's phase may run
-    past 0 or 1, where the circle closes.
+    The verdict is "degraded" where the whole interval is away from the healthy value, "healthy" where it
+    leaves room for no fault that matters, else "cannot tell". `identifiable` is false where the data leave
+    half the range open or more. `reason` says why nothing can be told. The interval of the eccentricity's
+    phase may run past 0 or 1, where the circle closes.
     """
 
     value: float
     standard_error: float
     interval95: tuple[float, float]
     identifiable: bool
-    verdict: Literal["healthy", "degraded", "unknown"]
+    verdict: Literal["healthy", "degraded", "cannot tell"]
     reason: str = ""
 
 
@@ -64,7 +69,8 @@ class Diagnosis:
     names are `coordinates`. `fitness` is the method's own measure, `residual_rms_A` the rms of recorded
     less modelled current; `explained` is false where that is more than the model can answer for.
     `recorded`, `modelled` [A] and `time_s` [s] have shape (samples,). `channels` were compared, and
-    `nuisances` estimated with the faults.
+    `nuisances` estimated with the faults. Of each of the `groups` only the sum is known. `posterior` is
+    there where it was asked for.
     """
 
     components: Mapping[str, Estimate]
@@ -88,6 +94,8 @@ class Diagnosis:
     modelled: Array
     channels: tuple[str, ...] = ("current_A",)
     nuisances: Mapping[str, NuisanceEstimate] = field(default_factory=dict)
+    groups: tuple[Group, ...] = ()
+    posterior: "Posterior | None" = None
 
     @property
     def faults(self) -> Faults:
@@ -124,6 +132,9 @@ class Diagnosis:
                 }
                 for name, estimate in self.nuisances.items()
             },
+            "groups": [
+                {"members": list(group.members), "remedies": list(group.remedies)} for group in self.groups
+            ],
             "channels": list(self.channels),
             "method": self.method,
             "model": self.model,
@@ -138,6 +149,7 @@ class Diagnosis:
             "recording": self.recording,
             "actuator": self.actuator.name,
             "covariance": {"coordinates": list(self.coordinates), "matrix": self.covariance.tolist()},
+            **({"posterior": self.posterior.to_dict()} if self.posterior else {}),
             "version": self.version,
         }
 
@@ -174,7 +186,11 @@ class Diagnosis:
                 meanings[name],
             ]
             if not estimate.identifiable:
-                row = [name, "-", "-", estimate.verdict, estimate.reason]
+                row[1] = "-"
+            if (low, high) == (0.0, 1.0):
+                row[2] = "-"
+            if estimate.reason:
+                row[-1] = estimate.reason
             if truth is not None:
                 row.insert(1, f"{getattr(truth, name):.4f}")
             table.append(tuple(row))
@@ -192,19 +208,27 @@ class Diagnosis:
         return "\n".join([self.table(), *self.notes(), self.summary()])
 
     def notes(self) -> list[str]:
-        """Return a line on the nuisances estimated with the faults, and one on those that cannot be told."""
-        told = {name: estimate for name, estimate in self.nuisances.items() if estimate.known}
-        untold = [name for name in self.nuisances if name not in told]
+        """Return lines: nuisances estimated besides, groups, what cannot be told, the unit, the posterior."""
+        unit = {name: estimate for name, estimate in self.nuisances.items() if name.startswith(BASELINE)}
+        told = {name: e for name, e in self.nuisances.items() if e.known and name not in unit}
+        grouped = {name for group in self.groups for name in group.members}
+        untold = [name for name in self.nuisances if name not in told.keys() | unit.keys() | grouped]
         lines = []
         if told:
             values = ", ".join(f"{name} {estimate}" for name, estimate in told.items())
             lines.append(f"Estimated besides: {values}.")
+        lines += [f"Only together: {group}" for group in self.groups]
         if untold:
             seen = ", ".join(self.channels)
             lines.append(
                 f"Not to be told from {seen}: {', '.join(untold)}; the intervals allow for what may be "
                 "expected of it. Record more channels, or it itself."
             )
+        if unit:
+            values = ", ".join(f"{name.removeprefix(BASELINE)} {e}" for name, e in unit.items())
+            lines.append(f"Off the calibrated baseline (relative, if without a unit): {values}.")
+        if self.posterior:
+            lines += self.posterior.notes(self.interval)
         return lines
 
     def summary(self) -> str:

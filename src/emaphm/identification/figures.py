@@ -24,8 +24,8 @@ Array = NDArray[np.float64]
 RECORDED, MODELLED, RESIDUAL, FAINT = "0.6", "#d55e00", "#0072b2", "0.55"
 """Told apart by the colour-blind (Okabe and Ito 2008), and in grey print by their lightness."""
 
-VERDICTS = {"healthy": (RESIDUAL, "o"), "degraded": (MODELLED, "s"), "unknown": (FAINT, "")}
-"""Colour and marker of each verdict; what is unknown has an interval only."""
+VERDICTS = {"healthy": (RESIDUAL, "o"), "degraded": (MODELLED, "s"), "cannot tell": (FAINT, "")}
+"""Colour and marker of each verdict; where nobody can tell, there is an interval only."""
 
 WIDTH = 5.6
 """Width of a figure [in]: its 8-point text is still legible on a telephone."""

@@ -6,7 +6,6 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from emaphm.identification.nuisance import RANGE
 from emaphm.identification.problem import Problem
 from emaphm.identification.space import FaultSpace
 
@@ -83,26 +82,14 @@ class Fit:
         values = space.nuisance_values(points)
         return space.nuisances.totals(self.problem.actuator, values, self.problem.warmer)
 
-    def discrepancy(self, reference: Problem, point: Array) -> Array:
-        """Return what the `outputs` of another model's problem have more at `point` (d,), shape (rows,)."""
-        other = replace(self, problem=replace(reference, weights=self.problem.weights))
-        here, there = self.outputs(point[np.newaxis])[0], other.signals(point)
-        return np.asarray(there - here)
-
-    def signals(self, point: Array) -> Array:
-        """Return `outputs` at one point (d,) by a single run, shape (rows,)."""
-        one = point[np.newaxis]
-        totals = {name: np.asarray(value) for name, value in self.totals(one).items()}
-        signals = self.problem.signals(self.space.faults(point), totals)
-        weighted = [
-            w * signals[name] for name, w in zip(self.problem.channels, self.problem.weights, strict=True)
-        ]
-        return np.asarray(self._rows(np.concatenate(weighted)[np.newaxis], one)[0])
+    def by(self, other: Problem) -> Self:
+        """Return the same fit of another model's problem, weighted alike."""
+        return replace(self, problem=replace(other, weights=self.problem.weights))
 
     def _rows(self, predicted: Array, points: Array) -> Array:
         """Return the weighted channels (n, recorded rows) as sensed, followed by the nuisances."""
         sensed = self._sensed(predicted, points)
-        priors = self.tolerance * RANGE * points[:, len(self.space.columns) :]
+        priors = self.tolerance * points[:, len(self.space.columns) :] / self.space.nuisances.priors
         return np.concatenate([sensed, priors], axis=1) if priors.size else sensed
 
     def _sensed(self, predicted: Array, points: Array) -> Array:

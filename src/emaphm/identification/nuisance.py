@@ -1,7 +1,8 @@
 """What is not known of a recording and is no fault: how each nuisance acts, and what is known of it before.
 
 A nuisance's coordinate is its value in `RANGE` standard deviations of its prior
-(`emaphm.actuator.parameters.Nuisances`), so that it is of the size of a fault's.
+(`emaphm.actuator.parameters.Nuisances`), so that it is of the size of a fault's. Beside what is not known
+of a recording stands what is not known of the unit: how its parameters deviate from its description.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,8 +14,10 @@ from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.parameters import Nuisances
+from emaphm.actuator.quantity import unit_for
 from emaphm.actuator.totals import totals
 from emaphm.errors import MethodError, nearest
+from emaphm.identification.deviations import Deviations, deviated, deviation_unit
 
 Array = NDArray[np.float64]
 
@@ -33,27 +36,53 @@ LEAST = 0.1
 KNOWN_BY = {"load": "load_Nm", "hinge": "load_Nm", "temperature": "temperature_K"}
 """The channel that makes a nuisance known where it was recorded."""
 
+WIDEST = 4.0
+"""Bound of a nuisance, in standard deviations of its prior."""
+
 NEEDS_WINDINGS = ("temperature", "supply")
+
+BASELINE = "baseline "
+"""What the name of a parameter's deviation from its baseline begins with."""
 
 NAMES = tuple(name for name in Nuisances.model_fields if name != "estimated")
 
 
-def unit_of(name: str) -> str:
-    """Return the unit of a nuisance, for a rotary actuator."""
+def unit_of(name: str, coordinates: str = "rotary") -> str:
+    """Return the unit of a nuisance, or of a deviation from the baseline."""
+    if name.startswith(BASELINE):
+        return deviation_unit(name.removeprefix(BASELINE), coordinates)
     extra = Nuisances.model_fields[name].json_schema_extra
-    return str(extra["unit"]) if isinstance(extra, dict) else "-"
+    return unit_for(str(extra["unit"]) if isinstance(extra, dict) else "-", coordinates)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class NuisanceSet:
-    """The nuisances that are estimated: `names`, and the prior standard deviation of each, (m,)."""
+    """What is estimated besides the faults: coordinates with independent priors, and what they mean.
+
+    `names`, `priors` (standard deviations) and `widest` (bounds), (m,) each, are the coordinates'.
+    `quantities` are what these stand for, in their own units: the chosen nuisances, and the deviations of
+    the unit's `parameters`; `meaning`, (quantities, m), is what a unit of each coordinate adds to each.
+    """
 
     names: tuple[str, ...]
-    deviations: Array
+    priors: Array
+    widest: Array
+    quantities: tuple[str, ...]
+    meaning: Array
+    parameters: tuple[str, ...]
 
     @classmethod
-    def of(cls, actuator: Actuator, names: Sequence[str] | None, channels: Sequence[str]) -> Self:
+    def of(
+        cls,
+        actuator: Actuator,
+        names: Sequence[str] | None,
+        channels: Sequence[str],
+        unit: Deviations | None = None,
+    ) -> Self:
         """Return the named nuisances, or the actuator's own, less what `channels` make known.
+
+        And the deviations of the `unit` from the description: as the actuator's baseline has them where
+        left out.
 
         Raises
         ------
@@ -74,20 +103,47 @@ class NuisanceSet:
             if KNOWN_BY.get(name) not in channels
             and not (name in NEEDS_WINDINGS and actuator.electrical is None)
         )
-        return cls(kept, np.array([_deviation(actuator, name) for name in kept]))
+        unit = unit or Deviations.of_baseline(actuator)
+        axes = tuple(f"{BASELINE}{i}" for i in range(1, unit.priors.size + 1))
+        meaning = np.zeros((len(kept) + len(unit.parameters), len(kept) + len(axes)))
+        meaning[: len(kept), : len(kept)] = np.diag([RANGE * _deviation(actuator, name) for name in kept])
+        meaning[len(kept) :, len(kept) :] = unit.axes
+        priors = np.concatenate([np.full(len(kept), 1 / RANGE), unit.priors])
+        return cls(
+            (*kept, *axes),
+            priors,
+            np.concatenate([WIDEST * priors[: len(kept)], unit.widest]),
+            (*kept, *(BASELINE + name for name in unit.parameters)),
+            meaning,
+            unit.parameters,
+        )
+
+    @property
+    def deviations(self) -> Array:
+        """The standard deviation of each quantity before the data, in its own unit, (quantities,)."""
+        return self.errors(np.diag(self.priors**2))
+
+    def errors(self, covariance: Array) -> Array:
+        """Return the standard error of each quantity, (quantities,), from the `covariance` (m, m)."""
+        return np.asarray(np.sqrt(np.einsum("qi,ij,qj->q", self.meaning, covariance, self.meaning)))
 
     def values(self, points: Array) -> dict[str, Array]:
-        """Return each nuisance's values (n,) in its own unit for `points` (n, m)."""
-        return dict(zip(self.names, (points * RANGE * self.deviations).T, strict=True))
+        """Return the values (n,) of each quantity, in its own unit, for `points` (n, m)."""
+        # Summed row by row: a matrix product's last bits would depend on how many rows there are.
+        values = np.sum(points[:, np.newaxis, :] * self.meaning, axis=2)
+        return dict(zip(self.quantities, values.T, strict=True))
 
     def totals(
         self, actuator: Actuator, values: Mapping[str, Array], warmer: float = 0.0
     ) -> dict[str, Array]:
-        """Return the physical totals under nuisance `values` (n,) each, `warmer` K being known besides."""
-        result: dict[str, Array] = {}
+        """Return the physical totals under `values` (n,) of the quantities, `warmer` K being known besides.
 
-        def present(name: str) -> float:
-            return totals(actuator, (name,))[name]
+        What a recording adds or multiplies, it does to the parameters of the unit as they deviate.
+        """
+        result = {name: deviated(actuator, name, values[BASELINE + name]) for name in self.parameters}
+
+        def present(name: str) -> Array:
+            return result[name] if name in result else np.asarray(totals(actuator, (name,))[name])
 
         if "load" in values:
             result["offset"] = present("offset") + values["load"]
@@ -102,6 +158,10 @@ class NuisanceSet:
             result["resistance"] = present("resistance") * np.maximum(1 + COPPER * above, LEAST)
             result["torque_constant"] = present("torque_constant") * np.maximum(1 + MAGNETS * above, LEAST)
         return result
+
+
+NOTHING = NuisanceSet((), np.zeros(0), np.zeros(0), (), np.zeros((0, 0)), ())
+"""Nothing besides the faults."""
 
 
 def _deviation(actuator: Actuator, name: str) -> float:

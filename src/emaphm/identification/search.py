@@ -32,8 +32,9 @@ class Found:
     """Where a method ended: its point (d,), its fitness to the current, and what it took.
 
     `fit` is what was fitted in the end; `correction`, (rows,), was added to its outputs; `discrepancy`,
-    where known, is what it should be at the point itself. `evaluations` counts runs of the fitted model,
-    `reference_runs` those of the reference model.
+    where known, is what it should be at the point itself; `settled` is true where the reference model has
+    seen no better point beside it. `evaluations` counts runs of the fitted model, `reference_runs` those
+    of the reference model.
     """
 
     fit: Fit
@@ -43,6 +44,7 @@ class Found:
     discrepancy: Array | None
     evaluations: int
     reference_runs: int
+    settled: bool = False
 
 
 def fit_of(
@@ -71,14 +73,14 @@ def fit_of(
             )
         return Fit.of(Problem.of(recording, actuator, model, workers), FaultSpace.of(actuator))
     unknown = NuisanceSet.of(actuator, nuisances, recording.names)
-    channels = tuple(name for name in OBSERVABLE if name == "current_A" or _tells(recording, name))
+    channels = tuple(name for name in OBSERVABLE if name == "current_A" or tells(recording, name))
     if actuator.electrical is None:
         channels = tuple(name for name in channels if name != "voltage_V")
     problem = Problem.of(recording, actuator, model, workers, channels)
     return Fit.of(problem, FaultSpace.of(actuator, unknown))
 
 
-def _tells(recording: Recording, name: str) -> bool:
+def tells(recording: Recording, name: str) -> bool:
     """Return whether a channel was recorded, and is more than an idle column of one value."""
     return name in recording and float(np.ptp(recording[name])) > 0
 
@@ -123,20 +125,20 @@ def check_fitness(method: Method, fitness: str) -> None:
 
 def _refined(fit: Fit, method: Method, turns: int, seed: int, on_progress: Progress | None) -> Found:
     corrects = turns > 0 and has_reference(fit.problem)
-    refined = hybrid(fit, seed, method.optimizer, _part(on_progress, 0.0, 0.4 if corrects else 1.0))
+    refined = hybrid(fit, seed, method.optimizer, part(on_progress, 0.0, 0.4 if corrects else 1.0))
     point, evaluations, reference_runs = refined.points[refined.best], refined.evaluations + 1, 0
-    correction, discrepancy = np.zeros_like(fit.target), None
+    correction, discrepancy, settled = np.zeros_like(fit.target), None, False
     if corrects:
-        corrected = correct(fit, point, turns, _part(on_progress, 0.4, 1.0))
+        corrected = correct(fit, point, turns, part(on_progress, 0.4, 1.0))
         fit, point = corrected.fit, corrected.point
-        correction, discrepancy = corrected.correction, corrected.discrepancy
+        correction, discrepancy, settled = corrected.correction, corrected.discrepancy, corrected.settled
         evaluations, reference_runs = evaluations + corrected.evaluations, corrected.reference_runs
     residual = fit.target - fit.outputs(point[np.newaxis])[0] - correction
     misfit = float(np.mean(residual[: fit.problem.recording.samples] ** 2))
-    return Found(fit, point, misfit, correction, discrepancy, evaluations, reference_runs)
+    return Found(fit, point, misfit, correction, discrepancy, evaluations, reference_runs, settled)
 
 
-def _part(on_progress: Progress | None, first: float, last: float) -> Progress | None:
+def part(on_progress: Progress | None, first: float, last: float) -> Progress | None:
     """Return a progress function for the part of the work between two fractions."""
     if on_progress is None:
         return None

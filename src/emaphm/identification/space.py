@@ -9,15 +9,12 @@ from scipy.special import ndtri
 
 from emaphm.actuator import NAMES, Actuator
 from emaphm.actuator.faults import HEALTHY, from_cartesian, to_cartesian
-from emaphm.identification.nuisance import RANGE, NuisanceSet
+from emaphm.identification.nuisance import NOTHING, NuisanceSet
 
 Array = NDArray[np.float64]
 
 SHORTS = NAMES[2:5]
 ECCENTRICITY = NAMES[5:7]
-
-WIDEST_NUISANCE = 0.8
-"""Bound of a nuisance's coordinate: four standard deviations of its prior."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +43,7 @@ class FaultSpace(Box):
     nuisances: NuisanceSet
 
     @classmethod
-    def of(cls, actuator: Actuator, nuisances: NuisanceSet = NuisanceSet((), np.zeros(0))) -> Self:  # noqa: B008
+    def of(cls, actuator: Actuator, nuisances: NuisanceSet = NOTHING) -> Self:
         """Return the space of the faults that `actuator` can show, and of `nuisances`."""
         fixed = {}
         if actuator.mechanics.static_friction == 0:
@@ -59,14 +56,18 @@ class FaultSpace(Box):
         columns = tuple(i for i, name in enumerate(NAMES) if name not in fixed)
         lower, upper = np.zeros(len(NAMES)), np.ones(len(NAMES))
         lower[5:7] = -1.0
-        widest = np.full(len(nuisances.names), WIDEST_NUISANCE)
         return cls(
-            np.concatenate([lower[list(columns)], -widest]),
-            np.concatenate([upper[list(columns)], widest]),
+            np.concatenate([lower[list(columns)], -nuisances.widest]),
+            np.concatenate([upper[list(columns)], nuisances.widest]),
             columns,
             fixed,
             nuisances,
         )
+
+    @classmethod
+    def healthy(cls, nuisances: NuisanceSet) -> Self:
+        """Return the space of the `nuisances` alone, of a unit that is known to have no fault."""
+        return cls(-nuisances.widest, nuisances.widest, (), {}, nuisances)
 
     @property
     def dimensions(self) -> int:
@@ -96,7 +97,7 @@ class FaultSpace(Box):
         return np.concatenate([cartesian, unknown], axis=-1)
 
     def nuisance_values(self, points: ArrayLike) -> dict[str, Array]:
-        """Return the values (n,) of the nuisances at `points` (n, d), each in its own unit."""
+        """Return the values (n,) of what the nuisances mean at `points` (n, d), each in its own unit."""
         return self.nuisances.values(np.asarray(points, float)[:, len(self.columns) :])
 
     def spread(self, unit: ArrayLike) -> Array:
@@ -105,5 +106,6 @@ class FaultSpace(Box):
         faults = np.tile(HEALTHY.vector, (len(spread), 1))
         faults[:, list(self.columns)] = spread[:, : len(self.columns)]
         points = self.points(faults)
-        points[:, len(self.columns) :] = ndtri(np.clip(spread[:, len(self.columns) :], 0.02, 0.98)) / RANGE
+        normal = ndtri(np.clip(spread[:, len(self.columns) :], 0.02, 0.98))
+        points[:, len(self.columns) :] = self.nuisances.priors * normal
         return points

@@ -51,10 +51,12 @@ def knowledge(derivatives: Array, residual: Array, prior_deviation: Array, chann
     # A perfect fit would make the information infinite: rounding leaves at least this much residual.
     rounding = 1e-20 * float(np.mean(several**2)) + np.finfo(float).tiny ** 0.25
     variance = max(float(np.mean(residual**2)), rounding)
-    fisher = information(several) / variance
-    series = zip(np.split(several, channels, axis=2), np.split(residual, channels), strict=True)
-    spread = sum(one @ _correlated(one, left).T for part, left in series for one in part)
-    spread = spread / len(several) / variance**2
+    parts = np.split(several, channels, axis=2)
+    fisher = np.sum([assured(part) for part in parts], axis=0) / variance
+    # An estimate follows the mean derivatives: the noise of single ones is not its own.
+    means = [part.mean(axis=0) for part in parts]
+    series = zip(means, np.split(residual, channels), strict=True)
+    spread = sum(mean @ _correlated(mean, left).T for mean, left in series) / variance**2
     # Anticorrelated or perfect residuals leave next to no spread: no fit is that much better than white.
     spread = spread + LEAST_SPREAD * fisher
     prior = np.diag(1 / prior_deviation**2)
@@ -62,6 +64,27 @@ def knowledge(derivatives: Array, residual: Array, prior_deviation: Array, chann
     worth = fisher @ np.linalg.pinv(spread, hermitian=True) @ fisher
     result = np.linalg.inv(worth + prior)
     return Knowledge(fisher, (result + result.T) / 2)
+
+
+def assured(derivatives: Array) -> Array:
+    """Return the `information` (d, d) of several derivatives (n, d, rows) that their noise cannot have made.
+
+    Free of bias, it is still of either sign by chance where the data tell nothing. So two standard errors
+    are taken off along each of its axes, by the jackknife over the n points (Efron and Tibshirani 1993,
+    ch. 11); of two points or one there is no telling, and nothing is.
+    """
+    found, count = information(derivatives), len(derivatives)
+    if count <= 2:
+        return found
+    values, axes = np.linalg.eigh(found)
+    products = np.array([along @ along.T for along in (axis @ derivatives for axis in axes.T)])
+    squares = np.diagonal(products, axis1=1, axis2=2)
+    total = products.sum(axis=(1, 2)) - squares.sum(axis=1)
+    # Without one point, all pairs that it is part of are gone.
+    without = total[:, np.newaxis] - 2 * (products.sum(axis=2) - squares)
+    means = without / ((count - 1) * (count - 2))
+    errors = np.sqrt((count - 1) * np.var(means, axis=1))
+    return np.asarray(axes * np.maximum(values - 2 * errors, 0.0) @ axes.T)
 
 
 def _correlated(derivatives: Array, residual: Array) -> Array:

@@ -35,12 +35,13 @@ class Headline:
 
 @dataclass(frozen=True)
 class Row:
-    """One component in the table, as text; `true` is empty where the truth is not known."""
+    """One component in the table, as text; `sampled` and `true` are empty where there is none."""
 
     name: str
     label: str
     found: str
     interval: str
+    sampled: str
     true: str
     verdict: str
     meaning: str
@@ -48,8 +49,8 @@ class Row:
 
 def headline(diagnosis: Diagnosis) -> Headline:
     """Return the verdict on `diagnosis`: what is degraded, what is healthy, what nobody can tell."""
-    degraded, healthy, unknown = (
-        _called(verdict, diagnosis) for verdict in ("degraded", "healthy", "unknown")
+    degraded, healthy, untold = (
+        _called(verdict, diagnosis) for verdict in ("degraded", "healthy", "cannot tell")
     )
     meanings = physical_text(diagnosis.faults, diagnosis.actuator)
     if diagnosis.components["eccentricity_phase"].identifiable:
@@ -57,7 +58,7 @@ def headline(diagnosis: Diagnosis) -> Headline:
     findings = (
         _sentence("Away from healthy by more than the interval", [meanings[name] for name in degraded]),
         _sentence("Healthy", [LABELS[name] for name in healthy]),
-        _sentence("Not identifiable from this recording", [LABELS[name] for name in unknown]),
+        _sentence("This recording cannot tell", [LABELS[name] for name in untold]),
     )
     told = tuple(sentence for sentence in findings if sentence)
     explanation = _explanation(diagnosis)
@@ -66,7 +67,7 @@ def headline(diagnosis: Diagnosis) -> Headline:
     if degraded:
         words = _sentence("Degraded", [LABELS[name] for name in degraded])
         return Headline(words, (*told, explanation), "degraded")
-    words = "No fault found in what this recording can tell." if unknown else "Healthy: no fault found."
+    words = "No fault found in what this recording can tell." if untold else "Healthy: no fault found."
     return Headline(words, (*told, explanation), "healthy")
 
 
@@ -94,19 +95,27 @@ def table(diagnosis: Diagnosis, truth: Faults | None) -> list[Row]:
     rows = []
     for name, estimate in diagnosis.components.items():
         low, high = estimate.interval95
-        known = estimate.identifiable
+        bounded = (low, high) != (0.0, 1.0)
         rows.append(
             Row(
                 name,
                 LABELS[name],
-                f"{estimate.value:.4f}" if known else NOTHING,
-                f"{low:.4f} to {high:.4f}" if known else NOTHING,
+                f"{estimate.value:.4f}" if estimate.identifiable else NOTHING,
+                f"{low:.4f} to {high:.4f}" if bounded else NOTHING,
+                _sampled(name, diagnosis),
                 _true(name, truth),
                 estimate.verdict,
-                meanings[name] if known else estimate.reason,
+                estimate.reason or meanings[name],
             )
         )
     return rows
+
+
+def _sampled(name: str, diagnosis: Diagnosis) -> str:
+    if diagnosis.posterior is None:
+        return ""
+    low, high = diagnosis.posterior.interval95[name]
+    return NOTHING if (low, high) == (0.0, 1.0) else f"{low:.4f} to {high:.4f}"
 
 
 def _true(name: str, truth: Faults | None) -> str:
@@ -117,11 +126,11 @@ def _true(name: str, truth: Faults | None) -> str:
     return f"{getattr(truth, name):.4f}"
 
 
-def unidentifiable(diagnosis: Diagnosis) -> list[tuple[str, str]]:
-    """Return pairs of the components that share a reason, in words, and that reason."""
+def untold(diagnosis: Diagnosis) -> list[tuple[str, str]]:
+    """Return pairs of the components that share a reason why nobody can tell, in words, and that reason."""
     by_reason: dict[str, list[str]] = {}
     for name, estimate in diagnosis.components.items():
-        if not estimate.identifiable:
+        if estimate.reason:
             by_reason.setdefault(estimate.reason, []).append(LABELS[name])
     return [(", ".join(names), reason) for reason, names in by_reason.items()]
 
@@ -154,6 +163,7 @@ def computation(diagnosis: Diagnosis) -> dict[str, str]:
         "Simulations": str(diagnosis.evaluations),
         "Reference runs": correction,
         "Computing time": f"{diagnosis.seconds:.2f} s",
+        **({"Posterior": str(diagnosis.posterior.convergence)} if diagnosis.posterior else {}),
         "Seed": str(diagnosis.seed),
         "Version": f"emaphm {diagnosis.version}",
     }

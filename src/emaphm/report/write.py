@@ -7,11 +7,12 @@ from emaphm.actuator.toml import write_toml
 from emaphm.identification.diagnosis import Diagnosis
 from emaphm.identification.error import error_percent
 from emaphm.identification.figures import draw_faults, draw_fit, draw_residual
-from emaphm.identification.verdict import HEALTHY_MARGIN
+from emaphm.identification.marginals import draw_marginals
+from emaphm.identification.verdict import HEALTHY_MARGIN, HIDDEN
 from emaphm.recording.output import check_writable, written_whole
 from emaphm.report.embed import data_uri, plain_style
 from emaphm.report.page import render
-from emaphm.report.wording import computation, headline, table, unidentifiable
+from emaphm.report.wording import computation, headline, table, untold
 
 TEMPLATE = "diagnosis.html.jinja"
 
@@ -52,6 +53,8 @@ def _page(diagnosis: Diagnosis, truth: Faults | None) -> str:
             "fit": data_uri(draw_fit(diagnosis)),
             "residual": data_uri(draw_residual(diagnosis)),
         }
+        if diagnosis.posterior:
+            figures["marginals"] = data_uri(draw_marginals(diagnosis))
     error = None if truth is None else float(error_percent(truth.vector, diagnosis.faults.vector))
     return render(
         TEMPLATE,
@@ -62,8 +65,10 @@ def _page(diagnosis: Diagnosis, truth: Faults | None) -> str:
         rows=table(diagnosis, truth),
         error=error,
         figures=figures,
-        unidentifiable=unidentifiable(diagnosis),
+        untold=untold(diagnosis),
+        notes=diagnosis.notes(),
         computation=computation(diagnosis),
         actuator=write_toml(diagnosis.actuator),
         margin=HEALTHY_MARGIN,
+        hidden=HIDDEN,
     )
