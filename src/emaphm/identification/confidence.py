@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.identification.correction import PRIOR_DEVIATION
-from emaphm.identification.fit import CORRELATED_ROWS
+from emaphm.identification.fit import CORRELATED_ROWS, Fit
 from emaphm.identification.groups import Group, confounded, remedies
 from emaphm.identification.nuisance import BASELINE, KNOWN_BY
 from emaphm.identification.refinement import scattered
 from emaphm.identification.search import Found
-from emaphm.identification.uncertainty import assured, knowledge
+from emaphm.identification.uncertainty import Knowledge, assured, knowledge
 from emaphm.identification.verdict import HEALTHY_MARGIN, Z95
 from emaphm.simulation import OBSERVABLE
 
@@ -45,23 +45,39 @@ def confidence(found: Found, residual: Array, names: tuple[str, ...], seed: int)
     """
     fit, space = found.fit, found.fit.space
     rows, faults = fit.recorded_rows, len(space.columns)
-    deviations = np.concatenate([np.full(faults, PRIOR_DEVIATION), space.nuisances.priors])
-    derivatives, spent = scattered(
-        lambda points: fit.outputs(points)[:, :rows], found.point, space, DERIVATIVE_STEP, DERIVATIVES, seed
-    )
-    known = knowledge(derivatives, residual[:rows], deviations, len(fit.problem.channels))
-    covariance = known.covariance + RESOLUTION**2 * np.eye(space.dimensions)
+    known, derivatives, spent = known_at(fit, found.point, residual[:rows], seed)
+    covariance = known.covariance
     groups, more = _groups(found, covariance, names, seed)
     if found.settled:
         return Confidence(covariance, groups, spent + more)
     bias = 0.0 if found.discrepancy is None else found.discrepancy - found.correction
     variance = float(np.mean(residual[:rows] ** 2))
     gradient = derivatives.mean(axis=0) @ (residual - bias)[:rows] / variance
-    prior = CORRELATED_ROWS / deviations**2
+    prior = CORRELATED_ROWS / _deviations(fit) ** 2
     gradient[faults:] -= prior[faults:] * found.point[faults:]
     step = np.linalg.solve(known.information + np.diag(prior), gradient)
     left = space.project(found.point + step) - found.point
     return Confidence(covariance + np.outer(left, left), groups, spent + more)
+
+
+def known_at(fit: Fit, point: Array, residual: Array, seed: int) -> tuple[Knowledge, Array, int]:
+    """Return what a `residual` (recorded rows,) leaves to know of `point` (d,).
+
+    And the derivatives (n, d, recorded rows) that this is told from, and the simulations spent.
+    """
+    space, rows = fit.space, fit.recorded_rows
+    derivatives, spent = scattered(
+        lambda points: fit.outputs(points)[:, :rows], point, space, DERIVATIVE_STEP, DERIVATIVES, seed
+    )
+    known = knowledge(derivatives, residual, _deviations(fit), len(fit.problem.channels))
+    covariance = known.covariance + RESOLUTION**2 * np.eye(space.dimensions)
+    return replace(known, covariance=covariance), derivatives, spent
+
+
+def _deviations(fit: Fit) -> Array:
+    """Return the standard deviation of each coordinate before the data, (d,)."""
+    faults = np.full(len(fit.space.columns), PRIOR_DEVIATION)
+    return np.concatenate([faults, fit.space.nuisances.priors])
 
 
 def _groups(

@@ -1,184 +1,90 @@
 """How well a manoeuvre will identify each fault, told before the test from Fisher's information."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from emaphm import rig
-from emaphm.actuator import NAMES, Actuator, Chirp
-from emaphm.actuator.faults import HEALTHY
-from emaphm.errors import MethodError, SignalError, nearest
-from emaphm.identification.correction import PRIOR_DEVIATION, has_reference
-from emaphm.identification.diagnose import DERIVATIVE_STEP, RESOLUTION
+from emaphm.actuator import Faults
+from emaphm.identification.conditions import Conditions
+from emaphm.identification.confidence import known_at
+from emaphm.identification.correction import APART, RUNS, SHARES, has_reference
 from emaphm.identification.fit import Fit
-from emaphm.identification.nuisance import RANGE, NuisanceSet
-from emaphm.identification.optimizers.space_filling import space_filling
-from emaphm.identification.problem import Problem
-from emaphm.identification.refinement import scattered
+from emaphm.identification.manoeuvre import Manoeuvre
 from emaphm.identification.space import FaultSpace
-from emaphm.identification.uncertainty import knowledge
 from emaphm.identification.verdict import WIDEST_HALF_INTERVAL, Z95, estimates
-from emaphm.recording import Recording, full_scales
-from emaphm.simulation import REFERENCE, Initial
+from emaphm.simulation import REFERENCE
 
 Array = NDArray[np.float64]
 
-CHANNELS = {
-    "current": "current_A",
-    "voltage": "voltage_V",
-    "position": "position_rad",
-    "speed": "speed_rad_s",
-}
-"""What may be recorded, by the name that a user gives it."""
-
-CONVERTER_BITS = 12
-"""Resolution taken for the channels other than the current."""
-
-VECTORS = 4
-"""Faults that an expectation is told about: one healthy vector, and others that fill the space."""
-
-LEAST_MOTION = 0.01
-"""Share of the command's range that the position must cover for the manoeuvre to move the actuator."""
-
 
 @dataclass(frozen=True, eq=False)
-class Conditions:
-    """Under which a test is made: `channels` by schema name, current first; `noise` of it [A rms]."""
+class Widths:
+    """Half-widths of the 95 % intervals by component, the median over representative faults.
 
-    actuator: Actuator
-    channels: tuple[str, ...]
-    noise: float
-    sample_rate: float
-    seed: int
-
-    @classmethod
-    def of(
-        cls, actuator: Actuator, channels: Sequence[str], noise: float, sample_rate: float, seed: int
-    ) -> Self:
-        """Return the conditions, `channels` being names of `CHANNELS`.
-
-        Raises
-        ------
-        MethodError, SignalError
-            A channel is unknown, impossible for the actuator, or the current missing; the noise or rate
-            is no positive number.
-        """
-        for name in channels:
-            if name not in CHANNELS:
-                raise MethodError(f"unknown channel '{name}'{nearest(name, CHANNELS)}")
-        if "current" not in channels:
-            raise MethodError("the current is what faults are told from; put current among the channels")
-        if "voltage" in channels and actuator.electrical is None:
-            raise MethodError(
-                f"channel 'voltage' needs an [electrical] section, which actuator '{actuator.name}' lacks"
-            )
-        if not 0 < noise < np.inf:
-            raise SignalError(f"noise of {noise:g} A is no sensor's rms; give more than 0")
-        if not 0 < sample_rate < np.inf:
-            raise SignalError(f"sample rate of {sample_rate:g} Hz is impossible; give more than 0")
-        if seed < 0:
-            raise SignalError(f"seed {seed} is negative; give 0 or more")
-        kept = tuple(column for name, column in CHANNELS.items() if name in channels)
-        return cls(actuator, kept, noise, sample_rate, seed)
-
-    def fit(self, command: Chirp) -> Fit:
-        """Return what a diagnosis would fit to a recording of `command`."""
-        recording = rig.simulate(
-            self.actuator,
-            command,
-            model="averaged",
-            duration=command.duration,
-            sample_rate=self.sample_rate,
-            sampling=self.actuator.channels.sampling,
-        )
-        if np.ptp(recording["position_rad"]) < LEAST_MOTION * np.ptp(recording["command_rad"]):
-            raise SignalError("the manoeuvre does not move the actuator; allow more amplitude or time")
-        kept = {name: recording[name] for name in ("time_s", "command_rad", *self.channels)}
-        shown = Recording(kept, recording.sampling, recording.source)
-        problem = Problem.of(shown, self.actuator, workers=1, channels=self.channels)
-        problem = replace(problem, start=Initial()).weighted(self.noises(shown))
-        space = FaultSpace.of(self.actuator, NuisanceSet.of(self.actuator, None, self.channels))
-        return Fit.of(problem, space).against(self.noise)
-
-    def noises(self, recording: Recording) -> Array:
-        """Return the rms of each channel's noise (channels,): a converter's rounding but for the current.
-
-        Where the description tells no full scale, it is twice the channel's own peak.
-        """
-        scales = full_scales(self.actuator)
-        result = [self.noise]
-        for name in self.channels[1:]:
-            scale = scales.get(name, 2 * float(np.max(np.abs(recording[name]))))
-            result.append(2 * scale / 2**CONVERTER_BITS / 12**0.5)
-        return np.array(result)
-
-    def vectors(self, space: FaultSpace) -> Array:
-        """Return representative points (n, d) of `space`, the healthy one first, the nuisances at 0."""
-        unit = space_filling(VECTORS - 1, np.zeros(len(NAMES)), np.ones(len(NAMES)), self.seed)
-        healthy = space.points(HEALTHY.vector)
-        return np.concatenate([healthy[np.newaxis], space.points(unit)])
-
-
-@dataclass(frozen=True, eq=False)
-class Expected:
-    """Expected half-widths of the 95 % intervals by component, the median over representative faults.
-
-    `half_widths` lacks what the actuator cannot show. That of the phase is given its radius: it is the
-    median over the vectors that have an eccentricity.
+    `half_widths` lacks what the actuator cannot show. That of the phase is the median over the vectors that
+    have an eccentricity. `logarithms`, (vectors,), are the means over the faults' coordinates of the
+    logarithm of the half-width: what is halved in any is worth the same.
     """
 
     half_widths: dict[str, float]
-    objective: float
+    logarithms: Array
+
+    @classmethod
+    def of(cls, space: FaultSpace, points: Array, covariances: Array) -> "Widths":
+        """Return the widths of estimates at `points` (n, d) with `covariances` (n, d, d)."""
+        faults = len(space.columns)
+        each = [estimates(space, p, c) for p, c in zip(points, covariances, strict=True)]
+        eccentric = [one for one in each if one["eccentricity"].value > 0]
+        halves = {
+            name: Z95 * float(np.median([one[name].standard_error for one in chosen]))
+            for name in each[0]
+            if name not in space.fixed
+            and (chosen := eccentric if name == "eccentricity_phase" else each)
+        }
+        errors = np.sqrt(np.einsum("nii->ni", covariances)[:, :faults])
+        return cls(halves, np.log(Z95 * errors).mean(axis=1))
 
     def told(self, name: str) -> bool:
-        """Return whether a diagnosis of the manoeuvre is expected to tell component `name`."""
+        """Return whether component `name` can be told."""
         return self.half_widths.get(name, np.inf) <= WIDEST_HALF_INTERVAL
 
 
-def expected(conditions: Conditions, command: Chirp, *, ripple: bool = True) -> Expected:
-    """Return how well a recording of `command` will tell each fault.
+def expected(conditions: Conditions, manoeuvre: Manoeuvre, faults: Array, seed: int) -> Widths:
+    """Return how well a recording of `manoeuvre` will tell each of `faults` (n, 8).
 
-    Parameters
-    ----------
-    ripple
-        Whether the residual holds what the reference model's ripple leaves beside noise; slower.
+    The covariance is a diagnosis's own, of a residual that holds noise and what one run of the reference
+    model differs from the mean of those that correct it. The same seed draws the same noise, row by row,
+    and the same points about each fault vector for every manoeuvre, so that two of them can be compared.
     """
-    fit = conditions.fit(command)
-    widths, objectives = [], []
-    for point in conditions.vectors(fit.space):
-        covariance = _covariance(conditions, fit, point, ripple=ripple)
-        found = estimates(fit.space, point, covariance)
-        widths.append(
-            {name: Z95 * e.standard_error for name, e in found.items() if name not in fit.space.fixed}
-        )
-        faults = len(fit.space.columns)
-        objectives.append(float(np.mean(np.log(Z95 * np.sqrt(np.diag(covariance)[:faults])))))
-    # The first vector is healthy: it has no direction.
-    medians = {
-        name: float(np.median([w[name] for w in (widths[1:] if name == "eccentricity_phase" else widths)]))
-        for name in widths[0]
-    }
-    return Expected(medians, float(np.mean(objectives)))
+    fit = conditions.fit(manoeuvre)
+    points = fit.space.points(faults)
+    residuals = _ripple(fit, points)
+    covariances = []
+    for i, (point, ripple) in enumerate(zip(points, residuals, strict=True)):
+        residual = ripple + _noise(fit, conditions.noise, [seed, i])
+        weighted = fit.reweighted(residual)
+        residual = weighted.rescaled(residual, fit)[: fit.recorded_rows]
+        covariances.append(known_at(weighted, point, residual, seed)[0].covariance)
+    return Widths.of(fit.space, points, np.array(covariances))
 
 
-def _covariance(conditions: Conditions, fit: Fit, point: Array, *, ripple: bool) -> Array:
-    """Return the covariance (d, d) that a diagnosis would give at `point` (d,)."""
-    space, rows, faults = fit.space, fit.recorded_rows, len(fit.space.columns)
-    rng = np.random.default_rng(conditions.seed)
-    residual = rng.normal(0.0, conditions.noise, rows)
-    if ripple and has_reference(fit.problem):
-        # A diagnosis corrects what both points have in common; what differs between neighbours stays.
-        reference = fit.problem.by(REFERENCE)
-        reference = replace(reference, start=fit.problem.start)
-        beside = space.project(point + RESOLUTION * rng.normal(size=point.size))
-        here, there = (fit.discrepancy(reference, p)[:rows] for p in (point, beside))
-        residual = residual + here - there
-    deviations = np.where(np.arange(space.dimensions) < faults, PRIOR_DEVIATION, 1 / RANGE)
-    derivatives, _ = scattered(
-        lambda points: fit.outputs(points)[:, :rows], point, space, DERIVATIVE_STEP, 4, conditions.seed
-    )
-    known = knowledge(derivatives, residual, deviations, len(fit.problem.channels))
-    return np.asarray(known.covariance + RESOLUTION**2 * np.eye(space.dimensions))
+def _noise(fit: Fit, noise: float, seed: list[int]) -> Array:
+    """Return noise of that rms [A] on each weighted channel, and none on the nuisances, (rows,)."""
+    samples = fit.problem.recording.samples
+    drawn = [
+        np.random.default_rng([*seed, i]).normal(0.0, noise, samples) for i in range(len(fit.problem.channels))
+    ]
+    return np.concatenate([*drawn, np.zeros(len(fit.space.nuisances.names))])
+
+
+def _ripple(fit: Fit, points: Array) -> Array:
+    """Return the chaos of switching that a correction leaves at each of `points` (n, d), (n, rows)."""
+    if not has_reference(fit.problem):
+        return np.zeros((len(points), fit.target.size))
+    reference = replace(fit.problem.by(REFERENCE), start=fit.problem.start)
+    beside = fit.space.project(points + APART)
+    runs = fit.by(reference).outputs(np.concatenate([points, beside]))
+    # One run less the mean of several is a little more than one alone; the difference of two is twice that.
+    repeats = RUNS // len(SHARES)
+    return np.asarray((runs[: len(points)] - runs[len(points) :]) * ((1 + 1 / repeats) / 2) ** 0.5)
