@@ -33,7 +33,8 @@ def design(
     frequency: Frequency = None,
     duration: Duration = 0.5,
     max_amplitude: Annotated[
-        float | None, Parameter(help="Largest command of a better one, at the user [rad]; as given if left out.")
+        float | None,
+        Parameter(help="Largest command of a better one, at the user [rad]; as given if left out."),
     ] = None,
     max_frequency: Annotated[
         float | None, Parameter(help="Its highest frequency [Hz]; as given if left out.")

@@ -98,8 +98,8 @@ class Conditions:
             The manoeuvre is too short, or does not move the actuator.
         """
         healthy = self._exact(manoeuvre, HEALTHY.vector[np.newaxis], AVERAGED)[0]
-        if np.ptp(healthy["position_rad"]) < LEAST_MOTION * np.ptp(healthy["command_rad"]):
-            raise SignalError("the manoeuvre does not move the actuator; allow more amplitude or time")
+        if np.ptp(healthy["position_rad"]) <= LEAST_MOTION * np.ptp(healthy["command_rad"]):
+            raise SignalError("the manoeuvre does not move the actuator; give it more amplitude or time")
         shown = self._shown(healthy)
         fit = fit_of(shown, self.actuator, method_named("hybrid"), AVERAGED, None, self.workers)
         problem = replace(fit.problem, start=Initial()).weighted(self._noises(shown))

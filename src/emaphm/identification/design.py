@@ -15,9 +15,8 @@ from emaphm.identification.correction import LONGEST_S
 from emaphm.identification.expected import Widths, expected
 from emaphm.identification.manoeuvre import Manoeuvre
 from emaphm.identification.optimizers.space_filling import space_filling
-from emaphm.identification.proof import Gain, Proven, prove
+from emaphm.identification.proof import CHANCE, Gain, Proven, prove
 from emaphm.identification.search import part
-from emaphm.identification.verdict import WIDEST_HALF_INTERVAL
 from emaphm.identification.wording import format_table
 from emaphm.version import VERSION
 
@@ -140,39 +139,37 @@ class Design:
         coordinates = self.conditions.actuator.coordinates
         plans = {"given": self.given} | ({"found": self.found} if self.better else {})
         lines = [f"{label}: {plan.manoeuvre.words(coordinates)}" for label, plan in plans.items()]
-        columns = [
-            (f"{label}, {kind}", widths)
-            for label, plan in plans.items()
-            for kind, widths in (("expected", plan.expected), ("proven", plan.proven and plan.proven.widths))
-            if widths is not None
-        ]
+        columns = []
+        for label, plan in plans.items():
+            columns.append((f"{label}, expected", plan.expected))
+            if plan.proven is not None:
+                columns.append((f"{label}, proven", plan.proven.widths))
         rows = [(name, *(_width(widths, name) for _, widths in columns)) for name in NAMES]
         table = format_table(("95 % interval ±", *(label for label, _ in columns)), rows)
         return "\n".join([*lines, "", table, "", *self.notes()])
 
     def notes(self) -> list[str]:
         """Return lines: what the table is, how it was proven, and whether anything better was found."""
-        lines = [
-            "Medians over faults that fill their range, recorded: "
-            f"{', '.join(self.conditions.channels)}; current noise {self.conditions.noise:.3g} A rms, "
-            f"{self.conditions.sample_rate:g} Hz."
-        ]
+        conditions = self.conditions
+        told = (
+            "Medians over faults that fill their range; recorded: "
+            f"{', '.join(conditions.channels)}; current noise {conditions.noise:.3g} A rms; "
+            f"{conditions.sample_rate:g} Hz."
+        )
         given, found = self.given.proven, self.found.proven
         if given is None or found is None:
-            lines.append("Not proven by simulated tests: none were asked for.")
-        else:
-            errors = f"median error {given.median_error:.2f} %"
-            if self.better:
-                errors += f", of the one found {found.median_error:.2f} %"
+            return [told, "Not proven by simulated tests: none were asked for.", self._verdict()]
+        lines = [
+            told,
+            f"Proven by diagnoses of {self.tests} tests that the {conditions.truth.name} model simulated; "
+            f"median error of the given manoeuvre {given.median_error:.2f} %"
+            f"{f', of the one found {found.median_error:.2f} %' if self.better else ''}.",
+        ]
+        if conditions.actuator.electrical is None:
             lines.append(
-                f"Proven: diagnoses of {self.tests} tests simulated by the {self.conditions.truth.name} model; "
-                f"{errors}."
+                "Without [electrical] there is no reference model: the model that is fitted stands for the "
+                "actuator too, and what it lacks is in no figure here."
             )
-            if self.conditions.actuator.electrical is None:
-                lines.append(
-                    "Without [electrical] there is no reference model: the model that is fitted stands for the "
-                    "actuator, too, and what it lacks is in no figure here."
-                )
         return [*lines, self._verdict()]
 
     def _verdict(self) -> str:
@@ -182,15 +179,21 @@ class Design:
         searched = f"{self.candidates} chirps within the limits"
         if self.gain is None:
             return f"Nothing better was found: of {searched} none is expected to tell more."
-        share, error = 100 * (1 - np.exp(-self.gain.narrower)), 100 * self.gain.narrower_error
+        widths = _change(self.gain.narrower, self.gain.narrower_error, "narrower", "wider")
+        errors = _change(self.gain.nearer, self.gain.nearer_error, "smaller", "larger")
         if self.better:
-            return f"Found among {searched}: intervals narrower by {share:.0f} ± {error:.0f} % (standard error)."
+            return f"Found among {searched}: intervals {widths}, errors {errors} (standard errors)."
         return (
-            f"Nothing better was found: the best of {searched} makes the intervals narrower by "
-            f"{share:.0f} ± {error:.0f} % (standard error), its errors smaller by "
-            f"{100 * (1 - np.exp(-self.gain.nearer)):.0f} ± {100 * self.gain.nearer_error:.0f} %, "
-            "which may be chance."
+            f"Nothing better was found: the best of {searched} has intervals {widths} and errors {errors} "
+            f"(standard errors); {CHANCE:g} standard errors narrower, and no larger errors, would be better."
         )
+
+
+def _change(logarithm: float, error: float, less: str, more: str) -> str:
+    """Return in words how much something has shrunk, `logarithm` being that of the ratio."""
+    ratio = float(np.exp(-logarithm))
+    word = less if logarithm > 0 else more
+    return f"{word} by {100 * abs(1 - ratio):.0f} ± {100 * ratio * error:.0f} %"
 
 
 def _width(widths: Widths, name: str) -> str:
@@ -254,9 +257,9 @@ def design(
     if not 0 < duration <= LONGEST_S:
         raise SignalError(f"a manoeuvre of {duration:g} s cannot be planned; give up to {LONGEST_S:g} s")
     faults = conditions.faults(VECTORS, seed)
+    limits = _limits(conditions, given, max_amplitude, max_frequency, max_duration) if candidates else None
     plan, best = Plan(given, expected(conditions, given, faults, seed)), None
-    if candidates:
-        limits = _limits(conditions, given, max_amplitude, max_frequency, max_duration)
+    if limits is not None:
         searching = part(on_progress, 0.0, SEARCHING)
         finalists = _search(conditions, limits, plan, faults, candidates, seed, searching)
         best = _chosen(conditions, finalists, tests, seed + 1, part(on_progress, SEARCHING, CHOOSING))
@@ -333,7 +336,8 @@ def _check_work(candidates: int, tests: int, seed: int) -> None:
         raise MethodError(f"{tests} tests prove nothing; give {FEWEST_TESTS} or more, or 0 for no proof")
     if candidates and not tests:
         raise MethodError(
-            "a manoeuvre that is found without tests is not proven to be better; give tests, or 0 candidates"
+            "what is found without tests is not proven to be better; give some (--tests), or try no others "
+            "(--candidates 0)"
         )
 
 
@@ -353,14 +357,15 @@ def _limits(
         limit = mine if value is None else value
         if limit is None:
             raise SignalError(
-                "this command has no highest frequency of its own; give a largest one, or 0 candidates"
+                "this command has no highest frequency of its own; give one (--max-frequency), or try no "
+                "others (--candidates 0)"
             )
         if not 0 < limit < np.inf:
             raise SignalError(f"largest {name} of {limit:g} leaves no manoeuvre; give more than 0")
         if mine is not None and mine > limit:
             raise SignalError(
-                f"the given manoeuvre exceeds the largest {name}: {mine:g} is more than {limit:g}; give it "
-                "less, or allow more"
+                f"the given manoeuvre exceeds the largest {name}: {mine:g} is more than {limit:g}; make "
+                "it less, or allow more"
             )
         limits[name] = limit
     stops = conditions.actuator.mechanics.end_stops

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from emaphm.actuator import Faults
 from emaphm.identification.conditions import Conditions
 from emaphm.identification.confidence import known_at
 from emaphm.identification.correction import APART, RUNS, SHARES, has_reference
@@ -39,8 +38,7 @@ class Widths:
         halves = {
             name: Z95 * float(np.median([one[name].standard_error for one in chosen]))
             for name in each[0]
-            if name not in space.fixed
-            and (chosen := eccentric if name == "eccentricity_phase" else each)
+            if name not in space.fixed and (chosen := eccentric if name == "eccentricity_phase" else each)
         }
         errors = np.sqrt(np.einsum("nii->ni", covariances)[:, :faults])
         return cls(halves, np.log(Z95 * errors).mean(axis=1))
@@ -71,10 +69,8 @@ def expected(conditions: Conditions, manoeuvre: Manoeuvre, faults: Array, seed: 
 
 def _noise(fit: Fit, noise: float, seed: list[int]) -> Array:
     """Return noise of that rms [A] on each weighted channel, and none on the nuisances, (rows,)."""
-    samples = fit.problem.recording.samples
-    drawn = [
-        np.random.default_rng([*seed, i]).normal(0.0, noise, samples) for i in range(len(fit.problem.channels))
-    ]
+    samples, channels = fit.problem.recording.samples, len(fit.problem.channels)
+    drawn = [np.random.default_rng([*seed, i]).normal(0.0, noise, samples) for i in range(channels)]
     return np.concatenate([*drawn, np.zeros(len(fit.space.nuisances.names))])
 
 

@@ -1,6 +1,6 @@
 """A manoeuvre: what a test plays, and for how long."""
 
-from dataclasses import asdict, dataclass, is_dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +52,7 @@ class Manoeuvre:
     def to_dict(self) -> dict[str, Any]:
         """Return the manoeuvre for JSON: its kind, what describes it, and how long it lasts."""
         known = isinstance(self.command, Chirp | DecayingChirp | Sine | Step)
-        described = asdict(self.command) if known and is_dataclass(self.command) else {}
+        described: dict[str, Any] = vars(self.command) if known else {}
         return described | {
             "command": self._kind,
             "amplitude": self.amplitude,

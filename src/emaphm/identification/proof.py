@@ -1,4 +1,4 @@
-"""Proving a planned manoeuvre: its test is simulated under faults that the plan has not seen, and diagnosed."""
+"""The proof of a plan: its test is simulated under faults that chose nothing, and diagnosed."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -60,7 +60,7 @@ class Gain:
     @property
     def real(self) -> bool:
         """Whether the intervals are narrower by more than chance, and the errors no larger by more."""
-        return self.narrower > CHANCE * self.narrower_error and self.nearer > -CHANCE * self.nearer_error
+        return self.narrower > CHANCE * self.narrower_error and self.nearer >= -CHANCE * self.nearer_error
 
 
 def prove(
