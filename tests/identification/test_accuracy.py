@@ -61,7 +61,8 @@ def test_random_faults_are_found_to_two_and_a_half_percent_in_the_median(
 ) -> None:
     errors = errors_percent(RANDOM_FAULTS, of_random[turns])
     assert np.median(errors) <= 2.5
-    assert errors.max() <= 10.0
+    # The 95th percentile of so few is between the two largest: 6 % is promised, 2 % with the correction.
+    assert np.sort(errors)[-2] <= (2.0 if turns else 6.0)
 
 
 def test_the_correction_does_not_worsen_the_mean(of_singles: Diagnoses, of_random: Diagnoses) -> None:

@@ -107,11 +107,11 @@ def correct(
 
     Each turn proposes several points under the present correction, and asks the reference model how far
     each is from the recording. It takes the boldest of those that are as near as any, so never one that
-    is farther than before by more than chaos makes of it.
+    is farther than before by more than chaos makes of it; of those that it cannot tell apart, the mean.
     """
     reference = fit.problem.by(REFERENCE)
     current = assessed(fit, point, reference)
-    idle = 0
+    idle, alike = 0, list[Corrected]()
     for turn in range(turns):
         current = current.reweighted()
         proposals, evaluations = _proposals(current, turn)
@@ -119,8 +119,12 @@ def correct(
         misfits = np.array([one.misfit for one in tried])
         bold = int(np.flatnonzero(misfits <= ALIKE * misfits.min())[-1])
         idle = 0 if misfits[bold] < BETTER * current.misfit else idle + 1
+        taken = current
+        if misfits[bold] < ALIKE * current.misfit:
+            taken = tried[bold]
+            alike = [*alike, taken] if idle else [taken]
         current = replace(
-            tried[bold] if misfits[bold] < ALIKE * current.misfit else current,
+            taken,
             evaluations=current.evaluations + evaluations + len(proposals),
             reference_runs=current.reference_runs + sum(one.reference_runs for one in tried),
             settled=idle == PATIENCE,
@@ -131,7 +135,29 @@ def correct(
             on_progress((turn + 1) / turns)
     if on_progress:
         on_progress(1.0)
-    return current
+    return _mean(current, alike)
+
+
+def _mean(current: Corrected, alike: list[Corrected]) -> Corrected:
+    """Return the mean of estimates that the reference model cannot tell apart, if it is as near as they."""
+    if len(alike) < 2:
+        return current
+    fit = current.fit
+    point = np.mean([one.point for one in alike], axis=0)
+    correction, discrepancy = (
+        np.mean([fit.rescaled(getattr(one, rows), one.fit) for one in alike], axis=0)
+        for rows in ("correction", "discrepancy")
+    )
+    outputs = fit.outputs(point[np.newaxis])[0]
+    mean = replace(
+        current,
+        point=point,
+        outputs=outputs,
+        correction=correction,
+        discrepancy=discrepancy,
+        evaluations=current.evaluations + 1,
+    )
+    return mean if mean.misfit < ALIKE * current.misfit else replace(current, evaluations=mean.evaluations)
 
 
 def assessed(fit: Fit, point: Array, reference: Problem) -> Corrected:
@@ -160,12 +186,12 @@ def _assessed(fit: Fit, points: Array, correction: Array, reference: Problem) ->
 def _proposals(current: Corrected, turn: int) -> tuple[Array, int]:
     """Return points (n, d) that may be nearer under the present correction, and the simulations spent.
 
-    A descent is caught in the kinks of stick-slip, in whichever happens to lie in its way; a Gauss-Newton
-    step by derivatives about several points sees past them, but may also lead astray.
+    A Gauss-Newton step by derivatives about several points sees past the kinks of stick-slip in which a
+    descent is caught, but may also lead astray.
     """
     fit, space = current.fit, current.fit.space
-    descended = descend(fit, current.point, current.discrepancy)
-    point = descended.points[0]
+    descended = descend(fit, current.point, current.discrepancy, generator(turn, 3))
+    point = descended.points[descended.best]
 
     def simulate(points: Array) -> Array:
         return fit.outputs(points) + current.discrepancy

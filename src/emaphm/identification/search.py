@@ -12,10 +12,11 @@ from emaphm.errors import MethodError, nearest
 from emaphm.identification.correction import correct, has_reference
 from emaphm.identification.fit import Fit
 from emaphm.identification.fitness import FITNESSES
-from emaphm.identification.hybrid import hybrid
+from emaphm.identification.hybrid import descend, hybrid
 from emaphm.identification.methods import Method
 from emaphm.identification.nuisance import NuisanceSet
 from emaphm.identification.optimizers import State, minimise
+from emaphm.identification.optimizers.base import generator
 from emaphm.identification.problem import Problem
 from emaphm.identification.space import FaultSpace
 from emaphm.recording import Recording
@@ -125,7 +126,7 @@ def check_fitness(method: Method, fitness: str) -> None:
 
 def _refined(fit: Fit, method: Method, turns: int, seed: int, on_progress: Progress | None) -> Found:
     corrects = turns > 0 and has_reference(fit.problem)
-    refined = hybrid(fit, seed, method.optimizer, part(on_progress, 0.0, 0.4 if corrects else 1.0))
+    refined = hybrid(fit, seed, method.optimizer, part(on_progress, 0.0, 0.4 if corrects else 0.8))
     point, evaluations, reference_runs = refined.points[refined.best], refined.evaluations + 1, 0
     correction, discrepancy, settled = np.zeros_like(fit.target), None, False
     if corrects:
@@ -133,6 +134,11 @@ def _refined(fit: Fit, method: Method, turns: int, seed: int, on_progress: Progr
         fit, point = corrected.fit, corrected.point
         correction, discrepancy, settled = corrected.correction, corrected.discrepancy, corrected.settled
         evaluations, reference_runs = evaluations + corrected.evaluations, corrected.reference_runs
+    else:
+        descended = descend(fit, point, correction, generator(seed, 3))
+        point, evaluations = descended.points[descended.best], evaluations + descended.evaluations
+        if on_progress is not None:
+            on_progress(1.0)
     residual = fit.target - fit.outputs(point[np.newaxis])[0] - correction
     misfit = float(np.mean(residual[: fit.problem.recording.samples] ** 2))
     return Found(fit, point, misfit, correction, discrepancy, evaluations, reference_runs, settled)
