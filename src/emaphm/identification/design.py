@@ -159,12 +159,12 @@ class Design:
         given, found = self.given.proven, self.found.proven
         if given is None or found is None:
             return [told, "Not proven by simulated tests: none were asked for.", self._verdict()]
-        lines = [
-            told,
+        proof = (
             f"Proven by diagnoses of {self.tests} tests that the {conditions.truth.name} model simulated; "
             f"median error of the given manoeuvre {given.median_error:.2f} %"
-            f"{f', of the one found {found.median_error:.2f} %' if self.better else ''}.",
-        ]
+        )
+        proof += f", of the one found {found.median_error:.2f} %." if self.better else "."
+        lines = [told, proof]
         if conditions.actuator.electrical is None:
             lines.append(
                 "Without [electrical] there is no reference model: the model that is fitted stands for the "
