@@ -149,7 +149,7 @@ def test_chance_is_seldom_taken_for_a_gain() -> None:
     tests, runs = 12, 4000
 
     def proven(logarithms: Any) -> Proven:
-        return Proven(Widths({}, logarithms), np.ones(tests))
+        return Proven(Widths({}, logarithms), np.ones(tests), np.zeros(tests))
 
     real = [Gain.of(*(proven(rng.normal(-4, 0.3, tests)) for _ in "ab")).real for _ in range(runs)]
     rate = scipy.stats.t.sf(2.0, tests - 1)
@@ -159,10 +159,10 @@ def test_chance_is_seldom_taken_for_a_gain() -> None:
 
 def test_narrower_intervals_with_larger_errors_are_no_gain() -> None:
     widths = np.linspace(-4.2, -3.8, 12)
-    before = Proven(Widths({}, widths), np.full(12, 1.0))
+    before = Proven(Widths({}, widths), np.ones(12), np.full(12, -6.0))
     narrower = replace(before, widths=Widths({}, widths - 0.2))
     assert Gain.of(before, narrower).real
-    assert not Gain.of(before, replace(narrower, errors=np.linspace(1.4, 1.6, 12))).real
+    assert not Gain.of(before, replace(narrower, logarithms=np.linspace(-5.9, -5.5, 12))).real
     assert Gain.of(before, narrower).narrower == pytest.approx(0.2)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.identification.conditions import Conditions
+from emaphm.identification.confidence import RESOLUTION
 from emaphm.identification.diagnose import diagnose
 from emaphm.identification.error import error_percent
 from emaphm.identification.expected import Widths
@@ -20,16 +21,19 @@ Progress = Callable[[float], None]
 CHANCE = 2.0
 """Standard errors that an improvement must exceed to be none of chance."""
 
-LEAST_ERROR = 1e-3
-"""Error [%] below which one is as good as another."""
-
 
 @dataclass(frozen=True, eq=False)
 class Proven:
-    """What diagnoses of simulated tests made of a manoeuvre: interval `widths`, `errors` [%] (tests,)."""
+    """What diagnoses of simulated tests made of a manoeuvre: interval `widths`, `errors` [%] (tests,).
+
+    `logarithms`, (tests,), are the means over the faults' coordinates of the logarithm of the error, as
+    those of the `widths` are: an error in percent is that of what is known least, and tells nothing of the
+    others.
+    """
 
     widths: Widths
     errors: Array
+    logarithms: Array
 
     @property
     def median_error(self) -> float:
@@ -53,9 +57,8 @@ class Gain:
     @classmethod
     def of(cls, before: Proven, after: Proven) -> "Gain":
         """Return what `after` gains on `before`, fault vector by fault vector."""
-        sizes = [np.log(np.maximum(proven.errors, LEAST_ERROR)) for proven in (before, after)]
-        narrower, nearer = before.widths.logarithms - after.widths.logarithms, sizes[0] - sizes[1]
-        return cls(*_mean_and_error(narrower), *_mean_and_error(nearer))
+        narrower = before.widths.logarithms - after.widths.logarithms
+        return cls(*_mean_and_error(narrower), *_mean_and_error(before.logarithms - after.logarithms))
 
     @property
     def real(self) -> bool:
@@ -87,8 +90,11 @@ def prove(
         found = np.array([diagnosis.faults.vector for diagnosis in diagnoses])
         covariances = np.array([diagnosis.covariance for diagnosis in diagnoses])
         fitted = conditions.fit(manoeuvre).space
-        widths = Widths.of(fitted, fitted.points(found), covariances)
-        result.append(Proven(widths, error_percent(truths, found)))
+        points = fitted.points(found)
+        misses = np.abs(points - fitted.points(truths))[:, : len(fitted.columns)]
+        logarithms = np.log(np.maximum(misses, RESOLUTION)).mean(axis=1)
+        widths = Widths.of(fitted, points, covariances)
+        result.append(Proven(widths, error_percent(truths, found), logarithms))
     return result
 
 
