@@ -23,7 +23,16 @@ if TYPE_CHECKING:
         Step,
     )
     from emaphm.errors import EmaphmError
-    from emaphm.identification import Calibration, Diagnosis, calibrate, diagnose, error_percent, replay
+    from emaphm.identification import (
+        Calibration,
+        Design,
+        Diagnosis,
+        calibrate,
+        design,
+        diagnose,
+        error_percent,
+        replay,
+    )
     from emaphm.recording import Recording, acquire, read_recording, write_recording
     from emaphm.report import write_report
     from emaphm.rig import simulate
@@ -34,7 +43,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "emaphm.actuator": "Actuator Chirp DecayingChirp Faults Ramp Sampled Sine Step",
     "emaphm.errors": "EmaphmError",
-    "emaphm.identification": "Calibration Diagnosis calibrate diagnose error_percent replay",
+    "emaphm.identification": "Calibration Design Diagnosis calibrate design diagnose error_percent replay",
     "emaphm.recording": "Recording acquire read_recording write_recording",
     "emaphm.report": "write_report",
     "emaphm.rig": "simulate",
@@ -47,6 +56,7 @@ __all__ = [
     "Calibration",
     "Chirp",
     "DecayingChirp",
+    "Design",
     "Diagnosis",
     "EmaphmError",
     "Faults",
@@ -58,6 +68,7 @@ __all__ = [
     "__version__",
     "acquire",
     "calibrate",
+    "design",
     "diagnose",
     "error_percent",
     "read_recording",

@@ -112,6 +112,18 @@ def test_without_position_the_user_is_where_it_was_commanded() -> None:
     assert found == Initial(angle=1e-3 / RATIO)
 
 
+@pytest.mark.parametrize("sampling", ["mean", "instant"])
+def test_a_command_that_starts_with_speed_starts_where_it_is_at_0(sampling: str) -> None:
+    def sine(t: Array) -> Array:
+        return np.asarray(5e-3 * np.sin(20 * np.pi * t))
+
+    rows = interval_means(sine) if sampling == "mean" else sine(TIME)
+    found = initial(recorded(sampling, command_rad=rows), THESIS)
+    # Two means of a straight line lead back to it exactly, and a sine is straight at 0 to the square of
+    # 20 pi × INTERVAL, 2e-4; the first mean itself is off by a thousand times the bound.
+    assert abs(found.angle) * RATIO < 1e-3 * 20 * np.pi * 5e-3 * INTERVAL / 2
+
+
 def test_an_offset_position_is_taken_from_the_record() -> None:
     found = initial(recorded(position_rad=np.full(ROWS, 0.1), angle_rad=np.full(ROWS, 50.02)), THESIS)
     assert found.angle == pytest.approx(50.0)

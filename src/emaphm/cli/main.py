@@ -8,6 +8,7 @@ import sys
 from cyclopts import App, CycloptsError
 
 from emaphm.cli import study, verbs
+from emaphm.cli.design import design
 from emaphm.errors import EmaphmError
 from emaphm.version import VERSION
 
@@ -17,7 +18,7 @@ app = App(
     version=VERSION,
     suppress_keyboard_interrupt=False,
 )
-for verb in (verbs.demo, verbs.simulate, verbs.diagnose, verbs.calibrate, verbs.replay):
+for verb in (verbs.demo, verbs.simulate, verbs.diagnose, verbs.calibrate, verbs.replay, design):
     app.command(verb)
 app.command(study.app)
 

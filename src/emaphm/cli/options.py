@@ -28,6 +28,16 @@ FaultList = Annotated[
 RecordingFile = Annotated[Path, Parameter(help="Recording: .csv, .parquet or .mat.")]
 FigureFile = Annotated[Path | None, Parameter(help="Draw measured against model: .png, .svg or .pdf.")]
 
+CommandName = Annotated[
+    str, Parameter(help="chirp, decaying-chirp, step, ramp, sine, or a file with time_s and command_rad.")
+]
+Amplitude = Annotated[float, Parameter(help="Of the command, at the user [rad].")]
+Frequency = Annotated[
+    float | None, Parameter(help="Of the sine, or the last of a chirp [Hz]; 4 and 15 if left out.")
+]
+Duration = Annotated[float, Parameter(help="Of the recording [s].")]
+SampleRate = Annotated[float, Parameter(help="Rows a second [Hz].")]
+
 FIGURES = (".png", ".svg", ".pdf")
 
 

@@ -9,11 +9,16 @@ from cyclopts import Parameter
 from emaphm.cli.options import (
     FIGURES,
     ActuatorFile,
+    Amplitude,
     AsJson,
+    CommandName,
+    Duration,
     FaultList,
     FigureFile,
     Force,
+    Frequency,
     RecordingFile,
+    SampleRate,
     Seed,
     check_output,
     check_seed,
@@ -49,19 +54,14 @@ def simulate(
     out: Annotated[Path, Parameter(help="Recording to write: .csv or .parquet.")],
     *,
     model: Annotated[str, Parameter(help="reference, monitor or averaged.")] = "reference",
-    command: Annotated[
-        str,
-        Parameter(help="chirp, decaying-chirp, step, ramp, sine, or a file with time_s and command_rad."),
-    ] = "chirp",
-    amplitude: Annotated[float, Parameter(help="Of the command, at the user [rad].")] = 5e-3,
-    frequency: Annotated[
-        float | None, Parameter(help="Of the sine, or the last of a chirp [Hz]; 4 and 15 if left out.")
-    ] = None,
+    command: CommandName = "chirp",
+    amplitude: Amplitude = 5e-3,
+    frequency: Frequency = None,
     fault: FaultList = (),
     noise: Annotated[float, Parameter(help="Sensor noise on the currents, rms [A].")] = 0.0,
     adc_bits: Annotated[int | None, Parameter(help="Resolution of the sensors' converters.")] = None,
-    duration: Annotated[float, Parameter(help="Of the recording [s].")] = 0.5,
-    sample_rate: Annotated[float, Parameter(help="Rows a second [Hz].")] = 5000.0,
+    duration: Duration = 0.5,
+    sample_rate: SampleRate = 5000.0,
     load: Annotated[
         str, Parameter(help="At the motor [N·m]: a number, or a file with time_s and load_Nm.")
     ] = "0",

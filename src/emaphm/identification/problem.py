@@ -127,7 +127,8 @@ def initial(recording: Recording, actuator: Actuator) -> Initial:
     stands in for it.
     """
     ratio = actuator.mechanics.gear_ratio
-    position = float(recording["command_rad"][0])
+    # At the first instant: a row that is a mean stands for half an interval later.
+    position = float(_signal(recording, "command_rad")(np.zeros(1))[0])
     if "position_rad" in recording:
         measured = recording["position_rad"]
         if abs(measured[0] - position) > 3 * noise_level(measured):

@@ -1,0 +1,101 @@
+"""The verb that plans a test: what a manoeuvre is expected to tell, and a better one."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from emaphm.cli.options import (
+    FIGURES,
+    ActuatorFile,
+    Amplitude,
+    AsJson,
+    CommandName,
+    Duration,
+    Force,
+    Frequency,
+    SampleRate,
+    Seed,
+    check_output,
+    check_seed,
+    command_named,
+    described_actuator,
+    names_in,
+)
+from emaphm.cli.output import draw, progress, show
+
+
+def design(
+    *,
+    actuator: ActuatorFile = "thesis",
+    command: CommandName = "chirp",
+    amplitude: Amplitude = 5e-3,
+    frequency: Frequency = None,
+    duration: Duration = 0.5,
+    max_amplitude: Annotated[
+        float | None,
+        Parameter(help="Largest command of a better one, at the user [rad]; as given if left out."),
+    ] = None,
+    max_frequency: Annotated[
+        float | None, Parameter(help="Its highest frequency [Hz]; as given if left out.")
+    ] = None,
+    max_duration: Annotated[
+        float | None, Parameter(help="Its longest duration [s]; as given if left out.")
+    ] = None,
+    channels: Annotated[
+        str,
+        Parameter(help="What will be recorded, with commas between: current, voltage, position, speed."),
+    ] = "current",
+    noise: Annotated[float, Parameter(help="Noise of the current's sensor, rms [A].")] = 0.05,
+    sample_rate: SampleRate = 5000.0,
+    candidates: Annotated[
+        int, Parameter(help="Chirps to try in search of a better one; 0 to tell of the given one only.")
+    ] = 48,
+    tests: Annotated[
+        int,
+        Parameter(help="Simulated tests that prove the given manoeuvre and the best found; 0 for no proof."),
+    ] = 12,
+    out: Annotated[
+        Path | None,
+        Parameter(
+            name=("--out", "-o"), help="Command found (the given one if none is better), to write: .csv."
+        ),
+    ] = None,
+    figure: Annotated[
+        Path | None, Parameter(help="Draw commands and intervals, given and found: .png, .svg or .pdf.")
+    ] = None,
+    seed: Seed = 0,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Say before a test how well its manoeuvre will tell each fault, and find a better manoeuvre."""
+    from emaphm.identification import design as plan
+    from emaphm.recording.output import written_whole
+
+    check_seed(seed)
+    check_output(out, (".csv",), force=force)
+    check_output(figure, FIGURES, force=force)
+    described = described_actuator(actuator)
+    with progress("designing", as_json) as advance:
+        result = plan(
+            described,
+            command_named(command, amplitude, frequency, duration),
+            duration=duration,
+            max_amplitude=max_amplitude,
+            max_frequency=max_frequency,
+            max_duration=max_duration,
+            channels=names_in(channels),
+            noise=noise,
+            sample_rate=sample_rate,
+            candidates=candidates,
+            tests=tests,
+            seed=seed,
+            on_progress=advance,
+        )
+    text = str(result)
+    if out is not None:
+        with written_whole(out) as temporary:
+            result.write_command(temporary)
+        text += f"\n\nCommand written to {out}; it lasts {result.found.manoeuvre.duration:g} s."
+    draw(result, figure)
+    show(result.to_dict(), text, as_json)
