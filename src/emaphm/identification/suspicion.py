@@ -2,7 +2,8 @@
 
 A wrong inertia reads as a fault wherever it is taken as known, and leaves hardly more residual. But where
 the recording can tell it, a step towards the better estimate leads many standard errors away from nominal
-(Rao 1948; Engle 1984). It is then estimated with the rest, and kept if it still stands out.
+(Rao 1948; Engle 1984). It is then estimated with the rest, and kept if it still stands out and less
+is left of the recording.
 """
 
 from dataclasses import dataclass, replace
@@ -54,7 +55,7 @@ def suspected(found: Corrected, turns: int, seed: int) -> tuple[Corrected, tuple
         score, evaluations = _standing_out(tried, suspect.name, seed)
         evaluations += found.evaluations + tried.evaluations
         reference_runs = found.reference_runs + tried.reference_runs
-        if score < BEYOND_DOUBT:
+        if score < BEYOND_DOUBT or not _nearer(tried, found):
             return replace(found, evaluations=evaluations, reference_runs=reference_runs), names
         found = replace(tried, evaluations=evaluations, reference_runs=reference_runs)
         names = (*names, suspect.name)
@@ -81,6 +82,14 @@ def _suspects(found: Corrected, names: tuple[str, ...], seed: int) -> tuple[list
         score = float(abs(near.step[i]) / near.covariance[i, i] ** 0.5)
         result.append(_Suspect(name, fit, fit.space.project(point + near.step), score))
     return result, spent
+
+
+def _nearer(tried: Corrected, found: Corrected) -> bool:
+    """Return whether `tried` leaves less of the recorded channels than `found`, by the weights of that."""
+    rows = found.fit.recorded_rows
+    ratios = found.fit.problem.weights / tried.fit.problem.weights
+    left = tried.residual[:rows] * np.repeat(ratios, found.fit.problem.recording.samples)
+    return float(np.mean(left**2)) < float(np.mean(found.residual[:rows] ** 2))
 
 
 def _standing_out(found: Corrected, name: str, seed: int) -> tuple[float, int]:
