@@ -1,0 +1,80 @@
+"""What is off its description is found where a recording shows it, and nothing is where it is not."""
+
+import numpy as np
+import pytest
+
+from emaphm.actuator import Actuator, Chirp, Faults
+from emaphm.actuator.totals import totals, with_totals
+from emaphm.identification import Diagnosis, diagnose, error_percent
+from emaphm.recording import Recording
+from emaphm.rig import simulate
+from identification.cases import THESIS, drawn
+
+SHOWN = ("time_s", "command_rad", "current_A", "voltage_V")
+FAULTS = [Faults(), *(Faults.from_vector(vector) for vector in drawn(3, seed=5))]
+
+
+def recorded(actuator: Actuator, faults: Faults, seed: int = 0) -> Recording:
+    whole = simulate(actuator, Chirp(), faults=faults, noise=0.05, adc_bits=12, seed=seed)
+    return Recording({name: whole[name] for name in SHOWN})
+
+
+def heavier(share: float) -> Actuator:
+    inertia = totals(THESIS, ("inertia",))["inertia"]
+    return with_totals(THESIS, {"inertia": (1 + share) * inertia})
+
+
+@pytest.fixture(scope="module", params=range(len(FAULTS)))
+def of_heavy(request: pytest.FixtureRequest) -> tuple[Faults, Recording, Diagnosis]:
+    faults = FAULTS[request.param]
+    recording = recorded(heavier(0.1), faults, request.param)
+    return faults, recording, diagnose(recording, THESIS)
+
+
+def test_ten_percent_of_inertia_are_found_though_nobody_asked(
+    of_heavy: tuple[Faults, Recording, Diagnosis],
+) -> None:
+    _, _, found = of_heavy
+    assert found.suspected == ("inertia",)
+    inertia = found.nuisances["inertia"]
+    assert abs(inertia.value - 0.1) <= 4 * inertia.standard_error
+    assert "inertia" in str(found)
+    assert found.to_dict()["suspected"] == ["inertia"]
+
+
+def test_without_that_they_read_as_faults(of_heavy: tuple[Faults, Recording, Diagnosis]) -> None:
+    faults, recording, found = of_heavy
+    taken_as_known = diagnose(recording, THESIS, nuisances=("load", "temperature"))
+    assert taken_as_known.suspected == ()
+    before, after = (error_percent(faults.vector, d.faults.vector) for d in (taken_as_known, found))
+    assert after <= before / 2
+
+
+@pytest.mark.parametrize("case", range(len(FAULTS)))
+def test_nothing_is_suspected_of_the_actuator_as_described(case: int) -> None:
+    found = diagnose(recorded(THESIS, FAULTS[case], case), THESIS)
+    assert found.suspected == ()
+    assert tuple(found.nuisances) == THESIS.nuisances.estimated
+
+
+def test_an_offset_of_the_current_sensors_is_found() -> None:
+    whole = recorded(THESIS, FAULTS[1])
+    columns = {name: whole[name] + 0.1 if name == "current_A" else whole[name] for name in whole}
+    found = diagnose(Recording(columns), THESIS)
+    assert found.suspected == ("current_offset",)
+    assert found.nuisances["current_offset"].value == pytest.approx(0.1, abs=0.03)
+
+
+def test_what_cannot_be_told_is_not_suspected() -> None:
+    # From the current alone, inertia looks like friction and shorts.
+    whole = recorded(heavier(0.1), FAULTS[1])
+    alone = Recording({name: whole[name] for name in SHOWN[:3]})
+    assert "inertia" not in diagnose(alone, THESIS).suspected
+
+
+def test_suspicion_does_not_depend_on_the_number_of_threads() -> None:
+    recording = recorded(heavier(-0.08), FAULTS[2])
+    one, two = (diagnose(recording, THESIS, workers=workers) for workers in (1, 2))
+    assert one.suspected == two.suspected == ("inertia",)
+    np.testing.assert_array_equal(one.covariance, two.covariance)
+    assert one.faults == two.faults
