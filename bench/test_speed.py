@@ -3,6 +3,8 @@
 import os
 import subprocess
 import sys
+from dataclasses import replace
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -10,13 +12,17 @@ import numpy as np
 import pytest
 
 import emaphm as ema
+from bench import cases
 from bench.conftest import Report
-from bench.rig import CURRENT, EVERYTHING, VOLTAGE
+from bench.rig import BASE, CURRENT, EVERYTHING, VOLTAGE, recorded
 from emaphm.identification.correction import MOST_TURNS
 from emaphm.simulation import AVERAGED, REFERENCE, Inputs, Model, Plant, monitor, run, simulate_batch
 
 RUNS = 64
 """Actuators in a batch: four groups of lanes."""
+
+IDENTIFICATIONS = 16
+"""Recordings that are each diagnosed once: one takes up to three times another's time."""
 
 THESIS_RUN_S = 1000.0
 """One optimisation of 50 agents × 100 iterations in the thesis (6.5), seconds."""
@@ -60,13 +66,15 @@ def test_batch(benchmark: Any, report: Report, model: Model, budget: str) -> Non
     "channels", [CURRENT, VOLTAGE, EVERYTHING], ids=["current", "and-voltage", "four-channels"]
 )
 @pytest.mark.parametrize("turns", [0, MOST_TURNS], ids=["uncorrected", "corrected"])
-def test_identification(
-    benchmark: Any, report: Report, recording: ema.Recording, channels: tuple[str, ...], turns: int
-) -> None:
-    actuator = ema.Actuator.thesis()
-    seen = ema.Recording({name: recording[name] for name in ("time_s", "command_rad", *channels)})
-    ema.diagnose(seen, actuator)
-    benchmark(ema.diagnose, seen, actuator, turns=turns, workers=1)
+def test_identification(benchmark: Any, report: Report, channels: tuple[str, ...], turns: int) -> None:
+    actuator, rig = ema.Actuator.thesis(), replace(BASE, channels=channels)
+    recordings = cycle([recorded(rig, cases.random_faults(seed), seed) for seed in range(IDENTIFICATIONS)])
+    ema.diagnose(next(recordings), actuator)
+
+    def another() -> tuple[tuple[ema.Recording, ema.Actuator], dict[str, Any]]:
+        return (next(recordings), actuator), {"turns": turns, "workers": 1}
+
+    benchmark.pedantic(ema.diagnose, setup=another, rounds=IDENTIFICATIONS)
     kind = "corrected" if turns else "no correction"
     report(f"eight-fault identification, {len(channels)} channels, {kind}", budget="> 1 ×")
 

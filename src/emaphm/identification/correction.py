@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.identification.fit import CORRELATED_ROWS, Fit
-from emaphm.identification.hybrid import descend
+from emaphm.identification.hybrid import DESCENTS, descend
 from emaphm.identification.optimizers.base import generator
 from emaphm.identification.problem import Problem
 from emaphm.identification.refinement import information, movable, scattered
@@ -30,6 +30,9 @@ APART = 1e-5
 
 SHARES = np.array([[0.0], [0.3], [1.0]])
 """Proposals, from where a descent ends: shares of a step by derivatives about several points."""
+
+DESCENTS_AGAIN = 2
+"""Descents of a turn that follows one without progress."""
 
 STEP, POINTS = 2e-2, 4
 """The step of these derivatives' differences, and the points that they are taken about."""
@@ -114,7 +117,7 @@ def correct(
     idle, alike = 0, list[Corrected]()
     for turn in range(turns):
         current = current.reweighted()
-        proposals, evaluations = _proposals(current, turn)
+        proposals, evaluations = _proposals(current, turn, DESCENTS_AGAIN if idle else DESCENTS)
         tried = _assessed(current.fit, proposals, current.discrepancy, reference)
         misfits = np.array([one.misfit for one in tried])
         bold = int(np.flatnonzero(misfits <= ALIKE * misfits.min())[-1])
@@ -183,14 +186,14 @@ def _assessed(fit: Fit, points: Array, correction: Array, reference: Problem) ->
     ]
 
 
-def _proposals(current: Corrected, turn: int) -> tuple[Array, int]:
+def _proposals(current: Corrected, turn: int, descents: int) -> tuple[Array, int]:
     """Return points (n, d) that may be nearer under the present correction, and the simulations spent.
 
     A Gauss-Newton step by derivatives about several points sees past the kinks of stick-slip in which a
     descent is caught, but may also lead astray.
     """
     fit, space = current.fit, current.fit.space
-    descended = descend(fit, current.point, current.discrepancy, generator(turn, 3))
+    descended = descend(fit, current.point, current.discrepancy, generator(turn, 3), descents)
     point = descended.points[descended.best]
 
     def simulate(points: Array) -> Array:

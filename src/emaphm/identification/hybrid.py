@@ -32,7 +32,7 @@ APART = 0.2
 """Least distance between two starts: a population gathers, and one start from each gathering is enough."""
 
 DESCENTS, BESIDE = 5, 4e-3
-"""Descents of the fine stage from about one point, and how far apart they start (rms of each dimension)."""
+"""Descents of the fine stage from about a point, and how far apart they start (rms of each dimension)."""
 
 COARSE, FINE = (1e-2, 8), (2e-3, 12)
 """Finite-difference step and most iterations: coarse steps see past the kinks that stick-slip and heavy
@@ -101,16 +101,17 @@ def _stage_of(
     return lambda iteration: on_progress((done + iteration / stage[1]) / 3)
 
 
-def descend(fit: Fit, point: Array, correction: Array | float, rng: np.random.Generator) -> Refined:
-    """Return where the fine stage leads from `point` (d,) and from `DESCENTS` - 1 points beside it.
+def descend(
+    fit: Fit, point: Array, correction: Array, rng: np.random.Generator, count: int = DESCENTS
+) -> Refined:
+    """Return where `count` descents of the fine stage lead, from `point` (d,) and from points beside it.
 
     A descent is caught in the kinks of stick-slip, in whichever happens to lie in its way: several, from
     starts close together, are not all caught. `correction`, shape (rows,), is added to the model's
     `Fit.outputs`.
     """
-    beside = rng.normal(0.0, BESIDE, (DESCENTS - 1, point.size))
-    starts = fit.space.project(point + np.concatenate([np.zeros_like(beside[:1]), beside]))
-    return _descend(fit, starts, FINE, correction=correction)
+    beside = point + rng.normal(0.0, BESIDE, (count - 1, point.size))
+    return _descend(fit, fit.space.project(np.vstack([point, beside])), FINE, correction=correction)
 
 
 def _descend(

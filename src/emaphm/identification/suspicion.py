@@ -15,7 +15,7 @@ from emaphm.actuator.faults import CARTESIAN_NAMES
 from emaphm.identification.correction import Corrected, correct
 from emaphm.identification.fit import Fit
 from emaphm.identification.neighbourhood import neighbourhood, slopes
-from emaphm.identification.nuisance import NuisanceSet, less_known
+from emaphm.identification.nuisance import RANGE, NuisanceSet, less_known
 from emaphm.identification.space import FaultSpace
 
 Array = NDArray[np.float64]
@@ -27,6 +27,9 @@ A score is only as good as derivatives at a wrong estimate: five percent of iner
 where line voltage was recorded, and the actuator as described up to 4. So little makes suspicious, and what
 counts is what comes of estimating it: of 125 recordings by the actuator as described, nothing was kept.
 """
+
+TELLING = 0.5
+"""Standard error that a recording must tell a nuisance to, as a share of its prior's: else it is no use."""
 
 WIDER = 4.0
 """By this the prior of what stands out is widened: it would otherwise draw back what is beyond it."""
@@ -62,7 +65,7 @@ def suspected(found: Corrected, turns: int, seed: int) -> tuple[Corrected, tuple
 
 
 def _suspects(found: Corrected, names: tuple[str, ...], seed: int) -> tuple[list[_Suspect], int]:
-    """Return the nuisances neither estimated nor known, and the simulations spent.
+    """Return the nuisances neither estimated nor known that can be told, and the simulations spent.
 
     `names` are those suspected before, whose estimates `found` has.
     """
@@ -79,8 +82,10 @@ def _suspects(found: Corrected, names: tuple[str, ...], seed: int) -> tuple[list
         kept = [i for i, other in enumerate(_coordinates(wide)) if other in _coordinates(fit)]
         near = neighbourhood(fit, point, found.residual[: fit.recorded_rows], derivatives[:, kept])
         i = _coordinates(fit).index(name)
-        score = float(abs(near.step[i]) / near.covariance[i, i] ** 0.5)
-        result.append(_Suspect(name, fit, fit.space.project(point + near.step), score))
+        error = float(near.covariance[i, i] ** 0.5)
+        if error < TELLING / RANGE / WIDER:
+            score = float(abs(near.step[i])) / error
+            result.append(_Suspect(name, fit, fit.space.project(point + near.step), score))
     return result, spent
 
 
