@@ -34,9 +34,12 @@ APART = 0.2
 DESCENTS, BESIDE = 5, 4e-3
 """Descents of the fine stage from about a point, and how far apart they start (rms of each dimension)."""
 
-COARSE, FINE = (1e-2, 8), (2e-3, 12)
-"""Finite-difference step and most iterations: coarse steps see past the kinks that stick-slip and heavy
-shorts make, fine ones settle between them."""
+COARSE, FINE = (1e-2, 8, 3e-2), (2e-3, 12, 1e-2)
+"""Finite-difference step, most iterations, and the share of its misfit that an iteration must gain to go on.
+
+Coarse steps see past the kinks that stick-slip and heavy shorts make, fine ones settle between them. What
+chaos makes of a misfit is more than the least gain.
+"""
 
 
 def hybrid(
@@ -93,7 +96,7 @@ def _apart(points: Array, misfits: Array, count: int) -> Array:
 
 
 def _stage_of(
-    on_progress: Callable[[float], None] | None, done: int, stage: tuple[float, int]
+    on_progress: Callable[[float], None] | None, done: int, stage: tuple[float, int, float]
 ) -> Callable[[int], None] | None:
     """Return what tells the progress within one of the three descents, `done` of them behind it."""
     if on_progress is None:
@@ -117,13 +120,13 @@ def descend(
 def _descend(
     fit: Fit,
     starts: Array,
-    stage: tuple[float, int],
+    stage: tuple[float, int, float],
     *,
     smoothed: bool = False,
     correction: Array | float = 0.0,
     on_iteration: Callable[[int], None] | None = None,
 ) -> Refined:
-    step, iterations = stage
+    step, iterations, least_gain = stage
 
     def seen(outputs: Array) -> Array:
         return _low_pass(fit, outputs) if smoothed else outputs
@@ -135,6 +138,7 @@ def _descend(
         fit.space,
         step=step,
         iterations=iterations,
+        tolerance=least_gain,
         on_iteration=on_iteration,
     )
 
