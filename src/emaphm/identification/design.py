@@ -12,10 +12,11 @@ from emaphm.actuator import NAMES, Actuator, Chirp, Command
 from emaphm.errors import MethodError, SignalError
 from emaphm.identification.conditions import Conditions
 from emaphm.identification.correction import LONGEST_S
+from emaphm.identification.design_search import FEWEST_TESTS, Plan, choose, search
 from emaphm.identification.expected import Widths, expected
+from emaphm.identification.limits import Limits
 from emaphm.identification.manoeuvre import Manoeuvre
-from emaphm.identification.optimizers.space_filling import space_filling
-from emaphm.identification.proof import CHANCE, Gain, Proven, prove
+from emaphm.identification.proof import CHANCE, Gain, prove
 from emaphm.identification.search import part
 from emaphm.identification.wording import format_table
 from emaphm.version import VERSION
@@ -29,59 +30,8 @@ Progress = Callable[[float], None]
 VECTORS = 16
 """Fault vectors that an expectation is told about: the kernels take so many at once."""
 
-SHRINK = (1.0, 0.4, 0.15)
-"""Half the size of the box about the best chirp in each round of the search, as a share of the limits."""
-
-LEAST_SHARE = 0.1
-"""Least amplitude and last frequency tried, as shares of their limits."""
-
-FINALISTS = 4
-"""Best of the search, of which simulated tests choose one: what the models differ by no search foresees."""
-
-APART = 0.15
-"""Least distance of two finalists, in shares of the limits: their likes would do alike."""
-
-FEWEST_TESTS = 4
-"""Below, a standard error over the tests is no measure of chance."""
-
 SEARCHING, CHOOSING = 0.5, 0.75
 """Shares of the time after which the search and the choice of a finalist are done."""
-
-
-@dataclass(frozen=True)
-class Limits:
-    """What a manoeuvre may do: largest amplitude [rad] at the user, frequency [Hz] and duration [s]."""
-
-    amplitude: float
-    frequency: float
-    duration: float
-
-    def chirp(self, shares: Array) -> Manoeuvre:
-        """Return the chirp of `shares` (3,) of the limits: amplitude, first and last frequency.
-
-        It lasts as long as it may: rows only add to what is known.
-        """
-        size, start, stop = (float(share) for share in shares)
-        command = Chirp(size * self.amplitude, start * self.frequency, stop * self.frequency, self.duration)
-        return Manoeuvre(command, self.duration)
-
-
-@dataclass(frozen=True, eq=False)
-class Plan:
-    """A manoeuvre, the interval widths `expected` of it, and what simulated tests made of it, if any."""
-
-    manoeuvre: Manoeuvre
-    expected: Widths
-    proven: Proven | None = None
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the plan for JSON."""
-        return {
-            "manoeuvre": self.manoeuvre.to_dict(),
-            "expected": self.expected.half_widths,
-            "proven": None if self.proven is None else self.proven.widths.half_widths,
-            "median_error_percent": None if self.proven is None else self.proven.median_error,
-        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,12 +207,12 @@ def design(
     if not 0 < duration <= LONGEST_S:
         raise SignalError(f"a manoeuvre of {duration:g} s cannot be planned; give up to {LONGEST_S:g} s")
     faults = conditions.faults(VECTORS, seed)
-    limits = _limits(conditions, given, max_amplitude, max_frequency, max_duration) if candidates else None
+    limits = Limits.of(conditions, given, max_amplitude, max_frequency, max_duration) if candidates else None
     plan, best = Plan(given, expected(conditions, given, faults, seed)), None
     if limits is not None:
         searching = part(on_progress, 0.0, SEARCHING)
-        finalists = _search(conditions, limits, plan, faults, candidates, seed, searching)
-        best = _chosen(conditions, finalists, tests, seed + 1, part(on_progress, SEARCHING, CHOOSING))
+        finalists = search(conditions, limits, plan, faults, candidates, seed, searching)
+        best = choose(conditions, finalists, tests, seed + 1, part(on_progress, SEARCHING, CHOOSING))
     if not tests:
         return Design(conditions, plan, plan, None, candidates, tests, seed)
     # Under faults and noise that have chosen nothing.
@@ -273,57 +223,6 @@ def design(
     gain = None if best is None else Gain.of(proofs[0], proofs[1])
     found = proven[1] if gain is not None and gain.real else proven[0]
     return Design(conditions, proven[0], found, gain, candidates, tests, seed)
-
-
-def _chosen(
-    conditions: Conditions, finalists: Sequence[Plan], tests: int, seed: int, on_progress: Progress | None
-) -> Plan | None:
-    """Return the finalist whose simulated tests, half of the `tests`, have the narrowest intervals."""
-    if len(finalists) < 2:
-        return finalists[0] if finalists else None
-    few = max(tests // 2, FEWEST_TESTS)
-    results = prove(conditions, [plan.manoeuvre for plan in finalists], few, seed, on_progress)
-    return finalists[int(np.argmin([one.widths.logarithms.mean() for one in results]))]
-
-
-def _search(
-    conditions: Conditions,
-    limits: Limits,
-    given: Plan,
-    faults: Array,
-    candidates: int,
-    seed: int,
-    on_progress: Progress | None,
-) -> list[Plan]:
-    """Return up to `FINALISTS` chirps of which more is expected than of what was `given`, the best first."""
-    tried: list[tuple[float, Array, Plan]] = []
-    lower = np.array([LEAST_SHARE, 0.0, LEAST_SHARE])
-    rounds = np.array_split(np.arange(candidates), len(SHRINK))
-    for turn, (size, members) in enumerate(zip(SHRINK, rounds, strict=True)):
-        if not members.size:
-            continue
-        middle = min(tried, key=lambda one: one[0])[1] if tried else np.ones(3)
-        low, high = np.maximum(middle - size, lower), np.minimum(middle + size, 1.0)
-        for number, shares in zip(members, space_filling(members.size, low, high, seed + turn), strict=True):
-            plan = _plan(conditions, limits.chirp(shares), faults, seed)
-            if plan is not None:
-                tried.append((float(plan.expected.logarithms.mean()), shares, plan))
-            if on_progress is not None:
-                on_progress((number + 1) / candidates)
-    chosen: list[tuple[Array, Plan]] = []
-    for value, shares, plan in sorted(tried, key=lambda one: one[0]):
-        near = any(np.linalg.norm(shares - other) < APART for other, _ in chosen)
-        if value < given.expected.logarithms.mean() and not near and len(chosen) < FINALISTS:
-            chosen.append((shares, plan))
-    return [plan for _, plan in chosen]
-
-
-def _plan(conditions: Conditions, manoeuvre: Manoeuvre, faults: Array, seed: int) -> Plan | None:
-    """Return what to expect of `manoeuvre`, nothing where it is too small to move the actuator."""
-    try:
-        return Plan(manoeuvre, expected(conditions, manoeuvre, faults, seed))
-    except SignalError:
-        return None
 
 
 def _check_work(candidates: int, tests: int, seed: int) -> None:
@@ -339,45 +238,3 @@ def _check_work(candidates: int, tests: int, seed: int) -> None:
             "what is found without tests is not proven to be better; give some (--tests), or try no others "
             "(--candidates 0)"
         )
-
-
-def _limits(
-    conditions: Conditions,
-    given: Manoeuvre,
-    amplitude: float | None,
-    frequency: float | None,
-    duration: float | None,
-) -> Limits:
-    """Return the limits, those of the `given` manoeuvre where left out; refuse what no manoeuvre can keep."""
-    own = {"amplitude": given.amplitude, "frequency": given.frequency_hz, "duration": given.duration}
-    wanted = {"amplitude": amplitude, "frequency": frequency, "duration": duration}
-    limits = {}
-    for name, value in wanted.items():
-        mine = own[name]
-        limit = mine if value is None else value
-        if limit is None:
-            raise SignalError(
-                "this command has no highest frequency of its own; give one (--max-frequency), or try no "
-                "others (--candidates 0)"
-            )
-        if not 0 < limit < np.inf:
-            raise SignalError(f"largest {name} of {limit:g} leaves no manoeuvre; give more than 0")
-        if mine is not None and mine > limit:
-            raise SignalError(
-                f"the given manoeuvre exceeds the largest {name}: {mine:g} is more than {limit:g}; make "
-                "it less, or allow more"
-            )
-        limits[name] = limit
-    stops = conditions.actuator.mechanics.end_stops
-    if stops and limits["amplitude"] > (reach := min(map(abs, stops))):
-        raise SignalError(
-            f"amplitude {limits['amplitude']:g} is beyond the end stops {list(stops)}; give {reach:g} or less"
-        )
-    if limits["frequency"] > (most := conditions.sample_rate / 2):
-        raise SignalError(
-            f"{limits['frequency']:g} Hz cannot be recorded at {conditions.sample_rate:g} Hz; give {most:g} "
-            "or less"
-        )
-    if limits["duration"] > LONGEST_S:
-        raise SignalError(f"{limits['duration']:g} s are too long for a design; give {LONGEST_S:g} or less")
-    return Limits(**limits)

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from emaphm.actuator.quantity import unit_for
-from emaphm.identification.design import Design, Plan
+from emaphm.identification.design import Design
+from emaphm.identification.design_search import Plan
 from emaphm.identification.figures import FAINT, LEGEND, MODELLED, RESIDUAL
 from emaphm.identification.verdict import WIDEST_HALF_INTERVAL
 
