@@ -51,23 +51,24 @@ def suspected(found: Corrected, turns: int, seed: int) -> tuple[Corrected, tuple
     while True:
         suspects, evaluations = _suspects(found, names, seed)
         found = replace(found, evaluations=found.evaluations + evaluations)
-        suspect = max(suspects, key=lambda one: one.score, default=None)
-        if suspect is None or suspect.score < SUSPICIOUS:
+        for suspect in suspects:
+            tried = correct(suspect.fit, suspect.point, turns)
+            score, evaluations = _standing_out(tried, suspect.name, seed)
+            evaluations += found.evaluations + tried.evaluations
+            reference_runs = found.reference_runs + tried.reference_runs
+            kept = score >= BEYOND_DOUBT and _nearer(tried, found)
+            found = replace(tried if kept else found, evaluations=evaluations, reference_runs=reference_runs)
+            if kept:
+                names = (*names, suspect.name)
+                break
+        else:
             return found, names
-        tried = correct(suspect.fit, suspect.point, turns)
-        score, evaluations = _standing_out(tried, suspect.name, seed)
-        evaluations += found.evaluations + tried.evaluations
-        reference_runs = found.reference_runs + tried.reference_runs
-        if score < BEYOND_DOUBT or not _nearer(tried, found):
-            return replace(found, evaluations=evaluations, reference_runs=reference_runs), names
-        found = replace(tried, evaluations=evaluations, reference_runs=reference_runs)
-        names = (*names, suspect.name)
 
 
 def _suspects(found: Corrected, names: tuple[str, ...], seed: int) -> tuple[list[_Suspect], int]:
-    """Return the nuisances neither estimated nor known that can be told, and the simulations spent.
+    """Return what is suspicious of what is neither estimated nor known, and the simulations spent.
 
-    `names` are those suspected before, whose estimates `found` has.
+    The most suspicious comes first. `names` are those suspected before, whose estimates `found` has.
     """
     problem = found.fit.problem
     others = found.fit.space.nuisances.others(problem.actuator, problem.recording.names)
@@ -83,10 +84,10 @@ def _suspects(found: Corrected, names: tuple[str, ...], seed: int) -> tuple[list
         near = neighbourhood(fit, point, found.residual[: fit.recorded_rows], derivatives[:, kept])
         i = _coordinates(fit).index(name)
         error = float(near.covariance[i, i] ** 0.5)
-        if error < TELLING / RANGE / WIDER:
-            score = float(abs(near.step[i])) / error
+        score = float(abs(near.step[i])) / error
+        if score > SUSPICIOUS and error < TELLING / RANGE / WIDER:
             result.append(_Suspect(name, fit, fit.space.project(point + near.step), score))
-    return result, spent
+    return sorted(result, key=lambda suspect: -suspect.score), spent
 
 
 def _nearer(tried: Corrected, found: Corrected) -> bool:
