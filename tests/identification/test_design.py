@@ -16,7 +16,7 @@ from emaphm.identification import Design, design
 from emaphm.identification.conditions import Conditions
 from emaphm.identification.expected import Widths, expected
 from emaphm.identification.manoeuvre import Manoeuvre
-from emaphm.identification.proof import CHANCE, Gain, prove
+from emaphm.identification.proof import CHANCE, Gain, Proven, prove
 from emaphm.recording import read_signal
 from identification.cases import THESIS
 

@@ -26,7 +26,7 @@ def heavier(share: float) -> Actuator:
 
 @pytest.fixture(scope="module")
 def of_heavy() -> list[tuple[Faults, Recording, Diagnosis]]:
-    """Recordings of actuators with ten percent more inertia than described, and their diagnoses."""
+    """Return recordings with ten percent more inertia than described, their faults and diagnoses."""
     pairs = [(FAULTS[i % len(FAULTS)], i) for i in range(2 * len(FAULTS))]
     recordings = [(faults, recorded(heavier(0.1), faults, seed)) for faults, seed in pairs]
     return [(faults, recording, diagnose(recording, THESIS)) for faults, recording in recordings]
