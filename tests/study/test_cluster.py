@@ -298,7 +298,10 @@ def test_a_worker_is_no_scheduler(cluster: Cluster, tmp_path: Path) -> None:
 
     async def some_worker() -> str:
         async with rpc(cluster.address) as scheduler:
-            return str(next(iter((await scheduler.identity())["workers"])))
+            # A worker that was just started may not have reported yet.
+            while not (workers := (await scheduler.identity())["workers"]):
+                await asyncio.sleep(0.05)
+            return str(next(iter(workers)))
 
     address = asyncio.run(some_worker())
     with pytest.raises(StudyError, match=f"no Dask scheduler answers at '{address}' .a worker is there"):
