@@ -298,12 +298,13 @@ def test_a_worker_is_no_scheduler(cluster: Cluster, tmp_path: Path) -> None:
 
     async def some_worker() -> str:
         async with rpc(cluster.address) as scheduler:
-            # A worker that was just started may not have reported yet.
-            while not (workers := (await scheduler.identity())["workers"]):
-                await asyncio.sleep(0.05)
-            return str(next(iter(workers)))
+            return next(iter((await scheduler.identity())["workers"]), "")
 
-    address = asyncio.run(some_worker())
+    # Those of the cluster were just started, and may not have reported yet.
+    deadline = time.monotonic() + PATIENCE_S
+    while not (address := asyncio.run(some_worker())):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
     with pytest.raises(StudyError, match=f"no Dask scheduler answers at '{address}' .a worker is there"):
         run_study(PLAN, tmp_path / "study", scheduler=address)
 
