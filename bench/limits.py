@@ -86,6 +86,10 @@ def _percent(value: float) -> str:
     return f"{100 * value:+.0f} %" if value else "0"
 
 
+INERTIA = (
+    "The default estimates the inertia as well where a recording makes it suspicious, with a wide prior; who "
+    "names it has the prior of the description, 5 %, which draws larger deviations back."
+)
 TENTH = (-0.1, -0.05, 0.0, 0.05, 0.1)
 ENDS = (-0.1, 0.0, 0.1)
 
@@ -162,6 +166,7 @@ AXES = (
             Curve(DEFAULT, None, TENTH),
             Curve("inertia estimated too", ("load", "temperature", "inertia"), ENDS),
         ),
+        note=INERTIA,
     ),
 )
 
