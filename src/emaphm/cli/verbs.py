@@ -133,7 +133,8 @@ def diagnose(
         str | None,
         Parameter(
             help="What is estimated with the faults, with commas between: load, hinge, temperature, supply, "
-            "inertia, current_offset, current_scale; or 'none'. As the TOML says if left out."
+            "inertia, current_offset, current_scale; or 'none'. As the TOML says if left out, and what "
+            "stands out besides."
         ),
     ] = None,
     posterior: Annotated[
