@@ -62,6 +62,12 @@ def test_nothing_is_suspected_of_the_actuator_as_described(case: int) -> None:
     assert tuple(found.nuisances) == THESIS.nuisances.estimated
 
 
+def test_what_every_actuator_may_be_off_is_not_beyond_doubt() -> None:
+    # Without noise on four channels, a thousandth of scale stands out of the standard errors.
+    whole = simulate(THESIS, Chirp())
+    assert diagnose(whole, THESIS).suspected == ()
+
+
 def test_an_offset_of_the_current_sensors_is_found() -> None:
     whole = recorded(THESIS, FAULTS[1])
     columns = {name: whole[name] + 0.1 if name == "current_A" else whole[name] for name in whole}

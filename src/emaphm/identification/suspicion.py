@@ -2,8 +2,8 @@
 
 A wrong inertia reads as a fault wherever it is taken as known, and leaves hardly more residual. But where
 the recording can tell it, a step towards the better estimate leads many standard errors away from nominal
-(Rao 1948; Engle 1984). It is then estimated with the rest, and kept if it still stands out and less
-is left of the recording.
+(Rao 1948; Engle 1984). It is then estimated with the rest, and kept if it still stands out, by more
+than any actuator may be off, and less is left of the recording.
 """
 
 from dataclasses import dataclass, replace
@@ -31,6 +31,9 @@ counts is what comes of estimating it: of 125 recordings by the actuator as desc
 TELLING = 0.5
 """Standard error that a recording must tell a nuisance to, as a share of its prior's: else it is no use."""
 
+LEAST = 0.5
+"""What a nuisance must be off at least, as a share of its prior: so much is expected of every actuator."""
+
 WIDER = 4.0
 """By this the prior of what stands out is widened: it would otherwise draw back what is beyond it."""
 
@@ -56,7 +59,7 @@ def suspected(found: Corrected, turns: int, seed: int) -> tuple[Corrected, tuple
             score, evaluations = _standing_out(tried, suspect.name, seed)
             evaluations += found.evaluations + tried.evaluations
             reference_runs = found.reference_runs + tried.reference_runs
-            kept = score >= BEYOND_DOUBT and _nearer(tried, found)
+            kept = score >= BEYOND_DOUBT and _matters(tried, suspect.name) and _nearer(tried, found)
             found = replace(tried if kept else found, evaluations=evaluations, reference_runs=reference_runs)
             if kept:
                 names = (*names, suspect.name)
@@ -88,6 +91,12 @@ def _suspects(found: Corrected, names: tuple[str, ...], seed: int) -> tuple[list
         if score > SUSPICIOUS and error < TELLING / RANGE / WIDER:
             result.append(_Suspect(name, fit, fit.space.project(point + near.step), score))
     return sorted(result, key=lambda suspect: -suspect.score), spent
+
+
+def _matters(found: Corrected, name: str) -> bool:
+    """Return whether nuisance `name`, whose prior is wide, is off nominal by more than any may be."""
+    value = found.point[_coordinates(found.fit).index(name)]
+    return bool(abs(value) > LEAST / RANGE / WIDER)
 
 
 def _nearer(tried: Corrected, found: Corrected) -> bool:
