@@ -21,6 +21,7 @@ from bench.cases import (
     random_faults,
     recordings_alarmed,
     small_fault,
+    spread_of,
 )
 from bench.comparison import table
 from bench.rig import BASE, BITS, CURRENT, EVERYTHING, HEAT_K, LOAD_NM, NOISE_A, Rig
@@ -123,7 +124,7 @@ def _errors(outcomes: Mapping[Key, list[Outcome]]) -> str:
             [
                 row.name,
                 f"{len(of_row)}",
-                f"{np.median(found):.2f} / {np.percentile(found, 95):.2f} / {found.max():.2f}",
+                spread_of(found),
                 f"{100 * explained(of_row):.0f} %",
                 f"{np.median([one.seconds for one in of_row]):.2f}",
             ]
@@ -170,7 +171,7 @@ def _healthy(outcomes: Mapping[Key, list[Outcome]]) -> str:
                 _named(of_row),
                 f"{100 * min(coverage(of_row)):.1f} %",
                 f"{100 * explained(of_row):.1f} %",
-                f"{np.median(found):.2f} / {np.percentile(found, 95):.2f} / {found.max():.2f}",
+                spread_of(found),
             ]
         )
     return table(

@@ -139,6 +139,11 @@ def errors(outcomes: Sequence[Outcome]) -> Array:
     return np.array([one.error for one in outcomes])
 
 
+def spread_of(errors: Array) -> str:
+    """Return the median, the 95th percentile and the worst of `errors` [%] as pages quote them."""
+    return f"{np.median(errors):.2f} / {np.percentile(errors, 95):.2f} / {errors.max():.2f}"
+
+
 def coverage(outcomes: Sequence[Outcome]) -> Array:
     """Return by component the share whose interval holds the truth, shape (8,)."""
     return np.asarray(np.mean([one.covered for one in outcomes], axis=0))

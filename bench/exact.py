@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 import emaphm as ema
-from bench.cases import Case, Outcome, errors, random_faults
+from bench.cases import Case, Outcome, errors, random_faults, spread_of
 from bench.comparison import table
 from bench.rig import IDEAL, NOISE_A
 from emaphm.identification.correction import MOST_TURNS
@@ -73,7 +73,7 @@ def report(outcomes: Mapping[Key, list[Outcome]]) -> Iterator[str]:
                     "on" if turns else "off",
                     f"{noise:g}",
                     f"{one.mean():.2f} / {one.max():.2f}",
-                    f"{np.median(many):.2f} / {np.percentile(many, 95):.2f} / {many.max():.2f}",
+                    spread_of(many),
                 ]
             )
     yield table(

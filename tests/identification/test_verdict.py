@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 
 from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.identification import Estimate
-from emaphm.identification.correction import PRIOR_DEVIATION
 from emaphm.identification.groups import Group
 from emaphm.identification.problem import noise_level
-from emaphm.identification.space import FaultSpace
+from emaphm.identification.space import PRIOR_DEVIATION, FaultSpace
 from emaphm.identification.verdict import estimates, is_explained
 from identification.cases import HEALTHY, THESIS
 from strategies import fault_vectors

@@ -111,11 +111,10 @@ class Conditions:
         The current with its noise, the other channels as a converter rounds them. The same row of the same
         fault vector has the same noise under every manoeuvre.
         """
-        scales = full_scales(self.actuator)
         recordings = []
         for i, exact in enumerate(self._exact(manoeuvre, faults, self.truth)):
             shown = self._shown(exact)
-            others = {name: scales.get(name, _full_scale(shown[name])) for name in self.channels[1:]}
+            others = self._full_scales(shown)
             recordings.append(
                 acquire(
                     shown,
@@ -166,14 +165,16 @@ class Conditions:
 
     def _noises(self, recording: Recording) -> Array:
         """Return the rms of each channel's noise (channels,): a converter's rounding but for the current."""
-        scales = full_scales(self.actuator)
-        rounded = [
-            2 * scales.get(name, _full_scale(recording[name])) / 2**CONVERTER_BITS / 12**0.5
+        steps = [2 * scale / 2**CONVERTER_BITS for scale in self._full_scales(recording).values()]
+        return np.array([self.noise, *(step / 12**0.5 for step in steps)])
+
+    def _full_scales(self, recording: Recording) -> dict[str, float]:
+        """Return half the range of each channel's converter but for the current's.
+
+        Where the description does not tell the range of a channel, twice its peak.
+        """
+        described = full_scales(self.actuator)
+        return {
+            name: described.get(name, 2 * float(np.max(np.abs(recording[name]))))
             for name in self.channels[1:]
-        ]
-        return np.array([self.noise, *rounded])
-
-
-def _full_scale(values: Array) -> float:
-    """Return the full scale of a channel whose range the description does not tell: twice its peak."""
-    return 2 * float(np.max(np.abs(values)))
+        }

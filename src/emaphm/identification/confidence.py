@@ -7,19 +7,12 @@ from numpy.typing import NDArray
 
 from emaphm.identification.fit import CORRELATED_ROWS
 from emaphm.identification.groups import Group, confounded, remedies
-from emaphm.identification.neighbourhood import (
-    DERIVATIVE_STEP,
-    DERIVATIVES,
-    RESOLUTION,
-    neighbourhood,
-    slopes,
-)
+from emaphm.identification.neighbourhood import RESOLUTION, neighbourhood, slopes
 from emaphm.identification.nuisance import BASELINE, KNOWN_BY
-from emaphm.identification.refinement import scattered
+from emaphm.identification.problem import comparable
 from emaphm.identification.search import Found
 from emaphm.identification.uncertainty import assured
 from emaphm.identification.verdict import HEALTHY_MARGIN, Z95
-from emaphm.simulation import OBSERVABLE
 
 Array = NDArray[np.float64]
 
@@ -36,8 +29,8 @@ class Confidence:
     evaluations: int
 
 
-def confidence(found: Found, residual: Array, names: tuple[str, ...], seed: int) -> Confidence:
-    """Return how sure `found` is, whose `residual` (rows,) is left and whose coordinates have `names`.
+def confidence(found: Found, residual: Array, seed: int) -> Confidence:
+    """Return how sure `found` is, whose `residual` (rows,) is left.
 
     Where the reference model was not asked whether it knows better points, a Gauss-Newton step is left to
     do: towards the optimum that a swarm may not have reached, and for the model's discrepancy not yet
@@ -48,22 +41,20 @@ def confidence(found: Found, residual: Array, names: tuple[str, ...], seed: int)
     bias = 0.0 if found.discrepancy is None else (found.discrepancy - found.correction)[:rows]
     derivatives, spent = slopes(fit, found.point, seed)
     near = neighbourhood(fit, found.point, residual[:rows], derivatives, bias)
-    groups, more = _groups(found, near.covariance, names, seed)
+    groups, more = _groups(found, near.resolved, seed)
     evaluations = spent + more
     if found.settled:
-        return Confidence(near.covariance, groups, evaluations)
+        return Confidence(near.resolved, groups, evaluations)
     left = space.project(found.point + near.step) - found.point
-    return Confidence(near.covariance + np.outer(left, left), groups, evaluations)
+    return Confidence(near.resolved + np.outer(left, left), groups, evaluations)
 
 
-def _groups(
-    found: Found, covariance: Array, names: tuple[str, ...], seed: int
-) -> tuple[tuple[Group, ...], int]:
+def _groups(found: Found, covariance: Array, seed: int) -> tuple[tuple[Group, ...], int]:
     """Return the groups of which only the sum is known, and the simulations spent.
 
     Groups of nuisances alone are left out, and components that are known well enough for all that.
     """
-    faults = len(found.fit.space.columns)
+    faults, names = len(found.fit.space.columns), found.fit.space.coordinates
     errors = np.sqrt(np.diag(covariance))
     chosen: dict[tuple[str, ...], list[int]] = {}
     for members in confounded(covariance):
@@ -73,7 +64,7 @@ def _groups(
             chosen[called] = matter
     if not chosen:
         return (), 0
-    more, spent = _further_information(found, names, seed)
+    more, spent = _further_information(found, seed)
     channels = found.fit.problem.channels
     return tuple(
         Group(called, channels, remedies(covariance, members, more)) for called, members in chosen.items()
@@ -85,14 +76,13 @@ def _called(name: str) -> str:
     return "the baseline" if name.startswith(BASELINE) else name.removesuffix("_x").removesuffix("_y")
 
 
-def _further_information(found: Found, names: tuple[str, ...], seed: int) -> tuple[dict[str, Array], int]:
+def _further_information(found: Found, seed: int) -> tuple[dict[str, Array], int]:
     """Return the information (d, d) that each channel not recorded would add, and the simulations spent."""
-    fit, space = found.fit, found.fit.space
-    missing = tuple(name for name in OBSERVABLE if name not in fit.problem.channels)
-    if fit.problem.actuator.electrical is None:
-        missing = tuple(name for name in missing if name != "voltage_V")
+    fit = found.fit
+    possible = comparable(fit.problem.actuator)
+    missing = tuple(name for name in possible if name not in fit.problem.channels)
     more = {}
-    for i, name in enumerate(names):
+    for i, name in enumerate(fit.space.coordinates):
         if name in KNOWN_BY:
             exactly = np.zeros_like(found.point)
             exactly[i] = 1 / RESOLUTION
@@ -101,16 +91,8 @@ def _further_information(found: Found, names: tuple[str, ...], seed: int) -> tup
         return more, 0
     unweighted = replace(fit.problem, channels=missing, weights=np.ones(len(missing)))
     other = replace(fit, problem=unweighted)
-    rows = other.recorded_rows
-    derivatives, spent = scattered(
-        lambda points: other.outputs(points)[:, :rows],
-        found.point,
-        space,
-        DERIVATIVE_STEP,
-        DERIVATIVES,
-        seed,
-    )
-    levels = other.outputs(found.point[np.newaxis])[0, :rows]
+    derivatives, spent = slopes(other, found.point, seed)
+    levels = other.outputs(found.point[np.newaxis])[0, : other.recorded_rows]
     parts = zip(np.split(levels, len(missing)), np.split(derivatives, len(missing), axis=2), strict=True)
     for name, (level, part) in zip(missing, parts, strict=True):
         error = FURTHER_SHARE * np.sqrt(np.mean(level**2))

@@ -7,6 +7,7 @@ multi-fidelity additive correction (Bandler et al. 2004; March and Willcox 2012)
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from emaphm.identification.hybrid import DESCENTS, descend
 from emaphm.identification.optimizers.base import generator
 from emaphm.identification.problem import Problem
 from emaphm.identification.refinement import information, movable, scattered
+from emaphm.identification.space import PRIOR_DEVIATION
 from emaphm.simulation import REFERENCE
 
 Array = NDArray[np.float64]
@@ -45,9 +47,6 @@ ALIKE = 1.2
 
 BETTER, PATIENCE = 0.9, 2
 """What counts as progress of the misfit, and the turns without any after which it ends."""
-
-PRIOR_DEVIATION = 1 / 12**0.5
-"""Of a component that may be anywhere in [0, 1]."""
 
 LONGEST_S = 30.0
 """Recordings up to here are corrected: beyond, the reference model's steps would fill gigabytes."""
@@ -83,15 +82,19 @@ class Corrected:
         """The mean squared `residual` [A²] less the share that the doubt has in it."""
         return float(np.mean(self.residual**2) - np.mean(self.doubt**2))
 
-    def reweighted(self) -> "Corrected":
+    def reweighted(self) -> Self:
         """Return the estimate with its channels weighted by its residuals."""
-        fit = self.fit.reweighted(self.residual)
-        outputs, correction, discrepancy, doubt = (
-            fit.rescaled(rows, self.fit)
-            for rows in (self.outputs, self.correction, self.discrepancy, self.doubt)
-        )
+        return self.under(self.fit.reweighted(self.residual))
+
+    def under(self, fit: Fit) -> Self:
+        """Return the same estimate with its rows weighted as `fit` weights them."""
         return replace(
-            self, fit=fit, outputs=outputs, correction=correction, discrepancy=discrepancy, doubt=doubt
+            self,
+            fit=fit,
+            outputs=fit.rescaled(self.outputs, self.fit),
+            correction=fit.rescaled(self.correction, self.fit),
+            discrepancy=fit.rescaled(self.discrepancy, self.fit),
+            doubt=fit.rescaled(self.doubt, self.fit),
         )
 
 
@@ -145,19 +148,14 @@ def _mean(current: Corrected, alike: list[Corrected]) -> Corrected:
     """Return the mean of estimates that the reference model cannot tell apart, if it is as near as they."""
     if len(alike) < 2:
         return current
-    fit = current.fit
+    alike = [one.under(current.fit) for one in alike]
     point = np.mean([one.point for one in alike], axis=0)
-    correction, discrepancy = (
-        np.mean([fit.rescaled(getattr(one, rows), one.fit) for one in alike], axis=0)
-        for rows in ("correction", "discrepancy")
-    )
-    outputs = fit.outputs(point[np.newaxis])[0]
     mean = replace(
         current,
         point=point,
-        outputs=outputs,
-        correction=correction,
-        discrepancy=discrepancy,
+        outputs=current.fit.outputs(point[np.newaxis])[0],
+        correction=np.mean([one.correction for one in alike], axis=0),
+        discrepancy=np.mean([one.discrepancy for one in alike], axis=0),
         evaluations=current.evaluations + 1,
     )
     return mean if mean.misfit < ALIKE * current.misfit else replace(current, evaluations=mean.evaluations)

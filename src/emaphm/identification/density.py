@@ -22,10 +22,9 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from emaphm.identification.correction import PRIOR_DEVIATION
 from emaphm.identification.fit import Fit
-from emaphm.identification.neighbourhood import DERIVATIVE_STEP, DERIVATIVES
-from emaphm.identification.refinement import information, scattered
+from emaphm.identification.neighbourhood import slopes
+from emaphm.identification.refinement import information
 from emaphm.identification.space import FaultSpace
 
 Array = NDArray[np.float64]
@@ -54,16 +53,12 @@ class Density:
     def of(cls, fit: Fit, point: Array, correction: Array, covariance: Array, seed: int) -> Self:
         """Return the density whose curvature at `point` (d,) is what `covariance` (d, d) says."""
         rows = fit.recorded_rows
-        several, spent = scattered(
-            lambda points: fit.outputs(points)[:, :rows], point, fit.space, DERIVATIVE_STEP, DERIVATIVES, seed
-        )
+        several, spent = slopes(fit, point, seed)
         derivatives = several.mean(axis=0)
         fisher = information(several)
         inverse = np.asarray(np.linalg.pinv(fisher, rcond=1e-9, hermitian=True), float)
-        faults = np.full(len(fit.space.columns), PRIOR_DEVIATION)
-        priors = np.concatenate([faults, fit.space.nuisances.priors])
         # The covariance allows for a normal prior of every coordinate: what is left is the recording's.
-        known = np.linalg.inv(covariance) - np.diag(priors**-2)
+        known = np.linalg.inv(covariance) - np.diag(fit.space.prior_deviations**-2)
         values, axes = np.linalg.eigh((known + known.T) / 2)
         told = axes * np.maximum(values, 0.0) @ axes.T
         # Where nothing moves anything, nothing is told either.

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.faults import CARTESIAN_NAMES
 from emaphm.identification.confidence import confidence
 from emaphm.identification.correction import MOST_TURNS, assessed, has_reference
 from emaphm.identification.diagnosis import Diagnosis, NuisanceEstimate
@@ -132,12 +131,11 @@ def _conclude(found: Found, method: str, fitness: str, seed: int, began: float) 
     fit, problem, space = found.fit, found.fit.problem, found.fit.space
     outputs = fit.outputs(found.point[np.newaxis])[0] + found.correction
     modelled = outputs[: problem.recording.samples]
-    names = (*(CARTESIAN_NAMES[i] for i in space.columns), *space.nuisances.names)
-    sure = confidence(found, fit.target - outputs, names, seed)
+    sure = confidence(found, fit.target - outputs, seed)
     current = problem.recorded - modelled
     return Diagnosis(
         components=estimates(space, found.point, sure.covariance, sure.groups),
-        coordinates=names,
+        coordinates=space.coordinates,
         covariance=sure.covariance,
         method=method,
         model=problem.model.name,

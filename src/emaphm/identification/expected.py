@@ -64,7 +64,7 @@ def expected(conditions: Conditions, manoeuvre: Manoeuvre, faults: Array, seed: 
         weighted = fit.reweighted(residual)
         residual = weighted.rescaled(residual, fit)[: fit.recorded_rows]
         derivatives, _ = slopes(weighted, point, seed)
-        covariances.append(neighbourhood(weighted, point, residual, derivatives).covariance)
+        covariances.append(neighbourhood(weighted, point, residual, derivatives).resolved)
     return Widths.of(fit.space, points, np.array(covariances))
 
 

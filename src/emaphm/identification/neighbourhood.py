@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from emaphm.identification.correction import PRIOR_DEVIATION
 from emaphm.identification.fit import CORRELATED_ROWS, Fit
 from emaphm.identification.refinement import scattered
 from emaphm.identification.uncertainty import knowledge
@@ -21,10 +20,15 @@ DERIVATIVE_STEP, DERIVATIVES = 1e-2, 8
 
 @dataclass(frozen=True, eq=False)
 class Neighbourhood:
-    """The `covariance` (d, d) of a point, and a Gauss-Newton `step` (d,) from it."""
+    """The `covariance` (d, d) of the least squares at a point, and a Gauss-Newton `step` (d,) from it."""
 
     covariance: Array
     step: Array
+
+    @property
+    def resolved(self) -> Array:
+        """The covariance (d, d) of an estimate by descents, which are not exact."""
+        return self.covariance + RESOLUTION**2 * np.eye(self.step.size)
 
 
 def slopes(fit: Fit, point: Array, seed: int) -> tuple[Array, int]:
@@ -42,11 +46,10 @@ def neighbourhood(
 
     The step is towards the optimum, `bias` being what of the residual is known to be the model's.
     """
-    faults = len(fit.space.columns)
-    deviations = np.concatenate([np.full(faults, PRIOR_DEVIATION), fit.space.nuisances.priors])
+    faults, deviations = len(fit.space.columns), fit.space.prior_deviations
     known = knowledge(derivatives, residual, deviations, len(fit.problem.channels))
     gradient = derivatives.mean(axis=0) @ (residual - bias) / np.mean(residual**2)
     prior = CORRELATED_ROWS / deviations**2
     gradient[faults:] -= prior[faults:] * point[faults:]
     step = np.linalg.solve(known.information + np.diag(prior), gradient)
-    return Neighbourhood(known.covariance + RESOLUTION**2 * np.eye(point.size), step)
+    return Neighbourhood(known.covariance, step)

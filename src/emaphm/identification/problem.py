@@ -119,6 +119,11 @@ class Problem:
         return signals
 
 
+def comparable(actuator: Actuator) -> tuple[str, ...]:
+    """Return the channels that a model of `actuator` has to compare: no voltage without its windings."""
+    return tuple(name for name in OBSERVABLE if name != "voltage_V" or actuator.electrical is not None)
+
+
 def initial(recording: Recording, actuator: Actuator) -> Initial:
     """Return where the recorded manoeuvre starts.
 

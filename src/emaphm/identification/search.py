@@ -17,11 +17,11 @@ from emaphm.identification.methods import Method
 from emaphm.identification.nuisance import NuisanceSet
 from emaphm.identification.optimizers import State, minimise
 from emaphm.identification.optimizers.base import generator
-from emaphm.identification.problem import Problem
+from emaphm.identification.problem import Problem, comparable
 from emaphm.identification.space import FaultSpace
 from emaphm.identification.suspicion import suspected
 from emaphm.recording import Recording
-from emaphm.simulation import OBSERVABLE, Model
+from emaphm.simulation import Model
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
@@ -76,9 +76,8 @@ def fit_of(
             )
         return Fit.of(Problem.of(recording, actuator, model, workers), FaultSpace.of(actuator))
     unknown = NuisanceSet.of(actuator, nuisances, recording.names)
-    channels = tuple(name for name in OBSERVABLE if name == "current_A" or tells(recording, name))
-    if actuator.electrical is None:
-        channels = tuple(name for name in channels if name != "voltage_V")
+    possible = comparable(actuator)
+    channels = tuple(name for name in possible if name == "current_A" or tells(recording, name))
     problem = Problem.of(recording, actuator, model, workers, channels)
     return Fit.of(problem, FaultSpace.of(actuator, unknown))
 

@@ -8,13 +8,16 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtri
 
 from emaphm.actuator import NAMES, Actuator
-from emaphm.actuator.faults import HEALTHY, from_cartesian, to_cartesian
+from emaphm.actuator.faults import CARTESIAN_NAMES, HEALTHY, from_cartesian, to_cartesian
 from emaphm.identification.nuisance import NOTHING, NuisanceSet
 
 Array = NDArray[np.float64]
 
 SHORTS = NAMES[2:5]
 ECCENTRICITY = NAMES[5:7]
+
+PRIOR_DEVIATION = 1 / 12**0.5
+"""Of a component that may be anywhere in [0, 1]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +76,16 @@ class FaultSpace(Box):
     def dimensions(self) -> int:
         """The number of coordinates, d."""
         return len(self.lower)
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """The name of each coordinate."""
+        return (*(CARTESIAN_NAMES[i] for i in self.columns), *self.nuisances.names)
+
+    @property
+    def prior_deviations(self) -> Array:
+        """The standard deviation of each coordinate before the data, shape (d,)."""
+        return np.concatenate([np.full(len(self.columns), PRIOR_DEVIATION), self.nuisances.priors])
 
     def project(self, points: Array) -> Array:
         """Return `points` (…, d) moved into the bounds and the eccentricity into its circle."""

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from emaphm.actuator.faults import CARTESIAN_NAMES
 from emaphm.identification.correction import Corrected, correct
 from emaphm.identification.fit import Fit
 from emaphm.identification.neighbourhood import neighbourhood, slopes
@@ -83,10 +82,10 @@ def _suspects(found: Corrected, names: tuple[str, ...], seed: int) -> tuple[list
     for name in others:
         fit, point = _widened(found, names, (name,))
         # Derivatives were taken for all at once; each is judged as if it alone were estimated besides.
-        kept = [i for i, other in enumerate(_coordinates(wide)) if other in _coordinates(fit)]
+        kept = [i for i, other in enumerate(wide.space.coordinates) if other in fit.space.coordinates]
         near = neighbourhood(fit, point, found.residual[: fit.recorded_rows], derivatives[:, kept])
-        i = _coordinates(fit).index(name)
-        error = float(near.covariance[i, i] ** 0.5)
+        i = fit.space.coordinates.index(name)
+        error = float(near.resolved[i, i] ** 0.5)
         score = float(abs(near.step[i])) / error
         if score > SUSPICIOUS and error < TELLING / RANGE / WIDER:
             result.append(_Suspect(name, fit, fit.space.project(point + near.step), score))
@@ -95,7 +94,7 @@ def _suspects(found: Corrected, names: tuple[str, ...], seed: int) -> tuple[list
 
 def _matters(found: Corrected, name: str) -> bool:
     """Return whether nuisance `name`, whose prior is wide, is off nominal by more than any may be."""
-    value = found.point[_coordinates(found.fit).index(name)]
+    value = found.point[found.fit.space.coordinates.index(name)]
     return bool(abs(value) > LEAST / RANGE / WIDER)
 
 
@@ -109,10 +108,10 @@ def _nearer(tried: Corrected, found: Corrected) -> bool:
 
 def _standing_out(found: Corrected, name: str, seed: int) -> tuple[float, int]:
     """Return how many standard errors the estimate of `name` is off nominal, and the simulations spent."""
-    fit, i = found.fit, _coordinates(found.fit).index(name)
+    fit, i = found.fit, found.fit.space.coordinates.index(name)
     derivatives, spent = slopes(fit, found.point, seed)
     near = neighbourhood(fit, found.point, found.residual[: fit.recorded_rows], derivatives)
-    return float(abs(found.point[i]) / near.covariance[i, i] ** 0.5), spent
+    return float(abs(found.point[i]) / near.resolved[i, i] ** 0.5), spent
 
 
 def _widened(found: Corrected, names: tuple[str, ...], more: tuple[str, ...]) -> tuple[Fit, Array]:
@@ -125,10 +124,5 @@ def _widened(found: Corrected, names: tuple[str, ...], more: tuple[str, ...]) ->
     chosen = (*fit.space.nuisances.chosen, *more)
     unknown = NuisanceSet.of(less_known(actuator, (*names, *more), WIDER), chosen, recorded)
     wide = replace(fit, space=FaultSpace.of(actuator, unknown))
-    values = dict(zip(_coordinates(fit), found.point, strict=True))
-    return wide, np.array([values.get(name, 0.0) for name in _coordinates(wide)])
-
-
-def _coordinates(fit: Fit) -> list[str]:
-    """Return the names of the coordinates of the fit's points."""
-    return [*(CARTESIAN_NAMES[i] for i in fit.space.columns), *fit.space.nuisances.names]
+    values = dict(zip(fit.space.coordinates, found.point, strict=True))
+    return wide, np.array([values.get(name, 0.0) for name in wide.space.coordinates])

@@ -12,15 +12,14 @@ from emaphm.actuator.totals import totals
 from emaphm.errors import MethodError
 from emaphm.identification.correction import correct, has_reference
 from emaphm.identification.deviations import START_FACTOR, WIDEST_FACTOR, Deviations, sizes
-from emaphm.identification.fit import CORRELATED_ROWS, Fit
+from emaphm.identification.fit import Fit
 from emaphm.identification.methods import method_named
-from emaphm.identification.neighbourhood import DERIVATIVE_STEP, DERIVATIVES
+from emaphm.identification.neighbourhood import neighbourhood, slopes
 from emaphm.identification.nuisance import NuisanceSet
 from emaphm.identification.optimizers import space_filling
-from emaphm.identification.refinement import refine, scattered
+from emaphm.identification.refinement import refine
 from emaphm.identification.search import fit_of, tells
 from emaphm.identification.space import FaultSpace
-from emaphm.identification.uncertainty import knowledge
 from emaphm.recording import Recording
 from emaphm.simulation import AVERAGED
 
@@ -165,18 +164,11 @@ def estimate_unit(fit: Fit, turns: int, seed: int, on_progress: Progress | None 
         left = corrected.discrepancy - corrected.correction
         evaluations += corrected.evaluations
     residual = fit.target - fit.outputs(point[np.newaxis])[0] - correction - left
-    rows, channels = fit.recorded_rows, len(fit.problem.channels)
-    derivatives, spent = scattered(
-        lambda points: fit.outputs(points)[:, :rows], point, fit.space, DERIVATIVE_STEP, DERIVATIVES, seed
-    )
-    unknown = fit.space.nuisances
-    known = knowledge(derivatives, residual[:rows], unknown.priors, channels)
+    derivatives, spent = slopes(fit, point, seed)
     # Descents stop short of the prior where the recording tells little; one step by all derivatives does not.
-    prior = CORRELATED_ROWS / unknown.priors**2
-    gradient = derivatives.mean(axis=0) @ residual[:rows] / np.mean(residual[:rows] ** 2) - prior * point
-    step = np.linalg.solve(known.information + np.diag(prior), gradient)
+    near = neighbourhood(fit, point, residual[: fit.recorded_rows], derivatives)
     tell(1.0)
-    return UnitEstimate(fit, fit.space.project(point + step), known.covariance, evaluations + spent + 1)
+    return UnitEstimate(fit, fit.space.project(point + near.step), near.covariance, evaluations + spent + 1)
 
 
 def _search(fit: Fit, seed: int, on_progress: Progress) -> tuple[Array, int]:

@@ -8,11 +8,10 @@ from numpy.typing import NDArray
 
 from emaphm.actuator import NAMES
 from emaphm.actuator.faults import HEALTHY
-from emaphm.identification.correction import PRIOR_DEVIATION
 from emaphm.identification.diagnosis import Estimate
 from emaphm.identification.groups import Group
 from emaphm.identification.problem import noise_level
-from emaphm.identification.space import FaultSpace
+from emaphm.identification.space import PRIOR_DEVIATION, FaultSpace
 
 Array = NDArray[np.float64]
 
