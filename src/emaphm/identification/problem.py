@@ -7,8 +7,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from emaphm.actuator import Actuator, Sampled
-from emaphm.recording import Recording, with_equivalent_current
+from emaphm.actuator import Actuator
+from emaphm.recording import Recording, reconstructed, with_equivalent_current
 from emaphm.simulation import (
     AVERAGED,
     OBSERVABLE,
@@ -53,13 +53,13 @@ class Problem:
     ) -> Self:
         """Return the problem of explaining `recording` by `model` of `actuator`.
 
-        The recorded command, and the load where it was recorded, drive the model; both are taken as
-        linear between interval midpoints (between rows where the recording holds instants).
+        The recorded command, and the load where it was recorded, drive the model, each as a smooth curve
+        behind its rows.
         """
-        load = _signal(recording, "load_Nm") if "load_Nm" in recording else 0.0
+        load = reconstructed(recording, "load_Nm") if "load_Nm" in recording else 0.0
         recording = with_equivalent_current(recording, actuator)
         inputs = Inputs.of(
-            _signal(recording, "command_rad"),
+            reconstructed(recording, "command_rad"),
             load,
             samples=recording.samples,
             interval=recording.interval_s,
@@ -133,7 +133,7 @@ def initial(recording: Recording, actuator: Actuator) -> Initial:
     """
     ratio = actuator.mechanics.gear_ratio
     # At the first instant: a row that is a mean stands for half an interval later.
-    position = float(_signal(recording, "command_rad")(np.zeros(1))[0])
+    position = float(reconstructed(recording, "command_rad")(np.zeros(1))[0])
     if "position_rad" in recording:
         measured = recording["position_rad"]
         if abs(measured[0] - position) > 3 * noise_level(measured):
@@ -183,17 +183,3 @@ def _starting_speed(recording: Recording, ratio: float) -> float:
 def noise_level(values: Array) -> float:
     """Return the rms of the white noise on a smooth signal (n,), from its second differences."""
     return float(np.sqrt(np.mean(np.diff(values, 2) ** 2) / 6))
-
-
-def _signal(recording: Recording, name: str) -> Sampled:
-    """Return a recorded channel as a function of the time since the first row."""
-    t = np.arange(recording.samples) * recording.interval_s
-    values = recording[name]
-    if recording.sampling == "instant":
-        return Sampled(t, values)
-    # Means stand for their interval's midpoint; half an interval is left over at either end.
-    half = recording.interval_s / 2
-    first, last = (3 * values[0] - values[1]) / 2, (3 * values[-1] - values[-2]) / 2
-    return Sampled(
-        np.concatenate([[0.0], t + half, [t[-1] + 2 * half]]), np.concatenate([[first], values, [last]])
-    )

@@ -5,6 +5,7 @@ from emaphm.recording.equivalent_current import equivalent_current, with_equival
 from emaphm.recording.output import check_writable
 from emaphm.recording.plausibility import check_plausible
 from emaphm.recording.readers import read_recording, read_signal
+from emaphm.recording.reconstruction import reconstructed
 from emaphm.recording.recording import Recording
 from emaphm.recording.writers import write_recording
 
@@ -17,6 +18,7 @@ __all__ = [
     "full_scales",
     "read_recording",
     "read_signal",
+    "reconstructed",
     "with_equivalent_current",
     "write_recording",
 ]

@@ -1,0 +1,30 @@
+"""The signal behind its recorded rows."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emaphm.recording.recording import Recording
+
+Array = NDArray[np.float64]
+
+
+def reconstructed(recording: Recording, name: str) -> Callable[[Array], Array]:
+    """Return a recorded channel as a function of the time since the first row [s].
+
+    A smooth curve through the rows (Akima 1970), which does not overshoot beside a jump as splines do. Where
+    rows are means, through the interval midpoints, by what a mean over an interval h falls short of a curve's
+    midpoint there, h²/24 of its second derivative. A straight line between rows would cut the corners: of a
+    15 Hz command at 1 kHz it loses 0.1 %.
+    """
+    from scipy.interpolate import Akima1DInterpolator
+
+    interval, values = recording.interval_s, recording[name]
+    t = np.arange(recording.samples) * interval
+    last = t[-1]
+    if recording.sampling == "mean":
+        bent = np.pad(np.diff(values, 2), 1, mode="edge")
+        t, values, last = t + interval / 2, values - bent / 24, last + interval
+    curve = Akima1DInterpolator(t, values, extrapolate=True)
+    return lambda times: np.asarray(curve(np.clip(times, 0.0, last)), float)
