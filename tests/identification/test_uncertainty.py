@@ -6,10 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
-from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
-from emaphm.identification.uncertainty import _correlated, bandwidth, knowledge
+from emaphm.identification.uncertainty import LEAST_SPREAD, knowledge, long_run
 
 Array = NDArray[np.float64]
 
@@ -58,16 +57,16 @@ def test_white_noise_gives_the_textbook_covariance() -> None:
     white = sigma * np.random.default_rng(1).normal(size=(100, SAMPLES))
     mean = np.mean([covariance(DERIVATIVES, one, WIDE) for one in what_is_left(white)], axis=0)
     exact = sigma**2 * np.linalg.inv(DERIVATIVES @ DERIVATIVES.T)
-    # The sandwich adds a few sample autocovariances: of each matrix some 10 % noise, of the mean of 100
-    # a tenth of that; and it drops what the tapered lags take from the variance of slow regressors.
+    # The sandwich takes some 70 transforms: of each matrix some 15 % noise, of the mean of 100 a tenth of
+    # that; and the fit has taken some of the lowest from the residual.
     scale = np.sqrt(np.outer(np.diag(exact), np.diag(exact)))
     np.testing.assert_allclose(mean / scale, exact / scale, rtol=0, atol=0.05)
 
 
 @pytest.mark.parametrize(
     ("rho", "short_by"),
-    # The sample autocovariance is cut at a bandwidth and tapered: the more slowly the residual forgets,
-    # the more is missed. Andrews (1991, table I) has the like for the same kernel.
+    # The transforms reach up to 74 Hz: the more slowly the residual forgets, the more of its power is below
+    # that, and the more they understate it (the spectrum of 0.9 falls to half at 84 Hz).
     [(0.0, 0.05), (0.5, 0.1), (0.9, 0.2)],
 )
 def test_the_sandwich_agrees_with_how_estimates_scatter(rho: float, short_by: float) -> None:
@@ -144,32 +143,44 @@ def test_a_perfect_fit_leaves_only_what_the_data_do_not_tell() -> None:
     np.testing.assert_allclose(found, np.diag([0, 0, 0, 0.29**2]), atol=1e-12)
 
 
-@given(residual=arrays(np.float64, 50, elements=st.floats(-10, 10)), seed=st.integers(0, 9))
-def test_the_convolution_is_the_product_with_the_tapered_autocovariance(residual: Array, seed: int) -> None:
-    derivatives = np.random.default_rng(seed).normal(size=(2, 50))
-    lags = bandwidth(residual)
-    centred = residual - residual.mean()
-    column = np.zeros(50)
-    for lag in range(lags + 1):
-        column[lag] = (1 - lag / (lags + 1)) * np.sum(centred[lag:] * centred[: 50 - lag]) / 50
-    column[0] += residual.mean() ** 2
-    np.testing.assert_allclose(
-        _correlated(derivatives, residual), derivatives @ toeplitz(column), rtol=0, atol=1e-10
-    )
+def test_what_happens_in_two_channels_at_once_counts_once() -> None:
+    white = np.random.default_rng(4).normal(0, 0.1, SAMPLES)
+    once = covariance(DERIVATIVES, white, WIDE)
+    twice = knowledge(np.tile(DERIVATIVES, 2), np.tile(white, 2), WIDE, channels=2).covariance
+    # But for the least spread, by which alone there seem to be two.
+    np.testing.assert_allclose(twice, once, rtol=2 * LEAST_SPREAD)
+    # Noise of its own in either channel is worth two recordings.
+    apart = np.concatenate([white, np.random.default_rng(5).normal(0, 0.1, SAMPLES)])
+    halved = np.diag(knowledge(np.tile(DERIVATIVES, 2), apart, WIDE, channels=2).covariance) / np.diag(once)
+    np.testing.assert_allclose(halved, 0.5, rtol=0.4)
 
 
-@pytest.mark.parametrize("rho", [0.3, 0.7, 0.9])
-def test_the_bandwidth_is_that_of_andrews(rho: float) -> None:
-    found = np.median([bandwidth(one) for one in autoregressive(rho, 50)])
-    # 1.1447 (4 rho² n / (1 - rho²)²)^(1/3); rho is estimated to sqrt((1 - rho²) / n), a few per cent of it.
-    exact = 1.1447 * (4 * rho**2 * SAMPLES / (1 - rho**2) ** 2) ** (1 / 3)
-    assert found == pytest.approx(exact, rel=0.05, abs=1)
+def test_a_residual_that_is_large_where_the_model_moves_counts_for_more() -> None:
+    # Louder by the square of the first regressor: its estimate follows the loud part.
+    loudness = DERIVATIVES[0] ** 2
+    residuals = loudness * autoregressive(0.0)
+    actual = errors_of_estimates(residuals).std(axis=0)
+    ratio = typical_errors(residuals) / actual
+    np.testing.assert_allclose(ratio, 1.0, rtol=0, atol=0.05 + SAMPLING)
+    stationary = np.sqrt(np.mean(loudness**2) * np.diag(np.linalg.inv(DERIVATIVES @ DERIVATIVES.T)))
+    assert np.any(np.abs(stationary / actual - 1) > 0.05 + SAMPLING)
 
 
-@pytest.mark.parametrize(
-    "residual",
-    [np.zeros(50), np.full(50, 3.0), np.arange(50.0), (-1.0) ** np.arange(50)],
-    ids=["zero", "constant", "trend", "alternating"],
-)
-def test_the_bandwidth_stays_within_reason(residual: Array) -> None:
-    assert 1 <= bandwidth(residual) <= 12
+@pytest.mark.parametrize("samples", [50, 200, 2500])
+def test_intervals_hold_the_truth_as_often_as_they_say_however_few_the_rows(samples: int) -> None:
+    draws = 1000
+    values = np.random.default_rng(6).normal(size=(draws, samples))
+    level = np.ones((1, samples))
+    errors = [np.sqrt(covariance(level, one - one.mean(), np.array([1e6]))[0, 0]) for one in values]
+    held = np.mean(np.abs(values.mean(axis=1)) < 1.96 * np.array(errors))
+    # Three standard deviations of a share of 95 % of so many.
+    assert held == pytest.approx(0.95, abs=3 * np.sqrt(0.95 * 0.05 / draws))
+
+
+@given(scores=arrays(np.float64, (2, 60), elements=st.floats(-10, 10)), factor=st.floats(0.1, 10))
+def test_the_long_run_covariance_is_one(scores: Array, factor: float) -> None:
+    found = long_run(scores)
+    assert np.linalg.eigvalsh(found)[0] >= -1e-9 * max(1.0, np.trace(found))
+    np.testing.assert_allclose(long_run(factor * scores), factor**2 * found, rtol=1e-9, atol=1e-9)
+    # A constant is what the sum is about, not its scatter.
+    np.testing.assert_allclose(long_run(scores + factor), found, rtol=1e-6, atol=1e-6)

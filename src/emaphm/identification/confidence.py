@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from emaphm.identification.correction import RESOLUTION
 from emaphm.identification.fit import CORRELATED_ROWS
 from emaphm.identification.groups import Group, confounded, remedies
-from emaphm.identification.neighbourhood import RESOLUTION, neighbourhood, slopes
+from emaphm.identification.neighbourhood import neighbourhood, slopes
 from emaphm.identification.nuisance import BASELINE, KNOWN_BY
 from emaphm.identification.problem import comparable
 from emaphm.identification.search import Found
@@ -41,12 +42,13 @@ def confidence(found: Found, residual: Array, seed: int) -> Confidence:
     bias = 0.0 if found.discrepancy is None else (found.discrepancy - found.correction)[:rows]
     derivatives, spent = slopes(fit, found.point, seed)
     near = neighbourhood(fit, found.point, residual[:rows], derivatives, bias)
-    groups, more = _groups(found, near.resolved, seed)
+    covariance = near.covariance + found.play
+    groups, more = _groups(found, covariance, seed)
     evaluations = spent + more
     if found.settled:
-        return Confidence(near.resolved, groups, evaluations)
+        return Confidence(covariance, groups, evaluations)
     left = space.project(found.point + near.step) - found.point
-    return Confidence(near.resolved + np.outer(left, left), groups, evaluations)
+    return Confidence(covariance + np.outer(left, left), groups, evaluations)
 
 
 def _groups(found: Found, covariance: Array, seed: int) -> tuple[tuple[Group, ...], int]:

@@ -22,7 +22,7 @@ from emaphm.simulation import REFERENCE
 
 Array = NDArray[np.float64]
 
-MOST_TURNS = 8
+MOST_TURNS = 10
 
 RUNS = 16
 """Runs of the reference model in a turn, shared by the points proposed: its kernel takes so many at once."""
@@ -45,8 +45,11 @@ FARTHEST = 0.1
 ALIKE = 1.2
 """Misfits that differ by less are alike: chaos alone makes a recording's vary by some ten percent."""
 
-BETTER, PATIENCE = 0.9, 2
+BETTER, PATIENCE = 0.9, 3
 """What counts as progress of the misfit, and the turns without any after which it ends."""
+
+RESOLUTION = 2e-4
+"""Standard error taken for what kinks of stick-slip leave a descent of play, where it was not measured."""
 
 LONGEST_S = 30.0
 """Recordings up to here are corrected: beyond, the reference model's steps would fill gigabytes."""
@@ -58,8 +61,9 @@ class Corrected:
 
     `discrepancy` is that correction as it stands at the estimate itself: the two differ by what a
     further turn would still change. `doubt` is its standard error by the chaos of switching, (rows,).
-    `evaluations` counts the averaged model's runs, `reference_runs` the reference model's. `settled` is
-    true where the reference model has seen no better beside it.
+    `play` (d, d) is the covariance that the search itself adds to that of the data. `evaluations` counts
+    the averaged model's runs, `reference_runs` the reference model's. `settled` is true where the reference
+    model has seen no better beside it.
     """
 
     fit: Fit
@@ -68,6 +72,7 @@ class Corrected:
     correction: Array
     discrepancy: Array
     doubt: Array
+    play: Array
     evaluations: int
     reference_runs: int
     settled: bool = False
@@ -98,6 +103,11 @@ class Corrected:
         )
 
 
+def resolution(dimensions: int) -> Array:
+    """Return the covariance (d, d) that a search is taken to add where its play was not measured."""
+    return RESOLUTION**2 * np.eye(dimensions)
+
+
 def has_reference(problem: Problem) -> bool:
     """Return whether the reference model can run: windings described, the recording not too long."""
     return problem.actuator.electrical is not None and problem.recording.duration_s <= LONGEST_S
@@ -113,7 +123,8 @@ def correct(
 
     Each turn proposes several points under the present correction, and asks the reference model how far
     each is from the recording. It takes the boldest of those that are as near as any, so never one that
-    is farther than before by more than chaos makes of it; of those that it cannot tell apart, the mean.
+    is farther than before by more than chaos makes of it. In the end, the mean of those that the turns
+    without progress led to: the reference model cannot tell them apart.
     """
     reference = fit.problem.by(REFERENCE)
     current = assessed(fit, point, reference)
@@ -128,7 +139,7 @@ def correct(
         taken = current
         if misfits[bold] < ALIKE * current.misfit:
             taken = tried[bold]
-            alike = [*alike, taken] if idle else [taken]
+            alike = [*alike, taken] if idle else []
         current = replace(
             taken,
             evaluations=current.evaluations + evaluations + len(proposals),
@@ -145,20 +156,27 @@ def correct(
 
 
 def _mean(current: Corrected, alike: list[Corrected]) -> Corrected:
-    """Return the mean of estimates that the reference model cannot tell apart, if it is as near as they."""
+    """Return the mean of estimates that the reference model cannot tell apart, if it is as near as they.
+
+    What they scatter is the play of the search.
+    """
     if len(alike) < 2:
         return current
     alike = [one.under(current.fit) for one in alike]
-    point = np.mean([one.point for one in alike], axis=0)
+    points = np.array([one.point for one in alike])
+    point, scatter = points.mean(axis=0), np.cov(points, rowvar=False)
     mean = replace(
         current,
         point=point,
         outputs=current.fit.outputs(point[np.newaxis])[0],
         correction=np.mean([one.correction for one in alike], axis=0),
         discrepancy=np.mean([one.discrepancy for one in alike], axis=0),
+        play=scatter / len(alike),
         evaluations=current.evaluations + 1,
     )
-    return mean if mean.misfit < ALIKE * current.misfit else replace(current, evaluations=mean.evaluations)
+    if mean.misfit < ALIKE * current.misfit:
+        return mean
+    return replace(current, play=scatter, evaluations=mean.evaluations)
 
 
 def assessed(fit: Fit, point: Array, reference: Problem) -> Corrected:
@@ -178,8 +196,9 @@ def _assessed(fit: Fit, points: Array, correction: Array, reference: Problem) ->
     beside = fit.space.project(points[:, np.newaxis] + apart).reshape(-1, points.shape[1])
     runs = fit.by(reference).outputs(beside).reshape(len(points), repeats, -1)
     doubts = runs.std(axis=1, ddof=1) / repeats**0.5
+    play = resolution(points.shape[1])
     return [
-        Corrected(fit, point, here, correction, there - here, doubt, 1, repeats)
+        Corrected(fit, point, here, correction, there - here, doubt, play, 1, repeats)
         for point, here, there, doubt in zip(points, outputs, runs.mean(axis=1), doubts, strict=True)
     ]
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.identification.conditions import Conditions
-from emaphm.identification.correction import APART, RUNS, SHARES, has_reference
+from emaphm.identification.correction import APART, RUNS, SHARES, has_reference, resolution
 from emaphm.identification.fit import Fit
 from emaphm.identification.manoeuvre import Manoeuvre
 from emaphm.identification.neighbourhood import neighbourhood, slopes
@@ -64,8 +64,8 @@ def expected(conditions: Conditions, manoeuvre: Manoeuvre, faults: Array, seed: 
         weighted = fit.reweighted(residual)
         residual = weighted.rescaled(residual, fit)[: fit.recorded_rows]
         derivatives, _ = slopes(weighted, point, seed)
-        covariances.append(neighbourhood(weighted, point, residual, derivatives).resolved)
-    return Widths.of(fit.space, points, np.array(covariances))
+        covariances.append(neighbourhood(weighted, point, residual, derivatives).covariance)
+    return Widths.of(fit.space, points, np.array(covariances) + resolution(points.shape[1]))
 
 
 def _noise(fit: Fit, noise: float, seed: list[int]) -> Array:

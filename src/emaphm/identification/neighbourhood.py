@@ -11,9 +11,6 @@ from emaphm.identification.uncertainty import knowledge
 
 Array = NDArray[np.float64]
 
-RESOLUTION = 2e-4
-"""Standard error that no data go below: kinks of stick-slip leave the least squares that much play."""
-
 DERIVATIVE_STEP, DERIVATIVES = 1e-2, 8
 """Step of the differences that uncertainty is told from, and how often they are taken."""
 
@@ -24,11 +21,6 @@ class Neighbourhood:
 
     covariance: Array
     step: Array
-
-    @property
-    def resolved(self) -> Array:
-        """The covariance (d, d) of an estimate by descents, which are not exact."""
-        return self.covariance + RESOLUTION**2 * np.eye(self.step.size)
 
 
 def slopes(fit: Fit, point: Array, seed: int) -> tuple[Array, int]:

@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.identification.conditions import Conditions
+from emaphm.identification.correction import RESOLUTION
 from emaphm.identification.diagnose import diagnose
 from emaphm.identification.error import error_percent
 from emaphm.identification.expected import Widths
 from emaphm.identification.manoeuvre import Manoeuvre
-from emaphm.identification.neighbourhood import RESOLUTION
 from emaphm.identification.search import part
 from emaphm.identification.space import FaultSpace
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator
 from emaphm.errors import MethodError, nearest
-from emaphm.identification.correction import correct, has_reference
+from emaphm.identification.correction import correct, has_reference, resolution
 from emaphm.identification.fit import Fit
 from emaphm.identification.fitness import FITNESSES
 from emaphm.identification.hybrid import descend, hybrid
@@ -34,9 +34,10 @@ class Found:
     """Where a method ended: its point (d,), its fitness to the current, and what it took.
 
     `fit` is what was fitted in the end; `correction`, (rows,), was added to its outputs; `discrepancy`,
-    where known, is what it should be at the point itself; `settled` is true where the reference model has
-    seen no better point beside it. `evaluations` counts runs of the fitted model, `reference_runs` those
-    of the reference model. The nuisances `suspected` were not asked for and stood out.
+    where known, is what it should be at the point itself; `play` (d, d) is the covariance that the search
+    adds to that of the data; `settled` is true where the reference model has seen no better point beside it.
+    `evaluations` counts runs of the fitted model, `reference_runs` those of the reference model. The
+    nuisances `suspected` were not asked for and stood out.
     """
 
     fit: Fit
@@ -44,6 +45,7 @@ class Found:
     fitness: float
     correction: Array
     discrepancy: Array | None
+    play: Array
     evaluations: int
     reference_runs: int
     settled: bool = False
@@ -138,7 +140,7 @@ def _refined(fit: Fit, method: Method, seed: int, on_progress: Progress | None) 
         on_progress(1.0)
     point, evaluations = descended.points[descended.best], refined.evaluations + descended.evaluations
     misfit = _misfit(fit, fit.outputs(point[np.newaxis])[0])
-    return Found(fit, point, misfit, nothing, None, evaluations + 1, 0)
+    return Found(fit, point, misfit, nothing, None, resolution(point.size), evaluations + 1, 0)
 
 
 def _corrected(
@@ -155,6 +157,7 @@ def _corrected(
         _misfit(found.fit, found.outputs + found.correction),
         found.correction,
         found.discrepancy,
+        found.play,
         refined.evaluations + found.evaluations,
         found.reference_runs,
         found.settled,
@@ -201,4 +204,5 @@ def _population(
     told: Any = tell if on_progress or on_population else None
     result = minimise(optimizer, evaluate, seed, told)
     point = space.spread(result.point[np.newaxis])[0]
-    return Found(fit, point, result.fitness, np.zeros_like(fit.target), None, result.evaluations, 0)
+    play = resolution(point.size)
+    return Found(fit, point, result.fitness, np.zeros_like(fit.target), None, play, result.evaluations, 0)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from emaphm.identification.correction import Corrected, correct
+from emaphm.identification.correction import Corrected, correct, resolution
 from emaphm.identification.fit import Fit
 from emaphm.identification.neighbourhood import neighbourhood, slopes
 from emaphm.identification.nuisance import RANGE, NuisanceSet, less_known
@@ -85,7 +85,7 @@ def _suspects(found: Corrected, names: tuple[str, ...], seed: int) -> tuple[list
         kept = [i for i, other in enumerate(wide.space.coordinates) if other in fit.space.coordinates]
         near = neighbourhood(fit, point, found.residual[: fit.recorded_rows], derivatives[:, kept])
         i = fit.space.coordinates.index(name)
-        error = float(near.resolved[i, i] ** 0.5)
+        error = float((near.covariance + resolution(point.size))[i, i] ** 0.5)
         score = float(abs(near.step[i])) / error
         if score > SUSPICIOUS and error < TELLING / RANGE / WIDER:
             result.append(_Suspect(name, fit, fit.space.project(point + near.step), score))
@@ -111,7 +111,7 @@ def _standing_out(found: Corrected, name: str, seed: int) -> tuple[float, int]:
     fit, i = found.fit, found.fit.space.coordinates.index(name)
     derivatives, spent = slopes(fit, found.point, seed)
     near = neighbourhood(fit, found.point, found.residual[: fit.recorded_rows], derivatives)
-    return float(abs(found.point[i]) / near.resolved[i, i] ** 0.5), spent
+    return float(abs(found.point[i]) / (near.covariance + found.play)[i, i] ** 0.5), spent
 
 
 def _widened(found: Corrected, names: tuple[str, ...], more: tuple[str, ...]) -> tuple[Fit, Array]:

@@ -1,20 +1,26 @@
 """How sure an estimate is: standard errors from the Jacobian, the residual's autocorrelation allowed for.
 
-Residuals of a good fit are still correlated over milliseconds: ripple, friction, what the model leaves
-out. Least squares then seems surer than it is; the sandwich estimator of Newey and West (1987) is not
-misled. A weak prior keeps what the data do not constrain at its prior width instead of at infinity.
+Residuals of a good fit are still correlated over milliseconds, and larger at some times than at others:
+ripple, friction, what the model leaves out. Least squares then seems surer than it is; a sandwich estimator
+is not misled. Its middle part is the variance of the scores (derivatives times residual) at their lowest
+frequencies, as Müller (2004) estimates it and Lazarus, Lewis, Stock and Watson (2018) advise. A weak prior
+keeps what the data do not constrain at its prior width instead of at infinity.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import irfft, next_fast_len, rfft
+from scipy.fft import dct
+from scipy.special import ndtri, stdtrit
 
 from emaphm.identification.refinement import information
 
 Array = NDArray[np.float64]
 
+
+COSINES = 0.4
+"""Cosine transforms, as a multiple of the samples to the power 2/3."""
 
 LEAST_SPREAD = 1e-3
 """Of an estimate, as a share of what white residuals would make."""
@@ -54,9 +60,9 @@ def knowledge(derivatives: Array, residual: Array, prior_deviation: Array, chann
     parts = np.split(several, channels, axis=2)
     fisher = np.sum([assured(part) for part in parts], axis=0) / variance
     # An estimate follows the mean derivatives: the noise of single ones is not its own.
-    means = [part.mean(axis=0) for part in parts]
-    series = zip(means, np.split(residual, channels), strict=True)
-    spread = sum(mean @ _correlated(mean, left).T for mean, left in series) / variance**2
+    scores = several.mean(axis=0) * residual
+    # What happens in several channels at once is one event: their scores of an instant belong together.
+    spread = long_run(scores.reshape(len(scores), channels, -1).sum(axis=1)) / variance**2
     # Anticorrelated or perfect residuals leave next to no spread: no fit is that much better than white.
     spread = spread + LEAST_SPREAD * fisher
     prior = np.diag(1 / prior_deviation**2)
@@ -69,8 +75,8 @@ def knowledge(derivatives: Array, residual: Array, prior_deviation: Array, chann
 def assured(derivatives: Array) -> Array:
     """Return the `information` (d, d) of several derivatives (n, d, rows) that their noise cannot have made.
 
-    Free of bias, it is still of either sign by chance where the data tell nothing. So two standard errors
-    are taken off along each of its axes, by the jackknife over the n points (Efron and Tibshirani 1993,
+    Free of bias, it is still of either sign by chance where the data tell nothing. So a standard error
+    is taken off along each of its axes, by the jackknife over the n points (Efron and Tibshirani 1993,
     ch. 11); of two points or one there is no telling, and nothing is.
     """
     found, count = information(derivatives), len(derivatives)
@@ -84,38 +90,17 @@ def assured(derivatives: Array) -> Array:
     without = total[:, np.newaxis] - 2 * (products.sum(axis=2) - squares)
     means = without / ((count - 1) * (count - 2))
     errors = np.sqrt((count - 1) * np.var(means, axis=1))
-    return np.asarray(axes * np.maximum(values - 2 * errors, 0.0) @ axes.T)
+    return np.asarray(axes * np.maximum(values - errors, 0.0) @ axes.T)
 
 
-def _correlated(derivatives: Array, residual: Array) -> Array:
-    """Return the derivatives (d, samples) multiplied by the residual's autocovariance matrix.
+def long_run(scores: Array) -> Array:
+    """Return the covariance (d, d) of the sums of `scores` (d, samples), however they are correlated.
 
-    The sample autocovariance is tapered linearly (Bartlett), which keeps the matrix positive
-    semidefinite; multiplying by a Toeplitz matrix is a convolution.
+    By their first cosine transforms, which are uncorrelated and all of that covariance: as many as Lazarus
+    et al. (2018, eq. 10) take, and larger by what Student's t of so many is wider than the normal.
     """
-    n = residual.size
-    lags = bandwidth(residual)
-    size = next_fast_len(n + lags)
-    spectrum = np.abs(rfft(residual - residual.mean(), size)) ** 2
-    autocovariance = irfft(spectrum, size)[: lags + 1] / n
-    autocovariance[0] += residual.mean() ** 2
-    taper = 1 - np.arange(lags + 1) / (lags + 1)
-    kernel = np.zeros(size)
-    kernel[: lags + 1] = autocovariance * taper
-    kernel[size - lags :] = (autocovariance * taper)[:0:-1]
-    product = irfft(rfft(derivatives, size, axis=1) * rfft(kernel), size, axis=1)
-    return np.asarray(product[:, :n])
-
-
-def bandwidth(residual: Array) -> int:
-    """Return the number of lags over which the residual's autocorrelation counts.
-
-    Andrews (1991), eq. 6.4, for the Bartlett taper and a first-order autoregression.
-    """
-    centred = residual - residual.mean()
-    power = float(centred @ centred)
-    rho = float(centred[1:] @ centred[:-1]) / power if power > 0 else 0.0
-    rho = float(np.clip(rho, 0.0, 0.99))
-    alpha = 4 * rho**2 / (1 - rho**2) ** 2
-    lags = int(np.ceil(1.1447 * (alpha * residual.size) ** (1 / 3)))
-    return int(np.clip(lags, 1, residual.size // 4))
+    samples = scores.shape[1]
+    count = max(1, int(COSINES * samples ** (2 / 3)))
+    transforms = dct(scores, axis=1, norm="ortho")[:, 1 : count + 1]
+    wider = stdtrit(count, 0.975) / ndtri(0.975)
+    return np.asarray(wider**2 * samples / count * transforms @ transforms.T)
