@@ -27,6 +27,9 @@ COPPER = 3.93e-3
 MAGNETS = -1.1e-3
 """Temperature coefficient of the remanence of NdFeB magnets, and so of the torque constant [1/K]."""
 
+MAGNETS_SPREAD = 0.2
+"""Standard deviation of that coefficient, relative: grades of NdFeB have -0.09 to -0.13 %/K."""
+
 RANGE = 5.0
 """Standard deviations of the prior to a unit of a nuisance's coordinate."""
 

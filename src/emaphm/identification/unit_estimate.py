@@ -15,7 +15,7 @@ from emaphm.identification.deviations import START_FACTOR, WIDEST_FACTOR, Deviat
 from emaphm.identification.fit import Fit
 from emaphm.identification.methods import method_named
 from emaphm.identification.neighbourhood import neighbourhood, slopes
-from emaphm.identification.nuisance import NuisanceSet
+from emaphm.identification.nuisance import MAGNETS, MAGNETS_SPREAD, NuisanceSet
 from emaphm.identification.optimizers import space_filling
 from emaphm.identification.refinement import refine
 from emaphm.identification.search import fit_of, tells
@@ -59,13 +59,19 @@ class UnitEstimate:
         """Return the deviations of all `free` parameters (p,) and their covariance (p, p).
 
         The torque constant was not fitted where the recording tells moments in proportion to it alone:
-        then nothing is known of that common scale.
+        then nothing is known of that common scale. Where heat was unknown, the recording tells the constant
+        at nominal temperature no better than what magnets lose by heat is known.
         """
         first = self._first
         fitted, _ = self._columns(free)
         chosen = np.eye(len(free))[:, fitted]
         scale = math.log(WIDEST_FACTOR) * self._scale(free)
         spread = chosen @ self.covariance[first:, first:] @ chosen.T + np.outer(scale, scale)
+        unknown = self.fit.space.nuisances
+        if "temperature" in unknown.quantities and "torque_constant" in unknown.parameters:
+            heat = unknown.deviations[unknown.quantities.index("temperature")]
+            i = free.index("torque_constant")
+            spread[i, i] += (MAGNETS_SPREAD * MAGNETS * heat) ** 2
         return chosen @ self.point[first:], spread
 
     def nuisances_given(self, free: tuple[str, ...], parameters: Array) -> dict[str, float]:
