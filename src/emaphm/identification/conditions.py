@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from emaphm.actuator import NAMES, Actuator
 from emaphm.actuator.faults import HEALTHY
 from emaphm.errors import MethodError, SignalError, nearest
-from emaphm.identification.fit import Fit
+from emaphm.identification.fit import LEAST_MOTION, Fit
 from emaphm.identification.manoeuvre import Manoeuvre
 from emaphm.identification.methods import method_named
 from emaphm.identification.optimizers.space_filling import space_filling
@@ -33,9 +33,6 @@ CONVERTER_BITS = 12
 
 LARGEST_SHORT = 0.7
 """Up to here the averaged model is meant for shorts (PHYSICS.md section 5)."""
-
-LEAST_MOTION = 0.01
-"""Share of the command's range that the position must cover for the manoeuvre to move the actuator."""
 
 FEWEST_ROWS = 50
 """Rows of the shortest manoeuvre: fewer tell next to nothing of ten unknowns."""

@@ -98,5 +98,6 @@ def _further_information(found: Found, seed: int) -> tuple[dict[str, Array], int
     parts = zip(np.split(levels, len(missing)), np.split(derivatives, len(missing), axis=2), strict=True)
     for name, (level, part) in zip(missing, parts, strict=True):
         error = FURTHER_SHARE * np.sqrt(np.mean(level**2))
-        more[name] = assured(part) / (error**2 * CORRELATED_ROWS)
+        if error > 0:  # a channel that shows nothing, as the speed at rest, tells nothing
+            more[name] = assured(part) / (error**2 * CORRELATED_ROWS)
     return more, spent + 1

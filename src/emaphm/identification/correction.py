@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from emaphm.identification.fit import CORRELATED_ROWS, Fit
 from emaphm.identification.hybrid import DESCENTS, descend
 from emaphm.identification.optimizers.base import generator
-from emaphm.identification.problem import Problem
+from emaphm.identification.problem import Problem, noise_level
 from emaphm.identification.refinement import information, movable, scattered
 from emaphm.identification.space import PRIOR_DEVIATION
 from emaphm.simulation import REFERENCE
@@ -60,7 +60,8 @@ class Corrected:
     """An estimate and the `correction`, (rows,), that the `outputs` of its `fit` had when it was found.
 
     `discrepancy` is that correction as it stands at the estimate itself: the two differ by what a
-    further turn would still change. `doubt` is its standard error by the chaos of switching, (rows,).
+    further turn would still change. `doubt` is its standard error by the chaos of switching, (rows,), and
+    `chaos` [A²] what that makes the current of one run scatter.
     `play` (d, d) is the covariance that the search itself adds to that of the data. `evaluations` counts
     the averaged model's runs, `reference_runs` the reference model's. `settled` is true where the reference
     model has seen no better beside it.
@@ -72,6 +73,7 @@ class Corrected:
     correction: Array
     discrepancy: Array
     doubt: Array
+    chaos: float
     play: Array
     evaluations: int
     reference_runs: int
@@ -84,8 +86,18 @@ class Corrected:
 
     @property
     def misfit(self) -> float:
-        """The mean squared `residual` [A²] less the share that the doubt has in it."""
-        return float(np.mean(self.residual**2) - np.mean(self.doubt**2))
+        """The mean squared `residual` [A²] less the share that the doubt has in it, at least 0."""
+        return max(float(np.mean(self.residual**2) - np.mean(self.doubt**2)), 0.0)
+
+    @property
+    def excess(self) -> float:
+        """The current's `residual` in multiples of what noise and chaos leave: at most 1 at the truth."""
+        return float(np.sqrt(self.left / (noise_level(self.fit.problem.recorded) ** 2 + self.chaos)))
+
+    @property
+    def left(self) -> float:
+        """The mean squared `residual` of the current [A²]."""
+        return float(np.mean(self.residual[: self.fit.problem.recording.samples] ** 2))
 
     def reweighted(self) -> Self:
         """Return the estimate with its channels weighted by its residuals."""
@@ -115,11 +127,11 @@ def has_reference(problem: Problem) -> bool:
 
 def correct(
     fit: Fit,
-    point: Array,
+    points: Array,
     turns: int,
     on_progress: Callable[[float], None] | None = None,
 ) -> Corrected:
-    """Return the estimate after up to `turns` corrections of the fit at `point` (d,).
+    """Return the estimate after up to `turns` corrections, from the best of `points` (n, d).
 
     Each turn proposes several points under the present correction, and asks the reference model how far
     each is from the recording. It takes the boldest of those that are as near as any, so never one that
@@ -127,7 +139,11 @@ def correct(
     without progress led to: the reference model cannot tell them apart.
     """
     reference = fit.problem.by(REFERENCE)
-    current = assessed(fit, point, reference)
+    started = _assessed(fit, points, np.zeros_like(fit.target), reference)
+    current = min(started, key=lambda one: one.left)
+    current = replace(
+        current, evaluations=len(points), reference_runs=sum(one.reference_runs for one in started)
+    )
     idle, alike = 0, list[Corrected]()
     for turn in range(turns):
         current = current.reweighted()
@@ -137,7 +153,7 @@ def correct(
         bold = int(np.flatnonzero(misfits <= ALIKE * misfits.min())[-1])
         idle = 0 if misfits[bold] < BETTER * current.misfit else idle + 1
         taken = current
-        if misfits[bold] < ALIKE * current.misfit:
+        if misfits[bold] <= ALIKE * current.misfit:
             taken = tried[bold]
             alike = [*alike, taken] if idle else []
         current = replace(
@@ -174,7 +190,7 @@ def _mean(current: Corrected, alike: list[Corrected]) -> Corrected:
         play=scatter / len(alike),
         evaluations=current.evaluations + 1,
     )
-    if mean.misfit < ALIKE * current.misfit:
+    if mean.misfit <= ALIKE * current.misfit:
         return mean
     return replace(current, play=scatter, evaluations=mean.evaluations)
 
@@ -195,11 +211,23 @@ def _assessed(fit: Fit, points: Array, correction: Array, reference: Problem) ->
     apart = generator(0, 2).normal(0.0, APART, (len(points), repeats, points.shape[1]))
     beside = fit.space.project(points[:, np.newaxis] + apart).reshape(-1, points.shape[1])
     runs = fit.by(reference).outputs(beside).reshape(len(points), repeats, -1)
-    doubts = runs.std(axis=1, ddof=1) / repeats**0.5
+    scatter = runs.var(axis=1, ddof=1)
+    chaos = scatter[:, : fit.problem.recording.samples].mean(axis=1)
     play = resolution(points.shape[1])
     return [
-        Corrected(fit, point, here, correction, there - here, doubt, play, 1, repeats)
-        for point, here, there, doubt in zip(points, outputs, runs.mean(axis=1), doubts, strict=True)
+        Corrected(
+            fit,
+            points[i],
+            outputs[i],
+            correction,
+            runs[i].mean(axis=0) - outputs[i],
+            (scatter[i] / repeats) ** 0.5,
+            float(chaos[i]),
+            play,
+            1,
+            repeats,
+        )
+        for i in range(len(points))
     ]
 
 

@@ -11,21 +11,18 @@ from emaphm.actuator import Actuator
 from emaphm.identification.confidence import confidence
 from emaphm.identification.correction import MOST_TURNS, assessed, has_reference
 from emaphm.identification.diagnosis import Diagnosis, NuisanceEstimate
-from emaphm.identification.fit import Fit
+from emaphm.identification.fit import LEAST_MOTION, Fit
 from emaphm.identification.methods import method_named
 from emaphm.identification.nuisance import unit_of
 from emaphm.identification.sampling import check_posterior, sample
 from emaphm.identification.search import Found, check_fitness, fit_of, part, search
-from emaphm.identification.verdict import estimates, is_explained
+from emaphm.identification.verdict import HARDLY_KNOWN, estimates, is_explained
 from emaphm.recording import Recording, check_plausible
 from emaphm.simulation import REFERENCE, model_named
 from emaphm.version import VERSION
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
-
-HARDLY_KNOWN = 0.7
-"""Standard error of a nuisance, as a share of its prior's, from which on the data tell next to nothing."""
 
 SEARCHING = 0.1
 """Share of the time that the search takes where the posterior is sampled after it."""
@@ -157,7 +154,19 @@ def _conclude(found: Found, method: str, fitness: str, seed: int, began: float) 
         nuisances=_nuisances(fit, found.point, sure.covariance),
         groups=sure.groups,
         suspected=found.suspected,
+        moves=_moves(fit, found.point),
     )
+
+
+def _moves(fit: Fit, point: Array) -> bool:
+    """Return whether the actuator moved: as recorded, or as the model at `point` (d,) has it."""
+    recording, name = fit.problem.recording, "position_rad"
+    if name in recording:
+        position = recording[name]
+    else:
+        seen = replace(fit, problem=replace(fit.problem, channels=(name,), weights=np.ones(1)))
+        position = seen.outputs(point[np.newaxis])[0, : recording.samples]
+    return bool(np.ptp(position) > LEAST_MOTION * np.ptp(recording["command_rad"]))
 
 
 def _nuisances(fit: Fit, point: Array, spread: Array) -> dict[str, NuisanceEstimate]:

@@ -70,7 +70,8 @@ class Diagnosis:
     less modelled current; `explained` is false where that is more than the model can answer for.
     `recorded`, `modelled` [A] and `time_s` [s] have shape (samples,). `channels` were compared, and
     `nuisances` estimated with the faults, those `suspected` because they stood out though nobody had asked.
-    Of each of the `groups` only the sum is known. `posterior` is there where it was asked for.
+    Of each of the `groups` only the sum is known; `moves` is false where the actuator stood still.
+    `posterior` is there where it was asked for.
     """
 
     components: Mapping[str, Estimate]
@@ -96,6 +97,7 @@ class Diagnosis:
     nuisances: Mapping[str, NuisanceEstimate] = field(default_factory=dict)
     groups: tuple[Group, ...] = ()
     suspected: tuple[str, ...] = ()
+    moves: bool = True
     posterior: "Posterior | None" = None
 
     @property
@@ -134,6 +136,7 @@ class Diagnosis:
                 for name, estimate in self.nuisances.items()
             },
             "suspected": list(self.suspected),
+            "moves": self.moves,
             "groups": [
                 {"members": list(group.members), "remedies": list(group.remedies)} for group in self.groups
             ],
@@ -216,6 +219,11 @@ class Diagnosis:
         grouped = {name for group in self.groups for name in group.members}
         untold = [name for name in self.nuisances if name not in told.keys() | unit.keys() | grouped]
         lines = []
+        if not self.moves:
+            lines.append(
+                "The actuator does NOT move: its command holds still, or it is jammed, too weak or switched "
+                "off. Standing still tells next to nothing of its faults."
+            )
         if told:
             values = ", ".join(f"{name} {estimate}" for name, estimate in told.items())
             lines.append(f"Estimated besides: {values}.")

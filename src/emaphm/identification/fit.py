@@ -14,6 +14,9 @@ Array = NDArray[np.float64]
 CORRELATED_ROWS = 20
 """Rows over which a residual is correlated, roughly: so many count as one against a prior."""
 
+LEAST_MOTION = 0.01
+"""Share of the command's range that the position covers at least where a manoeuvre moves the actuator."""
+
 FINEST = 1e-4
 """Least residual, as a share of its channel, that a channel is trusted to."""
 

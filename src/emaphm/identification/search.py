@@ -1,7 +1,7 @@
 """Searching for the faults that explain a recording, by whichever method."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator
 from emaphm.errors import MethodError, nearest
-from emaphm.identification.correction import correct, has_reference, resolution
+from emaphm.identification.correction import Corrected, correct, has_reference, resolution
 from emaphm.identification.fit import Fit
 from emaphm.identification.fitness import FITNESSES
 from emaphm.identification.hybrid import descend, hybrid
@@ -27,6 +27,10 @@ Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 OnPopulation = Callable[[int, float, Array], None]
 """Told after each population: evaluations so far, least fitness so far, its normalised faults (8,)."""
+
+
+MOST_SEARCHES, AGREE = 4, 0.02
+"""Searches where more is left than noise and chaos make; two that end so close to each other will do."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,8 +150,20 @@ def _refined(fit: Fit, method: Method, seed: int, on_progress: Progress | None) 
 def _corrected(
     fit: Fit, method: Method, turns: int, seed: int, on_progress: Progress | None, *, suspecting: bool
 ) -> Found:
-    refined = hybrid(fit, seed, method.optimizer, part(on_progress, 0.0, 0.4))
-    found = correct(fit, refined.points[refined.best], turns, part(on_progress, 0.4, 1.0))
+    found = _searched(fit, method, turns, seed, on_progress)
+    for another in generator(seed, 4).integers(2**31, size=MOST_SEARCHES - 1):
+        if found.excess <= 1:
+            break
+        other = _searched(fit, method, turns, int(another))
+        agree = bool(np.all(np.abs(other.point - found.point) < AGREE))
+        better = other if other.left < found.left else found
+        found = replace(
+            better,
+            evaluations=found.evaluations + other.evaluations,
+            reference_runs=found.reference_runs + other.reference_runs,
+        )
+        if agree:
+            break
     names: tuple[str, ...] = ()
     if suspecting:
         found, names = suspected(found, turns, seed)
@@ -158,11 +174,20 @@ def _corrected(
         found.correction,
         found.discrepancy,
         found.play,
-        refined.evaluations + found.evaluations,
+        found.evaluations,
         found.reference_runs,
         found.settled,
         names,
     )
+
+
+def _searched(
+    fit: Fit, method: Method, turns: int, seed: int, on_progress: Progress | None = None
+) -> Corrected:
+    """Return where the global stage and the corrections after it lead."""
+    refined = hybrid(fit, seed, method.optimizer, part(on_progress, 0.0, 0.4))
+    found = correct(fit, refined.points, turns, part(on_progress, 0.4, 1.0))
+    return replace(found, evaluations=found.evaluations + refined.evaluations)
 
 
 def _misfit(fit: Fit, outputs: Array) -> float:

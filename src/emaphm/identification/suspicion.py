@@ -54,7 +54,7 @@ def suspected(found: Corrected, turns: int, seed: int) -> tuple[Corrected, tuple
         suspects, evaluations = _suspects(found, names, seed)
         found = replace(found, evaluations=found.evaluations + evaluations)
         for suspect in suspects:
-            tried = correct(suspect.fit, suspect.point, turns)
+            tried = correct(suspect.fit, suspect.point[np.newaxis], turns)
             score, evaluations = _standing_out(tried, suspect.name, seed)
             evaluations += found.evaluations + tried.evaluations
             reference_runs = found.reference_runs + tried.reference_runs

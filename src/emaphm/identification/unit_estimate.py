@@ -165,7 +165,7 @@ def estimate_unit(fit: Fit, turns: int, seed: int, on_progress: Progress | None 
     correction: Array | float = 0.0
     left: Array | float = 0.0
     if turns > 0 and has_reference(fit.problem):
-        corrected = correct(fit, point, turns, lambda fraction: tell((1 + 2 * fraction) / 3))
+        corrected = correct(fit, point[np.newaxis], turns, lambda fraction: tell((1 + 2 * fraction) / 3))
         fit, point, correction = corrected.fit, corrected.point, corrected.correction
         left = corrected.discrepancy - corrected.correction
         evaluations += corrected.evaluations

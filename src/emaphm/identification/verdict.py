@@ -19,6 +19,9 @@ Z95 = 1.959963984540054
 WIDEST_HALF_INTERVAL = 0.25
 """A component known less well than this is called not identifiable: the data leave half its range open."""
 
+HARDLY_KNOWN = 0.7
+"""Standard error, as a share of the prior's, from which on the data tell next to nothing."""
+
 HEALTHY_MARGIN = 0.02
 """An interval this near to the healthy value counts as healthy: no model is right to a hundredth."""
 
@@ -74,6 +77,9 @@ def _component(value: float, error: float, healthy: float, together: str = "") -
     low, high = interval = (max(value - half, 0.0), min(value + half, 1.0))
     identifiable = half <= WIDEST_HALF_INTERVAL
     reason = "" if identifiable else together or "this recording does not constrain it; more motion would"
+    if error > HARDLY_KNOWN * PRIOR_DEVIATION:
+        # Where nothing is told, the search has ended anywhere: so may the interval be.
+        return _untold(value, error, (0.0, 1.0), reason)
     verdict: Literal["healthy", "degraded", "cannot tell"]
     if max(low - healthy, healthy - high) > HEALTHY_MARGIN:
         verdict = "degraded"
