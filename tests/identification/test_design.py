@@ -36,10 +36,11 @@ def told(
     channels: tuple[str, ...] = ("current",),
     noise: float = 0.05,
     sample_rate: float = 5000.0,
+    count: int = 4,
 ) -> Widths:
-    """Return what is expected of `manoeuvre` under four fault vectors."""
+    """Return what is expected of `manoeuvre` under `count` fault vectors."""
     conditions = Conditions.of(actuator, channels, noise, sample_rate, workers=1)
-    return expected(conditions, manoeuvre, conditions.faults(4, seed=3), seed=3)
+    return expected(conditions, manoeuvre, conditions.faults(count, seed=3), seed=3)
 
 
 @pytest.fixture(scope="module")
@@ -86,11 +87,12 @@ def test_intervals_are_as_wide_as_noise_and_rows_demand(
 ) -> None:
     # White noise and nothing else: in proportion to its rms, and to the root of the rows' distance.
     manoeuvre = Manoeuvre(Chirp(stop_hz=3.0), 0.5)
-    base = told(manoeuvre, EMPS, noise=0.2)
-    other = told(manoeuvre, EMPS, noise=noise, sample_rate=sample_rate)
-    for name in ("friction", "gain"):
-        # The autocovariance that the sandwich takes from one draw of noise is off by some percent.
-        assert other.half_widths[name] / base.half_widths[name] == pytest.approx(ratio, rel=0.1)
+    base = told(manoeuvre, EMPS, noise=0.2, count=48)
+    other = told(manoeuvre, EMPS, noise=noise, sample_rate=sample_rate, count=48)
+    # The gain shows in a few percent of the rows alone, and from one draw of noise its width is known to a
+    # third: the ratio of 48 to 7 %, and less where friction, which shows in all, has its share in the mean.
+    found = np.exp(np.mean(other.logarithms - base.logarithms))
+    assert found == pytest.approx(ratio, rel=0.15)
 
 
 def test_every_manoeuvre_meets_the_same_faults_and_noise() -> None:

@@ -129,6 +129,7 @@ def _conclude(found: Found, method: str, fitness: str, seed: int, began: float) 
     outputs = fit.outputs(found.point[np.newaxis])[0] + found.correction
     modelled = outputs[: problem.recording.samples]
     sure = confidence(found, fit.target - outputs, seed)
+    moves, spent = _moves(fit, found.point)
     current = problem.recorded - modelled
     return Diagnosis(
         components=estimates(space, found.point, sure.covariance, sure.groups),
@@ -140,7 +141,7 @@ def _conclude(found: Found, method: str, fitness: str, seed: int, began: float) 
         fitness=found.fitness,
         residual_rms_A=float(np.sqrt(np.mean(current**2))),
         explained=is_explained(problem.recorded, current, corrected=bool(found.correction.any())),
-        evaluations=found.evaluations + sure.evaluations + 1,
+        evaluations=found.evaluations + sure.evaluations + spent + 1,
         reference_runs=found.reference_runs,
         seconds=time.perf_counter() - began,
         seed=seed,
@@ -154,19 +155,22 @@ def _conclude(found: Found, method: str, fitness: str, seed: int, began: float) 
         nuisances=_nuisances(fit, found.point, sure.covariance),
         groups=sure.groups,
         suspected=found.suspected,
-        moves=_moves(fit, found.point),
+        moves=moves,
     )
 
 
-def _moves(fit: Fit, point: Array) -> bool:
-    """Return whether the actuator moved: as recorded, or as the model at `point` (d,) has it."""
+def _moves(fit: Fit, point: Array) -> tuple[bool, int]:
+    """Return whether the actuator moved, and the simulations spent.
+
+    As its position was recorded, or else as the model at `point` (d,) has it.
+    """
     recording, name = fit.problem.recording, "position_rad"
     if name in recording:
-        position = recording[name]
+        position, spent = recording[name], 0
     else:
         seen = replace(fit, problem=replace(fit.problem, channels=(name,), weights=np.ones(1)))
-        position = seen.outputs(point[np.newaxis])[0, : recording.samples]
-    return bool(np.ptp(position) > LEAST_MOTION * np.ptp(recording["command_rad"]))
+        position, spent = seen.outputs(point[np.newaxis])[0, : recording.samples], 1
+    return bool(np.ptp(position) > LEAST_MOTION * np.ptp(recording["command_rad"])), spent
 
 
 def _nuisances(fit: Fit, point: Array, spread: Array) -> dict[str, NuisanceEstimate]:
