@@ -87,6 +87,14 @@ def test_half_the_range_left_open_is_not_identifiable_but_may_be_degraded_for_al
     assert judged(0.128, friction=0.1)["friction"].verdict == "cannot tell"
 
 
+@pytest.mark.parametrize("value", [0.0, 0.5, 1.0])
+def test_where_the_prior_is_nearly_all_there_is_the_search_may_have_ended_anywhere(value: float) -> None:
+    # 0.7 of the prior's 0.289.
+    assert judged(0.203, friction=value)["friction"].interval95 == (0.0, 1.0)
+    assert judged(0.203, friction=value)["friction"].verdict == "cannot tell"
+    assert judged(0.2, friction=1.0)["friction"].verdict == "degraded"
+
+
 @pytest.mark.parametrize(
     ("value", "verdict"),
     # Half an interval is 0.0588: from 0 to 0.0988, 0.1008, and then 0.0193 and 0.0212 to more.
