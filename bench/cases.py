@@ -44,7 +44,10 @@ class Case:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a case: error [%]; by component of `NAMES` coverage, half-width and alarm; seconds."""
+    """What came of a case: error [%]; by component of `NAMES` coverage, half-width and alarm; seconds.
+
+    `moves` is false where the diagnosis says that the actuator stood still.
+    """
 
     case: Case
     error: float
@@ -52,6 +55,7 @@ class Outcome:
     half_widths: tuple[float, ...]
     alarms: tuple[bool, ...]
     explained: bool
+    moves: bool
     seconds: float
 
 
@@ -59,6 +63,13 @@ def random_faults(seed: int) -> ema.Faults:
     """Return faults with shorts up to 0.7, all else anywhere in [0, 1]."""
     vector = np.random.default_rng(seed).random(len(NAMES))
     vector[2:5] *= 0.7
+    return ema.Faults.from_vector(vector)
+
+
+def heavy_faults(seed: int) -> ema.Faults:
+    """Return faults with shorts of 0.5 to 0.85 in each phase, all else anywhere in [0, 1]."""
+    vector = np.random.default_rng(seed).random(len(NAMES))
+    vector[2:5] = 0.5 + 0.35 * vector[2:5]
     return ema.Faults.from_vector(vector)
 
 
@@ -99,6 +110,7 @@ def diagnosed(case: Case) -> Outcome:
         tuple((high - low) / 2 for low, high in intervals),
         tuple(found.components[name].verdict == "degraded" for name in NAMES),
         found.explained,
+        found.moves,
         found.seconds,
     )
 

@@ -39,7 +39,7 @@ RANDOM, SMALL, HEALTHY = 20, 2, 6
 
 SMALL_SIZE = 0.05
 
-DEFAULT = "load and temperature estimated (default)"
+DEFAULT = "load, temperature and what stands out estimated (default)"
 
 
 @dataclass(frozen=True)

@@ -224,6 +224,11 @@ class Diagnosis:
                 "The actuator does NOT move: its command holds still, or it is jammed, too weak or switched "
                 "off. Standing still tells next to nothing of its faults."
             )
+        if not self.explained:
+            lines.append(
+                "More is left over than noise and the model can answer for: what acts there is none of these "
+                "faults, and they are as wrong as it is large. Look at the residual before you trust them."
+            )
         if told:
             values = ", ".join(f"{name} {estimate}" for name, estimate in told.items())
             lines.append(f"Estimated besides: {values}.")
