@@ -61,10 +61,10 @@ class Corrected:
 
     `discrepancy` is that correction as it stands at the estimate itself: the two differ by what a
     further turn would still change. `doubt` is its standard error by the chaos of switching, (rows,), and
-    `chaos` [A²] what that makes the current of one run scatter.
-    `play` (d, d) is the covariance that the search itself adds to that of the data. `evaluations` counts
-    the averaged model's runs, `reference_runs` the reference model's. `settled` is true where the reference
-    model has seen no better beside it.
+    `chaos` [A²] the variance that this makes of the current in one run. `play` (d, d) is the covariance that
+    the search itself adds to that of the data. `evaluations` counts the averaged model's runs,
+    `reference_runs` the reference model's. `settled` is true where the reference model has seen no better
+    beside it.
     """
 
     fit: Fit

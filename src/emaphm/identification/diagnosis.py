@@ -226,8 +226,8 @@ class Diagnosis:
             )
         if not self.explained:
             lines.append(
-                "More is left over than noise and the model can answer for: what acts there is none of these "
-                "faults, and they are as wrong as it is large. Look at the residual before you trust them."
+                "More is left over than noise and the model answer for: something acts that is none of these "
+                "faults, or the search was lost. Look at the residual before you trust them."
             )
         if told:
             values = ", ".join(f"{name} {estimate}" for name, estimate in told.items())

@@ -3,8 +3,8 @@
 Residuals of a good fit are still correlated over milliseconds, and larger at some times than at others:
 ripple, friction, what the model leaves out. Least squares then seems surer than it is; a sandwich estimator
 is not misled. Its middle part is the variance of the scores (derivatives times residual) at their lowest
-frequencies, as Müller (2004) estimates it and Lazarus, Lewis, Stock and Watson (2018) advise. A weak prior
-keeps what the data do not constrain at its prior width instead of at infinity.
+frequencies (Müller 2007; Lazarus, Lewis, Stock and Watson 2018). A weak prior keeps what the data do not
+constrain at its prior width instead of at infinity.
 """
 
 from dataclasses import dataclass
@@ -97,7 +97,7 @@ def long_run(scores: Array) -> Array:
     """Return the covariance (d, d) of the sums of `scores` (d, samples), however they are correlated.
 
     By their first cosine transforms, which are uncorrelated and all of that covariance: as many as Lazarus
-    et al. (2018, eq. 10) take, and larger by what Student's t of so many is wider than the normal.
+    et al. (2018) advise, and larger by what Student's t of so many is wider than the normal.
     """
     samples = scores.shape[1]
     count = max(1, int(COSINES * samples ** (2 / 3)))
