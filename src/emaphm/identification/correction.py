@@ -33,11 +33,11 @@ APART = 1e-5
 SHARES = np.array([[0.0], [0.3], [1.0]])
 """Proposals, from where a descent ends: shares of a step by derivatives about several points."""
 
-DESCENTS_AGAIN = 2
-"""Descents of a turn that follows one without progress."""
-
 STEP, POINTS = 2e-2, 4
 """The step of these derivatives' differences, and the points that they are taken about."""
+
+DESCENTS_AGAIN, POINTS_AGAIN = 2, 2
+"""Descents and points of a turn that follows one without progress: it adds to what was found there."""
 
 FARTHEST = 0.1
 """Longest step of a proposal beyond the descent."""
@@ -144,11 +144,11 @@ def correct(
     current = replace(
         current, evaluations=len(points), reference_runs=sum(one.reference_runs for one in started)
     )
-    idle, alike = 0, list[Corrected]()
+    idle, alike, found = 0, list[Corrected](), None
     for turn in range(turns):
         current = current.reweighted()
-        proposals, evaluations = _proposals(current, turn, DESCENTS_AGAIN if idle else DESCENTS)
-        tried = _assessed(current.fit, proposals, current.discrepancy, reference)
+        found = _beside(current, turn, found if idle else None)
+        tried = _assessed(current.fit, found.proposals, current.discrepancy, reference)
         misfits = np.array([one.misfit for one in tried])
         bold = int(np.flatnonzero(misfits <= ALIKE * misfits.min())[-1])
         idle = 0 if misfits[bold] < BETTER * current.misfit else idle + 1
@@ -158,7 +158,7 @@ def correct(
             alike = [*alike, taken] if idle else []
         current = replace(
             taken,
-            evaluations=current.evaluations + evaluations + len(proposals),
+            evaluations=current.evaluations + found.evaluations + len(tried),
             reference_runs=current.reference_runs + sum(one.reference_runs for one in tried),
             settled=idle == PATIENCE,
         )
@@ -231,21 +231,33 @@ def _assessed(fit: Fit, points: Array, correction: Array, reference: Problem) ->
     ]
 
 
-def _proposals(current: Corrected, turn: int, descents: int) -> tuple[Array, int]:
-    """Return points (n, d) that may be nearer under the present correction, and the simulations spent.
+@dataclass(frozen=True, eq=False)
+class _Beside:
+    """What a turn finds beside an estimate: points (n, d) that may be nearer, and `evaluations` spent.
+
+    And the `derivatives` (m, d, rows) about several points, as `fit` weights them.
+    """
+
+    fit: Fit
+    proposals: Array
+    derivatives: Array
+    evaluations: int
+
+
+def _beside(current: Corrected, turn: int, before: _Beside | None) -> _Beside:
+    """Return what may be nearer under the present correction, where `before` was found in the same place.
 
     A Gauss-Newton step by derivatives about several points sees past the kinks of stick-slip in which a
     descent is caught, but may also lead astray.
     """
     fit, space = current.fit, current.fit.space
+    descents, points = (DESCENTS, POINTS) if before is None else (DESCENTS_AGAIN, POINTS_AGAIN)
     descended = descend(fit, current.point, current.discrepancy, generator(turn, 3), descents)
     point = descended.points[descended.best]
-
-    def simulate(points: Array) -> Array:
-        return fit.outputs(points) + current.discrepancy
-
-    derivatives, spent = scattered(simulate, point, space, STEP, POINTS, seed=turn)
-    residual = fit.target - simulate(point[np.newaxis])[0]
+    derivatives, spent = scattered(fit.outputs, point, space, STEP, points, seed=turn)
+    if before is not None:
+        derivatives = np.concatenate([fit.rescaled(before.derivatives, before.fit), derivatives])
+    residual = fit.target - fit.outputs(point[np.newaxis])[0] - current.discrepancy
     gradient = derivatives.mean(axis=0) @ residual
     cost = float(np.mean(residual**2))
     normal = information(derivatives) + cost * CORRELATED_ROWS / PRIOR_DEVIATION**2 * np.eye(point.size)
@@ -253,4 +265,5 @@ def _proposals(current: Corrected, turn: int, descents: int) -> tuple[Array, int
     step = np.zeros(point.size)
     step[free] = np.linalg.solve(normal[np.ix_(free, free)], gradient[free])
     step *= min(1.0, FARTHEST / max(float(np.linalg.norm(step)), FARTHEST))
-    return space.project(point + SHARES * step), descended.evaluations + spent + 1
+    proposals = space.project(point + SHARES * step)
+    return _Beside(fit, proposals, derivatives, descended.evaluations + spent + 1)

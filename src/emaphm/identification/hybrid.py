@@ -31,7 +31,7 @@ SMOOTH_STARTS, SHARP_STARTS = 3, 2
 APART = 0.2
 """Least distance between two starts: a population gathers, and one start from each gathering is enough."""
 
-DESCENTS, BESIDE = 5, 4e-3
+DESCENTS, BESIDE = 4, 4e-3
 """Descents of the fine stage from about a point, and how far apart they start (rms of each dimension)."""
 
 COARSE, FINE = (1e-2, 8, 3e-2), (2e-3, 12, 1e-2)

@@ -150,20 +150,7 @@ def _refined(fit: Fit, method: Method, seed: int, on_progress: Progress | None) 
 def _corrected(
     fit: Fit, method: Method, turns: int, seed: int, on_progress: Progress | None, *, suspecting: bool
 ) -> Found:
-    found = _searched(fit, method, turns, seed, on_progress)
-    for another in generator(seed, 4).integers(2**31, size=MOST_SEARCHES - 1):
-        if found.excess <= 1:
-            break
-        other = _searched(fit, method, turns, int(another))
-        agree = bool(np.all(np.abs(other.point - found.point) < AGREE))
-        better = other if other.left < found.left else found
-        found = replace(
-            better,
-            evaluations=found.evaluations + other.evaluations,
-            reference_runs=found.reference_runs + other.reference_runs,
-        )
-        if agree:
-            break
+    found = _found_by_several(fit, method, turns, seed, on_progress)
     names: tuple[str, ...] = ()
     if suspecting:
         found, names = suspected(found, turns, seed)
@@ -179,6 +166,27 @@ def _corrected(
         found.settled,
         names,
     )
+
+
+def _found_by_several(
+    fit: Fit, method: Method, turns: int, seed: int, on_progress: Progress | None
+) -> Corrected:
+    """Return where the nearest of several searches leads: of one, where it leaves no more than it should."""
+    found = _searched(fit, method, turns, seed, on_progress)
+    for another in generator(seed, 4).integers(2**31, size=MOST_SEARCHES - 1):
+        if found.excess <= 1:
+            break
+        other = _searched(fit, method, turns, int(another))
+        agree = bool(np.all(np.abs(other.point - found.point) < AGREE))
+        nearer = other if other.left < found.left else found
+        found = replace(
+            nearer,
+            evaluations=found.evaluations + other.evaluations,
+            reference_runs=found.reference_runs + other.reference_runs,
+        )
+        if agree:
+            break
+    return found
 
 
 def _searched(
