@@ -111,6 +111,13 @@ def test_an_actuator_that_does_not_move_is_called_so_and_its_faults_untold() -> 
         assert found.components[name].interval95 == (0.0, 1.0)
 
 
+def test_an_actuator_at_the_edge_of_standing_still_is_diagnosed_for_all_that() -> None:
+    # Channels that hardly show anything there would tell everything, if their size were taken for it.
+    edge = np.array([0.8702, 0.2868, 0.7111, 0.7721, 0.7506, 0.9154, 0.8604, 0.9182])
+    found = diagnose(reference_recordings([edge])[0], THESIS, nuisances=(), seed=9)
+    assert np.all(np.isfinite(found.covariance))
+
+
 def test_an_actuator_that_moves_is_not(fits: list[Fit]) -> None:
     found = diagnose(fits[0].problem.recording, THESIS)
     assert found.moves

@@ -12,6 +12,7 @@ from emaphm.identification.neighbourhood import neighbourhood, slopes
 from emaphm.identification.nuisance import BASELINE, KNOWN_BY
 from emaphm.identification.problem import comparable
 from emaphm.identification.search import Found
+from emaphm.identification.space import PRIOR_DEVIATION
 from emaphm.identification.uncertainty import assured
 from emaphm.identification.verdict import HEALTHY_MARGIN, Z95
 
@@ -97,7 +98,8 @@ def _further_information(found: Found, seed: int) -> tuple[dict[str, Array], int
     levels = other.outputs(found.point[np.newaxis])[0, : other.recorded_rows]
     parts = zip(np.split(levels, len(missing)), np.split(derivatives, len(missing), axis=2), strict=True)
     for name, (level, part) in zip(missing, parts, strict=True):
-        error = FURTHER_SHARE * np.sqrt(np.mean(level**2))
-        if error > 0:  # a channel that shows nothing, as the speed at rest, tells nothing
-            more[name] = assured(part) / (error**2 * CORRELATED_ROWS)
+        # Where next to nothing moves, a channel's size is that of what the faults would make of it.
+        size = max(float(np.sqrt(np.mean(level**2))), PRIOR_DEVIATION * float(np.sqrt(np.mean(part**2))))
+        if size > 0:
+            more[name] = assured(part) / ((FURTHER_SHARE * size) ** 2 * CORRELATED_ROWS)
     return more, spent + 1
