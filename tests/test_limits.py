@@ -36,6 +36,7 @@ GOOD: dict[str, Any] = {
     "half_widths": (0.01,) * 8,
     "alarms": (False,) * 8,
     "explained": True,
+    "moves": True,
     "seconds": 0.1,
 }
 
