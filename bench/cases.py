@@ -11,15 +11,14 @@ from itertools import chain
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 import emaphm as ema
 from bench.rig import Rig, recorded
 from emaphm.actuator import NAMES
 from emaphm.actuator.faults import HEALTHY
-from emaphm.identification.correction import MOST_TURNS
+from emaphm.arrays import Array
+from emaphm.estimation.bias_correction import MOST_TURNS
 
-Array = NDArray[np.float64]
 Key = TypeVar("Key", bound=Hashable)
 
 PROCESSES = 2

@@ -17,9 +17,10 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 import emaphm as ema
 from emaphm.report.embed import plain_style, svg
 from emaphm.report.study import write_study_report
-from emaphm.study import Plan, Store, published, run_study
-from emaphm.study.fitness_study import draw_scans, fitness_study, fitness_table
-from emaphm.study.statistics import VARIANT, by_case, by_method
+from emaphm.study import Plan, Store, run_study
+from emaphm.study.analysis.statistics import VARIANT, by_case, by_method
+from emaphm.study.thesis import published
+from emaphm.study.thesis.fitness_study import draw_scans, fitness_study, fitness_table
 
 STUDIES = Path("studies")
 PAGES = Path(__file__).parent / "pages"

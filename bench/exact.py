@@ -9,7 +9,7 @@ import emaphm as ema
 from bench.cases import Case, Outcome, coverage, errors, heavy_faults, random_faults, spread_of
 from bench.comparison import table
 from bench.rig import IDEAL, NOISE_A
-from emaphm.identification.correction import MOST_TURNS
+from emaphm.estimation.bias_correction import MOST_TURNS
 
 RANDOM, UNCORRECTED, HEAVY, TEN = 200, 60, 60, 10
 MULTIPLE = ema.Faults(0.25, 0.75, 0.8, 0.8, 0.8, 0.25, 0.5, 0.75)

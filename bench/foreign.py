@@ -12,12 +12,10 @@ from typing import Any, NamedTuple
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator, Command, Faults
+from emaphm.arrays import Array
 from emaphm.recording import Recording, acquire, full_scales
-
-Array = NDArray[np.float64]
 
 STEP_S = 1e-6
 """Longest integration step [s]: 1/500 of the period of a 2 kHz shaft."""

@@ -3,8 +3,8 @@
 from typing import TYPE_CHECKING, Literal
 
 from bench.limits import Axis, Figures, Outcomes
+from emaphm.plotting.study import COLOURS, LEGEND, WIDTH
 from emaphm.report.embed import plain_style, svg
-from emaphm.study.figures import COLOURS, LEGEND, WIDTH
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -3,14 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 import emaphm as ema
 from bench import foreign
-from emaphm.actuator.totals import totals, with_totals
-from emaphm.identification.nuisance import COPPER, MAGNETS
-
-Array = NDArray[np.float64]
+from emaphm.actuator.lumped_parameters import totals, with_totals
+from emaphm.estimation.nuisances import COPPER, MAGNETS
 
 NOISE_A, BITS = 0.05, 12
 LOAD_NM, HEAT_K = 0.2, 40.0

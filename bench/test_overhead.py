@@ -7,15 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from bench.conftest import Report
-from emaphm.identification.optimizers import OPTIMIZERS, minimise
+from emaphm.arrays import Array
+from emaphm.optimizers import OPTIMIZERS, minimise
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-Array = NDArray[np.float64]
 
 AGENTS, DIMENSIONS, GENERATIONS = 50, 8, 100
 

@@ -15,7 +15,7 @@ import emaphm as ema
 from bench import cases
 from bench.conftest import Report
 from bench.rig import BASE, CURRENT, EVERYTHING, VOLTAGE, recorded
-from emaphm.identification.correction import MOST_TURNS
+from emaphm.estimation.bias_correction import MOST_TURNS
 from emaphm.simulation import AVERAGED, REFERENCE, Inputs, Model, Plant, monitor, run, simulate_batch
 
 RUNS = 64

@@ -1,7 +1,32 @@
-"""Settings of all tests."""
+"""Settings of all tests, and recordings that several files diagnose, simulated once."""
 
+import numpy as np
+import pytest
 from hypothesis import settings
+
+from cases import SINGLES, THESIS, reference_recordings
+from emaphm.actuator import Chirp, Faults
+from emaphm.recording import Recording
+from emaphm.simulated_recording import simulate
 
 # Examples are the same on every run, as everything else here; kernels compile on their first call.
 settings.register_profile("emaphm", deadline=None, derandomize=True, max_examples=60)
 settings.load_profile("emaphm")
+
+
+@pytest.fixture(scope="session")
+def healthy() -> Recording:
+    """Return every channel of the healthy actuator, with the sensor noise of the demonstration."""
+    return simulate(THESIS, Chirp(), noise=0.05)
+
+
+@pytest.fixture(scope="session")
+def shorted() -> Recording:
+    """Return every channel of an actuator with a third of phase b shorted."""
+    return simulate(THESIS, Chirp(), faults=Faults(short_b=0.3), noise=0.05)
+
+
+@pytest.fixture(scope="session")
+def singles() -> list[Recording]:
+    """Return recordings of the ten single faults, noise-free."""
+    return reference_recordings(np.stack([faults.vector for faults in SINGLES.values()]))

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator, Faults
-from emaphm.identification.nuisance import NAMES as NUISANCES
+from emaphm.estimation.nuisances import NAMES as NUISANCES
 
 UNIT = st.floats(0.0, 1.0)
 POSITIVE = st.floats(1e-9, 1e9)

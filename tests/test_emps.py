@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 
 from emaphm.actuator import NAMES, Actuator
-from emaphm.identification import Calibration, Diagnosis, calibrate, diagnose, replay
+from emaphm.calibration import Calibration, calibrate
+from emaphm.diagnosis import Diagnosis, diagnose
+from emaphm.estimation import replay
 from emaphm.recording import Recording, read_recording
 
 FREE = ("inertia", "viscous", "coulomb", "offset")

@@ -17,15 +17,13 @@ from bench.foreign import (
     simulate,
     stribeck_torque,
 )
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from emaphm import rig
+from emaphm import simulated_recording
 from emaphm.actuator import Actuator, Chirp, Faults, Step
-from emaphm.actuator.totals import with_totals
+from emaphm.actuator.lumped_parameters import with_totals
+from emaphm.arrays import Array
 from simulation.rig import FREE, altered, rms
-
-Array = NDArray[np.float64]
 
 THESIS = Actuator.thesis()
 CHIRP = Chirp()
@@ -44,7 +42,7 @@ SHAFT, FRICTION = Shaft(61.6, 1.96e-3), Stribeck(20.0, 1.0)
 def test_without_its_features_it_is_the_reference_model(case: str) -> None:
     actuator = with_totals(THESIS, {"offset": 0.07, "supply": 46.0, "inertia": 2.7e-5})
     ours = simulate(actuator, CHIRP, Features(), faults=CASES[case])
-    theirs = rig.simulate(actuator, CHIRP, faults=CASES[case])
+    theirs = simulated_recording.simulate(actuator, CHIRP, faults=CASES[case])
     for name in ours.names:
         # Rounding alone separates two implementations of the same step, unless it decides a switching: then
         # the two go apart as far as PHYSICS.md section 3 says, which did not happen in these half seconds.
@@ -59,7 +57,7 @@ def test_it_is_sampled_as_the_reference_model_is(rate: float) -> None:
     noisy: dict[str, Any] = options | {"noise": 0.05, "adc_bits": 12, "seed": 3}
     for with_options in (options, noisy):
         ours = simulate(THESIS, CHIRP, Features(), **with_options)
-        theirs = rig.simulate(THESIS, CHIRP, **with_options)
+        theirs = simulated_recording.simulate(THESIS, CHIRP, **with_options)
         for name in ours.names:
             np.testing.assert_allclose(ours[name], theirs[name], rtol=1e-9, atol=1e-9, err_msg=name)
 
@@ -68,7 +66,7 @@ def test_it_is_sampled_as_the_reference_model_is(rate: float) -> None:
 def test_each_feature_tells_it_from_the_reference_model(name: str) -> None:
     foreign = simulate(THESIS, CHIRP, EACH[name], faults=MIXED)["current_A"]
     # Halving the reference model's step makes 0.1 A (PHYSICS.md section 3); the lag is the mildest.
-    assert rms(foreign - rig.simulate(THESIS, CHIRP, faults=MIXED)["current_A"]) > 0.1
+    assert rms(foreign - simulated_recording.simulate(THESIS, CHIRP, faults=MIXED)["current_A"]) > 0.1
     assert np.all(np.isfinite(foreign))
 
 
@@ -83,9 +81,9 @@ def test_features_fade_into_the_reference_model() -> None:
         }
     )
     stiff = Shaft(stiffness=6160.0, damping=1.96e-2)
-    reference = rig.simulate(plain, CHIRP)["current_A"]
+    reference = simulated_recording.simulate(plain, CHIRP)["current_A"]
     # What chaos makes of a run whose switching is shaken.
-    chaos = rms(rig.simulate(plain, CHIRP, controller_noise=1e-3)["current_A"] - reference)
+    chaos = rms(simulated_recording.simulate(plain, CHIRP, controller_noise=1e-3)["current_A"] - reference)
     for features in (Features(Stribeck(20.0, 0.1)), Features(shaft=stiff), Features(sensor_lag=1e-7)):
         assert rms(simulate(plain, CHIRP, features)["current_A"] - reference) < 1.5 * chaos
 

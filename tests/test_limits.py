@@ -28,7 +28,7 @@ from bench.limits_figures import draw
 from bench.rig import BASE, EVERYTHING, IDEAL, Rig, actuator_on, recorded
 
 from emaphm.actuator import NAMES, Actuator, Faults
-from emaphm.actuator.totals import totals
+from emaphm.actuator.lumped_parameters import totals
 
 GOOD: dict[str, Any] = {
     "error": 0.2,

@@ -22,20 +22,14 @@ if TYPE_CHECKING:
         Sine,
         Step,
     )
+    from emaphm.calibration import Calibration, calibrate
+    from emaphm.diagnosis import Diagnosis, diagnose, error_percent
     from emaphm.errors import EmaphmError
-    from emaphm.identification import (
-        Calibration,
-        Design,
-        Diagnosis,
-        calibrate,
-        design,
-        diagnose,
-        error_percent,
-        replay,
-    )
+    from emaphm.estimation import replay
+    from emaphm.experiment import Design, design
     from emaphm.recording import Recording, acquire, read_recording, write_recording
     from emaphm.report import write_report
-    from emaphm.rig import simulate
+    from emaphm.simulated_recording import simulate
     from emaphm.simulation import simulate_batch
 
     __version__: str
@@ -43,10 +37,13 @@ if TYPE_CHECKING:
 _HOMES = {
     "emaphm.actuator": "Actuator Chirp DecayingChirp Faults Ramp Sampled Sine Step",
     "emaphm.errors": "EmaphmError",
-    "emaphm.identification": "Calibration Design Diagnosis calibrate design diagnose error_percent replay",
+    "emaphm.calibration": "Calibration calibrate",
+    "emaphm.diagnosis": "Diagnosis diagnose error_percent",
+    "emaphm.estimation": "replay",
+    "emaphm.experiment": "Design design",
     "emaphm.recording": "Recording acquire read_recording write_recording",
     "emaphm.report": "write_report",
-    "emaphm.rig": "simulate",
+    "emaphm.simulated_recording": "simulate",
     "emaphm.simulation": "simulate_batch",
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names.split()}

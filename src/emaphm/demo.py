@@ -6,13 +6,12 @@ from pathlib import Path
 from typing import Any
 
 from emaphm.actuator import Actuator, Chirp, Faults
+from emaphm.diagnosis import Diagnosis, diagnose, error_percent
 from emaphm.errors import OutputError
-from emaphm.identification import Diagnosis, diagnose, error_percent
-from emaphm.identification.figures import draw_diagnosis
-from emaphm.recording import check_writable
-from emaphm.recording.output import written_whole
+from emaphm.output_files import check_writable, written_whole
+from emaphm.plotting.diagnosis import draw_diagnosis
 from emaphm.report import write_report
-from emaphm.rig import simulate
+from emaphm.simulated_recording import simulate
 
 FAULTS = Faults(
     friction=0.3,

@@ -8,7 +8,7 @@ import pytest
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.baseline import Baseline
-from emaphm.actuator.totals import with_totals
+from emaphm.actuator.lumped_parameters import with_totals
 from emaphm.errors import ActuatorError
 
 THESIS = Actuator.thesis()

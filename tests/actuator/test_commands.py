@@ -7,12 +7,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from emaphm.actuator import Chirp, DecayingChirp, Ramp, Sampled, Sine, Step
+from emaphm.arrays import Array
 from emaphm.errors import SignalError
-
-Array = NDArray[np.float64]
 
 
 def zero_crossings(signal: Callable[[Array], Array], start: float, stop: float) -> Array:

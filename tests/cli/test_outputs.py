@@ -29,10 +29,10 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
         pytest.fail("the work was done first")
 
     for name in (
-        "rig.simulate",
-        "identification.diagnose",
-        "identification.calibrate",
-        "identification.replay",
+        "simulated_recording.simulate",
+        "diagnosis.diagnose",
+        "calibration.calibrate",
+        "estimation.replay",
     ):
         monkeypatch.setattr(f"emaphm.{name}", work)
     monkeypatch.setattr("emaphm.demo.simulate", work)
@@ -130,5 +130,5 @@ def test_the_demo_needs_a_folder(refused: Refusal, where: str) -> None:
 def test_impossible_sensors_are_refused_before_the_work(
     refused: Refusal, monkeypatch: pytest.MonkeyPatch, option: str
 ) -> None:
-    monkeypatch.setattr("emaphm.rig.run", lambda *_: pytest.fail("the work was done first"))
+    monkeypatch.setattr("emaphm.simulated_recording.run", lambda *_: pytest.fail("the work was done first"))
     assert refused("simulate", "out.csv", option)

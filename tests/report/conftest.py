@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from emaphm.actuator import Actuator, Faults
-from emaphm.identification import Diagnosis, Estimate
+from emaphm.diagnosis import Diagnosis, Estimate
 
 LACKING = "needs an electrical description, which the actuator lacks"
 

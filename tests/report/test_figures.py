@@ -14,8 +14,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from emaphm.actuator import NAMES, Faults
-from emaphm.identification import Diagnosis
-from emaphm.identification.figures import (
+from emaphm.diagnosis import Diagnosis
+from emaphm.plotting.diagnosis import (
     draw_diagnosis,
     draw_faults,
     draw_fit,

@@ -13,12 +13,13 @@ import pytest
 
 import emaphm.report.write
 from emaphm.actuator import NAMES, Actuator, Faults
+from emaphm.diagnosis import Diagnosis, error_percent
 from emaphm.errors import OutputError
-from emaphm.identification import FITNESSES, Diagnosis, error_percent
-from emaphm.identification.convergence import Convergence
-from emaphm.identification.marginals import draw_marginals
-from emaphm.identification.posterior import Posterior
-from emaphm.identification.space import FaultSpace
+from emaphm.estimation import FITNESSES
+from emaphm.estimation.mcmc_diagnostics import Convergence
+from emaphm.estimation.parameter_space import FaultSpace
+from emaphm.estimation.posterior import Posterior
+from emaphm.plotting.posterior import draw_marginals
 from emaphm.report import write_report
 from emaphm.report.wording import FITNESS_UNITS
 

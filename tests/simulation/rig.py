@@ -3,12 +3,11 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from emaphm.actuator import Actuator, Command, Faults, Load
+from emaphm.arrays import Array
 from emaphm.simulation import Initial, Inputs, Model, Plant, run
-
-Array = NDArray[np.float64]
 
 THESIS = Actuator.thesis()
 INTERVAL = 2e-4

@@ -4,11 +4,9 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator, Faults
-
-Array = NDArray[np.float64]
+from emaphm.arrays import Array
 
 
 def trapezoid(degrees: float) -> float:

@@ -5,12 +5,11 @@ from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import sawtooth
 
 from emaphm.actuator import Actuator, Faults
+from emaphm.arrays import Array
 
-Array = NDArray[np.float64]
 Shorts = Literal["printed", "modulated", "phases"]
 
 CONDUCTING = ((1, 2), (0, 1), (2, 0))

@@ -6,14 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from emaphm.actuator import Chirp, Faults, Sine
+from emaphm.arrays import Array
 from emaphm.simulation import AVERAGED, REFERENCE, Initial, Inputs, Model, Plant, monitor, run, simulate_batch
 from simulation.rig import INTERVAL, SHORTED, THESIS, record, rms
 from strategies import fault_vectors
-
-Array = NDArray[np.float64]
 
 DRAWN = np.random.default_rng(15).random((14, 8)) * SHORTED
 MULTIPLE = np.array([0.25, 0.75, 0.8, 0.8, 0.8, 0.25, 0.5, 0.75])

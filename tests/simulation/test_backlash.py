@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from emaphm.actuator import Faults, Sine
 from emaphm.simulation import MODELS
-from emaphm.simulation.backlash import follow
+from emaphm.simulation.laws.backlash import follow
 from simulation.rig import record
 
 ANGLES = st.lists(st.floats(-10, 10), min_size=1, max_size=30)

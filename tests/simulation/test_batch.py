@@ -4,7 +4,6 @@ import importlib
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from emaphm.actuator import Chirp, Sine
 from emaphm.simulation import (
@@ -18,10 +17,8 @@ from emaphm.simulation import (
     run_batch,
     simulate_batch,
 )
-from emaphm.simulation.kernels import LANES
+from emaphm.simulation.engine.kernels import LANES
 from simulation.rig import INTERVAL, SHORTED, THESIS, rms
-
-Array = NDArray[np.float64]
 
 EACH_MODEL = pytest.mark.parametrize("model", MODELS.values(), ids=list(MODELS))
 DRAWN = np.random.default_rng(33).random((33, 8)) * SHORTED
@@ -63,7 +60,7 @@ def test_permuted_rows_give_permuted_bits(model: Model) -> None:
 
 @EACH_MODEL
 def test_the_number_of_workers_changes_no_bit(model: Model, monkeypatch: pytest.MonkeyPatch) -> None:
-    running = importlib.import_module("emaphm.simulation.run")
+    running = importlib.import_module("emaphm.simulation.engine.running")
     pools: list[int] = []
 
     class Counted(running.ThreadPoolExecutor):  # type: ignore[misc, name-defined]

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from emaphm.simulation.commutation import (
+from emaphm.simulation.laws.commutation import (
     PHASE_SHIFT,
     demand_sign,
     idle_phase,

@@ -6,7 +6,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.signal import sawtooth
 
-from emaphm.simulation.eccentricity import gap_factors, printed_factor
+from emaphm.simulation.laws.eccentricity import gap_factors, printed_factor
 
 ANGLES = st.floats(-np.pi, np.pi)
 Z = st.floats(0.0, 0.42)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from emaphm.actuator import Actuator, Chirp, Faults, Sine, Step
-from emaphm.actuator.totals import with_totals
-from emaphm.rig import simulate
+from emaphm.actuator.lumped_parameters import with_totals
+from emaphm.simulated_recording import simulate
 from emaphm.simulation import (
     AVERAGED,
     MODELS,
@@ -55,7 +55,7 @@ def test_the_first_channel_is_the_batch_s_current(model: Model) -> None:
 
 @EACH_MODEL
 def test_the_number_of_workers_changes_no_bit(model: Model, monkeypatch: pytest.MonkeyPatch) -> None:
-    running = importlib.import_module("emaphm.simulation.run")
+    running = importlib.import_module("emaphm.simulation.engine.running")
     pools: list[int] = []
 
     class Counted(running.ThreadPoolExecutor):  # type: ignore[misc, name-defined]

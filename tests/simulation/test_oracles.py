@@ -4,14 +4,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator, Chirp, Command, Faults, Sine, Step
+from emaphm.arrays import Array
 from emaphm.simulation import AVERAGED, REFERENCE, Initial, Model, monitor
 from simulation import scalar_reference, scalar_winding
 from simulation.rig import SHORTED, THESIS, altered, record
-
-Array = NDArray[np.float64]
 
 DRAWN = np.random.default_rng(2019).random((3, 8)) * SHORTED
 PID = altered(

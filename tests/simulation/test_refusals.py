@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from emaphm.actuator import Chirp, Sampled
-from emaphm.actuator.totals import TOTALS
+from emaphm.actuator.lumped_parameters import TOTALS
 from emaphm.errors import EmaphmError, FaultError, MethodError, SignalError
 from emaphm.simulation import AVERAGED, MODELS, REFERENCE, Inputs, Plant, model_named, monitor, run, run_batch
 from simulation.rig import INTERVAL, THESIS, altered, record
@@ -121,7 +121,7 @@ def test_a_command_of_another_length_is_refused() -> None:
 @pytest.mark.parametrize("count", [0, 2, 5])
 def test_a_single_run_takes_a_single_actuator(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     # Were it to get as far as the kernel, it would write beyond its output.
-    running = importlib.import_module("emaphm.simulation.run")
+    running = importlib.import_module("emaphm.simulation.engine.running")
     monkeypatch.setattr(running, "_advance", lambda *_, **__: pytest.fail("reached the kernel"))
     with pytest.raises(MethodError):
         run(AVERAGED, Plant.of(THESIS, np.tile(HEALTHY, (count, 1))), inputs())

@@ -4,16 +4,15 @@ import math
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from emaphm.actuator import Faults, Sine, Step
+from emaphm.arrays import Array
 from emaphm.simulation import AVERAGED, MODELS, REFERENCE, Initial, Model, monitor
-from emaphm.simulation.windings import star_slopes, winding_current
+from emaphm.simulation.laws.windings import star_slopes, winding_current
 from simulation.rig import FREE, LOCKED, altered, record
 from simulation.scalar_reference import trapezoid
 
-Array = NDArray[np.float64]
 EACH_MODEL = pytest.mark.parametrize("model", MODELS.values(), ids=list(MODELS))
 
 V_DC, R_S, L_S, K_E, J = 48.0, 2.13, 7.2e-4, 0.0752, 2.5e-5

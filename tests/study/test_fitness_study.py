@@ -7,11 +7,11 @@ from matplotlib.colors import to_hex
 
 from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.errors import MethodError
-from emaphm.identification.fitness import FITNESSES
-from emaphm.rig import simulate
-from emaphm.simulation.commutation import demand_sign, wrap
-from emaphm.study import published
-from emaphm.study.fitness_study import (
+from emaphm.estimation.cost_functions import FITNESSES
+from emaphm.simulated_recording import simulate
+from emaphm.simulation.laws.commutation import demand_sign, wrap
+from emaphm.study.thesis import published
+from emaphm.study.thesis.fitness_study import (
     COLOURS,
     GRID,
     MODELS,

@@ -8,8 +8,8 @@ import pytest
 
 from emaphm.actuator import Faults
 from emaphm.errors import StudyError
-from emaphm.study import published
 from emaphm.study.plan import Plan
+from emaphm.study.thesis import published
 
 SINGLE = [case for case in published.CASES if case != "multiple"]
 

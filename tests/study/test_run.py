@@ -15,10 +15,10 @@ import polars as pl
 import pytest
 
 from emaphm.errors import StudyError
-from emaphm.identification.search import search
+from emaphm.estimation.search import search
+from emaphm.execution import processes as local_module
 from emaphm.recording import Recording
 from emaphm.study import Plan, Store, run_study
-from emaphm.study import local as local_module
 from emaphm.study import run as run_module
 from emaphm.study import task as task_module
 from emaphm.study.plan import Task

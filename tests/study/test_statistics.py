@@ -9,10 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from emaphm.study import published
-from emaphm.study.convergence import convergence
-from emaphm.study.ranks import FEWEST_BLOCKS, friedman, holm, mean_ranks, pairs
-from emaphm.study.statistics import (
+from emaphm.study.analysis.convergence import convergence
+from emaphm.study.analysis.ranks import FEWEST_BLOCKS, friedman, holm, mean_ranks, pairs
+from emaphm.study.analysis.statistics import (
     VARIANT,
     across_variants,
     bootstrap_interval,
@@ -20,6 +19,7 @@ from emaphm.study.statistics import (
     by_method,
     reliability,
 )
+from emaphm.study.thesis import published
 
 from .conftest import CASES, METHODS, study
 

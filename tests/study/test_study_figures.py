@@ -12,9 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from emaphm.report.embed import svg
-from emaphm.study import published
-from emaphm.study.figures import (
+from emaphm.plotting.study import (
     FLOOR,
     draw_convergence,
     draw_costs,
@@ -23,8 +21,10 @@ from emaphm.study.figures import (
     draw_success,
     looks,
 )
-from emaphm.study.statistics import by_case, by_method
-from emaphm.study.tables import MOST_CASES
+from emaphm.report.embed import svg
+from emaphm.study.analysis.statistics import by_case, by_method
+from emaphm.study.analysis.tables import MOST_CASES
+from emaphm.study.thesis import published
 
 from .conftest import CASES, METHODS, study
 

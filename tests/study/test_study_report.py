@@ -14,7 +14,7 @@ import emaphm.report.study
 from emaphm.errors import OutputError
 from emaphm.report.document import escaped
 from emaphm.report.study import write_study_report
-from emaphm.study.tables import MOST_CASES
+from emaphm.study.analysis.tables import MOST_CASES
 
 from .conftest import CASES, METHODS, study
 

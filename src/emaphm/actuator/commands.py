@@ -4,11 +4,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from emaphm.arrays import Array
 from emaphm.errors import SignalError
 
-Array = NDArray[np.float64]
 Command = Callable[[Array], Array]
 """Anything that maps times [s], shape (n,), to user positions [rad], shape (n,)."""
 

@@ -69,8 +69,8 @@ def design(
     as_json: AsJson = False,
 ) -> None:
     """Say before a test how well its manoeuvre will tell each fault, and find a better manoeuvre."""
-    from emaphm.identification import design as plan
-    from emaphm.recording.output import written_whole
+    from emaphm.experiment import design as plan
+    from emaphm.output_files import written_whole
 
     check_seed(seed)
     check_output(out, (".csv",), force=force)

@@ -49,7 +49,7 @@ def check_seed(seed: int) -> None:
 
 def check_output(path: Path | None, endings: tuple[str, ...], *, force: bool) -> None:
     """Refuse an output that could not be written, before the work that it would be lost with."""
-    from emaphm.recording import check_writable
+    from emaphm.output_files import check_writable
 
     if path is not None:
         check_writable(path, force=force, endings=endings)

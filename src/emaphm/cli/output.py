@@ -17,7 +17,7 @@ def show(values: dict[str, Any], text: str, as_json: bool) -> None:
 
 def draw(result: Any, figure: Path | None) -> None:
     """Save the figure of a result where one was asked for."""
-    from emaphm.recording.output import written_whole
+    from emaphm.output_files import written_whole
 
     if figure is not None:
         with written_whole(figure) as temporary:

@@ -114,7 +114,7 @@ def _summary(store: "Store") -> str:
     """Return each method's errors, as a table of text."""
     import polars as pl
 
-    from emaphm.identification.wording import format_table
+    from emaphm.text_table import format_table
 
     total = len(store.plan.tasks)
     told = f"{store.plan.name}: {store.results.height} of {total} runs"

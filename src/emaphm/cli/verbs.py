@@ -71,9 +71,10 @@ def simulate(
     as_json: AsJson = False,
 ) -> None:
     """Simulate an actuator and write its recording."""
-    from emaphm import rig
-    from emaphm.recording import check_writable, write_recording
-    from emaphm.recording.writers import ENDINGS
+    from emaphm import simulated_recording
+    from emaphm.output_files import check_writable
+    from emaphm.recording import write_recording
+    from emaphm.recording.io.write import ENDINGS
 
     check_seed(seed)
     check_writable(out, force=force, endings=ENDINGS)
@@ -81,7 +82,7 @@ def simulate(
         raise SignalError(f"--noise {noise:g} is no rms; give 0 or more")
     described, faults = described_actuator(actuator), fault_vector(fault)
     with progress("simulating", as_json):
-        recording = rig.simulate(
+        recording = simulated_recording.simulate(
             described,
             command_named(command, amplitude, frequency, duration),
             faults=faults,
@@ -147,8 +148,8 @@ def diagnose(
     as_json: AsJson = False,
 ) -> None:
     """Say which faults explain a recording, and how sure that is."""
-    from emaphm.identification import diagnose as identify
-    from emaphm.identification.correction import MOST_TURNS
+    from emaphm.diagnosis import diagnose as identify
+    from emaphm.estimation.bias_correction import MOST_TURNS
 
     check_seed(seed)
     check_output(report, (".html",), force=force)
@@ -203,9 +204,9 @@ def calibrate(
 
     The calibrated description's [baseline] is the prior of later diagnoses.
     """
-    from emaphm.identification import calibrate as estimate
-    from emaphm.identification.correction import MOST_TURNS
-    from emaphm.recording.output import written_whole
+    from emaphm.calibration import calibrate as estimate
+    from emaphm.estimation.bias_correction import MOST_TURNS
+    from emaphm.output_files import written_whole
 
     check_seed(seed)
     check_output(out, (".toml",), force=force)
@@ -244,7 +245,7 @@ def replay(
     as_json: AsJson = False,
 ) -> None:
     """Run a model on a recording's command and load, and compare it channel by channel."""
-    from emaphm.identification import replay as rerun
+    from emaphm.estimation import replay as rerun
 
     check_seed(seed)
     check_output(figure, FIGURES, force=force)

@@ -3,14 +3,12 @@
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator
+from emaphm.arrays import Array
 from emaphm.errors import RecordingError, nearest
 from emaphm.recording.recording import Recording
 from emaphm.recording.schema import PHASES, SCHEMA
-
-Array = NDArray[np.float64]
 
 EXACT = ("time_s", "command_rad")
 """Channels that the rig makes itself and therefore knows."""

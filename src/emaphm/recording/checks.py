@@ -3,12 +3,10 @@
 from collections.abc import Collection, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from emaphm.arrays import Array
 from emaphm.errors import RecordingError, nearest
 from emaphm.recording.schema import PHASES, SCHEMA
-
-Array = NDArray[np.float64]
 
 FEWEST_SAMPLES = 50
 """Fewer rows than this cannot tell eight faults apart."""

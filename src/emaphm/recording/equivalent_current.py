@@ -51,7 +51,7 @@ def equivalent_current(
     Thesis sections 3.1.3 and 6.2.
     """
     # Numba stands behind these; reading a file that has `current_A` does without.
-    from emaphm.simulation.commutation import (
+    from emaphm.simulation.laws.commutation import (
         PHASE_SHIFT,
         demand_sign,
         trapezoid,

@@ -6,15 +6,13 @@ Each rule leaves room for any healthy or faulty actuator and fires only on order
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator
+from emaphm.arrays import Array
 from emaphm.errors import RecordingError
 from emaphm.recording.checks import COUNTING
 from emaphm.recording.recording import Recording
 from emaphm.recording.schema import PHASES
-
-Array = NDArray[np.float64]
 
 LONGEST_INTERVAL_S = 0.02
 """Slower rows show no current loop at all; milliseconds taken for seconds look like this."""

@@ -3,11 +3,9 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from emaphm.arrays import Array
 from emaphm.recording.recording import Recording
-
-Array = NDArray[np.float64]
 
 
 def reconstructed(recording: Recording, name: str) -> Callable[[Array], Array]:

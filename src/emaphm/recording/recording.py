@@ -6,9 +6,10 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from emaphm.actuator.quantity import unit_for
+from emaphm.arrays import Array
 from emaphm.errors import RecordingError, nearest
 from emaphm.recording.checks import check
 from emaphm.recording.schema import SCHEMA
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     import polars as pl
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 Sampling = Literal["mean", "instant"]
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from emaphm.report.embed import svg_uri
 from emaphm.report.page import render
-from emaphm.study.tables import Table
+from emaphm.study.analysis.tables import Table
 
 SPECIAL = re.compile(r"([\\`*_{}\[\]<>|~$&#]|^[-+=])")
 """What Markdown could take for markup: anywhere, or at the beginning of a line."""

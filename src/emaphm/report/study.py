@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import polars as pl
 
 from emaphm.errors import OutputError
-from emaphm.recording.output import written_whole
+from emaphm.output_files import written_whole
+from emaphm.plotting.study import draw_convergence, draw_costs, draw_errors, draw_ranks, draw_success
 from emaphm.report.document import Block, Document, Facts, Heading, Items, Paragraph, Picture
 from emaphm.report.embed import plain_style, svg
 from emaphm.report.study_wording import (
@@ -29,9 +30,8 @@ from emaphm.report.study_wording import (
     TIME_THESIS,
 )
 from emaphm.report.wording import FITNESS_UNITS
-from emaphm.study.figures import draw_convergence, draw_costs, draw_errors, draw_ranks, draw_success
-from emaphm.study.ranks import FEWEST_BLOCKS, SIGNIFICANT, friedman, mean_ranks, pairs
-from emaphm.study.statistics import (
+from emaphm.study.analysis.ranks import FEWEST_BLOCKS, SIGNIFICANT, friedman, mean_ranks, pairs
+from emaphm.study.analysis.statistics import (
     LIMITS_PERCENT,
     VARIANT,
     by_case,
@@ -40,7 +40,7 @@ from emaphm.study.statistics import (
     prepared,
     reliability,
 )
-from emaphm.study.tables import (
+from emaphm.study.analysis.tables import (
     MOST_CASES,
     error_table,
     p_value,

@@ -1,6 +1,6 @@
 """What the report of a study says beside its figures and tables."""
 
-from emaphm.study.ranks import SIGNIFICANT
+from emaphm.study.analysis.ranks import SIGNIFICANT
 
 COSTS = (
     "Mean error against what a run costs, in wall time and in evaluations (simulations of the model; a "

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from emaphm.actuator import Faults
-from emaphm.identification.diagnosis import Diagnosis
-from emaphm.identification.wording import physical_text
+from emaphm.diagnosis.result import Diagnosis
+from emaphm.diagnosis.wording import physical_text
 
 LABELS = {
     "friction": "friction",

@@ -4,12 +4,12 @@ from pathlib import Path, PureWindowsPath
 
 from emaphm.actuator import Faults
 from emaphm.actuator.toml import write_toml
-from emaphm.identification.diagnosis import Diagnosis
-from emaphm.identification.error import error_percent
-from emaphm.identification.figures import draw_faults, draw_fit, draw_residual
-from emaphm.identification.marginals import draw_marginals
-from emaphm.identification.verdict import HEALTHY_MARGIN, HIDDEN
-from emaphm.recording.output import check_writable, written_whole
+from emaphm.diagnosis.error_metric import error_percent
+from emaphm.diagnosis.result import Diagnosis
+from emaphm.diagnosis.verdict import HEALTHY_MARGIN, HIDDEN
+from emaphm.output_files import check_writable, written_whole
+from emaphm.plotting.diagnosis import draw_faults, draw_fit, draw_residual
+from emaphm.plotting.posterior import draw_marginals
 from emaphm.report.embed import data_uri, plain_style
 from emaphm.report.page import render
 from emaphm.report.wording import computation, headline, table, untold

@@ -1,12 +1,13 @@
 """How the actuator moves: the laws, the reference, monitor and averaged models, and running them."""
 
-from emaphm.simulation.averaged import AVERAGED
-from emaphm.simulation.inputs import Inputs
-from emaphm.simulation.kernels import OBSERVABLE, Initial, Model
-from emaphm.simulation.monitor import monitor
-from emaphm.simulation.plant import Plant
-from emaphm.simulation.reference import REFERENCE
-from emaphm.simulation.run import MODELS, model_named, observe_batch, run, run_batch, simulate_batch
+from emaphm.simulation.engine.inputs import Inputs
+from emaphm.simulation.engine.kernels import OBSERVABLE, Initial, Model
+from emaphm.simulation.engine.plant import Plant
+from emaphm.simulation.engine.running import observe_batch, run, run_batch, simulate_batch
+from emaphm.simulation.models.averaged import AVERAGED
+from emaphm.simulation.models.catalogue import MODELS, model_named
+from emaphm.simulation.models.monitor import monitor
+from emaphm.simulation.models.reference import REFERENCE
 
 __all__ = [
     "AVERAGED",

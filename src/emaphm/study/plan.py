@@ -18,9 +18,9 @@ from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.actuator.parameters import Section
 from emaphm.actuator.toml import validation_message
 from emaphm.errors import StudyError, nearest
-from emaphm.identification.correction import MOST_TURNS
-from emaphm.identification.methods import Method, method_named
-from emaphm.identification.search import check_fitness
+from emaphm.estimation.bias_correction import MOST_TURNS
+from emaphm.estimation.methods import Method, method_named
+from emaphm.estimation.search import check_fitness
 from emaphm.recording.equivalent_current import Form
 from emaphm.simulation import model_named
 

@@ -5,7 +5,16 @@ from pathlib import Path
 
 import emaphm
 
-DECIDING = ("actuator", "simulation", "recording", "identification", "rig.py", "study/task.py")
+DECIDING = (
+    "actuator",
+    "simulation",
+    "recording",
+    "optimizers",
+    "estimation",
+    "diagnosis",
+    "simulated_recording.py",
+    "study/task.py",
+)
 """The rooms and files whose code decides what a run finds."""
 
 

@@ -77,10 +77,10 @@ def _outcomes(
     if not tasks:
         return
     if scheduler is None:
-        from emaphm.study.local import run_locally
+        from emaphm.execution.processes import run_locally
 
         yield from run_locally(plan, tasks, workers)
     else:
-        from emaphm.study.cluster import run_on_cluster
+        from emaphm.execution.dask_cluster import run_on_cluster
 
         yield from run_on_cluster(plan, tasks, scheduler)

@@ -16,7 +16,7 @@ from typing import Any, Self
 import polars as pl
 
 from emaphm.errors import StudyError
-from emaphm.recording.output import written_whole
+from emaphm.output_files import written_whole
 from emaphm.study.plan import Plan, Task
 from emaphm.study.revision import REVISION
 

@@ -6,19 +6,17 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator, Chirp, Faults
-from emaphm.identification.error import error_percent
-from emaphm.identification.search import fit_of, search
+from emaphm.arrays import Array
+from emaphm.diagnosis.error_metric import error_percent
+from emaphm.estimation.search import fit_of, search
 from emaphm.recording import Recording, acquire
-from emaphm.rig import simulate
+from emaphm.simulated_recording import simulate
 from emaphm.simulation import model_named
 from emaphm.study.plan import Manoeuvre, Task
 from emaphm.study.revision import REVISION
 from emaphm.version import VERSION
-
-Array = NDArray[np.float64]
 
 CURRENTS = {"torque": "current_A", "active": "current_active_A", "magnitude": "current_magnitude_A"}
 """The reference model's channel for each form of the equivalent current."""

@@ -1,0 +1,7 @@
+"""Which faults explain a recording, how sure each is, and what cannot be known."""
+
+from emaphm.diagnosis.diagnose import diagnose
+from emaphm.diagnosis.error_metric import error_percent
+from emaphm.diagnosis.result import Diagnosis, Estimate
+
+__all__ = ["Diagnosis", "Estimate", "diagnose", "error_percent"]

@@ -1,0 +1,97 @@
+"""The methods of identification by name: `hybrid`, and every optimiser, alone or before least squares."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from emaphm.errors import MethodError, nearest
+from emaphm.optimizers import OPTIMIZERS, Optimizer
+from emaphm.optimizers.adapters import PEERS, is_peer, peer
+
+ABBREVIATIONS = {
+    "ga": "genetic",
+    "pso": "particle-swarm",
+    "de": "differential-evolution",
+    "gwo": "grey-wolf",
+    "da": "dragonfly",
+}
+"""What the literature, and the thesis, call them."""
+
+VARIANTS: dict[str, tuple[str, Mapping[str, Any]]] = {
+    "dragonfly-thesis": ("dragonfly", {"variant": "thesis"})
+}
+"""Optimisers at settings that have a name of their own."""
+
+HYBRID = "hybrid"
+REFINED = "+lsq"
+
+GLOBAL_POPULATION, GLOBAL_ITERATIONS = 32, 8
+"""Budget of an optimiser as the global stage of a hybrid; twice as much brings nothing (plan "hybrids")."""
+
+METHODS = (HYBRID, *OPTIMIZERS, *VARIANTS, *PEERS)
+"""Names of methods, beside those of pymoo (`pymoo-ga`, …); any but `hybrid` may end in ``+lsq``."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """How faults are searched for.
+
+    `optimizer` makes the search from lower and upper bounds; where it is None, space-filling points take
+    its place. `refines` says that damped least squares and the bias correction follow.
+    """
+
+    name: str
+    optimizer: Callable[..., Optimizer[Any]] | None
+    refines: bool
+
+
+def method_named(name: str, settings: Mapping[str, Any] | None = None) -> Method:
+    """Return the method `name`, one of `METHODS` or an abbreviation of `ABBREVIATIONS`.
+
+    `settings` replace the optimiser's own, e.g. ``{"population": 30}``.
+
+    Raises
+    ------
+    MethodError
+        The name or a setting is unknown, a setting impossible, or the library behind it not installed.
+    """
+    settings = dict(settings or {})
+    if name == HYBRID:
+        if settings:
+            raise MethodError(f"method 'hybrid' has no setting '{next(iter(settings))}'; leave it out")
+        return Method(HYBRID, None, refines=True)
+    base, refines = name.removesuffix(REFINED), name.endswith(REFINED)
+    base = ABBREVIATIONS.get(base.lower(), base)
+    if refines:
+        settings = {"population": GLOBAL_POPULATION, "iterations": GLOBAL_ITERATIONS} | settings
+    make = _factory(base, name)
+    _check_settings(base, make, settings)
+    return Method(
+        base + REFINED * refines, lambda lower, upper: make(lower=lower, upper=upper, **settings), refines
+    )
+
+
+def _factory(base: str, given: str) -> Callable[..., Optimizer[Any]]:
+    if base in OPTIMIZERS:
+        return OPTIMIZERS[base]
+    if base in VARIANTS:
+        kind, preset = VARIANTS[base]
+        return lambda **settings: OPTIMIZERS[kind](**{**preset, **settings})
+    if is_peer(base):
+        return peer(base)
+    raise MethodError(f"unknown method '{given}'{nearest(base, (*METHODS, *ABBREVIATIONS))}")
+
+
+def _check_settings(base: str, make: Callable[..., Optimizer[Any]], settings: Mapping[str, Any]) -> None:
+    """Refuse settings before the work that they would fail in."""
+    box = {"lower": np.zeros(2), "upper": np.ones(2)}
+    known = {field.name for field in fields(make(**box)) if field.init} - box.keys()
+    for name in settings:
+        if name not in known:
+            raise MethodError(f"method '{base}' has no setting '{name}'{nearest(name, known)}")
+    try:
+        make(**box, **settings)
+    except TypeError:
+        raise MethodError(f"a setting of method '{base}' is of the wrong kind: {settings}") from None

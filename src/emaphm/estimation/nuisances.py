@@ -1,0 +1,206 @@
+"""What is not known of a recording and is no fault: how each nuisance acts, and what is known of it before.
+
+A nuisance's coordinate is its value in `RANGE` standard deviations of its prior
+(`emaphm.actuator.parameters.Nuisances`), so that it is of the size of a fault's. Beside what is not known
+of a recording stands what is not known of the unit: how its parameters deviate from its description.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from emaphm.actuator import Actuator
+from emaphm.actuator.lumped_parameters import totals
+from emaphm.actuator.parameters import Nuisances
+from emaphm.actuator.quantity import unit_for
+from emaphm.arrays import Array
+from emaphm.errors import MethodError, nearest
+from emaphm.estimation.parameter_variation import Deviations, deviated, deviation_unit
+
+COPPER = 3.93e-3
+"""Temperature coefficient of the resistance of copper at 20 °C [1/K] (IEC 60028)."""
+
+MAGNETS = -1.1e-3
+"""Temperature coefficient of the remanence of NdFeB magnets, and so of the torque constant [1/K]."""
+
+MAGNETS_SPREAD = 0.2
+"""Standard deviation of that coefficient, relative: grades of NdFeB have -0.09 to -0.13 %/K."""
+
+RANGE = 5.0
+"""Standard deviations of the prior to a unit of a nuisance's coordinate."""
+
+LEAST = 0.1
+"""Share of a total that a nuisance leaves of it at least, however wide its prior."""
+
+KNOWN_BY = {"load": "load_Nm", "hinge": "load_Nm", "temperature": "temperature_K"}
+"""The channel that makes a nuisance known where it was recorded."""
+
+WIDEST = 4.0
+"""Bound of a nuisance, in standard deviations of its prior."""
+
+NEEDS_WINDINGS = ("temperature", "supply")
+
+BASELINE = "baseline "
+"""What the name of a parameter's deviation from its baseline begins with."""
+
+NAMES = tuple(name for name in Nuisances.model_fields if name != "estimated")
+
+
+def unit_of(name: str, coordinates: str = "rotary") -> str:
+    """Return the unit of a nuisance, or of a deviation from the baseline."""
+    if name.startswith(BASELINE):
+        return deviation_unit(name.removeprefix(BASELINE), coordinates)
+    extra = Nuisances.model_fields[name].json_schema_extra
+    return unit_for(str(extra["unit"]) if isinstance(extra, dict) else "-", coordinates)
+
+
+@dataclass(frozen=True, eq=False)
+class NuisanceSet:
+    """What is estimated besides the faults: coordinates with independent priors, and what they mean.
+
+    `names`, `priors` (standard deviations) and `widest` (bounds), (m,) each, are the coordinates'.
+    `quantities` are what these stand for, in their own units: the chosen nuisances, and the deviations of
+    the unit's `parameters`; `meaning`, (quantities, m), is what a unit of each coordinate adds to each.
+    """
+
+    names: tuple[str, ...]
+    priors: Array
+    widest: Array
+    quantities: tuple[str, ...]
+    meaning: Array
+    parameters: tuple[str, ...]
+
+    @classmethod
+    def of(
+        cls,
+        actuator: Actuator,
+        names: Sequence[str] | None,
+        channels: Sequence[str],
+        unit: Deviations | None = None,
+    ) -> Self:
+        """Return the named nuisances, or the actuator's own, less what `channels` make known.
+
+        And the deviations of the `unit` from the description: as the actuator's baseline has them where
+        left out.
+
+        Raises
+        ------
+        MethodError
+            A name is unknown, or needs the electrical description that the actuator lacks.
+        """
+        chosen = tuple(dict.fromkeys(actuator.nuisances.estimated if names is None else names))
+        for name in chosen:
+            if name not in NAMES:
+                raise MethodError(f"unknown nuisance '{name}'{nearest(name, NAMES)}")
+            if names is not None and name in NEEDS_WINDINGS and actuator.electrical is None:
+                raise MethodError(
+                    f"nuisance '{name}' needs an [electrical] section, which actuator '{actuator.name}' lacks"
+                )
+        kept = tuple(name for name in chosen if _matters(actuator, name, channels))
+        unit = unit or Deviations.of_baseline(actuator)
+        axes = tuple(f"{BASELINE}{i}" for i in range(1, unit.priors.size + 1))
+        meaning = np.zeros((len(kept) + len(unit.parameters), len(kept) + len(axes)))
+        meaning[: len(kept), : len(kept)] = np.diag([RANGE * _deviation(actuator, name) for name in kept])
+        meaning[len(kept) :, len(kept) :] = unit.axes
+        priors = np.concatenate([np.full(len(kept), 1 / RANGE), unit.priors])
+        return cls(
+            (*kept, *axes),
+            priors,
+            np.concatenate([WIDEST * priors[: len(kept)], unit.widest]),
+            (*kept, *(BASELINE + name for name in unit.parameters)),
+            meaning,
+            unit.parameters,
+        )
+
+    @property
+    def chosen(self) -> tuple[str, ...]:
+        """What is estimated of the recording, less what is estimated of the unit."""
+        return tuple(name for name in self.quantities if not name.startswith(BASELINE))
+
+    def others(self, actuator: Actuator, channels: Sequence[str]) -> tuple[str, ...]:
+        """Return what might be estimated too: neither estimated nor known, of a size that is known."""
+        return tuple(
+            name
+            for name in NAMES
+            if name not in (*self.chosen, *self.parameters)
+            and _matters(actuator, name, channels)
+            and _prior(actuator, name) is not None
+        )
+
+    @property
+    def deviations(self) -> Array:
+        """The standard deviation of each quantity before the data, in its own unit, (quantities,)."""
+        return self.errors(np.diag(self.priors**2))
+
+    def errors(self, covariance: Array) -> Array:
+        """Return the standard error of each quantity, (quantities,), from the `covariance` (m, m)."""
+        return np.asarray(np.sqrt(np.einsum("qi,ij,qj->q", self.meaning, covariance, self.meaning)))
+
+    def values(self, points: Array) -> dict[str, Array]:
+        """Return the values (n,) of each quantity, in its own unit, for `points` (n, m)."""
+        # Summed row by row: a matrix product's last bits would depend on how many rows there are.
+        values = np.sum(points[:, np.newaxis, :] * self.meaning, axis=2)
+        return dict(zip(self.quantities, values.T, strict=True))
+
+    def totals(
+        self, actuator: Actuator, values: Mapping[str, Array], warmer: float = 0.0
+    ) -> dict[str, Array]:
+        """Return the physical totals under `values` (n,) of the quantities, `warmer` K being known besides.
+
+        What a recording adds or multiplies, it does to the parameters of the unit as they deviate.
+        """
+        result = {name: deviated(actuator, name, values[BASELINE + name]) for name in self.parameters}
+
+        def present(name: str) -> Array:
+            return result[name] if name in result else np.asarray(totals(actuator, (name,))[name])
+
+        if "load" in values:
+            result["offset"] = present("offset") + values["load"]
+        if "hinge" in values:
+            result["hinge"] = present("hinge") + values["hinge"]
+        if "inertia" in values:
+            result["inertia"] = present("inertia") * np.maximum(1 + values["inertia"], LEAST)
+        if "supply" in values:
+            result["supply"] = present("supply") * np.maximum(1 + values["supply"], LEAST)
+        if "temperature" in values or warmer:
+            above = np.asarray(values.get("temperature", 0.0)) + warmer
+            result["resistance"] = present("resistance") * np.maximum(1 + COPPER * above, LEAST)
+            result["torque_constant"] = present("torque_constant") * np.maximum(1 + MAGNETS * above, LEAST)
+        return result
+
+
+NOTHING = NuisanceSet((), np.zeros(0), np.zeros(0), (), np.zeros((0, 0)), ())
+"""Nothing besides the faults."""
+
+
+def _matters(actuator: Actuator, name: str, channels: Sequence[str]) -> bool:
+    """Return whether a nuisance is not made known by `channels`, and acts on what the actuator has."""
+    acts = name not in NEEDS_WINDINGS or actuator.electrical is not None
+    return acts and KNOWN_BY.get(name) not in channels
+
+
+def _prior(actuator: Actuator, name: str) -> float | None:
+    """Return the prior standard deviation of a nuisance, in its own unit, where one is known."""
+    given = getattr(actuator.nuisances, name)
+    limit = actuator.controller.current_limit
+    usual = {"load": 0.06 * limit * actuator.motor.torque_constant, "current_offset": 2e-3 * limit}
+    return usual.get(name) if given is None else float(given)
+
+
+def less_known(actuator: Actuator, names: Sequence[str], factor: float) -> Actuator:
+    """Return the actuator with priors of the nuisances `names` wider by `factor`."""
+    priors = {name: factor * _deviation(actuator, name) for name in names}
+    return actuator.model_copy(update={"nuisances": actuator.nuisances.model_copy(update=priors)})
+
+
+def _deviation(actuator: Actuator, name: str) -> float:
+    """Return the prior standard deviation of a nuisance, in its own unit."""
+    prior = _prior(actuator, name)
+    if prior is None:
+        raise MethodError(
+            f"how large nuisance '{name}' may be is not known; give its standard deviation as {name} in "
+            f"[nuisances] of actuator '{actuator.name}'"
+        )
+    return prior

@@ -1,0 +1,123 @@
+"""The coordinates that an estimator works in: which faults an actuator can show, and their bounds."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import ndtri
+
+from emaphm.actuator import NAMES, Actuator
+from emaphm.actuator.faults import CARTESIAN_NAMES, HEALTHY, from_cartesian, to_cartesian
+from emaphm.arrays import Array
+from emaphm.estimation.nuisances import NOTHING, NuisanceSet
+
+SHORTS = NAMES[2:5]
+ECCENTRICITY = NAMES[5:7]
+
+PRIOR_DEVIATION = 1 / 12**0.5
+"""Of a component that may be anywhere in [0, 1]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Box:
+    """Bounds of an estimate, shape (d,) each; `project` takes any point (n, d) to the nearest allowed one."""
+
+    lower: Array
+    upper: Array
+
+    def project(self, points: Array) -> Array:
+        """Return `points` (…, d) moved into the bounds."""
+        return np.clip(points, self.lower, self.upper)
+
+
+@dataclass(frozen=True, eq=False)
+class FaultSpace(Box):
+    """The faults that can be estimated, the eccentricity as k6 (cos phi, sin phi) inside the unit circle.
+
+    `columns` are the estimated columns of a vector in estimator coordinates (see
+    `emaphm.actuator.faults.CARTESIAN_NAMES`); `fixed` says for every other component why it is taken
+    as healthy. The last coordinates of a point are those of the `nuisances`.
+    """
+
+    columns: tuple[int, ...]
+    fixed: dict[str, str]
+    nuisances: NuisanceSet
+
+    @classmethod
+    def of(cls, actuator: Actuator, nuisances: NuisanceSet = NOTHING) -> Self:
+        """Return the space of the faults that `actuator` can show, and of `nuisances`."""
+        fixed = {}
+        if actuator.mechanics.static_friction == 0:
+            fixed["friction"] = "the healthy friction is zero, so its fault scales nothing"
+        if actuator.mechanics.backlash == 0:
+            fixed["backlash"] = "the healthy backlash is zero, so its fault scales nothing"
+        if actuator.electrical is None:
+            reason = "needs an electrical description, which the actuator lacks"
+            fixed |= dict.fromkeys((*SHORTS, *ECCENTRICITY), reason)
+        columns = tuple(i for i, name in enumerate(NAMES) if name not in fixed)
+        lower, upper = np.zeros(len(NAMES)), np.ones(len(NAMES))
+        lower[5:7] = -1.0
+        return cls(
+            np.concatenate([lower[list(columns)], -nuisances.widest]),
+            np.concatenate([upper[list(columns)], nuisances.widest]),
+            columns,
+            fixed,
+            nuisances,
+        )
+
+    @classmethod
+    def healthy(cls, nuisances: NuisanceSet) -> Self:
+        """Return the space of the `nuisances` alone, of a unit that is known to have no fault."""
+        return cls(-nuisances.widest, nuisances.widest, (), {}, nuisances)
+
+    @property
+    def dimensions(self) -> int:
+        """The number of coordinates, d."""
+        return len(self.lower)
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """The name of each coordinate."""
+        return (*(CARTESIAN_NAMES[i] for i in self.columns), *self.nuisances.names)
+
+    @property
+    def prior_deviations(self) -> Array:
+        """The standard deviation of each coordinate before the data, shape (d,)."""
+        return np.concatenate([np.full(len(self.columns), PRIOR_DEVIATION), self.nuisances.priors])
+
+    def project(self, points: Array) -> Array:
+        """Return `points` (…, d) moved into the bounds and the eccentricity into its circle."""
+        points = np.array(points, float)
+        if 5 in self.columns:
+            x = self.columns.index(5)
+            radius = np.hypot(points[..., x], points[..., x + 1])[..., np.newaxis]
+            points[..., x : x + 2] /= np.maximum(radius, 1.0)
+        return np.clip(points, self.lower, self.upper)
+
+    def faults(self, points: ArrayLike) -> Array:
+        """Return the normalised fault vectors (…, 8) of `points` (…, d)."""
+        points = np.asarray(points, float)
+        full = np.broadcast_to(to_cartesian(HEALTHY.vector), (*points.shape[:-1], len(NAMES))).copy()
+        full[..., list(self.columns)] = points[..., : len(self.columns)]
+        return np.clip(from_cartesian(full), 0.0, 1.0)
+
+    def points(self, faults: ArrayLike) -> Array:
+        """Return the points (…, d) of normalised fault vectors (…, 8), the nuisances at 0."""
+        cartesian: Array = to_cartesian(faults)[..., list(self.columns)]
+        unknown = np.zeros((*cartesian.shape[:-1], len(self.nuisances.names)))
+        return np.concatenate([cartesian, unknown], axis=-1)
+
+    def nuisance_values(self, points: ArrayLike) -> dict[str, Array]:
+        """Return the values (n,) of what the nuisances mean at `points` (n, d), each in its own unit."""
+        return self.nuisances.values(np.asarray(points, float)[:, len(self.columns) :])
+
+    def spread(self, unit: ArrayLike) -> Array:
+        """Return points (n, d) for `unit` (n, d) in [0, 1]: faults evenly, nuisances as their priors."""
+        spread = np.asarray(unit, float)
+        faults = np.tile(HEALTHY.vector, (len(spread), 1))
+        faults[:, list(self.columns)] = spread[:, : len(self.columns)]
+        points = self.points(faults)
+        normal = ndtri(np.clip(spread[:, len(self.columns) :], 0.02, 0.98))
+        points[:, len(self.columns) :] = self.nuisances.priors * normal
+        return points

@@ -1,0 +1,95 @@
+"""How the physical parameters of one unit may deviate from its description: free, or as its baseline says.
+
+A deviation is relative (of the logarithm) for what is positive, in its own unit for a constant load.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from emaphm.actuator import Actuator
+from emaphm.actuator.baseline import LINEAR
+from emaphm.actuator.lumped_parameters import TOTALS, totals
+from emaphm.actuator.quantity import unit_for
+from emaphm.arrays import Array
+from emaphm.errors import MethodError
+
+WIDEST_FACTOR = 30.0
+"""A parameter is sought within this factor of the description's value, either way."""
+
+START_FACTOR = 3.0
+"""A description's values are right within this factor, or so."""
+
+LEAST_DEVIATION = 1e-3
+"""A direction in which a baseline is known better, relative, counts as known: a search resolves no less."""
+
+
+@dataclass(frozen=True, eq=False)
+class Deviations:
+    """Parameters that may deviate, and the coordinates that they do so in.
+
+    `axes`, (parameters, q), is what a unit of each coordinate makes of each deviation. `priors`, (q,), is
+    the standard deviation of each coordinate before the data, `widest`, (q,), its bound.
+    """
+
+    parameters: tuple[str, ...]
+    axes: Array
+    priors: Array
+    widest: Array
+
+    @classmethod
+    def free(cls, actuator: Actuator, names: tuple[str, ...]) -> Self:
+        """Return `names` as coordinates of their own, of which next to nothing is known.
+
+        Raises
+        ------
+        MethodError
+            A name is unknown or needs a section that the actuator lacks, or its value is 0.
+        """
+        for name, value in totals(actuator, names).items():
+            if value <= 0 and name not in LINEAR:
+                raise MethodError(
+                    f"parameter '{name}' is {value:g} in actuator '{actuator.name}', so its size is unknown; "
+                    "give an estimate there to start from"
+                )
+        widest = np.full(len(names), math.log(WIDEST_FACTOR))
+        return cls(names, np.diag(sizes(actuator, names)), widest, widest)
+
+    @classmethod
+    def of_baseline(cls, actuator: Actuator) -> Self:
+        """Return the principal axes of the actuator's baseline, less those that are known exactly enough."""
+        if actuator.baseline is None:
+            return cls((), np.zeros((0, 0)), np.zeros(0), np.zeros(0))
+        names = actuator.baseline.names
+        size = sizes(actuator, names)
+        variances, directions = np.linalg.eigh(np.array(actuator.baseline.covariance) / np.outer(size, size))
+        kept = variances > LEAST_DEVIATION**2
+        if not kept.any():
+            return cls((), np.zeros((0, 0)), np.zeros(0), np.zeros(0))
+        # What calibration could not tell is no farther off than any description.
+        priors = np.minimum(np.sqrt(variances[kept]), math.log(START_FACTOR))
+        widest = np.minimum(4 * priors, math.log(WIDEST_FACTOR))
+        return cls(names, size[:, np.newaxis] * directions[:, kept], priors, widest)
+
+
+def sizes(actuator: Actuator, names: tuple[str, ...]) -> Array:
+    """Return the deviation of each of `names` that is as much as 1 of a logarithm, shape (names,)."""
+    # An offset has a sign; it is measured in units of what friction alone takes.
+    friction = (
+        actuator.mechanics.dynamic_friction
+        or actuator.controller.current_limit * actuator.motor.torque_constant
+    )
+    return np.array([friction if name in LINEAR else 1.0 for name in names])
+
+
+def deviated(actuator: Actuator, name: str, deviation: Array) -> Array:
+    """Return the total `name` where it deviates so from the description, shape of `deviation`."""
+    described = totals(actuator, (name,))[name]
+    return np.asarray(described + deviation if name in LINEAR else described * np.exp(deviation))
+
+
+def deviation_unit(name: str, coordinates: str) -> str:
+    """Return the unit of a deviation of the total `name`."""
+    return unit_for(TOTALS[name], coordinates) if name in LINEAR else "-"

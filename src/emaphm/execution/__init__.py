@@ -1,0 +1,1 @@
+"""Many independent tasks: on processes of this machine or a Dask cluster."""

@@ -1,0 +1,5 @@
+"""Design of a test before it is made: how well it will identify each fault, and a better excitation."""
+
+from emaphm.experiment.design import Design, design
+
+__all__ = ["Design", "design"]

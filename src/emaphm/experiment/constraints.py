@@ -1,0 +1,84 @@
+"""What a manoeuvre may do."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from emaphm.actuator import Chirp
+from emaphm.arrays import Array
+from emaphm.errors import SignalError
+from emaphm.estimation.bias_correction import LONGEST_S
+from emaphm.experiment.excitation import Manoeuvre
+from emaphm.experiment.test_setup import Conditions
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a manoeuvre may do: largest amplitude [rad] at the user, frequency [Hz] and duration [s]."""
+
+    amplitude: float
+    frequency: float
+    duration: float
+
+    def chirp(self, shares: Array) -> Manoeuvre:
+        """Return the chirp of `shares` (3,) of the limits: amplitude, first and last frequency.
+
+        It lasts as long as it may: rows only add to what is known.
+        """
+        size, start, stop = (float(share) for share in shares)
+        command = Chirp(size * self.amplitude, start * self.frequency, stop * self.frequency, self.duration)
+        return Manoeuvre(command, self.duration)
+
+    @classmethod
+    def of(
+        cls,
+        conditions: Conditions,
+        given: Manoeuvre,
+        amplitude: float | None,
+        frequency: float | None,
+        duration: float | None,
+    ) -> Self:
+        """Return the limits, those of the `given` manoeuvre where left out.
+
+        Raises
+        ------
+        SignalError
+            No manoeuvre can keep them, or the given one does not.
+        """
+        own = {"amplitude": given.amplitude, "frequency": given.frequency_hz, "duration": given.duration}
+        wanted = {"amplitude": amplitude, "frequency": frequency, "duration": duration}
+        limits = {}
+        for name, value in wanted.items():
+            mine = own[name]
+            limit = mine if value is None else value
+            if limit is None:
+                raise SignalError(
+                    "this command has no highest frequency of its own; give one (--max-frequency), or try no "
+                    "others (--candidates 0)"
+                )
+            if not 0 < limit < np.inf:
+                raise SignalError(f"largest {name} of {limit:g} leaves no manoeuvre; give more than 0")
+            if mine is not None and mine > limit:
+                raise SignalError(
+                    f"the given manoeuvre exceeds the largest {name}: {mine:g} is more than {limit:g}; make "
+                    "it less, or allow more"
+                )
+            limits[name] = limit
+        found = cls(**limits)
+        found._check(conditions)
+        return found
+
+    def _check(self, conditions: Conditions) -> None:
+        """Refuse limits that the actuator or the recorder cannot follow."""
+        stops, rate = conditions.actuator.mechanics.end_stops, conditions.sample_rate
+        if stops and self.amplitude > (reach := min(map(abs, stops))):
+            raise SignalError(
+                f"amplitude {self.amplitude:g} is beyond the end stops {list(stops)}; give {reach:g} or less"
+            )
+        if self.frequency > rate / 2:
+            raise SignalError(
+                f"{self.frequency:g} Hz cannot be recorded at {rate:g} Hz; give {rate / 2:g} or less"
+            )
+        if self.duration > LONGEST_S:
+            raise SignalError(f"{self.duration:g} s are too long for a design; give {LONGEST_S:g} or less")

@@ -1,0 +1,72 @@
+"""A manoeuvre: what a test plays, and for how long."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from emaphm.actuator import Chirp, Command, DecayingChirp, Sampled, Sine, Step
+from emaphm.actuator.quantity import unit_for
+
+PERIOD_ROWS = 200
+"""Rows of a written command in its shortest period: between them it is off by a ten-thousandth."""
+
+
+@dataclass(frozen=True)
+class Manoeuvre:
+    """A `command` and the `duration` [s] that it is played for."""
+
+    command: Command
+    duration: float
+
+    @property
+    def amplitude(self) -> float:
+        """The largest command [rad] at the user."""
+        if isinstance(self.command, Chirp | DecayingChirp | Sine | Step):
+            return abs(self.command.amplitude)
+        return float(np.max(np.abs(self.command(np.linspace(0.0, self.duration, 10_000)))))
+
+    @property
+    def frequency_hz(self) -> float | None:
+        """The highest frequency [Hz], nothing where the command is not described by any."""
+        if isinstance(self.command, Chirp | DecayingChirp):
+            return max(abs(self.command.start_hz), abs(self.command.stop_hz))
+        return abs(self.command.frequency_hz) if isinstance(self.command, Sine) else None
+
+    def words(self, coordinates: str) -> str:
+        """Return what the manoeuvre is, in a few words; lengths in the unit of the `coordinates`."""
+        size = f"{self.amplitude:.4g} {unit_for('rad', coordinates)}"
+        if isinstance(self.command, Chirp | DecayingChirp):
+            kind = "chirp" if isinstance(self.command, Chirp) else "decaying chirp"
+            what = f"{kind} of {size}, {self.command.start_hz:.3g} to {self.command.stop_hz:.3g} Hz"
+        elif isinstance(self.command, Sine):
+            what = f"sine of {size}, {self.command.frequency_hz:.3g} Hz"
+        else:
+            what = f"{self._kind} of up to {size}"
+        return f"{what}, {self.duration:.3g} s"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the manoeuvre for JSON: its kind, what describes it, and how long it lasts."""
+        known = isinstance(self.command, Chirp | DecayingChirp | Sine | Step)
+        described: dict[str, Any] = vars(self.command) if known else {}
+        return described | {
+            "command": self._kind,
+            "amplitude": self.amplitude,
+            "duration_s": self.duration,
+        }
+
+    def write(self, path: str | Path, sample_rate: float) -> None:
+        """Write the command to a CSV file that `emaphm simulate --command` plays."""
+        import polars as pl
+
+        rate = max(sample_rate, PERIOD_ROWS * (self.frequency_hz or 0.0))
+        t = np.linspace(0.0, self.duration, round(self.duration * rate) + 1)
+        pl.DataFrame({"time_s": t, "command_rad": self.command(t)}).write_csv(path)
+
+    @property
+    def _kind(self) -> str:
+        if isinstance(self.command, Sampled):
+            return "command from a file"
+        name = getattr(self.command, "__name__", type(self.command).__name__)
+        return {"DecayingChirp": "decaying-chirp"}.get(name, name.lower())

@@ -1,0 +1,64 @@
+"""CMA-ES by the library `cma`."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from emaphm.errors import MethodError
+from emaphm.optimizers.adapters.driven import Driven, Evaluate, library
+
+SIGMA = 0.25
+"""First standard deviation, in widths of the box: the library's advice is about a quarter."""
+
+
+@dataclass(frozen=True, eq=False)
+class CmaEs(Driven):
+    """Covariance matrix adaptation evolution strategy [1], restarted with twice the population [2].
+
+    The first start is the middle of the box, each later one a random point. Bounds, ends of a descent and
+    all else are the library's defaults. Restarts go on until the budget is spent.
+
+    Parameters
+    ----------
+    lower, upper, iterations
+        As in `Optimizer`.
+    population
+        Of the first descent.
+
+    Raises
+    ------
+    MethodError
+        As in `Driven`; or the box has one component, with which the library fails.
+
+    References
+    ----------
+    .. [1] N. Hansen, A. Ostermeier, "Completely derandomized self-adaptation in evolution strategies",
+       Evolutionary Computation 9, 2001.
+    .. [2] A. Auger, N. Hansen, "A restart CMA evolution strategy with increasing population size",
+       IEEE Congress on Evolutionary Computation, 2005.
+    """
+
+    method = "cma-es"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.lower.size < 2:
+            raise MethodError(f"method '{self.method}' needs at least 2 components to search in, got 1")
+        library(self.method, "cma")
+
+    def _drive(self, evaluate: Evaluate, rng: np.random.Generator) -> None:
+        cma = library(self.method, "cma")
+        start, population = np.full(self.lower.size, 0.5), self.population
+        while True:
+            options = {
+                "bounds": [0, 1],
+                "popsize": population,
+                "randn": lambda *shape: rng.standard_normal(shape),
+                "seed": np.nan,  # leaves numpy's global numbers alone
+                "verbose": -10,  # -9 would still look for orders in a file of the working directory
+            }
+            descent = cma.CMAEvolutionStrategy(start, SIGMA, options)
+            while not descent.stop():
+                points = descent.ask()
+                descent.tell(points, evaluate(np.array(points)))
+            start, population = rng.random(self.lower.size), 2 * population

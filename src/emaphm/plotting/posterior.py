@@ -1,0 +1,70 @@
+"""The figure of a sampled posterior: each component's distribution beside the normal one of its estimate."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from emaphm.actuator import NAMES
+from emaphm.arrays import Array
+from emaphm.diagnosis.result import Diagnosis, Estimate
+from emaphm.plotting.diagnosis import FAINT, MODELLED, RESIDUAL, WIDTH
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+BINS = 40
+
+REACH = 1.5
+"""Width of an axis, as a multiple of what the intervals cover."""
+
+
+def draw_marginals(diagnosis: Diagnosis) -> "Figure":
+    """Draw the distribution of each component in the posterior of `diagnosis`, which it must have."""
+    from matplotlib.figure import Figure
+
+    posterior = diagnosis.posterior
+    assert posterior is not None  # noqa: S101 - whoever draws it has it
+    figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
+    axes = figure.subplots(2, 4).ravel()
+    for axis, name, values in zip(axes, NAMES, posterior.components.T, strict=True):
+        axis.set_title(name.replace("_", " "), loc="left", fontsize=8)
+        axis.tick_params(labelsize=7)
+        axis.set_yticks([])
+        axis.spines[["top", "right", "left"]].set_visible(False)
+        axis.locator_params(axis="x", nbins=3)
+        if np.ptp(values) > 0:
+            _marginal(axis, values, diagnosis.components[name], posterior.interval95[name])
+        else:
+            axis.set_xticks([])
+            axis.text(0.5, 0.5, "not sampled", transform=axis.transAxes, ha="center", fontsize=8, color=FAINT)
+    return figure
+
+
+def _marginal(axis: "Axes", values: Array, estimate: Estimate, interval: tuple[float, float]) -> None:
+    """Draw a histogram of `values` (n,), its 95 % `interval` below, and the estimate as a normal curve."""
+    # On the circle of a direction, an arc that runs past 1 is drawn whole, and the estimate beside it.
+    past = interval[1] > 1 or estimate.interval95[0] < 0 or estimate.interval95[1] > 1
+    around = np.concatenate([values - 1, values, values + 1]) if past else values
+    turn = float(np.rint(sum(interval) / 2 - estimate.value)) if past else 0.0
+    normal = (estimate.interval95[0] + turn, estimate.interval95[1] + turn)
+    low, high = interval
+    if estimate.identifiable:
+        low, high = min(low, normal[0]), max(high, normal[1])
+    margin = (REACH - 1) / 2 * (high - low)
+    if past:  # no more than once around
+        margin = min(margin, (1 - min(high - low, 1)) / 2)
+    first, last = (low - margin, high + margin) if past else (max(low - margin, 0), min(high + margin, 1))
+    edges = np.linspace(first, last, BINS + 1)
+    heights = np.histogram(around, edges)[0] / (values.size * (edges[1] - edges[0]))
+    axis.stairs(heights, edges, fill=True, color=RESIDUAL, alpha=0.4, linewidth=0)
+    most = float(np.max(heights))
+    if estimate.identifiable:
+        x = np.linspace(first, last, 200)
+        z = (x - estimate.value - turn) / estimate.standard_error
+        density = np.exp(-(z**2) / 2) / (estimate.standard_error * (2 * np.pi) ** 0.5)
+        axis.plot(x, density, color=MODELLED, linewidth=1)
+        most = max(most, float(np.max(density)))
+    axis.plot(interval, [-0.06 * most] * 2, color=RESIDUAL, linewidth=3, solid_capstyle="butt")
+    axis.set_xlim(first, last)
+    axis.set_ylim(-0.12 * most, 1.05 * most)

@@ -1,0 +1,1 @@
+"""Reading and writing recordings, one file format a module."""

@@ -1,0 +1,110 @@
+"""What drives a run, step by step: command, load and noise, and how the rows of its output are formed."""
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal, Self
+
+import numpy as np
+
+from emaphm.actuator import Command, Load
+from emaphm.arrays import Array
+from emaphm.errors import SignalError
+
+Sampling = Literal["mean", "instant"]
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """Command [rad], load [N·m] and noise on the reference current [A], a value a step.
+
+    Each has shape (samples × substeps,); `interval` [s] is a sample's; `sampling` says whether a row of
+    output is the mean over its interval or the value at its start.
+    """
+
+    command: Array
+    load: Array
+    noise: Array
+    samples: int
+    substeps: int
+    interval: float
+    sampling: Sampling = "mean"
+
+    @classmethod
+    def of(
+        cls,
+        command: Command,
+        load: Load = 0.0,
+        *,
+        samples: int,
+        interval: float,
+        step: float,
+        sampling: Sampling = "mean",
+        noise: float = 0.0,
+        seed: int = 0,
+    ) -> Self:
+        """Evaluate the inputs at every step.
+
+        Parameters
+        ----------
+        command, load
+            Functions of time [s]; the load may be a number.
+        samples, interval
+            Rows of the output and their distance [s].
+        step
+            Longest integration step [s]; the largest one that divides `interval` is taken.
+        noise
+            White noise on the reference current, rms [A] at each step (thesis 4.1), made from `seed`.
+
+        Raises
+        ------
+        SignalError
+            There are no samples, interval or step are not positive, the noise is negative, or command or
+            load is not one finite value a step.
+        """
+        if samples < 1 or not interval > 0 or not step > 0:
+            raise SignalError(
+                f"a run needs samples ({samples}), interval ({interval:g} s) and step ({step:g} s) above 0"
+            )
+        if not 0 <= noise < math.inf:
+            raise SignalError(f"noise on the reference current, {noise:g} A, is no rms; give 0 or more")
+        substeps = max(1, math.ceil(interval / step * (1 - 1e-9)))
+        steps = samples * substeps
+        t = np.asarray(np.arange(steps) * (interval / substeps))
+        zero = np.broadcast_to(0.0, steps)
+        rng = np.random.default_rng(seed)
+        return cls(
+            command=_checked("command", command(t), steps),
+            load=_checked("load", load(t) if callable(load) else np.broadcast_to(float(load), steps), steps),
+            noise=rng.normal(0.0, noise, steps) if noise else zero,
+            samples=samples,
+            substeps=substeps,
+            interval=interval,
+            sampling=sampling,
+        )
+
+    @property
+    def step(self) -> float:
+        """The integration step [s]."""
+        return self.interval / self.substeps
+
+    @property
+    def window(self) -> int:
+        """Steps at the start of each interval that its row is the mean of."""
+        return self.substeps if self.sampling == "mean" else 1
+
+    @property
+    def time_s(self) -> Array:
+        """The time stamps of the rows, shape (samples,)."""
+        return np.asarray(np.arange(self.samples) * self.interval)
+
+    def rows(self, values: Array) -> Array:
+        """Return values given at every step, shape (samples × substeps,), as rows of output, (samples,)."""
+        return np.asarray(values.reshape(self.samples, self.substeps)[:, : self.window].mean(axis=1))
+
+
+def _checked(what: str, values: Any, steps: int) -> Array:
+    if np.shape(values) != (steps,):
+        raise SignalError(f"the {what} gave {np.shape(values)} values for {steps} times; give one for each")
+    if not np.all(np.isfinite(values)):
+        raise SignalError(f"the {what} is not finite everywhere; mend its values")
+    return np.asarray(values, float)

@@ -1,0 +1,1 @@
+"""The laws of physics, one a file: pure functions of scalars or arrays."""

@@ -1,0 +1,1 @@
+"""The reference, monitor and averaged models of the actuator."""

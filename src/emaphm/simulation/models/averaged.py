@@ -1,0 +1,37 @@
+"""The averaged model, which identification runs: no ripple, so its step may be 50 µs."""
+
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emaphm.simulation.engine.kernels import Model
+from emaphm.simulation.engine.plant import Plant
+from emaphm.simulation.models import single_winding
+from emaphm.simulation.models.single_winding import CHANNELS, initial_state
+
+
+def parameters(plant: Plant, step: float) -> NDArray[np.float64]:
+    """Return the kernel's parameters with the faults resolved by phase: a short is located.
+
+    R = (R_s / 2)(N_i + N_j), L = (L_s / 2)(N_i² + N_j²), k = (k_e / 2)(N_i g_i + N_j g_j) for the
+    conducting phases i, j.
+    """
+    turns = plant.turns
+    pairs = np.stack([turns[1] + turns[2], turns[2] + turns[0], turns[0] + turns[1]]) / 2
+    squares = np.stack(
+        [turns[1] ** 2 + turns[2] ** 2, turns[2] ** 2 + turns[0] ** 2, turns[0] ** 2 + turns[1] ** 2]
+    )
+    return single_winding.parameters(plant, step, pairs, squares / 2, turns)
+
+
+AVERAGED = Model(
+    "averaged",
+    5e-5,
+    CHANNELS,
+    False,
+    parameters,
+    initial_state,
+    partial(single_winding.build, averaged=True, printed_eccentricity=False),
+)
+"""The averaged model at its step of 50 µs."""

@@ -1,0 +1,273 @@
+"""The reference model: three phases, hysteresis switching, a step a microsecond (thesis 3.1, chapter 4)."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emaphm.simulation.engine.inputs import Inputs
+from emaphm.simulation.engine.kernels import (
+    ANGLE,
+    CONTROL_AND_MOTION,
+    COS,
+    COULOMB,
+    CURRENT,
+    CURRENT_LIMIT,
+    DERIVATIVE,
+    ELECTRICAL,
+    ERROR,
+    FEEDBACK,
+    FEEDBACK_SHARE,
+    GEAR_RATIO,
+    HALF_GAP,
+    HIGH_STOP,
+    HINGE,
+    INTEGRAL,
+    INTEGRATING,
+    LOW_STOP,
+    OBSERVABLE,
+    OFFSET,
+    OUTPUT,
+    POLE_PAIRS,
+    POSITION_GAIN,
+    PROPORTIONAL,
+    SIN,
+    SPEED,
+    SPEED_LIMIT,
+    STATIC,
+    STEP_PER_INERTIA,
+    TORQUE,
+    TORQUE_LIMIT,
+    TORQUE_SHARE,
+    VISCOUS,
+    Initial,
+    Layout,
+    Model,
+    control_and_motion,
+    moving_state,
+)
+from emaphm.simulation.engine.plant import Plant
+from emaphm.simulation.laws.commutation import PHASE_SHIFT, demand_sign, trapezoid, wrap_once
+from emaphm.simulation.laws.controller import clip, current_demand, speed_error
+from emaphm.simulation.laws.eccentricity import gap_factors
+from emaphm.simulation.laws.inverter import switch
+from emaphm.simulation.laws.lag import approach
+from emaphm.simulation.laws.motion import move, turn
+from emaphm.simulation.laws.windings import star_slopes
+
+CHANNELS = (
+    "current_A",
+    "voltage_V",
+    "position_rad",
+    "speed_rad_s",
+    "angle_rad",
+    "torque_Nm",
+    "reference_current_A",
+    "current_a_A",
+    "current_b_A",
+    "current_c_A",
+    "current_active_A",
+    "current_magnitude_A",
+    "voltage_a_V",
+    "voltage_b_V",
+    "voltage_c_V",
+)
+
+CURRENT_A, CURRENT_B, CURRENT_C, LEG_A, LEG_B, LEG_C = range(CURRENT, CURRENT + 6)
+(
+    HYSTERESIS,
+    HALF_SUPPLY,
+    RESISTANCE_A,
+    RESISTANCE_B,
+    RESISTANCE_C,
+    STEP_PER_HENRY_A,
+    STEP_PER_HENRY_B,
+    STEP_PER_HENRY_C,
+    FLUX_A,
+    FLUX_B,
+    FLUX_C,
+    Z_COS,
+    Z_SIN,
+) = range(len(CONTROL_AND_MOTION), len(CONTROL_AND_MOTION) + 13)
+
+
+def parameters(plant: Plant, step: float) -> NDArray[np.float64]:
+    """Return the kernel's parameters, shape (rows, n), for `plant` at `step` [s]."""
+    return np.concatenate(
+        [
+            control_and_motion(plant, step),
+            [plant.hysteresis, plant.supply / 2],
+            plant.resistance / 2 * plant.turns,
+            step / (plant.inductance / 2 * plant.turns**2),
+            plant.torque_constant / 2 * plant.turns,
+            plant.z,
+        ]
+    )
+
+
+def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> NDArray[np.float64]:
+    """Return the kernel's state at `start`, shape (rows, n): no current, all legs low."""
+    x = moving_state(plant, inputs, start, currents=6)
+    x[LEG_A : LEG_C + 1] = -1.0
+    return x
+
+
+def build(layout: Layout) -> Any:
+    """Return the kernel's Python function; see `kernels` for its arguments.
+
+    The order within a step is that of PHYSICS.md section 3: commutation, switching and back-EMF from the
+    state at the step's start, currents by explicit Euler, torque from the new currents, then the motion.
+    """
+
+    def kernel(
+        x: Any,
+        p: Any,
+        command: Any,
+        load: Any,
+        noise: Any,
+        step: Any,
+        substeps: Any,
+        window: Any,
+        carried: Any,
+        out: Any,
+    ) -> None:
+        lanes, channels = layout[0], layout[1]
+        observed, traced = channels > 1, channels > len(OBSERVABLE)
+        total = np.empty(channels * lanes)
+        for sample in range(out.shape[1]):
+            total[:] = 0.0
+            for substep in range(substeps):
+                now = sample * substeps + substep
+                commanded, loaded, disturbed = command[now], load[now], noise[now]
+                weight = 1.0 if substep < window else 0.0
+                for lane in range(lanes):
+                    speed = x[SPEED * lanes + lane]
+                    angle = x[ANGLE * lanes + lane]
+                    electrical = x[ELECTRICAL * lanes + lane]
+                    cos, sin = x[COS * lanes + lane], x[SIN * lanes + lane]
+                    integral = x[INTEGRAL * lanes + lane]
+                    tau = p[GEAR_RATIO * lanes + lane]
+
+                    measured = approach(x[FEEDBACK * lanes + lane], speed, p[FEEDBACK_SHARE * lanes + lane])
+                    output = x[OUTPUT * lanes + lane]
+                    error = speed_error(
+                        commanded,
+                        tau * output,
+                        measured,
+                        p[POSITION_GAIN * lanes + lane],
+                        p[SPEED_LIMIT * lanes + lane],
+                    )
+                    reference = disturbed + current_demand(
+                        error,
+                        integral,
+                        error - x[ERROR * lanes + lane],
+                        p[PROPORTIONAL * lanes + lane],
+                        p[INTEGRATING * lanes + lane],
+                        p[DERIVATIVE * lanes + lane],
+                        p[CURRENT_LIMIT * lanes + lane],
+                    )
+
+                    angle_b = wrap_once(electrical - PHASE_SHIFT)
+                    angle_c = wrap_once(electrical + PHASE_SHIFT)
+                    active_a, active_b, active_c = (
+                        demand_sign(electrical),
+                        demand_sign(angle_b),
+                        demand_sign(angle_c),
+                    )
+                    shape_a, shape_b, shape_c = trapezoid(electrical), trapezoid(angle_b), trapezoid(angle_c)
+                    current_a = x[CURRENT_A * lanes + lane]
+                    current_b = x[CURRENT_B * lanes + lane]
+                    current_c = x[CURRENT_C * lanes + lane]
+                    band = p[HYSTERESIS * lanes + lane]
+                    leg_a = switch(x[LEG_A * lanes + lane], reference * active_a - current_a, band)
+                    leg_b = switch(x[LEG_B * lanes + lane], reference * active_b - current_b, band)
+                    leg_c = switch(x[LEG_C * lanes + lane], reference * active_c - current_c, band)
+
+                    gap_a, gap_b, gap_c = gap_factors(
+                        cos, sin, p[Z_COS * lanes + lane], p[Z_SIN * lanes + lane]
+                    )
+                    flux_a = p[FLUX_A * lanes + lane] * gap_a * shape_a
+                    flux_b = p[FLUX_B * lanes + lane] * gap_b * shape_b
+                    flux_c = p[FLUX_C * lanes + lane] * gap_c * shape_c
+                    half_supply = p[HALF_SUPPLY * lanes + lane]
+                    rise_a, rise_b, rise_c = star_slopes(
+                        leg_a * half_supply - p[RESISTANCE_A * lanes + lane] * current_a - flux_a * speed,
+                        leg_b * half_supply - p[RESISTANCE_B * lanes + lane] * current_b - flux_b * speed,
+                        leg_c * half_supply - p[RESISTANCE_C * lanes + lane] * current_c - flux_c * speed,
+                        p[STEP_PER_HENRY_A * lanes + lane],
+                        p[STEP_PER_HENRY_B * lanes + lane],
+                        p[STEP_PER_HENRY_C * lanes + lane],
+                    )
+                    current_a += rise_a
+                    current_b += rise_b
+                    current_c += rise_c
+                    limit = p[TORQUE_LIMIT * lanes + lane]
+                    produced = clip(
+                        flux_a * current_a + flux_b * current_b + flux_c * current_c, -limit, limit
+                    )
+                    torque = approach(x[TORQUE * lanes + lane], produced, p[TORQUE_SHARE * lanes + lane])
+
+                    moved, reached, followed = move(
+                        speed,
+                        angle,
+                        output,
+                        torque - loaded - p[OFFSET * lanes + lane] - p[HINGE * lanes + lane] * output,
+                        p[VISCOUS * lanes + lane],
+                        p[STATIC * lanes + lane],
+                        p[COULOMB * lanes + lane],
+                        p[HALF_GAP * lanes + lane],
+                        p[LOW_STOP * lanes + lane],
+                        p[HIGH_STOP * lanes + lane],
+                        step,
+                        p[STEP_PER_INERTIA * lanes + lane],
+                    )
+                    turned = reached - angle
+                    x[CURRENT_A * lanes + lane] = current_a
+                    x[CURRENT_B * lanes + lane] = current_b
+                    x[CURRENT_C * lanes + lane] = current_c
+                    x[LEG_A * lanes + lane] = leg_a
+                    x[LEG_B * lanes + lane] = leg_b
+                    x[LEG_C * lanes + lane] = leg_c
+                    x[SPEED * lanes + lane] = moved
+                    x[FEEDBACK * lanes + lane] = measured
+                    x[TORQUE * lanes + lane] = torque
+                    x[ANGLE * lanes + lane] = reached
+                    x[OUTPUT * lanes + lane] = followed
+                    x[ELECTRICAL * lanes + lane] = wrap_once(
+                        electrical + p[POLE_PAIRS * lanes + lane] * turned
+                    )
+                    x[COS * lanes + lane], x[SIN * lanes + lane] = turn(cos, sin, turned)
+                    x[INTEGRAL * lanes + lane] = integral + error * step
+                    x[ERROR * lanes + lane] = error
+
+                    total[lane] += (
+                        weight * 0.5 * (shape_a * current_a + shape_b * current_b + shape_c * current_c)
+                    )
+                    if observed:
+                        across = active_a * leg_a + active_b * leg_b + active_c * leg_c
+                        total[lanes + lane] += weight * across * half_supply
+                        total[2 * lanes + lane] += weight * tau * (output + carried * (followed - output))
+                        total[3 * lanes + lane] += weight * (speed + carried * (moved - speed))
+                    if traced:
+                        along = active_a * current_a + active_b * current_b + active_c * current_c
+                        size = np.abs(current_a) + np.abs(current_b) + np.abs(current_c)
+                        total[4 * lanes + lane] += weight * (angle + carried * turned)
+                        total[5 * lanes + lane] += weight * torque
+                        total[6 * lanes + lane] += weight * reference
+                        total[7 * lanes + lane] += weight * current_a
+                        total[8 * lanes + lane] += weight * current_b
+                        total[9 * lanes + lane] += weight * current_c
+                        total[10 * lanes + lane] += weight * 0.5 * along
+                        total[11 * lanes + lane] += weight * 0.5 * np.copysign(size, torque)
+                        total[12 * lanes + lane] += weight * leg_a * half_supply
+                        total[13 * lanes + lane] += weight * leg_b * half_supply
+                        total[14 * lanes + lane] += weight * leg_c * half_supply
+            for i in range(channels):
+                for lane in range(lanes):
+                    out[i, sample, lane] = total[i * lanes + lane] / window
+
+    return kernel
+
+
+REFERENCE = Model("reference", 1e-6, CHANNELS, True, parameters, initial_state, build)
+"""The reference model at its step of 1 µs."""

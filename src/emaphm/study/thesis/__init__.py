@@ -1,0 +1,1 @@
+"""What the thesis printed, and its studies made again."""

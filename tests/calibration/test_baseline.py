@@ -1,0 +1,309 @@
+"""From healthy recordings of a unit to diagnoses of it: what calibration knows, and what it does not."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cases import THESIS, covered
+from emaphm.actuator import Actuator, Chirp, Faults
+from emaphm.actuator.baseline import Baseline
+from emaphm.actuator.lumped_parameters import TOTALS, totals, with_totals
+from emaphm.calibration import Calibration, calibrate
+from emaphm.diagnosis import Diagnosis, diagnose
+from emaphm.errors import MethodError
+from emaphm.estimation.methods import method_named
+from emaphm.estimation.nuisances import BASELINE, NuisanceSet
+from emaphm.estimation.parameter_variation import LEAST_DEVIATION, START_FACTOR, Deviations
+from emaphm.estimation.search import fit_of
+from emaphm.recording import Recording
+from emaphm.simulated_recording import simulate
+from emaphm.simulation import AVERAGED
+
+VOLTAGE = ("current_A", "voltage_V")
+FREE = ("inertia", "viscous", "coulomb", "torque_constant", "resistance")
+FACTORS = dict(zip(FREE, (1.08, 0.9, 0.92, 1.04, 0.95), strict=True))
+UNIT = with_totals(THESIS, {n: v * FACTORS[n] for n, v in totals(THESIS, FREE).items()}, name="unit 7")
+TRUTH = Faults(friction=0.2, short_a=0.15, gain=0.55)
+
+
+def with_baseline(deviations: Mapping[str, float], actuator: Actuator = THESIS) -> Actuator:
+    """Return the description with a baseline of independent parameters."""
+    covariance = np.diag([s**2 for s in deviations.values()])
+    baseline = Baseline.of(tuple(deviations), covariance, ("healthy.csv",))
+    return actuator.model_copy(update={"baseline": baseline})
+
+
+def of_a_day(
+    actuator: Actuator,
+    *,
+    load: float = 0.0,
+    warmer: float = 0.0,
+    faults: Faults = Faults(),  # noqa: B008 - frozen
+    channels: tuple[str, ...] = VOLTAGE,
+    seed: int = 0,
+    stop_hz: float = 15.0,
+) -> Recording:
+    """Return what a rig records; copper gains 0.393 % a kelvin, NdFeB loses 0.11 %."""
+    cold = totals(actuator, ("resistance", "torque_constant"))
+    changed = {
+        "offset": load,
+        "resistance": cold["resistance"] * (1 + 0.00393 * warmer),
+        "torque_constant": cold["torque_constant"] * (1 - 0.0011 * warmer),
+    }
+    that_day = with_totals(actuator, changed)
+    whole = simulate(that_day, Chirp(stop_hz=stop_hz), faults=faults, noise=0.05, adc_bits=12, seed=seed)
+    kept = {name: whole[name] for name in ("time_s", "command_rad", *channels)}
+    return Recording(kept, whole.sampling, f"day {seed}")
+
+
+@pytest.fixture(scope="module")
+def healthy() -> list[Recording]:
+    """Return three days of the healthy unit: another load, another temperature, another manoeuvre."""
+    return [
+        of_a_day(UNIT, load=0.1, warmer=20.0, seed=1),
+        of_a_day(UNIT, load=-0.05, warmer=-10.0, seed=2, stop_hz=12.0),
+        of_a_day(UNIT, load=0.02, warmer=35.0, seed=3),
+    ]
+
+
+@pytest.fixture(scope="module")
+def calibrated(healthy: list[Recording]) -> Calibration:
+    return calibrate(healthy, THESIS, FREE, workers=1)
+
+
+@pytest.fixture(scope="module")
+def faulty() -> Recording:
+    return of_a_day(UNIT, load=0.08, warmer=15.0, faults=TRUTH, seed=4)
+
+
+@pytest.fixture(scope="module")
+def diagnosed(faulty: Recording, calibrated: Calibration) -> Diagnosis:
+    return diagnose(faulty, calibrated.actuator, workers=1)
+
+
+# What several recordings tell.
+
+
+def test_a_unit_is_found_on_days_of_unknown_load_and_heat(calibrated: Calibration) -> None:
+    true = totals(UNIT, FREE)
+    for name, found in calibrated.parameters.items():
+        # Of five normal deviates, one in 3000 cases has one beyond 4.
+        assert abs(found.value - true[name]) < 4 * found.standard_error
+        assert found.identifiable
+    # Three temperatures of 30 K each, by the coefficients of copper and magnets.
+    relative = {name: p.standard_error / p.value for name, p in calibrated.parameters.items()}
+    assert relative["resistance"] == pytest.approx(0.00393 * 30 / 3**0.5, rel=0.25)
+    assert relative["torque_constant"] == pytest.approx(0.0011 * 30 / 3**0.5, rel=0.25)
+    assert relative["inertia"] < 0.01
+
+
+def test_the_baseline_is_what_calibration_knows(calibrated: Calibration) -> None:
+    baseline = calibrated.actuator.baseline
+    assert baseline is not None
+    assert baseline.names == FREE
+    assert baseline.recordings == ("day 1", "day 2", "day 3")
+    relative = [p.standard_error / p.value for p in calibrated.parameters.values()]
+    np.testing.assert_allclose(np.sqrt(np.diag(baseline.covariance)), relative, rtol=1e-12)
+    # Heat raises the one and lowers the other.
+    rows = np.array(baseline.covariance)
+    assert rows[3, 4] / np.sqrt(rows[3, 3] * rows[4, 4]) < -0.8
+
+
+def test_what_was_unknown_of_each_day_is_told(calibrated: Calibration) -> None:
+    loads = [day["load"] for day in calibrated.nuisances]
+    # Of a friction of 0.08 N·m that is known to some percent.
+    np.testing.assert_allclose(loads, [0.1, -0.05, 0.02], atol=0.01)
+    text = str(calibrated)
+    assert "Estimated besides in day 2: load -0.0" in text
+    assert "The 3 recordings scatter" in text
+    # Under its own load each is explained: 0.1 N·m alone are half as much as the current's rms.
+    assert calibrated.relative_error["current_A"] < 0.1
+    assert [one["recording"] for one in calibrated.to_dict()["recordings"]] == ["day 1", "day 2", "day 3"]
+
+
+def test_a_recording_that_cannot_tell_does_not_spoil_the_others(healthy: list[Recording]) -> None:
+    # The current alone tells moments in proportion to the torque constant, and no resistance.
+    poor = of_a_day(UNIT, load=0.1, warmer=20.0, channels=("current_A",), seed=5)
+    two = calibrate(healthy[:2], THESIS, FREE, workers=1)
+    three = calibrate([*healthy[:2], poor], THESIS, FREE, workers=1)
+    for name in FREE:
+        before, after = two.parameters[name], three.parameters[name]
+        assert abs(after.value - before.value) < 2 * before.standard_error
+        assert after.identifiable
+    assert three.parameters["resistance"].standard_error == pytest.approx(
+        two.parameters["resistance"].standard_error, rel=0.3
+    )
+    alone = calibrate(poor, THESIS, FREE, workers=1)
+    assert not any(p.identifiable for p in alone.parameters.values())
+    covariance = np.array(alone.actuator.baseline.covariance)  # type: ignore[union-attr]
+    ratio = np.array([1.0, 0.0, 0.0, -1.0, 0.0])
+    # But inertia over torque constant is known, to the 3.3 % of 30 K or so.
+    assert ratio @ covariance @ ratio < 0.06**2
+
+
+def test_friction_that_differs_from_day_to_day_widens_the_baseline() -> None:
+    days = [
+        with_totals(UNIT, {"coulomb": totals(UNIT, ("coulomb",))["coulomb"] * f}) for f in (0.9, 1.0, 1.1)
+    ]
+    wandering = [of_a_day(day, seed=i) for i, day in enumerate(days)]
+    steady = [of_a_day(UNIT, seed=i) for i in range(3)]
+    names = ("inertia", "coulomb")
+    both = [calibrate(days, UNIT, names, nuisances=(), workers=1) for days in (wandering, steady)]
+    wide, narrow = (c.parameters["coulomb"].standard_error / c.parameters["coulomb"].value for c in both)
+    assert both[0].birge_ratio is not None
+    assert both[0].birge_ratio > 3
+    assert "those above allow for it" in str(both[0])
+    # A scatter of 10 %, known from three values: at least that, and many times what one day's noise makes.
+    assert wide > 0.1
+    assert narrow < 0.02
+
+
+# What a diagnosis does with it.
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_axes_and_priors_are_the_covariance(seed: int) -> None:
+    names = ("inertia", "coulomb", "offset")
+    root = np.random.default_rng(seed).normal(0.0, 0.02, (3, 3)) * np.array([[1.0], [1.0], [0.1]])
+    actuator = THESIS.model_copy(update={"baseline": Baseline.of(names, root @ root.T, ("a",))})
+    unknown = NuisanceSet.of(actuator, ("load",), ())
+    assert unknown.names == ("load", "baseline 1", "baseline 2", "baseline 3")
+    assert unknown.quantities == ("load", *(BASELINE + name for name in names))
+    prior = unknown.meaning @ np.diag(unknown.priors**2) @ unknown.meaning.T
+    np.testing.assert_allclose(prior[1:, 1:], root @ root.T, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(prior[0, 1:], 0.0)
+
+
+def test_what_is_known_well_enough_takes_no_time() -> None:
+    known = with_baseline({"inertia": 0.9 * LEAST_DEVIATION, "coulomb": 0.5 * LEAST_DEVIATION})
+    assert NuisanceSet.of(known, (), ()).names == ()
+    half = NuisanceSet.of(with_baseline({"inertia": 0.02, "coulomb": 0.5 * LEAST_DEVIATION}), (), ())
+    assert half.names == ("baseline 1",)
+
+
+def test_what_is_not_known_at_all_is_no_wider_than_a_description() -> None:
+    one = Deviations.of_baseline(with_baseline({"resistance": 3.4}))
+    assert np.exp(one.priors[0]) == pytest.approx(START_FACTOR)
+
+
+def test_a_baseline_composes_with_the_unknowns_of_the_day() -> None:
+    actuator = with_baseline({"inertia": 0.05, "coulomb": 0.04, "offset": 0.01, "resistance": 0.1})
+    unknown = NuisanceSet.of(actuator, ("load", "temperature", "inertia"), ())
+    one = np.random.default_rng(0).normal(0.0, 0.2, (1, unknown.priors.size)) * unknown.priors
+    values = unknown.values(one)
+    day = {name: float(value[0]) for name, value in values.items()}
+    described = totals(actuator, tuple(TOTALS))
+    expected = {
+        "coulomb": described["coulomb"] * np.exp(day["baseline coulomb"]),
+        "inertia": described["inertia"] * np.exp(day["baseline inertia"]) * (1 + day["inertia"]),
+        "offset": described["offset"] + day["baseline offset"] + day["load"],
+        "resistance": described["resistance"]
+        * np.exp(day["baseline resistance"])
+        * (1 + 0.00393 * day["temperature"]),
+        "torque_constant": described["torque_constant"] * (1 - 0.0011 * day["temperature"]),
+    }
+    found = {name: float(value[0]) for name, value in unknown.totals(actuator, values).items()}
+    assert found == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_deviation_is_an_actuator_of_other_values() -> None:
+    # What the rig in software records of the other actuator, the described one has under the deviation.
+    whole = simulate(with_totals(THESIS, {"inertia": 1.06 * 2.5e-5}), Chirp(), faults=TRUTH, model="averaged")
+    recording = Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A")})
+    fit = fit_of(recording, with_baseline({"inertia": 0.03}), method_named("hybrid"), AVERAGED, (), 1)
+    point = fit.space.points(TRUTH.vector)
+    plain = np.sqrt(np.mean((fit.target - fit.outputs(point[np.newaxis])[0])[:-1] ** 2))
+    point[-1] = np.log(1.06) * np.sign(fit.space.nuisances.meaning[0, 0])
+    away = np.sqrt(np.mean((fit.target - fit.outputs(point[np.newaxis])[0])[:-1] ** 2))
+    # The command is recorded as means and interpolated: that much is left.
+    assert away < 0.2 * plain
+    assert fit.space.nuisance_values(point[np.newaxis])["baseline inertia"][0] == pytest.approx(np.log(1.06))
+
+
+def test_friction_is_known_no_better_than_its_baseline() -> None:
+    # A fault multiplies all friction by 1 + 2 k: of 5 % in the healthy friction, 0.025 (1 + 2 k) are left.
+    recording = simulate(THESIS, Chirp(), faults=Faults(friction=0.3), noise=0.05)
+    recording = Recording({name: recording[name] for name in ("time_s", "command_rad", *VOLTAGE)})
+    frictionless = with_totals(THESIS, {"viscous": 0.0})
+    loose = diagnose(recording, with_baseline({"coulomb": 0.05}, frictionless), nuisances=(), workers=1)
+    exact = diagnose(recording, frictionless, nuisances=(), workers=1)
+    assert exact.components["friction"].standard_error < 0.01
+    assert loose.components["friction"].standard_error == pytest.approx(0.025 * 1.6, rel=0.15)
+    told = loose.nuisances["baseline coulomb"]
+    assert told.standard_error == pytest.approx(0.05, rel=0.15)
+    assert not told.known
+    # One number for what cannot be told apart.
+    covariance = loose.covariance[np.ix_([0, -1], [0, -1])]
+    assert abs(covariance[0, 1]) / np.sqrt(covariance[0, 0] * covariance[1, 1]) > 0.95
+    assert loose.coordinates[-1] == "baseline 1"
+
+
+def test_a_calibrated_unit_is_diagnosed_where_its_description_misleads(
+    faulty: Recording, diagnosed: Diagnosis
+) -> None:
+    truth = TRUTH.vector
+    misled = diagnose(faulty, THESIS, workers=1)
+    seen = [i for i in range(8) if i != 6]  # without eccentricity its direction means nothing
+    found, wrong = (np.abs(d.faults.vector - truth)[seen].max() for d in (diagnosed, misled))
+    # Units of a kind differ by 8 %: friction by 0.04, shorts by as much.
+    assert found < 0.02 < wrong
+    assert diagnosed.explained
+    # Of eight independent 95 % intervals, fewer than 7 hold the truth once in twenty times.
+    assert sum(covered(truth, diagnosed)) >= 7
+
+
+def test_deviations_are_told_in_text_and_json(diagnosed: Diagnosis) -> None:
+    text = str(diagnosed)
+    assert "Off the calibrated baseline (relative, if without a unit): inertia " in text
+    names = [BASELINE + name for name in FREE]
+    nuisances = diagnosed.to_dict()["nuisances"]
+    assert list(nuisances) == ["load", "temperature", *names]
+    for name in names:
+        assert nuisances[name]["unit"] == "-"
+        assert nuisances[name]["standard_error"] > 0
+    assert len(diagnosed.coordinates) == len(diagnosed.covariance)
+
+
+def test_naming_no_nuisance_keeps_the_baseline(faulty: Recording, calibrated: Calibration) -> None:
+    # The recording's unknowns are the recording's; the baseline belongs to the description.
+    fit = fit_of(faulty, calibrated.actuator, method_named("hybrid"), AVERAGED, (), 1)
+    assert fit.space.nuisances.quantities == tuple(BASELINE + name for name in FREE)
+
+
+# What is refused, and what stands in a file.
+
+
+def test_a_second_calibration_replaces_the_first(healthy: list[Recording], calibrated: Calibration) -> None:
+    again = calibrate(healthy[:1], calibrated.actuator, FREE, workers=1)
+    baseline = again.actuator.baseline
+    assert baseline is not None
+    assert baseline.recordings == ("day 1",)
+    assert again.actuator.name == calibrated.actuator.name == "thesis, calibrated"
+    fresh = calibrate(healthy[:1], THESIS, FREE, workers=1)
+    # The first one's covariance is no prior: one recording is known as one recording is.
+    assert again.parameters["resistance"].standard_error == pytest.approx(
+        fresh.parameters["resistance"].standard_error, rel=0.1
+    )
+
+
+def test_what_cannot_be_calibrated_together_is_refused(
+    healthy: list[Recording], calibrated: Calibration
+) -> None:
+    with pytest.raises(MethodError, match=r"^no recording to calibrate from; give one .* or several$"):
+        calibrate([], THESIS, FREE)
+    with pytest.raises(MethodError, match=r"has a baseline of 'viscous', .*; free 'viscous' too, or start"):
+        calibrate(healthy, calibrated.actuator, ("inertia",))
+    with pytest.raises(
+        MethodError, match="nuisance 'load' cannot be told from parameter 'offset'; leave one"
+    ):
+        calibrate(healthy, THESIS, ("inertia", "offset"), nuisances=("load",))
+    with pytest.raises(MethodError, match=r"unknown nuisance 'laod' \(did you mean 'load'\?\)"):
+        calibrate(healthy, THESIS, ("inertia",), nuisances=("laod",))
+
+
+def test_a_calibrated_description_survives_a_file(calibrated: Calibration, tmp_path: Path) -> None:
+    path = tmp_path / "unit-7.toml"
+    calibrated.actuator.to_toml(path, comments=str(calibrated))
+    assert Actuator.from_toml(path) == calibrated.actuator

@@ -1,0 +1,233 @@
+"""Calibration finds the parameters of a synthetic unit again, and says how sure it is of each."""
+
+import json
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cases import THESIS
+from emaphm.actuator import Actuator, Chirp, Sampled
+from emaphm.actuator.lumped_parameters import totals, with_totals
+from emaphm.calibration import Calibration, calibrate
+from emaphm.errors import MethodError, RecordingError
+from emaphm.estimation.parameter_variation import WIDEST_FACTOR
+from emaphm.recording import Recording
+from emaphm.simulated_recording import simulate
+from emaphm.simulation import AVERAGED
+
+FREE = ("inertia", "viscous", "coulomb", "offset")
+UNIT = with_totals(THESIS, {"inertia": 3.2e-5, "viscous": 2e-4, "coulomb": 0.06, "offset": 0.02}, name="unit")
+TRUE = totals(UNIT, FREE)
+
+WRONG_STARTS = [(0.7, 1.3, 0.7), (1.3, 0.7, 1.3), (1.3, 1.3, 1.3), (0.7, 0.7, 0.7)]
+
+
+def misdescribed(factors: Sequence[float]) -> Actuator:
+    """Return the unit with its first three parameters times `factors` and no offset."""
+    values = {name: TRUE[name] * factor for name, factor in zip(FREE, factors, strict=False)}
+    return with_totals(UNIT, values | {"offset": 0.0}, name="guess")
+
+
+def deviations(found: Calibration) -> dict[str, float]:
+    """Return how many standard errors each parameter is from the truth."""
+    return {name: (p.value - TRUE[name]) / p.standard_error for name, p in found.parameters.items()}
+
+
+def own_recording(**options: Any) -> Recording:
+    given: dict[str, Any] = {"noise": 0.1, "sample_rate": 1 / AVERAGED.step} | options
+    return simulate(UNIT, Chirp(), model="averaged", sampling="instant", **given)
+
+
+def current_of(recording: Recording) -> Recording:
+    """Return the command and the current alone."""
+    kept = {name: recording[name] for name in ("time_s", "command_rad", "current_A")}
+    return Recording(kept, recording.sampling)
+
+
+@pytest.fixture(scope="module")
+def instants() -> Recording:
+    """Return what the averaged model recorded itself, a row a step, so that only the noise is unexplained."""
+    return own_recording()
+
+
+@pytest.fixture(scope="module")
+def reference() -> Recording:
+    return simulate(UNIT, Chirp(), noise=0.05)
+
+
+@pytest.mark.parametrize("factors", WRONG_STARTS)
+def test_a_unit_is_found_again_from_starts_that_are_30_percent_wrong(
+    instants: Recording, factors: Sequence[float]
+) -> None:
+    found = calibrate(instants, misdescribed(factors), FREE, turns=0)
+    assert all(p.identifiable for p in found.parameters.values())
+    # Of four normal deviates, one in 10,000 cases has one beyond 4.
+    assert all(abs(deviation) < 4 for deviation in deviations(found).values())
+    assert totals(found.actuator, FREE) == pytest.approx(
+        {name: p.value for name, p in found.parameters.items()}
+    )
+
+
+@pytest.mark.parametrize("factors", WRONG_STARTS)
+def test_a_unit_recorded_by_the_reference_model_is_found_again(
+    reference: Recording, factors: Sequence[float]
+) -> None:
+    found = calibrate(reference, misdescribed(factors), FREE)
+    # The averaged model is not the reference model: 1 to 2 standard errors are its bias.
+    assert all(abs(deviation) < 5 for deviation in deviations(found).values())
+    assert found.parameters["inertia"].value == pytest.approx(TRUE["inertia"], rel=0.01)
+    assert found.parameters["coulomb"].value == pytest.approx(TRUE["coulomb"], rel=0.02)
+    # 0.2 mN·m·s/rad is some 5 % of the current at the chirp's speeds.
+    assert found.parameters["viscous"].value == pytest.approx(TRUE["viscous"], rel=0.1)
+    assert found.parameters["offset"].value == pytest.approx(TRUE["offset"], rel=0.05)
+
+
+def test_standard_errors_are_how_much_estimates_scatter() -> None:
+    guess = misdescribed(WRONG_STARTS[0])
+    found = [
+        calibrate(current_of(own_recording(seed=i)), guess, FREE, nuisances=(), turns=0) for i in range(40)
+    ]
+    for name in FREE:
+        values = np.array([one.parameters[name].value for one in found])
+        claimed = np.sqrt(np.mean([one.parameters[name].standard_error ** 2 for one in found]))
+        # A deviation from 40 values is known to 1 / sqrt(80) = 11 %.
+        assert claimed / values.std(ddof=1) == pytest.approx(1, abs=0.35)
+        assert abs(values.mean() - TRUE[name]) < 4 * claimed / np.sqrt(40)
+
+
+def test_a_unit_recorded_in_interval_means_by_the_averaged_model_is_found_exactly() -> None:
+    recording = simulate(UNIT, Chirp(), model="averaged")
+    found = calibrate(recording, misdescribed(WRONG_STARTS[0]), FREE, turns=0)
+    assert found.parameters["viscous"].value == pytest.approx(TRUE["viscous"], rel=5e-3)
+
+
+def test_shares_of_motor_and_user_are_kept(instants: Recording) -> None:
+    found = calibrate(instants, misdescribed(WRONG_STARTS[0]), FREE, turns=0).actuator.mechanics
+    true = UNIT.mechanics
+    for name in ("inertia", "viscous", "dynamic_friction", "static_friction"):
+        share = getattr(found, f"{name}_motor") / getattr(found, f"{name}_user")
+        assert share == pytest.approx(getattr(true, f"{name}_motor") / getattr(true, f"{name}_user"))
+
+
+def test_static_friction_follows_dynamic_friction(instants: Recording) -> None:
+    found = calibrate(instants, misdescribed(WRONG_STARTS[0]), FREE, turns=0).actuator.mechanics
+    ratio = UNIT.mechanics.static_friction / UNIT.mechanics.dynamic_friction
+    assert found.static_friction == pytest.approx(ratio * found.dynamic_friction)
+    assert found.dynamic_friction == pytest.approx(TRUE["coulomb"], rel=0.02)
+
+
+def test_everything_else_stays(instants: Recording) -> None:
+    guess = misdescribed(WRONG_STARTS[0])
+    found = calibrate(instants, guess, ["inertia", "coulomb"])
+    expected = with_totals(
+        guess, {name: p.value for name, p in found.parameters.items()}, name="guess, calibrated"
+    )
+    assert found.actuator.model_copy(update={"baseline": None}) == expected
+    assert found.actuator.electrical == guess.electrical
+    assert found.actuator.controller == guess.controller
+
+
+def test_a_gentle_manoeuvre_does_not_tell_the_resistance() -> None:
+    # The current loop follows its reference whatever the resistance, short of the supply's limit.
+    gentle = current_of(simulate(THESIS, Chirp(amplitude=2e-3, stop_hz=4), noise=0.05))
+    found = calibrate(gentle, THESIS, ["inertia", "coulomb", "resistance"])
+    identifiable = {name: p.identifiable for name, p in found.parameters.items()}
+    assert identifiable == {"inertia": True, "coulomb": True, "resistance": False}
+    resistance = found.parameters["resistance"]
+    # What the data do not tell keeps the width that it was given.
+    assert resistance.standard_error == pytest.approx(math.log(WIDEST_FACTOR) * resistance.value, rel=0.01)
+    assert "not identifiable" in str(found)
+
+
+def test_a_scale_that_no_current_can_tell_is_not_identifiable() -> None:
+    # Torque constant, inertia and friction times one factor give the same current, to the last bits.
+    recording = current_of(simulate(THESIS, Chirp()))
+    found = calibrate(recording, THESIS, ["torque_constant", "inertia", "coulomb", "viscous"])
+    assert not any(p.identifiable for p in found.parameters.values())
+
+
+@pytest.mark.parametrize("free", [["static"], ["coulomb", "static"]])
+def test_static_friction_may_be_as_small_as_dynamic_friction(free: list[str]) -> None:
+    equal = with_totals(THESIS, {"static": THESIS.mechanics.dynamic_friction})
+    recording = simulate(equal, Chirp())
+    guess = with_totals(equal, {"static": 1.3 * equal.mechanics.static_friction})
+    # Below dynamic friction nothing changes, so where a descent ends there depends on where it began.
+    for seed in range(4):
+        found = calibrate(recording, guess, free, seed=seed).actuator.mechanics
+        assert found.dynamic_friction == pytest.approx(equal.mechanics.dynamic_friction, rel=0.01)
+        assert found.static_friction >= found.dynamic_friction
+
+
+def test_a_recorded_load_is_no_offset() -> None:
+    load = Sampled([0.0, 0.5], [0.05, 0.15])
+    recording = own_recording(load=load)
+    found = calibrate(recording, misdescribed(WRONG_STARTS[1]), FREE, turns=0)
+    assert all(abs(deviation) < 4 for deviation in deviations(found).values())
+
+
+def test_the_json_has_what_the_design_asks_for(instants: Recording) -> None:
+    found = calibrate(instants, misdescribed(WRONG_STARTS[0]), FREE, turns=0, seed=3)
+    read = json.loads(found.to_json())
+    units = {name: parameter["unit"] for name, parameter in read["parameters"].items()}
+    assert units == {"inertia": "kg·m²", "viscous": "N·m·s/rad", "coulomb": "N·m", "offset": "N·m"}
+    for name, parameter in read["parameters"].items():
+        assert parameter["value"] == found.parameters[name].value
+        assert parameter["standard_error"] > 0
+    assert read["relative_error"] == found.relative_error == found.replays[0].relative_error
+    assert set(read["relative_error"]) >= {"current_A", "position_rad", "speed_rad_s"}
+    assert (read["seed"], read["actuator"]) == (3, "guess, calibrated")
+
+
+def test_a_linear_actuator_is_calibrated_in_its_units() -> None:
+    values = UNIT.model_dump() | {"coordinates": "linear"}
+    linear = Actuator.from_dict(values)
+    recording = simulate(linear, Chirp(), model="averaged", sampling="instant")
+    found = calibrate(recording, linear, FREE)
+    assert [p.unit for p in found.parameters.values()] == ["kg", "N·s/m", "N", "N"]
+
+
+def test_same_seed_same_bits_whatever_the_workers(instants: Recording) -> None:
+    def bits(**options: Any) -> str:
+        found = calibrate(instants, misdescribed(WRONG_STARTS[2]), FREE, **options).to_dict()
+        return json.dumps({name: value for name, value in found.items() if name != "seconds"})
+
+    assert bits(workers=1) == bits(workers=2) == bits()
+
+
+def test_a_name_given_twice_counts_once(instants: Recording) -> None:
+    assert list(calibrate(instants, UNIT, ["inertia", "inertia"]).parameters) == ["inertia"]
+
+
+IDEAL = Actuator.from_dict(THESIS.model_dump() | {"electrical": None})
+
+
+@pytest.mark.parametrize(
+    ("actuator", "free", "message"),
+    [
+        (THESIS, [], r"no parameter to calibrate; name some of inertia, "),
+        (THESIS, ["inertai"], r"unknown parameter 'inertai' \(did you mean 'inertia'\?\)"),
+        (THESIS, ["inertia", "frction"], r"unknown parameter 'frction'"),
+        (IDEAL, ["resistance"], r"'resistance' needs an \[electrical\] section, which .*'thesis' lacks"),
+        (
+            with_totals(THESIS, {"viscous": 0.0}),
+            ["inertia", "viscous"],
+            r"'viscous' is 0 in actuator 'thesis', so its size is unknown; give an estimate",
+        ),
+        (THESIS, ["torque_lag"], r"'torque_lag' is 0"),
+    ],
+)
+def test_what_cannot_be_calibrated_is_refused(
+    instants: Recording, actuator: Actuator, free: list[str], message: str
+) -> None:
+    with pytest.raises(MethodError, match=message) as caught:
+        calibrate(instants, actuator, free)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_recording_in_foreign_units_is_refused(instants: Recording) -> None:
+    degrees = {"command_rad": np.degrees(instants["command_rad"])}
+    with pytest.raises(RecordingError, match="degrees"):
+        calibrate(Recording(dict(instants.channels) | degrees), UNIT, FREE)

@@ -1,0 +1,67 @@
+"""Recordings of known faults, made by the batch, and what several tests measure on a diagnosis."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from emaphm.actuator import NAMES, Actuator, Chirp, Faults
+from emaphm.arrays import Array
+from emaphm.diagnosis import Diagnosis, error_percent
+from emaphm.recording import Recording, acquire
+from emaphm.simulation import REFERENCE, Inputs, simulate_batch
+
+THESIS = Actuator.thesis()
+HEALTHY = Faults().vector
+INTERVAL = 2e-4
+"""The acquisition of PHYSICS.md section 3: 5 kHz."""
+
+SINGLES = {
+    f"{name}={value}": Faults.from_mapping({name: value})
+    for name, values in {
+        "friction": (0.25, 0.75),
+        "backlash": (0.25, 0.75),
+        "short_a": (0.2, 0.8),
+        "eccentricity": (0.25, 0.75),
+        "gain": (0.25, 0.75),
+    }.items()
+    for value in values
+}
+"""The ten single faults of PHYSICS.md section 8."""
+
+SHORTED = np.array([1.0, 1.0, 0.7, 0.7, 0.7, 1.0, 1.0, 1.0])
+"""Upper ends of the faults that the averaged model is meant for (PHYSICS.md section 5)."""
+
+
+def drawn(count: int, seed: int) -> Array:
+    """Return random fault vectors, shape (count, 8), each component uniform up to `SHORTED`."""
+    return np.asarray(np.random.default_rng(seed).random((count, 8)) * SHORTED)
+
+
+def reference_recordings(faults: ArrayLike, *, noise: float = 0.0) -> list[Recording]:
+    """Return what the reference model of the thesis's actuator records of its chirp under `faults` (n, 8).
+
+    The current alone, with white noise of that rms [A], each recording its own.
+    """
+    inputs = Inputs.of(Chirp(), samples=2500, interval=INTERVAL, step=REFERENCE.step)
+    exact = {"time_s": inputs.time_s, "command_rad": inputs.rows(inputs.command)}
+    currents = simulate_batch(REFERENCE, THESIS, faults, inputs)
+    recordings = [Recording(exact | {"current_A": current}) for current in currents]
+    if not noise:
+        return recordings
+    return [acquire(r, noise={"current_A": noise}, seed=i) for i, r in enumerate(recordings)]
+
+
+def errors_percent(truths: ArrayLike, diagnoses: Sequence[Diagnosis]) -> Array:
+    """Return the error [%] of each diagnosis."""
+    return error_percent(truths, np.stack([diagnosis.faults.vector for diagnosis in diagnoses]))
+
+
+def covered(truth: ArrayLike, diagnosis: Diagnosis) -> list[bool]:
+    """Return for each component whether its 95 % interval holds the truth, the phase taken on its circle."""
+    inside = []
+    for name, true in zip(NAMES, np.asarray(truth, float), strict=True):
+        low, high = diagnosis.interval[name]
+        turns = (-1, 0, 1) if name == "eccentricity_phase" else (0,)
+        inside.append(any(low <= true + turn <= high for turn in turns))
+    return inside

@@ -1,0 +1,223 @@
+"""From an estimate and its covariance to statements: bounds, the phase's circle, what counts as explained."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cases import HEALTHY, THESIS
+from emaphm.actuator import NAMES, Actuator, Faults
+from emaphm.arrays import Array
+from emaphm.diagnosis import Estimate
+from emaphm.diagnosis.verdict import estimates, is_explained
+from emaphm.estimation.collinearity import Group
+from emaphm.estimation.parameter_space import PRIOR_DEVIATION, FaultSpace
+from emaphm.estimation.problem import noise_level
+from strategies import fault_vectors
+
+SPACE = FaultSpace.of(THESIS)
+
+
+def judged(errors: Any = 0.01, **faults: float) -> dict[str, Estimate]:
+    """Return the estimates of `faults` whose coordinates have independent standard `errors`."""
+    point = SPACE.points(Faults.from_mapping(faults).vector)
+    return estimates(SPACE, point, np.diag(np.broadcast_to(errors, 8) ** 2.0))
+
+
+def test_an_interval_is_196_standard_errors_either_way() -> None:
+    friction = judged(friction=0.5)["friction"]
+    assert friction.value == 0.5
+    assert friction.standard_error == pytest.approx(0.01)
+    assert friction.interval95 == pytest.approx((0.4804, 0.5196), abs=1e-6)
+
+
+@given(
+    faults=fault_vectors(),
+    error=st.floats(1e-4, 1.0),
+    shrink=st.lists(st.floats(0, 1), min_size=8, max_size=8),
+)
+def test_values_and_intervals_keep_to_their_range(faults: Array, error: float, shrink: list[float]) -> None:
+    faults[5] *= 1 - 1e-12  # the circle itself is another test's
+    found = estimates(SPACE, SPACE.points(faults), np.diag((error * (np.array(shrink) + 1e-3)) ** 2))
+    assert tuple(found) == NAMES
+    for name, estimate in found.items():
+        low, high = estimate.interval95
+        assert low <= estimate.value <= high
+        assert high - low <= 1
+        assert bool(estimate.reason) == (not estimate.identifiable or estimate.verdict == "cannot tell")
+        if name != "eccentricity_phase":
+            assert 0 <= low <= high <= 1
+            healthy = getattr(Faults(), name)
+            apart = max(low - healthy, healthy - high)
+            farthest = max(high - healthy, healthy - low)
+            expected = "degraded" if apart > 0.02 else "healthy" if farthest <= 0.1 else "cannot tell"
+            assert estimate.verdict == expected
+
+
+@pytest.mark.parametrize("name", ["friction", "backlash", "short_a", "short_b", "short_c", "eccentricity"])
+@pytest.mark.parametrize(
+    ("value", "verdict"),
+    # Half an interval is 0.0196; healthy is what reaches to 0.02 or below.
+    [(0.0, "healthy"), (0.03, "healthy"), (0.0395, "healthy"), (0.0397, "degraded"), (0.9, "degraded")],
+)
+def test_healthy_is_an_interval_that_nearly_reaches_the_healthy_value(
+    name: str, value: float, verdict: str
+) -> None:
+    assert judged(**{name: value})[name].verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("value", "verdict"),
+    [(0.2, "degraded"), (0.4603, "degraded"), (0.4605, "healthy"), (0.5395, "healthy"), (0.5397, "degraded")],
+)
+def test_a_gain_may_be_degraded_either_way(value: float, verdict: str) -> None:
+    assert judged(gain=value)["gain"].verdict == verdict
+
+
+def test_half_the_range_left_open_is_not_identifiable_but_may_be_degraded_for_all_that() -> None:
+    # The interval's half is 0.25 at a standard error of 0.1276.
+    assert judged(0.127, friction=0.5)["friction"].identifiable
+    open_ = judged(0.128, friction=0.5)["friction"]
+    assert (open_.verdict, open_.identifiable) == ("degraded", False)
+    assert "does not constrain" in open_.reason
+    assert judged(0.128, friction=0.1)["friction"].verdict == "cannot tell"
+
+
+@pytest.mark.parametrize("value", [0.0, 0.5, 1.0])
+def test_where_the_prior_is_nearly_all_there_is_the_search_may_have_ended_anywhere(value: float) -> None:
+    # 0.7 of the prior's 0.289.
+    assert judged(0.203, friction=value)["friction"].interval95 == (0.0, 1.0)
+    assert judged(0.203, friction=value)["friction"].verdict == "cannot tell"
+    assert judged(0.2, friction=1.0)["friction"].verdict == "degraded"
+
+
+@pytest.mark.parametrize(
+    ("value", "verdict"),
+    # Half an interval is 0.0588: from 0 to 0.0988, 0.1008, and then 0.0193 and 0.0212 to more.
+    [(0.04, "healthy"), (0.042, "cannot tell"), (0.078, "cannot tell"), (0.08, "degraded")],
+)
+def test_health_is_not_told_where_a_fault_that_matters_may_hide(value: float, verdict: str) -> None:
+    friction = judged(0.03, friction=value)["friction"]
+    assert friction.verdict == verdict
+    assert friction.identifiable
+    assert ("faults that matter" in friction.reason) == (verdict == "cannot tell")
+
+
+def test_a_member_of_a_group_is_told_with_the_others() -> None:
+    group = Group(("friction", "short_a", "load"), ("current_A",))
+    point = SPACE.points(Faults(friction=0.1, short_a=0.5).vector)
+    found = estimates(SPACE, point, np.eye(8) * 0.05**2, [group])
+    # What is degraded whatever its partners are needs no excuse.
+    assert found["short_a"].verdict == "degraded"
+    assert found["short_a"].reason == ""
+    assert found["friction"].verdict == "cannot tell"
+    assert found["friction"].reason == "only what it makes together with short_a and load is known"
+
+
+def test_of_what_an_actuator_cannot_show_nothing_is_told_for_a_reason() -> None:
+    ideal = Actuator.from_dict(THESIS.model_dump() | {"electrical": None})
+    space = FaultSpace.of(ideal)
+    found = estimates(space, space.points(HEALTHY), np.eye(space.dimensions) * 1e-6)
+    assert tuple(found) == NAMES
+    for name in NAMES[2:7]:
+        assert found[name] == Estimate(
+            getattr(Faults(), name),
+            PRIOR_DEVIATION,
+            (0.0, 1.0),
+            identifiable=False,
+            verdict="cannot tell",
+            reason=space.fixed[name],
+        )
+    assert [found[name].verdict for name in ("friction", "backlash", "gain")] == ["healthy"] * 3
+
+
+def test_without_eccentricity_its_direction_has_no_meaning() -> None:
+    found = judged(0.01, eccentricity=0.0)
+    assert (found["eccentricity"].value, found["eccentricity"].verdict) == (0.0, "healthy")
+    phase = found["eccentricity_phase"]
+    assert not phase.identifiable
+    assert (phase.verdict, phase.interval95) == ("cannot tell", (0.0, 1.0))
+    assert phase.standard_error == pytest.approx(PRIOR_DEVIATION)
+    assert "direction has no meaning" in phase.reason
+
+
+@pytest.mark.parametrize(("radius", "known"), [(0.0395, False), (0.0397, True), (0.5, True)])
+def test_a_direction_is_known_once_the_eccentricity_is_degraded(radius: float, known: bool) -> None:
+    assert judged(0.01, eccentricity=radius)["eccentricity_phase"].identifiable == known
+
+
+@pytest.mark.parametrize("phase", [0.02, 0.3, 0.5, 0.77, 0.99])
+def test_radius_and_phase_against_draws_from_the_covariance(phase: float) -> None:
+    faults = Faults(eccentricity=0.4, eccentricity_phase=phase)
+    point = SPACE.points(faults.vector)
+    block = np.array([[4e-4, -1.5e-4], [-1.5e-4, 2e-4]])
+    spread = np.eye(8) * 1e-6
+    spread[5:7, 5:7] = block
+    found = estimates(SPACE, point, spread)
+    draws = np.random.default_rng(0).multivariate_normal(point[5:7], block, 20_000)
+    turned = np.arctan2(draws[:, 1], draws[:, 0]) / (2 * np.pi) + 0.5 - phase
+    # 20,000 draws know a deviation to 0.5 %; curvature adds (0.02 / 0.4)² = 0.25 %.
+    assert found["eccentricity"].standard_error == pytest.approx(np.hypot(*draws.T).std(), rel=0.02)
+    assert found["eccentricity_phase"].standard_error == pytest.approx(
+        (turned - np.round(turned)).std(), rel=0.02
+    )
+
+
+def test_the_interval_of_a_phase_runs_past_the_cut_of_its_circle() -> None:
+    low, high = judged(0.05, eccentricity=0.5, eccentricity_phase=0.99)["eccentricity_phase"].interval95
+    # 1.96 × 0.05 / (2 pi 0.5) = 0.0312.
+    assert (low, high) == pytest.approx((0.9588, 1.0212), abs=1e-3)
+
+
+def test_the_phase_shares_the_verdict_of_the_eccentricity() -> None:
+    assert judged(0.01, eccentricity=0.30)["eccentricity_phase"].verdict == "degraded"
+
+
+def test_full_eccentricity_in_any_direction_is_a_fault_vector() -> None:
+    angles = np.linspace(-np.pi, np.pi, 500)
+    points = np.full((500, 8), 0.5)
+    points[:, 5], points[:, 6] = 1.01 * np.cos(angles), 1.01 * np.sin(angles)
+    for point in SPACE.project(points):
+        values = [estimate.value for estimate in estimates(SPACE, point, np.eye(8) * 1e-6).values()]
+        assert Faults(*values).eccentricity == pytest.approx(1.0)
+
+
+TIME = np.arange(2500) / 5000
+CURRENT = 3 * np.sin(2 * np.pi * 8 * TIME)
+STRUCTURE = np.sqrt(2) * np.sin(2 * np.pi * 23 * TIME)
+"""A misfit of 1 A rms."""
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.01, 0.1, 0.5, 2.0])
+def test_noise_of_any_size_is_explained(noise: float) -> None:
+    white = np.random.default_rng(0).normal(0, noise, CURRENT.size)
+    assert is_explained(CURRENT + white, white, corrected=True)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+@pytest.mark.parametrize(("corrected", "limit"), [(False, 0.05), (True, 0.02)])
+def test_a_misfit_of_some_percent_is_the_limit(noise: float, corrected: bool, limit: float) -> None:
+    white = np.random.default_rng(0).normal(0, noise, CURRENT.size)
+    rms = np.sqrt(np.mean(CURRENT**2))
+    assert is_explained(CURRENT + white, white + 0.9 * limit * rms * STRUCTURE, corrected=corrected)
+    assert not is_explained(CURRENT + white, white + 1.3 * limit * rms * STRUCTURE, corrected=corrected)
+
+
+def test_structure_twice_as_large_as_the_noise_is_not_explained() -> None:
+    white = np.random.default_rng(0).normal(0, 0.5, CURRENT.size)
+    assert not is_explained(CURRENT + white, white + 1.0 * STRUCTURE, corrected=False)
+
+
+@given(noise=st.floats(1e-3, 1.0), seed=st.integers(0, 50))
+def test_the_noise_on_a_smooth_signal_is_measured(noise: float, seed: int) -> None:
+    white = np.random.default_rng(seed).normal(0, noise, CURRENT.size)
+    # 2,500 rows, their second differences correlated, know it to some 2 %; the signal's own second
+    # difference is 3 (2 pi 8 / 5000)² / sqrt(12) = 9e-5.
+    assert noise_level(CURRENT + white) == pytest.approx(noise, rel=0.1, abs=1e-4)
+
+
+def test_a_parabola_has_the_noise_of_its_curvature_only() -> None:
+    assert noise_level(5 * TIME) == pytest.approx(0, abs=1e-12)
+    assert noise_level(np.arange(100.0) ** 2) == pytest.approx(2 / np.sqrt(6))

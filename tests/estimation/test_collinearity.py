@@ -1,0 +1,87 @@
+"""What is known only together, from covariances whose structure is known."""
+
+import numpy as np
+import pytest
+
+from emaphm.actuator import Actuator, Chirp, Faults
+from emaphm.arrays import Array
+from emaphm.diagnosis import diagnose
+from emaphm.estimation.collinearity import Group, confounded, listed, remedies
+from emaphm.recording import Recording
+from emaphm.simulated_recording import simulate
+
+
+def seen(*rows: tuple[float, ...], prior: float = 1.0) -> Array:
+    """Return the covariance after measuring each row's combination to 1 %, of a prior that is weak."""
+    matrix = np.array(rows, float)
+    return np.asarray(np.linalg.inv(matrix.T @ matrix / 0.01**2 + np.eye(matrix.shape[1]) / prior**2))
+
+
+def members(covariance: Array) -> list[list[int]]:
+    return [list(group) for group in confounded(covariance)]
+
+
+def test_what_is_measured_one_by_one_makes_no_group() -> None:
+    assert members(seen((1, 0, 0), (0, 1, 0), (0, 0, 1))) == []
+
+
+def test_what_is_measured_as_a_sum_is_a_group() -> None:
+    assert members(seen((1, 0, 1, 0), (0, 1, 0, 0), (0, 0, 0, 1))) == [[0, 2]]
+
+
+def test_what_nothing_measures_is_no_group() -> None:
+    # Alone it is as unknown as with all else known: there is nothing that it is confounded with.
+    assert members(seen((1, 0, 0), (0, 1, 0))) == []
+
+
+def test_two_sums_are_two_groups() -> None:
+    groups = members(seen((1, 1, 0, 0), (0, 0, 1, -1)))
+    assert sorted(groups) == [[0, 1], [2, 3]]
+
+
+def test_units_do_not_matter() -> None:
+    scale = np.array([1e-3, 1.0, 1e3, 1.0])
+    covariance = seen((1, 0, 1, 0), (0, 1, 0, 0), (0, 0, 0, 1))
+    assert members(covariance * np.outer(scale, scale)) == [[0, 2]]
+
+
+def test_a_sum_that_is_hardly_worse_known_than_its_parts_is_no_group() -> None:
+    # The difference is known to 2 %: each part to about 1.1 %, and to 0.9 % with the other known.
+    assert members(seen((1, 1), (0.5, -0.5))) == []
+
+
+def test_the_difference_tells_a_sum_apart_and_a_third_thing_does_not() -> None:
+    covariance = seen((1, 1, 0), (0, 0, 1))
+    more = {"difference": np.array([[1.0, -1, 0], [-1, 1, 0], [0, 0, 0]]) / 0.01**2}
+    more["third"] = np.diag([0.0, 0, 1]) / 0.01**2
+    more["one part"] = np.diag([1.0, 0, 0]) / 0.01**2
+    more["one part, badly"] = np.diag([1.0, 0, 0]) / 2.0**2
+    assert remedies(covariance, [0, 1], more) == ("difference", "one part")
+
+
+@pytest.mark.parametrize(
+    ("names", "text"), [(["a"], "a"), (["a", "b"], "a and b"), (["a", "b", "c"], "a, b and c")]
+)
+def test_names_are_listed(names: list[str], text: str) -> None:
+    assert listed(names, "and") == text
+
+
+def test_a_group_says_what_would_help() -> None:
+    group = Group(("short_a", "temperature"), ("current_A",), ("voltage_V", "temperature_K"))
+    assert str(group).endswith("voltage_V or temperature_K, recorded too, would tell them apart.")
+    assert "recorded too" not in str(Group(group.members, group.channels))
+
+
+def test_heat_and_a_short_in_all_phases_look_alike_to_the_current_and_not_to_the_voltage() -> None:
+    actuator = Actuator.thesis()
+    faults = Faults(friction=0.2, short_a=0.3, short_b=0.3, short_c=0.3)
+    whole = simulate(actuator, Chirp(), faults=faults, noise=0.05, adc_bits=12)
+
+    def found(*channels: str) -> tuple[Group, ...]:
+        rows = {name: whole[name] for name in ("time_s", "command_rad", *channels)}
+        return diagnose(Recording(rows), actuator).groups
+
+    (group,) = found("current_A")
+    assert group.members == ("short_a", "short_b", "short_c", "temperature")
+    assert set(group.remedies) >= {"voltage_V", "temperature_K"}
+    assert found("current_A", "voltage_V") == ()

@@ -1,0 +1,190 @@
+"""Bounded damped least squares against scipy's, on problems whose models are closed forms."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.optimize import least_squares
+
+from cases import THESIS
+from emaphm.arrays import Array
+from emaphm.estimation.levenberg_marquardt import jacobian, refine
+from emaphm.estimation.parameter_space import Box, FaultSpace
+
+Simulate = Callable[[Array], Array]
+
+TIME = np.linspace(0.0, 3.0, 80)
+BOX = Box(np.array([0.2, 0.1, -1.0]), np.array([5.0, 4.0, 1.0]))
+INSIDE = arrays(np.float64, 3, elements=st.floats(0, 1)).map(
+    lambda u: BOX.lower + u * (BOX.upper - BOX.lower)
+)
+TIGHT = 1e-12
+"""Tolerance of the descent, so that what limits its end is its derivatives."""
+
+
+def decay(points: Array) -> Array:
+    """Return a exp(-b t) + c at `TIME` for points (n, 3) of (a, b, c)."""
+    a, b, c = points.T[:, :, np.newaxis]
+    return np.asarray(a * np.exp(-b * TIME) + c)
+
+
+def wavering(seed: int) -> Array:
+    """Return what noise and a trend that the model lacks make of a decay."""
+    rng = np.random.default_rng(seed)
+    return np.asarray(decay(np.array([[2.0, 1.3, 0.4]]))[0] + 0.05 * TIME + rng.normal(0, 0.02, TIME.size))
+
+
+def reference(simulate: Simulate, recorded: Array, start: Array, box: Box) -> tuple[Array, float]:
+    """Return scipy's solution and its mean squared residual."""
+    inner = np.clip(start, box.lower + 1e-6, box.upper - 1e-6)  # it wants to start strictly inside
+
+    def misfit(point: Array) -> Array:
+        return np.asarray(simulate(point[np.newaxis])[0] - recorded)
+
+    solution = least_squares(
+        misfit,
+        inner,
+        bounds=(box.lower, box.upper),
+        xtol=1e-14,
+        ftol=1e-14,
+        gtol=1e-14,
+    )
+    return np.asarray(solution.x), float(np.mean(solution.fun**2))
+
+
+STARTS = np.array([[1.0, 1.0, 0.0], [4.5, 0.3, -0.8], [0.4, 3.5, 0.9], [3.0, 3.0, 0.5]])
+
+
+def test_every_start_ends_where_scipy_ends() -> None:
+    recorded = wavering(0)
+    best, least = reference(decay, recorded, STARTS[0], BOX)
+    found = refine(decay, recorded, STARTS, BOX, iterations=60, tolerance=TIGHT)
+    # One-sided differences over 2e-3 tilt the normal equations by some 1e-3 of a residual that is small.
+    np.testing.assert_allclose(found.points, np.tile(best, (4, 1)), rtol=0, atol=1e-3)
+    np.testing.assert_allclose(found.costs, least, rtol=1e-5)
+    assert found.costs[found.best] == found.costs.min()
+
+
+@pytest.mark.parametrize(("component", "bound"), [(0, 1.5), (1, 1.0), (2, 0.2)])
+def test_a_bound_that_is_active_at_the_solution(component: int, bound: float) -> None:
+    recorded = wavering(1)
+    upper = BOX.upper.copy()
+    upper[component] = bound
+    box = Box(BOX.lower, upper)
+    best, least = reference(decay, recorded, np.array([1.0, 0.5, 0.0]), box)
+    assert best[component] == pytest.approx(bound, abs=1e-6)
+    found = refine(decay, recorded, STARTS, box, iterations=100, tolerance=TIGHT)
+    assert np.all(found.points[:, component] == bound)
+    np.testing.assert_allclose(found.points[found.best], best, rtol=0, atol=2e-3)
+    np.testing.assert_allclose(found.costs, least, rtol=1e-4)
+
+
+def test_a_component_without_effect_does_no_harm() -> None:
+    recorded = wavering(2)
+    best, _ = reference(decay, recorded, STARTS[0], BOX)
+    wider = Box(np.append(BOX.lower, 0.0), np.append(BOX.upper, 1.0))
+    starts = np.column_stack([STARTS, [0.0, 0.3, 0.7, 1.0]])
+    found = refine(lambda p: decay(p[:, :3]), recorded, starts, wider, iterations=60, tolerance=TIGHT)
+    np.testing.assert_allclose(found.points[:, :3], np.tile(best, (4, 1)), rtol=0, atol=1e-3)
+    # Rounding, by some 1e-9 of the others' derivatives, is the only pull it feels.
+    np.testing.assert_allclose(found.points[:, 3], starts[:, 3], rtol=0, atol=1e-4)
+
+
+def test_nothing_has_an_effect() -> None:
+    recorded = wavering(2)
+    found = refine(lambda p: np.zeros((len(p), TIME.size)), recorded, STARTS, BOX)
+    np.testing.assert_array_equal(found.points, STARTS)
+    np.testing.assert_allclose(found.costs, np.mean(recorded**2))
+
+
+def test_a_perfect_start_stays() -> None:
+    truth = np.array([[2.0, 1.3, 0.4]])
+    found = refine(decay, decay(truth)[0], truth, BOX)
+    np.testing.assert_array_equal(found.points, truth)
+    assert found.costs[0] == 0
+
+
+@pytest.mark.parametrize("iterations", [1, 2])
+def test_a_linear_problem_takes_an_iteration_or_two(iterations: int) -> None:
+    rng = np.random.default_rng(3)
+    matrix, truth = rng.normal(size=(3, 80)), np.array([1.0, 2.0, -0.3])
+    found = refine(
+        lambda p: p @ matrix, truth @ matrix, STARTS[:1], BOX, iterations=iterations, tolerance=TIGHT
+    )
+    # The least damping tried is 1e-3 of the diagonal, then 1e-4 of it: of the error, each time, some two of
+    # these are left (the equations are well conditioned), and of the cost its square.
+    before = np.mean(((truth - STARTS[0]) @ matrix) ** 2)
+    assert found.costs[0] <= before * {1: 3e-3, 2: 3e-7}[iterations] ** 2
+
+
+@given(start=INSIDE, seed=st.integers(0, 5), iterations=st.integers(0, 8))
+def test_never_worse_than_its_start_and_never_outside(start: Array, seed: int, iterations: int) -> None:
+    recorded, asked = wavering(seed), []
+
+    def simulate(points: Array) -> Array:
+        asked.append(points.copy())
+        return decay(points)
+
+    starts = start[np.newaxis]
+    found = refine(simulate, recorded, starts, BOX, iterations=iterations)
+    np.testing.assert_array_equal(starts[0], start)
+    every = np.concatenate(asked)
+    assert np.all((every >= BOX.lower) & (every <= BOX.upper))
+    assert found.costs[0] <= np.mean((recorded - decay(starts)[0]) ** 2)
+    assert found.costs[0] == np.mean((recorded - decay(found.points)[0]) ** 2)
+    assert found.evaluations == len(every)
+
+
+def test_a_start_outside_the_box_is_moved_in() -> None:
+    found = refine(decay, wavering(0), np.array([[9.0, -3.0, 0.0]]), BOX, iterations=0)
+    np.testing.assert_array_equal(found.points, [[5.0, 0.1, 0.0]])
+
+
+def test_starts_do_not_know_of_each_other() -> None:
+    recorded = wavering(4)
+    together = refine(decay, recorded, STARTS, BOX)
+    for i, start in enumerate(STARTS):
+        alone = refine(decay, recorded, start[np.newaxis], BOX)
+        np.testing.assert_array_equal(alone.points[0], together.points[i])
+
+
+def test_iterations_are_counted() -> None:
+    done: list[int] = []
+    refine(decay, wavering(0), STARTS, BOX, iterations=3, tolerance=0.0, on_iteration=done.append)
+    assert done == [1, 2, 3]
+
+
+def test_derivatives_against_the_closed_form() -> None:
+    points = np.array([[2.0, 1.3, 0.4], [5.0, 4.0, 1.0], [0.2, 0.1, -1.0]])
+    step = 1e-3
+    found, spent = jacobian(decay, np.zeros(80), points, list(-decay(points)), BOX, step)
+    assert spent == 9
+    for derivatives, (a, b, _) in zip(found, points, strict=True):
+        exact = np.stack([np.exp(-b * TIME), -a * TIME * np.exp(-b * TIME), np.ones(80)])
+        # Half a step times the second derivative, a t² exp(-b t), at most 4 a / (b e)².
+        largest = min(4 * a / (b * np.e) ** 2, a * TIME[-1] ** 2)
+        np.testing.assert_allclose(derivatives, exact, rtol=0, atol=0.51 * step * largest + 1e-11)
+
+
+@pytest.mark.parametrize(
+    "direction",
+    [
+        0,
+        90,
+        180,
+        -90,
+        -120,
+        *(degrees for degrees in (20, 45, 135, -45)),
+    ],
+)
+def test_derivatives_on_the_circle_of_full_eccentricity(direction: float) -> None:
+    space = FaultSpace.of(THESIS)
+    matrix = np.random.default_rng(5).normal(size=(8, 50))
+    point = np.full((1, 8), 0.5)
+    point[0, 5:7] = np.cos(np.radians(direction)), np.sin(np.radians(direction))
+    found, _ = jacobian(lambda p: p @ matrix, np.zeros(50), point, list(-(point @ matrix)), space, 2e-3)
+    # A step along the tangent leaves the circle by half its square: 1e-3 of the step, along the radius.
+    np.testing.assert_allclose(found[0], matrix, rtol=0, atol=1.5e-3 * np.abs(matrix).max())

@@ -1,0 +1,235 @@
+"""What is not known of a recording: what it does to an actuator, what is known of it, who may ask for it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from emaphm.actuator import Actuator, Chirp, Faults, Load, Sine
+from emaphm.actuator.lumped_parameters import totals, with_totals
+from emaphm.arrays import Array
+from emaphm.diagnosis import diagnose
+from emaphm.errors import ActuatorError, MethodError
+from emaphm.estimation.methods import method_named
+from emaphm.estimation.nuisances import NAMES, RANGE, NuisanceSet, unit_of
+from emaphm.estimation.search import fit_of
+from emaphm.recording import Recording
+from emaphm.simulated_recording import simulate
+from emaphm.simulation import AVERAGED
+
+THESIS = Actuator.thesis()
+TRUTH = Faults(0.3, 0.4, 0.1, 0.25, 0.2, 0.35, 0.7, 0.4)
+
+
+def described(**nuisances: object) -> Actuator:
+    return Actuator.from_dict(THESIS.model_dump() | {"nuisances": nuisances})
+
+
+def warmed(kelvin: float) -> dict[str, float]:
+    """Return the totals of the thesis's motor so much warmer, by the coefficients of copper and NdFeB."""
+    cold = totals(THESIS, ("resistance", "torque_constant"))
+    return {
+        "resistance": cold["resistance"] * (1 + 0.00393 * kelvin),
+        "torque_constant": cold["torque_constant"] * (1 - 0.0011 * kelvin),
+    }
+
+
+# What is chosen.
+
+
+def test_a_nuisance_named_twice_counts_once() -> None:
+    assert NuisanceSet.of(THESIS, ("supply", "load", "supply"), ()).names == ("supply", "load")
+    assert NuisanceSet.of(described(estimated=["load", "load"]), None, ()).names == ("load",)
+    assert NuisanceSet.of(THESIS, (), ()).names == ()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_misspelt_nuisance_is_answered_with_the_nearest(name: str) -> None:
+    with pytest.raises(MethodError, match=rf"^unknown nuisance '{name}s' \(did you mean '{name}'\?\)$"):
+        NuisanceSet.of(THESIS, (f"{name}s",), ())
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_only_temperature_and_supply_need_windings(name: str) -> None:
+    actuator = described(hinge=1.0)
+    ideal = actuator.model_copy(update={"electrical": None})
+    assert NuisanceSet.of(actuator, (name,), ()).names == (name,)
+    if name in ("temperature", "supply"):
+        with pytest.raises(MethodError, match=rf"'{name}' needs an \[electrical\] section"):
+            NuisanceSet.of(ideal, (name,), ())
+    else:
+        assert NuisanceSet.of(ideal, (name,), ()).names == (name,)
+
+
+def test_a_hinge_moment_needs_a_prior_unless_the_load_was_recorded() -> None:
+    message = (
+        r"'hinge' may be is not known; give its standard deviation as hinge in \[nuisances\] .* 'thesis'"
+    )
+    with pytest.raises(MethodError, match=message):
+        NuisanceSet.of(THESIS, ("hinge",), ())
+    assert NuisanceSet.of(THESIS, ("hinge", "supply"), ("load_Nm",)).names == ("supply",)
+    np.testing.assert_allclose(NuisanceSet.of(described(hinge=12.0), ("hinge",), ()).deviations, [12.0])
+
+
+def test_priors_of_a_rig() -> None:
+    names = ("load", "temperature", "supply", "inertia", "current_offset", "current_scale")
+    # 6 % of 22.5 A × 0.0752 N·m/A; 30 K; 5 %, 5 %; 0.2 % of 22.5 A; 1 %.
+    expected = [0.06 * 22.5 * 0.0752, 30.0, 0.05, 0.05, 2e-3 * 22.5, 0.01]
+    np.testing.assert_allclose(NuisanceSet.of(THESIS, names, ()).deviations, expected, rtol=1e-3)
+
+
+# What it does.
+
+
+def test_copper_and_magnets_answer_to_temperature() -> None:
+    one = NuisanceSet.of(THESIS, ("temperature",), ())
+    values = one.values(np.array([[0.0], [40 / 30 / RANGE], [-20 / 30 / RANGE]]))
+    np.testing.assert_allclose(values["temperature"], [0.0, 40.0, -20.0])
+    for known in (0.0, 15.0):
+        changed = one.totals(THESIS, values, known)
+        assert set(changed) == {"resistance", "torque_constant"}
+        for i, kelvin in enumerate((0.0, 40.0, -20.0)):
+            for name, value in warmed(kelvin + known).items():
+                assert changed[name][i] == pytest.approx(value, rel=1e-12)
+
+
+@given(st.floats(1e-3, 1e6), st.sampled_from([name for name in NAMES if name != "hinge"]))
+def test_no_prior_is_so_wide_that_a_total_becomes_impossible(deviation: float, name: str) -> None:
+    one = NuisanceSet.of(described(**{name: deviation}), (name,), ())
+    for total, values in one.totals(THESIS, one.values(np.array([[-0.8], [0.8]]))).items():
+        assert total == "offset" or np.all(values > 0)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "changed"),
+    [
+        ("load", 0.1, {"offset": 0.1}),
+        ("hinge", 12.0, {"hinge": 12.0}),
+        ("temperature", 40.0, warmed(40.0)),
+        ("supply", -0.1, {"supply": 0.9 * 48.0}),
+        ("inertia", 0.1, {"inertia": 1.1 * 2.5e-5}),
+    ],
+)
+def test_a_nuisance_is_an_actuator_of_other_totals(
+    name: str, value: float, changed: dict[str, float]
+) -> None:
+    # What the rig in software records of the changed actuator, the plain one has under the nuisance.
+    actuator = described(hinge=10.0)
+    # In the averaged model the supply does nothing until it limits the current, as in fast motion.
+    command = Sine(0.05, 8.0) if name == "supply" else Chirp()
+    whole = simulate(with_totals(actuator, changed), command, faults=TRUTH, model="averaged")
+    kept = ("time_s", "command_rad", "current_A", "voltage_V", "position_rad", "speed_rad_s")
+    recording = Recording({channel: whole[channel] for channel in kept})
+    fit = fit_of(recording, actuator, method_named("hybrid"), AVERAGED, (name,), 1)
+    point = fit.space.points(TRUTH.vector)
+    plain = fit.outputs(point[np.newaxis])[0, : fit.recorded_rows]
+    point[-1] = value / fit.space.nuisances.deviations[0] / RANGE
+    outputs = fit.outputs(point[np.newaxis])[0, : fit.recorded_rows]
+    scale = np.sqrt(np.mean(fit.target**2))
+    away, plainly = (np.sqrt(np.mean((fit.target[: fit.recorded_rows] - o) ** 2)) for o in (outputs, plain))
+    # The command is recorded as means and interpolated: what that leaves, the plain fit exceeds by far.
+    assert away < 0.01 * scale
+    assert plainly > 3 * away
+
+
+def test_a_load_that_was_not_recorded_and_the_nuisance_have_one_sign() -> None:
+    whole = simulate(THESIS, Chirp(), faults=TRUTH, model="averaged", load=0.1)
+    recording = Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A")})
+    found = diagnose(recording, THESIS, turns=0, workers=1)
+    assert found.nuisances["load"].value == pytest.approx(0.1, abs=0.005)
+
+
+def test_units_are_those_of_the_description() -> None:
+    units = {name: unit_of(name) for name in NAMES}
+    assert units == {
+        "load": "N·m",
+        "hinge": "N·m/rad",
+        "temperature": "K",
+        "supply": "-",
+        "inertia": "-",
+        "current_offset": "A",
+        "current_scale": "-",
+    }
+
+
+# What was recorded is known.
+
+
+def cold_and(actuator: Actuator, load: Load = 0.0, **known: float) -> list[Array]:
+    """Return the faults found of the plain actuator, and of another whose difference was recorded or not."""
+    kept = ("time_s", "command_rad", "current_A")
+    plain = simulate(THESIS, Chirp(), faults=TRUTH, noise=0.05)
+    other = simulate(actuator, Chirp(), faults=TRUTH, noise=0.05, load=load)
+    channels = {name: np.full(plain.samples, value) for name, value in known.items()}
+    found = []
+    for whole, more in ((plain, {}), (other, channels), (other, {})):
+        recording = Recording({name: whole[name] for name in kept} | more)
+        found.append(diagnose(recording, THESIS, nuisances=None if more else (), workers=1).faults.vector)
+    return found
+
+
+def test_a_recorded_temperature_takes_the_heat_out() -> None:
+    cold, hot, unaware = cold_and(with_totals(THESIS, warmed(40.0)), temperature_K=293.15 + 40.0)
+    # Two noises and two runs of chaotic switching: 0.02, as a short is located to; 40 K weigh 0.04.
+    np.testing.assert_allclose(hot, cold, rtol=0, atol=0.02)
+    assert np.abs(unaware - cold).max() > 0.03
+
+
+def test_a_recorded_load_takes_the_load_out() -> None:
+    free, loaded, unaware = cold_and(THESIS, load=0.15, load_Nm=0.15)
+    np.testing.assert_allclose(loaded, free, rtol=0, atol=0.02)
+    assert np.abs(unaware - free).max() > 0.1
+
+
+def test_a_temperature_is_above_the_description_s_own() -> None:
+    electrical = {**THESIS.model_dump()["electrical"], "temperature": 313.15}
+    warm = Actuator.from_dict(THESIS.model_dump() | {"electrical": electrical})
+    whole = simulate(THESIS, Chirp(), model="averaged", duration=0.1)
+    kept = {name: whole[name] for name in ("time_s", "command_rad", "current_A")}
+    recording = Recording(kept | {"temperature_K": np.linspace(310.0, 330.0, whole.samples)})
+    for actuator, warmer in ((THESIS, 26.85), (warm, 6.85)):
+        fit = fit_of(recording, actuator, method_named("hybrid"), AVERAGED, None, 1)
+        assert fit.problem.warmer == pytest.approx(warmer)
+        assert fit.space.nuisances.names == ("load",)
+
+
+# In the actuator's file.
+
+
+def test_priors_survive_a_file_and_defaults_stay_out_of_it(tmp_path: Path) -> None:
+    path = tmp_path / "actuator.toml"
+    THESIS.to_toml(path)
+    assert "[nuisances]" not in path.read_text(encoding="utf-8")
+    actuator = described(estimated=["hinge", "supply"], hinge=12.0, supply=0.02)
+    actuator.to_toml(path)
+    text = path.read_text(encoding="utf-8")
+    assert Actuator.from_toml(path) == actuator
+    assert "hinge = 12.0 # N·m/rad: " in text
+    assert "current_scale" not in text
+    assert NuisanceSet.of(Actuator.from_toml(path), None, ()).names == ("hinge", "supply")
+
+
+@pytest.mark.parametrize(
+    ("line", "complaint"),
+    [
+        ("load = 0.0", "'nuisances.load': should be greater than 0, got 0.0"),
+        ("temperature = -30.0", "'nuisances.temperature': should be greater than 0, got -30.0"),
+        ("inertia = inf", "'nuisances.inertia': should be a finite number, got inf"),
+        ('supply = "5 %"', "'nuisances.supply': should be a valid number, got '5 %'"),
+        ("temprature = 30.0", r"unknown key 'nuisances.temprature' (did you mean 'temperature'?)"),
+        ('estimated = ["laod"]', "'nuisances.estimated.0': should be 'load', 'hinge',"),
+        ('estimated = "load"', "'nuisances.estimated': should be a valid tuple, got 'load'"),
+    ],
+)
+def test_a_bad_prior_is_refused_in_one_line(line: str, complaint: str, tmp_path: Path) -> None:
+    path = tmp_path / "actuator.toml"
+    THESIS.to_toml(path)
+    path.write_text(path.read_text(encoding="utf-8") + f"\n[nuisances]\n{line}\n", encoding="utf-8")
+    with pytest.raises(ActuatorError) as caught:
+        Actuator.from_toml(path)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert message.startswith(f"{path}: ")
+    assert complaint in message

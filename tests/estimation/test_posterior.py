@@ -1,0 +1,366 @@
+"""Sampled posteriors against closed forms and numerical integration, and what they say of themselves."""
+
+import importlib
+import json
+import sys
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+import pytest
+from scipy.stats import norm, truncnorm
+
+from cases import THESIS
+from emaphm.actuator import NAMES, Actuator, Chirp, Faults
+from emaphm.arrays import Array
+from emaphm.diagnosis import Diagnosis, diagnose
+from emaphm.errors import MethodError
+from emaphm.estimation import mcmc
+from emaphm.estimation.mcmc import sample
+from emaphm.estimation.mcmc_diagnostics import Convergence, autocorrelation_time, split_r_hat
+from emaphm.estimation.nuisances import RANGE, NuisanceSet
+from emaphm.estimation.parameter_space import FaultSpace
+from emaphm.estimation.posterior import Posterior, arc, interval
+from emaphm.recording import Recording
+from emaphm.simulated_recording import simulate
+
+if TYPE_CHECKING:
+    from emaphm.estimation.objective import Fit
+
+SPACE = FaultSpace.of(THESIS, NuisanceSet.of(THESIS, ("load",), ()))
+D = SPACE.dimensions
+X, Y = SPACE.columns.index(5), SPACE.columns.index(6)
+MIDDLE = np.array([0.4, 0.5, 0.3, 0.5, 0.4, 0.3, 0.2, 0.5, 0.02])
+
+FAR = 4.5
+"""Standard errors that a Monte Carlo mean may be off: of a hundred normal figures one in 1500 sets."""
+
+
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """A fit whose outputs are linear in its points: least squares end at `optimum` (d,)."""
+
+    derivatives: Array
+    optimum: Array
+    space: FaultSpace = SPACE
+
+    @property
+    def recorded_rows(self) -> int:
+        """Rows that were recorded."""
+        return int(self.derivatives.shape[1])
+
+    @property
+    def target(self) -> Array:
+        """What was recorded: the model's, and something that no parameter makes."""
+        other = np.random.default_rng(1).normal(size=self.recorded_rows)
+        basis = np.linalg.qr(self.derivatives.T)[0]
+        return np.asarray(self.optimum @ self.derivatives + other - basis @ (basis.T @ other))
+
+    def outputs(self, points: Array) -> Array:
+        """Return the model's rows."""
+        return np.asarray(points @ self.derivatives)
+
+
+def sampled(optimum: Array, told: Array, seed: int = 0) -> Posterior:
+    """Return the posterior where the recording alone has the inverse covariance `told` (d, d)."""
+    derivatives = np.random.default_rng(0).normal(size=(D, 60))
+    one = cast("Fit", Linear(derivatives, optimum))
+    return sample(one, SPACE.project(optimum), np.zeros(60), covariance_of(told), seed)
+
+
+def covariance_of(told: Array) -> Array:
+    """Return the covariance of an estimate, which every coordinate's normal prior is part of."""
+    return np.asarray(np.linalg.inv(told + np.diag([12.0] * (D - 1) + [RANGE**2])), float)
+
+
+def informed(deviations: Array, seed: int = 3) -> Array:
+    """Return an information matrix (d, d) of correlated parameters with about those `deviations` (d,)."""
+    mixed = np.eye(D) + 0.3 * np.random.default_rng(seed).normal(size=(D, D))
+    return np.asarray((mixed / deviations).T @ (mixed / deviations))
+
+
+def effective(posterior: Posterior) -> float:
+    return float(np.min(posterior.convergence.effective_samples))
+
+
+@pytest.fixture(scope="module")
+def normal() -> tuple[Array, Posterior]:
+    told = informed(np.array([0.01, 0.02, 0.03, 0.02, 0.01, 0.02, 0.01, 0.004, 0.15]))
+    return told, sampled(MIDDLE, told)
+
+
+def test_mean_and_covariance_are_those_of_the_closed_form(normal: tuple[Array, Posterior]) -> None:
+    told, posterior = normal
+    assert posterior.convergence.converged
+    # The faults' priors are even; the load's is normal about 0.
+    precision = told + np.diag([0.0] * (D - 1) + [RANGE**2])
+    covariance = np.linalg.inv(precision)
+    mean = np.linalg.solve(precision, told @ MIDDLE)
+    deviations, count = np.sqrt(np.diag(covariance)), effective(posterior)
+    off = (posterior.samples.mean(axis=0) - mean) / deviations * np.sqrt(count)
+    assert np.all(np.abs(off) < FAR)
+    correlation = covariance / np.outer(deviations, deviations)
+    found = np.cov(posterior.samples.T) / np.outer(deviations, deviations)
+    # Of normal samples, n Var(s_ij) = s_ii s_jj + s_ij².
+    assert np.all(np.abs(found - correlation) < FAR * np.sqrt((1 + correlation**2) / count))
+
+
+def test_same_seed_same_bits_and_another_seed_others(normal: tuple[Array, Posterior]) -> None:
+    told, posterior = normal
+    np.testing.assert_array_equal(sampled(MIDDLE, told).samples, posterior.samples)
+    assert not np.array_equal(sampled(MIDDLE, told, seed=1).samples, posterior.samples)
+
+
+def test_a_correction_moves_the_optimum_by_what_it_explains() -> None:
+    told = informed(np.full(D, 0.02))
+    one = Linear(np.random.default_rng(0).normal(size=(D, 60)), MIDDLE)
+    shift = np.full(D, 0.01)
+    moved = sample(cast("Fit", one), MIDDLE, -shift @ one.derivatives, covariance_of(told), 0)
+    straight = sampled(MIDDLE + shift, told)
+    count = min(effective(moved), effective(straight)) / 2
+    deviations = straight.samples.std(axis=0)
+    off = (moved.samples.mean(axis=0) - straight.samples.mean(axis=0)) / deviations * np.sqrt(count)
+    assert np.all(np.abs(off) < FAR)
+
+
+def test_beside_a_bound_it_is_the_truncated_normal() -> None:
+    deviations = np.full(D, 0.02)
+    optimum = MIDDLE.copy()
+    # Beyond a bound, on it, half a deviation within, beyond the other bound.
+    places = {"friction": -0.01, "backlash": 0.0, "short_a": 0.01, "gain": 1.02}
+    for name, place in places.items():
+        optimum[SPACE.columns.index(NAMES.index(name))] = place
+    posterior = sampled(optimum, np.diag(deviations**-2))
+    assert posterior.convergence.converged
+    count = effective(posterior)
+    for name, place in places.items():
+        exact = truncnorm(-place / 0.02, (1 - place) / 0.02, place, 0.02)
+        values = posterior.components[:, NAMES.index(name)]
+        assert abs(values.mean() - exact.mean()) < FAR * exact.std() / np.sqrt(count)
+        # The shortest interval begins at the bound: its other end is a quantile, with a quantile's error.
+        upper = name == "gain"
+        end = float(exact.ppf(0.05 if upper else 0.95))
+        error = np.sqrt(0.05 * 0.95 / count) / exact.pdf(end)
+        low, high = posterior.interval95[name]
+        assert (high if upper else low) == (1.0 if upper else 0.0)
+        assert abs((low if upper else high) - end) < FAR * error
+
+
+def polar(optimum: Array, block: Array) -> tuple[Array, Array, Array]:
+    """Return radii, phases (as turns in [0, 1]) and the normal density times the radius on their grid."""
+    radii = np.linspace(0, 0.2, 801)[1:]
+    turns = (np.arange(720) + 0.5) / 720
+    angles = (2 * turns - 1) * np.pi
+    points = radii[:, np.newaxis, np.newaxis] * np.stack([np.cos(angles), np.sin(angles)], axis=-1) - optimum
+    density = np.exp(-np.einsum("rti,ij,rtj->rt", points, block, points) / 2) * radii[:, np.newaxis]
+    return radii, turns, density / density.sum()
+
+
+@pytest.mark.parametrize(
+    "optimum", [(0.0, 0.0), (0.02, 0.01), (-0.08, 0.005)], ids=["none", "small", "clear"]
+)
+def test_an_eccentricity_is_that_of_numerical_integration(optimum: tuple[float, float]) -> None:
+    told = np.diag(np.full(D, 0.02) ** -2)
+    block = np.asarray(np.linalg.inv(0.02**2 * np.array([[1.0, 0.3], [0.3, 0.7]])), float)
+    told[X : Y + 1, X : Y + 1] = block
+    centre = MIDDLE.copy()
+    centre[X : Y + 1] = optimum
+    posterior = sampled(centre, told)
+    count = effective(posterior)
+    radii, turns, density = polar(np.array(optimum), block)
+    # The mass within the interval is 95 % to its own sampling error, in the numerical density too.
+    error = FAR * np.sqrt(0.05 * 0.95 / count)
+    low, high = posterior.interval95["eccentricity"]
+    radial = density.sum(axis=1)
+    grid = 2 * float(radial.max())  # an end falls between two radii
+    assert radial[(radii >= low) & (radii <= high)].sum() == pytest.approx(0.95, abs=error + grid)
+    around = density.sum(axis=0)
+    shortest = np.searchsorted(np.cumsum(np.sort(around)[::-1]), 0.95) / around.size
+    low, high = posterior.interval95["eccentricity_phase"]
+    if shortest > 0.92:  # well beyond where an arc is told as the whole circle
+        assert (low, high) == (0.0, 1.0)
+    else:
+        held = around[(turns - low) % 1 <= high - low].sum()
+        assert held == pytest.approx(0.95, abs=error + 2 * float(around.max()))
+        # Length changes slowly about the shortest: a few percent for the sampling error of the mass.
+        assert high - low == pytest.approx(shortest, rel=0.08)
+    # Per area, 0 belongs to the densest 95 % or not.
+    area = radial / radii
+    densest = np.argsort(area)[::-1]
+    least = area[densest][np.searchsorted(np.cumsum(radial[densest]), 0.95)]
+    assert (posterior.interval95["eccentricity"][0] == 0) == (area[0] > least)
+
+
+def test_intervals_are_the_shortest_and_keep_a_bound() -> None:
+    rng = np.random.default_rng(0)
+    values = rng.normal(0.5, 0.02, 100_000)
+    # A quantile of so many normal figures is known to 0.9 % of its deviation, the shortest pair to some more.
+    assert interval(values) == pytest.approx(norm.interval(0.95, 0.5, 0.02), abs=0.002)
+    assert interval(np.abs(values - 0.5)) == pytest.approx((0, 1.96 * 0.02), abs=5e-4)
+    assert interval(1 - np.abs(values - 0.5)) == pytest.approx((1 - 1.96 * 0.02, 1), abs=5e-4)
+    radii = np.hypot(*rng.normal(0, 0.02, (2, 100_000)))
+    # Of a disk's even prior: Rayleigh's quantile, from the centre on.
+    assert interval(radii, power=2) == pytest.approx((0, 0.02 * np.sqrt(-2 * np.log(0.05))), abs=5e-4)
+
+
+def test_what_nothing_is_known_of_is_told_as_the_whole_scale() -> None:
+    even = np.random.default_rng(0).random(10_000)
+    assert interval(even) == (0.0, 1.0)
+    assert interval(np.sqrt(even), power=2) == (0.0, 1.0)  # an even disk's radii
+    low, high = interval(0.5 + 0.5 * even)
+    # Ever so little longer is the one that ends at the bound, if it is not the shortest anyway.
+    assert high - low == pytest.approx(0.475, rel=0.02)
+
+
+def test_an_arc_closes_over_the_end_of_its_scale() -> None:
+    turns = np.random.default_rng(0).normal(0.99, 0.03, 100_000)
+    (low, high), median = arc(turns % 1)
+    assert (low, high) == pytest.approx(norm.interval(0.95, 0.99, 0.03), abs=0.003)
+    assert median == pytest.approx(0.99, abs=1e-3)
+    assert arc(np.random.default_rng(0).random(10_000))[0] == (0.0, 1.0)
+
+
+# Convergence.
+
+
+def chains(rho: float, steps: int) -> Array:
+    """Return stationary autoregressions (steps, 32, 2)."""
+    rng = np.random.default_rng(0)
+    chain = np.empty((steps, 32, 2))
+    chain[0] = rng.normal(size=(32, 2))
+    for i in range(1, steps):
+        chain[i] = rho * chain[i - 1] + np.sqrt(1 - rho**2) * rng.normal(size=(32, 2))
+    return chain
+
+
+def test_the_autocorrelation_time_is_that_of_an_autoregression() -> None:
+    # (1 + rho) / (1 - rho) = 19; its error is sqrt(2 (2 m + 1) / n) with a window m of 5 times: 6 %.
+    assert autocorrelation_time(chains(0.9, 2000)) == pytest.approx(19.0, rel=0.12)
+    assert Convergence.of(chains(0.9, 2000), 0.3, 2500).converged
+
+
+def test_a_chain_cut_short_has_not_converged() -> None:
+    short = Convergence.of(chains(0.99, 500), 0.3, 500)  # 500 steps of 199 autocorrelation times
+    assert not short.converged
+    assert np.all(short.r_hat > 1.05)
+    assert "has NOT converged in 500 steps" in str(short)
+
+
+def test_walkers_apart_or_at_rest_have_not_converged() -> None:
+    apart = chains(0.5, 2000)
+    assert split_r_hat(apart) == pytest.approx(1.0, abs=0.01)
+    apart[:, :3] += 5.0
+    assert np.all(split_r_hat(apart) > 1.5)
+    assert not Convergence.of(apart, 0.3, 2000).converged
+    still = chains(0.5, 2000)
+    still[:] = still[0]
+    frozen = Convergence.of(still, 0.0, 2000)
+    assert not frozen.converged
+    json.dumps(frozen.to_dict(), allow_nan=False)
+
+
+def test_sampling_ends_at_its_cap_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mcmc, "FIRST_CHECK", 60)
+    monkeypatch.setattr(mcmc, "MOST_STEPS", 60)
+    told: list[float] = []
+    one = cast("Fit", Linear(np.random.default_rng(0).normal(size=(D, 60)), MIDDLE))
+    cut = sample(one, MIDDLE, np.zeros(60), np.eye(D) * 1e-4, 0, told.append)
+    assert not cut.convergence.converged
+    assert cut.convergence.steps == 60
+    assert told == sorted(told)
+    assert told[-1] == 1.0
+    assert any("NOT converged" in line for line in cut.notes(cut.interval95))
+
+
+# With recordings.
+
+
+@pytest.fixture(scope="module")
+def diagnosed() -> Diagnosis:
+    truth = Faults(0.4, 0.3, 0.2, 0.3, 0.0, 0.01, 0.2, 0.6)
+    whole = simulate(THESIS, Chirp(), faults=truth, noise=0.05)
+    rows = {name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")}
+    return diagnose(Recording(rows), THESIS, workers=1, posterior=True)
+
+
+def test_where_faults_are_strong_both_agree(diagnosed: Diagnosis) -> None:
+    posterior = diagnosed.posterior
+    assert posterior is not None
+    assert posterior.convergence.converged
+    strong = ("friction", "backlash", "short_a", "short_b", "gain")
+    differing = posterior.differing(diagnosed.interval)
+    assert not set(strong) & set(differing)
+    for name in strong:
+        low, high = posterior.interval95[name]
+        assert low < diagnosed.components[name].value < high
+    # No short is negative: what is sampled lies within, and half the normal interval is out of bounds.
+    assert posterior.interval95["short_c"][0] == 0.0
+    assert posterior.median["short_c"] > 0.0
+
+
+def test_a_diagnosis_tells_its_posterior_in_text_and_json(diagnosed: Diagnosis) -> None:
+    posterior = diagnosed.posterior
+    assert posterior is not None
+    read = json.loads(diagnosed.to_json(), parse_constant=pytest.fail)["posterior"]
+    assert list(read["faults"]) == list(NAMES)
+    assert read["convergence"]["converged"] is True
+    assert len(read["convergence"]["r_hat"]) == len(diagnosed.coordinates)
+    text = str(diagnosed)
+    assert "Sampled posterior: " in text
+    for name in posterior.differing(diagnosed.interval):
+        assert f"\n{name}: " in text
+    assert diagnosed.evaluations > posterior.evaluations > 10_000
+    assert "posterior" not in replace(diagnosed, posterior=None).to_dict()
+
+
+def test_the_number_of_workers_changes_no_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mcmc, "FIRST_CHECK", 40)
+    monkeypatch.setattr(mcmc, "MOST_STEPS", 40)
+    # So short a recording would not be worth threads.
+    monkeypatch.setattr(importlib.import_module("emaphm.simulation.engine.running"), "WORTH_A_THREAD", 0)
+    recording = simulate(THESIS, Chirp(), model="averaged", noise=0.05)
+    alone, together = (
+        diagnose(recording, THESIS, turns=0, workers=workers, posterior=True).posterior for workers in (1, 2)
+    )
+    assert alone is not None
+    assert together is not None
+    np.testing.assert_array_equal(alone.samples, together.samples)
+
+
+def test_what_differs_is_told_and_nothing_else() -> None:
+    posterior = sampled(MIDDLE, informed(np.full(D, 0.02)))
+    assert posterior.differing(posterior.interval95) == ()
+    low, high = posterior.interval95["friction"]
+    off = {**posterior.interval95, "friction": (low - 0.4 * (high - low), high)}
+    assert posterior.differing(off) == ("friction",)
+    phase = posterior.interval95["eccentricity_phase"]
+    once_round = {**posterior.interval95, "eccentricity_phase": (phase[0] - 1, phase[1] - 1)}
+    assert posterior.differing(once_round) == ()
+
+
+def bare() -> Actuator:
+    return THESIS.model_copy(update={"electrical": None})
+
+
+def test_what_an_actuator_cannot_show_stays_open() -> None:
+    space = FaultSpace.of(bare())
+    samples = np.random.default_rng(0).random((500, space.dimensions))
+    posterior = Posterior.of(space, samples, Convergence.of(chains(0.5, 400), 0.3, 500), 1)
+    assert posterior.interval95["short_a"] == (0.0, 1.0)
+    assert posterior.components.shape == (500, 8)
+
+
+@pytest.mark.parametrize("options", [{"model": "monitor", "method": "dragonfly"}])
+def test_a_model_that_switches_is_refused(options: dict[str, Any]) -> None:
+    recording = simulate(THESIS, Chirp(), model="averaged")
+    with pytest.raises(MethodError, match="monitor model's switching; use the averaged model"):
+        diagnose(recording, THESIS, posterior=True, **options)
+
+
+def test_a_missing_library_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    recording = simulate(THESIS, Chirp(), model="averaged")
+    monkeypatch.setitem(sys.modules, "emcee", None)  # makes its import fail
+    with pytest.raises(MethodError) as caught:
+        diagnose(recording, THESIS, posterior=True)
+    message = "a posterior needs the library 'emcee'; install it with: pip install 'emaphm[posterior]'"
+    assert str(caught.value) == message

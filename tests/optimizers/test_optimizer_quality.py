@@ -1,0 +1,411 @@
+"""The optimisers do what their papers say and are as good as those of other libraries."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import minionpy
+import numpy as np
+import pytest
+from scipy import optimize, stats
+
+from emaphm.arrays import Array
+from emaphm.errors import MethodError
+from emaphm.optimizers import (
+    DifferentialEvolution,
+    Genetic,
+    GreyWolf,
+    Optimizer,
+    ParticleSwarm,
+    RandomSearch,
+    minimise,
+)
+from optimizers.functions import CENTRE, box, griewank, rastrigin, rosenbrock, sphere, squares
+
+Function = Callable[[Array], Array]
+
+
+@pytest.mark.parametrize(
+    ("make", "bad", "message"),
+    [
+        (Genetic, {"crossover_probability": 1.1}, "crossover_probability must be between 0 and 1, got 1.1"),
+        (Genetic, {"crossover_index": -1.0}, "crossover_index must be at least 0 and finite, got -1"),
+        (Genetic, {"mutation_index": math.inf}, "mutation_index must be at least 0 and finite, got inf"),
+        (ParticleSwarm, {"cognitive": -1.0, "social": 6.0}, "cognitive must be at least 0, got -1"),
+        (ParticleSwarm, {"social": math.nan}, "social must be at least 0, got nan"),
+        (ParticleSwarm, {"social": 1.95}, r"cognitive \+ social must be above 4 and finite, got 4"),
+        (ParticleSwarm, {"social": math.inf}, "must be above 4 and finite, got inf"),
+        (DifferentialEvolution, {"population": 3}, "population must be at least 4 .*, got 3"),
+        (DifferentialEvolution, {"scale": 0.0}, "scale must be above 0 and at most 2, got 0"),
+        (DifferentialEvolution, {"scale": math.nan}, "scale must be above 0 and at most 2, got nan"),
+        (DifferentialEvolution, {"crossover": -0.1}, "crossover must be between 0 and 1, got -0.1"),
+        (GreyWolf, {"population": 2}, "population must be at least 3 .*, got 2"),
+    ],
+)
+def test_bad_settings_raise(make: Callable[..., Any], bad: dict[str, Any], message: str) -> None:
+    with pytest.raises(MethodError, match=message):
+        make(*box(2), **bad)
+
+
+def evaluations_to(goal: float, optimizer: Optimizer[Any], function: Function, seed: int) -> float:
+    """Return the evaluations needed to bring the best to `goal`; inf if the run ends before."""
+    state = optimizer.init(seed)
+    while not optimizer.finished(state):
+        state = optimizer.tell(state, function(optimizer.ask(state)))
+        if state.best_fitness <= goal:
+            return float(state.evaluations)
+    return math.inf
+
+
+def differs(sample: list[float], published: float, runs: int, level: float) -> bool:
+    """Return whether a published mean of `runs` is not that of `sample`, if both spread alike."""
+    error = np.std(sample, ddof=1) * math.sqrt(1 / len(sample) + 1 / runs)
+    return bool(abs(np.mean(sample) - published) > stats.norm.isf(level / 2) * error)
+
+
+# Random search
+
+
+def test_random_search_finds_what_chance_allows() -> None:
+    found = [minimise(RandomSearch(*box(2), 10, 20), sphere, seed).fitness for seed in range(200)]
+
+    def chance_of_at_most(r_squared: Any) -> Any:
+        """Of one of 200 points in the disc about the optimum, all of it in the box (up to r = 0.78)."""
+        return 1 - (1 - np.pi * r_squared / 4) ** 200
+
+    # A correct sample fails one time in 100; these seeds are fixed.
+    assert stats.kstest(found, chance_of_at_most).pvalue > 0.01
+
+
+# Genetic algorithm
+
+
+def test_crossover_spreads_as_in_its_paper() -> None:
+    # So far from the bounds that they cut nothing off (Deb & Agrawal 1995, eq. 4 and 5).
+    genetic = Genetic(*box(1, 1e9), population=2, crossover_probability=1.0)
+    mates = np.repeat([[[0.0]], [[1.0]]], 20000, axis=1)
+    children = genetic._cross(mates, np.random.default_rng(1)).reshape(2, -1)
+    np.testing.assert_allclose(children.sum(axis=0), 1, atol=1e-6)  # the mean of the parents; rounding of 1e9
+    spread = np.abs(children[0] - children[1])
+    crossed = spread[np.abs(spread - 1) > 1e-9]
+    # Each gene is crossed with probability 1/2: four standard deviations of that binomial.
+    assert abs(crossed.size - 10000) < 4 * math.sqrt(20000 / 4)
+
+    def cumulative(beta: Any) -> Any:
+        return np.where(beta <= 1, beta**21 / 2, 1 - 1 / (2 * np.maximum(beta, 1) ** 21))
+
+    assert stats.kstest(crossed, cumulative).pvalue > 0.01
+
+
+def test_crossover_at_a_bound_is_cut_off_and_scaled_up_there() -> None:
+    # Parents at 0 and 0.1 of [0, 1]: beta is at most 1 below, and at most 19 above, which is never met.
+    genetic = Genetic(np.zeros(1), np.ones(1), population=2, crossover_probability=1.0)
+    mates = np.repeat([[[0.0]], [[0.1]]], 20000, axis=1)
+    children = genetic._cross(mates, np.random.default_rng(2)).reshape(2, -1)
+    low, high = children.min(axis=0), children.max(axis=0)
+    crossed = (low != 0) | (high != 0.1)
+    beta_low, beta_high = (0.05 - low[crossed]) * 20, (high[crossed] - 0.05) * 20
+    assert stats.kstest(beta_low, lambda beta: np.clip(beta, 0, 1) ** 21).pvalue > 0.01
+    assert np.max(beta_high) > 1.05
+
+
+@pytest.mark.parametrize("gene", [0.5, 0.0, 0.02])
+def test_mutation_spreads_as_in_its_paper(gene: float) -> None:
+    genetic = Genetic(np.zeros(1), np.ones(1), population=2)
+    children = np.full((20000, 1), gene)  # the rate is 1/d = 1
+    genetic._mutate(children, np.random.default_rng(3))
+    delta = children[:, 0] - gene
+
+    def cumulative(x: Any) -> Any:
+        """Half of the density on either side, in proportion to (1 - |delta|)^20 and cut off at the bound."""
+        with np.errstate(invalid="ignore"):
+            below = 1 - (1 - (1 + np.minimum(x, 0)) ** 21) / (1 - (1 - gene) ** 21)
+        above = (1 - (1 - np.maximum(x, 0)) ** 21) / (1 - gene**21)
+        return np.where(x < 0, below / 2, (1 + above) / 2)
+
+    if gene == 0:  # where half of the mutations have nowhere to go
+        assert abs(np.sum(delta == 0) - 10000) < 4 * math.sqrt(20000 / 4)
+        delta = delta[delta > 0]
+        assert stats.kstest(delta, lambda x: 1 - (1 - x) ** 21).pvalue > 0.01
+    else:
+        assert stats.kstest(delta, cumulative).pvalue > 0.01
+
+
+# Particle swarm
+
+
+def test_constriction_is_the_published_factor() -> None:
+    assert ParticleSwarm(*box(1)).constriction == pytest.approx(0.72984, abs=5e-6)  # Eberhart & Shi 2000
+
+
+@pytest.mark.parametrize(
+    ("function", "half_width", "goal", "published"),
+    [
+        pytest.param(squares, 100.0, 0.01, 529.65, id="sphere"),
+        pytest.param(rosenbrock, 30.0, 100.0, 668.75, id="rosenbrock"),
+        pytest.param(rastrigin, 5.12, 100.0, 213.45, id="rastrigin"),
+    ],
+)
+def test_swarm_reaches_goals_no_later_than_published(
+    function: Function, half_width: float, goal: float, published: float
+) -> None:
+    """Eberhart & Shi 2000, mean iterations with constriction and Vmax = Xmax.
+
+    The swarm is faster, on the sphere by a third; that other libraries' swarms are as good is tested below.
+    """
+    swarm = ParticleSwarm(*box(30, half_width), population=30, iterations=4000)
+    needed = [evaluations_to(goal, swarm, function, seed) / 30 for seed in range(20)]
+    assert np.median(needed) < published
+
+
+def test_swarm_is_as_fast_as_published_on_griewank() -> None:
+    swarm = ParticleSwarm(*box(30, 600.0), population=30, iterations=1000)
+    needed = [evaluations_to(0.1, swarm, griewank, seed) / 30 for seed in range(20)]
+    # Not the mean: one run in 20 never arrives.
+    assert np.min(needed) < 312.6 < np.quantile(needed, 0.75)
+
+
+# Differential evolution
+
+
+def evaluations_by_the_text(
+    goal: float,
+    settings: tuple[int, float, float],
+    bounds: tuple[Array, Array],
+    function: Function,
+    seed: int,
+) -> float:
+    """Return the evaluations that DE/rand/1/bin needs, one vector and component at a time, without bounds."""
+    (n, scale, crossover), rng = settings, np.random.default_rng(seed)
+    vectors = rng.uniform(*bounds, (n, bounds[0].size)).tolist()
+    costs = function(np.array(vectors)).tolist()
+    for evaluations in range(n, 2000 * n + 1, n):
+        if min(costs) <= goal:
+            return float(evaluations)
+        trials = []
+        for i, x in enumerate(vectors):
+            a, b, c = rng.choice([j for j in range(n) if j != i], 3, replace=False)
+            sure = rng.integers(len(x))
+            trials.append(
+                [
+                    vectors[a][k] + scale * (vectors[b][k] - vectors[c][k])
+                    if k == sure or rng.random() < crossover
+                    else x[k]
+                    for k in range(len(x))
+                ]
+            )
+        for i, cost in enumerate(function(np.array(trials)).tolist()):
+            if cost <= costs[i]:
+                vectors[i], costs[i] = trials[i], cost
+    return math.inf
+
+
+@pytest.mark.parametrize(
+    ("function", "bounds", "settings"),
+    [
+        pytest.param(squares, box(3, 5.12), (10, 0.9, 0.1), id="f1"),
+        pytest.param(rosenbrock, box(2, 2.048), (10, 0.9, 0.9), id="f2"),
+        pytest.param(squares, box(3, 5.12), (15, 0.5, 0.9), id="f1-defaults"),
+    ],
+)
+def test_differential_evolution_needs_the_evaluations_of_its_text(
+    function: Function, bounds: tuple[Array, Array], settings: tuple[int, float, float]
+) -> None:
+    """Storn & Price's measure on De Jong's functions: evaluations down to 1e-6. 1 % shared by three cases.
+
+    Keeping to the box saves some 5 % of them on f1 and f2, less than 30 runs can show.
+    """
+    population, scale, crossover = settings
+    optimizer = DifferentialEvolution(*bounds, population, 2000, scale=scale, crossover=crossover)
+    mine = [evaluations_to(1e-6, optimizer, function, seed) for seed in range(30)]
+    plain = [evaluations_by_the_text(1e-6, settings, bounds, function, seed) for seed in range(30)]
+    assert stats.mannwhitneyu(mine, plain).pvalue > 0.01 / 3
+
+
+@pytest.mark.parametrize("corner", [0.0, 1.0])
+def test_differential_evolution_closes_in_on_a_corner_without_sitting_in_it(corner: float) -> None:
+    optimizer = DifferentialEvolution(np.zeros(8), np.ones(8), population=50, iterations=200)
+    best = []
+    for seed in range(5):
+        state = optimizer.init(seed)
+        while not optimizer.finished(state):
+            state = optimizer.tell(state, squares(optimizer.ask(state) - corner))
+        assert not np.any(state.parents == corner)  # where clipping puts all 50
+        best.append(state.best_fitness)
+    # Reflection ends at 1.5e-12 after as many generations, new random values at 3e-7, this at 1e-14.
+    assert np.median(best) < 3e-13
+
+
+# Grey wolves
+
+
+@pytest.mark.parametrize(
+    ("function", "half_width", "published"),
+    [
+        pytest.param(squares, 100.0, 6.59e-28, id="F1"),
+        pytest.param(rosenbrock, 30.0, 26.81258, id="F5"),
+        pytest.param(rastrigin, 5.12, 0.310521, id="F9"),
+        pytest.param(griewank, 600.0, 0.004485, id="F11"),
+    ],
+)
+def test_wolves_end_where_published(function: Function, half_width: float, published: float) -> None:
+    """Mirjalili et al. 2014, Tables 5 and 6: means of 30 runs in 30 dimensions.
+
+    With the best three of all points as leaders F1 ends a thousand times lower and F9 higher: rejected.
+    """
+    optimizer = GreyWolf(*box(30, half_width), population=30, iterations=500)
+    found = [minimise(optimizer, function, seed).fitness for seed in range(15)]
+    assert not differs(found, published, runs=30, level=0.01 / 4)  # 1 % shared by four functions
+
+
+# Other libraries, at equal evaluations
+
+DIMENSIONS, POPULATION, ITERATIONS, RUNS = 8, 50, 60, 20
+CHI = 0.7298437881283576  # 2 / |2 - 4.1 - sqrt(4.1² - 4 × 4.1)|, Clerc & Kennedy 2002
+
+FUNCTIONS: dict[str, tuple[Function, float]] = {
+    "sphere": (sphere, 1.0),
+    "rastrigin": (lambda points: rastrigin(points - CENTRE), 5.12),
+}
+
+
+def run_pymoo(algorithm: Callable[[], Any], function: Function, half_width: float, seed: int) -> float:
+    from pymoo.core.problem import Problem
+    from pymoo.optimize import minimize
+
+    class Searched(Problem):  # type: ignore[misc]  # it comes without types
+        def __init__(self) -> None:
+            super().__init__(n_var=DIMENSIONS, n_obj=1, xl=-half_width, xu=half_width)
+
+        def _evaluate(self, points: Array, out: dict[str, Array], *_: Any, **__: Any) -> None:
+            out["F"] = function(points)[:, None]
+
+    return float(minimize(Searched(), algorithm(), ("n_gen", ITERATIONS), seed=seed + 1).F[0])
+
+
+def pymoo_genetic() -> Any:
+    from pymoo.algorithms.soo.nonconvex.ga import GA
+    from pymoo.operators.crossover.sbx import SBX
+    from pymoo.operators.mutation.pm import PM
+
+    crossover, mutation = SBX(prob=0.9, eta=20, prob_var=0.5), PM(prob=1.0, eta=20)
+    return GA(pop_size=POPULATION, crossover=crossover, mutation=mutation, eliminate_duplicates=False)
+
+
+def pymoo_differential_evolution() -> Any:
+    from pymoo.algorithms.soo.nonconvex.de import DE
+
+    return DE(pop_size=POPULATION, variant="DE/rand/1/bin", F=0.5, CR=0.9, prob_mut=0.0)
+
+
+def pymoo_swarm() -> Any:
+    from pymoo.algorithms.soo.nonconvex.pso import PSO
+    from pymoo.operators.sampling.rnd import FloatRandomSampling
+
+    pull = {"w": CHI, "c1": 2.05 * CHI, "c2": 2.05 * CHI, "max_velocity_rate": 0.5}
+    plain = {"adaptive": False, "pertube_best": False}
+    return PSO(pop_size=POPULATION, sampling=FloatRandomSampling(), **pull, **plain)
+
+
+def scipy_differential_evolution(function: Function, half_width: float, seed: int) -> float:
+    def of_columns(points: Any) -> Any:
+        return function(points.T)
+
+    rng = np.random.default_rng(seed)
+    result = optimize.differential_evolution(
+        of_columns,
+        optimize.Bounds(*box(DIMENSIONS, half_width)),
+        strategy="rand1bin",
+        mutation=0.5,
+        recombination=0.9,
+        init=rng.uniform(-half_width, half_width, (POPULATION, DIMENSIONS)),
+        maxiter=ITERATIONS - 1,  # the first population is not counted
+        tol=0,
+        updating="deferred",
+        vectorized=True,
+        polish=False,
+        rng=rng,
+    )
+    return float(result.fun)
+
+
+def run_minionpy(
+    algorithm: Any, options: dict[str, Any], function: Function, half_width: float, seed: int
+) -> float:
+    search = algorithm(
+        lambda points: function(np.asarray(points)).tolist(),
+        [(-half_width, half_width)] * DIMENSIONS,
+        maxevals=POPULATION * ITERATIONS,
+        seed=seed,
+        options={"population_size": POPULATION, "bound_strategy": "reflect-random"} | options,
+    )
+    return float(search.optimize().fun)
+
+
+def niapy_wolves(function: Function, half_width: float, seed: int) -> float:
+    from niapy.algorithms.basic import GreyWolfOptimizer
+    from niapy.problems import Problem
+    from niapy.task import Task
+
+    class Searched(Problem):  # type: ignore[misc]  # it comes without types
+        def __init__(self) -> None:
+            super().__init__(DIMENSIONS, -half_width, half_width)
+
+        def _evaluate(self, point: Array) -> float:
+            return float(function(point[None])[0])
+
+    task = Task(Searched(), max_evals=POPULATION * ITERATIONS)
+    return float(GreyWolfOptimizer(population_size=POPULATION, seed=seed).run(task)[1])
+
+
+RAND_1_BIN = {"mutation_strategy": "rand1bin", "mutation_rate": 0.5, "crossover_rate": 0.9}
+ENDLESS = {"x_tol": -1.0, "f_tol": -1.0}
+SWARM = {
+    "inertia_weight": CHI,
+    "cognitive_coefficient": 2.05 * CHI,
+    "social_coefficient": 2.05 * CHI,
+    "velocity_clamp": 0.5,
+}
+
+PEERS: dict[str, tuple[type[Optimizer[Any]], Callable[[Function, float, int], float]]] = {
+    "genetic-pymoo": (Genetic, partial(run_pymoo, pymoo_genetic)),
+    "differential-evolution-pymoo": (DifferentialEvolution, partial(run_pymoo, pymoo_differential_evolution)),
+    "differential-evolution-scipy": (DifferentialEvolution, scipy_differential_evolution),
+    "differential-evolution-minionpy": (
+        DifferentialEvolution,
+        partial(run_minionpy, minionpy.Differential_Evolution, RAND_1_BIN | ENDLESS),
+    ),
+    "particle-swarm-pymoo": (ParticleSwarm, partial(run_pymoo, pymoo_swarm)),
+    "particle-swarm-minionpy": (ParticleSwarm, partial(run_minionpy, minionpy.PSO, SWARM)),
+    "grey-wolf-niapy": (GreyWolf, niapy_wolves),
+}
+
+
+def found_by_ours(make: type[Optimizer[Any]], function: Function, half_width: float, seed: int) -> float:
+    optimizer = make(*box(DIMENSIONS, half_width), POPULATION, ITERATIONS)
+    state = optimizer.init(seed)
+    if make is GreyWolf:
+        # niapy lowers `a` before its first move, the authors' code after it: it is one iteration ahead, and
+        # its pack tighter in the end. That apart they must agree.
+        state = replace(state, iteration=1)
+    for _ in range(ITERATIONS):
+        state = optimizer.tell(state, function(optimizer.ask(state)))
+    return float(state.best_fitness)
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+@pytest.mark.parametrize("peer", PEERS)
+def test_quality_is_that_of_other_libraries(peer: str, name: str) -> None:
+    """Two-sided Mann-Whitney test on the final fitness, at 1 % shared by all comparisons (Bonferroni).
+
+    The optimum lies inside the box, as each library has its own way of keeping points in. A scale of 0.6
+    instead of 0.5 or c_1 = c_2 = 2.2 is found out on the sphere, as are wolves that follow the best three.
+    """
+    (make, theirs), (function, half_width) = PEERS[peer], FUNCTIONS[name]
+    mine = [found_by_ours(make, function, half_width, seed) for seed in range(RUNS)]
+    others = [theirs(function, half_width, seed) for seed in range(RUNS)]
+    level = 0.01 / (len(PEERS) * len(FUNCTIONS))
+    difference = np.mean(np.log10(mine)) - np.mean(np.log10(others))
+    assert stats.mannwhitneyu(mine, others).pvalue > level, f"{difference:.2f} decades above theirs"

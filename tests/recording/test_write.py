@@ -1,0 +1,149 @@
+"""Writing: to the last bit, never half, never over what is there unasked."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from emaphm.actuator import Actuator
+from emaphm.output_files import check_writable, written_whole
+from emaphm.recording import Recording, read_recording, write_recording
+
+from .conftest import Columns, Refusal
+
+ENDINGS = ("csv", "parquet")
+FINITE = arrays(np.float64, 60, elements=st.floats(allow_nan=False, allow_infinity=False))
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+@settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(command=FINITE.filter(np.any), current=FINITE, extra=arrays(np.float64, 60))
+def test_what_is_read_back_is_the_same_to_the_last_bit(
+    tmp_path: Path,
+    thesis: Actuator,
+    ending: str,
+    command: np.ndarray,
+    current: np.ndarray,
+    extra: np.ndarray,
+) -> None:
+    columns = {
+        "time_s": np.arange(60) / 3e3,
+        "command_rad": command,
+        "current_A": current,
+        "torque, of the motor": extra,
+    }
+    path = tmp_path / f"rec.{ending}"
+    write_recording(Recording(columns), path, force=True)
+    recording = read_recording(path, thesis)
+    assert recording.names == tuple(columns)
+    for name, values in columns.items():
+        np.testing.assert_array_equal(recording[name], values)
+        zeros = values == 0  # whose sign an equality does not see
+        np.testing.assert_array_equal(np.signbit(recording[name][zeros]), np.signbit(values[zeros]))
+
+
+@pytest.mark.parametrize("name", ["rec.csv", "REC.CSV", "rec.Parquet"])
+def test_nothing_but_the_file_is_left(columns: Columns, tmp_path: Path, name: str) -> None:
+    write_recording(Recording(columns), tmp_path / name)
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
+def test_written_file_has_usual_permissions(columns: Columns, tmp_path: Path) -> None:
+    (tmp_path / "usual").touch()
+    write_recording(Recording(columns), tmp_path / "rec.csv")
+    assert (tmp_path / "rec.csv").stat().st_mode == (tmp_path / "usual").stat().st_mode
+
+
+def test_existing_file_is_replaced_only_by_force(columns: Columns, tmp_path: Path, refusal: Refusal) -> None:
+    path = tmp_path / "rec.csv"
+    path.write_text("precious")
+    text = refusal(lambda: write_recording(Recording(columns), path))
+    assert str(path) in text
+    assert "--force" in text
+    assert path.read_text() == "precious"
+    write_recording(Recording(columns), path, force=True)
+    assert path.read_text().startswith("time_s,command_rad")
+
+
+def test_failure_half_way_leaves_the_old_file_and_no_other(tmp_path: Path) -> None:
+    path = tmp_path / "rec.csv"
+    path.write_text("precious")
+
+    def fail() -> None:
+        with written_whole(path) as temporary:
+            temporary.write_text("half of")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fail()
+    assert path.read_text() == "precious"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_refusal_of_the_system_half_way_is_told(tmp_path: Path, refusal: Refusal) -> None:
+    path = tmp_path / "rec.csv"
+
+    def fail() -> None:
+        with written_whole(path):
+            raise OSError(28, "No space left on device")
+
+    text = refusal(fail)
+    assert str(path) in text
+    assert "No space left on device" in text
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_symbolic_link_stays_one(columns: Columns, tmp_path: Path) -> None:
+    target, link = tmp_path / "target.csv", tmp_path / "link.csv"
+    target.touch()
+    link.symlink_to(target)
+    write_recording(Recording(columns), link, force=True)
+    assert link.is_symlink()
+    assert target.read_text().startswith("time_s")
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("rec.xlsx", ["'.xlsx'", ".csv or .parquet"]),
+        ("rec.mat", ["'.mat'", ".csv or .parquet"]),
+        ("rec", ["no ending", ".csv or .parquet"]),
+        ("missing/rec.csv", ["missing' does not exist", "create it"]),
+        ("file.txt/rec.csv", ["file.txt' is not a folder"]),
+        ("folder.csv", ["is a folder", "name of a file"]),
+        ("pipe.csv", ["not a regular file", "another name"]),
+        (f"{'n' * 300}.csv", ["name too long", "give another"]),
+    ],
+)
+@pytest.mark.parametrize("force", [False, True])
+def test_impossible_output_is_refused(
+    columns: Columns, tmp_path: Path, refusal: Refusal, name: str, force: bool, expected: list[str]
+) -> None:
+    (tmp_path / "file.txt").touch()
+    (tmp_path / "folder.csv").mkdir()
+    os.mkfifo(tmp_path / "pipe.csv")
+    before = sorted(tmp_path.iterdir())
+    text = refusal(lambda: write_recording(Recording(columns), tmp_path / name, force=force))
+    assert text.startswith(str(tmp_path / name))
+    for part in expected:
+        assert part in text
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_check_alone_leaves_nothing_behind(tmp_path: Path) -> None:
+    check_writable(tmp_path / "report.html")
+    check_writable(tmp_path / "report.HTML", endings=(".html",))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_unwritable_folder_is_refused(refusal: Refusal) -> None:
+    kernel = Path("/proc/self")
+    if not kernel.is_dir():
+        pytest.skip("only Linux has a folder in which not even root may write")
+    text = refusal(lambda: check_writable(kernel / "report.html"))
+    assert "cannot be written there" in text
+    assert "give another name or folder" in text
