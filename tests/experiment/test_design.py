@@ -246,7 +246,7 @@ BAD: dict[str, tuple[Callable[[], Any], str]] = {
     "too fast": (lambda: design(THESIS, max_frequency=2600.0), "cannot be recorded at 5000 Hz"),
     "too long": (lambda: design(THESIS, max_duration=31.0), "too long"),
     "a step": (lambda: design(THESIS, Step()), "no highest frequency of its own"),
-    "no command": (lambda: design(THESIS, Sine(0.0, 4.0), max_amplitude=1e-3), "nothing was commanded"),
+    "no command": (lambda: design(THESIS, Sine(0.0, 4.0), max_amplitude=1e-3), "does not move the actuator"),
     "no motion": (lambda: design(THESIS, Sine(1e-9, 4.0)), "does not move the actuator"),
 }
 

@@ -65,13 +65,17 @@ def _widths(axis: "Axes", plans: dict[str, PlannedTest]) -> None:
     for shift, (label, plan) in zip(shifts, plans.items(), strict=True):
         colour, marker, _ = LOOKS[label]
         before = [plan.predicted.half_widths[name] for name in names]
-        axis.plot(before, rows + shift, marker, color=colour, fillstyle="none", label=f"{label}, expected")
+        axis.plot(before, rows + shift, marker, color=colour, fillstyle="none", label=f"{label}, predicted")
         if plan.simulated is not None:
             after = [plan.simulated.precision.half_widths[name] for name in names]
-            axis.plot(after, rows + shift, marker, color=colour, label=f"{label}, proven")
+            axis.plot(after, rows + shift, marker, color=colour, label=f"{label}, simulated")
             axis.hlines(rows + shift, before, after, color=colour, linewidth=1.2)
     axis.axvline(
-        VERDICT.longest_interval / 2, color=FAINT, linestyle="--", linewidth=1, label="cannot be told beyond"
+        VERDICT.longest_interval / 2,
+        color=FAINT,
+        linestyle="--",
+        linewidth=1,
+        label="not identifiable beyond",
     )
     axis.set_yticks(rows, [name.replace("_", " ") for name in names])
     axis.set_ylim(len(names) - 0.5, -0.5)
