@@ -15,13 +15,10 @@ from matplotlib.figure import Figure
 
 from emaphm.actuator import NAMES, Faults
 from emaphm.diagnosis import Diagnosis
-from emaphm.plotting.diagnosis import (
-    draw_diagnosis,
-    draw_faults,
-    draw_fit,
-    draw_replay,
-    draw_residual,
-)
+from emaphm.plotting.diagnosis import draw_diagnosis, draw_fit, draw_residual
+from emaphm.plotting.fault_intervals import draw_faults
+from emaphm.plotting.replay import draw_replay
+from emaphm.plotting.style import BLACK
 from emaphm.recording import Recording
 
 PARTS = (draw_diagnosis, draw_fit, draw_residual, draw_faults)
@@ -66,11 +63,11 @@ def test_fit_is_labelled_and_its_zoom_shows_where_they_differ_most(faulty: Diagn
     assert 0.319 <= last < first + 0.06  # and ends
 
 
-def test_residual_is_labelled_and_told_with_its_share(faulty: Diagnosis) -> None:
+def test_residual_is_labelled_with_its_size(faulty: Diagnosis) -> None:
     residual, spectrum = draw_residual(faulty).axes
     assert residual.get_ylabel() == "residual [A]"
     assert f"{faulty.residual_rms_A:.3g} A rms" in residual.get_title(loc="left")
-    assert (spectrum.get_xlabel(), spectrum.get_ylabel()) == ("frequency [Hz]", "density [A/√Hz]")
+    assert (spectrum.get_xlabel(), spectrum.get_ylabel()) == ("frequency [Hz]", "amplitude density [A/√Hz]")
 
 
 def test_the_spectrum_holds_the_current_s_power(faulty: Diagnosis) -> None:
@@ -115,7 +112,14 @@ def test_what_is_not_identifiable_is_greyed_and_called_so(linear: Diagnosis) -> 
     for name, tick, text in zip(NAMES, axis.get_yticklabels(), axis.texts, strict=True):
         known = linear.components[name].identifiable
         assert (text.get_text() == "not identifiable") is not known
-        assert (tick.get_color() == text.get_color() == "black") is known
+        assert (tick.get_color() == text.get_color() == BLACK) is known
+
+
+def test_what_is_identifiable_yet_inconclusive_has_a_marker_and_a_name_of_its_own(faulty: Diagnosis) -> None:
+    undecided = replace(faulty.components["friction"], verdict="cannot tell")
+    figure = draw_faults(replace(faulty, components=dict(faulty.components) | {"friction": undecided}))
+    assert _points(figure.axes[0], "d") == {"friction": undecided.value}
+    assert "inconclusive" in [text.get_text() for text in figure.legends[0].get_texts()]
 
 
 def test_the_whole_shows_every_part(faulty: Diagnosis, truth: Faults) -> None:

@@ -12,16 +12,10 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from emaphm.plotting.study import (
-    FLOOR,
-    draw_convergence,
-    draw_costs,
-    draw_errors,
-    draw_ranks,
-    draw_success,
-    looks,
-)
-from emaphm.report.embed import svg
+from emaphm.plotting.study import draw_convergence, draw_costs, draw_errors, draw_ranks, draw_success
+from emaphm.plotting.study.methods import FLOOR, looks
+from emaphm.plotting.style import BLACK
+from emaphm.plotting.svg import svg
 from emaphm.study.analysis.statistics import by_case, by_method
 from emaphm.study.analysis.tables import MOST_CASES
 from emaphm.study.thesis import published
@@ -169,7 +163,7 @@ def test_ranks_are_sorted_and_bars_join_what_is_not_told_apart() -> None:
     names = [tick.get_text() for tick in axis.get_yticklabels()]
     assert names[0] == "hybrid"
     assert axis.texts[0].get_text() == "1.00"
-    bars = [line for line in axis.get_lines() if line.get_color() == "black" and line.get_linewidth() == 2.5]
+    bars = [line for line in axis.get_lines() if line.get_color() == BLACK and line.get_linewidth() == 2.5]
     assert [np.round(np.asarray(bar.get_ydata())).tolist() for bar in bars] == [[1.0, 2.0]]
 
 
