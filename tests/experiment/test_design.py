@@ -220,14 +220,14 @@ def test_the_figure_shows_both_manoeuvres_and_all_half_widths(improved: Design, 
     assert "half-width" in widths.get_xlabel()
     legends = [legend for axis in (commands, widths) if (legend := axis.get_legend())]
     texts = [text.get_text() for legend in legends for text in legend.get_texts()]
-    for label in ("given: chirp", "found: chirp", "given, expected", "found, proven"):
+    for label in ("given: chirp", "found: chirp", "given, predicted", "found, simulated tests"):
         assert any(text.startswith(label) for text in texts)
     drawn = {line.get_label(): np.asarray(line.get_xdata()) for line in widths.get_lines()}
     np.testing.assert_array_equal(
-        drawn["found, expected"], [improved.found.expected.half_widths[name] for name in NAMES]
+        drawn["found, predicted"], [improved.found.expected.half_widths[name] for name in NAMES]
     )
     rows = [tick.get_text() for tick in widths.get_yticklabels()]
-    assert rows == [name.replace("_", " ") for name in NAMES]
+    assert rows == list(NAMES)
     assert linear.plot().axes[0].get_ylabel() == "command [m]"
 
 

@@ -63,6 +63,14 @@ class Page(HTMLParser):
         return " ".join("".join(self._text).split())
 
 
+@pytest.fixture(scope="module")
+def drawn(faulty: Diagnosis, truth: Faults, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a report with its figures: to draw them is what takes long."""
+    path = tmp_path_factory.mktemp("drawn") / "report.html"
+    write_report(faulty, path, truth=truth)
+    return path
+
+
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
     return tmp_path / "report.html"
@@ -70,13 +78,12 @@ def path(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leave the figures empty where only the text matters: drawing them is what takes long."""
+    """Leave the figures empty where only the text matters."""
     monkeypatch.setattr(emaphm.report.write, "svg", lambda _: b"<svg/>")
 
 
-def test_file_is_well_formed_and_needs_nothing_else(faulty: Diagnosis, truth: Faults, path: Path) -> None:
-    write_report(faulty, path, truth=truth)
-    page = Page(path)
+def test_file_is_well_formed_and_needs_nothing_else(drawn: Path) -> None:
+    page = Page(drawn)
     assert not page.open
     assert "script" not in page.tags
     assert "link" not in page.tags
@@ -89,12 +96,11 @@ def test_file_is_well_formed_and_needs_nothing_else(faulty: Diagnosis, truth: Fa
     style = page.source[page.source.index("<style>") : page.source.index("</style>")]
     assert "url(" not in style
     assert "@import" not in style
-    assert [file.name for file in path.parent.iterdir()] == [path.name]
+    assert [file.name for file in drawn.parent.iterdir()] == [drawn.name]
 
 
-def test_a_report_can_be_sent_by_mail(faulty: Diagnosis, truth: Faults, path: Path) -> None:
-    write_report(faulty, path, truth=truth)
-    assert path.stat().st_size < 1_000_000
+def test_a_report_can_be_sent_by_mail(drawn: Path) -> None:
+    assert drawn.stat().st_size < 1_000_000
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -209,12 +215,11 @@ def test_a_name_that_is_no_text_is_written_too(faulty: Diagnosis, path: Path) ->
 
 
 def test_the_same_diagnosis_gives_the_same_bytes_whatever_the_user_s_style(
-    faulty: Diagnosis, tmp_path: Path
+    faulty: Diagnosis, truth: Faults, drawn: Path, path: Path
 ) -> None:
-    write_report(faulty, tmp_path / "a.html")
     with mpl.rc_context({"figure.facecolor": "black", "font.size": 20, "svg.fonttype": "none"}):
-        write_report(faulty, tmp_path / "b.html")
-    assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
+        write_report(faulty, path, truth=truth)
+    assert path.read_bytes() == drawn.read_bytes()
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -14,6 +14,7 @@ from emaphm.plotting.style import (
     VERMILION,
     Dashes,
     figure_title,
+    log_axis,
     new_figure,
     style_axis,
 )
@@ -78,6 +79,6 @@ def _widths(axis: "Axes", plans: "Mapping[str, Plan]") -> None:
     axis.axvline(WIDEST_HALF_INTERVAL, color=FAINT, linestyle="--", linewidth=1, label=limit)
     axis.set_yticks(rows, names)
     axis.set_ylim(len(names) - 0.5, -0.5)
-    axis.set_xscale("log")
+    log_axis(axis, "x")
     style_axis(axis, "", "half-width of the 95 % interval, as a fraction of the component's scale", "")
     axis.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=3, borderaxespad=0.2, **LEGEND)

@@ -80,8 +80,7 @@ def _component(axis: "Axes", row: int, estimate: "Estimate") -> None:
 def _legend(figure: "FigureBase", axis: "Axes", *, with_truth: bool) -> None:
     for verdict, (colour, marker) in (VERDICTS | {"inconclusive": INCONCLUSIVE}).items():
         axis.plot([], [], marker, color=colour, markersize=5, label=verdict)
-    axis.plot([], [], color=FAINT, linewidth=3, alpha=0.5, label="interval")
     axis.plot([], [], HEALTHY_VALUE, color=BLACK, markersize=12, label="healthy value")
     if with_truth:
         axis.plot([], [], TRUE_VALUE, color=BLACK, markersize=8, fillstyle="none", label="true value")
-    figure.legend(loc="outside upper center", ncols=6, **LEGEND)
+    figure.legend(loc="outside upper center", ncols=5, **LEGEND)

@@ -6,7 +6,16 @@ import numpy as np
 
 from emaphm.actuator import NAMES
 from emaphm.arrays import Array
-from emaphm.plotting.style import FAINT, MODEL, PHONE_WIDTH, RESIDUAL, SMALL_TEXT, TEXT, new_figure
+from emaphm.plotting.style import (
+    FAINT,
+    MODEL,
+    PHONE_WIDTH,
+    RESIDUAL,
+    SMALL_TEXT,
+    TEXT,
+    legend_above,
+    new_figure,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,6 +28,9 @@ SAMPLED, NORMAL = RESIDUAL, MODEL
 
 BINS = 40
 
+MOST_STEPS = 2
+"""Between the ticks of an axis: more numbers of four digits would overlap."""
+
 REACH = 1.5
 """Width of an axis, as a multiple of what the intervals cover."""
 
@@ -27,21 +39,34 @@ def draw_posterior(diagnosis: "Diagnosis") -> "Figure":
     """Draw the distribution of each component in the posterior of `diagnosis`, which it must have."""
     posterior = diagnosis.posterior
     assert posterior is not None  # noqa: S101 - whoever draws it has it
-    figure = new_figure(PHONE_WIDTH, 3.2)
+    figure = new_figure(PHONE_WIDTH, 3.5)
     axes = figure.subplots(2, 4).ravel()
     for axis, name, values in zip(axes, NAMES, posterior.components.T, strict=True):
         axis.set_title(name, loc="left", fontsize=TEXT)
         axis.tick_params(labelsize=SMALL_TEXT)
         axis.set_yticks([])
         axis.spines[["top", "right", "left"]].set_visible(False)
-        axis.locator_params(axis="x", nbins=3)
+        axis.locator_params(axis="x", nbins=MOST_STEPS)
         if np.ptp(values) > 0:
             _distribution(axis, values, diagnosis.components[name], posterior.interval95[name])
         else:
             axis.set_xticks([])
             place = axis.transAxes
             axis.text(0.5, 0.5, "not sampled", transform=place, ha="center", fontsize=TEXT, color=FAINT)
+    _legend(figure)
     return figure
+
+
+def _legend(figure: "Figure") -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    handles = {
+        "sampled": Patch(color=SAMPLED, alpha=0.4, linewidth=0),
+        "its 95 % interval": Line2D([], [], color=SAMPLED, linewidth=3),
+        "normal approximation": Line2D([], [], color=NORMAL, linewidth=1),
+    }
+    legend_above(figure, list(handles.values()), list(handles))
 
 
 def _distribution(axis: "Axes", values: Array, estimate: "Estimate", interval: tuple[float, float]) -> None:

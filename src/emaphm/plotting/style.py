@@ -49,6 +49,9 @@ PAGE_WIDTH = 8.0
 PHONE_WIDTH = 5.6
 """Width [in] of a figure whose text is still legible on a telephone."""
 
+PADDING = 0.07
+"""Room [in] around a figure and between its axes."""
+
 SMALL_TEXT, TEXT, TITLE, FIGURE_TITLE = 7, 8, 9, 10
 """Sizes of text [pt]: ticks of small panels; ticks, labels and legends; title of an axis; of a figure."""
 
@@ -73,8 +76,9 @@ WIDE = 8.0
 def new_figure(width: float, height: float) -> "Figure":
     """Return an empty figure of that size [in], whose layout leaves room for labels and legends."""
     from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    return Figure(figsize=(width, height), layout="constrained")
+    return Figure(figsize=(width, height), layout=ConstrainedLayoutEngine(w_pad=PADDING, h_pad=PADDING))
 
 
 def style_axis(axis: "Axes", title: str = "", xlabel: str = "", ylabel: str = "") -> None:
