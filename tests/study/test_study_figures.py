@@ -232,6 +232,15 @@ def test_names_are_text_and_cut_where_they_are_long() -> None:
     assert len(names[2]) < 30
 
 
+def test_a_legend_of_many_long_names_stays_inside_the_figure() -> None:
+    figure = draw_errors(study([f"a method of long name {i}" for i in range(14)], ("low F",), 1))
+    figure.draw_without_rendering()
+    (legend,) = figure.legends
+    box = legend.get_window_extent()
+    assert 0 <= box.x0 < box.x1 <= figure.bbox.x1
+    assert box.y1 <= figure.bbox.y1
+
+
 def test_a_fitness_that_was_infinite_at_first_leaves_a_gap() -> None:
     runs = study(("GA",), ("low F",), 1)
     curve = runs["curve_fitness"][0].to_list()

@@ -66,6 +66,9 @@ LEGEND: dict[str, Any] = {
 MOST_COLUMNS = 5
 """Names side by side in a legend above a figure."""
 
+LETTER = 0.65
+"""Width of a letter as a share of the size of its text; 0.6 is the mean in matplotlib's font."""
+
 TICKS = {0.7: range(1, 10), 3.0: (1, 2, 5)}
 """Marked multiples in each decade of a logarithmic axis that spans fewer decades than the key; else 1."""
 
@@ -120,12 +123,24 @@ def legend_beside_title(axis: "Axes", columns: int = 2) -> None:
 
 
 def legend_above(figure: "Figure", handles: Sequence["Artist"], names: Sequence[str]) -> None:
-    """Put one legend above all axes, in as few rows as `MOST_COLUMNS` allows."""
-    columns = ceil(len(names) / ceil(len(names) / MOST_COLUMNS))
+    """Put one legend above all axes, in as few rows as its names and `MOST_COLUMNS` allow."""
+    columns = _columns(names, figure.get_figwidth())
     legend = figure.legend(handles, ["-"] * len(names), loc="outside upper center", ncols=columns, **LEGEND)
     # Set afterwards: a legend leaves out a name that begins with an underscore.
     for text, name in zip(legend.get_texts(), names, strict=True):
         text.set_text(name)
+
+
+def _columns(names: Sequence[str], width: float) -> int:
+    """Return the most columns of a legend of `names` that fit into a figure of that width [in]."""
+    most = min(len(names), MOST_COLUMNS)
+    balanced = [ceil(len(names) / ceil(len(names) / columns)) for columns in range(most, 0, -1)]
+    gaps = LEGEND["handlelength"] + LEGEND["handletextpad"] + LEGEND["columnspacing"]
+    for columns in balanced:
+        longest = [max(map(len, column)) for column in np.array_split(np.array(names), columns)]
+        if sum(gaps + LETTER * length for length in longest) * TEXT / 72 <= width:
+            return columns
+    return 1
 
 
 def figure_title(figure: "Figure", text: str) -> None:
