@@ -115,6 +115,13 @@ def test_what_is_not_identifiable_is_greyed_and_called_so(linear: Diagnosis) -> 
         assert (tick.get_color() == text.get_color() == BLACK) is known
 
 
+def test_an_interval_is_written_although_the_value_in_it_is_unknown(faulty: Diagnosis) -> None:
+    unknown = replace(faulty.components["friction"], interval95=(0.2, 0.8), identifiable=False)
+    axis = draw_faults(replace(faulty, components=dict(faulty.components) | {"friction": unknown})).axes[0]
+    assert axis.texts[0].get_text() == "–  (0.200 to 0.800)"
+    assert "friction" not in _points(axis, "s")
+
+
 def test_what_is_identifiable_yet_inconclusive_has_a_marker_and_a_name_of_its_own(faulty: Diagnosis) -> None:
     undecided = replace(faulty.components["friction"], verdict="cannot tell")
     figure = draw_faults(replace(faulty, components=dict(faulty.components) | {"friction": undecided}))

@@ -149,6 +149,19 @@ def test_what_is_inconclusive_has_its_reason_and_units_follow_the_actuator(
 
 
 @pytest.mark.usefixtures("undrawn")
+def test_a_degraded_component_of_unknown_size_is_given_no_size(faulty: Diagnosis, path: Path) -> None:
+    reason = "its size may be anywhere in the interval"
+    unknown = replace(faulty.components["friction"], interval95=(0.2, 0.8), identifiable=False, reason=reason)
+    write_report(replace(faulty, components=dict(faulty.components) | {"friction": unknown}), path)
+    text = Page(path).text
+    assert "Degraded: friction, backlash" in text
+    assert "dry friction ×" not in text
+    assert "that of friction is not identifiable" in text
+    assert f"friction – 0.2000 to 0.8000 degraded {reason}" in text
+    assert "None: this recording decides on all eight components." in text
+
+
+@pytest.mark.usefixtures("undrawn")
 def test_a_poor_fit_is_warned_of_first(faulty: Diagnosis, path: Path) -> None:
     write_report(replace(faulty, explained=False), path)
     text = Page(path).text

@@ -17,6 +17,7 @@ from emaphm.plotting.style import (
     new_figure,
     style_axis,
 )
+from emaphm.text_table import NOTHING
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,7 +29,10 @@ VERDICTS = {"healthy": (BLUE, "o"), "degraded": (VERMILION, "s")}
 """Colour and marker of a verdict."""
 
 INCONCLUSIVE = (FAINT, "d")
-"""Colour and marker where the recording does not decide; without marker where it says nothing of a value."""
+"""Colour and marker where the recording does not decide."""
+
+WHOLE_SCALE = (0.0, 1.0)
+"""The interval of a component on which the recording has no information."""
 
 TRUE_VALUE, HEALTHY_VALUE = "D", "|"
 """Markers."""
@@ -69,9 +73,10 @@ def _component(axis: "Axes", row: int, estimate: "Estimate") -> None:
         ends = np.clip([low + turn, high + turn], 0, 1)
         if ends[0] < ends[1]:
             axis.plot(ends, [row, row], color=colour, linewidth=3, alpha=0.5, solid_capstyle="butt")
-    text = "not identifiable"
+    ends_text = f"({low:.3f} to {high:.3f})"
+    text = "not identifiable" if (low, high) == WHOLE_SCALE else f"{NOTHING}  {ends_text}"
     if estimate.identifiable:
-        text = f"{estimate.value:.3f}  ({low:.3f} to {high:.3f})"
+        text = f"{estimate.value:.3f}  {ends_text}"
         axis.plot(estimate.value, row, marker, color=colour, markersize=5)
     shade = BLACK if estimate.identifiable else FAINT
     axis.text(1.02, row, text, transform=axis.get_yaxis_transform(), va="center", fontsize=TEXT, color=shade)

@@ -40,11 +40,8 @@ def headline(diagnosis: Diagnosis) -> Headline:
     degraded, healthy, undecided = (
         _of_verdict(name, diagnosis) for name in ("degraded", "healthy", "cannot tell")
     )
-    meanings = physical_text(diagnosis.faults, diagnosis.actuator)
-    if diagnosis.components["eccentricity_phase"].identifiable:
-        meanings["eccentricity"] += f" {meanings['eccentricity_phase']}"
     findings = (
-        _sentence("Size of the faults", [meanings[name] for name in degraded]),
+        _sentence("Size of the faults", [_size(name, diagnosis) for name in degraded]),
         _sentence("Healthy", [LABELS[name] for name in healthy]),
         _sentence("Inconclusive", [LABELS[name] for name in undecided]),
     )
@@ -60,6 +57,15 @@ def headline(diagnosis: Diagnosis) -> Headline:
         "No fault found, but some components are inconclusive." if undecided else "Healthy: no fault found."
     )
     return Headline(words, (*sentences, explanation), "healthy")
+
+
+def _size(name: str, diagnosis: Diagnosis) -> str:
+    """Return the size of a degraded component in words, with the direction of an eccentricity."""
+    if not diagnosis.components[name].identifiable:
+        return f"that of {LABELS[name]} is not identifiable"
+    meanings = physical_text(diagnosis.faults, diagnosis.actuator)
+    directed = name == "eccentricity" and diagnosis.components["eccentricity_phase"].identifiable
+    return f"{meanings[name]} {meanings['eccentricity_phase']}" if directed else meanings[name]
 
 
 def _of_verdict(verdict: str, diagnosis: Diagnosis) -> list[str]:
@@ -112,10 +118,10 @@ def _true(name: str, truth: Faults) -> str:
 
 
 def inconclusive(diagnosis: Diagnosis) -> list[tuple[str, str]]:
-    """Return pairs of the components, in words, that share a reason for being undecided, and that reason."""
+    """Return pairs of the inconclusive components, in words, that share a reason, and that reason."""
     by_reason: dict[str, list[str]] = {}
     for name, estimate in diagnosis.components.items():
-        if estimate.reason:
+        if estimate.verdict == "cannot tell":
             by_reason.setdefault(estimate.reason, []).append(LABELS[name])
     return [(", ".join(names), reason) for reason, names in by_reason.items()]
 
