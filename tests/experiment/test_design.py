@@ -220,7 +220,7 @@ def test_the_figure_shows_both_manoeuvres_and_all_half_widths(improved: Design, 
     assert "half-width" in widths.get_xlabel()
     legends = [legend for axis in (commands, widths) if (legend := axis.get_legend())]
     texts = [text.get_text() for legend in legends for text in legend.get_texts()]
-    for label in ("given: chirp", "found: chirp", "given, predicted", "found, simulated tests"):
+    for label in ("given: chirp", "found: chirp", "given, predicted", "found, simulated"):
         assert any(text.startswith(label) for text in texts)
     drawn = {line.get_label(): np.asarray(line.get_xdata()) for line in widths.get_lines()}
     np.testing.assert_array_equal(

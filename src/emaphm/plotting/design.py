@@ -73,7 +73,7 @@ def _widths(axis: "Axes", plans: "Mapping[str, Plan]") -> None:
         axis.plot(before, rows + shift, marker, color=colour, fillstyle="none", label=f"{label}, predicted")
         if plan.proven is not None:
             after = [plan.proven.widths.half_widths[name] for name in names]
-            axis.plot(after, rows + shift, marker, color=colour, label=f"{label}, simulated tests")
+            axis.plot(after, rows + shift, marker, color=colour, label=f"{label}, simulated")
             axis.hlines(rows + shift, before, after, color=colour, linewidth=1.2)
     limit = f"identifiable below {WIDEST_HALF_INTERVAL:g}"
     axis.axvline(WIDEST_HALF_INTERVAL, color=FAINT, linestyle="--", linewidth=1, label=limit)
