@@ -26,7 +26,7 @@ CONVERGENCE = (
 )
 
 RANKS = (
-    "Mean rank of each method, best at the top; rank 1 is the least error of a run. A black bar at the right "
+    "Mean rank of each method, best at the top; rank 1: least error in every run. A black bar at the right "
     f"joins methods that do not differ significantly in the pairwise tests below (p > {SIGNIFICANT:g})."
 )
 
@@ -54,7 +54,7 @@ RELIABILITY = (
 )
 
 RELIABILITY_THESIS = (
-    " The row printed in the thesis does not follow from its own times and errors; the recomputed row does."
+    " The printed values of the thesis do not follow from its own times and errors; the recomputed ones do."
 )
 
 ERROR = (
