@@ -110,7 +110,7 @@ def test_health_is_not_told_where_a_fault_that_matters_may_hide(value: float, ve
     friction = judged(0.03, friction=value)["friction"]
     assert friction.verdict == verdict
     assert friction.identifiable
-    assert ("faults that matter" in friction.reason) == (verdict == "cannot tell")
+    assert ("relevant faults" in friction.reason) == (verdict == "cannot tell")
 
 
 def test_a_member_of_a_group_is_told_with_the_others() -> None:
@@ -121,7 +121,7 @@ def test_a_member_of_a_group_is_told_with_the_others() -> None:
     assert found["short_a"].verdict == "degraded"
     assert found["short_a"].reason == ""
     assert found["friction"].verdict == "cannot tell"
-    assert found["friction"].reason == "only its combined effect with short_a and load is known"
+    assert found["friction"].reason == "only its combined effect with short_a and load is identifiable"
 
 
 def test_of_what_an_actuator_cannot_show_nothing_is_told_for_a_reason() -> None:
@@ -148,7 +148,7 @@ def test_without_eccentricity_its_direction_has_no_meaning() -> None:
     assert not phase.identifiable
     assert (phase.verdict, phase.interval95) == ("cannot tell", (0.0, 1.0))
     assert phase.standard_error == pytest.approx(PRIOR_DEVIATION)
-    assert "has no direction" in phase.reason
+    assert "direction is undefined" in phase.reason
 
 
 @pytest.mark.parametrize(("radius", "known"), [(0.0395, False), (0.0397, True), (0.5, True)])

@@ -221,7 +221,7 @@ def test_the_figure_shows_both_manoeuvres_and_all_half_widths(improved: Design, 
         drawn["found, predicted"], [improved.found.predicted.half_widths[name] for name in NAMES]
     )
     rows = [tick.get_text() for tick in widths.get_yticklabels()]
-    assert rows == [name.replace("_", " ") for name in NAMES]
+    assert rows == list(NAMES)
     assert linear.plot().axes[0].get_ylabel() == "command [m]"
 
 
