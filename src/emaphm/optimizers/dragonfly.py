@@ -9,7 +9,7 @@ from numba import njit
 
 from emaphm.arrays import Array
 from emaphm.errors import MethodError, nearest
-from emaphm.optimizers.base import Optimizer, State, generator
+from emaphm.optimizers.base import Optimizer, State
 
 Variant = Literal["thesis", "corrected"]
 Growth = Literal["linear", "quadratic"]
@@ -107,7 +107,7 @@ class Dragonfly(Optimizer[DragonflyState]):
 
     def init(self, seed: int) -> DragonflyState:
         """Return a random swarm; as in the listing, its steps too are drawn between the bounds."""
-        rng = generator(seed, 0)
+        rng = self._random(seed, 0)
         positions = self._scatter(rng)
         return self._start(
             DragonflyState,
@@ -121,7 +121,7 @@ class Dragonfly(Optimizer[DragonflyState]):
 
     def _move(self, state: DragonflyState, fitness: Array) -> DragonflyState:
         state = self._with_enemy(state, fitness)
-        rng = generator(state.seed, state.iteration)
+        rng = self._random(state.seed, state.iteration)
         progress = state.iteration / self.iterations
         my_c = max(0.0, self.weight * (1 - 2 * progress))
         s, a, c, f = 2 * rng.random(4) * (my_c, my_c, my_c, 1.0)

@@ -1,12 +1,12 @@
-"""Optimisers of other libraries in the form of ours; a library is imported when its optimiser is made."""
+"""Optimisers of other libraries, called as our own are; a library is imported when its optimiser is made."""
 
 from collections.abc import Callable
 from typing import Any
 
 from emaphm.errors import MethodError, nearest
 from emaphm.optimizers.adapters.cma_es import CmaEs
-from emaphm.optimizers.adapters.driven import Driven, DrivenState, library
 from emaphm.optimizers.adapters.l_shade import LShade
+from emaphm.optimizers.adapters.library import import_library
 from emaphm.optimizers.adapters.pymoo_algorithms import (
     PREFIX,
     Pymoo,
@@ -14,8 +14,9 @@ from emaphm.optimizers.adapters.pymoo_algorithms import (
     usable_algorithms,
 )
 from emaphm.optimizers.adapters.scipy_de import ScipyDE
+from emaphm.optimizers.minimiser import Minimiser
 
-PEERS: dict[str, type[Driven]] = {"cma-es": CmaEs, "l-shade": LShade, "scipy-de": ScipyDE}
+PEERS: dict[str, type[Minimiser]] = {"cma-es": CmaEs, "l-shade": LShade, "scipy-de": ScipyDE}
 """The optimisers of one name each; those of pymoo are ``pymoo-`` and a name of theirs."""
 
 
@@ -24,7 +25,7 @@ def is_peer(name: str) -> bool:
     return name in PEERS or name.startswith(PREFIX)
 
 
-def peer(name: str) -> Callable[..., Driven]:
+def peer(name: str) -> Callable[..., Minimiser]:
     """Return what makes the optimiser `name` from `lower`, `upper`, `population` and `iterations`.
 
     Raises
@@ -51,7 +52,7 @@ def peer_names() -> tuple[str, ...]:
     The first call takes seconds, in which each algorithm is tried.
     """
     try:
-        library("pymoo", "pymoo")
+        import_library("pymoo", "pymoo")
     except MethodError:
         return tuple(PEERS)
     return (*PEERS, *(PREFIX + name for name in usable_algorithms()))
@@ -60,8 +61,6 @@ def peer_names() -> tuple[str, ...]:
 __all__ = [
     "PEERS",
     "CmaEs",
-    "Driven",
-    "DrivenState",
     "LShade",
     "Pymoo",
     "ScipyDE",
