@@ -201,7 +201,7 @@ def test_bad_fitness_shape_and_seed_raise(make: Make) -> None:
 def test_errors_of_fitness_and_callback_reach_the_caller_unchanged(make: Make, error: BaseException) -> None:
     optimizer = make(**box(2), population=5, iterations=9)
 
-    def fails(_: object) -> Array:
+    def fails(_: object) -> Any:
         raise error
 
     with pytest.raises(type(error)) as caught:
@@ -358,11 +358,11 @@ def test_all_names_can_be_made_run_and_repeated() -> None:
     assert set(NAMES) | {"pymoo-cmaes", "pymoo-nelder-mead", "pymoo-es"} <= set(names)
     for name in names:
         assert is_peer(name)
-        optimizer = peer(name)(**box(2), population=20, iterations=6)
+        optimizer = peer(name)(**box(8), population=50, iterations=6)
         one, other = (optimizer.minimise(sphere, seed) for seed in (5, 5))
-        assert one.fitness < 1, name  # random points have a mean of 2.8
+        assert one.fitness < 4, name  # random points have a mean of 8 (4/3 + 0.2134²) = 11
         np.testing.assert_array_equal(one.history, other.history, name)
-        assert one.evaluations <= 120, name
+        assert one.evaluations <= 300, name
 
 
 @pytest.mark.parametrize(

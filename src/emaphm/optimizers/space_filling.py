@@ -1,7 +1,5 @@
 """Start points that cover a box more evenly than independent random ones: a randomly shifted lattice."""
 
-from functools import lru_cache
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -51,7 +49,6 @@ def space_filling(n: int, lower: ArrayLike, upper: ArrayLike, seed: int) -> Arra
     return from_unit((lattice + shift) % 1, low, high)
 
 
-@lru_cache
 def _generating_vector(n: int, dimensions: int) -> tuple[int, ...]:
     """Return the vector z of a lattice of `n` points, found component by component [1].
 
