@@ -103,7 +103,7 @@ def test_points_stay_within_bounds(
     make: Make, lower: list[float], width: float, population: int, seed: int
 ) -> None:
     low = np.array(lower)
-    optimizer = make(lower=low, upper=low + width, population=population, iterations=8)
+    optimizer = make(lower=low, upper=low + width, population=population, iterations=6)
     points = points_of(optimizer, seed, lambda points: -sphere(points))  # drives the search to the corners
     assert points.shape == (len(points), low.size)
     assert np.all((points >= low) & (points <= low + width))

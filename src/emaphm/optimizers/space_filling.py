@@ -16,7 +16,7 @@ def space_filling(n: int, lower: ArrayLike, upper: ArrayLike, seed: int) -> Arra
     """Return `n` points of a randomly shifted rank-1 lattice in a box, shape (n, d).
 
     In the unit cube point k is the fractional part of k z / n + s, with a vector z of whole numbers that
-    suits n and d, and a shift s drawn uniformly from the cube [1]. Each component alone takes n values at
+    suits n and d [1], [2], and a shift s drawn uniformly from the cube [3]. Each component alone takes n values at
     equal distances. Its discrepancy is that of a scrambled Sobol sequence, for any n and not for powers of
     two alone; `tests/optimizers/test_space_filling.py` compares them.
 
@@ -39,7 +39,11 @@ def space_filling(n: int, lower: ArrayLike, upper: ArrayLike, seed: int) -> Arra
     References
     ----------
     .. [1] J. Dick, F. Y. Kuo and I. H. Sloan, "High-dimensional integration: the quasi-Monte Carlo way",
-       Acta Numerica 22, 2013: sections 5.1 and 5.2 for the shifted lattice, 5.3 for its vector.
+       Acta Numerica 22, 2013.
+    .. [2] I. H. Sloan and A. V. Reztsov, "Component-by-component construction of good lattice rules",
+       Mathematics of Computation 71, 2002.
+    .. [3] R. Cranley and T. N. L. Patterson, "Randomization of number theoretic methods for multiple
+       integration", SIAM Journal on Numerical Analysis 13, 1976.
     """
     if n < 1:
         raise MethodError(f"number of points must be at least 1, got {n}")
@@ -50,10 +54,10 @@ def space_filling(n: int, lower: ArrayLike, upper: ArrayLike, seed: int) -> Arra
 
 
 def _generating_vector(n: int, dimensions: int) -> tuple[int, ...]:
-    """Return the vector z of a lattice of `n` points, found component by component [1].
+    """Return the vector z of a lattice of `n` points, found component by component.
 
     Each component takes the number prime to n with which the lattice, in the components so far, has the
-    least worst-case error of integration in the Korobov space of smoothness 1,
+    least worst-case error of integration in the Korobov space of smoothness 1 ([2] of `space_filling`),
 
         e² = -1 + 1/n Σ_k Π_j (1 + γ 2π² B({k z_j / n})),    B(x) = x² - x + 1/6.
 
