@@ -16,9 +16,9 @@ def space_filling(n: int, lower: ArrayLike, upper: ArrayLike, seed: int) -> Arra
     """Return `n` points of a randomly shifted rank-1 lattice in a box, shape (n, d).
 
     In the unit cube point k is the fractional part of k z / n + s, with a vector z of whole numbers that
-    suits n and d [1], [2], and a shift s drawn uniformly from the cube [3]. Each component alone takes n values at
-    equal distances. Its discrepancy is that of a scrambled Sobol sequence, for any n and not for powers of
-    two alone; `tests/optimizers/test_space_filling.py` compares them.
+    suits n and d [1], [2], and a shift s drawn uniformly from the cube [3]. Each component alone takes n
+    values at equal distances. The discrepancy is that of a scrambled Sobol sequence, for any n and not for
+    powers of two alone; `tests/optimizers/test_space_filling.py` compares them.
 
     Parameters
     ----------
