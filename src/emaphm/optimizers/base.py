@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from emaphm.arrays import Array
-from emaphm.errors import MethodError
 from emaphm.optimizers.box import from_unit
 from emaphm.optimizers.minimiser import (
     BestSoFar,
@@ -26,9 +25,6 @@ from emaphm.optimizers.minimiser import (
     checked_fitness,
 )
 from emaphm.random_streams import stream
-
-RANDOM_STREAM = 0x0971
-"""Spawn key of `generator`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,10 +119,3 @@ class Optimizer(Minimiser, Generic[S]):
     def _random(seed: int, iteration: int) -> np.random.Generator:
         """Return the random numbers of one iteration, 0 for `init`; `SignalError` for a negative seed."""
         return stream(seed, "optimizer", iteration)
-
-
-def generator(seed: int, iteration: int) -> np.random.Generator:
-    """Return random numbers for what is no optimiser; `MethodError` for a negative seed."""
-    if seed < 0:
-        raise MethodError(f"seed must be at least 0, got {seed}")
-    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(RANDOM_STREAM, iteration)))
