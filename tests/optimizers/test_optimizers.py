@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from emaphm.arrays import Array
 from emaphm.errors import MethodError, SignalError
-from emaphm.optimizers import OPTIMIZERS, BestSoFar, Dragonfly, Optimizer, State, minimise
+from emaphm.optimizers import OPTIMIZERS, BestSoFar, Dragonfly, Optimizer, State
 from optimizers.functions import box, sphere
 
 Make = Callable[..., Optimizer[Any]]
@@ -155,7 +155,7 @@ def test_callback_sees_each_population(make: Make) -> None:
         recorded.append(sphere(points))
         return recorded[-1]
 
-    result = minimise(make(*box(2), population=5, iterations=4), fitness, 0, seen.append)
+    result = make(*box(2), population=5, iterations=4).minimise(fitness, 0, seen.append)
     assert [one.evaluations for one in seen] == [5, 10, 15, 20]
     least = np.minimum.accumulate([np.min(values) for values in recorded])
     np.testing.assert_array_equal([one.best_fitness for one in seen], least)

@@ -7,7 +7,7 @@ from emaphm.optimizers.differential_evolution import DifferentialEvolution
 from emaphm.optimizers.dragonfly import Dragonfly
 from emaphm.optimizers.genetic import Genetic
 from emaphm.optimizers.grey_wolf import GreyWolf
-from emaphm.optimizers.minimiser import BestSoFar, Fitness, Minimiser, OnPopulation, Result, minimise
+from emaphm.optimizers.minimiser import BestSoFar, Fitness, Minimiser, OnPopulation, Result
 from emaphm.optimizers.particle_swarm import ParticleSwarm
 from emaphm.optimizers.random_search import RandomSearch
 from emaphm.optimizers.space_filling import space_filling
@@ -37,6 +37,5 @@ __all__ = [
     "RandomSearch",
     "Result",
     "State",
-    "minimise",
     "space_filling",
 ]
