@@ -55,11 +55,11 @@ Number = Annotated[float, Field(strict=True)]
 
 
 class Baseline(Section):
-    """How well the description's values are known of one unit: what its calibration tells later diagnoses.
+    """How well one unit's values are known from its calibration: the prior of later diagnoses.
 
     Deviations of the totals `names` from the description are normal about 0 with `covariance`, (names,
     names): relative (of the logarithm) for what is positive, in its own unit for the offset. They were
-    told from `recordings`.
+    estimated from `recordings`.
     """
 
     names: tuple[str, ...] = Field(description="calibrated parameters", min_length=1)
