@@ -1,8 +1,8 @@
 """Nuisances: unknown parameters that are no faults, how each acts, and its prior.
 
 A nuisance's coordinate is its value in `PRIORS_PER_UNIT` standard deviations of its prior
-(`emaphm.actuator.parameters.Nuisances`), so that it is of the size of a fault's. Some belong to one recording,
-such as the load; others to the unit: how its parameters deviate from its description.
+(`emaphm.actuator.parameters.Nuisances`), so that it is of the size of a fault's. Some belong to one
+recording, such as the load; others to the unit: how its parameters deviate from its description.
 """
 
 from collections.abc import Mapping, Sequence
