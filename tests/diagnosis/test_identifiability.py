@@ -1,4 +1,4 @@
-"""How well an estimate is known: sensor errors act on their own channel, collinear sets name what resolves."""
+"""How well an estimate is known: sensor errors act on their channel, collinear sets name what resolves."""
 
 import numpy as np
 import pytest
