@@ -17,7 +17,7 @@ from emaphm.simulation import (
     run_batch,
     simulate_batch,
 )
-from emaphm.simulation.engine.kernels import LANES
+from emaphm.simulation.engine.running import LANES
 from simulation.rig import INTERVAL, SHORTED, THESIS, rms
 
 EACH_MODEL = pytest.mark.parametrize("model", MODELS.values(), ids=list(MODELS))

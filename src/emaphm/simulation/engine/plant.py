@@ -1,8 +1,7 @@
 """What a batch simulates: physical quantities of `n` actuators side by side, faults applied."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
-from typing import Self
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -108,22 +107,6 @@ class Plant:
     def count(self) -> int:
         """The number of actuators, n."""
         return int(self.inertia.size)
-
-    def part(self, first: int, last: int) -> Self:
-        """Return the plants from `first` up to, not including, `last`."""
-        return replace(self, **{f.name: getattr(self, f.name)[..., first:last] for f in fields(self)})
-
-    def padded(self, multiple: int) -> Self:
-        """Return the plants with the last repeated until their number is a multiple of `multiple`."""
-        extra = -self.count % multiple
-        columns = {f.name: getattr(self, f.name) for f in fields(self)}
-        return replace(
-            self,
-            **{
-                name: np.concatenate([column, np.repeat(column[..., -1:], extra, axis=-1)], axis=-1)
-                for name, column in columns.items()
-            },
-        )
 
 
 def _healthy(actuator: Actuator, n: int) -> Plant:

@@ -45,15 +45,18 @@ def demand_sign(angle: Any) -> Any:
 
 
 @law
-def idle_phase(angle: Any) -> Any:
-    """Return three weights, 1 for the phase that idles at a wrapped electrical angle [rad], else 0.
+def phase_angles(angle: Any) -> Any:
+    behind, ahead = angle - PHASE_SHIFT, angle + PHASE_SHIFT
+    return (
+        angle,
+        select(behind < -np.pi, behind + 2 * np.pi, behind),
+        select(ahead >= np.pi, ahead - 2 * np.pi, ahead),
+    )
 
-    It is the phase nearest to a zero of its trapezoid; exactly one weight is 1 at any angle.
-    """
-    a = np.abs(angle)
-    b = np.abs(wrap_once(angle - PHASE_SHIFT))
-    c = np.abs(wrap_once(angle + PHASE_SHIFT))
-    a, b, c = np.minimum(a, np.pi - a), np.minimum(b, np.pi - b), np.minimum(c, np.pi - c)
-    idle_a = select((a <= b) & (a <= c), 1.0, 0.0)
-    idle_b = select(b <= c, 1.0 - idle_a, 0.0)
-    return idle_a, idle_b, 1.0 - idle_a - idle_b
+
+@law
+def of_idle_phase(angle: Any, of_a: Any, of_b: Any, of_c: Any) -> Any:
+    magnitude = np.abs(angle)
+    from_zero = np.minimum(magnitude, np.pi - magnitude)
+    half_turn = select(angle < 0.0, angle + np.pi, angle)
+    return select(from_zero <= RAMP, of_a, select(half_turn > np.pi / 2, of_b, of_c))

@@ -6,7 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.simulation.engine.inputs import Inputs
-from emaphm.simulation.engine.kernels import (
+from emaphm.simulation.engine.model import OBSERVABLE, Initial, Layout, Model
+from emaphm.simulation.engine.plant import Plant
+from emaphm.simulation.engine.rows import (
     ANGLE,
     CONTROL_AND_MOTION,
     COS,
@@ -25,7 +27,6 @@ from emaphm.simulation.engine.kernels import (
     INTEGRAL,
     INTEGRATING,
     LOW_STOP,
-    OBSERVABLE,
     OFFSET,
     OUTPUT,
     POLE_PAIRS,
@@ -40,14 +41,10 @@ from emaphm.simulation.engine.kernels import (
     TORQUE_LIMIT,
     TORQUE_SHARE,
     VISCOUS,
-    Initial,
-    Layout,
-    Model,
     control_and_motion,
     moving_state,
 )
-from emaphm.simulation.engine.plant import Plant
-from emaphm.simulation.laws.commutation import PHASE_SHIFT, demand_sign, trapezoid, wrap_once
+from emaphm.simulation.laws.commutation import demand_sign, phase_angles, trapezoid, wrap_once
 from emaphm.simulation.laws.controller import clip, current_demand, speed_error
 from emaphm.simulation.laws.eccentricity import gap_factors
 from emaphm.simulation.laws.inverter import switch
@@ -74,6 +71,7 @@ CHANNELS = (
 )
 
 CURRENT_A, CURRENT_B, CURRENT_C, LEG_A, LEG_B, LEG_C = range(CURRENT, CURRENT + 6)
+SUMS = CURRENT + 6
 (
     HYSTERESIS,
     HALF_SUPPLY,
@@ -113,7 +111,7 @@ def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> NDArray[np.fl
 
 
 def build(layout: Layout) -> Any:
-    """Return the kernel's Python function; see `kernels` for its arguments.
+    """Return the kernel's Python function; `compilation` has its arguments.
 
     The order within a step is that of PHYSICS.md section 3: commutation, switching and back-EMF from the
     state at the step's start, currents by explicit Euler, torque from the new currents, then the motion.
@@ -124,7 +122,9 @@ def build(layout: Layout) -> Any:
         p: Any,
         command: Any,
         load: Any,
+        load_stride: Any,
         noise: Any,
+        noise_stride: Any,
         step: Any,
         substeps: Any,
         window: Any,
@@ -133,12 +133,17 @@ def build(layout: Layout) -> Any:
     ) -> None:
         lanes, channels = layout[0], layout[1]
         observed, traced = channels > 1, channels > len(OBSERVABLE)
-        total = np.empty(channels * lanes)
+        first, last = SUMS * lanes, (SUMS + channels) * lanes
         for sample in range(out.shape[1]):
-            total[:] = 0.0
+            for i in range(first, last):
+                x[i] = 0.0
             for substep in range(substeps):
                 now = sample * substeps + substep
-                commanded, loaded, disturbed = command[now], load[now], noise[now]
+                commanded, loaded, disturbed = (
+                    command[now],
+                    load[now * load_stride],
+                    noise[now * noise_stride],
+                )
                 weight = 1.0 if substep < window else 0.0
                 for lane in range(lanes):
                     speed = x[SPEED * lanes + lane]
@@ -167,14 +172,13 @@ def build(layout: Layout) -> Any:
                         p[CURRENT_LIMIT * lanes + lane],
                     )
 
-                    angle_b = wrap_once(electrical - PHASE_SHIFT)
-                    angle_c = wrap_once(electrical + PHASE_SHIFT)
+                    angle_a, angle_b, angle_c = phase_angles(electrical)
                     active_a, active_b, active_c = (
-                        demand_sign(electrical),
+                        demand_sign(angle_a),
                         demand_sign(angle_b),
                         demand_sign(angle_c),
                     )
-                    shape_a, shape_b, shape_c = trapezoid(electrical), trapezoid(angle_b), trapezoid(angle_c)
+                    shape_a, shape_b, shape_c = trapezoid(angle_a), trapezoid(angle_b), trapezoid(angle_c)
                     current_a = x[CURRENT_A * lanes + lane]
                     current_b = x[CURRENT_B * lanes + lane]
                     current_c = x[CURRENT_C * lanes + lane]
@@ -240,31 +244,31 @@ def build(layout: Layout) -> Any:
                     x[INTEGRAL * lanes + lane] = integral + error * step
                     x[ERROR * lanes + lane] = error
 
-                    total[lane] += (
+                    x[first + lane] += (
                         weight * 0.5 * (shape_a * current_a + shape_b * current_b + shape_c * current_c)
                     )
                     if observed:
                         across = active_a * leg_a + active_b * leg_b + active_c * leg_c
-                        total[lanes + lane] += weight * across * half_supply
-                        total[2 * lanes + lane] += weight * tau * (output + carried * (followed - output))
-                        total[3 * lanes + lane] += weight * (speed + carried * (moved - speed))
+                        x[first + lanes + lane] += weight * across * half_supply
+                        x[first + 2 * lanes + lane] += weight * tau * (output + carried * (followed - output))
+                        x[first + 3 * lanes + lane] += weight * (speed + carried * (moved - speed))
                     if traced:
                         along = active_a * current_a + active_b * current_b + active_c * current_c
                         size = np.abs(current_a) + np.abs(current_b) + np.abs(current_c)
-                        total[4 * lanes + lane] += weight * (angle + carried * turned)
-                        total[5 * lanes + lane] += weight * torque
-                        total[6 * lanes + lane] += weight * reference
-                        total[7 * lanes + lane] += weight * current_a
-                        total[8 * lanes + lane] += weight * current_b
-                        total[9 * lanes + lane] += weight * current_c
-                        total[10 * lanes + lane] += weight * 0.5 * along
-                        total[11 * lanes + lane] += weight * 0.5 * np.copysign(size, torque)
-                        total[12 * lanes + lane] += weight * leg_a * half_supply
-                        total[13 * lanes + lane] += weight * leg_b * half_supply
-                        total[14 * lanes + lane] += weight * leg_c * half_supply
+                        x[first + 4 * lanes + lane] += weight * (angle + carried * turned)
+                        x[first + 5 * lanes + lane] += weight * torque
+                        x[first + 6 * lanes + lane] += weight * reference
+                        x[first + 7 * lanes + lane] += weight * current_a
+                        x[first + 8 * lanes + lane] += weight * current_b
+                        x[first + 9 * lanes + lane] += weight * current_c
+                        x[first + 10 * lanes + lane] += weight * 0.5 * along
+                        x[first + 11 * lanes + lane] += weight * 0.5 * np.copysign(size, torque)
+                        x[first + 12 * lanes + lane] += weight * leg_a * half_supply
+                        x[first + 13 * lanes + lane] += weight * leg_b * half_supply
+                        x[first + 14 * lanes + lane] += weight * leg_c * half_supply
             for i in range(channels):
                 for lane in range(lanes):
-                    out[i, sample, lane] = total[i * lanes + lane] / window
+                    out[i, sample, lane] = x[first + i * lanes + lane] / window
 
     return kernel
 
