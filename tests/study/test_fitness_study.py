@@ -9,7 +9,8 @@ from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.errors import MethodError
 from emaphm.estimation.cost_functions import FITNESSES
 from emaphm.simulated_recording import simulate
-from emaphm.simulation.laws.commutation import demand_sign, wrap
+from emaphm.simulation.laws.angles import wrap
+from emaphm.simulation.laws.commutation import demand_sign
 from emaphm.study.thesis import published
 from emaphm.study.thesis.fitness_study import (
     COLOURS,

@@ -21,7 +21,7 @@ from emaphm.simulation import (
     run,
     run_batch,
 )
-from emaphm.simulation.laws.commutation import wrap
+from emaphm.simulation.laws.angles import wrap
 
 
 @dataclass(frozen=True, eq=False)

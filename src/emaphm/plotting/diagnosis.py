@@ -14,7 +14,7 @@ from emaphm.arrays import Array
 from emaphm.diagnosis.result import Diagnosis, Estimate
 from emaphm.recording import Recording
 from emaphm.recording.schema import SCHEMA
-from emaphm.simulation.laws.commutation import wrap
+from emaphm.simulation.laws.angles import wrap
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -2,15 +2,16 @@
 
 A kernel advances `lanes` actuators together and records means over sample intervals. Its arguments:
 
-x : float64 (rows × lanes,), the state row by row, then a row of sums for each recorded channel; updated in place
+x : float64 (rows × lanes,), the state row by row, then a row of sums for each channel; updated in place
 p : float64 (rows × lanes,), the parameters row by row
 command, load, noise : float64, one value a step, shared by all lanes: `load[i × load_stride]` at step i
 load_stride, noise_stride : 1, or 0 where one value holds at every step
 step : integration step [s]
+samples : rows of the output
 substeps : steps in a sample interval
 window : steps at the start of each interval that its mean is taken over
 carried : 0 or 1, whether motion is recorded as at the start of a step or as it has led to
-out : float64 (channels, samples, lanes), filled with the means
+out : float64 (lanes, channels, row), its first `samples` columns filled with the means
 
 LLVM turns the innermost loop, over lanes, into vector instructions where the number of lanes is known
 when compiling, all lanes stand in one flat array, and the loop has neither branches nor calls left. Laws
@@ -22,14 +23,11 @@ from typing import Any
 
 import llvmlite.binding as llvm
 
-from emaphm.simulation.engine.model import Layout, Model
+from emaphm.simulation.engine.model import ENTRY, Layout, Model
 from emaphm.simulation.laws.inline import LAWS, select
 
-ENTRY = "advance"
-"""Name of the function that a kernel's object file defines."""
-
-REGISTERED = {select}
-"""What Numba has been told how to inline."""
+REGISTERED: set[Any] = set()
+"""Functions that Numba has been given to inline."""
 
 NUMBA_OPTIONS: Any = {"fastmath": True, "error_model": "numpy"}
 
@@ -38,20 +36,23 @@ def compiled(model: Model, layout: Layout) -> bytes:
     """Return the kernel of `model` as an object file for this machine, its function named `ENTRY`.
 
     It has the C arguments (pointers are to float64; integers of 64 bits): x, p, command, load, load_stride,
-    noise, noise_stride, step, samples, substeps, window, carried, out.
+    noise, noise_stride, step, samples, substeps, window, carried, out, row.
     """
     # Numba takes 0.25 s to get ready, more than a whole diagnosis; a kernel that is cached does without.
     import numba
+    from numba import types
     from numba.extending import overload, register_jitable
 
+    if not REGISTERED:
+        overload(select)(_select_scalar)
+        REGISTERED.add(select)
     for law in LAWS:
         if law not in REGISTERED:
             register_jitable(law)
             REGISTERED.add(law)
-    overload(select)(_select_scalar)
     lanes, channels = layout
+    carray: Any = numba.carray  # type: ignore[attr-defined]
     kernel = numba.njit(**NUMBA_OPTIONS)(model.build(layout))
-    carray = numba.carray
 
     def advance(
         x: Any,
@@ -67,6 +68,7 @@ def compiled(model: Model, layout: Layout) -> bytes:
         window: Any,
         carried: Any,
         out: Any,
+        row: Any,
     ) -> None:
         # The lengths of flat arrays do not matter: a kernel checks no index.
         kernel(
@@ -78,16 +80,18 @@ def compiled(model: Model, layout: Layout) -> bytes:
             carray(noise, 1),
             noise_stride,
             step,
+            samples,
             substeps,
             window,
             carried,
-            carray(out, (channels, samples, lanes)),
+            carray(out, (lanes, channels, row)),
         )
 
-    array = numba.types.CPointer(numba.float64)
-    integer, real = numba.int64, numba.float64
-    signature = numba.void(
-        array, array, array, array, integer, array, integer, real, integer, integer, integer, real, array
+    array: Any = types.CPointer(types.float64)  # type: ignore[no-untyped-call]
+    integer, real = types.int64, types.float64
+    signature = types.void(
+        *(array, array, array, array, integer, array, integer, real),
+        *(integer, integer, integer, real, array, integer),
     )
     translated = numba.cfunc(signature, **NUMBA_OPTIONS)(advance)
     return _object_file(translated.inspect_llvm(), translated.native_name)
@@ -128,4 +132,7 @@ def _object_file(text: str, name: str) -> bytes:
     passes.add_dead_arg_elimination_pass()
     passes.add_global_dead_code_eliminate_pass()
     passes.run(module, llvm.create_pass_builder(target, llvm.create_pipeline_tuning_options(speed_level=3)))
-    return target.emit_object(module)
+    missing = [f.name for f in module.functions if f.is_declaration and not f.name.startswith("llvm.")]
+    if missing:
+        raise RuntimeError(f"a kernel cannot use {', '.join(missing)}: it runs without Numba and Python")
+    return bytes(target.emit_object(module))

@@ -15,11 +15,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, cast
 
-import llvmlite
-import llvmlite.binding as llvm
-
-from emaphm.simulation.engine.compilation import ENTRY, compiled
-from emaphm.simulation.engine.model import Layout, Model
+from emaphm.simulation.engine.model import ENTRY, Layout, Model
 
 Kernel = Callable[..., None]
 """Takes the C arguments of `compilation.compiled`, pointers as integers; other threads may run meanwhile."""
@@ -29,7 +25,9 @@ DIGEST = 32
 
 ARRAY, INTEGER, REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 FUNCTION = ctypes.CFUNCTYPE(
-    None, ARRAY, ARRAY, ARRAY, ARRAY, INTEGER, ARRAY, INTEGER, REAL, INTEGER, INTEGER, INTEGER, REAL, ARRAY
+    None,
+    *(ARRAY, ARRAY, ARRAY, ARRAY, INTEGER, ARRAY, INTEGER, REAL),
+    *(INTEGER, INTEGER, INTEGER, REAL, ARRAY, INTEGER),
 )
 
 
@@ -40,6 +38,8 @@ def kernel(model: Model, lanes: int, channels: int) -> Kernel:
     path = _folder() / f"{_file_name(model)}-{lanes}-{channels}.{_machine()[:12]}.kernel"
     code = _read(path, revision)
     if code is None:
+        from emaphm.simulation.engine.compilation import compiled
+
         code = compiled(model, Layout(lanes, channels))
         _write(path, revision, code)
     return _loaded(code)
@@ -47,6 +47,8 @@ def kernel(model: Model, lanes: int, channels: int) -> Kernel:
 
 def _loaded(code: bytes) -> Kernel:
     """Return the function `ENTRY` of an object file."""
+    import llvmlite.binding as llvm
+
     llvm.initialize_native_target()
     linker = llvm.create_lljit_compiler(use_jit_link=True)
     library = llvm.JITLibraryBuilder().add_object_img(code).add_current_process().export_symbol(ENTRY)
@@ -63,6 +65,8 @@ def _file_name(model: Model) -> str:
 @cache
 def _machine() -> str:
     """Return a digest of the processor that code is compiled for."""
+    import llvmlite.binding as llvm
+
     processor = f"{sys.platform} {llvm.get_host_cpu_name()} {llvm.get_host_cpu_features().flatten()}"
     return hashlib.sha256(processor.encode()).hexdigest()
 
@@ -70,6 +74,8 @@ def _machine() -> str:
 @cache
 def _sources() -> bytes:
     """Return a digest of what every kernel is made of and by: the simulation's source, Numba and LLVM."""
+    import llvmlite
+
     digest = hashlib.sha256(f"{llvmlite.__version__} {sys.version_info[:2]}".encode())
     numba = find_spec("numba")
     version = [Path(numba.origin).with_name("_version.py")] if numba and numba.origin else []
@@ -109,7 +115,7 @@ def _read(path: Path, revision: bytes) -> bytes | None:
 
 
 def _write(path: Path, revision: bytes, code: bytes) -> None:
-    """Keep `code` at `path`, whole or not at all; without a place to keep it, it is compiled anew next time."""
+    """Keep `code` at `path`, whole or not at all; what cannot be kept is compiled anew next time."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, part = tempfile.mkstemp(dir=path.parent, prefix=path.name)

@@ -11,6 +11,9 @@ from emaphm.simulation.engine.plant import Plant
 OBSERVABLE = ("current_A", "voltage_V", "position_rad", "speed_rad_s")
 """The first channels of every model: what a rig may record and a fit compare."""
 
+ENTRY = "advance"
+"""Name of the function in the object file of every kernel."""
+
 
 class Layout(NamedTuple):
     """What a kernel is compiled for."""

@@ -7,9 +7,9 @@ from emaphm.errors import MethodError
 from emaphm.simulation.engine.inputs import Inputs
 from emaphm.simulation.engine.model import Initial
 from emaphm.simulation.engine.plant import Plant
-from emaphm.simulation.laws.commutation import wrap
-from emaphm.simulation.laws.controller import speed_error
+from emaphm.simulation.laws.angles import wrap
 from emaphm.simulation.laws.lag import share_of_step
+from emaphm.simulation.laws.position_loop import speed_error
 
 CONTROL_AND_MOTION = (
     "position_gain",

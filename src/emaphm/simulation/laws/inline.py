@@ -24,3 +24,9 @@ def law(function: F) -> F:
 def select(condition: Any, chosen: Any, other: Any) -> Any:
     """Return `chosen` where `condition` holds, else `other`; scalars or arrays."""
     return np.where(condition, chosen, other)
+
+
+@law
+def clip(value: Any, low: Any, high: Any) -> Any:
+    """Return `value` limited to [low, high], low ≤ high."""
+    return np.minimum(np.maximum(value, low), high)

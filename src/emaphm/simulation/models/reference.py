@@ -44,13 +44,16 @@ from emaphm.simulation.engine.rows import (
     control_and_motion,
     moving_state,
 )
-from emaphm.simulation.laws.commutation import demand_sign, phase_angles, trapezoid, wrap_once
-from emaphm.simulation.laws.controller import clip, current_demand, speed_error
+from emaphm.simulation.laws.angles import phase_angles, turn, wrap_once
+from emaphm.simulation.laws.commutation import demand_sign, trapezoid
 from emaphm.simulation.laws.eccentricity import gap_factors
+from emaphm.simulation.laws.inline import clip
 from emaphm.simulation.laws.inverter import switch
 from emaphm.simulation.laws.lag import approach
-from emaphm.simulation.laws.motion import move, turn
-from emaphm.simulation.laws.windings import star_slopes
+from emaphm.simulation.laws.motion import move
+from emaphm.simulation.laws.position_loop import speed_error
+from emaphm.simulation.laws.speed_loop import current_demand
+from emaphm.simulation.laws.star_windings import star_slopes
 
 CHANNELS = (
     "current_A",
@@ -81,22 +84,25 @@ SUMS = CURRENT + 6
     STEP_PER_HENRY_A,
     STEP_PER_HENRY_B,
     STEP_PER_HENRY_C,
+    HENRIES_PER_STEP,
     FLUX_A,
     FLUX_B,
     FLUX_C,
     Z_COS,
     Z_SIN,
-) = range(len(CONTROL_AND_MOTION), len(CONTROL_AND_MOTION) + 13)
+) = range(len(CONTROL_AND_MOTION), len(CONTROL_AND_MOTION) + 14)
 
 
 def parameters(plant: Plant, step: float) -> NDArray[np.float64]:
     """Return the kernel's parameters, shape (rows, n), for `plant` at `step` [s]."""
+    per_henry = step / (plant.inductance / 2 * plant.turns**2)
     return np.concatenate(
         [
             control_and_motion(plant, step),
             [plant.hysteresis, plant.supply / 2],
             plant.resistance / 2 * plant.turns,
-            step / (plant.inductance / 2 * plant.turns**2),
+            per_henry,
+            [1 / per_henry.sum(axis=0)],
             plant.torque_constant / 2 * plant.turns,
             plant.z,
         ]
@@ -126,6 +132,7 @@ def build(layout: Layout) -> Any:
         noise: Any,
         noise_stride: Any,
         step: Any,
+        samples: Any,
         substeps: Any,
         window: Any,
         carried: Any,
@@ -134,7 +141,7 @@ def build(layout: Layout) -> Any:
         lanes, channels = layout[0], layout[1]
         observed, traced = channels > 1, channels > len(OBSERVABLE)
         first, last = SUMS * lanes, (SUMS + channels) * lanes
-        for sample in range(out.shape[1]):
+        for sample in range(samples):
             for i in range(first, last):
                 x[i] = 0.0
             for substep in range(substeps):
@@ -201,6 +208,7 @@ def build(layout: Layout) -> Any:
                         p[STEP_PER_HENRY_A * lanes + lane],
                         p[STEP_PER_HENRY_B * lanes + lane],
                         p[STEP_PER_HENRY_C * lanes + lane],
+                        p[HENRIES_PER_STEP * lanes + lane],
                     )
                     current_a += rise_a
                     current_b += rise_b
@@ -268,7 +276,7 @@ def build(layout: Layout) -> Any:
                         x[first + 14 * lanes + lane] += weight * leg_c * half_supply
             for i in range(channels):
                 for lane in range(lanes):
-                    out[i, sample, lane] = x[first + i * lanes + lane] / window
+                    out[lane, i, sample] = x[first + i * lanes + lane] / window
 
     return kernel
 

@@ -48,13 +48,15 @@ from emaphm.simulation.engine.rows import (
     control_and_motion,
     moving_state,
 )
-from emaphm.simulation.laws.commutation import of_idle_phase, wrap_once
-from emaphm.simulation.laws.controller import clip, current_demand, speed_error
+from emaphm.simulation.laws.angles import turn, wrap_once
+from emaphm.simulation.laws.commutation import of_idle_phase
 from emaphm.simulation.laws.eccentricity import gap_factors, printed_factor
-from emaphm.simulation.laws.inline import select
+from emaphm.simulation.laws.equivalent_winding import winding_current
+from emaphm.simulation.laws.inline import clip, select
 from emaphm.simulation.laws.lag import approach
-from emaphm.simulation.laws.motion import move, turn
-from emaphm.simulation.laws.windings import winding_current
+from emaphm.simulation.laws.motion import move
+from emaphm.simulation.laws.position_loop import speed_error
+from emaphm.simulation.laws.speed_loop import current_demand
 
 CHANNELS = (
     "current_A",
@@ -130,6 +132,7 @@ def build(layout: Layout, *, averaged: bool, printed_eccentricity: bool) -> Any:
         _noise: Any,
         _noise_stride: Any,
         step: Any,
+        samples: Any,
         substeps: Any,
         window: Any,
         carried: Any,
@@ -138,7 +141,7 @@ def build(layout: Layout, *, averaged: bool, printed_eccentricity: bool) -> Any:
         lanes, channels = layout[0], layout[1]
         observed, traced = channels > 1, channels > len(OBSERVABLE)
         first, last = SUMS * lanes, (SUMS + channels) * lanes
-        for sample in range(out.shape[1]):
+        for sample in range(samples):
             for i in range(first, last):
                 x[i] = 0.0
             for substep in range(substeps):
@@ -249,6 +252,6 @@ def build(layout: Layout, *, averaged: bool, printed_eccentricity: bool) -> Any:
                         x[first + 6 * lanes + lane] += weight * reference
             for i in range(channels):
                 for lane in range(lanes):
-                    out[i, sample, lane] = x[first + i * lanes + lane] / window
+                    out[lane, i, sample] = x[first + i * lanes + lane] / window
 
     return kernel
