@@ -30,7 +30,7 @@ NOISY_FAULTS = drawn(20, seed=1)
 
 
 def diagnosed(recordings: list[Recording]) -> Diagnoses:
-    return {turns: [diagnose(one, THESIS, turns=turns) for one in recordings] for turns in TURNS}
+    return {turns: [diagnose(one, THESIS, max_corrections=turns) for one in recordings] for turns in TURNS}
 
 
 @pytest.fixture(scope="module")
@@ -160,13 +160,13 @@ def test_a_threefold_inertia_is_no_fault_that_the_model_knows() -> None:
     )
     for noise in (0.0, 0.5):
         recording = simulate(THESIS.model_copy(update={"mechanics": heavy}), Chirp(), noise=noise)
-        assert not diagnose(recording, THESIS, turns=0).explained
+        assert not diagnose(recording, THESIS, max_corrections=0).explained
 
 
 def test_a_load_that_nobody_recorded_is_not_explained() -> None:
     whole = simulate(THESIS, Chirp(), load=lambda t: 0.2 * np.sin(2 * np.pi * 30 * t))
-    assert diagnose(whole, THESIS, turns=0).explained
+    assert diagnose(whole, THESIS, max_corrections=0).explained
     unknown = Recording({name: whole[name] for name in whole if name != "load_Nm"})
-    found = diagnose(unknown, THESIS, turns=0)
+    found = diagnose(unknown, THESIS, max_corrections=0)
     assert not found.explained
     assert "does NOT explain" in str(found)

@@ -15,7 +15,8 @@ from emaphm.actuator import NAMES, Actuator, Chirp, Faults
 from emaphm.diagnosis import Diagnosis, diagnose, error_percent
 from emaphm.errors import MethodError, RecordingError
 from emaphm.estimation import METHODS
-from emaphm.estimation.bias_correction import MOST_TURNS, RUNS
+from emaphm.estimation.bias_correction import MAX_CORRECTIONS
+from emaphm.estimation.discrepancy import REFERENCE_RUNS
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import AVERAGED, Model, Plant
@@ -56,7 +57,7 @@ def test_the_json_has_what_the_design_asks_for(found: Diagnosis, mixed: Recordin
     assert (read["seed"], read["version"], read["actuator"]) == (4, VERSION, "thesis")
     assert read["recording"] == mixed.source
     assert read["evaluations"] > 128
-    assert RUNS < read["reference_runs"] <= RUNS * (1 + MOST_TURNS)
+    assert REFERENCE_RUNS < read["reference_runs"] <= REFERENCE_RUNS * (1 + MAX_CORRECTIONS)
     assert 0 < read["seconds"] < 60
     matrix = np.array(read["covariance"]["matrix"])
     # Eight faults, and the two nuisances that are estimated by default.
@@ -115,7 +116,7 @@ def test_the_number_of_workers_changes_no_bit() -> None:
     # So long that the 16 groups of the starts are worth threads at all.
     steps = round(recording.duration_s / AVERAGED.step)
     assert 16 * steps > WORTH_A_THREAD
-    alone, together = (diagnose(recording, THESIS, turns=1, workers=workers) for workers in (1, 2))
+    alone, together = (diagnose(recording, THESIS, max_corrections=1, workers=workers) for workers in (1, 2))
     assert without_seconds(alone) == without_seconds(together)
     np.testing.assert_array_equal(alone.modelled, together.modelled)
 
@@ -137,14 +138,14 @@ def test_evaluations_are_the_runs_of_the_averaged_model(
 
     for name in ("run", "run_batch", "observe_batch"):
         monkeypatch.setattr(problem, name, counting(getattr(problem, name)))
-    reported = diagnose(mixed, THESIS, turns=turns).evaluations
+    reported = diagnose(mixed, THESIS, max_corrections=turns).evaluations
     assert reported == counted
 
 
 @pytest.mark.parametrize("method", [*METHODS, "random+lsq", "pymoo-ga"])
 def test_progress_only_grows(method: str, mixed: Recording) -> None:
     told: list[float] = []
-    diagnose(mixed, THESIS, method=method, turns=0, on_progress=told.append)
+    diagnose(mixed, THESIS, method=method, max_corrections=0, on_progress=told.append)
     assert len(told) > 5
     assert all(0 <= one <= two <= 1 for one, two in itertools.pairwise(told))
 
@@ -162,7 +163,7 @@ def test_heat_is_told_by_the_voltage_and_named_where_there_is_none() -> None:
     assert blind.channels == ("current_A",)
     # Heat and a short in all phases differ in resistance alone, which a current hardly shows.
     assert not blind.nuisances["temperature"].known
-    (group,) = blind.groups
+    (group,) = blind.collinear_sets
     assert group.members == ("short_a", "short_b", "short_c", "temperature")
     assert f"Only together: {group}" in blind.notes()
     seeing = diagnose(with_channels(whole, "current_A", "voltage_V"), THESIS)
@@ -173,13 +174,13 @@ def test_heat_is_told_by_the_voltage_and_named_where_there_is_none() -> None:
     for found in (blind, seeing):
         assert found.nuisances["load"].known
         assert found.nuisances["load"].value == pytest.approx(0.1, abs=0.005)
-    assert seeing.groups == ()
+    assert seeing.collinear_sets == ()
     assert blind.to_dict()["groups"][0]["members"] == list(group.members)
     assert seeing.to_dict()["nuisances"]["load"]["unit"] == "N·m"
 
 
 def test_nothing_is_estimated_besides_where_nothing_is_asked_for(mixed: Recording) -> None:
-    found = diagnose(mixed, THESIS, nuisances=(), turns=0)
+    found = diagnose(mixed, THESIS, nuisances=(), max_corrections=0)
     assert found.nuisances == {}
     assert found.notes() == []
     assert len(found.coordinates) == 8
@@ -222,7 +223,7 @@ def test_the_monitor_model_finds_what_it_recorded_itself() -> None:
 def test_the_monitor_model_is_either_refined_or_refused() -> None:
     recording = simulate(THESIS, Chirp(), model="monitor")
     try:
-        found = diagnose(recording, THESIS, model="monitor", turns=0)
+        found = diagnose(recording, THESIS, model="monitor", max_corrections=0)
     except MethodError:
         return
     assert error_percent(Faults().vector, found.faults.vector) <= 10.0

@@ -92,6 +92,6 @@ def test_from_the_current_alone_shorts_are_told_with_the_doubt_that_heat_leaves(
 def test_what_is_not_estimated_is_taken_for_faults(
     recordings: list[Recording], with_voltage: list[Diagnosis]
 ) -> None:
-    blind = [diagnose(one, THESIS, nuisances=(), turns=0, workers=1) for one in recordings]
+    blind = [diagnose(one, THESIS, nuisances=(), max_corrections=0, workers=1) for one in recordings]
     assert errors_percent(TRUTHS, blind).min() > 5 * errors_percent(TRUTHS, with_voltage).max()
     assert not any(d.explained for d in blind)

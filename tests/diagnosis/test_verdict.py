@@ -12,12 +12,12 @@ from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.arrays import Array
 from emaphm.diagnosis import Estimate
 from emaphm.diagnosis.verdict import estimates, is_explained
-from emaphm.estimation.collinearity import Group
-from emaphm.estimation.parameter_space import PRIOR_DEVIATION, FaultSpace
-from emaphm.estimation.problem import noise_level
+from emaphm.estimation.collinearity import CollinearSet
+from emaphm.estimation.noise_level import noise_level
+from emaphm.estimation.parameter_space import PRIOR_DEVIATION, ParameterSpace
 from strategies import fault_vectors
 
-SPACE = FaultSpace.of(THESIS)
+SPACE = ParameterSpace.of(THESIS)
 
 
 def judged(errors: Any = 0.01, **faults: float) -> dict[str, Estimate]:
@@ -106,7 +106,7 @@ def test_health_is_not_told_where_a_fault_that_matters_may_hide(value: float, ve
 
 
 def test_a_member_of_a_group_is_told_with_the_others() -> None:
-    group = Group(("friction", "short_a", "load"), ("current_A",))
+    group = CollinearSet(("friction", "short_a", "load"), ("current_A",))
     point = SPACE.points(Faults(friction=0.1, short_a=0.5).vector)
     found = estimates(SPACE, point, np.eye(8) * 0.05**2, [group])
     # What is degraded whatever its partners are needs no excuse.
@@ -118,7 +118,7 @@ def test_a_member_of_a_group_is_told_with_the_others() -> None:
 
 def test_of_what_an_actuator_cannot_show_nothing_is_told_for_a_reason() -> None:
     ideal = Actuator.from_dict(THESIS.model_dump() | {"electrical": None})
-    space = FaultSpace.of(ideal)
+    space = ParameterSpace.of(ideal)
     found = estimates(space, space.points(HEALTHY), np.eye(space.dimensions) * 1e-6)
     assert tuple(found) == NAMES
     for name in NAMES[2:7]:

@@ -15,9 +15,9 @@ import emaphm.report.write
 from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.diagnosis import Diagnosis, error_percent
 from emaphm.errors import OutputError
-from emaphm.estimation import FITNESSES
-from emaphm.estimation.mcmc_diagnostics import Convergence
-from emaphm.estimation.parameter_space import FaultSpace
+from emaphm.estimation import COST_FUNCTIONS
+from emaphm.estimation.mcmc_diagnostics import McmcDiagnostics
+from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.posterior import Posterior
 from emaphm.plotting.posterior import draw_marginals
 from emaphm.report import write_report
@@ -178,7 +178,7 @@ def test_it_says_how_it_was_computed(faulty: Diagnosis, path: Path) -> None:
 
 
 def test_every_fitness_has_a_unit() -> None:
-    assert FITNESS_UNITS.keys() == FITNESSES.keys()
+    assert FITNESS_UNITS.keys() == COST_FUNCTIONS.keys()
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -271,10 +271,10 @@ def sampled(faulty: Diagnosis) -> Diagnosis:
     faults = np.stack([rng.normal(e.value, e.standard_error, 4000) for e in components], axis=1)
     faults[:, 2] = np.abs(rng.normal(0.0, 0.02, 4000))
     faults[:, 6] = rng.normal(0.98, 0.2, 4000) % 1
-    space = FaultSpace.of(faulty.actuator)
-    convergence = Convergence.of(rng.normal(size=(1000, 32, 8)), 0.25, 1250)
+    space = ParameterSpace.of(faulty.actuator)
+    convergence = McmcDiagnostics.of(rng.normal(size=(1000, 32, 8)), 0.25, 1250)
     points = space.points(np.clip(faults, 0, 1))
-    return replace(faulty, posterior=Posterior.of(space, points, convergence, 4000))
+    return replace(faulty, posterior=Posterior.of(space, points, convergence))
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -305,10 +305,10 @@ def test_marginals_hold_all_probability_and_the_intervals(sampled: Diagnosis) ->
 
 
 def test_what_an_actuator_cannot_show_is_not_drawn(sampled: Diagnosis, linear: Diagnosis) -> None:
-    space = FaultSpace.of(linear.actuator)
+    space = ParameterSpace.of(linear.actuator)
     assert sampled.posterior
     points = np.random.default_rng(0).random((100, space.dimensions))
-    posterior = Posterior.of(space, points, sampled.posterior.convergence, 100)
+    posterior = Posterior.of(space, points, sampled.posterior.diagnostics)
     figure = draw_marginals(replace(linear, posterior=posterior))
     empty = [axis.get_title(loc="left") for axis in figure.axes if axis.texts]
     assert empty == [name.replace("_", " ") for name in NAMES if name in space.fixed]

@@ -7,7 +7,7 @@ from matplotlib.colors import to_hex
 
 from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.errors import MethodError
-from emaphm.estimation.cost_functions import FITNESSES
+from emaphm.estimation.cost_functions import COST_FUNCTIONS
 from emaphm.simulated_recording import simulate
 from emaphm.simulation.laws.angles import wrap
 from emaphm.simulation.laws.commutation import demand_sign
@@ -33,7 +33,7 @@ def study() -> pl.DataFrame:
 def test_every_state_and_form_is_there_once(study: pl.DataFrame) -> None:
     forms = study.select("fault", "level", "model", "equivalent", "fitness")
     assert forms.is_unique().all()
-    assert forms.height == len(published.FITNESS) * len(MODELS) * 3 * len(FITNESSES)
+    assert forms.height == len(published.FITNESS) * len(MODELS) * 3 * len(COST_FUNCTIONS)
     assert sum(study.null_count().row(0)) == 0
 
 

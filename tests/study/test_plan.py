@@ -154,7 +154,7 @@ def test_the_thesis_plan_is_that_of_the_thesis() -> None:
     full = set()
     for contestant in plan.methods:
         method = contestant.chosen()
-        if method.refines or method.optimizer is None:
+        if method.least_squares or method.optimizer is None:
             continue
         optimizer = method.optimizer([0.0] * 8, [1.0] * 8)
         if (optimizer.population, optimizer.iterations) == (50, 200):

@@ -149,7 +149,7 @@ def diagnose(
 ) -> None:
     """Say which faults explain a recording, and how sure that is."""
     from emaphm.diagnosis import diagnose as identify
-    from emaphm.estimation.bias_correction import MOST_TURNS
+    from emaphm.estimation.bias_correction import MAX_CORRECTIONS
 
     check_seed(seed)
     check_output(report, (".html",), force=force)
@@ -162,7 +162,7 @@ def diagnose(
             method=method,
             model=model,
             fitness=fitness,
-            turns=MOST_TURNS if correction else 0,
+            max_corrections=MAX_CORRECTIONS if correction else 0,
             nuisances=None if nuisance is None else names_in(nuisance),
             posterior=posterior,
             seed=seed,
@@ -205,7 +205,7 @@ def calibrate(
     The calibrated description's [baseline] is the prior of later diagnoses.
     """
     from emaphm.calibration import calibrate as estimate
-    from emaphm.estimation.bias_correction import MOST_TURNS
+    from emaphm.estimation.bias_correction import MAX_CORRECTIONS
     from emaphm.output_files import written_whole
 
     check_seed(seed)
@@ -220,7 +220,7 @@ def calibrate(
             described,
             names,
             nuisances=None if nuisance is None else names_in(nuisance),
-            turns=MOST_TURNS if correction else 0,
+            max_corrections=MAX_CORRECTIONS if correction else 0,
             seed=seed,
             on_progress=advance,
         )

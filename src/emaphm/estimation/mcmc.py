@@ -2,56 +2,65 @@
 
 Beside a bound, or in the direction of an eccentricity that is hardly there, an estimate and its covariance
 say too little. Walkers (Goodman and Weare 2010; ter Braak 2006; `emcee`, Foreman-Mackey et al. 2013) then
-sample the `Density`, their steps simulated in batches.
+sample the `LogPosterior`, their steps simulated in batches.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.errors import MethodError
-from emaphm.estimation.log_posterior import Density, allowed, forms
-from emaphm.estimation.mcmc_diagnostics import ENOUGH, Convergence, library
-from emaphm.estimation.objective import Fit
-from emaphm.estimation.parameter_space import FaultSpace
+from emaphm.estimation.log_posterior import LogPosterior, allowed, forms
+from emaphm.estimation.mcmc_diagnostics import ENOUGH, McmcDiagnostics, library
+from emaphm.estimation.objective import MapObjective
+from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.posterior import Posterior
-from emaphm.optimizers.base import generator
+from emaphm.progress import Progress
+from emaphm.random_streams import child_seed, stream
 from emaphm.simulation import Model
-
-WALKERS = 32
-"""In two halves, each of which fills the lanes of the batched model; more beyond 16 coordinates."""
-
-MOVES = (0.5, 0.4, 0.1)
-"""Shares of fresh draws from the estimate's covariance, differential evolution, and stretches.
-
-The first serve where the posterior is nearly normal, and there decorrelate ten times as fast as the others,
-which serve anywhere. The snooker move that is often added to differential evolution leaves variances 13 % too
-small on a normal distribution (`emcee` 3.1.6).
-"""
 
 WIDER = 1.1
 """Standard deviations of fresh draws, as a multiple: their tails should not be the thinner ones."""
 
-DRAWS, FEWEST = 4096, 40
+DRAWS, FEWEST_DRAWS = 4096, 40
 """Normal points drawn to see how many lie within the bounds, and how many must for fresh draws to pay."""
 
-FIRST_CHECK, MOST_STEPS = 500, 8000
-"""Steps before convergence is looked at for the first time, and those after which sampling ends anyway."""
 
-USUAL_STEPS, PACE = 1000, 20
-"""Steps that most recordings take, and those between two reports of progress."""
+@dataclass(frozen=True)
+class McmcSettings:
+    """How the posterior is sampled.
 
-BURN_IN = 0.2
-"""Share of the steps at the beginning that is not used."""
+    `walkers` move in two halves, each of which fills the lanes of the batched model; there are more beyond
+    16 coordinates. `fresh`, `evolution` and `stretch` are the shares of fresh draws from the estimate's
+    covariance, of differential evolution and of stretches: the first serve where the posterior is nearly
+    normal, and there decorrelate ten times as fast as the others, which serve anywhere. (The snooker move
+    that is often added to differential evolution leaves variances 13 % too small on a normal distribution,
+    `emcee` 3.1.6.) Convergence is first checked after `first_check` steps; sampling ends at `most_steps` at
+    the latest. The share `burn_in` of the steps is discarded.
+    """
+
+    walkers: int = 32
+    fresh: float = 0.5
+    evolution: float = 0.4
+    stretch: float = 0.1
+    first_check: int = 500
+    most_steps: int = 8000
+    burn_in: float = 0.2
+
+
+MCMC = McmcSettings()
+
+USUAL_STEPS, REPORT_STEPS = 1000, 20
+"""Steps that most recordings take, and steps between two reports of progress."""
 
 
 @dataclass(frozen=True, eq=False)
-class Draws:
+class FreshDraws:
     """Fresh points, normal about an estimate `point` (d,) with its `covariance` (d, d), and within bounds."""
 
-    space: FaultSpace
+    space: ParameterSpace
     point: Array
     covariance: Array
 
@@ -91,21 +100,22 @@ def check_posterior(model: Model) -> None:
 
 
 def sample(
-    fit: Fit,
+    objective: MapObjective,
     point: Array,
     correction: Array,
     covariance: Array,
     seed: int,
-    on_progress: Callable[[float], None] | None = None,
+    on_progress: Progress | None = None,
+    settings: McmcSettings = MCMC,
 ) -> Posterior:
-    """Return samples of the posterior of `fit` about the estimate `point` (d,).
+    """Return samples of the posterior about the estimate `point` (d,) of `objective`.
 
-    Sampling ends by itself once the chains are `ENOUGH` autocorrelation times long, or at `MOST_STEPS`.
+    Sampling ends once the chains are `ENOUGH` autocorrelation times long, or at the most steps allowed.
 
     Parameters
     ----------
     correction
-        Added to the outputs of `fit`, shape (rows,).
+        Added to the objective's outputs, shape (rows,).
     covariance
         Of the estimate, shape (d, d), a normal prior of each coordinate being part of it.
     seed
@@ -119,40 +129,51 @@ def sample(
         `emcee` is not installed.
     """
     emcee = library()
-    density = Density.of(fit, point, correction, covariance, seed)
-    walkers = WALKERS * int(np.ceil(2 * point.size / WALKERS))
-    rng = generator(seed, 2)
-    fresh, evolution, stretches = MOVES
-    moves = [(emcee.moves.DEMove(), evolution), (emcee.moves.StretchMove(), stretches)]
-    draws = Draws(fit.space, point, covariance)
-    if len(draws.within(rng.normal(size=(DRAWS, point.size)))) >= FEWEST:
-        moves.append((emcee.moves.MHMove(draws), fresh))
+    space = objective.space
+    jacobian_rng = stream(seed, "Jacobians of the posterior")
+    density = LogPosterior.of(objective, point, correction, covariance, jacobian_rng)
+    walkers = settings.walkers * int(np.ceil(2 * point.size / settings.walkers))
+    rng = stream(seed, "walkers")
+    moves = [
+        (emcee.moves.DEMove(), settings.evolution),
+        (emcee.moves.StretchMove(), settings.stretch),
+    ]
+    draws = FreshDraws(space, point, covariance)
+    if len(draws.within(rng.normal(size=(DRAWS, point.size)))) >= FEWEST_DRAWS:
+        moves.append((emcee.moves.MHMove(draws), settings.fresh))
     sampler = emcee.EnsembleSampler(walkers, point.size, density, moves=moves, vectorize=True)
-    random = np.random.RandomState(int(rng.integers(2**32))).get_state()
-    state = emcee.State(_started(fit.space, point, covariance, walkers, rng), random_state=random)
-    steps, wanted, told = 0, FIRST_CHECK, 0.0
-    while True:
-        while steps < wanted:
-            state = sampler.run_mcmc(state, PACE, skip_initial_state_check=True)
-            steps += PACE
-            if on_progress:
-                told = min(max(told, steps / max(wanted, USUAL_STEPS)), 1.0)
-                on_progress(told)
-        chain = sampler.get_chain(discard=int(BURN_IN * steps))
-        convergence = Convergence.of(chain, float(np.mean(sampler.acceptance_fraction)), steps)
-        if convergence.converged or steps >= MOST_STEPS:
-            break
-        wanted = _wanted(convergence)
+    random = np.random.RandomState(child_seed(seed, "moves")).get_state()
+    state = emcee.State(_started(space, point, covariance, walkers, rng), random_state=random)
+    chain, diagnostics = _run(sampler, state, on_progress, settings)
     if on_progress:
         on_progress(1.0)
-    # Neighbours in a chain are nearly the same, and hardly add to what is known.
-    thin = max(1, int(np.nanmin([*convergence.autocorrelation_time, steps]) / 4))
-    samples = chain[::thin].reshape(-1, point.size)
-    return Posterior.of(fit.space, samples, convergence, density.evaluations)
+    # Neighbours in a chain are nearly the same, and add hardly any information.
+    thin = max(1, int(np.nanmin([*diagnostics.autocorrelation_time, diagnostics.steps]) / 4))
+    return Posterior.of(space, chain[::thin].reshape(-1, point.size), diagnostics)
+
+
+def _run(
+    sampler: Any, state: Any, on_progress: Progress | None, settings: McmcSettings
+) -> tuple[Array, McmcDiagnostics]:
+    """Return the chain (kept steps, walkers, d) once it has converged, or at the last step."""
+    steps, wanted, reported = 0, settings.first_check, 0.0
+    while True:
+        while steps < wanted:
+            state = sampler.run_mcmc(state, REPORT_STEPS, skip_initial_state_check=True)
+            steps += REPORT_STEPS
+            if on_progress:
+                reported = min(max(reported, steps / max(wanted, USUAL_STEPS)), 1.0)
+                on_progress(reported)
+        chain = sampler.get_chain(discard=int(settings.burn_in * steps))
+        acceptance = float(np.mean(sampler.acceptance_fraction))
+        diagnostics = McmcDiagnostics.of(chain, acceptance, steps)
+        if diagnostics.converged or steps >= settings.most_steps:
+            return chain, diagnostics
+        wanted = _next_check(diagnostics, settings)
 
 
 def _started(
-    space: FaultSpace, point: Array, covariance: Array, walkers: int, rng: np.random.Generator
+    space: ParameterSpace, point: Array, covariance: Array, walkers: int, rng: np.random.Generator
 ) -> Array:
     """Return where the walkers start, (walkers, d): normal about `point` (d,), reflected at the bounds.
 
@@ -164,9 +185,9 @@ def _started(
     return space.project(points)
 
 
-def _wanted(convergence: Convergence) -> int:
-    """Return the steps after which to look at convergence again: when it may do, soon if unclear."""
-    steps = convergence.steps
-    longest = float(np.max(convergence.autocorrelation_time))
-    enough = 1.1 * ENOUGH * longest / (1 - BURN_IN) if np.isfinite(longest) else 2 * steps
-    return int(min(np.clip(enough, 1.2 * steps, 2 * steps), MOST_STEPS))
+def _next_check(diagnostics: McmcDiagnostics, settings: McmcSettings) -> int:
+    """Return the steps after which to check convergence again: when it is likely, soon if unclear."""
+    steps = diagnostics.steps
+    longest = float(np.max(diagnostics.autocorrelation_time))
+    enough = 1.1 * ENOUGH * longest / (1 - settings.burn_in) if np.isfinite(longest) else 2 * steps
+    return int(min(np.clip(enough, 1.2 * steps, 2 * steps), settings.most_steps))

@@ -25,7 +25,7 @@ VARIANTS: dict[str, tuple[str, Mapping[str, Any]]] = {
 """Optimisers at settings that have a name of their own."""
 
 HYBRID = "hybrid"
-REFINED = "+lsq"
+WITH_LEAST_SQUARES = "+lsq"
 
 GLOBAL_POPULATION, GLOBAL_ITERATIONS = 32, 8
 """Budget of an optimiser as the global stage of a hybrid; twice as much brings nothing (plan "hybrids")."""
@@ -38,13 +38,13 @@ METHODS = (HYBRID, *OPTIMIZERS, *VARIANTS, *PEERS)
 class Method:
     """How faults are searched for.
 
-    `optimizer` makes the search from lower and upper bounds; where it is None, space-filling points take
-    its place. `refines` says that damped least squares and the bias correction follow.
+    `optimizer` is made from lower and upper bounds and searches globally; where it is None, space-filling
+    points take its place. `least_squares`: whether damped least squares and the bias correction follow.
     """
 
     name: str
     optimizer: Callable[..., Optimizer[Any]] | None
-    refines: bool
+    least_squares: bool
 
 
 def method_named(name: str, settings: Mapping[str, Any] | None = None) -> Method:
@@ -61,15 +61,17 @@ def method_named(name: str, settings: Mapping[str, Any] | None = None) -> Method
     if name == HYBRID:
         if settings:
             raise MethodError(f"method 'hybrid' has no setting '{next(iter(settings))}'; leave it out")
-        return Method(HYBRID, None, refines=True)
-    base, refines = name.removesuffix(REFINED), name.endswith(REFINED)
+        return Method(HYBRID, None, least_squares=True)
+    base, least_squares = name.removesuffix(WITH_LEAST_SQUARES), name.endswith(WITH_LEAST_SQUARES)
     base = ABBREVIATIONS.get(base.lower(), base)
-    if refines:
+    if least_squares:
         settings = {"population": GLOBAL_POPULATION, "iterations": GLOBAL_ITERATIONS} | settings
     make = _factory(base, name)
     _check_settings(base, make, settings)
     return Method(
-        base + REFINED * refines, lambda lower, upper: make(lower=lower, upper=upper, **settings), refines
+        base + WITH_LEAST_SQUARES * least_squares,
+        lambda lower, upper: make(lower=lower, upper=upper, **settings),
+        least_squares,
     )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from emaphm.actuator import Actuator, Faults
 from emaphm.arrays import Array
 from emaphm.estimation.problem import Problem
-from emaphm.recording import Recording, check_plausible
+from emaphm.recording import Recording, check_plausible, with_equivalent_current
 from emaphm.recording.schema import SCHEMA
 from emaphm.simulation import model_named
 from emaphm.simulation.laws.angles import wrap
@@ -73,11 +73,11 @@ def replay(
         The model is unknown.
     """
     check_plausible(recording, actuator)
+    recording = with_equivalent_current(recording, actuator)
     problem = Problem.of(recording, actuator, model_named(model))
     signals = problem.signals((faults or Faults()).vector)
     if actuator.electrical is None:
         del signals["voltage_V"]  # an ideal current loop has no voltage to speak of
-    recording = problem.recording
     shared = [name for name in SCHEMA if name in recording and name in signals]
     # A channel that is 0 throughout has nothing for an error to be relative to.
     errors = {

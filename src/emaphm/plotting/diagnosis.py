@@ -11,7 +11,8 @@ from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.actuator.faults import HEALTHY
 from emaphm.actuator.quantity import unit_for
 from emaphm.arrays import Array
-from emaphm.diagnosis.result import Diagnosis, Estimate
+from emaphm.diagnosis.result import Diagnosis
+from emaphm.diagnosis.verdict import Estimate
 from emaphm.recording import Recording
 from emaphm.recording.schema import SCHEMA
 from emaphm.simulation.laws.angles import wrap

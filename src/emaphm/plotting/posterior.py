@@ -6,7 +6,8 @@ import numpy as np
 
 from emaphm.actuator import NAMES
 from emaphm.arrays import Array
-from emaphm.diagnosis.result import Diagnosis, Estimate
+from emaphm.diagnosis.result import Diagnosis
+from emaphm.diagnosis.verdict import Estimate
 from emaphm.plotting.diagnosis import FAINT, MODELLED, RESIDUAL, WIDTH
 
 if TYPE_CHECKING:

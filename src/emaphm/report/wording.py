@@ -163,7 +163,7 @@ def computation(diagnosis: Diagnosis) -> dict[str, str]:
         "Simulations": str(diagnosis.evaluations),
         "Reference runs": correction,
         "Computing time": f"{diagnosis.seconds:.2f} s",
-        **({"Posterior": str(diagnosis.posterior.convergence)} if diagnosis.posterior else {}),
+        **({"Posterior": str(diagnosis.posterior.diagnostics)} if diagnosis.posterior else {}),
         "Seed": str(diagnosis.seed),
         "Version": f"emaphm {diagnosis.version}",
     }

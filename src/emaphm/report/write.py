@@ -6,7 +6,7 @@ from emaphm.actuator import Faults
 from emaphm.actuator.toml import write_toml
 from emaphm.diagnosis.error_metric import error_percent
 from emaphm.diagnosis.result import Diagnosis
-from emaphm.diagnosis.verdict import HEALTHY_MARGIN, HIDDEN
+from emaphm.diagnosis.verdict import VERDICT
 from emaphm.output_files import check_writable, written_whole
 from emaphm.plotting.diagnosis import draw_faults, draw_fit, draw_residual
 from emaphm.plotting.posterior import draw_marginals
@@ -69,6 +69,6 @@ def _page(diagnosis: Diagnosis, truth: Faults | None) -> str:
         notes=diagnosis.notes(),
         computation=computation(diagnosis),
         actuator=write_toml(diagnosis.actuator),
-        margin=HEALTHY_MARGIN,
-        hidden=HIDDEN,
+        margin=VERDICT.healthy_margin,
+        hidden=VERDICT.hidden_fault,
     )

@@ -15,7 +15,7 @@ import polars as pl
 
 from emaphm.actuator import NAMES, Actuator, Chirp
 from emaphm.errors import MethodError, nearest
-from emaphm.estimation.cost_functions import FITNESSES
+from emaphm.estimation.cost_functions import COST_FUNCTIONS
 from emaphm.estimation.problem import Problem
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import AVERAGED, monitor
@@ -78,7 +78,7 @@ def _rows(actuator: Actuator, command: Chirp) -> Iterator[dict[str, Any]]:
         scanned[:, component] = GRID
         for model_name, model in MODELS.items():
             modelled = Problem.of(recording, actuator, model).currents(scanned)
-            for (form, channel), (fitness_name, fitness) in product(CURRENTS.items(), FITNESSES.items()):
+            for (form, channel), (fitness_name, fitness) in product(CURRENTS.items(), COST_FUNCTIONS.items()):
                 scan = fitness(recording[channel], modelled, recording.interval_s)
                 least, true = int(np.argmin(scan)), int(GRID.searchsorted(truth))
                 yield {
@@ -147,8 +147,8 @@ def fitness_table(study: pl.DataFrame, fitness: str = "thesis") -> str:
 
 
 def _of(study: pl.DataFrame, fitness: str) -> pl.DataFrame:
-    if fitness not in FITNESSES:
-        raise MethodError(f"unknown fitness '{fitness}'{nearest(fitness, FITNESSES)}")
+    if fitness not in COST_FUNCTIONS:
+        raise MethodError(f"unknown fitness '{fitness}'{nearest(fitness, COST_FUNCTIONS)}")
     return study.filter(pl.col("fitness") == fitness)
 
 
