@@ -1,7 +1,7 @@
 """How near a diagnosis comes to the truth, on recordings of the reference model; `make study` has the rest.
 
 The thresholds are those of the accuracy that is promised: single faults 2 % in the mean, random vectors
-2.5 % in the median. PHYSICS.md section 8 has what the thesis's optimisers reached.
+2.5 % in the median. docs/physics.md, section 10 has what the thesis's optimisers reached.
 """
 
 import numpy as np
@@ -136,7 +136,7 @@ def test_every_explained_recording_says_so(of_singles: Diagnoses, of_random: Dia
 
 
 MULTIPLE = Faults.from_vector([0.25, 0.75, 0.8, 0.8, 0.8, 0.25, 0.5, 0.75])
-"""The multiple faults of the thesis, where its dragonfly was 64.2 % off (PHYSICS.md section 8)."""
+"""The multiple faults of the thesis, where its dragonfly was 64.2 % off (docs/physics.md, section 10)."""
 
 
 @pytest.fixture(scope="module")

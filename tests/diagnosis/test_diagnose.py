@@ -201,7 +201,7 @@ def test_a_swarm_finds_a_single_fault(method: str, fitness: str) -> None:
     # 50 agents, 100 iterations, and what follows: derivatives about eight points, two runs for each of eight,
     # of the recorded channel and, where it leaves something open, of the others.
     assert 5000 < found.evaluations <= 5000 + 2 * 8 * 2 * 8 + 10
-    # A swarm stops where its iterations end: PHYSICS.md section 8 has it up to 36 % off on one fault.
+    # A swarm stops where its iterations end: docs/physics.md, section 10 has it up to 36 % off on one fault.
     assert found.faults.friction == pytest.approx(0.5, abs=0.1)
     assert error_percent(truth.vector, found.faults.vector) <= 40.0
     again = diagnose(recording, THESIS, method=method, fitness=fitness)

@@ -1,4 +1,4 @@
-"""Commutation: the trapezoid of PHYSICS.md section 3, and which phases conduct."""
+"""Commutation: the trapezoid of docs/physics.md, section 3, and which phases conduct."""
 
 import numpy as np
 import pytest

@@ -157,7 +157,7 @@ def test_shaft_conserves_power(faults: Faults) -> None:
 
 
 def solved(legs: Array, seconds: float, turns: Array, z: float, phi: float, rotor: float, w: float) -> Array:
-    """Return the phase currents [A] after `seconds` from rest: the star equations of PHYSICS.md section 3."""
+    """Return the phase currents [A] after `seconds` from rest: the star of docs/physics.md, section 3."""
     R, L = R_S / 2 * turns, L_S / 2 * turns**2
     third = 2 * np.pi / 3 * np.arange(3)
 

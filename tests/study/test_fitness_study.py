@@ -68,7 +68,7 @@ def test_the_value_at_the_truth_is_that_of_two_separate_runs(
     forms = {"model": "averaged", "equivalent": equivalent, "fitness": "least_squares"}
     found = np.sqrt(_rows(study, fault="backlash", level="high", **forms)["value"].item())
     # The study drives the model with the recorded command, a curve through its rows: not farther from a chirp
-    # of 15 Hz and 5e-3 rad than a chord, h²/8 × 5e-3 (2 pi 15)², times the gains of PHYSICS.md section 1.
+    # of 15 Hz and 5e-3 rad than a chord, h²/8 × 5e-3 (2 pi 15)², times the gains of the thesis.
     departure = 2e-4**2 / 8 * 5e-3 * (2 * np.pi * 15) ** 2
     assert abs(found - expected) < departure * 1e5 * 5e-2 / 0.0752  # 0.015 A
 

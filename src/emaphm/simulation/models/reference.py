@@ -119,8 +119,8 @@ def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> NDArray[np.fl
 def build(layout: Layout) -> Any:
     """Return the kernel's Python function; `compilation` has its arguments.
 
-    The order within a step is that of PHYSICS.md section 3: commutation, switching and back-EMF from the
-    state at the step's start, currents by explicit Euler, torque from the new currents, then the motion.
+    The order within a step is that of docs/physics.md, section 3: commutation, switching and back-EMF from
+    the state at the step's start, currents by explicit Euler, torque from the new currents, then the motion.
     """
 
     def kernel(
