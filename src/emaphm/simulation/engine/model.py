@@ -37,9 +37,11 @@ class Initial:
     rotor_offset: float = 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Model:
     """A model of the actuator: how to build its kernel, parameters and initial state.
+
+    Two models are equal only if they are one: kernels are looked up by it in every run.
 
     Attributes
     ----------

@@ -141,8 +141,8 @@ def _healthy(actuator: Actuator, n: int) -> Plant:
         "hysteresis": e.hysteresis if e else 0.0,
         "pole_pairs": e.pole_pairs if e else 1,
     }
-    columns = {name: np.full(n, float(value)) for name, value in scalars.items()}
-    return Plant(**columns, turns=np.ones((3, n)), z=np.zeros((2, n)))
+    columns = np.repeat(np.array(list(scalars.values()), float)[:, np.newaxis], n, axis=1)
+    return Plant(**dict(zip(scalars, columns, strict=True)), turns=np.ones((3, n)), z=np.zeros((2, n)))
 
 
 def _with_totals(plant: Plant, actuator: Actuator, totals: Mapping[str, ArrayLike]) -> Plant:

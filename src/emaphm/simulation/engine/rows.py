@@ -83,7 +83,7 @@ def control_and_motion(plant: Plant, step: float) -> Array:
         "step_per_inertia": step / plant.inertia,
         "pole_pairs": plant.pole_pairs,
     }
-    return np.stack([rows[name] for name in CONTROL_AND_MOTION])
+    return np.array([rows[name] for name in CONTROL_AND_MOTION])
 
 
 (

@@ -91,18 +91,19 @@ def _batch(
     blocks = _blocks(model, plant, inputs, start, LANES, channels)
     groups = len(blocks)
     out = _output(groups, LANES, channels, inputs.samples)
-    workers = min(workers or os.cpu_count() or 1, groups)
     if groups * inputs.command.size < WORTH_A_THREAD:
         workers = 1
+    workers = min(workers or os.cpu_count() or 1, groups)
     if workers <= 1:
         for block, group in zip(blocks, out, strict=True):
             _advance(advance, block, group, inputs)
     else:
         with ThreadPoolExecutor(workers) as pool:
             list(pool.map(partial(_advance, advance, inputs=inputs), blocks, out))
-    _check_finite(model, out)
     by_actuator = out.reshape(groups * LANES, channels, inputs.samples)[: plant.count]
-    return by_actuator if len(rows) == channels else by_actuator[:, rows]
+    chosen = by_actuator if rows == list(range(channels)) else by_actuator[:, rows]
+    _check_finite(model, chosen)
+    return chosen
 
 
 def simulate_batch(
