@@ -99,7 +99,7 @@ def sine(t: float) -> float:
 
 
 HINGED = altered(mechanics={"hinge": 40.0, "offset": 0.02})
-"""Hinge moment at 8 mrad: 0.32 N·m, three times the friction."""
+"""Load at 8 mrad by the stiffness: 0.32 N·m, three times the friction."""
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ carried : 0 or 1, whether motion is recorded as at the start of a step or as it 
 out : float64 (lanes, channels, row), its first `samples` columns filled with the means
 
 LLVM turns the innermost loop, over lanes, into vector instructions where the number of lanes is known
-when compiling, all lanes stand in one flat array, and the loop has neither branches nor calls left. Laws
+when compiling, all lanes are in one flat array, and the loop has neither branches nor calls left. Laws
 take scalars for that reason: a function that is handed `x` or `p` itself makes the kernels ten times slower
 (measured), which is why the kernels repeat how their common rows are read and written.
 """

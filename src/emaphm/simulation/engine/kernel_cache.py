@@ -5,11 +5,13 @@ Numba's own cache would do, were it not that using it takes Numba's import and s
 
 import ctypes
 import hashlib
+import marshal
 import os
 import re
 import sys
-import tempfile
+import threading
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -89,18 +91,19 @@ def _revision(model: Model) -> bytes:
     build: Any = model.build
     function, options = getattr(build, "func", build), getattr(build, "keywords", {})
     digest = hashlib.sha256(_sources() + repr((function.__qualname__, options)).encode())
-    digest.update(Path(function.__code__.co_filename).read_bytes())
+    source = Path(function.__code__.co_filename)
+    digest.update(source.read_bytes() if source.is_file() else marshal.dumps(function.__code__))
     return digest.digest()
 
 
 @cache
 def _folder() -> Path:
-    """Return where kernels are kept: where Numba is told to, beside the source, or the user's cache."""
+    """Return where kernels are kept: Numba's folder if set, else next to the source, else the user's cache."""
     if "NUMBA_CACHE_DIR" in os.environ:
         return Path(os.environ["NUMBA_CACHE_DIR"])
-    beside = Path(__file__).parent / "__pycache__"
-    if os.access(beside if beside.exists() else beside.parent, os.W_OK):
-        return beside
+    local = Path(__file__).parent / "__pycache__"
+    if os.access(local if local.exists() else local.parent, os.W_OK):
+        return local
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "emaphm"
 
 
@@ -116,11 +119,11 @@ def _read(path: Path, revision: bytes) -> bytes | None:
 
 def _write(path: Path, revision: bytes, code: bytes) -> None:
     """Keep `code` at `path`, whole or not at all; what cannot be kept is compiled anew next time."""
+    part = path.with_name(f"{path.name}.{os.getpid()}-{threading.get_ident()}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, part = tempfile.mkstemp(dir=path.parent, prefix=path.name)
-        with os.fdopen(handle, "wb") as file:
-            file.write(revision + hashlib.sha256(code).digest() + code)
-        Path(part).replace(path)
+        part.write_bytes(revision + hashlib.sha256(code).digest() + code)
+        part.replace(path)
     except OSError:
-        return
+        with suppress(OSError):
+            part.unlink(missing_ok=True)

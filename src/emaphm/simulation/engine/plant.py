@@ -1,4 +1,4 @@
-"""What a batch simulates: physical quantities of `n` actuators side by side, faults applied."""
+"""The actuators of a batch: their physical quantities side by side, faults applied."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -13,7 +13,7 @@ from emaphm.arrays import Array
 from emaphm.errors import FaultError, MethodError
 
 NO_LIMIT = 1e30
-"""Stands for an absent limit; the kernels are compiled on the understanding that nothing is infinite."""
+"""Value of an absent limit; the kernels are compiled to assume that nothing is infinite."""
 
 NEVER_ZERO = (
     "inertia",

@@ -23,7 +23,7 @@ CONTROL_AND_MOTION = (
     "gear_ratio",
     "torque_limit",
     "offset",
-    "hinge",
+    "load_stiffness",
     "viscous",
     "static",
     "coulomb",
@@ -47,7 +47,7 @@ CONTROL_AND_MOTION = (
     GEAR_RATIO,
     TORQUE_LIMIT,
     OFFSET,
-    HINGE,
+    LOAD_STIFFNESS,
     VISCOUS,
     STATIC,
     COULOMB,
@@ -73,7 +73,7 @@ def control_and_motion(plant: Plant, step: float) -> Array:
         "gear_ratio": plant.gear_ratio,
         "torque_limit": plant.torque_limit,
         "offset": plant.offset,
-        "hinge": plant.hinge * plant.gear_ratio,
+        "load_stiffness": plant.hinge * plant.gear_ratio,
         "viscous": plant.viscous,
         "static": plant.static,
         "coulomb": plant.coulomb,
@@ -103,7 +103,7 @@ def control_and_motion(plant: Plant, step: float) -> Array:
 
 
 BEYOND_STOP = 0.1
-"""Start beyond an end stop [rad at the motor] that is still put down to a sensor."""
+"""Start beyond an end stop [rad at the motor] that is still attributed to a sensor."""
 
 
 def moving_state(plant: Plant, inputs: Inputs, start: Initial, currents: int) -> Array:

@@ -23,9 +23,9 @@ from emaphm.simulation.engine.rows import (
     GEAR_RATIO,
     HALF_GAP,
     HIGH_STOP,
-    HINGE,
     INTEGRAL,
     INTEGRATING,
+    LOAD_STIFFNESS,
     LOW_STOP,
     OFFSET,
     OUTPUT,
@@ -223,7 +223,10 @@ def build(layout: Layout) -> Any:
                         speed,
                         angle,
                         output,
-                        torque - loaded - p[OFFSET * lanes + lane] - p[HINGE * lanes + lane] * output,
+                        torque
+                        - loaded
+                        - p[OFFSET * lanes + lane]
+                        - p[LOAD_STIFFNESS * lanes + lane] * output,
                         p[VISCOUS * lanes + lane],
                         p[STATIC * lanes + lane],
                         p[COULOMB * lanes + lane],
