@@ -98,7 +98,7 @@ def _revision(model: Model) -> bytes:
 
 @cache
 def _folder() -> Path:
-    """Return where kernels are kept: Numba's folder if set, else next to the source, else the user's cache."""
+    """Return where kernels are kept: Numba's folder if set, else by the source, else the user's cache."""
     if "NUMBA_CACHE_DIR" in os.environ:
         return Path(os.environ["NUMBA_CACHE_DIR"])
     local = Path(__file__).parent / "__pycache__"
