@@ -6,7 +6,7 @@ import pytest
 from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.arrays import Array
 from emaphm.diagnosis import diagnose
-from emaphm.estimation.collinearity import CollinearSet, collinear_coordinates, listed
+from emaphm.estimation.collinearity import CollinearSet, collinear_coordinates, listed, resolving_channels
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 
@@ -66,10 +66,10 @@ def test_names_are_listed(names: list[str], text: str) -> None:
     assert listed(names, "and") == text
 
 
-def test_a_group_says_what_would_help() -> None:
+def test_a_collinear_set_says_what_would_help() -> None:
     group = CollinearSet(("short_a", "temperature"), ("current_A",), ("voltage_V", "temperature_K"))
-    assert str(group).endswith("voltage_V or temperature_K, recorded too, would tell them apart.")
-    assert "recorded too" not in str(CollinearSet(group.members, group.channels))
+    assert str(group).endswith("Recording voltage_V or temperature_K too would separate them.")
+    assert "Recording" not in str(CollinearSet(group.members, group.channels))
 
 
 def test_heat_and_a_short_in_all_phases_look_alike_to_the_current_and_not_to_the_voltage() -> None:

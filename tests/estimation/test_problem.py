@@ -180,7 +180,7 @@ def test_the_clock_of_the_recording_does_not_matter(since: float) -> None:
     assert (apart.angle, apart.rotor_offset) == (together.angle, together.rotor_offset)
 
 
-@given(offset=st.floats(-np.pi, np.pi), max_corrections=st.integers(-3, 3))
+@given(offset=st.floats(-np.pi, np.pi), turns=st.integers(-3, 3))
 def test_the_rotors_electrical_zero_comes_from_its_angle(offset: float, turns: int) -> None:
     rows = np.full(ROWS, 1e-3)
     angle = rows / RATIO + offset + 2 * np.pi * turns

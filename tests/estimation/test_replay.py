@@ -34,7 +34,7 @@ def test_the_relative_error_by_hand() -> None:
 
 @given(
     angle=arrays(np.float64, 10, elements=st.floats(1, 9)),
-    max_corrections=arrays(np.int64, 10, elements=st.integers(-3, 3)),
+    turns=arrays(np.int64, 10, elements=st.integers(-3, 3)),
 )
 def test_angles_are_compared_modulo_a_turn(angle: Array, turns: NDArray[np.int64]) -> None:
     assert relative_error("angle_rad", angle, angle + 2 * np.pi * turns) == pytest.approx(0, abs=1e-14)

@@ -221,7 +221,7 @@ def test_the_figure_shows_both_manoeuvres_and_all_half_widths(improved: Design, 
         drawn["found, predicted"], [improved.found.predicted.half_widths[name] for name in NAMES]
     )
     rows = [tick.get_text() for tick in widths.get_yticklabels()]
-    assert rows == [name.replace("_", " ") for name in NAMES]
+    assert rows == list(NAMES)
     assert linear.plot().axes[0].get_ylabel() == "command [m]"
 
 
@@ -246,7 +246,7 @@ BAD: dict[str, tuple[Callable[[], Any], str]] = {
     "too fast": (lambda: design(THESIS, max_frequency=2600.0), "cannot be recorded at 5000 Hz"),
     "too long": (lambda: design(THESIS, max_duration=31.0), "too long"),
     "a step": (lambda: design(THESIS, Step()), "no highest frequency of its own"),
-    "no command": (lambda: design(THESIS, Sine(0.0, 4.0), max_amplitude=1e-3), "nothing was commanded"),
+    "no command": (lambda: design(THESIS, Sine(0.0, 4.0), max_amplitude=1e-3), "does not move the actuator"),
     "no motion": (lambda: design(THESIS, Sine(1e-9, 4.0)), "does not move the actuator"),
 }
 

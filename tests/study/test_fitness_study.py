@@ -8,19 +8,12 @@ from matplotlib.colors import to_hex
 from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.errors import MethodError
 from emaphm.estimation.cost_functions import COST_FUNCTIONS
+from emaphm.plotting.fitness_scans import COLOURS, TRUTH, draw_scans
 from emaphm.simulated_recording import simulate
 from emaphm.simulation.laws.angles import wrap
 from emaphm.simulation.laws.commutation import demand_sign
 from emaphm.study.thesis import published
-from emaphm.study.thesis.fitness_study import (
-    COLOURS,
-    GRID,
-    MODELS,
-    _points,
-    draw_scans,
-    fitness_study,
-    fitness_table,
-)
+from emaphm.study.thesis.fitness_study import GRID, MODELS, _points, fitness_study, fitness_table
 
 ACTUATOR = Actuator.thesis()
 
@@ -148,7 +141,7 @@ def test_a_misspelt_form_is_answered_with_the_nearest(study: pl.DataFrame) -> No
         draw_scans(study, "average")
 
 
-def test_the_figure_marks_truth_and_least(study: pl.DataFrame) -> None:
+def test_the_figure_marks_truth_and_minimum(study: pl.DataFrame) -> None:
     figure = draw_scans(study)
     figure.draw_without_rendering()  # also refuses what cannot be laid out
     panels = {axis.get_title(loc="left"): axis for axis in figure.axes}
@@ -167,7 +160,7 @@ def test_the_figure_marks_truth_and_least(study: pl.DataFrame) -> None:
         for form in COLOURS
         for argmin in _rows(study, level=level, equivalent=form, **forms)["argmin"]
     }
-    assert {float(np.atleast_1d(line.get_xdata())[0]) for line in lines if line.get_color() == "0.6"} == {
+    assert {float(np.atleast_1d(line.get_xdata())[0]) for line in lines if line.get_color() == TRUTH} == {
         0.2,
         0.7,
     }

@@ -270,7 +270,7 @@ REFUSED: dict[str, tuple[str, tuple[str, ...]]] = {
     ),
     "hybrid by another fitness": (
         small.with_(top='fitnesses = ["least_squares", "thesis"]', end=HYBRID),
-        ("'hybrid'", "least_squares", "fitness 'thesis'", "choose a swarm"),
+        ("'hybrid'", "least_squares", "fitness 'thesis'", "choose an optimiser alone"),
     ),
     "hybrid on a switching model": (
         small.with_(top='models = ["monitor"]', end=HYBRID),

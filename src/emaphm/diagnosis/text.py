@@ -10,14 +10,12 @@ from emaphm.estimation.collinearity import CollinearSet
 from emaphm.estimation.nuisances import BASELINE
 
 STANDS_STILL = (
-    "The actuator does NOT move: its command is constant, or it is jammed, too weak or switched off. A "
-    "recording "
-    "at rest has next to no information on its faults."
+    "The actuator does NOT move: the command is constant, or the actuator is jammed, too weak or switched off. "
+    "A recording at rest has almost no information on its faults."
 )
 NOT_EXPLAINED = (
-    "The residual is larger than noise and model account for: something acts that is none of these "
-    "faults, or "
-    "the search has failed. Look at the residual before you trust them."
+    "The residual is larger than noise and model error explain: either something else than these faults acts, "
+    "or the search failed. Check the residual before you use the result."
 )
 
 
@@ -66,15 +64,14 @@ def notes(
         lines.append(f"Estimated with the faults: {values}.")
     if selected:
         lines.append(
-            f"Deviates significantly from the description, so estimated too: {', '.join(selected)}. "
-            f"Correct the "
-            "actuator's file if it persists; taken as known, it would read as faults."
+            f"Also estimated, because it deviates significantly from the description: {', '.join(selected)}. "
+            "If this persists, correct the actuator's file; taken as known, it would read as faults."
         )
     lines += [f"Known only in combination: {one}" for one in collinear_sets]
     if unknown:
         lines.append(
-            f"Not identifiable from {', '.join(channels)}: {', '.join(unknown)}; the intervals allow for its "
-            "prior range. Record more channels, or the quantity itself."
+            f"Not identifiable from {', '.join(channels)}: {', '.join(unknown)}. The intervals include "
+            "the prior uncertainty. Record more channels, or the quantity itself."
         )
     if unit:
         values = ", ".join(f"{name.removeprefix(BASELINE)} {e}" for name, e in unit.items())

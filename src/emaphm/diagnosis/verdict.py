@@ -100,7 +100,7 @@ def estimates(
 def _collinear_with(name: str, collinear_sets: Sequence[CollinearSet]) -> str:
     """Return why a member of a collinear set is not identifiable, nothing for another component."""
     others = [one.others(name) for one in collinear_sets if name in one.members]
-    return f"only its combined effect with {others[0]} is known" if others else ""
+    return f"only its combined effect with {others[0]} is identifiable" if others else ""
 
 
 def _unknown(value: float, error: float, interval: tuple[float, float], reason: str) -> Estimate:
@@ -109,7 +109,7 @@ def _unknown(value: float, error: float, interval: tuple[float, float], reason: 
 
 def _component(value: float, error: float, healthy: float, collinear: str = "") -> Estimate:
     """Return the estimate of a component: what its whole interval says of it."""
-    unconstrained = collinear or "this recording does not constrain it; more motion would"
+    unconstrained = collinear or "this recording does not constrain it; a larger or faster command would"
     if error > VERDICT.uninformative * PRIOR_DEVIATION:
         # A search may have ended anywhere in the range: so may the interval be.
         return _unknown(value, error, (0.0, 1.0), unconstrained)
@@ -119,7 +119,7 @@ def _component(value: float, error: float, healthy: float, collinear: str = "") 
     reason = ""
     if verdict == "cannot tell":
         reason = collinear or (
-            "its interval holds both the healthy value and faults that matter"
+            "its interval contains both the healthy value and relevant faults"
             if identifiable
             else unconstrained
         )
@@ -152,7 +152,7 @@ def _eccentricity(
     half = Z95 * turning
     size = _component(radius, radial, healthy=0.0, collinear=collinear)
     if size.verdict != "degraded" or 2 * half > VERDICT.longest_interval:
-        reason = "the eccentricity may be zero, and then has no direction"
+        reason = "no significant eccentricity, so its direction is undefined"
         angle = _unknown(phase, min(turning, float(PRIOR_DEVIATION)), (0.0, 1.0), reason)
     else:
         # A direction is neither good nor bad: it shares the verdict of the eccentricity itself.

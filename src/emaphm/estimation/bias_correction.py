@@ -189,7 +189,7 @@ def _mean(current: SearchResult, equal: list[SearchResult], settings: BiasCorrec
     mean = replace(
         current,
         point=point,
-        outputs=current.objective.outputs(point[np.newaxis])[0],
+        known_outputs=None,
         correction=np.mean([one.correction for one in equal], axis=0),
         discrepancy=replace(current.discrepancy, mean=np.mean([one.mean for one in known], axis=0)),
         scatter=scatter / len(equal),

@@ -60,8 +60,8 @@ class McmcDiagnostics:
             )
         return (
             f"has NOT converged in {self.steps} steps (R-hat up to {np.max(self.r_hat):.2f}, "
-            f"{100 * self.acceptance:.0f} % of proposals accepted): do not rely on it; record more channels, "
-            "or leave out nuisances that are known to be absent"
+            f"{100 * self.acceptance:.0f} % of proposals accepted): do not use it; record more channels, "
+            "or exclude nuisances that are known to be absent"
         )
 
 

@@ -56,9 +56,9 @@ class Posterior:
         for name in self.differing(intervals):
             (low, high), (least, most) = self.interval95[name], intervals[name]
             lines.append(
-                f"{name}: {low:.4f} to {high:.4f} sampled (median {self.median[name]:.4f}), "
-                f"{least:.4f} to {most:.4f} as a normal estimate"
-                + (", should there be an eccentricity at all." if self._directionless(name) else ".")
+                f"{name}: credible interval {low:.4f} to {high:.4f} (median {self.median[name]:.4f}), "
+                f"normal approximation {least:.4f} to {most:.4f}"
+                + (", if there is an eccentricity at all." if self._directionless(name) else ".")
             )
         return lines
 

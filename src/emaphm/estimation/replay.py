@@ -50,7 +50,7 @@ class Replay:
 
     def plot(self) -> "Figure":
         """Draw each channel, measured against model, with its residual."""
-        from emaphm.plotting.diagnosis import draw_replay
+        from emaphm.plotting.replay import draw_replay
 
         return draw_replay(self.recording, self.signals, self.actuator, self.relative_error)
 

@@ -1,6 +1,7 @@
 """Where a search ended: one type for all methods."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -25,8 +26,8 @@ class SearchResult:
         What was minimised in the end, with its final weights.
     point
         The estimate in the objective's coordinates, (d,).
-    outputs
-        The fitted model's outputs there, (rows,).
+    known_outputs
+        The fitted model's outputs there, (rows,); None where the search did not need them.
     correction
         What was added to the outputs while the estimate was searched, (rows,); 0 without correction.
     discrepancy
@@ -41,7 +42,7 @@ class SearchResult:
 
     objective: MapObjective
     point: Array
-    outputs: Array
+    known_outputs: Array | None
     correction: Array
     discrepancy: Discrepancy | None
     scatter: Array
@@ -60,14 +61,19 @@ class SearchResult:
         population_cost: float | None = None,
     ) -> Self:
         """Return the result at `point` (d,), with the default scatter; not converged."""
-        if outputs is None:
-            outputs = objective.outputs(point[np.newaxis])[0]
         if correction is None:
-            correction = np.zeros_like(outputs)
+            correction = np.zeros_like(objective.target)
         scatter = default_scatter(point.size)
         return cls(
             objective, point, outputs, correction, discrepancy, scatter, population_cost=population_cost
         )
+
+    @cached_property
+    def outputs(self) -> Array:
+        """The fitted model's outputs at the estimate, (rows,)."""
+        if self.known_outputs is None:
+            return np.asarray(self.objective.outputs(self.point[np.newaxis])[0])
+        return self.known_outputs
 
     @property
     def outputs_correction(self) -> Array:
@@ -125,7 +131,7 @@ class SearchResult:
         return replace(
             self,
             objective=objective,
-            outputs=objective.rescaled(self.outputs, before),
+            known_outputs=objective.rescaled(self.outputs, before),
             correction=objective.rescaled(self.correction, before),
             discrepancy=discrepancy,
         )
