@@ -41,7 +41,7 @@ def test_ten_percent_of_inertia_are_mostly_found_though_nobody_asked(
     for diagnosis in found:
         inertia = diagnosis.nuisances["inertia"]
         assert abs(inertia.value - 0.1) <= 4 * inertia.standard_error
-        assert "so estimated too: inertia" in str(diagnosis)
+        assert "deviates significantly from the description: inertia" in str(diagnosis)
         assert "inertia" in diagnosis.to_dict()["suspected"]
 
 

@@ -310,7 +310,7 @@ def test_a_posterior_stands_next_to_the_estimates(sampled: Diagnosis, path: Path
     assert sampled.posterior
     low, high = sampled.posterior.interval95["short_a"]
     assert f"0.0010 0.0000 to 0.0050 {low:.4f} to {high:.4f} healthy" in page.text
-    assert f"short_a: {low:.4f} to {high:.4f} sampled" in page.text
+    assert f"short_a: credible interval {low:.4f} to {high:.4f}" in page.text
     assert "friction: 0" not in page.text  # where both agree, nothing is said
     assert "R-hat" in page.text
     assert "eccentricity at all" not in page.text  # it is beyond doubt here

@@ -10,12 +10,12 @@ from emaphm.estimation.collinearity import CollinearSet
 from emaphm.estimation.nuisances import BASELINE
 
 STANDS_STILL = (
-    "The actuator does NOT move: the command is constant, or the actuator is jammed, too weak or switched off. "
-    "A recording at rest has almost no information on its faults."
+    "The actuator does NOT move: the command is constant, or the actuator is jammed, too weak or switched "
+    "off. A recording at rest has almost no information on its faults."
 )
 NOT_EXPLAINED = (
-    "The residual is larger than noise and model error explain: either something else than these faults acts, "
-    "or the search failed. Check the residual before you use the result."
+    "The residual is larger than noise and model error explain: either something else than these faults "
+    "acts, or the search failed. Check the residual before you use the result."
 )
 
 

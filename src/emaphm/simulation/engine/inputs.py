@@ -9,6 +9,7 @@ import numpy as np
 from emaphm.actuator import Command, Load
 from emaphm.arrays import Array
 from emaphm.errors import SignalError
+from emaphm.random_streams import stream
 
 Sampling = Literal["mean", "instant"]
 
@@ -71,7 +72,7 @@ class Inputs:
         steps = samples * substeps
         t = np.asarray(np.arange(steps) * (interval / substeps))
         zero = np.broadcast_to(0.0, steps)
-        rng = np.random.default_rng(seed)
+        rng = stream(seed, "controller noise")
         return cls(
             command=_checked("command", command(t), steps),
             load=_checked("load", load(t) if callable(load) else np.broadcast_to(float(load), steps), steps),
