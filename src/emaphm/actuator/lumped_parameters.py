@@ -25,7 +25,7 @@ def check_totals(actuator: Actuator, names: Mapping[str, Any] | tuple[str, ...])
 
 
 def totals(actuator: Actuator, names: tuple[str, ...]) -> dict[str, float]:
-    """Return the values that the named parameters have in the description, in the units of `TOTALS`."""
+    """Return the described values of the named parameters, in the units of `TOTALS`."""
     check_totals(actuator, names)
     values = {}
     for name in names:

@@ -75,8 +75,8 @@ class Plant:
         faults
             Normalised fault vectors, shape (n, 8).
         totals
-            Physical parameters to set instead of the actuator's, by their names in `TOTALS`; each of
-            shape (n,) or a scalar. Friction faults multiply them.
+            Parameters to set instead of the actuator's, by their names in `TOTALS`;
+            each of shape (n,) or a scalar. Friction faults multiply them.
 
         Raises
         ------
