@@ -16,13 +16,13 @@ from emaphm.actuator import NAMES, Actuator, Chirp, Faults
 from emaphm.arrays import Array
 from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.errors import MethodError
-from emaphm.estimation import mcmc
-from emaphm.estimation.credible_intervals import shortest_arc, shortest_interval
-from emaphm.estimation.mcmc import McmcSettings, sample
-from emaphm.estimation.mcmc_diagnostics import McmcDiagnostics, autocorrelation_time, split_r_hat
 from emaphm.estimation.nuisances import PRIORS_PER_UNIT, NuisanceSet
 from emaphm.estimation.parameter_space import ParameterSpace
-from emaphm.estimation.posterior import Posterior
+from emaphm.estimation.posterior import mcmc
+from emaphm.estimation.posterior.credible_intervals import shortest_arc, shortest_interval
+from emaphm.estimation.posterior.mcmc import McmcSettings, sample
+from emaphm.estimation.posterior.mcmc_diagnostics import McmcDiagnostics, autocorrelation_time, split_r_hat
+from emaphm.estimation.posterior.samples import Posterior
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 
@@ -298,11 +298,13 @@ def test_where_faults_are_strong_both_agree(diagnosed: Diagnosis) -> None:
     assert posterior is not None
     assert posterior.diagnostics.converged
     strong = ("friction", "backlash", "short_a", "short_b", "gain")
-    differing = posterior.differing(diagnosed.interval)
-    assert not set(strong) & set(differing)
     for name in strong:
         low, high = posterior.interval95[name]
         assert low < diagnosed.components[name].value < high
+        # The sampled mean of a linear model would be the estimate; kinks of stick-slip move it by some standard
+        # errors of the optimiser, less than one of the data: half an interval is two of these.
+        ends = np.array(diagnosed.interval[name])
+        assert np.all(np.abs(np.array([low, high]) - ends) < 0.5 * np.ptp(ends))
     # No short is negative: what is sampled lies within, and half the normal interval is out of bounds.
     assert posterior.interval95["short_c"][0] == 0.0
     assert posterior.median["short_c"] > 0.0

@@ -73,7 +73,7 @@ def diagnose(
         The same seed gives the same bits, whatever the number of threads.
     posterior
         Whether to sample the posterior as well, which takes some seconds: see
-        `emaphm.estimation.mcmc`. Values and verdicts stay those of the search.
+        `emaphm.estimation.posterior.mcmc`. Values and verdicts stay those of the search.
     on_progress
         Called with the fraction done, from 0 to 1.
 
@@ -90,7 +90,7 @@ def diagnose(
     check_plausible(recording, actuator)
     objective = objective_for(recording, actuator, chosen, model_named(model), nuisances, workers)
     if posterior:
-        from emaphm.estimation.mcmc import check_posterior
+        from emaphm.estimation.posterior.mcmc import check_posterior
 
         check_posterior(objective.problem.model)
     result = search(
@@ -107,7 +107,7 @@ def diagnose(
     result = with_discrepancy(result, seed)
     diagnosis = _conclude(result, recording, selected, chosen.name, fitness, seed)
     if posterior:
-        from emaphm.estimation.mcmc import sample
+        from emaphm.estimation.posterior.mcmc import sample
 
         sampling = subprogress(on_progress, SEARCH_SHARE, 1.0)
         correction, covariance = result.outputs_correction, diagnosis.covariance

@@ -19,7 +19,7 @@ from emaphm.text_table import format_table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from emaphm.estimation.posterior import Posterior
+    from emaphm.estimation.posterior.samples import Posterior
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from emaphm.errors import MethodError, nearest
-from emaphm.optimizers import OPTIMIZERS, Optimizer
+from emaphm.optimizers import OPTIMIZERS, Minimiser
 from emaphm.optimizers.adapters import PEERS, is_peer, peer
 
 ABBREVIATIONS = {
@@ -43,7 +43,7 @@ class Method:
     """
 
     name: str
-    optimizer: Callable[..., Optimizer[Any]] | None
+    optimizer: Callable[..., Minimiser] | None
     least_squares: bool
 
 
@@ -75,7 +75,7 @@ def method_named(name: str, settings: Mapping[str, Any] | None = None) -> Method
     )
 
 
-def _factory(base: str, given: str) -> Callable[..., Optimizer[Any]]:
+def _factory(base: str, given: str) -> Callable[..., Minimiser]:
     if base in OPTIMIZERS:
         return OPTIMIZERS[base]
     if base in VARIANTS:
@@ -86,7 +86,7 @@ def _factory(base: str, given: str) -> Callable[..., Optimizer[Any]]:
     raise MethodError(f"unknown method '{given}'{nearest(base, (*METHODS, *ABBREVIATIONS))}")
 
 
-def _check_settings(base: str, make: Callable[..., Optimizer[Any]], settings: Mapping[str, Any]) -> None:
+def _check_settings(base: str, make: Callable[..., Minimiser], settings: Mapping[str, Any]) -> None:
     """Refuse settings before the work that they would fail in."""
     box = {"lower": np.zeros(2), "upper": np.ones(2)}
     known = {field.name for field in fields(make(**box)) if field.init} - box.keys()

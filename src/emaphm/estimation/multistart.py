@@ -10,7 +10,7 @@ from emaphm.arrays import Array
 from emaphm.estimation.levenberg_marquardt import LeastSquaresResult, LeastSquaresSettings, least_squares
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.smoothing import low_pass
-from emaphm.optimizers import minimise, space_filling
+from emaphm.optimizers import space_filling
 from emaphm.progress import Progress
 from emaphm.random_streams import child_seed
 
@@ -124,7 +124,7 @@ def _global_stage(
     if optimizer is None:
         cost(space_filling(GLOBAL_POINTS, lower, upper, seed))
     else:
-        minimise(optimizer(lower, upper), cost, seed)
+        optimizer(lower, upper).minimise(cost, seed)
     return np.concatenate(points), np.concatenate(smooth), np.concatenate(sharp)
 
 

@@ -1,7 +1,7 @@
 """A population method alone, as in the thesis: it minimises a cost function of the current."""
 
 from collections.abc import Callable
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
@@ -10,11 +10,11 @@ from emaphm.estimation.cost_functions import COST_FUNCTIONS
 from emaphm.estimation.methods import Method
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import SearchResult
-from emaphm.optimizers import minimise
+from emaphm.optimizers import BestSoFar
 from emaphm.progress import Progress
 from emaphm.random_streams import child_seed
 
-OnPopulation: TypeAlias = Callable[[int, float, Array], None]
+OnBestFaults: TypeAlias = Callable[[int, float, Array], None]
 """Called after each population: evaluations so far, least cost so far, its normalised faults (8,)."""
 
 
@@ -24,7 +24,7 @@ def population_search(
     fitness: str,
     seed: int,
     on_progress: Progress | None,
-    on_population: OnPopulation | None,
+    on_population: OnBestFaults | None,
 ) -> SearchResult:
     """Return the best point that the method's optimiser came upon.
 
@@ -39,14 +39,14 @@ def population_search(
         currents = objective.currents(space.prior_transform(unit))
         return cost_function(problem.recorded, currents, problem.inputs.interval)
 
-    def report(state: Any) -> None:
+    def report(best_so_far: BestSoFar) -> None:
         if on_progress is not None:
-            on_progress(min(state.evaluations / optimizer.budget, 1.0))
+            on_progress(min(best_so_far.evaluations / optimizer.budget, 1.0))
         if on_population is not None:
-            best = space.faults(space.prior_transform(state.best_point[np.newaxis]))[0]
-            on_population(state.evaluations, state.best_fitness, best)
+            best = space.faults(space.prior_transform(best_so_far.best_point[np.newaxis]))[0]
+            on_population(best_so_far.evaluations, best_so_far.best_fitness, best)
 
     watched = report if on_progress or on_population else None
-    found = minimise(optimizer, cost, child_seed(seed, "population"), watched)
+    found = optimizer.minimise(cost, child_seed(seed, "population"), watched)
     point = space.prior_transform(found.point[np.newaxis])[0]
     return SearchResult.at(objective, point, population_cost=found.fitness)

@@ -8,7 +8,7 @@ from emaphm.estimation.discrepancy import has_reference
 from emaphm.estimation.methods import Method
 from emaphm.estimation.multistart import local_search, multistart
 from emaphm.estimation.objective import MapObjective
-from emaphm.estimation.population_search import OnPopulation, population_search
+from emaphm.estimation.population_search import OnBestFaults, population_search
 from emaphm.estimation.restarts import search_with_restarts
 from emaphm.estimation.search_result import SearchResult
 from emaphm.progress import Progress, subprogress
@@ -23,7 +23,7 @@ def search(
     max_corrections: int,
     seed: int,
     on_progress: Progress | None = None,
-    on_population: OnPopulation | None = None,
+    on_population: OnBestFaults | None = None,
 ) -> SearchResult:
     """Return where `method` ends; `max_corrections` bounds the bias correction that follows least squares.
 
