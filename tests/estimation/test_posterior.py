@@ -301,8 +301,8 @@ def test_where_faults_are_strong_both_agree(diagnosed: Diagnosis) -> None:
     for name in strong:
         low, high = posterior.interval95[name]
         assert low < diagnosed.components[name].value < high
-        # The sampled mean of a linear model would be the estimate; kinks of stick-slip move it by some standard
-        # errors of the optimiser, less than one of the data: half an interval is two of these.
+        # The sampled mean of a linear model would be the estimate. Kinks of stick-slip move it, by less
+        # than one standard error of the data: half an interval is two of these.
         ends = np.array(diagnosed.interval[name])
         assert np.all(np.abs(np.array([low, high]) - ends) < 0.5 * np.ptp(ends))
     # No short is negative: what is sampled lies within, and half the normal interval is out of bounds.

@@ -55,7 +55,7 @@ Number = Annotated[float, Field(strict=True)]
 
 
 class Baseline(Section):
-    """How well one unit's parameters are known after its calibration.
+    """How well one unit's parameters are known after its calibration: the prior of later diagnoses.
 
     Deviations of the lumped parameters `names` from the description are normal about 0 with `covariance`,
     (names, names): relative (of the logarithm) for positive parameters, in its own unit for the offset. They

@@ -62,8 +62,8 @@ class Estimate:
     The verdict is "degraded" where the whole interval is away from the healthy value, "healthy" where it
     leaves room for no fault that matters, else "cannot tell". `identifiable` is false where the interval
     covers more than half of the range: the value is then not known, whatever the verdict. `reason` says why
-    something cannot be told. The interval of the eccentricity's phase may run past 0 or 1, where the circle
-    closes.
+    a verdict or a value is missing. The interval of the eccentricity's phase may run past 0 or 1, where the
+    circle closes.
     """
 
     value: float

@@ -31,7 +31,7 @@ GLOBAL_POPULATION, GLOBAL_ITERATIONS = 32, 8
 """Budget of an optimiser as the global stage of a hybrid; twice as much brings nothing (plan "hybrids")."""
 
 METHODS = (HYBRID, *OPTIMIZERS, *VARIANTS, *PEERS)
-"""Names of methods, beside those of pymoo (`pymoo-ga`, …); any but `hybrid` may end in ``+lsq``."""
+"""Names of methods, not counting those of pymoo (`pymoo-ga`, …); any but `hybrid` may end in ``+lsq``."""
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
-"""What is not known of a recording and is no fault: how each nuisance acts, and what is known of it before.
+"""Nuisances: unknown parameters that are no faults, how each acts, and its prior.
 
 A nuisance's coordinate is its value in `PRIORS_PER_UNIT` standard deviations of its prior
-(`emaphm.actuator.parameters.Nuisances`), so that it is of the size of a fault's. Beside what is not known
-of a recording stands what is not known of the unit: how its parameters deviate from its description.
+(`emaphm.actuator.parameters.Nuisances`), so that it is of the size of a fault's. Some belong to one
+recording, such as the load; others to the unit: how its parameters deviate from its description.
 """
 
 from collections.abc import Mapping, Sequence
@@ -58,7 +58,7 @@ def unit_of(name: str, coordinates: str = "rotary") -> str:
 
 @dataclass(frozen=True, eq=False)
 class NuisanceSet:
-    """What is estimated besides the faults: coordinates with independent priors, and what they mean.
+    """The nuisances that are estimated with the faults: coordinates with independent priors.
 
     `names`, `priors` (standard deviations) and `widest` (bounds), (m,) each, are the coordinates'.
     `quantities` are what these stand for, in their own units: the chosen nuisances, and the deviations of
@@ -176,7 +176,7 @@ class NuisanceSet:
 
 
 NO_NUISANCES = NuisanceSet((), np.zeros(0), np.zeros(0), (), np.zeros((0, 0)), ())
-"""Nothing besides the faults."""
+"""The faults alone are estimated."""
 
 
 def _matters(actuator: Actuator, name: str, channels: Sequence[str]) -> bool:

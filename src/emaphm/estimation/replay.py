@@ -1,4 +1,4 @@
-"""Replaying a recording: the model follows the recorded command and load, and is held against the rest."""
+"""Replaying a recording: the model follows its command and load, and is compared with the other channels."""
 
 import json
 from collections.abc import Mapping
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """A recording beside the model's `signals`, each (samples,), and the relative error of each channel.
+    """A recording, the model's `signals` for it, each (samples,), and the relative error of each channel.
 
     `relative_error` is rms(measured - model) / rms(measured), as a fraction.
     """

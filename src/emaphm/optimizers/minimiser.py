@@ -97,3 +97,11 @@ class Minimiser(ABC):
         SignalError
             The seed is negative.
         """
+
+
+def checked_fitness(values: ArrayLike, n: int) -> Array:
+    """Return the fitness of `n` points, NaN replaced by inf; `MethodError` unless its shape is (n,)."""
+    fitness = np.asarray(values, float)
+    if fitness.shape != (n,):
+        raise MethodError(f"fitness has shape {fitness.shape}, expected ({n},): one value for each point")
+    return np.where(np.isnan(fitness), np.inf, fitness)

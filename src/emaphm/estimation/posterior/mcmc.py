@@ -1,8 +1,8 @@
 """Sampling the posterior of a diagnosis by an ensemble of walkers.
 
-Beside a bound, or in the direction of an eccentricity that is hardly there, an estimate and its covariance
-say too little. Walkers (Goodman and Weare 2010; ter Braak 2006; `emcee`, Foreman-Mackey et al. 2013) then
-sample the `LogPosterior`, their steps simulated in batches.
+Near a bound, and for the direction of a very small eccentricity, an estimate and its covariance are a poor
+description of what is known. Walkers (Goodman and Weare 2010; ter Braak 2006; `emcee`, Foreman-Mackey et al.
+2013) then sample the `LogPosterior`, their steps simulated in batches.
 """
 
 from dataclasses import dataclass
