@@ -27,7 +27,7 @@ HEAVY = np.array(
         [0.10, 0.30, 0.85, 0.60, 0.70, 0.60, 0.80, 0.30],
     ]
 )
-"""Shorts in all three phases, beyond what the averaged model is meant for (PHYSICS.md section 5)."""
+"""Shorts in all three phases, beyond what the averaged model is meant for (docs/physics.md, section 5)."""
 
 
 @pytest.fixture(scope="module", params=[0.0, 0.05], ids=["exact", "noisy"])

@@ -74,7 +74,7 @@ def test_expected_intervals_are_those_of_diagnoses_of_reference_recordings() -> 
 def test_voltage_narrows_the_intervals() -> None:
     alone, both = told(), told(channels=("current", "voltage"))
     assert both.logarithms.mean() < alone.logarithms.mean()
-    # Heat and a short look alike from the current alone; voltage separates them (PHYSICS.md section 3).
+    # Heat and a short look alike from the current alone; voltage separates them (docs/physics.md, section 6).
     for name in ("short_a", "short_b", "short_c"):
         assert both.half_widths[name] < alone.half_widths[name] / 3
 

@@ -10,7 +10,8 @@ from emaphm.errors import MethodError
 from emaphm.estimation.cost_functions import COST_FUNCTIONS
 from emaphm.plotting.fitness_scans import COLOURS, TRUTH, draw_scans
 from emaphm.simulated_recording import simulate
-from emaphm.simulation.laws.commutation import demand_sign, wrap
+from emaphm.simulation.laws.angles import wrap
+from emaphm.simulation.laws.commutation import demand_sign
 from emaphm.study.thesis import published
 from emaphm.study.thesis.fitness_study import GRID, MODELS, _points, fitness_study, fitness_table
 
@@ -60,7 +61,7 @@ def test_the_value_at_the_truth_is_that_of_two_separate_runs(
     forms = {"model": "averaged", "equivalent": equivalent, "fitness": "least_squares"}
     found = np.sqrt(_rows(study, fault="backlash", level="high", **forms)["value"].item())
     # The study drives the model with the recorded command, a curve through its rows: not farther from a chirp
-    # of 15 Hz and 5e-3 rad than a chord, h²/8 × 5e-3 (2 pi 15)², times the gains of PHYSICS.md section 1.
+    # of 15 Hz and 5e-3 rad than a chord, h²/8 × 5e-3 (2 pi 15)², times the gains of the thesis.
     departure = 2e-4**2 / 8 * 5e-3 * (2 * np.pi * 15) ** 2
     assert abs(found - expected) < departure * 1e5 * 5e-2 / 0.0752  # 0.015 A
 

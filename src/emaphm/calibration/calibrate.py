@@ -53,8 +53,8 @@ def calibrate(
         The description to start from; its values need only be right within a factor of 3 or so. A baseline
         of its own is replaced by that of these recordings.
     free
-        Names from `emaphm.actuator.lumped_parameters.TOTALS`; the others keep their values. Static friction
-        keeps its ratio to dynamic friction unless it is free itself.
+        Names from `emaphm.actuator.baseline.TOTALS`; the others keep their values.
+        Static friction keeps its ratio to dynamic friction unless it is free itself.
     nuisances
         What is unknown of each recording: as in `emaphm.diagnose`. One that cannot be
         separated from a free parameter is left out: a load where `offset` is free.

@@ -6,7 +6,7 @@ from emaphm.actuator import Actuator
 from emaphm.estimation.noise_level import noise_level
 from emaphm.recording import Recording, reconstructed
 from emaphm.simulation import Initial
-from emaphm.simulation.laws.commutation import wrap
+from emaphm.simulation.laws.angles import wrap
 
 SIGNIFICANT = 3.0
 """Standard errors by which a position or speed must differ from its default to be taken instead."""

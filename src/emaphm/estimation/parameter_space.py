@@ -5,12 +5,12 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import ndtri
 
 from emaphm.actuator import NAMES, Actuator
 from emaphm.actuator.faults import CARTESIAN_NAMES, HEALTHY, from_cartesian, to_cartesian
 from emaphm.arrays import Array
 from emaphm.estimation.nuisances import NO_NUISANCES, NuisanceSet
+from emaphm.quantiles import normal_quantile
 
 SHORTS = NAMES[2:5]
 ECCENTRICITY = NAMES[5:7]
@@ -118,6 +118,6 @@ class ParameterSpace(Box):
         faults = np.tile(HEALTHY.vector, (len(shares), 1))
         faults[:, list(self.columns)] = shares[:, : len(self.columns)]
         points = self.points(faults)
-        normal = ndtri(np.clip(shares[:, len(self.columns) :], 0.02, 0.98))
+        normal = normal_quantile(np.clip(shares[:, len(self.columns) :], 0.02, 0.98))
         points[:, len(self.columns) :] = self.nuisances.priors * normal
         return points

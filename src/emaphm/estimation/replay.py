@@ -13,7 +13,7 @@ from emaphm.estimation.problem import Problem
 from emaphm.recording import Recording, check_plausible, with_equivalent_current
 from emaphm.recording.schema import SCHEMA
 from emaphm.simulation import model_named
-from emaphm.simulation.laws.commutation import wrap
+from emaphm.simulation.laws.angles import wrap
 from emaphm.text_table import format_table
 from emaphm.version import VERSION
 

@@ -12,7 +12,7 @@ from emaphm.plotting.style import PAGE_WIDTH, RESIDUAL, legend_beside_title, new
 from emaphm.plotting.time_series import draw_line, draw_recorded_and_model, title_with_recording
 from emaphm.recording import Recording
 from emaphm.recording.schema import SCHEMA
-from emaphm.simulation.laws.commutation import wrap
+from emaphm.simulation.laws.angles import wrap
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
