@@ -155,7 +155,7 @@ def test_every_recording_of_the_reference_model_is_explained(
 
 
 MULTIPLE = Faults.from_vector([0.25, 0.75, 0.8, 0.8, 0.8, 0.25, 0.5, 0.75])
-"""The multiple faults of the thesis, where its dragonfly was 64.2 % off (docs/physics.md, section 8)."""
+"""The multiple faults of the thesis, where its dragonfly was 64.2 % off (docs/physics.md, section 10)."""
 
 
 @pytest.mark.parametrize("seed", [0, 1])

@@ -1,4 +1,4 @@
-"""Correction of the fitted model's bias by a few runs of the reference model (docs/physics.md, section 7).
+"""Correction of the fitted model's bias by a few runs of the reference model (docs/physics.md, section 9).
 
 The averaged model is not the reference model, so its best fit is biased. Their discrepancy at the estimate is
 added to the averaged model's outputs, and the fit repeated from there: space mapping, or a multi-fidelity
