@@ -6,7 +6,7 @@ import numpy as np
 
 import emaphm as ema
 from bench import foreign
-from emaphm.actuator.lumped_parameters import totals, with_totals
+from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
 from emaphm.estimation.nuisances import COPPER, MAGNETS
 
 NOISE_A, BITS = 0.05, 12
@@ -55,8 +55,8 @@ def actuator_on(rig: Rig, seed: int) -> ema.Actuator:
         for share, (low, high) in zip(shares, (rig.load, rig.heat, rig.supply, rig.inertia), strict=True)
     )
     actuator = ema.Actuator.thesis()
-    nominal = totals(actuator, ("resistance", "torque_constant", "supply", "inertia"))
-    return with_totals(
+    nominal = lumped_parameters(actuator, ("resistance", "torque_constant", "supply", "inertia"))
+    return with_lumped_parameters(
         actuator,
         {
             "offset": load,

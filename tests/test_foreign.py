@@ -21,7 +21,7 @@ from scipy.integrate import solve_ivp
 
 from emaphm import simulated_recording
 from emaphm.actuator import Actuator, Chirp, Faults, Step
-from emaphm.actuator.lumped_parameters import with_totals
+from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.arrays import Array
 from simulation.rig import FREE, altered, rms
 
@@ -40,7 +40,7 @@ SHAFT, FRICTION = Shaft(61.6, 1.96e-3), Stribeck(20.0, 1.0)
 
 @pytest.mark.parametrize("case", CASES)
 def test_without_its_features_it_is_the_reference_model(case: str) -> None:
-    actuator = with_totals(THESIS, {"offset": 0.07, "supply": 46.0, "inertia": 2.7e-5})
+    actuator = with_lumped_parameters(THESIS, {"offset": 0.07, "supply": 46.0, "inertia": 2.7e-5})
     ours = simulate(actuator, CHIRP, Features(), faults=CASES[case])
     theirs = simulated_recording.simulate(actuator, CHIRP, faults=CASES[case])
     for name in ours.names:
@@ -137,7 +137,7 @@ def test_the_two_inertias_swing_at_their_natural_frequency() -> None:
 
 
 def test_gap_spring_damper_and_smooth_friction_move_as_another_integrator_has_it() -> None:
-    actuator = with_totals(altered(mechanics={"end_stops": None}), {"offset": 0.05})
+    actuator = with_lumped_parameters(altered(mechanics={"end_stops": None}), {"offset": 0.05})
     m, shaft, friction = actuator.mechanics, SHAFT, FRICTION
 
     def torque(t: float) -> float:

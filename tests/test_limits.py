@@ -28,7 +28,7 @@ from bench.limits_figures import draw
 from bench.rig import BASE, EVERYTHING, IDEAL, Rig, actuator_on, recorded
 
 from emaphm.actuator import NAMES, Actuator, Faults
-from emaphm.actuator.lumped_parameters import totals
+from emaphm.actuator.lumped_parameters import lumped_parameters
 
 GOOD: dict[str, Any] = {
     "error": 0.2,
@@ -51,17 +51,20 @@ def alarmed(*names: str) -> tuple[bool, ...]:
 
 def test_the_same_seed_has_the_same_faults_and_loads_on_every_rig() -> None:
     offset = [
-        totals(actuator_on(rig, 5), ("offset",))["offset"]
+        lumped_parameters(actuator_on(rig, 5), ("offset",))["offset"]
         for rig in (BASE, replace(BASE, heat=(0.0, 0.0)), replace(BASE, inertia=(0.1, 0.1)))
     ]
     assert offset[0] == offset[1] == offset[2] != 0
-    assert np.ptp([totals(actuator_on(BASE, seed), ("offset",))["offset"] for seed in range(50)]) > 0.3
+    assert (
+        np.ptp([lumped_parameters(actuator_on(BASE, seed), ("offset",))["offset"] for seed in range(50)])
+        > 0.3
+    )
 
 
 def test_what_is_off_on_a_rig_is_off_by_what_it_says() -> None:
     rig = Rig(load=(0.1, 0.1), heat=(40.0, 40.0), supply=(-0.1, -0.1), inertia=(0.05, 0.05))
     names = ("offset", "resistance", "torque_constant", "supply", "inertia")
-    nominal, got = totals(Actuator.thesis(), names), totals(actuator_on(rig, 0), names)
+    nominal, got = lumped_parameters(Actuator.thesis(), names), lumped_parameters(actuator_on(rig, 0), names)
     # Copper gains 0.393 % a kelvin, NdFeB loses 0.11 %.
     factors = {"resistance": 1.1572, "torque_constant": 0.956, "supply": 0.9, "inertia": 1.05}
     assert got["offset"] == pytest.approx(0.1)

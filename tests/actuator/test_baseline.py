@@ -8,7 +8,7 @@ import pytest
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.baseline import Baseline
-from emaphm.actuator.lumped_parameters import with_totals
+from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.errors import ActuatorError
 
 THESIS = Actuator.thesis()
@@ -46,7 +46,7 @@ def test_a_description_that_nobody_calibrated_has_none(tmp_path: Path) -> None:
 
 def test_other_values_keep_the_baseline() -> None:
     actuator = with_baseline()
-    assert with_totals(actuator, {"inertia": 3e-5}).baseline == actuator.baseline
+    assert with_lumped_parameters(actuator, {"inertia": 3e-5}).baseline == actuator.baseline
 
 
 def test_a_parameter_known_exactly_is_allowed() -> None:

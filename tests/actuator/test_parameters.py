@@ -1,4 +1,4 @@
-"""The actuator's parameters: the thesis's table, totals, and that nothing can be changed."""
+"""The actuator's parameters: the thesis's table, sums, and that nothing can be changed."""
 
 import math
 from typing import Any
@@ -35,7 +35,7 @@ def test_the_thesis_actuator_is_the_table_of_physics_section_1() -> None:
 
 
 @given(actuator=actuators())
-def test_totals_are_the_sums_of_motor_and_user(actuator: Actuator) -> None:
+def test_lumped_parameters_are_the_sums_of_motor_and_user(actuator: Actuator) -> None:
     m = actuator.mechanics
     assert m.inertia == m.inertia_motor + m.inertia_user
     assert m.viscous == m.viscous_motor + m.viscous_user

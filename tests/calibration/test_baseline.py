@@ -9,7 +9,7 @@ import pytest
 from cases import THESIS
 from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.actuator.baseline import Baseline
-from emaphm.actuator.lumped_parameters import TOTALS, totals, with_totals
+from emaphm.actuator.lumped_parameters import LUMPED_PARAMETERS, lumped_parameters, with_lumped_parameters
 from emaphm.calibration import Calibration, calibrate
 from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.errors import MethodError
@@ -23,7 +23,9 @@ from emaphm.simulated_recording import simulate
 VOLTAGE = ("current_A", "voltage_V")
 FREE = ("inertia", "viscous", "coulomb", "torque_constant", "resistance")
 FACTORS = dict(zip(FREE, (1.08, 0.9, 0.92, 1.04, 0.95), strict=True))
-UNIT = with_totals(THESIS, {n: v * FACTORS[n] for n, v in totals(THESIS, FREE).items()}, name="unit 7")
+UNIT = with_lumped_parameters(
+    THESIS, {n: v * FACTORS[n] for n, v in lumped_parameters(THESIS, FREE).items()}, name="unit 7"
+)
 TRUTH = Faults(friction=0.2, short_a=0.15, gain=0.55)
 
 
@@ -45,13 +47,13 @@ def of_a_day(
     stop_hz: float = 15.0,
 ) -> Recording:
     """Return what a rig records; copper gains 0.393 % a kelvin, NdFeB loses 0.11 %."""
-    cold = totals(actuator, ("resistance", "torque_constant"))
+    cold = lumped_parameters(actuator, ("resistance", "torque_constant"))
     changed = {
         "offset": load,
         "resistance": cold["resistance"] * (1 + 0.00393 * temperature_rise_K),
         "torque_constant": cold["torque_constant"] * (1 - 0.0011 * temperature_rise_K),
     }
-    that_day = with_totals(actuator, changed)
+    that_day = with_lumped_parameters(actuator, changed)
     whole = simulate(that_day, Chirp(stop_hz=stop_hz), faults=faults, noise=0.05, adc_bits=12, seed=seed)
     kept = {name: whole[name] for name in ("time_s", "command_rad", *channels)}
     return Recording(kept, whole.sampling, f"day {seed}")
@@ -86,7 +88,7 @@ def diagnosed(faulty: Recording, calibrated: Calibration) -> Diagnosis:
 
 
 def test_a_unit_is_found_on_days_of_unknown_load_and_heat(calibrated: Calibration) -> None:
-    true = totals(UNIT, FREE)
+    true = lumped_parameters(UNIT, FREE)
     for name, found in calibrated.parameters.items():
         # Of five normal deviates, one in 3000 cases has one beyond 4.
         assert abs(found.value - true[name]) < 4 * found.standard_error
@@ -144,7 +146,8 @@ def test_a_recording_that_cannot_tell_does_not_spoil_the_others(healthy: list[Re
 
 def test_friction_that_differs_from_day_to_day_widens_the_baseline() -> None:
     days = [
-        with_totals(UNIT, {"coulomb": totals(UNIT, ("coulomb",))["coulomb"] * f}) for f in (0.9, 1.0, 1.1)
+        with_lumped_parameters(UNIT, {"coulomb": lumped_parameters(UNIT, ("coulomb",))["coulomb"] * f})
+        for f in (0.9, 1.0, 1.1)
     ]
     wandering = [of_a_day(day, seed=i) for i, day in enumerate(days)]
     steady = [of_a_day(UNIT, seed=i) for i in range(3)]
@@ -193,7 +196,7 @@ def test_a_baseline_composes_with_the_unknowns_of_the_day() -> None:
     one = np.random.default_rng(0).normal(0.0, 0.2, (1, unknown.priors.size)) * unknown.priors
     values = unknown.values(one)
     day = {name: float(value[0]) for name, value in values.items()}
-    described = totals(actuator, tuple(TOTALS))
+    described = lumped_parameters(actuator, tuple(LUMPED_PARAMETERS))
     expected = {
         "coulomb": described["coulomb"] * np.exp(day["baseline coulomb"]),
         "inertia": described["inertia"] * np.exp(day["baseline inertia"]) * (1 + day["inertia"]),
@@ -209,7 +212,9 @@ def test_a_baseline_composes_with_the_unknowns_of_the_day() -> None:
 
 def test_a_deviation_is_an_actuator_of_other_values() -> None:
     # What the rig in software records of the other actuator, the described one has under the deviation.
-    whole = simulate(with_totals(THESIS, {"inertia": 1.06 * 2.5e-5}), Chirp(), faults=TRUTH, model="averaged")
+    whole = simulate(
+        with_lumped_parameters(THESIS, {"inertia": 1.06 * 2.5e-5}), Chirp(), faults=TRUTH, model="averaged"
+    )
     recording = Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A")})
     fit = faults_objective(Problem.of(recording, with_baseline({"inertia": 0.03}), channels=None), ())
     point = fit.space.points(TRUTH.vector)
@@ -225,7 +230,7 @@ def test_friction_is_known_no_better_than_its_baseline() -> None:
     # A fault multiplies all friction by 1 + 2 k: of 5 % in the healthy friction, 0.025 (1 + 2 k) are left.
     recording = simulate(THESIS, Chirp(), faults=Faults(friction=0.3), noise=0.05)
     recording = Recording({name: recording[name] for name in ("time_s", "command_rad", *VOLTAGE)})
-    frictionless = with_totals(THESIS, {"viscous": 0.0})
+    frictionless = with_lumped_parameters(THESIS, {"viscous": 0.0})
     loose = diagnose(recording, with_baseline({"coulomb": 0.05}, frictionless), nuisances=(), workers=1)
     exact = diagnose(recording, frictionless, nuisances=(), workers=1)
     assert exact.components["friction"].standard_error < 0.01

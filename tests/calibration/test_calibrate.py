@@ -10,7 +10,7 @@ import pytest
 
 from cases import THESIS
 from emaphm.actuator import Actuator, Chirp, Sampled
-from emaphm.actuator.lumped_parameters import totals, with_totals
+from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
 from emaphm.calibration import Calibration, calibrate
 from emaphm.errors import MethodError, RecordingError
 from emaphm.estimation.parameter_variation import WIDEST_FACTOR
@@ -19,8 +19,10 @@ from emaphm.simulated_recording import simulate
 from emaphm.simulation import AVERAGED
 
 FREE = ("inertia", "viscous", "coulomb", "offset")
-UNIT = with_totals(THESIS, {"inertia": 3.2e-5, "viscous": 2e-4, "coulomb": 0.06, "offset": 0.02}, name="unit")
-TRUE = totals(UNIT, FREE)
+UNIT = with_lumped_parameters(
+    THESIS, {"inertia": 3.2e-5, "viscous": 2e-4, "coulomb": 0.06, "offset": 0.02}, name="unit"
+)
+TRUE = lumped_parameters(UNIT, FREE)
 
 WRONG_STARTS = [(0.7, 1.3, 0.7), (1.3, 0.7, 1.3), (1.3, 1.3, 1.3), (0.7, 0.7, 0.7)]
 
@@ -28,7 +30,7 @@ WRONG_STARTS = [(0.7, 1.3, 0.7), (1.3, 0.7, 1.3), (1.3, 1.3, 1.3), (0.7, 0.7, 0.
 def misdescribed(factors: Sequence[float]) -> Actuator:
     """Return the unit with its first three parameters times `factors` and no offset."""
     values = {name: TRUE[name] * factor for name, factor in zip(FREE, factors, strict=False)}
-    return with_totals(UNIT, values | {"offset": 0.0}, name="guess")
+    return with_lumped_parameters(UNIT, values | {"offset": 0.0}, name="guess")
 
 
 def deviations(found: Calibration) -> dict[str, float]:
@@ -66,7 +68,7 @@ def test_a_unit_is_found_again_from_starts_that_are_30_percent_wrong(
     assert all(p.identifiable for p in found.parameters.values())
     # Of four normal deviates, one in 10,000 cases has one beyond 4.
     assert all(abs(deviation) < 4 for deviation in deviations(found).values())
-    assert totals(found.actuator, FREE) == pytest.approx(
+    assert lumped_parameters(found.actuator, FREE) == pytest.approx(
         {name: p.value for name, p in found.parameters.items()}
     )
 
@@ -123,7 +125,7 @@ def test_static_friction_follows_dynamic_friction(instants: Recording) -> None:
 def test_everything_else_stays(instants: Recording) -> None:
     guess = misdescribed(WRONG_STARTS[0])
     found = calibrate(instants, guess, ["inertia", "coulomb"])
-    expected = with_totals(
+    expected = with_lumped_parameters(
         guess, {name: p.value for name, p in found.parameters.items()}, name="guess, calibrated"
     )
     assert found.actuator.model_copy(update={"baseline": None}) == expected
@@ -152,9 +154,9 @@ def test_a_scale_that_no_current_can_tell_is_not_identifiable() -> None:
 
 @pytest.mark.parametrize("free", [["static"], ["coulomb", "static"]])
 def test_static_friction_may_be_as_small_as_dynamic_friction(free: list[str]) -> None:
-    equal = with_totals(THESIS, {"static": THESIS.mechanics.dynamic_friction})
+    equal = with_lumped_parameters(THESIS, {"static": THESIS.mechanics.dynamic_friction})
     recording = simulate(equal, Chirp())
-    guess = with_totals(equal, {"static": 1.3 * equal.mechanics.static_friction})
+    guess = with_lumped_parameters(equal, {"static": 1.3 * equal.mechanics.static_friction})
     # Below dynamic friction nothing changes, so where a descent ends there depends on where it began.
     for seed in range(4):
         found = calibrate(recording, guess, free, seed=seed).actuator.mechanics
@@ -213,7 +215,7 @@ IDEAL = Actuator.from_dict(THESIS.model_dump() | {"electrical": None})
         (THESIS, ["inertia", "frction"], r"unknown parameter 'frction'"),
         (IDEAL, ["resistance"], r"'resistance' needs an \[electrical\] section, which .*'thesis' lacks"),
         (
-            with_totals(THESIS, {"viscous": 0.0}),
+            with_lumped_parameters(THESIS, {"viscous": 0.0}),
             ["inertia", "viscous"],
             r"'viscous' is 0 in actuator 'thesis', so its size is unknown; give an estimate",
         ),

@@ -5,7 +5,7 @@ import pytest
 
 from cases import THESIS, drawn
 from emaphm.actuator import Actuator, Chirp, Faults
-from emaphm.actuator.lumped_parameters import totals, with_totals
+from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
 from emaphm.diagnosis import Diagnosis, diagnose, error_percent
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
@@ -20,8 +20,8 @@ def recorded(actuator: Actuator, faults: Faults, seed: int = 0) -> Recording:
 
 
 def heavier(share: float) -> Actuator:
-    inertia = totals(THESIS, ("inertia",))["inertia"]
-    return with_totals(THESIS, {"inertia": (1 + share) * inertia})
+    inertia = lumped_parameters(THESIS, ("inertia",))["inertia"]
+    return with_lumped_parameters(THESIS, {"inertia": (1 + share) * inertia})
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import pytest
 
 from cases import THESIS, covered, drawn, errors_percent
 from emaphm.actuator import Chirp, Faults
-from emaphm.actuator.lumped_parameters import totals, with_totals
+from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
 from emaphm.arrays import Array
 from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.recording import Recording
@@ -25,13 +25,13 @@ SHORTS = ("short_a", "short_b", "short_c")
 @pytest.fixture(scope="module")
 def recordings() -> list[Recording]:
     """Return command, current and voltage of each case; copper gains 0.393 % a kelvin, NdFeB loses 0.11 %."""
-    cold = totals(THESIS, ("resistance", "torque_constant"))
+    cold = lumped_parameters(THESIS, ("resistance", "torque_constant"))
     warm = {
         "offset": LOAD,
         "resistance": cold["resistance"] * (1 + 0.00393 * WARMER),
         "torque_constant": cold["torque_constant"] * (1 - 0.0011 * WARMER),
     }
-    actuator = with_totals(THESIS, warm)
+    actuator = with_lumped_parameters(THESIS, warm)
     wholes = [
         simulate(actuator, Chirp(), faults=Faults.from_vector(k), noise=0.05, adc_bits=12, seed=i)
         for i, k in enumerate(TRUTHS)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from emaphm.actuator import Actuator, Chirp, Faults, Load, Sine
-from emaphm.actuator.lumped_parameters import totals, with_totals
+from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
 from emaphm.arrays import Array
 from emaphm.diagnosis import diagnose
 from emaphm.errors import ActuatorError, MethodError
@@ -28,7 +28,7 @@ def described(**nuisances: object) -> Actuator:
 
 def warmed(kelvin: float) -> dict[str, float]:
     """Return the lumped parameters of the thesis's motor at a temperature rise (copper, NdFeB)."""
-    cold = totals(THESIS, ("resistance", "torque_constant"))
+    cold = lumped_parameters(THESIS, ("resistance", "torque_constant"))
     return {
         "resistance": cold["resistance"] * (1 + 0.00393 * kelvin),
         "torque_constant": cold["torque_constant"] * (1 - 0.0011 * kelvin),
@@ -111,14 +111,14 @@ def test_no_prior_is_so_wide_that_a_total_becomes_impossible(deviation: float, n
         ("inertia", 0.1, {"inertia": 1.1 * 2.5e-5}),
     ],
 )
-def test_a_nuisance_is_an_actuator_of_other_totals(
+def test_a_nuisance_is_an_actuator_of_other_lumped_parameters(
     name: str, value: float, changed: dict[str, float]
 ) -> None:
     # What the rig in software records of the changed actuator, the plain one has under the nuisance.
     actuator = described(hinge=10.0)
     # In the averaged model the supply does nothing until it limits the current, as in fast motion.
     command = Sine(0.05, 8.0) if name == "supply" else Chirp()
-    whole = simulate(with_totals(actuator, changed), command, faults=TRUTH, model="averaged")
+    whole = simulate(with_lumped_parameters(actuator, changed), command, faults=TRUTH, model="averaged")
     kept = ("time_s", "command_rad", "current_A", "voltage_V", "position_rad", "speed_rad_s")
     recording = Recording({channel: whole[channel] for channel in kept})
     fit = faults_objective(Problem.of(recording, actuator, channels=None), (name,))
@@ -170,7 +170,7 @@ def cold_and(actuator: Actuator, load: Load = 0.0, **known: float) -> list[Array
 
 
 def test_a_recorded_temperature_takes_the_heat_out() -> None:
-    cold, hot, unaware = cold_and(with_totals(THESIS, warmed(40.0)), temperature_K=293.15 + 40.0)
+    cold, hot, unaware = cold_and(with_lumped_parameters(THESIS, warmed(40.0)), temperature_K=293.15 + 40.0)
     # Two noises and two runs of chaotic switching: 0.02, as a short is located to; 40 K weigh 0.04.
     np.testing.assert_allclose(hot, cold, rtol=0, atol=0.02)
     assert np.abs(unaware - cold).max() > 0.03

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from emaphm.actuator import Actuator, Chirp, Faults
-from emaphm.actuator.lumped_parameters import totals, with_totals
+from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
 from emaphm.diagnosis import diagnose, error_percent
 from emaphm.errors import MethodError
 from emaphm.estimation.nuisances import COPPER, MAGNETS, NAMES, PRIORS_PER_UNIT, NuisanceSet
@@ -22,8 +22,8 @@ CHANNELS = ("current_A", "voltage_V", "position_rad", "speed_rad_s")
 
 
 def rig(load: float = 0.0, temperature_rise_K: float = 0.0, *channels: str, **more: float) -> Recording:
-    nominal = totals(THESIS, ("resistance", "torque_constant"))
-    actuator = with_totals(
+    nominal = lumped_parameters(THESIS, ("resistance", "torque_constant"))
+    actuator = with_lumped_parameters(
         THESIS,
         {
             "offset": load,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cases import INTERVAL, THESIS
 from emaphm.actuator import Actuator, Chirp, Faults
-from emaphm.actuator.lumped_parameters import with_totals
+from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.arrays import Array
 from emaphm.errors import MethodError, RecordingError
 from emaphm.estimation import replay
@@ -99,7 +99,7 @@ def test_the_reference_models_recording_is_replayed_but_for_its_ripple(healthy: 
 def test_a_wrong_actuator_is_farther_off(healthy: Recording) -> None:
     right = replay(healthy, THESIS).relative_error["current_A"]
     for values in ({"inertia": 5e-5}, {"coulomb": 0.15}, {"position_gain": 7e4}):
-        assert replay(healthy, with_totals(THESIS, values)).relative_error["current_A"] > 3 * right
+        assert replay(healthy, with_lumped_parameters(THESIS, values)).relative_error["current_A"] > 3 * right
 
 
 def test_faults_are_replayed_where_they_are_given() -> None:

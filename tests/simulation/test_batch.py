@@ -91,7 +91,7 @@ def test_no_rows_give_no_rows() -> None:
     assert simulate_batch(AVERAGED, THESIS, np.empty((0, 8)), inputs(AVERAGED)).shape == (0, 250)
 
 
-def test_totals_are_set_row_by_row() -> None:
+def test_lumped_parameters_are_set_row_by_row() -> None:
     masses = np.array([1e-5, 2.5e-5, 5e-5])
     given = Inputs.of(Chirp(), samples=500, interval=INTERVAL, step=AVERAGED.step)
     together = run_batch(AVERAGED, Plant.of(THESIS, np.tile(DRAWN[0], (3, 1)), {"inertia": masses}), given)

@@ -187,7 +187,7 @@ def test_without_electrical_part_the_current_is_its_reference() -> None:
 
 
 @pytest.mark.parametrize("name", ["inertia", "viscous", "coulomb", "static", "offset", "position_gain"])
-def test_totals_stand_for_the_actuators_own(name: str) -> None:
+def test_lumped_parameters_stand_for_the_actuators_own(name: str) -> None:
     changes = {
         "inertia": {"mechanics": {"inertia_motor": 3e-5, "inertia_user": 0.0}},
         "viscous": {"mechanics": {"viscous_motor": 1e-4, "viscous_user": 0.0}},
@@ -204,7 +204,7 @@ def test_totals_stand_for_the_actuators_own(name: str) -> None:
             }
         },
     }
-    totals = {
+    lumped_parameters = {
         "inertia": 3e-5,
         "viscous": 1e-4,
         "static": 0.3,
@@ -214,11 +214,11 @@ def test_totals_stand_for_the_actuators_own(name: str) -> None:
     }
     k = Faults(friction=0.3, gain=0.8).vector
     inputs = Inputs.of(Chirp(), samples=1500, interval=INTERVAL, step=AVERAGED.step)
-    by_total = run(AVERAGED, Plant.of(THESIS, k, {name: totals[name]}), inputs)["current_A"]
+    by_parameter = run(AVERAGED, Plant.of(THESIS, k, {name: lumped_parameters[name]}), inputs)["current_A"]
     by_actuator = run(AVERAGED, Plant.of(altered(**changes[name]), k), inputs)["current_A"]
     nominal = run(AVERAGED, Plant.of(THESIS, k), inputs)["current_A"]
-    np.testing.assert_allclose(by_total, by_actuator, rtol=1e-9, atol=1e-9)
-    assert rms(by_total - nominal) > 1e-3
+    np.testing.assert_allclose(by_parameter, by_actuator, rtol=1e-9, atol=1e-9)
+    assert rms(by_parameter - nominal) > 1e-3
 
 
 @pytest.mark.parametrize(
@@ -230,15 +230,15 @@ def test_totals_stand_for_the_actuators_own(name: str) -> None:
         ("inductance", "electrical", "inductance", 2e-3),
     ],
 )
-def test_electrical_totals_stand_for_the_actuators_own(
+def test_electrical_lumped_parameters_stand_for_the_actuators_own(
     name: str, section: str, key: str, value: float
 ) -> None:
     inputs = Inputs.of(Sine(2e-2, 15.0), samples=500, interval=INTERVAL, step=AVERAGED.step)
     k = Faults(short_b=0.2).vector
-    by_total = run(AVERAGED, Plant.of(THESIS, k, {name: value}), inputs)["current_A"]
+    by_parameter = run(AVERAGED, Plant.of(THESIS, k, {name: value}), inputs)["current_A"]
     by_actuator = run(AVERAGED, Plant.of(altered(**{section: {key: value}}), k), inputs)["current_A"]
-    assert np.array_equal(by_total, by_actuator)
-    assert rms(by_total - run(AVERAGED, Plant.of(THESIS, k), inputs)["current_A"]) > 1e-3
+    assert np.array_equal(by_parameter, by_actuator)
+    assert rms(by_parameter - run(AVERAGED, Plant.of(THESIS, k), inputs)["current_A"]) > 1e-3
 
 
 def test_a_held_shaft_stays_held_whatever_the_faults() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from emaphm.actuator import Actuator, Chirp, Faults, Sine, Step
-from emaphm.actuator.lumped_parameters import with_totals
+from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import (
     AVERAGED,
@@ -77,7 +77,7 @@ def test_the_number_of_workers_changes_no_bit(model: Model, monkeypatch: pytest.
 @pytest.mark.parametrize("model", ["averaged", "reference"])
 def test_a_hinge_moment_is_held_by_the_motor(model: str) -> None:
     hinge, position = 60.0, 5e-3
-    loaded = with_totals(THESIS, {"hinge": hinge, "coulomb": 1e-6, "static": 1e-6})
+    loaded = with_lumped_parameters(THESIS, {"hinge": hinge, "coulomb": 1e-6, "static": 1e-6})
     held = simulate(loaded, Step(position), model=model, duration=0.5)
     torque = hinge * held["position_rad"][-500:].mean()
     current = held["current_A"][-500:].mean()
@@ -89,7 +89,7 @@ def test_a_hinge_moment_is_held_by_the_motor(model: str) -> None:
 def test_without_a_hinge_moment_nothing_changes() -> None:
     plain, none = (
         simulate(actuator, Chirp(), faults=Faults(friction=0.3), model="averaged")
-        for actuator in (THESIS, with_totals(THESIS, {"hinge": 0.0}))
+        for actuator in (THESIS, with_lumped_parameters(THESIS, {"hinge": 0.0}))
     )
     np.testing.assert_array_equal(plain["current_A"], none["current_A"])
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from emaphm.actuator import Chirp, Sampled
-from emaphm.actuator.lumped_parameters import TOTALS
+from emaphm.actuator.lumped_parameters import LUMPED_PARAMETERS
 from emaphm.errors import EmaphmError, FaultError, MethodError, SignalError
 from emaphm.simulation import AVERAGED, MODELS, REFERENCE, Inputs, Plant, model_named, monitor, run, run_batch
 from simulation.rig import INTERVAL, THESIS, altered, record
@@ -52,12 +52,12 @@ def test_a_total_of_the_windings_needs_windings(name: str) -> None:
         Plant.of(IDEAL, HEALTHY, {name: 1.0})
 
 
-@pytest.mark.parametrize("name", sorted(set(TOTALS) - {"resistance", "inductance", "supply"}))
-def test_the_other_totals_do_not(name: str) -> None:
+@pytest.mark.parametrize("name", sorted(set(LUMPED_PARAMETERS) - {"resistance", "inductance", "supply"}))
+def test_the_other_lumped_parameters_do_not(name: str) -> None:
     assert Plant.of(IDEAL, HEALTHY, {name: 1.0}).count == 1
 
 
-def test_totals_of_another_length_are_refused() -> None:
+def test_lumped_parameters_of_another_length_are_refused() -> None:
     with pytest.raises(MethodError, match="inertia"):
         Plant.of(THESIS, np.tile(HEALTHY, (2, 1)), {"inertia": [1e-5, 2e-5, 3e-5]})
 

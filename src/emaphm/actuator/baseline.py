@@ -9,7 +9,7 @@ from emaphm.actuator.parameters import Section
 from emaphm.actuator.quantity import quantity
 from emaphm.errors import nearest
 
-TOTALS = {
+LUMPED_PARAMETERS = {
     "inertia": "kg·m²",
     "viscous": "N·m·s/rad",
     "coulomb": "N·m",
@@ -75,8 +75,8 @@ class Baseline(Section):
     @classmethod
     def _known(cls, names: tuple[str, ...]) -> tuple[str, ...]:
         for name in names:
-            if name not in TOTALS:
-                raise ValueError(f"unknown parameter '{name}'{nearest(name, TOTALS)}")
+            if name not in LUMPED_PARAMETERS:
+                raise ValueError(f"unknown parameter '{name}'{nearest(name, LUMPED_PARAMETERS)}")
             if names.count(name) > 1:
                 raise ValueError(f"parameter '{name}' is named twice; name it once")
         return names

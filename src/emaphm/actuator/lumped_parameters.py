@@ -6,17 +6,24 @@ from typing import Any
 import numpy as np
 
 from emaphm.actuator.actuator import Actuator
-from emaphm.actuator.baseline import PARTS, TOTALS
+from emaphm.actuator.baseline import LUMPED_PARAMETERS, PARTS
 from emaphm.errors import MethodError, nearest
 
-__all__ = ["PARTS", "TOTALS", "check_totals", "static_follows", "totals", "with_totals"]
+__all__ = [
+    "LUMPED_PARAMETERS",
+    "PARTS",
+    "check_lumped_parameters",
+    "lumped_parameters",
+    "static_follows",
+    "with_lumped_parameters",
+]
 
 
-def check_totals(actuator: Actuator, names: Mapping[str, Any] | tuple[str, ...]) -> None:
+def check_lumped_parameters(actuator: Actuator, names: Mapping[str, Any] | tuple[str, ...]) -> None:
     """Raise `MethodError` for a name that is unknown or that `actuator` has no section for."""
     for name in names:
-        if name not in TOTALS:
-            raise MethodError(f"unknown parameter '{name}'{nearest(name, TOTALS)}")
+        if name not in LUMPED_PARAMETERS:
+            raise MethodError(f"unknown parameter '{name}'{nearest(name, LUMPED_PARAMETERS)}")
         if PARTS[name][0] == "electrical" and actuator.electrical is None:
             raise MethodError(
                 f"parameter '{name}' needs an [electrical] section, which actuator '{actuator.name}' lacks; "
@@ -24,9 +31,9 @@ def check_totals(actuator: Actuator, names: Mapping[str, Any] | tuple[str, ...])
             )
 
 
-def totals(actuator: Actuator, names: tuple[str, ...]) -> dict[str, float]:
-    """Return the described values of the named parameters, in the units of `TOTALS`."""
-    check_totals(actuator, names)
+def lumped_parameters(actuator: Actuator, names: tuple[str, ...]) -> dict[str, float]:
+    """Return the described values of the named parameters, in the units of `LUMPED_PARAMETERS`."""
+    check_lumped_parameters(actuator, names)
     values = {}
     for name in names:
         section, *fields = PARTS[name]
@@ -46,7 +53,9 @@ def static_follows(actuator: Actuator, values: Mapping[str, Any]) -> dict[str, A
     return following
 
 
-def with_totals(actuator: Actuator, values: Mapping[str, float], *, name: str | None = None) -> Actuator:
+def with_lumped_parameters(
+    actuator: Actuator, values: Mapping[str, float], *, name: str | None = None
+) -> Actuator:
     """Return `actuator` with the given parameters, motor and user keeping their shares; renamed if asked.
 
     Raises
@@ -56,7 +65,7 @@ def with_totals(actuator: Actuator, values: Mapping[str, float], *, name: str | 
     ActuatorError
         A value is impossible, such as an inertia that is not positive.
     """
-    check_totals(actuator, values)
+    check_lumped_parameters(actuator, values)
     description = actuator.model_dump()
     for parameter, value in static_follows(actuator, values).items():
         section, first, *others = PARTS[parameter]

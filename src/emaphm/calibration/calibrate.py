@@ -7,7 +7,11 @@ import numpy as np
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.baseline import Baseline
-from emaphm.actuator.lumped_parameters import TOTALS, check_totals, with_totals
+from emaphm.actuator.lumped_parameters import (
+    LUMPED_PARAMETERS,
+    check_lumped_parameters,
+    with_lumped_parameters,
+)
 from emaphm.actuator.quantity import unit_for
 from emaphm.arrays import Array
 from emaphm.calibration.random_effects import random_effects
@@ -53,7 +57,7 @@ def calibrate(
         The description to start from; its values need only be right within a factor of 3 or so. A baseline
         of its own is replaced by that of these recordings.
     free
-        Names from `emaphm.actuator.baseline.TOTALS`; the others keep their values.
+        Names from `emaphm.actuator.baseline.LUMPED_PARAMETERS`; the others keep their values.
         Static friction keeps its ratio to dynamic friction unless it is free itself.
     nuisances
         What is unknown of each recording: as in `emaphm.diagnose`. One that cannot be
@@ -99,7 +103,9 @@ def calibrate(
     if "static" in values:
         # Below dynamic friction it has no effect, so the search may have left it anywhere there.
         values["static"] = max(values["static"], values.get("coulomb", bare.mechanics.dynamic_friction))
-    calibrated = with_totals(bare, values, name=f"{actuator.name.removesuffix(CALIBRATED)}{CALIBRATED}")
+    calibrated = with_lumped_parameters(
+        bare, values, name=f"{actuator.name.removesuffix(CALIBRATED)}{CALIBRATED}"
+    )
     baseline = Baseline.of(
         names, np.outer(size, size) * combined.covariance, tuple(one.source for one in given)
     )
@@ -127,7 +133,7 @@ def _parameters(
         name: Parameter(
             value,
             float(error * (factor if name == "offset" else value)),
-            unit_for(TOTALS[name], coordinates),
+            unit_for(LUMPED_PARAMETERS[name], coordinates),
             identifiable=bool(error < LARGEST_ERROR),
         )
         for (name, value), error, factor in zip(values.items(), errors, size, strict=True)
@@ -139,8 +145,8 @@ def _check(recordings: Sequence[Recording], actuator: Actuator, free: tuple[str,
     if not recordings:
         raise MethodError("no recording to calibrate from; give one of the healthy unit, or several")
     if not free:
-        raise MethodError(f"no parameter to calibrate; name some of {', '.join(TOTALS)}")
-    check_totals(actuator, free)
+        raise MethodError(f"no parameter to calibrate; name some of {', '.join(LUMPED_PARAMETERS)}")
+    check_lumped_parameters(actuator, free)
     for name in actuator.baseline.names if actuator.baseline else ():
         if name not in free:
             raise MethodError(
@@ -158,4 +164,4 @@ def _replayed(
     rise = estimate.objective.problem.temperature_rise_K
     changed = nuisances.lumped_parameters(calibrated, values, rise)
     parameters = {name: float(value) for name, value in changed.items()}
-    return replay(recording, with_totals(calibrated, parameters) if parameters else calibrated)
+    return replay(recording, with_lumped_parameters(calibrated, parameters) if parameters else calibrated)

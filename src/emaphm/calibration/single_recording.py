@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.lumped_parameters import totals
+from emaphm.actuator.lumped_parameters import lumped_parameters
 from emaphm.arrays import Array
 from emaphm.errors import MethodError
 from emaphm.estimation.bias_correction import correct_bias
@@ -156,7 +156,7 @@ def _only_ratios(recording: Recording, actuator: Actuator, free: tuple[str, ...]
 
     A voltage would show the constant by the speed, a recorded load by the current that holds it.
     """
-    acting = {name for name, value in totals(actuator, TORQUES).items() if value}
+    acting = {name for name, value in lumped_parameters(actuator, TORQUES).items() if value}
     by_voltage = actuator.electrical is not None and has_signal(recording, "voltage_V")
     return "torque_constant" in free and acting <= set(free) and not by_voltage and "load_Nm" not in recording
 

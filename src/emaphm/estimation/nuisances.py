@@ -12,7 +12,7 @@ from typing import Self
 import numpy as np
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.lumped_parameters import totals
+from emaphm.actuator.lumped_parameters import lumped_parameters
 from emaphm.actuator.parameters import Nuisances
 from emaphm.actuator.quantity import unit_for
 from emaphm.arrays import Array
@@ -158,7 +158,7 @@ class NuisanceSet:
         result = {name: varied(actuator, name, values[BASELINE + name]) for name in self.parameters}
 
         def present(name: str) -> Array:
-            return result[name] if name in result else np.asarray(totals(actuator, (name,))[name])
+            return result[name] if name in result else np.asarray(lumped_parameters(actuator, (name,))[name])
 
         if "load" in values:
             result["offset"] = present("offset") + values["load"]

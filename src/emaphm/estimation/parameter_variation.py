@@ -11,7 +11,7 @@ import numpy as np
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.baseline import LINEAR
-from emaphm.actuator.lumped_parameters import TOTALS, totals
+from emaphm.actuator.lumped_parameters import LUMPED_PARAMETERS, lumped_parameters
 from emaphm.actuator.quantity import unit_for
 from emaphm.arrays import Array
 from emaphm.errors import MethodError
@@ -48,7 +48,7 @@ class ParameterVariation:
         MethodError
             A name is unknown or needs a section that the actuator lacks, or its value is 0.
         """
-        for name, value in totals(actuator, names).items():
+        for name, value in lumped_parameters(actuator, names).items():
             if value <= 0 and name not in LINEAR:
                 raise MethodError(
                     f"parameter '{name}' is {value:g} in actuator '{actuator.name}', so its size is unknown; "
@@ -86,10 +86,10 @@ def sizes(actuator: Actuator, names: tuple[str, ...]) -> Array:
 
 def varied(actuator: Actuator, name: str, variation: Array) -> Array:
     """Return the lumped parameter `name` at a `variation` from the description, of its shape."""
-    described = totals(actuator, (name,))[name]
+    described = lumped_parameters(actuator, (name,))[name]
     return np.asarray(described + variation if name in LINEAR else described * np.exp(variation))
 
 
 def variation_unit(name: str, coordinates: str) -> str:
     """Return the unit of a deviation of the total `name`."""
-    return unit_for(TOTALS[name], coordinates) if name in LINEAR else "-"
+    return unit_for(LUMPED_PARAMETERS[name], coordinates) if name in LINEAR else "-"

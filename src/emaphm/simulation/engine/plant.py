@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.faults import NAMES, SHORTEST_WINDING
-from emaphm.actuator.lumped_parameters import check_totals, static_follows
+from emaphm.actuator.lumped_parameters import check_lumped_parameters, static_follows
 from emaphm.arrays import Array
 from emaphm.errors import FaultError, MethodError
 
@@ -67,15 +67,17 @@ class Plant:
     z: Array
 
     @staticmethod
-    def of(actuator: Actuator, faults: ArrayLike, totals: Mapping[str, ArrayLike] | None = None) -> "Plant":
+    def of(
+        actuator: Actuator, faults: ArrayLike, lumped_parameters: Mapping[str, ArrayLike] | None = None
+    ) -> "Plant":
         """Return the plants of `actuator` under `faults`.
 
         Parameters
         ----------
         faults
             Normalised fault vectors, shape (n, 8).
-        totals
-            Parameters to set instead of the actuator's, by their names in `TOTALS`;
+        lumped_parameters
+            Parameters to set instead of the actuator's, by their names in `LUMPED_PARAMETERS`;
             each of shape (n,) or a scalar. Friction faults multiply them.
 
         Raises
@@ -83,7 +85,7 @@ class Plant:
         FaultError
             `faults` has another shape or a value outside [0, 1].
         MethodError
-            A total is unknown, impossible or not one value an actuator, or needs the electrical
+            A parameter is unknown, impossible or not one value an actuator, or needs the electrical
             description that the actuator lacks.
         """
         k = np.atleast_2d(np.asarray(faults, float))
@@ -96,7 +98,11 @@ class Plant:
                 f"fault {NAMES[column]}={k[row, column]:g} of vector {row} lies outside [0, 1]; "
                 "give a value from 0 to 1"
             )
-        return _with_faults(_with_totals(_healthy(actuator, len(k)), actuator, totals or {}), actuator, k)
+        return _with_faults(
+            _with_lumped_parameters(_healthy(actuator, len(k)), actuator, lumped_parameters or {}),
+            actuator,
+            k,
+        )
 
     @property
     def has_windings(self) -> bool:
@@ -145,10 +151,12 @@ def _healthy(actuator: Actuator, n: int) -> Plant:
     return Plant(**dict(zip(scalars, columns, strict=True)), turns=np.ones((3, n)), z=np.zeros((2, n)))
 
 
-def _with_totals(plant: Plant, actuator: Actuator, totals: Mapping[str, ArrayLike]) -> Plant:
-    check_totals(actuator, totals)
+def _with_lumped_parameters(
+    plant: Plant, actuator: Actuator, lumped_parameters: Mapping[str, ArrayLike]
+) -> Plant:
+    check_lumped_parameters(actuator, lumped_parameters)
     set_to = {}
-    for name, values in static_follows(actuator, totals).items():
+    for name, values in static_follows(actuator, lumped_parameters).items():
         column = np.asarray(values, float)
         if column.shape not in {(), (plant.count,)}:
             raise MethodError(
