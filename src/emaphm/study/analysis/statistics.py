@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from emaphm.actuator.faults import HEALTHY, NAMES, Faults
 from emaphm.study.thesis import published
 
-VARIANT = ("model", "fitness", "equivalent", "noise_A")
-"""Columns that tell one variant of a study from another; methods are compared within one."""
+VARIANT = ("rig", "model", "fitness", "equivalent", "noise_A")
+"""Columns by which the variants of a study differ; methods are compared within one."""
 
 LIMITS_PERCENT = (1, 2, 5)
 """A run has succeeded where its error is at most so much; in columns `within_1` and so on."""

@@ -163,12 +163,17 @@ def variant_names(runs: pl.DataFrame) -> dict[tuple[Any, ...], str]:
     """Return what tells each variant from the others, in words; all of it where there is only one."""
     variants = runs.sort("index").select(VARIANT).unique(maintain_order=True)
     words = {
+        "rig": "{}",
         "model": "{} model",
         "fitness": "fitness {}",
         "equivalent": "equivalent current {}",
         "noise_A": "{:g} A noise",
     }
-    differing = [name for name in VARIANT if variants.height == 1 or variants[name].n_unique() > 1]
+    differing = [
+        name
+        for name in VARIANT
+        if variants[name].n_unique() > 1 or (variants.height == 1 and variants[name][0] != "")
+    ]
     return {
         tuple(row[name] for name in VARIANT): ", ".join(words[name].format(row[name]) for name in differing)
         for row in variants.iter_rows(named=True)
