@@ -16,6 +16,7 @@ from emaphm.execution import ResultStore
 from emaphm.study import BUILT_IN, Plan, Store
 from emaphm.study.plan import built_in_text
 from emaphm.study.store import tasks
+from emaphm.study.trials import trials_of
 
 from .conftest import Emaphm, Refusal
 
@@ -95,7 +96,7 @@ def test_a_finished_study_may_be_started_again(emaphm: Emaphm) -> None:
 
 def test_a_damaged_row_is_named(study: Path, emaphm: Emaphm) -> None:
     plan = Store.open(study).plan
-    name, key = "worn, da, run 1", tasks(plan, plan.trials)[2].key
+    name, key = "worn, da, run 1", tasks(plan, trials_of(plan))[2].key
     for line in (f"{RUN} --workers 1", f"{RUN} --workers 1 --json"):
         with sqlite3.connect(study / "results.sqlite") as connection:
             connection.execute("UPDATE results SET wall_seconds = -1 WHERE key = ?", (key,))
@@ -127,7 +128,7 @@ def test_results_of_another_version_may_be_mixed_in(study: Path, emaphm: Emaphm)
 def _disguise(study: Path) -> None:
     """Give the first result of a study another version."""
     plan = Store.open(study).plan
-    every = tasks(plan, plan.trials)
+    every = tasks(plan, trials_of(plan))
     kept = ResultStore(study / "results.sqlite")
     outcome = kept.read(every)[0][0]
     outcome.result["revision"] = "0123456789ab"

@@ -162,6 +162,26 @@ def test_a_file_that_is_damaged_is_refused_in_one_line(
         assert len(str(said.value).splitlines()) == 1
 
 
+def test_whatever_is_damaged_gives_right_results_or_is_refused(store: ResultStore) -> None:
+    whole, dice = store.path.read_bytes(), random.Random(8)  # noqa: S311 - nothing secret
+    right = store.read(TASKS)[0]
+    said: list[str] = []
+    for _ in range(150):
+        content = bytearray(whole)
+        for _ in range(dice.choice([1, 3, 30])):
+            content[dice.randrange(len(content))] = dice.randrange(256)
+        store.path.write_bytes(content[: dice.choice([None, dice.randrange(len(content))])])
+        try:
+            outcomes, _ = store.read(TASKS)
+        except EmaphmError as error:
+            said.append(str(error))
+        else:
+            assert outcomes.items() <= right.items()
+            assert all(outcomes[n].result == right[n].result for n in outcomes)
+    assert 0 < len(said) < 150
+    assert all(len(text.splitlines()) == 1 for text in said)
+
+
 def test_an_empty_file_holds_no_results(tmp_path: Path) -> None:
     # What a process leaves that is killed between making the file and its tables.
     store = ResultStore(tmp_path / "results.sqlite")

@@ -27,8 +27,8 @@ EARLY = 4
 PATIENCE_S = 60
 """For a process to come up or to end on a busy machine."""
 
-PLAN = small.plan(("runs = 3", "runs = 30"))
-TOTAL = 120
+PLAN = small.plan(("runs = 3", "runs = 40"))
+TOTAL = 160
 
 # A Python that has loaded everything takes a millisecond to fork and a second and a half to start. Polars
 # must not have been used before a fork: its threads would be missing in the child.
@@ -40,9 +40,10 @@ from emaphm.execution.store import Writer
 from emaphm.study import Plan, run_study
 from emaphm.study.revision import revision
 from emaphm.study.task import perform
+from emaphm.study.trials import trials_of
 
 plan, folder = Plan.model_validate_json(Path(sys.argv[1]).read_text()), sys.argv[2]
-perform(plan.actuator, plan.manoeuvre, plan.trials[0], revision())
+perform(plan.actuator, plan.manoeuvre, trials_of(plan)[0], revision())
 
 
 def keep_half(self, task, *_):
@@ -138,7 +139,7 @@ def test_twenty_kills_leave_no_trace(tmp_path: Path, nursery: Nursery, undisturb
         _say(nursery, "start")
         child = int(_hear(nursery))
         if kill >= EARLY:
-            _wait_for_results(folder, min(before + dice.randrange(7), TOTAL))
+            _wait_for_results(folder, min(before + dice.randrange(4), TOTAL))
         # Beginning, reading, searching and writing each take some milliseconds here.
         time.sleep(dice.uniform(0, 0.02))
         os.kill(child, signal.SIGKILL)
@@ -172,5 +173,7 @@ def test_a_kill_while_a_result_is_written_leaves_nothing_of_it(
     os.kill(child, signal.SIGKILL)
     assert int(_hear(nursery)) == signal.SIGKILL
     assert _results(folder) == 0
-    assert small.table(run_study(PLAN, folder, workers=1)).equals(undisturbed)
+    resumed = small.table(run_study(PLAN, folder, share=0.1, workers=1))
+    assert resumed.height == 16
+    assert resumed.equals(undisturbed.head(16))
     assert not _left_over(folder)

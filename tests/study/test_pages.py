@@ -30,8 +30,9 @@ from emaphm.study.analysis.rates import (
     recordings_alarmed,
     single_fault,
 )
-from emaphm.study.plan import PageRow, Trial
+from emaphm.study.plan import PageRow
 from emaphm.study.store import SCHEMA
+from emaphm.study.trials import Trial, trials_of
 
 HEALTHY = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.5]
 
@@ -83,7 +84,7 @@ def unchanged(_: Trial) -> dict[str, Any]:
 def made_up(
     plan: Plan, share: float = 0.1, change: Callable[[Trial], dict[str, Any]] = unchanged
 ) -> pl.DataFrame:
-    return pl.DataFrame([row(trial, **change(trial)) for trial in plan.share(share)], schema=SCHEMA)
+    return pl.DataFrame([row(trial, **change(trial)) for trial in trials_of(plan, share)], schema=SCHEMA)
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from emaphm.actuator.toml import write_toml
 from emaphm.errors import StudyError
 from emaphm.study import BUILT_IN, Plan
 from emaphm.study.cases import MOST_RUNS
-from emaphm.study.plan import Trial
+from emaphm.study.trials import Trial, trials_of
 
 from . import small
 
@@ -19,7 +19,7 @@ ANOTHER_METHOD = '[[methods]]\nmethod = "dragonfly-thesis"\n'
 def seeds(plan: Plan) -> dict[tuple[str, int], set[int]]:
     """Return the seeds of each case and run."""
     found: dict[tuple[str, int], set[int]] = {}
-    for trial in plan.trials:
+    for trial in trials_of(plan):
         found.setdefault((trial.case, trial.run), set()).add(trial.seed)
     return found
 
@@ -44,7 +44,7 @@ def test_every_combination_is_run_as_often_as_asked() -> None:
         top='models = ["averaged", "monitor"]\nfitnesses = ["least_squares", "thesis"]\n'
         'equivalents = ["torque", "active", "magnitude"]\nnoises_A = [0, 0.1]'
     )
-    trials = plan.trials
+    trials = trials_of(plan)
     # cases × methods × models × fitnesses × equivalents × noises × runs
     assert len(trials) == 2 * 2 * 2 * 2 * 3 * 2 * 3
     assert len({what(trial) for trial in trials}) == len(trials)
@@ -52,11 +52,11 @@ def test_every_combination_is_run_as_often_as_asked() -> None:
 
 
 def test_the_first_runs_of_everything_come_first() -> None:
-    assert [trial.run for trial in small.plan().trials] == [0] * 4 + [1] * 4 + [2] * 4
+    assert [trial.run for trial in trials_of(small.plan())] == [0] * 4 + [1] * 4 + [2] * 4
 
 
 def test_cases_are_fault_vectors_and_healthy_where_nothing_is_said() -> None:
-    truths = {trial.case: trial.truth for trial in small.plan().trials}
+    truths = {trial.case: trial.truth for trial in trials_of(small.plan())}
     assert truths["worn"] == tuple(Faults(friction=0.3).vector)
     assert truths["loose"] == tuple(Faults(backlash=0.4, gain=0.7).vector)
 
@@ -81,12 +81,12 @@ def test_methods_share_the_seed_of_a_case_and_run_and_nothing_else_does() -> Non
 )
 def test_a_larger_plan_keeps_the_seeds_of_a_smaller(larger: Plan) -> None:
     assert seeds(small.plan()).items() <= seeds(larger).items()
-    assert len(larger.trials) > len(small.plan().trials)
+    assert len(trials_of(larger)) > len(trials_of(small.plan()))
 
 
 def test_another_seed_of_the_plan_gives_all_other_seeds() -> None:
     one, other = (
-        {trial.seed for trial in plan.trials} for plan in (small.plan(), small.plan(top="seed = 1"))
+        {trial.seed for trial in trials_of(plan)} for plan in (small.plan(), small.plan(top="seed = 1"))
     )
     assert not one & other
 
@@ -136,7 +136,7 @@ def test_a_plan_survives_its_json() -> None:
     plan = small.plan(top="noises_A = [0, 0.1]", end="[random]\ncount = 2")
     again = Plan.model_validate_json(plan.model_dump_json())
     assert again == plan
-    assert again.trials == plan.trials
+    assert trials_of(again) == trials_of(plan)
 
 
 @pytest.mark.parametrize("name", BUILT_IN)
@@ -144,7 +144,7 @@ def test_built_in_plans_load(name: str) -> None:
     plan = Plan.load(name)
     assert plan.name == name
     assert plan.description
-    assert plan.trials
+    assert trials_of(plan)
 
 
 def test_the_thesis_plan_is_that_of_the_thesis() -> None:

@@ -14,6 +14,7 @@ from emaphm.study import Plan, run_study
 from emaphm.study.cases import SINGLE, heavy_faults, random_faults, small_fault
 from emaphm.study.record import actuator_on, recorded
 from emaphm.study.rig import Manoeuvre, Rig
+from emaphm.study.trials import trials_of
 
 THESIS = Actuator.thesis()
 BASE = Rig(label="base")
@@ -148,12 +149,12 @@ def test_drawn_vectors_keep_to_their_bounds() -> None:
 
 def test_groups_run_their_cases_on_their_rigs_by_their_methods() -> None:
     made = plan()
-    drawn = [trial for trial in made.trials if trial.group == "drawn"]
-    named = [trial for trial in made.trials if trial.group == "named"]
+    drawn = [trial for trial in trials_of(made) if trial.group == "drawn"]
+    named = [trial for trial in trials_of(made) if trial.group == "named"]
     assert len(drawn) == (2 + 1 + 1 + 5) * 2 * 1
     assert len(named) == 3 * 1 * 2
-    assert len(made.trials) == made.total == 24
-    assert [trial.index for trial in made.trials] == list(range(24))
+    assert len(trials_of(made)) == made.total == 24
+    assert [trial.index for trial in trials_of(made)] == list(range(24))
     assert {(trial.rig.label, trial.contestant.label) for trial in drawn if trial.rig} == {
         ("bench", "hybrid"),
         ("exact", "hybrid"),
@@ -165,37 +166,37 @@ def test_groups_run_their_cases_on_their_rigs_by_their_methods() -> None:
         if trial.case_kind == "random":
             assert trial.truth == tuple(random_faults(trial.seed).vector)
             assert trial.case == f"random {trial.seed}"
-    assert [trial.rank for trial in made.trials] == sorted(trial.rank for trial in made.trials)
+    assert [trial.rank for trial in trials_of(made)] == sorted(trial.rank for trial in trials_of(made))
 
 
 def test_the_plan_s_seed_moves_all_draws() -> None:
-    seeds = {trial.case: trial.seed for trial in plan(("runs = 1\n\n", "runs = 1\nseed = 10\n\n")).trials}
+    seeds = {trial.case: trial.seed for trial in trials_of(plan(("runs = 1\n\n", "runs = 1\nseed = 10\n\n")))}
     assert (seeds["random 0"], seeds["random 1"], seeds["heavy 0"]) == (10, 11, 10)
 
 
 def test_a_share_has_at_least_one_of_each() -> None:
     made = plan()
-    assert {(t.case_kind, t.rig, t.contestant.label) for t in made.share(1e-3)} == {
-        (t.case_kind, t.rig, t.contestant.label) for t in made.trials
+    assert {(t.case_kind, t.rig, t.contestant.label) for t in trials_of(made, 1e-3)} == {
+        (t.case_kind, t.rig, t.contestant.label) for t in trials_of(made)
     }
-    assert made.share(1.0) == made.trials
+    assert trials_of(made, 1.0) == trials_of(made)
 
 
 def test_without_groups_every_case_runs_on_every_rig() -> None:
     made = plan((TEXT[TEXT.index("[[groups]]") : TEXT.index("[[sections]]")], ""))
-    assert [(t.rig.label, t.contestant.label) for t in made.trials if t.rig] == [
+    assert [(t.rig.label, t.contestant.label) for t in trials_of(made) if t.rig] == [
         ("bench", "hybrid"),
         ("bench", "da"),
         ("exact", "hybrid"),
         ("exact", "da"),
     ]
-    assert len({trial.seed for trial in made.trials}) == 1
+    assert len({trial.seed for trial in trials_of(made)}) == 1
 
 
 @pytest.mark.parametrize("name", ["accuracy", "limits"])
 def test_the_built_in_plans_have_every_row_of_their_pages(name: str) -> None:
     made = Plan.load(name)
-    there = {(t.rig.label, t.contestant.label) for t in made.trials if t.rig}
+    there = {(t.rig.label, t.contestant.label) for t in trials_of(made) if t.rig}
     rows = {(row.rig, row.method) for section in made.sections for row in section.rows}
     assert rows == there
     assert made.page == name

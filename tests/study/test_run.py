@@ -17,9 +17,9 @@ from emaphm.execution import run as execution_module
 from emaphm.recording import Recording
 from emaphm.study import Store, run_study
 from emaphm.study import task as task_module
-from emaphm.study.plan import Trial
 from emaphm.study.revision import revision
 from emaphm.study.task import perform
+from emaphm.study.trials import Trial, trials_of
 
 from . import small
 
@@ -117,7 +117,7 @@ def test_methods_share_their_recordings_noise_included(monkeypatch: pytest.Monke
         return recording
 
     monkeypatch.setattr(task_module, "_exact_recording", listen)
-    for trial in PLAN.trials:
+    for trial in trials_of(PLAN):
         do(trial)
     assert len(seen) == 2 * 3 * 2
     for currents in seen.values():
@@ -136,7 +136,7 @@ def test_a_worker_of_another_version_does_not_work() -> None:
     with pytest.raises(
         StudyError, match=r"another version of the models \(.*; the study's is 0123\); install"
     ):
-        perform(PLAN.actuator, PLAN.manoeuvre, PLAN.trials[0], "0123")
+        perform(PLAN.actuator, PLAN.manoeuvre, trials_of(PLAN)[0], "0123")
 
 
 # Runs that fail
@@ -147,7 +147,7 @@ def broken(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[Trial], bool]
     """Return what makes the search of chosen runs raise."""
 
     def break_(which: Callable[[Trial], bool]) -> None:
-        chosen = {trial.seed for trial in PLAN.trials if which(trial)}
+        chosen = {trial.seed for trial in trials_of(PLAN) if which(trial)}
         searched = search
 
         def search_or_fail(*arguments: Any, **options: Any) -> Any:

@@ -15,6 +15,7 @@ from emaphm.study import Plan, Store, run_study
 from emaphm.study import store as store_module
 from emaphm.study.revision import revision
 from emaphm.study.store import SCHEMA, name_of, tasks
+from emaphm.study.trials import trials_of
 
 from . import small
 
@@ -40,7 +41,7 @@ def sql(folder: Path, statement: str, *values: Any) -> None:
 
 
 def key(index: int, plan: Plan = PLAN) -> str:
-    return tasks(plan, plan.trials)[index].key
+    return tasks(plan, trials_of(plan))[index].key
 
 
 def forget(folder: Path, index: int) -> None:
@@ -69,7 +70,7 @@ def test_every_trial_is_a_row(finished: Store) -> None:
     assert finished.results.schema == pl.Schema(SCHEMA)
     assert finished.results["index"].to_list() == list(range(12))
     assert finished.damaged == ()
-    for trial, row in zip(PLAN.trials, finished.results.iter_rows(named=True), strict=True):
+    for trial, row in zip(trials_of(PLAN), finished.results.iter_rows(named=True), strict=True):
         assert (row["case"], row["method"], row["run"]) == (trial.case, trial.contestant.label, trial.run)
         assert (row["seed"], tuple(row["truth"])) == (trial.seed, trial.truth)
         assert 0 < row["seconds"] < row["wall_seconds"]
@@ -101,7 +102,7 @@ def test_a_row_that_was_changed_is_named_and_only_its_trial_done_again(finished:
         key(3),
     )
     opened = Store.open(folder)
-    assert opened.damaged == (name_of(PLAN.trials[3]),) == ("loose, more, run 0",)
+    assert opened.damaged == (name_of(trials_of(PLAN)[3]),) == ("loose, more, run 0",)
     assert opened.results["index"].to_list() == [i for i in range(12) if i != 3]
     store = run_study(PLAN, folder, workers=1)
     assert store.damaged == opened.damaged
@@ -273,10 +274,10 @@ def test_results_of_another_version_are_refused_unless_told_to_mix(
     assert f"results of another version of the models ({here}; this is 0123456789ab)" in said
     assert "--mix" in said
     mixed = ResultStore(folder / "results.sqlite")
-    outcome = mixed.read(tasks(PLAN, PLAN.trials))[0][1]
+    outcome = mixed.read(tasks(PLAN, trials_of(PLAN)))[0][1]
     with mixed.writing() as writer:
         outcome.result.update(revision="0123456789ab", fitness_value=77.0)
-        writer.keep(tasks(PLAN, PLAN.trials)[1], outcome, "another", 1.0)
+        writer.keep(tasks(PLAN, trials_of(PLAN))[1], outcome, "another", 1.0)
     assert "another version of the models (0123456789ab; this is " in message(PLAN, folder)
     results = run_study(PLAN, folder, workers=1, mix=True).results
     assert results["fitness_value"][1] == 77.0

@@ -1,12 +1,10 @@
-"""What a study asks: which methods, on which cases, how often; its TOML, and the trials that it comes to."""
+"""What a study asks: which methods, on which cases and rigs, how often; and its TOML."""
 
-import hashlib
 import itertools
 import math
 import os
 import tomllib
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, get_args
@@ -20,7 +18,7 @@ from emaphm.errors import StudyError, nearest
 from emaphm.estimation.search import check_fitness
 from emaphm.recording.equivalent_current import Form
 from emaphm.simulation import model_named
-from emaphm.study.cases import MOST_RUNS, Case, CaseKind, Count, Group, RandomCases
+from emaphm.study.cases import MOST_RUNS, Count, Group, RandomCases
 from emaphm.study.contestant import Contestant
 from emaphm.study.rig import Label, Manoeuvre, NoiseA, Rig
 
@@ -48,33 +46,6 @@ class PageSection(Section):
     note: str = ""
     figure: str = ""
     rows: tuple[PageRow, ...]
-
-
-@dataclass(frozen=True)
-class Trial:
-    """One run of a method on a case. `index` numbers it in the plan; all randomness comes from `seed`.
-
-    `rig` makes the recording; without one it is the noise-free one of the actuator as described, with
-    `noise_A` [A rms] on the current. `run` counts the repetitions of a case. `rank` is the trial's place
-    among the `of` trials that differ from it in case and repetition alone: a share of a study has the first
-    of each.
-    """
-
-    index: int
-    group: str
-    case: str
-    case_kind: CaseKind
-    truth: tuple[float, ...]
-    contestant: Contestant
-    model: str
-    fitness: str
-    equivalent: Literal["torque", "active", "magnitude"]
-    noise_A: float
-    rig: Rig | None
-    run: int
-    seed: int
-    rank: int
-    of: int
 
 
 class Plan(Section):
@@ -152,8 +123,8 @@ class Plan(Section):
                 if not group.count:
                     raise StudyError(f"group '{group.label}' has no cases; name some, or give a count")
                 self._check_known(f"group '{group.label}'", "case", group.cases, self.cases)
-                self._check_known(f"group '{group.label}'", "rig", group.rigs, self._rigs)
-                self._check_known(f"group '{group.label}'", "method", group.methods, self._methods)
+                self._check_known(f"group '{group.label}'", "rig", group.rigs, self.rig_named)
+                self._check_known(f"group '{group.label}'", "method", group.methods, self.method_named)
         elif not self.all_cases:
             raise StudyError("no cases, so there is nothing to run; add [cases] or [random]")
         twice = self.cases.keys() & (self.random.cases if self.random else {})
@@ -171,8 +142,8 @@ class Plan(Section):
             raise StudyError("'equivalents' do not go with [[rigs]], which record the torque current")
         for section in self.sections:
             where = f"section '{section.title}'"
-            self._check_known(where, "rig", [row.rig for row in section.rows], self._rigs)
-            self._check_known(where, "method", [row.method for row in section.rows], self._methods)
+            self._check_known(where, "rig", [row.rig for row in section.rows], self.rig_named)
+            self._check_known(where, "method", [row.method for row in section.rows], self.method_named)
 
     def _check_known(self, where: str, what: str, names: Iterable[str], known: Iterable[str]) -> None:
         options = list(known)
@@ -235,11 +206,13 @@ class Plan(Section):
         return {**self.cases, **(self.random.cases if self.random else {})}
 
     @property
-    def _rigs(self) -> dict[str, Rig]:
+    def rig_named(self) -> dict[str, Rig]:
+        """The rigs by label."""
         return {rig.label: rig for rig in self.rigs}
 
     @property
-    def _methods(self) -> dict[str, Contestant]:
+    def method_named(self) -> dict[str, Contestant]:
+        """The methods by label."""
         return {contestant.label: contestant for contestant in self.methods}
 
     @property
@@ -271,85 +244,6 @@ class Plan(Section):
             for group in self.groups
         )
 
-    @property
-    def trials(self) -> tuple[Trial, ...]:
-        """All trials; the first runs of every case and method come first, so that half a study shows all."""
-        found = self._of_groups() if self.groups else self._of_everything()
-        return tuple(found)
-
-    def share(self, share: float) -> tuple[Trial, ...]:
-        """Return the first `share` of the trials of each kind, rig, method and variant, at least one each."""
-        if not 0 < share <= 1:
-            raise StudyError(f"a share of {share:g} cannot be taken; give more than 0, up to 1")
-        return tuple(trial for trial in self.trials if trial.rank < max(1, round(share * trial.of)))
-
-    def _of_everything(self) -> Iterator[Trial]:
-        combinations = itertools.product(
-            range(self.runs),
-            self.models,
-            self.fitnesses,
-            self.equivalents,
-            self.noises_A,
-            self.rigs or (None,),
-            enumerate(self.all_cases.items()),
-            self.methods,
-        )
-        count = len(self.all_cases)
-        for index, (run, model, fitness, form, noise, rig, (place, (case, values)), contestant) in enumerate(
-            combinations
-        ):
-            yield Trial(
-                index=index,
-                group="",
-                case=case,
-                case_kind="named" if case in self.cases else "random",
-                truth=tuple(map(float, Faults.from_mapping(values).vector)),
-                contestant=contestant,
-                model=model,
-                fitness=fitness,
-                equivalent=form,
-                noise_A=noise if rig is None else rig.noise,
-                rig=rig,
-                run=run,
-                seed=_seed(self.seed, case, run),
-                rank=run * count + place,
-                of=self.runs * count,
-            )
-
-    def _of_groups(self) -> Iterator[Trial]:
-        """Yield the trials of the groups, the first of each first."""
-        found = []
-        for group in self.groups:
-            rigs = [self._rigs[label] for label in group.rigs] or self.rigs
-            methods = [self._methods[label] for label in group.methods] or self.methods
-            for case, run in itertools.product(group.all_cases(self.cases, self.seed), range(group.runs)):
-                combinations = itertools.product(self.models, self.fitnesses, rigs, methods)
-                found += [(group, case, run, *combination) for combination in combinations]
-        found.sort(key=lambda one: _rank(one[0], one[1], one[2]))
-        for index, (group, case, run, model, fitness, rig, contestant) in enumerate(found):
-            rank = _rank(group, case, run)
-            yield Trial(
-                index=index,
-                group=group.label,
-                case=case.name,
-                case_kind=case.kind,
-                truth=case.truth,
-                contestant=contestant,
-                model=model,
-                fitness=fitness,
-                equivalent="torque",
-                noise_A=rig.noise,
-                rig=rig,
-                run=run,
-                seed=self.seed + rank,
-                rank=rank,
-                of=case.of * group.runs,
-            )
-
-
-def _rank(group: Group, case: Case, run: int) -> int:
-    return case.number * group.runs + run
-
 
 def built_in_text(name: str) -> str:
     """Return the TOML of a built-in plan."""
@@ -360,9 +254,3 @@ def _complaint(error: ValidationError) -> str:
     first = error.errors()[0]
     # What is wrong with the plan as a whole has no key of its own.
     return validation_message(error, Plan) if first["loc"] else str(first["ctx"]["error"])
-
-
-def _seed(seed: int, case: str, run: int) -> int:
-    """Return a seed that differs between cases and runs, and is the same for every method."""
-    digest = hashlib.sha256(f"{seed}/{case}/{run}".encode()).digest()
-    return int.from_bytes(digest[:4], "big") >> 1

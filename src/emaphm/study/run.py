@@ -7,6 +7,7 @@ from emaphm.errors import StudyError
 from emaphm.execution import OnTask, check_workers, run_tasks
 from emaphm.study.plan import Plan
 from emaphm.study.store import Store, tasks
+from emaphm.study.trials import trials_of
 
 
 def run_study(
@@ -45,7 +46,7 @@ def run_study(
     ExecutionError, OutputError
         The workers, the scheduler or the file of results cannot be used; what finished is kept.
     """
-    asked = tasks(plan, plan.share(share))
+    asked = tasks(plan, trials_of(plan, share))
     check_workers(scheduler)
     store = Store.create(folder, plan, mix=mix)
     with store.locked():

@@ -21,9 +21,10 @@ from emaphm.errors import StudyError
 from emaphm.execution.store import ResultStore
 from emaphm.execution.tasks import Outcome, Task
 from emaphm.output_files import written_whole
-from emaphm.study.plan import Plan, Trial
+from emaphm.study.plan import Plan
 from emaphm.study.revision import revision
 from emaphm.study.task import perform
+from emaphm.study.trials import Trial, trials_of
 
 Schema = dict[str, pl.DataType | type[pl.DataType]]
 
@@ -142,7 +143,7 @@ class Store:
         except (OSError, ValueError, RecursionError) as error:
             reason = str(error).splitlines()[0]
             raise StudyError(f"{folder / PLAN}: cannot be read as a plan ({reason})") from None
-        trials = plan.trials
+        trials = trials_of(plan)
         kept = ResultStore(folder / RESULTS)
         outcomes, damaged = kept.read(tasks(plan, trials))
         rows = [_row(trial, outcomes[trial.index]) for trial in trials if trial.index in outcomes]

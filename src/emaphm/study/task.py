@@ -15,10 +15,10 @@ from emaphm.estimation.search import fit_of, search
 from emaphm.recording import Recording, acquire
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import model_named
-from emaphm.study.plan import Trial
 from emaphm.study.record import recorded
 from emaphm.study.revision import revision
 from emaphm.study.rig import Manoeuvre
+from emaphm.study.trials import Trial
 from emaphm.version import VERSION
 
 CURRENTS = {"torque": "current_A", "active": "current_active_A", "magnitude": "current_magnitude_A"}
