@@ -1,7 +1,6 @@
 """The pages of the studies `accuracy` and `limits`: rates, what is met, what is overconfident, figures."""
 
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -32,59 +31,9 @@ from emaphm.study.analysis.rates import (
 )
 from emaphm.study.plan import PageRow
 from emaphm.study.store import SCHEMA
-from emaphm.study.trials import Trial, trials_of
+from emaphm.study.trials import Trial
 
-HEALTHY = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.5]
-
-
-def row(trial: Trial, **values: Any) -> dict[str, Any]:
-    """Return a made-up result: a small error, each interval holding the truth, each fault called degraded."""
-    verdicts = ["degraded" if v != h else "healthy" for v, h in zip(trial.truth, HEALTHY, strict=True)]
-    return {
-        "index": trial.index,
-        "group": trial.group,
-        "rig": trial.rig.label if trial.rig else "",
-        "case": trial.case,
-        "case_kind": trial.case_kind,
-        "method": trial.contestant.label,
-        "model": trial.model,
-        "fitness": trial.fitness,
-        "equivalent": trial.equivalent,
-        "noise_A": trial.noise_A,
-        "run": trial.run,
-        "seed": trial.seed,
-        "truth": list(trial.truth),
-        "found": list(trial.truth),
-        "fitness_value": 1e-3,
-        "evaluations": 1000,
-        "reference_runs": 32,
-        "seconds": 0.1,
-        "curve_evaluations": [],
-        "curve_fitness": [],
-        "curve_error_percent": [],
-        "lower95": [v - 0.01 for v in trial.truth],
-        "upper95": [v + 0.01 for v in trial.truth],
-        "standard_error": [0.005] * 8,
-        "verdict": verdicts,
-        "explained": True,
-        "moves": True,
-        "revision": "0123456789ab",
-        "version": "9.8.7",
-        "error_percent": 0.2,
-        "wall_seconds": 0.2,
-        "cpu_seconds": 0.2,
-        **values,
-    }
-
-
-def unchanged(_: Trial) -> dict[str, Any]:
-    return {}
-
-
-def made_up(
-    plan: Plan, share: float = 0.1, change: Callable[[Trial], dict[str, Any]] = unchanged
-) -> pl.DataFrame:
-    return pl.DataFrame([row(trial, **change(trial)) for trial in trials_of(plan, share)], schema=SCHEMA)
+from .made_up import HEALTHY, results
 
 
 @pytest.fixture(scope="module")
@@ -189,7 +138,7 @@ def verdicts(page: str) -> list[str]:
 
 
 def test_the_first_table_says_no_where_too_little_was_reached(accuracy: Plan) -> None:
-    runs = made_up(accuracy)
+    runs = results(accuracy)
     page = accuracy_page(accuracy, runs)
     # Intervals that always hold the truth are not 92 to 98 %.
     assert verdicts(page) == ["yes"] * 5 + ["no"] * 2 + ["yes", "–"]
@@ -208,7 +157,7 @@ def test_the_first_table_says_no_where_too_little_was_reached(accuracy: Plan) ->
 
 
 def test_the_page_has_every_row_of_its_sections_and_both_sizes(accuracy: Plan) -> None:
-    page = accuracy_page(accuracy, made_up(accuracy))
+    page = accuracy_page(accuracy, results(accuracy))
     for section in accuracy.sections:
         for one in section.rows:
             assert f"| {one.text}" in page
@@ -216,15 +165,15 @@ def test_the_page_has_every_row_of_its_sections_and_both_sizes(accuracy: Plan) -
     assert "| current and line voltage, 10 % | 3 |" in page
     assert "| current alone, 5 % | 2 |" in page
     assert "0.05 A of noise on the current, all channels through 12-bit converters" in page
-    complete = made_up(accuracy, 1.0)
+    complete = results(accuracy, 1.0)
     assert "not complete" not in accuracy_page(accuracy, complete)
 
 
 def test_a_page_without_results_is_refused(accuracy: Plan, limits: Plan) -> None:
-    runs = made_up(accuracy).filter(pl.col("case_kind") != "heavy")
+    runs = results(accuracy).filter(pl.col("case_kind") != "heavy")
     with pytest.raises(StudyError, match="no run of '0' with heavy cases is finished"):
         accuracy_page(accuracy, runs)
-    runs = made_up(limits).filter(pl.col("rig") != "8 bits")
+    runs = results(limits).filter(pl.col("rig") != "8 bits")
     with pytest.raises(StudyError, match="no run of '8 bits' with random cases is finished"):
         limits_page(limits, runs, "limits")
 
@@ -234,7 +183,7 @@ def test_a_page_without_results_is_refused(accuracy: Plan, limits: Plan) -> None
 
 def test_the_map_names_the_settings_that_are_wrong_without_saying_so(limits: Plan) -> None:
     undrawn = [section.model_copy(update={"figure": ""}) for section in limits.sections]
-    page, none = limits_page(limits.model_copy(update={"sections": undrawn}), made_up(limits), "limits")
+    page, none = limits_page(limits.model_copy(update={"sections": undrawn}), results(limits), "limits")
     assert none == {}
     assert "400 of 1800 runs" in page
     assert "none of 50." in page
@@ -247,7 +196,7 @@ def test_the_map_names_the_settings_that_are_wrong_without_saying_so(limits: Pla
         low, high = ([*(v + side for v in trial.truth[:7]), 2.0 + side] for side in (-0.01, 0.01))
         return {"lower95": low, "upper95": high, "error_percent": 7.25, "explained": explained[rig]}
 
-    page, figures = limits_page(limits, made_up(limits, 1.0, miss_the_gain), "limits")
+    page, figures = limits_page(limits, results(limits, 1.0, miss_the_gain), "limits")
     assert "1 of 50." in page
     assert (
         "- plant: lagging current sensors, mild: gain held by 0 %, 100 % explained, median error 7.25 %"
@@ -277,7 +226,7 @@ def test_the_base_setting_is_diagnosed_once_for_all_sections(limits: Plan) -> No
 
 
 def test_rates_are_those_of_the_results(limits: Plan) -> None:
-    runs = made_up(limits, 1.0)
+    runs = results(limits, 1.0)
     base = (pl.col("rig") == "base") & (pl.col("case_kind") == "random") & (pl.col("method") == "default")
     runs = runs.with_columns(
         pl.when(base).then(pl.col("seed").cast(pl.Float64)).otherwise("error_percent").alias("error_percent")
