@@ -3,7 +3,7 @@
     python -m emaphm.report.comparison_page studies docs/comparison
 
 reads the studies `thesis`, `forms`, `monitor` and `hybrids` in the folder `studies` and writes the page
-beside the second folder. The page's text is in comparison.md.jinja; each finding that it states is checked
+next to the second folder. The page's text is in comparison.md.jinja; each finding that it states is checked
 here against the results, so that it cannot outlive them.
 """
 
@@ -157,7 +157,7 @@ def hybrids_table(store: Store) -> str:
 
 
 def contradictions_table() -> str:
-    """Return the dragonfly's printed means beside the means of its rows, recomputed."""
+    """Return the dragonfly's printed means and the means of its rows, recomputed."""
     rows = published.dragonfly_means()
     counted = published.contradicting_rows().group_by("case").len()
     counts = dict(zip(counted["case"], counted["len"], strict=True))
@@ -251,7 +251,7 @@ def check_findings(results: dict[str, Any]) -> None:
 
 
 def write_comparison(stores: dict[str, Store], folder: Path) -> None:
-    """Write the page beside `folder`, and into it the report of the study `thesis`."""
+    """Write the page next to `folder`, and into it the report of the study `thesis`."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     results, thesis = facts(stores), stores["thesis"]

@@ -1,4 +1,4 @@
-"""The page of a study that has one of its own, written with its figures beside it."""
+"""The page of a study that has one of its own, written with its figures."""
 
 from pathlib import Path
 

@@ -78,7 +78,7 @@ class Rig(Section):
     label
         What results call the rig.
     channels
-        Recorded besides time and command; `current_A` among them.
+        Recorded in addition to time and command; `current_A` among them.
     noise
         White noise on the current, rms [A].
     adc_bits

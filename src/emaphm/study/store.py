@@ -86,7 +86,7 @@ TEMPORARY = re.compile(r"\.[0-9a-f]{32}\.tmp")
 """Files that `written_whole` leaves in a folder when it is killed."""
 
 NOTHING = "nothing"
-MOST_TOLD = 3
+MOST_NAMED = 3
 """Differences between two plans that are named one by one."""
 
 
@@ -273,8 +273,8 @@ def _difference(there: Plan, here: Plan) -> str:
     one, other = (dict(_leaves(plan.model_dump(mode="json"))) for plan in (there, here))
     keys = [key for key in {**one, **other} if one.get(key, NOTHING) != other.get(key, NOTHING)]
     named = [f"'{key}' ({one.get(key, NOTHING)} there, {other.get(key, NOTHING)} here)" for key in keys]
-    more = f" and {len(keys) - MOST_TOLD} more" if len(keys) > MOST_TOLD else ""
-    return ", ".join(named[:MOST_TOLD]) + more
+    more = f" and {len(keys) - MOST_NAMED} more" if len(keys) > MOST_NAMED else ""
+    return ", ".join(named[:MOST_NAMED]) + more
 
 
 def _leaves(value: Any, key: str = "") -> Iterator[tuple[str, str]]:

@@ -161,7 +161,7 @@ def bootstrap_interval(cases: Sequence[NDArray[np.float64]]) -> tuple[float, flo
     """Return the 95 % percentile interval of the mean of the means of `cases`, each of shape (runs,).
 
     Runs are drawn anew within each case: the cases are the study's, the luck is in the runs. None where a
-    case has fewer than two runs, as its luck cannot be told then.
+    case has fewer than two runs, as its scatter is unknown then.
     """
     if not cases or min(case.size for case in cases) < 2:
         return None

@@ -17,7 +17,7 @@ from emaphm.study.analysis.statistics import (
 )
 
 MOST_CASES = 24
-"""Cases that a page tells and draws one by one; a study may have hundreds."""
+"""Cases that a page lists and draws one by one; a study may have hundreds."""
 
 NOTHING = "–"
 
@@ -86,8 +86,8 @@ def _by_case_and_method(runs: pl.DataFrame, cell: Callable[[Mapping[str, Any]], 
     for row in by_method(runs).filter(pl.col("cases") > 1).iter_rows(named=True):
         name = f"Average of {row['cases']} cases, {row['kind']}"
         averages.setdefault(name, {})[row["method"]] = cell(row)
-    told = [*list(cells.items())[:MOST_CASES], *averages.items()]
-    rows = tuple((name, *(row.get(method, NOTHING) for method in methods)) for name, row in told)
+    listed = [*list(cells.items())[:MOST_CASES], *averages.items()]
+    rows = tuple((name, *(row.get(method, NOTHING) for method in methods)) for name, row in listed)
     return Table(("case", *methods), rows)
 
 
@@ -160,7 +160,7 @@ def variant_table(runs: pl.DataFrame, kind: str) -> Table:
 
 
 def variant_names(runs: pl.DataFrame) -> dict[tuple[Any, ...], str]:
-    """Return what tells each variant from the others, in words; all of it where there is only one."""
+    """Return what distinguishes each variant, in words; all of it where there is only one."""
     variants = runs.sort("index").select(VARIANT).unique(maintain_order=True)
     words = {
         "rig": "{}",
