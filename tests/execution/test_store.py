@@ -25,12 +25,18 @@ PATIENCE_S = 60
 TASKS = toy.tasks(12)
 
 
+@pytest.fixture(scope="module")
+def filled(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the file with the results of `TASKS`; tests work on copies of it."""
+    made = ResultStore(tmp_path_factory.mktemp("filled") / "results.sqlite")
+    assert run_tasks(TASKS, made, workers=1) == ()
+    return made.path
+
+
 @pytest.fixture
-def store(tmp_path: Path) -> ResultStore:
+def store(filled: Path, tmp_path: Path) -> ResultStore:
     """Return a store with the results of `TASKS`."""
-    filled = ResultStore(tmp_path / "results.sqlite")
-    assert run_tasks(TASKS, filled, workers=1) == ()
-    return filled
+    return ResultStore(Path(shutil.copy(filled, tmp_path)))
 
 
 def sql(store: ResultStore, statement: str) -> None:
