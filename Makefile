@@ -19,10 +19,13 @@ lint: $(INSTALLED)  ## check style and types
 bench: $(INSTALLED)  ## measure speed, as ratios to the manoeuvre's own time
 	$(BIN)/python -m pytest bench -p no:xdist --benchmark-columns=min,median,rounds
 
-study: $(INSTALLED)  ## measure accuracy and its limits, redo the thesis's comparison, write their pages in docs/
-	$(BIN)/python -m bench.accuracy docs/accuracy.md
-	$(BIN)/python -m bench.limits docs/limits.md
-	$(BIN)/python -m bench.comparison docs/comparison
+STUDIES := accuracy limits thesis forms monitor hybrids
+
+study: $(INSTALLED)  ## run what is missing of the studies in studies/, write their pages in docs/
+	for plan in $(STUDIES); do $(BIN)/emaphm study run $$plan --out studies/$$plan || exit 1; done
+	$(BIN)/emaphm study report studies/accuracy --out docs
+	$(BIN)/emaphm study report studies/limits --out docs
+	$(BIN)/python -m emaphm.report.comparison_page studies docs/comparison
 
 docs: $(INSTALLED)  ## draw the figures of the README and the examples
 	$(BIN)/emaphm demo --out docs/demo --force

@@ -1,1 +1,1 @@
-"""Measurements of speed (pytest-benchmark) and of accuracy."""
+"""Measurements of speed (pytest-benchmark)."""

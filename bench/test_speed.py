@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-from dataclasses import replace
 from itertools import cycle
 from pathlib import Path
 from typing import Any
@@ -12,11 +11,16 @@ import numpy as np
 import pytest
 
 import emaphm as ema
-from bench import cases
 from bench.conftest import Report
-from bench.rig import BASE, CURRENT, EVERYTHING, VOLTAGE, recorded
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS
 from emaphm.simulation import AVERAGED, REFERENCE, Inputs, Model, Plant, monitor, run, simulate_batch
+from emaphm.study import cases
+from emaphm.study.record import recorded
+from emaphm.study.rig import Manoeuvre, Rig
+
+CURRENT = ("current_A",)
+VOLTAGE = (*CURRENT, "voltage_V")
+EVERYTHING = (*VOLTAGE, "position_rad", "speed_rad_s")
 
 RUNS = 64
 """Actuators in a batch: four groups of lanes."""
@@ -67,8 +71,13 @@ def test_batch(benchmark: Any, report: Report, model: Model, budget: str) -> Non
 )
 @pytest.mark.parametrize("turns", [0, MAX_CORRECTIONS], ids=["uncorrected", "corrected"])
 def test_identification(benchmark: Any, report: Report, channels: tuple[str, ...], turns: int) -> None:
-    actuator, rig = ema.Actuator.thesis(), replace(BASE, channels=channels)
-    recordings = cycle([recorded(rig, cases.random_faults(seed), seed) for seed in range(IDENTIFICATIONS)])
+    actuator, rig = ema.Actuator.thesis(), Rig(label="base setting", channels=channels)
+    recordings = cycle(
+        [
+            recorded(rig, actuator, Manoeuvre(), cases.random_faults(seed), seed)
+            for seed in range(IDENTIFICATIONS)
+        ]
+    )
     ema.diagnose(next(recordings), actuator)
 
     def another() -> tuple[tuple[ema.Recording, ema.Actuator], dict[str, Any]]:

@@ -1,5 +1,7 @@
 """Settings of all tests, and recordings that several files diagnose, simulated once."""
 
+import signal
+
 import numpy as np
 import pytest
 from hypothesis import settings
@@ -12,6 +14,12 @@ from emaphm.simulated_recording import simulate
 # Examples are the same on every run, as everything else here; kernels compile on their first call.
 settings.register_profile("emaphm", deadline=None, derandomize=True, max_examples=60)
 settings.load_profile("emaphm")
+
+
+# In the background of a shell without job control SIGINT is ignored, also by every process that a test
+# starts: tests that interrupt one would wait for ever.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")

@@ -32,8 +32,12 @@ class MethodError(EmaphmError):
     """A model, method or option is unknown or does not fit what it is used on."""
 
 
+class ExecutionError(EmaphmError):
+    """Workers or a scheduler cannot be used, or results cannot be kept."""
+
+
 class StudyError(EmaphmError):
-    """A study's plan asks for what cannot be, or its folder or scheduler cannot be used."""
+    """A study's plan asks for what cannot be, its folder cannot be used, or some of its runs failed."""
 
 
 MOST_LISTED = 20

@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
@@ -11,8 +12,11 @@ from pathlib import Path
 
 import pytest
 
+from emaphm.execution import ResultStore
 from emaphm.study import BUILT_IN, Plan, Store
 from emaphm.study.plan import built_in_text
+from emaphm.study.store import tasks
+from emaphm.study.trials import trials_of
 
 from .conftest import Emaphm, Refusal
 
@@ -90,16 +94,28 @@ def test_a_finished_study_may_be_started_again(emaphm: Emaphm) -> None:
     assert out.startswith("small: 4 of 4 runs\n")
 
 
-def test_a_part_that_is_cut_is_named(study: Path, emaphm: Emaphm) -> None:
-    part = study / "runs" / "0000002.parquet"
+def test_a_damaged_row_is_named(study: Path, emaphm: Emaphm) -> None:
+    plan = Store.open(study).plan
+    name, key = "worn, da, run 1", tasks(plan, trials_of(plan))[2].key
     for line in (f"{RUN} --workers 1", f"{RUN} --workers 1 --json"):
-        part.write_bytes(part.read_bytes()[:500])
+        with sqlite3.connect(study / "results.sqlite") as connection:
+            connection.execute("UPDATE results SET wall_seconds = -1 WHERE key = ?", (key,))
+        connection.close()
         code, out, err = emaphm(*line.split())
         assert (code, err) == (0, "")
         if line.endswith("--json"):
-            assert json.loads(out)["done_again"] == [part.name]
+            assert json.loads(out)["done_again"] == [name]
         else:
-            assert out.startswith(f"small: 4 of 4 runs; not whole, and done again: {part.name}\n")
+            assert out.startswith(f"small: 4 of 4 runs; damaged, and done again: {name}\n")
+
+
+def test_a_share_is_run_and_the_rest_later(plan: Path, emaphm: Emaphm) -> None:
+    code, out, _ = emaphm(*RUN.split(), "--workers", "1", "--share", "0.5")
+    assert code == 0
+    assert out.startswith("small: 2 of 4 runs\n")
+    assert Store.open(plan.with_name("out")).results["run"].to_list() == [0, 0]
+    code, out, _ = emaphm(*RUN.split(), "--workers", "1")
+    assert out.startswith("small: 4 of 4 runs\n")
 
 
 def test_results_of_another_version_may_be_mixed_in(study: Path, emaphm: Emaphm) -> None:
@@ -111,10 +127,13 @@ def test_results_of_another_version_may_be_mixed_in(study: Path, emaphm: Emaphm)
 
 def _disguise(study: Path) -> None:
     """Give the first result of a study another version."""
-    import polars as pl
-
-    part = study / "runs" / "0000000.parquet"
-    pl.read_parquet(part).with_columns(revision=pl.lit("0123456789ab")).write_parquet(part)
+    plan = Store.open(study).plan
+    every = tasks(plan, trials_of(plan))
+    kept = ResultStore(study / "results.sqlite")
+    outcome = kept.read(every)[0][0]
+    outcome.result["revision"] = "0123456789ab"
+    with kept.writing() as writer:
+        writer.keep(every[0], outcome, "another", 1.0)
 
 
 # Plans
@@ -125,7 +144,7 @@ def test_plans_are_listed(emaphm: Emaphm) -> None:
     assert (code, err) == (0, "")
     for name, line in zip(BUILT_IN, out.splitlines(), strict=True):
         plan = Plan.load(name)
-        assert line.split()[:3] == [name, str(len(plan.tasks)), "runs"]
+        assert line.split()[:3] == [name, str(plan.total), "runs"]
         assert line.endswith(plan.description)
 
 
@@ -134,7 +153,7 @@ def test_plans_are_listed_in_json(emaphm: Emaphm) -> None:
     assert (code, err) == (0, "")
     listed = json.loads(out)["plans"]
     assert [plan["name"] for plan in listed] == list(BUILT_IN)
-    assert [plan["runs"] for plan in listed] == [len(Plan.load(name).tasks) for name in BUILT_IN]
+    assert [plan["runs"] for plan in listed] == [Plan.load(name).total for name in BUILT_IN]
 
 
 def test_a_printed_plan_is_a_plan(emaphm: Emaphm) -> None:
@@ -155,6 +174,8 @@ BAD_LINES = {
     f"{RUN} --workers 0": ("--workers 0", "give 1 or more"),
     f"{RUN} --workers -3": ("--workers -3", "give 1 or more"),
     f"{RUN} --workers two": ("--workers", '"two"', "int"),
+    f"{RUN} --share 0": ("a share of 0 cannot be taken", "give more than 0"),
+    f"{RUN} --share 2": ("a share of 2 cannot be taken", "up to 1"),
     f"{RUN} --workers 2 --scheduler tcp://127.0.0.1:1": ("--workers and --scheduler exclude each other",),
     "study run thesi -o out": ("'thesi'", "did you mean 'thesis'?"),
     "study run absent.toml -o out": ("absent.toml", "no such plan file", "give the path"),
@@ -242,18 +263,18 @@ def start(desk: Path) -> Iterator[Start]:
         process.communicate()
 
 
-def _wait_for_parts(desk: Path, count: int) -> None:
+def _wait_for_results(desk: Path, count: int) -> None:
     deadline = time.monotonic() + PATIENCE_S
-    while len(list(desk.glob("out/runs/*.parquet"))) < count:
+    while not (desk / "out" / "results.sqlite").exists() or Store.open(desk / "out").results.height < count:
         assert time.monotonic() < deadline
-        time.sleep(0.01)
+        time.sleep(0.05)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs process groups")
 @pytest.mark.parametrize("workers", ["1", "2"])
 def test_an_interruption_says_how_to_go_on(start: Start, desk: Path, workers: str) -> None:
     process = start("--workers", workers)
-    _wait_for_parts(desk, 5)
+    _wait_for_results(desk, 5)
     os.killpg(process.pid, signal.SIGINT)
     out, err = process.communicate(timeout=PATIENCE_S)
     assert (process.returncode, out) == (130, b"")
@@ -266,7 +287,7 @@ def test_an_interruption_says_how_to_go_on(start: Start, desk: Path, workers: st
 def test_an_interruption_while_workers_start_leaves_no_traceback(start: Start, desk: Path) -> None:
     process = start("--workers", "2")
     deadline = time.monotonic() + PATIENCE_S
-    while not (desk / "out" / "runs").exists():  # made just before they are started
+    while not (desk / "out" / "results.sqlite").exists():  # made just before they are started
         assert time.monotonic() < deadline
         time.sleep(0.002)
     time.sleep(0.4)  # they load for a second and more
@@ -281,7 +302,7 @@ def test_progress_is_shown_on_a_terminal_alone(start: Start, desk: Path) -> None
     terminal, other = os.openpty()
     process = start("--workers", "1", stderr=other)
     os.close(other)
-    _wait_for_parts(desk, 5)
+    _wait_for_results(desk, 5)
     shown = b""
     while b"/400" not in shown:
         shown += os.read(terminal, 65536)

@@ -1,4 +1,4 @@
-"""Studies on a Dask scheduler: workers come and go; and every way in which there is no cluster."""
+"""Tasks on a Dask scheduler: workers come and go; and every way in which there is no cluster."""
 
 import asyncio
 import json
@@ -8,29 +8,32 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
-import polars as pl
 import pytest
 
 from emaphm.cli import main
-from emaphm.errors import StudyError
+from emaphm.errors import ExecutionError, StudyError
+from emaphm.execution import ResultStore, dask_cluster, outcomes, run_tasks
 from emaphm.execution.dask_cluster import run_on_cluster
 from emaphm.study import Store, run_study
-from emaphm.study.revision import REVISION
+from emaphm.study import store as store_module
 from study import small
+
+from . import toy
 
 pytest.importorskip("distributed")
 
 PATIENCE_S = 60
 """For a process to come up on a busy machine."""
 
-PLAN = small.plan(("runs = 3", "runs = 15"), ("iterations = 5", "iterations = 60"))
-TOTAL = 60
+TOTAL = 40
+TASKS = toy.tasks(TOTAL, toy.square, 0.01)
+"""Long enough for a worker to be lost while they run."""
 
-ANOTHER_VERSION = "import emaphm.study.task as task; task.REVISION = '0123456789ab'"
-"""Loaded by a worker before its first run."""
+TESTS = str(Path(__file__).parents[1])
+"""Where workers find the functions of `toy`."""
 
 DOES_NOT_WAIT_LONG = {"DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": "5s"}
 """For a worker that has been killed: a scheduler wants its last results, and asks 30 s long by default."""
@@ -69,7 +72,7 @@ class Cluster:
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             cwd=self._folder,
-            env=os.environ | DOES_NOT_WAIT_LONG | variables,
+            env=os.environ | DOES_NOT_WAIT_LONG | _with_tests() | variables,
         )
 
     def close(self) -> None:
@@ -77,6 +80,10 @@ class Cluster:
         for process in (*self.workers, self.scheduler):
             process.kill()
             process.wait()
+
+
+def _with_tests() -> dict[str, str]:
+    return {"PYTHONPATH": os.pathsep.join(filter(None, [TESTS, os.environ.get("PYTHONPATH")]))}
 
 
 @pytest.fixture(scope="module")
@@ -89,17 +96,20 @@ def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
     opened.close()
 
 
-@pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> pl.DataFrame:
-    """Return the results of one worker of this machine."""
-    return small.table(run_study(PLAN, tmp_path_factory.mktemp("undisturbed") / "study", workers=1))
+@pytest.fixture
+def store(tmp_path: Path) -> ResultStore:
+    return ResultStore(tmp_path / "results.sqlite")
+
+
+def kept(store: ResultStore) -> list[object]:
+    return toy.in_order(list(store.read(TASKS)[0].values()))
 
 
 # Workers that come and go
 
 
 def test_a_worker_is_lost_and_another_comes(
-    cluster: Cluster, undisturbed: pl.DataFrame, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    cluster: Cluster, store: ResultStore, capfd: pytest.CaptureFixture[str]
 ) -> None:
     told: list[tuple[int, int]] = []
 
@@ -109,46 +119,47 @@ def test_a_worker_is_lost_and_another_comes(
             cluster.workers[0].kill()
             cluster.add_worker()
 
-    store = run_study(PLAN, tmp_path / "study", scheduler=cluster.address, on_run=replace_worker)
-    assert small.table(store).equals(undisturbed)
+    assert run_tasks(TASKS, store, scheduler=cluster.address, on_task=replace_worker) == ()
+    assert kept(store) == toy.results(TOTAL)
     assert told == [(done, TOTAL) for done in range(TOTAL + 1)]
     assert capfd.readouterr() == ("", "")
 
 
-def test_a_killed_client_goes_on(cluster: Cluster, undisturbed: pl.DataFrame, tmp_path: Path) -> None:
-    plan, folder = tmp_path / "plan.json", tmp_path / "study"
-    plan.write_text(PLAN.model_dump_json(), encoding="utf-8")
+def test_a_killed_client_goes_on(cluster: Cluster, store: ResultStore) -> None:
     program = (
-        "import sys; from pathlib import Path; from emaphm.study import Plan, run_study;"
-        "plan = Plan.model_validate_json(Path(sys.argv[1]).read_text());"
-        "run_study(plan, sys.argv[2], scheduler=sys.argv[3])"
+        "import sys; from pathlib import Path; from emaphm.execution import ResultStore, run_tasks;"
+        "from execution import toy;"
+        f"tasks = toy.tasks({TOTAL}, toy.square, 0.1);"
+        "run_tasks(tasks, ResultStore(Path(sys.argv[1])), scheduler=sys.argv[2],"
+        " on_task=lambda done, _: print(done, flush=True))"
     )
     with subprocess.Popen(  # noqa: S603 - the arguments are this file's
-        [sys.executable, "-c", program, plan, folder, cluster.address]
+        [sys.executable, "-c", program, store.path, cluster.address],
+        env=os.environ | _with_tests(),
+        stdout=subprocess.PIPE,
+        text=True,
     ) as client:
-        deadline = time.monotonic() + PATIENCE_S
-        while not list(folder.glob("runs/*.parquet")):
-            assert time.monotonic() < deadline
-            time.sleep(0.002)
+        assert client.stdout is not None
+        assert [int(client.stdout.readline()) for _ in range(3)] == [0, 1, 2]
         client.kill()
-    assert 0 < Store.open(folder).results.height < TOTAL
-    store = run_study(PLAN, folder, scheduler=cluster.address)
-    assert small.table(store).equals(undisturbed)
+    assert 2 <= len(store.read(TASKS)[0]) < TOTAL
+    assert run_tasks(TASKS, store, scheduler=cluster.address) == ()
+    assert kept(store) == toy.results(TOTAL)
 
 
-def test_two_studies_at_once_do_not_mix(cluster: Cluster) -> None:
-    one, other = small.plan(), small.plan(("friction = 0.3", "friction = 0.9"))
-    running = run_on_cluster(one, one.tasks, cluster.address)
-    outcomes = [next(running)]
-    others = list(run_on_cluster(other, other.tasks, cluster.address))
-    outcomes.extend(running)
-    for plan, found in ((one, outcomes), (other, others)):
-        rows = {outcome.index: outcome.row for outcome in found}
-        assert rows.keys() == {task.index for task in plan.tasks}
-        assert all((rows[task.index] or {})["truth"] == list(task.truth) for task in plan.tasks)
+def test_two_callers_at_once_do_not_mix(cluster: Cluster) -> None:
+    others = toy.tasks(12, toy.fail_on_seven)
+    running = run_on_cluster(TASKS, cluster.address)
+    found = [next(running)]
+    of_others = {outcome.index: outcome for outcome in run_on_cluster(others, cluster.address)}
+    found.extend(running)
+    assert toy.in_order(found) == toy.results(TOTAL)
+    assert of_others.keys() == set(range(12))
+    assert of_others[7].failure == "number 7: ZeroDivisionError: seven is not liked"
+    assert of_others[8].result == toy.square(8)
 
 
-def test_the_command_runs_on_a_scheduler(
+def test_a_study_has_the_same_results_on_a_cluster(
     cluster: Cluster, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     plan, folder = tmp_path / "plan.toml", tmp_path / "study"
@@ -157,12 +168,18 @@ def test_the_command_runs_on_a_scheduler(
     out, err = capsys.readouterr()
     assert (code, err) == (0, "")
     assert json.loads(out) == {"plan": "small", "folder": str(folder), "runs": 12, "done_again": []}
+    here = run_study(small.plan(), tmp_path / "here", workers=1)
+    assert small.table(Store.open(folder)).equals(small.table(here))
 
 
-def test_what_fails_on_a_worker_is_a_run_that_failed(cluster: Cluster, tmp_path: Path) -> None:
-    still = small.plan(("[manoeuvre]", "[manoeuvre]\namplitude = 0"))
-    with pytest.raises(StudyError, match=r"12 of 12 runs failed, the first: (worn|loose), .*commanded"):
-        run_study(still, tmp_path / "study", scheduler=cluster.address)
+def test_workers_of_another_version_are_refused(
+    cluster: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # The workers have the version of these tests; this study pretends to be of another.
+    monkeypatch.setattr(store_module, "revision", lambda: "0123456789ab")
+    with pytest.raises(StudyError, match=r"12 of 12 runs failed, the first: .* this worker runs another "):
+        run_study(small.plan(), tmp_path / "study", scheduler=cluster.address)
+    assert Store.open(tmp_path / "study").results.is_empty()
 
 
 # Clusters that let one down
@@ -178,8 +195,8 @@ def fragile(tmp_path: Path) -> Iterator[Cluster]:
     opened.close()
 
 
-def test_a_run_that_loses_its_workers_is_named_and_the_others_are_done(
-    fragile: Cluster, undisturbed: pl.DataFrame, tmp_path: Path
+def test_a_task_that_loses_its_workers_is_named_and_the_others_are_done(
+    fragile: Cluster, store: ResultStore
 ) -> None:
     fragile.add_worker()
 
@@ -188,78 +205,59 @@ def test_a_run_that_loses_its_workers_is_named_and_the_others_are_done(
             fragile.workers[0].kill()
             fragile.add_worker()
 
-    folder = tmp_path / "study"
-    with pytest.raises(StudyError, match=r"runs failed, the first: .*: KilledWorker: ") as refusal:
-        run_study(PLAN, folder, scheduler=fragile.address, on_run=replace_worker)
-    assert len(str(refusal.value).splitlines()) == 1
-    assert TOTAL // 2 < Store.open(folder).results.height < TOTAL
-    store = run_study(PLAN, folder, scheduler=fragile.address)
-    assert small.table(store).equals(undisturbed)
+    tasks = toy.tasks(TOTAL, toy.square, 0.05)
+    failures = run_tasks(tasks, store, scheduler=fragile.address, on_task=replace_worker)
+    assert failures
+    assert all(": KilledWorker: " in failure and "\n" not in failure for failure in failures)
+    assert len(store.read(TASKS)[0]) == TOTAL - len(failures) > TOTAL // 2
+    assert run_tasks(tasks, store, scheduler=fragile.address) == ()
+    assert kept(store) == toy.results(TOTAL)
 
 
 def test_a_scheduler_that_goes_away_is_said_in_one_line(
-    fragile: Cluster, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    fragile: Cluster, store: ResultStore, capfd: pytest.CaptureFixture[str]
 ) -> None:
     def kill_soon(done: int, total: int) -> None:
         assert (done, total) == (0, TOTAL)
-        threading.Timer(2, fragile.scheduler.kill).start()  # the study then waits for a worker
+        threading.Timer(1, fragile.scheduler.kill).start()  # the tasks then wait for a worker
 
-    with pytest.raises(StudyError) as refusal:
-        run_study(PLAN, tmp_path / "study", scheduler=fragile.address, on_run=kill_soon)
+    with pytest.raises(ExecutionError) as refusal:
+        run_tasks(TASKS, store, scheduler=fragile.address, on_task=kill_soon)
     assert str(refusal.value) == (
-        f"the Dask scheduler at {fragile.address} went away; start it and the study again to go on"
+        f"the Dask scheduler at {fragile.address} went away; start it and this command again to go on"
     )
     assert capfd.readouterr() == ("", "")
-
-
-def test_workers_of_another_version_are_refused(fragile: Cluster, tmp_path: Path) -> None:
-    fragile.add_worker("--preload", ANOTHER_VERSION)
-    with pytest.raises(StudyError) as refusal:
-        run_study(PLAN, tmp_path / "study", scheduler=fragile.address)
-    assert str(refusal.value) == (
-        f"the workers of {fragile.address} run another version of the models (0123456789ab; this is "
-        f"{REVISION}); install the same emaphm there"
-    )
-    assert Store.open(tmp_path / "study").results.is_empty()
 
 
 # No cluster
 
 
-def test_a_scheduler_that_does_not_answer_is_refused_within_ten_seconds(tmp_path: Path) -> None:
+def test_a_scheduler_that_does_not_answer_is_refused_in_time_and_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert dask_cluster.ANSWER_S == 10
+    monkeypatch.setattr(dask_cluster, "ANSWER_S", 1.0)
     plan = tmp_path / "plan.toml"
     plan.write_text(small.TEXT, encoding="utf-8")
     with socket.socket() as closed, socket.socket() as silent:
         closed.bind(("127.0.0.1", 0))  # taken, but nobody listens
         silent.bind(("127.0.0.1", 0))
         silent.listen()
-        addresses = [f"tcp://127.0.0.1:{place.getsockname()[1]}" for place in (closed, silent)]
-        began = time.monotonic()
-        commands = [
-            subprocess.Popen(  # noqa: S603 - the arguments are this file's
-                _study_run(plan, tmp_path / f"study {i}", address),
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE,
-                text=True,
+        for place in (closed, silent):
+            address = f"tcp://127.0.0.1:{place.getsockname()[1]}"
+            began = time.monotonic()
+            code = main(["study", "run", str(plan), "-o", str(tmp_path / "study"), "--scheduler", address])
+            took = time.monotonic() - began
+            assert code == 2
+            out, err = capfd.readouterr()
+            assert out == ""
+            assert err == (
+                f"emaphm: no Dask scheduler answers at '{address}' (no answer within 1 s); start one with "
+                "'dask scheduler', or leave out --scheduler to use this machine\n"
             )
-            for i, address in enumerate(addresses)
-        ]
-        answers = [command.communicate(timeout=PATIENCE_S) for command in commands]
-        took = time.monotonic() - began
-    for address, command, (out, err) in zip(addresses, commands, answers, strict=True):
-        assert (command.returncode, out) == (2, "")
-        assert err == (
-            f"emaphm: no Dask scheduler answers at '{address}' (no answer within 10 s); start one with "
-            "'dask scheduler', or leave out --scheduler to use this machine\n"
-        )
-    # Ten seconds, and the time that a busy machine takes to start two Pythons; Dask itself waits thirty.
-    assert 10 < took < 30
-
-
-def _study_run(plan: Path, folder: Path, address: str) -> Sequence[str | Path]:
-    command = (sys.executable, "-m", "emaphm.cli", "study", "run", plan)
-    return [*command, "-o", folder, "--scheduler", address]
+            # A second, and the time that a busy machine takes; Dask itself waits thirty.
+            assert 1 <= took < 10
+    assert not (tmp_path / "study").exists()
 
 
 @pytest.mark.parametrize(
@@ -273,26 +271,26 @@ def _study_run(plan: Path, folder: Path, address: str) -> Sequence[str | Path]:
     ],
 )
 def test_a_nonsense_address_is_refused_at_once(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str], address: str, reason: str
+    capfd: pytest.CaptureFixture[str], address: str, reason: str
 ) -> None:
     began = time.monotonic()
-    with pytest.raises(StudyError) as refusal:
-        run_study(PLAN, tmp_path / "study", scheduler=address)
+    with pytest.raises(ExecutionError) as refusal:
+        list(outcomes(TASKS, scheduler=address))
     assert time.monotonic() - began < 5  # half of what is waited for an answer
     assert f"no Dask scheduler answers at '{address}' ({reason}" in str(refusal.value)
     assert len(str(refusal.value).splitlines()) == 1
     assert capfd.readouterr() == ("", "")
 
 
-def test_a_notebook_whose_loop_is_running_can_ask_too(tmp_path: Path) -> None:
+def test_a_notebook_whose_loop_is_running_can_ask_too() -> None:
     async def cell() -> None:
-        run_study(PLAN, tmp_path / "study", scheduler="http://127.0.0.1:8786")
+        list(outcomes(TASKS, scheduler="http://127.0.0.1:8786"))
 
-    with pytest.raises(StudyError, match="unknown address scheme 'http'"):
+    with pytest.raises(ExecutionError, match="unknown address scheme 'http'"):
         asyncio.run(cell())
 
 
-def test_a_worker_is_no_scheduler(cluster: Cluster, tmp_path: Path) -> None:
+def test_a_worker_is_no_scheduler(cluster: Cluster) -> None:
     from distributed.core import rpc
 
     async def some_worker() -> str:
@@ -304,11 +302,12 @@ def test_a_worker_is_no_scheduler(cluster: Cluster, tmp_path: Path) -> None:
     while not (address := asyncio.run(some_worker())):
         assert time.monotonic() < deadline
         time.sleep(0.05)
-    with pytest.raises(StudyError, match=f"no Dask scheduler answers at '{address}' .a worker is there"):
-        run_study(PLAN, tmp_path / "study", scheduler=address)
+    with pytest.raises(ExecutionError, match=f"no Dask scheduler answers at '{address}' .a worker is there"):
+        list(outcomes(TASKS, scheduler=address))
 
 
 def test_without_dask_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(StudyError, match=r"needs the library 'dask'; .* pip install 'emaphm\[cluster\]'"):
-        run_study(PLAN, tmp_path / "study", scheduler="tcp://127.0.0.1:8786")
+    with pytest.raises(ExecutionError, match=r"needs the library 'dask'; .* pip install 'emaphm\[cluster\]'"):
+        run_study(small.plan(), tmp_path / "study", scheduler="tcp://127.0.0.1:8786")
+    assert not (tmp_path / "study").exists()

@@ -69,7 +69,10 @@ def _row(
     decay = np.exp(-np.arange(iterations) / iterations * 4) if iterations else np.empty(0)
     curve = error * (1 + (80 / error) * (decay - decay[-1:].sum()))
     return {
+        "group": "",
+        "rig": "",
         "case": case,
+        "case_kind": "named",
         "method": method,
         "model": "averaged",
         "fitness": "least_squares",

@@ -46,4 +46,8 @@ def plan(*changes: tuple[str, str], top: str = "", end: str = "") -> Plan:
 
 def table(store: Store) -> pl.DataFrame:
     """Return the results but for what the clock decides."""
-    return store.results.drop("seconds")
+    return timeless(store.results)
+
+
+def timeless(results: pl.DataFrame) -> pl.DataFrame:
+    return results.drop("seconds", "wall_seconds", "cpu_seconds")

@@ -3,16 +3,18 @@
 import os
 import random
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 
 import polars as pl
 import pytest
 
-from emaphm.study import Plan, Store, run_study
+from emaphm.study import Store, run_study
 
 from . import small
 
@@ -34,16 +36,22 @@ NURSERY = """
 import os, sys, time
 from pathlib import Path
 
+from emaphm.execution.store import Writer
 from emaphm.study import Plan, run_study
+from emaphm.study.revision import revision
 from emaphm.study.task import perform
+from emaphm.study.trials import trials_of
 
 plan, folder = Plan.model_validate_json(Path(sys.argv[1]).read_text()), sys.argv[2]
-perform(plan.actuator, plan.manoeuvre, plan.tasks[0])
-write_bytes = Path.write_bytes
+perform(plan.actuator, plan.manoeuvre, trials_of(plan)[0], revision())
 
 
-def write_half(path, content):
-    write_bytes(path, content[:1000])
+def keep_half(self, task, *_):
+    self.connection.execute("PRAGMA cache_size = 2")  # so that pages are written before the transaction ends
+    self.connection.execute("BEGIN IMMEDIATE")
+    for n in range(100):
+        row = (f"half {n}", "half" * 1000, 0, 0, "")
+        self.connection.execute("INSERT INTO results VALUES (?, ?, ?, ?, ?)", row)
     print("half", flush=True)
     time.sleep(600)
 
@@ -52,7 +60,7 @@ for line in sys.stdin:
     child = os.fork()
     if not child:
         if line.strip() == "slowly":
-            Path.write_bytes = write_half
+            Writer.keep = keep_half
         ended = 1
         try:
             run_study(plan, folder, workers=1)
@@ -104,32 +112,39 @@ def _wait_until(is_so: Callable[[], bool]) -> None:
         time.sleep(0.001)
 
 
-def _wait_for_parts(folder: Path, count: int) -> None:
-    _wait_until(lambda: _parts(folder) >= count)
+def _wait_for_results(folder: Path, count: int) -> None:
+    _wait_until(lambda: _results(folder) >= count)
 
 
-def _parts(folder: Path) -> int:
-    return len(list((folder / "runs").glob("*.parquet")))
+def _results(folder: Path) -> int:
+    """Return how many results are kept; a writer that is at it is waited for."""
+    if not (folder / "results.sqlite").exists():
+        return 0
+    with closing(sqlite3.connect(folder / "results.sqlite", timeout=PATIENCE_S)) as connection:
+        try:
+            return int(connection.execute("SELECT COUNT(*) FROM results").fetchone()[0])
+        except sqlite3.OperationalError:  # its table is still to be made
+            return 0
 
 
-def _temporaries(folder: Path) -> list[Path]:
-    return list(folder.rglob(".*.tmp"))
+def _left_over(folder: Path) -> list[Path]:
+    return [path for path in folder.iterdir() if path.name not in ("plan.json", "results.sqlite", ".lock")]
 
 
 def test_twenty_kills_leave_no_trace(tmp_path: Path, nursery: Nursery, undisturbed: pl.DataFrame) -> None:
     folder, dice = tmp_path / "study", random.Random(20)  # noqa: S311 - nothing secret
     kept: list[int] = []
     for kill in range(KILLS):
-        before = _parts(folder)
+        before = _results(folder)
         _say(nursery, "start")
         child = int(_hear(nursery))
         if kill >= EARLY:
-            _wait_for_parts(folder, min(before + dice.randrange(8), TOTAL))
+            _wait_for_results(folder, min(before + dice.randrange(4), TOTAL))
         # Beginning, reading, searching and writing each take some milliseconds here.
         time.sleep(dice.uniform(0, 0.02))
         os.kill(child, signal.SIGKILL)
         assert int(_hear(nursery)) == signal.SIGKILL
-        kept.append(_parts(folder))
+        kept.append(_results(folder))
         if (folder / "plan.json").exists():
             store = Store.open(folder)
             assert store.damaged == ()
@@ -142,61 +157,23 @@ def test_twenty_kills_leave_no_trace(tmp_path: Path, nursery: Nursery, undisturb
     _hear(nursery)
     assert int(_hear(nursery)) == 0
     assert small.table(Store.open(folder)).equals(undisturbed)
-    assert not _temporaries(folder)
-    assert {path.name for path in folder.iterdir()} == {"plan.json", "runs", ".lock"}
+    assert not _left_over(folder)
 
 
-def test_a_kill_while_a_run_is_written_leaves_no_half_a_part(
+def test_a_kill_while_a_result_is_written_leaves_nothing_of_it(
     tmp_path: Path, nursery: Nursery, undisturbed: pl.DataFrame
 ) -> None:
     folder = tmp_path / "study"
     _say(nursery, "slowly")
     child = int(_hear(nursery))
     assert _hear(nursery) == "half"
-    assert [path.stat().st_size for path in _temporaries(folder)] == [1000]
+    # Some 400 kB of pages that no transaction has ended for, and what they replace.
+    assert (folder / "results.sqlite").stat().st_size > 200_000
+    assert [path.name for path in _left_over(folder)] == ["results.sqlite-journal"]
     os.kill(child, signal.SIGKILL)
     assert int(_hear(nursery)) == signal.SIGKILL
-    assert len(_temporaries(folder)) == 1
-    assert _parts(folder) == 0
-    assert small.table(run_study(PLAN, folder, workers=1)).equals(undisturbed)
-    assert not _temporaries(folder)
-
-
-def test_workers_end_with_a_killed_command(tmp_path: Path) -> None:
-    plan, folder = tmp_path / "plan.toml", tmp_path / "study"
-    plan.write_text(small.with_(("runs = 3", "runs = 10"), ("iterations = 5", "iterations = 100")))
-    with subprocess.Popen(  # noqa: S603 - the arguments are this file's
-        [sys.executable, "-m", "emaphm.cli", "study", "run", plan, "-o", folder, "--workers", "2"],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    ) as command:
-        _wait_for_parts(folder, 1)
-        helpers = _children(command.pid)
-        command.kill()
-    assert 0 < _parts(folder) < 40
-    assert len(helpers) >= 2
-    _wait_until(lambda: not any(map(_lives, helpers)))
-    undisturbed = run_study(Plan.load(plan), tmp_path / "other", workers=1)
-    resumed = run_study(Plan.load(plan), folder, workers=1)
-    assert small.table(resumed).equals(small.table(undisturbed))
-    assert not _temporaries(folder)
-
-
-def _children(parent: int) -> list[int]:
-    """Return the processes that `parent` has started."""
-    every = [int(path.name) for path in Path("/proc").iterdir() if path.name.isdecimal()]
-    return [process for process in every if _stat(process)[1:2] == [str(parent)]]
-
-
-def _lives(process: int) -> bool:
-    # One that has ended is Z until its parent has asked how.
-    return _stat(process)[:1] not in ([], ["Z"])
-
-
-def _stat(process: int) -> list[str]:
-    """Return state, parent and so on; empty where there is no such process."""
-    try:
-        return Path(f"/proc/{process}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
-    except OSError:
-        return []
+    assert _results(folder) == 0
+    resumed = small.table(run_study(PLAN, folder, share=0.1, workers=1))
+    assert resumed.height == 16
+    assert resumed.equals(undisturbed.head(16))
+    assert not _left_over(folder)

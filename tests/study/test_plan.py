@@ -8,7 +8,8 @@ from emaphm.actuator import Actuator, Faults
 from emaphm.actuator.toml import write_toml
 from emaphm.errors import StudyError
 from emaphm.study import BUILT_IN, Plan
-from emaphm.study.plan import MOST_RUNS, Task
+from emaphm.study.cases import MOST_RUNS
+from emaphm.study.trials import Trial, trials_of
 
 from . import small
 
@@ -18,20 +19,20 @@ ANOTHER_METHOD = '[[methods]]\nmethod = "dragonfly-thesis"\n'
 def seeds(plan: Plan) -> dict[tuple[str, int], set[int]]:
     """Return the seeds of each case and run."""
     found: dict[tuple[str, int], set[int]] = {}
-    for task in plan.tasks:
-        found.setdefault((task.case, task.run), set()).add(task.seed)
+    for trial in trials_of(plan):
+        found.setdefault((trial.case, trial.run), set()).add(trial.seed)
     return found
 
 
-def what(task: Task) -> tuple[object, ...]:
+def what(trial: Trial) -> tuple[object, ...]:
     return (
-        task.case,
-        task.contestant.label,
-        task.model,
-        task.fitness,
-        task.equivalent,
-        task.noise_A,
-        task.run,
+        trial.case,
+        trial.contestant.label,
+        trial.model,
+        trial.fitness,
+        trial.equivalent,
+        trial.noise_A,
+        trial.run,
     )
 
 
@@ -43,19 +44,19 @@ def test_every_combination_is_run_as_often_as_asked() -> None:
         top='models = ["averaged", "monitor"]\nfitnesses = ["least_squares", "thesis"]\n'
         'equivalents = ["torque", "active", "magnitude"]\nnoises_A = [0, 0.1]'
     )
-    tasks = plan.tasks
+    trials = trials_of(plan)
     # cases × methods × models × fitnesses × equivalents × noises × runs
-    assert len(tasks) == 2 * 2 * 2 * 2 * 3 * 2 * 3
-    assert len({what(task) for task in tasks}) == len(tasks)
-    assert [task.index for task in tasks] == list(range(len(tasks)))
+    assert len(trials) == 2 * 2 * 2 * 2 * 3 * 2 * 3
+    assert len({what(trial) for trial in trials}) == len(trials)
+    assert [trial.index for trial in trials] == list(range(len(trials)))
 
 
 def test_the_first_runs_of_everything_come_first() -> None:
-    assert [task.run for task in small.plan().tasks] == [0] * 4 + [1] * 4 + [2] * 4
+    assert [trial.run for trial in trials_of(small.plan())] == [0] * 4 + [1] * 4 + [2] * 4
 
 
 def test_cases_are_fault_vectors_and_healthy_where_nothing_is_said() -> None:
-    truths = {task.case: task.truth for task in small.plan().tasks}
+    truths = {trial.case: trial.truth for trial in trials_of(small.plan())}
     assert truths["worn"] == tuple(Faults(friction=0.3).vector)
     assert truths["loose"] == tuple(Faults(backlash=0.4, gain=0.7).vector)
 
@@ -80,11 +81,13 @@ def test_methods_share_the_seed_of_a_case_and_run_and_nothing_else_does() -> Non
 )
 def test_a_larger_plan_keeps_the_seeds_of_a_smaller(larger: Plan) -> None:
     assert seeds(small.plan()).items() <= seeds(larger).items()
-    assert len(larger.tasks) > len(small.plan().tasks)
+    assert len(trials_of(larger)) > len(trials_of(small.plan()))
 
 
 def test_another_seed_of_the_plan_gives_all_other_seeds() -> None:
-    one, other = ({task.seed for task in plan.tasks} for plan in (small.plan(), small.plan(top="seed = 1")))
+    one, other = (
+        {trial.seed for trial in trials_of(plan)} for plan in (small.plan(), small.plan(top="seed = 1"))
+    )
     assert not one & other
 
 
@@ -133,7 +136,7 @@ def test_a_plan_survives_its_json() -> None:
     plan = small.plan(top="noises_A = [0, 0.1]", end="[random]\ncount = 2")
     again = Plan.model_validate_json(plan.model_dump_json())
     assert again == plan
-    assert again.tasks == plan.tasks
+    assert trials_of(again) == trials_of(plan)
 
 
 @pytest.mark.parametrize("name", BUILT_IN)
@@ -141,7 +144,7 @@ def test_built_in_plans_load(name: str) -> None:
     plan = Plan.load(name)
     assert plan.name == name
     assert plan.description
-    assert plan.tasks
+    assert trials_of(plan)
 
 
 def test_the_thesis_plan_is_that_of_the_thesis() -> None:
@@ -225,7 +228,7 @@ REFUSED: dict[str, tuple[str, tuple[str, ...]]] = {
         small.with_(("population = 8", "population = 1")),
         ("'methods.1'", "population must be at least 2, got 1"),
     ),
-    "turns": (small.with_(end=HYBRID + "turns = 99"), ("'methods.2.turns'", "20", "99")),
+    "turns": (small.with_(end=HYBRID + "turns = 99"), ("'methods.2.max_corrections'", "20", "99")),
     "method, number": (small.with_(('"da"', "3")), ("'methods.1.method'", "string", "3")),
     "label, empty": (small.with_(('"more"', '""')), ("'methods.1.label'", "at least 1")),
     "duration": (
@@ -306,8 +309,8 @@ def test_a_plan_that_cannot_be_is_refused_in_one_line(
     ("name", "pieces"),
     [
         ("thesi", ("'thesi'", "did you mean 'thesis'?", "path of its TOML")),
-        ("nothing like it", ("known: forms, hybrids", "path of its TOML")),
-        ("n" * 300, ("known: forms, hybrids",)),
+        ("nothing like it", ("known: accuracy, forms, hybrids", "path of its TOML")),
+        ("n" * 300, ("known: accuracy, forms, hybrids",)),
         ("absent.toml", ("absent.toml", "no such plan file", "give the path")),
         (".", (".: cannot be read", "directory")),
         ("latin.toml", ("latin.toml", "cannot be read as a TOML text file")),

@@ -1,15 +1,21 @@
 """The folder of a study: what is in it is whole, and its own; every other folder is refused."""
 
 import shutil
+import sqlite3
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import polars as pl
 import pytest
 
-from emaphm.errors import EmaphmError, OutputError, StudyError
+from emaphm.errors import EmaphmError, ExecutionError, OutputError, StudyError
+from emaphm.execution import ResultStore
 from emaphm.study import Plan, Store, run_study
-from emaphm.study.store import SCHEMA
+from emaphm.study import store as store_module
+from emaphm.study.revision import revision
+from emaphm.study.store import SCHEMA, name_of, tasks
+from emaphm.study.trials import trials_of
 
 from . import small
 
@@ -28,12 +34,19 @@ def folder(finished: Store, tmp_path: Path) -> Path:
     return Path(shutil.copytree(finished.folder, tmp_path / "study"))
 
 
-def part(folder: Path, index: int) -> Path:
-    return folder / "runs" / f"{index:07d}.parquet"
+def sql(folder: Path, statement: str, *values: Any) -> None:
+    with sqlite3.connect(folder / "results.sqlite") as connection:
+        connection.execute(statement, values)
+    connection.close()
 
 
-def stamps(folder: Path) -> dict[str, int]:
-    return {path.name: path.stat().st_mtime_ns for path in (folder / "runs").iterdir()}
+def key(index: int, plan: Plan = PLAN) -> str:
+    return tasks(plan, trials_of(plan))[index].key
+
+
+def forget(folder: Path, index: int) -> None:
+    """Remove the result of one trial."""
+    sql(folder, "DELETE FROM results WHERE key = ?", key(index))
 
 
 def message(plan: Plan, folder: Path, **options: bool) -> str:
@@ -53,14 +66,17 @@ def _contents(folder: Path) -> dict[Path, bytes]:
 # What is kept
 
 
-def test_every_run_is_a_row_of_its_part(finished: Store) -> None:
+def test_every_trial_is_a_row(finished: Store) -> None:
     assert finished.results.schema == pl.Schema(SCHEMA)
     assert finished.results["index"].to_list() == list(range(12))
     assert finished.damaged == ()
-    for task, row in zip(PLAN.tasks, finished.results.iter_rows(named=True), strict=True):
-        assert (row["case"], row["method"], row["run"]) == (task.case, task.contestant.label, task.run)
-        assert (row["seed"], tuple(row["truth"])) == (task.seed, task.truth)
-        assert pl.read_parquet(part(finished.folder, task.index)).row(0, named=True) == row
+    for trial, row in zip(trials_of(PLAN), finished.results.iter_rows(named=True), strict=True):
+        assert (row["case"], row["method"], row["run"]) == (trial.case, trial.contestant.label, trial.run)
+        assert (row["seed"], tuple(row["truth"])) == (trial.seed, trial.truth)
+        assert 0 < row["seconds"] < row["wall_seconds"]
+    # The bookkeeping between the trials is in the one and not in the other.
+    assert finished.elapsed_seconds > finished.results["wall_seconds"].sum()
+    assert {path.name for path in finished.folder.iterdir()} == {"plan.json", "results.sqlite", ".lock"}
 
 
 def test_a_reopened_store_is_the_same(finished: Store) -> None:
@@ -69,92 +85,96 @@ def test_a_reopened_store_is_the_same(finished: Store) -> None:
     assert again.results.equals(finished.results)
 
 
-def test_a_finished_study_is_not_run_again(folder: Path) -> None:
-    before, told = stamps(folder), []
-    run_study(PLAN, folder, on_run=lambda *progress: told.append(progress))
-    assert stamps(folder) == before
+def test_a_finished_study_is_not_run_again(finished: Store, folder: Path) -> None:
+    told: list[tuple[int, int]] = []
+    again = run_study(PLAN, folder, on_run=lambda *progress: told.append(progress))
+    assert again.results.equals(finished.results)
     assert told == [(12, 12)]
 
 
-# Parts that are not whole, or not theirs
+# Rows that are damaged, or of something else
 
 
-def _truncate(path: Path) -> None:
-    path.write_bytes(path.read_bytes()[:-100])
-
-
-def _empty(path: Path) -> None:
-    path.write_bytes(b"")
-
-
-def _scribble(path: Path) -> None:
-    path.write_text("no Parquet", encoding="utf-8")
-
-
-def _other_columns(path: Path) -> None:
-    pl.DataFrame({"index": [3], "error_percent": [1.0]}).write_parquet(path)
-
-
-def _other_run(path: Path) -> None:
-    shutil.copy(part(path.parents[1], 2), path)
-
-
-def _other_study(path: Path) -> None:
-    rows = pl.read_parquet(path).with_columns(seed=pl.col("seed") + 1)
-    rows.write_parquet(path)
-
-
-def _two_rows(path: Path) -> None:
-    rows = pl.read_parquet(path)
-    pl.concat([rows, rows]).write_parquet(path)
-
-
-@pytest.mark.parametrize(
-    "spoil", [_truncate, _empty, _scribble, _other_columns, _other_run, _other_study, _two_rows]
-)
-def test_a_spoilt_part_is_named_and_only_its_run_done_again(
-    finished: Store, folder: Path, spoil: Callable[[Path], None]
-) -> None:
-    spoil(part(folder, 3))
-    before = stamps(folder)
+def test_a_row_that_was_changed_is_named_and_only_its_trial_done_again(finished: Store, folder: Path) -> None:
+    sql(
+        folder,
+        "UPDATE results SET result = replace(result, '\"found\": [0.', '\"found\": [0.1') WHERE key = ?",
+        key(3),
+    )
     opened = Store.open(folder)
-    assert opened.damaged == (part(folder, 3),)
+    assert opened.damaged == (name_of(trials_of(PLAN)[3]),) == ("loose, more, run 0",)
     assert opened.results["index"].to_list() == [i for i in range(12) if i != 3]
     store = run_study(PLAN, folder, workers=1)
-    assert store.damaged == (part(folder, 3),)
+    assert store.damaged == opened.damaged
     assert small.table(store).equals(small.table(finished))
-    after = stamps(folder)
-    assert {name for name in after if after[name] != before[name]} == {part(folder, 3).name}
+    assert store.results.filter(pl.col("index") != 3).equals(finished.results.filter(pl.col("index") != 3))
     assert Store.open(folder).damaged == ()
 
 
-@pytest.mark.parametrize("length", range(0, 5000, 500))
-def test_a_part_cut_at_any_length_is_seen(folder: Path, length: int) -> None:
-    whole = part(folder, 0).read_bytes()
-    assert len(whole) > length
-    part(folder, 0).write_bytes(whole[:length])
-    assert Store.open(folder).damaged == (part(folder, 0),)
+@pytest.mark.parametrize(
+    ("change", "shared"),
+    [
+        (("friction = 0.3", "friction = 0.31"), 6),  # the other case
+        (("population = 8", "population = 9"), 6),  # the other method
+        (("duration = 0.05", "duration = 0.06"), 0),
+        (("name =", 'models = ["monitor"]\nname ='), 0),
+        (("name =", "noises_A = [0.1]\nname ="), 0),
+        (("name =", 'fitnesses = ["thesis"]\nname ='), 0),
+        (("name =", "seed = 1\nname ="), 0),
+    ],
+    ids=["truth", "setting", "manoeuvre", "model", "noise", "fitness", "seed"],
+)
+def test_results_of_another_plan_that_were_copied_in_do_not_count(
+    folder: Path, tmp_path: Path, change: tuple[str, str], shared: int
+) -> None:
+    other = small.plan(change)
+    Store.create(tmp_path / "other", other)
+    shutil.copy(folder / "results.sqlite", tmp_path / "other")
+    found = Store.open(tmp_path / "other")
+    assert found.results.height == shared
+    assert found.damaged == ()
 
 
-def test_a_run_that_cannot_be_written_leaves_no_part_of_it(finished: Store, folder: Path) -> None:
-    resource = pytest.importorskip("resource")
-    part(folder, 5).unlink()
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (2500, limits[1]))  # half a part
-    try:
-        with pytest.raises(OutputError, match=r"0000005\.parquet: cannot be written \(File too large\)"):
+def _cut(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:-5000])
+
+
+def _scribble(path: Path) -> None:
+    path.write_text("no results", encoding="utf-8")
+
+
+@pytest.mark.parametrize("spoil", [_cut, _scribble])
+def test_a_damaged_file_is_refused_and_left_alone(folder: Path, spoil: Callable[[Path], None]) -> None:
+    spoil(folder / "results.sqlite")
+    assert message(PLAN, folder).startswith(f"{folder / 'results.sqlite'}: is damaged (")
+    with pytest.raises(ExecutionError, match="move it away"):
+        Store.open(folder)
+
+
+def test_a_run_that_cannot_be_written_leaves_the_others(
+    finished: Store, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # What a full disk does to the file itself is tested with the store of results.
+    for index in (5, 6):
+        forget(folder, index)
+    with monkeypatch.context() as patch:
+        patch.setattr(store_module, "RESULTS", "absent/results.sqlite")
+        with pytest.raises(OutputError, match="cannot be written or read"):
             run_study(PLAN, folder, workers=1)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-    assert len(stamps(folder)) == 11
+    assert Store.open(folder).results.height == 10
     assert small.table(run_study(PLAN, folder, workers=1)).equals(small.table(finished))
 
 
-@pytest.mark.parametrize("left", [".0123.tmp", "runs/.0123.tmp"])
-def test_what_a_killed_study_left_is_removed(folder: Path, left: str) -> None:
-    (folder / left).write_bytes(b"PAR1")
+def test_what_a_killed_study_left_is_removed_and_nothing_else(folder: Path) -> None:
+    left, own = (
+        folder / f".{'0a' * 16}.tmp",
+        (folder / ".mine.tmp", folder / "notes.tmp", folder / ".0123.tmp"),
+    )
+    for path in (left, *own):
+        path.write_text("{", encoding="utf-8")
     run_study(PLAN, folder, workers=1)
-    assert not (folder / left).exists()
+    assert not left.exists()
+    assert all(path.exists() for path in own)
 
 
 # Folders that are something else
@@ -212,7 +232,9 @@ def test_a_file_in_its_place_is_refused(tmp_path: Path) -> None:
     assert "cannot be created (Not a directory)" in message(PLAN, tmp_path / "study" / "below")
 
 
-@pytest.mark.parametrize("content", ["", "{", "[]", '{"name": "small"}', "\x00"])
+@pytest.mark.parametrize(
+    "content", ["", "{", "[]", '{"name": "small"}', "\x00", "[" * 100_000, "null", '"a"']
+)
 def test_a_plan_that_cannot_be_read_is_named(folder: Path, content: str) -> None:
     (folder / "plan.json").write_text(content, encoding="utf-8")
     assert f"{folder / 'plan.json'}: cannot be read as a plan (" in message(PLAN, folder)
@@ -224,15 +246,10 @@ def test_a_folder_without_study_cannot_be_opened(tmp_path: Path) -> None:
             Store.open(place)
 
 
-@pytest.mark.parametrize("taken", [".lock", "runs"])
-def test_a_study_that_cannot_be_written_to_is_refused(folder: Path, taken: str) -> None:
+def test_a_study_that_cannot_be_written_to_is_refused(folder: Path) -> None:
     # Permissions do not hold root back; a name that is taken fails in the same place.
-    if taken == ".lock":
-        (folder / ".lock").unlink()
-        (folder / ".lock").mkdir()
-    else:
-        shutil.rmtree(folder / "runs")
-        (folder / "runs").touch()
+    (folder / ".lock").unlink()
+    (folder / ".lock").mkdir()
     assert f"{folder} cannot be written to (" in message(PLAN, folder)
 
 
@@ -246,29 +263,33 @@ def test_a_place_where_nothing_can_be_made_is_refused() -> None:
 # Other versions of the models
 
 
-def test_results_of_another_version_are_refused_unless_told_to_mix(finished: Store, folder: Path) -> None:
-    another = pl.read_parquet(part(folder, 1)).with_columns(
-        revision=pl.lit("0123456789ab"), error_percent=pl.lit(77.0)
-    )
-    another.write_parquet(part(folder, 1))
-    part(folder, 2).unlink()
-    said = message(PLAN, folder)
-    assert "results of another version of the models (0123456789ab; this is " in said
+def test_results_of_another_version_are_refused_unless_told_to_mix(
+    finished: Store, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    forget(folder, 2)
+    here = revision()
+    with monkeypatch.context() as patch:
+        patch.setattr(store_module, "revision", lambda: "0123456789ab")
+        said = message(PLAN, folder)
+    assert f"results of another version of the models ({here}; this is 0123456789ab)" in said
     assert "--mix" in said
-    mixed = run_study(PLAN, folder, workers=1, mix=True).results
-    assert mixed["error_percent"][1] == 77.0
-    assert (
-        mixed.filter(pl.col("index") != 1)
-        .drop("seconds")
-        .equals(small.table(finished).filter(pl.col("index") != 1))
-    )
+    mixed = ResultStore(folder / "results.sqlite")
+    outcome = mixed.read(tasks(PLAN, trials_of(PLAN)))[0][1]
+    with mixed.writing() as writer:
+        outcome.result.update(revision="0123456789ab", fitness_value=77.0)
+        writer.keep(tasks(PLAN, trials_of(PLAN))[1], outcome, "another", 1.0)
+    assert "another version of the models (0123456789ab; this is " in message(PLAN, folder)
+    results = run_study(PLAN, folder, workers=1, mix=True).results
+    assert results["fitness_value"][1] == 77.0
+    others = pl.col("index") != 1
+    assert small.timeless(results).filter(others).equals(small.table(finished).filter(others))
 
 
 # Two at once
 
 
 def test_a_second_study_in_the_same_folder_is_refused(finished: Store, folder: Path) -> None:
-    part(folder, 4).unlink()
+    forget(folder, 4)
     refusals = []
 
     def start_another(done: int, total: int) -> None:
@@ -299,4 +320,4 @@ def test_two_studies_that_begin_in_one_folder_do_not_mix(
     monkeypatch.setattr(Store, "locked", overtaken)
     with pytest.raises(StudyError, match=r"another plan: 'runs' \(1 there, 3 here\)"):
         run_study(PLAN, folder, workers=1)
-    assert not (folder / "runs").exists()
+    assert not (folder / "results.sqlite").exists()

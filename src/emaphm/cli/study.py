@@ -25,6 +25,9 @@ def run(
     scheduler: Annotated[
         str | None, Parameter(help="Address of a Dask scheduler to run on, e.g. tcp://10.0.0.1:8786.")
     ] = None,
+    share: Annotated[
+        float, Parameter(help="Share of the runs to do now, the first of each kind: e.g. 0.1 for a trial.")
+    ] = 1.0,
     mix: Annotated[
         bool, Parameter(negative="", help="Let results of another version of the models stand.")
     ] = False,
@@ -41,14 +44,16 @@ def run(
     loaded = Plan.load(plan)
     with counter(f"study {loaded.name}", as_json) as count:
         try:
-            store = run_study(loaded, out, workers=workers, scheduler=scheduler, mix=mix, on_run=count)
+            store = run_study(
+                loaded, out, share=share, workers=workers, scheduler=scheduler, mix=mix, on_run=count
+            )
         except KeyboardInterrupt:
             raise KeyboardInterrupt(f"what finished is kept in {out}; the same command goes on") from None
     values = {
         "plan": loaded.name,
         "folder": str(out),
         "runs": store.results.height,
-        "done_again": [path.name for path in store.damaged],
+        "done_again": list(store.damaged),
     }
     show(values, f"{_summary(store)}\nResults in {out}; see them with: emaphm study report {out}", as_json)
 
@@ -62,15 +67,22 @@ def report(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Write the tables and figures of a study, finished or not: Markdown, CSV and one HTML page."""
-    from emaphm.report.study import write_study_report
+    """Write the tables and figures of a study, finished or not: Markdown, CSV and one HTML page.
+
+    A plan that names a page of its own, as accuracy and limits do, gives that page and its figures instead.
+    """
     from emaphm.study import Store
 
-    store = Store.open(folder)
-    plan, total = store.plan, len(store.plan.tasks)
-    written = write_study_report(
-        store.results, plan.name, plan.description, out or folder / "report", total, plan.facts
-    )
+    store, place = Store.open(folder), out or folder / "report"
+    plan, total = store.plan, store.plan.total
+    if plan.page is not None:
+        from emaphm.report.study_pages import write_study_page
+
+        written = write_study_page(store, place)
+    else:
+        from emaphm.report.study import write_study_report
+
+        written = write_study_report(store.results, plan.name, plan.description, place, total, plan.facts)
     values = {
         "plan": plan.name,
         "runs": store.results.height,
@@ -99,15 +111,13 @@ def plans(
         return
     every = [Plan.load(built_in) for built_in in BUILT_IN]
     values = {
-        "plans": [
-            {"name": plan.name, "runs": len(plan.tasks), "description": plan.description} for plan in every
-        ]
+        "plans": [{"name": plan.name, "runs": plan.total, "description": plan.description} for plan in every]
     }
     show(values, "\n".join(map(_line, every)), as_json)
 
 
 def _line(plan: "Plan") -> str:
-    return f"{plan.name:<10}{len(plan.tasks):>5} runs  {plan.description}"
+    return f"{plan.name:<10}{plan.total:>5} runs  {plan.description}"
 
 
 def _summary(store: "Store") -> str:
@@ -116,14 +126,13 @@ def _summary(store: "Store") -> str:
 
     from emaphm.text_table import format_table
 
-    total = len(store.plan.tasks)
-    told = f"{store.plan.name}: {store.results.height} of {total} runs"
+    total = store.plan.total
+    summary = f"{store.plan.name}: {store.results.height} of {total} runs"
     if store.damaged:
-        names = ", ".join(path.name for path in store.damaged)
         again = "done again" if store.results.height == total else "to be done again"
-        told += f"; not whole, and {again}: {names}"
+        summary += f"; damaged, and {again}: {'; '.join(store.damaged)}"
     if store.results.is_empty():
-        return told
+        return summary
     error = pl.col("error_percent")
     by_method = store.results.group_by("method", maintain_order=True).agg(
         error.median().alias("median"),
@@ -154,4 +163,4 @@ def _summary(store: "Store") -> str:
         "evaluations",
         "time of a run, s",
     )
-    return f"{told}\n{format_table(header, rows)}"
+    return f"{summary}\n{format_table(header, rows)}"

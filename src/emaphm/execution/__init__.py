@@ -1,1 +1,7 @@
-"""Many independent tasks: on processes of this machine or a Dask cluster."""
+"""Many independent tasks: on processes or a Dask cluster, kept as they finish, resumed. Knows no actuator."""
+
+from emaphm.execution.run import OnTask, check_workers, outcomes, run_tasks
+from emaphm.execution.store import ResultStore
+from emaphm.execution.tasks import Outcome, Task
+
+__all__ = ["OnTask", "Outcome", "ResultStore", "Task", "check_workers", "outcomes", "run_tasks"]

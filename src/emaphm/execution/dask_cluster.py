@@ -1,46 +1,39 @@
-"""Runs on the workers of a Dask scheduler, which may come and go."""
+"""Tasks on the workers of a Dask scheduler, which may come and go."""
 
 import asyncio
+import importlib.util
 import logging
 from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
-from functools import partial
 from typing import Any
 
-from emaphm.errors import StudyError
-from emaphm.study.plan import Plan, Task
-from emaphm.study.revision import REVISION
-from emaphm.study.task import Outcome, attempt, failed
+from emaphm.errors import ExecutionError
+from emaphm.execution.tasks import Outcome, Task, attempt, failed
 
 ANSWER_S = 10.0
 """A scheduler that has not answered by then is not there."""
 
 
-def run_on_cluster(plan: Plan, tasks: Sequence[Task], address: str) -> Generator[Outcome]:
+def run_on_cluster(tasks: Sequence[Task], address: str) -> Generator[Outcome]:
     """Yield the outcome of each of `tasks` as it finishes on the Dask scheduler at `address`.
 
-    The runs of a worker that is lost are done again by another, as often as the scheduler allows
+    The tasks of a worker that is lost are done again by another, as often as the scheduler allows
     (``distributed.scheduler.allowed-failures``); after that they count as failed.
 
     Raises
     ------
-    StudyError
-        Dask is not installed, the scheduler does not answer within ten seconds or goes away later, or a
-        worker's emaphm is another version.
+    ExecutionError
+        Dask is not installed, or the scheduler does not answer within ten seconds or goes away later.
     """
-    try:
-        import distributed
-    except ImportError:
-        raise StudyError(
-            "--scheduler needs the library 'dask'; install it with: pip install 'emaphm[cluster]'"
-        ) from None
+    check_scheduler(address)
+    import distributed
+
     with ExitStack() as stack:
         stack.enter_context(_quiet())
-        _check_answer(address)
         client = stack.enter_context(distributed.Client(address, timeout=ANSWER_S, set_as_default=False))
-        # Not pure: keys made from the arguments would be shared by studies, and so would their results.
-        futures = client.map(partial(attempt, plan.actuator, plan.manoeuvre), tasks, pure=False)
+        # Not pure: keys made from the arguments would be shared by two callers, and so would their results.
+        futures = client.map(attempt, tasks, pure=False)
         task_of = dict(zip(futures, tasks, strict=True))
         for future in distributed.as_completed(futures, loop=client.loop):
             yield _outcome(future, task_of[future], address)
@@ -53,28 +46,38 @@ def _outcome(future: Any, task: Task, address: str) -> Outcome:
     try:
         outcome: Outcome = future.result()
     except CancelledError:
-        raise StudyError(
-            f"the Dask scheduler at {address} went away; start it and the study again to go on"
+        raise ExecutionError(
+            f"the Dask scheduler at {address} went away; start it and this command again to go on"
         ) from None
     except Exception as error:  # noqa: BLE001 - its workers were lost, or are without emaphm
         return failed(task, error)
-    if outcome.revision != REVISION:
-        raise StudyError(
-            f"the workers of {address} run another version of the models ({outcome.revision}; this is "
-            f"{REVISION}); install the same emaphm there"
-        )
     return outcome
 
 
+def check_scheduler(address: str) -> None:
+    """Refuse an address without a scheduler; `Client` itself can take a minute, and tracebacks, to do so.
+
+    Raises
+    ------
+    ExecutionError
+        Dask is not installed, or no scheduler answers within ten seconds.
+    """
+    if importlib.util.find_spec("distributed") is None:
+        raise ExecutionError(
+            "--scheduler needs the library 'dask'; install it with: pip install 'emaphm[cluster]'"
+        )
+    with _quiet():
+        _check_answer(address)
+
+
 def _check_answer(address: str) -> None:
-    """Refuse an address without a scheduler; `Client` itself can take a minute, and tracebacks, to do so."""
     try:
         # In a thread of its own: a notebook's has a running loop already, which cannot be nested.
         with ThreadPoolExecutor(1) as thread:
             thread.submit(asyncio.run, asyncio.wait_for(_ask(address), ANSWER_S)).result()
     except Exception as error:  # noqa: BLE001 - whatever listens there may answer anything
         reason = str(error).partition("\n")[0] or f"no answer within {ANSWER_S:g} s"
-        raise StudyError(
+        raise ExecutionError(
             f"no Dask scheduler answers at '{address}' ({reason}); start one with 'dask scheduler', or "
             "leave out --scheduler to use this machine"
         ) from None
@@ -101,4 +104,4 @@ async def _ask(address: str) -> None:
     async with rpc(address) as server:
         kind = (await server.identity())["type"]
     if kind != "Scheduler":
-        raise StudyError(f"a {kind.lower()} is there")
+        raise ExecutionError(f"a {kind.lower()} is there")

@@ -1,7 +1,7 @@
-"""Runs on this machine's cores, side by side.
+"""Tasks on this machine's cores, side by side.
 
-Processes, not threads: a run spends a third of its time in Python, where threads wait for each other
-(measured: two threads are 1.4 times as fast as one, two processes 1.6 times).
+Processes, not threads: a run of a study spends a third of its time in Python, where threads wait for each
+other (measured: two threads are 1.4 times as fast as one, two processes 1.6 times).
 """
 
 import multiprocessing
@@ -15,18 +15,20 @@ from contextlib import contextmanager
 from itertools import islice
 from multiprocessing.connection import Connection
 
-from emaphm.errors import StudyError
-from emaphm.study.plan import Plan, Task
-from emaphm.study.task import Outcome, attempt
+from emaphm.errors import ExecutionError
+from emaphm.execution.tasks import Outcome, Task, attempt
 
 WAITING = 2
-"""Runs handed out for each worker: one under way, one to go on with."""
+"""Tasks handed out for each worker: one under way, one to go on with."""
 
 LISTENING_S = 0.2
 """Longest wait in one go: polars has system calls restarted after Ctrl-C, so that a wait does not end."""
 
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
+"""Set to 1 for workers where unset: small matrices gain nothing from threads, which compete for the cores."""
 
-def run_locally(plan: Plan, tasks: Sequence[Task], workers: int | None = None) -> Generator[Outcome]:
+
+def run_on_processes(tasks: Sequence[Task], workers: int | None = None) -> Generator[Outcome]:
     """Yield the outcome of each of `tasks` as it finishes, from `workers` processes (default: one a core).
 
     One worker is this process itself. More are started afresh, so a script that calls this needs the
@@ -34,36 +36,32 @@ def run_locally(plan: Plan, tasks: Sequence[Task], workers: int | None = None) -
 
     Raises
     ------
-    StudyError
+    ExecutionError
         A worker process died.
     """
     workers = min(workers or os.cpu_count() or 1, len(tasks))
-    if workers == 1:
-        for task in tasks:
-            yield attempt(plan.actuator, plan.manoeuvre, task)
+    if workers <= 1:
+        yield from map(attempt, tasks)
         return
     context = multiprocessing.get_context("spawn")
-    # Only this process holds `ours`: workers see it closed when the study ends, in whichever way.
+    # Only this process holds `ours`: workers see it closed when this process ends, in whichever way.
     theirs, ours = context.Pipe(duplex=False)
     try:
         with theirs, ProcessPoolExecutor(workers, context, _begin_worker, (theirs,)) as pool, ours:
-            yield from _as_finished(pool, plan, tasks, WAITING * workers)
+            yield from _as_finished(pool, tasks, WAITING * workers)
     except BrokenProcessPool:
-        raise StudyError(
+        raise ExecutionError(
             "a worker process died, perhaps for want of memory; start again to go on, with fewer --workers "
             "(in a script of your own: is it guarded by `if __name__ == '__main__':`?)"
         ) from None
 
 
-def _as_finished(pool: Executor, plan: Plan, tasks: Sequence[Task], most: int) -> Generator[Outcome]:
+def _as_finished(pool: Executor, tasks: Sequence[Task], most: int) -> Generator[Outcome]:
     queue = iter(tasks)
     pending: set[Future[Outcome]] = set()
     while True:
-        with _interrupts_held_back():
-            pending |= {
-                pool.submit(attempt, plan.actuator, plan.manoeuvre, task)
-                for task in islice(queue, most - len(pending))
-            }
+        with _interrupts_held_back(), _one_thread_each():
+            pending |= {pool.submit(attempt, task) for task in islice(queue, most - len(pending))}
         if not pending:
             return
         finished, pending = wait(pending, LISTENING_S, FIRST_COMPLETED)
@@ -81,11 +79,23 @@ def _interrupts_held_back() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _begin_worker(study: Connection) -> None:
-    """End with the study, also one that was killed or interrupted: else a worker would go on, or wait."""
-    threading.Thread(target=_end_with, args=(study,), daemon=True).start()
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Start processes whose linear algebra has one thread; they inherit the environment."""
+    unset = [name for name in THREADS if name not in os.environ]
+    os.environ.update(dict.fromkeys(unset, "1"))
+    try:
+        yield
+    finally:
+        for name in unset:
+            os.environ.pop(name, None)
 
 
-def _end_with(study: Connection) -> None:
-    study.poll(None)
+def _begin_worker(parent: Connection) -> None:
+    """End with the parent, also one that was killed or interrupted: else a worker would go on, or wait."""
+    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+
+
+def _end_with(parent: Connection) -> None:
+    parent.poll(None)
     os._exit(1)

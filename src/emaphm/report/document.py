@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from emaphm.plotting.svg import svg_uri
+from emaphm.report.markdown import table
 from emaphm.report.page import render
 from emaphm.text_table import Table
 
@@ -106,11 +107,5 @@ def _markdown(block: Block) -> str:
         case Picture():
             return f"![{escaped(block.words)}](figures/{block.name})\n\n*{escaped(block.caption)}*"
         case Table():
-            return _markdown_table(block)
-
-
-def _markdown_table(table: Table) -> str:
-    rule = ("---", *("---:" for _ in table.header[1:]))
-    rows = (table.header, *table.rows)
-    header, *others = (tuple(map(escaped, row)) for row in rows)
-    return "\n".join(f"| {' | '.join(row)} |" for row in (header, rule, *others))
+            escaped_rows = [map(escaped, row) for row in block.rows]
+            return table([*map(escaped, block.header)], [[*row] for row in escaped_rows])

@@ -1,124 +1,64 @@
-"""What a study asks: which methods, on which cases, how often; its TOML, and the tasks that it comes to."""
+"""What a study asks: which methods, on which cases and rigs, how often; and its TOML."""
 
-import hashlib
 import itertools
 import math
 import os
 import tomllib
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, get_args
 
-import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
-from emaphm.actuator import NAMES, Actuator, Faults
+from emaphm.actuator import Actuator, Faults
 from emaphm.actuator.parameters import Section
 from emaphm.actuator.toml import validation_message
 from emaphm.errors import StudyError, nearest
-from emaphm.estimation.bias_correction import MAX_CORRECTIONS
-from emaphm.estimation.methods import Method, method_named
 from emaphm.estimation.search import check_fitness
 from emaphm.recording.equivalent_current import Form
 from emaphm.simulation import model_named
+from emaphm.study.cases import MOST_RUNS, Count, Group, RandomCases
+from emaphm.study.contestant import Contestant
+from emaphm.study.rig import Label, Manoeuvre, NoiseA, Rig
 
-BUILT_IN = ("thesis", "quick", "hybrids", "forms", "monitor")
+BUILT_IN = ("thesis", "quick", "hybrids", "forms", "monitor", "accuracy", "limits")
 """Plans that come with the package."""
 
-MOST_RUNS = 1_000_000
-"""Of a whole plan: each is a file, and a number of seven digits."""
 
-Count = Annotated[int, Field(ge=1, le=MOST_RUNS)]
-Label = Annotated[str, Field(min_length=1, max_length=60)]
+class PageRow(Section):
+    """A row of a page's table: its `text`, and the rig and method whose results stand in it."""
 
-
-class Manoeuvre(Section):
-    """The chirp that cases are recorded on: amplitude [rad], frequencies [Hz], duration [s], rate [Hz]."""
-
-    amplitude: float = 5e-3
-    start_hz: Annotated[float, Field(ge=0)] = 0.0
-    stop_hz: Annotated[float, Field(gt=0)] = 15.0
-    duration: Annotated[float, Field(gt=0, le=30)] = 0.5
-    sample_rate: Annotated[float, Field(gt=0, le=1e5)] = 5000.0
+    text: str
+    rig: Label
+    method: Label
 
 
-class RandomCases(Section):
-    """Cases "random 1" and on: vectors drawn from [0, 1], their shorts from [0, `largest_short`]."""
+class PageSection(Section):
+    """A section of a plan's page: a table of rigs and methods under a title.
 
-    count: Count
-    seed: Annotated[int, Field(ge=0)] = 0
-    largest_short: Annotated[float, Field(ge=0, le=1)] = 0.7
-
-    @property
-    def cases(self) -> dict[str, dict[str, float]]:
-        """The cases by name."""
-        vectors = np.random.default_rng(self.seed).random((self.count, len(NAMES)))
-        vectors[:, 2:5] *= self.largest_short
-        return {
-            f"random {i + 1}": dict(zip(NAMES, map(float, vector), strict=True))
-            for i, vector in enumerate(vectors)
-        }
-
-
-class Contestant(BaseModel):
-    """A method that takes part: its name, a label where the name is not enough, and settings of its own.
-
-    `turns` bounds the bias corrections of a method that refines, and it estimates `nuisances` besides.
-    Any other key is a setting of the optimiser, e.g. population or iterations.
+    `label` names what varies from row to row, `note` explains it, and `figure` is the name of the figure that
+    the rows are also drawn in, where they are.
     """
 
-    model_config = ConfigDict(frozen=True, extra="allow")
-
-    method: str
-    label: Label
-    turns: Annotated[int, Field(ge=0, le=20)] = MAX_CORRECTIONS
-    nuisances: tuple[str, ...] = ()
-
-    @model_validator(mode="before")
-    @classmethod
-    def _from_name(cls, values: Any) -> Any:
-        if isinstance(values, str):
-            values = {"method": values}
-        if isinstance(values, Mapping) and "method" in values:
-            return {"label": values["method"], **values}
-        return values
-
-    @model_validator(mode="after")
-    def _exists(self) -> Self:
-        self.chosen()
-        return self
-
-    @property
-    def described(self) -> str:
-        """Label, method and settings in one line."""
-        settings = [
-            f"{name} {value}"
-            for name, value in (self.model_extra or {}).items()
-            if name not in ("population", "iterations")
-        ]
-        method = self.chosen()
-        if method.optimizer is not None:
-            optimizer = method.optimizer(np.zeros(len(NAMES)), np.ones(len(NAMES)))
-            settings = [f"{optimizer.population} × {optimizer.iterations}", *settings]
-        if method.least_squares:
-            settings.append(f"up to {self.turns} corrections")
-        return f"{self.label}: {', '.join([method.name, *settings])}"
-
-    def chosen(self) -> Method:
-        """Return the method at its settings; `MethodError` where it or one of them is unknown."""
-        return method_named(self.method, self.model_extra)
+    title: Label
+    label: str
+    note: str = ""
+    figure: str = ""
+    rows: tuple[PageRow, ...]
 
 
 class Plan(Section):
-    """A comparison: every case × method × model × fitness × equivalent current × noise, `runs` times each.
+    """A comparison: every case × method × model × fitness × current × noise or rig, `runs` times each.
 
-    Read from TOML by `load`. A case maps fault names to values in [0, 1]; those left out are healthy.
+    Read from TOML by `load`. A case maps fault names to values in [0, 1]; those left out are healthy. Where
+    there are `groups`, each says which cases run on which rigs by which methods, and how often. `page` is the
+    page that a report of the study makes, from its `sections`; the general one where left out.
     """
 
     name: Label
     description: str = ""
+    page: Literal["accuracy", "limits"] | None = None
     runs: Count
     seed: Annotated[int, Field(ge=0)] = 0
     actuator: Actuator = Actuator.thesis()
@@ -126,10 +66,13 @@ class Plan(Section):
     models: tuple[str, ...] = ("averaged",)
     fitnesses: tuple[str, ...] = ("least_squares",)
     equivalents: tuple[Form, ...] = ("torque",)
-    noises_A: tuple[Annotated[float, Field(ge=0)], ...] = (0.0,)
+    noises_A: tuple[NoiseA, ...] = (0.0,)
     cases: dict[Label, dict[str, float]] = Field(default_factory=dict)
     random: RandomCases | None = None
     methods: tuple[Contestant, ...]
+    rigs: tuple[Rig, ...] = ()
+    groups: tuple[Group, ...] = ()
+    sections: tuple[PageSection, ...] = ()
 
     @field_validator("actuator", mode="before")
     @classmethod
@@ -162,24 +105,51 @@ class Plan(Section):
                 raise StudyError(f"'{key}' is empty, so there is nothing to run; name at least one")
             if len(set(map(str, values))) < len(values):
                 raise StudyError(f"'{key}' names one twice; name each once")
+        for what, items in (("methods", self.methods), ("rigs", self.rigs), ("groups", self.groups)):
+            labels = [item.label for item in items]
+            for label in labels:
+                if labels.count(label) > 1:
+                    raise StudyError(f"two {what} are called '{label}'; give each a label of its own")
         self._check_cases_and_runs()
-        labels = [contestant.label for contestant in self.methods]
-        for label in labels:
-            if labels.count(label) > 1:
-                raise StudyError(f"two methods are called '{label}'; give each a label of its own")
+        self._check_rigs()
         self._check_names()
         return self
 
     def _check_cases_and_runs(self) -> None:
-        if not self.all_cases:
+        if self.groups:
+            if self.random is not None:
+                raise StudyError("[random] does not go with [[groups]]; give the group a 'random' count")
+            for group in self.groups:
+                if not group.count:
+                    raise StudyError(f"group '{group.label}' has no cases; name some, or give a count")
+                self._check_known(f"group '{group.label}'", "case", group.cases, self.cases)
+                self._check_known(f"group '{group.label}'", "rig", group.rigs, self.rig_named)
+                self._check_known(f"group '{group.label}'", "method", group.methods, self.method_named)
+        elif not self.all_cases:
             raise StudyError("no cases, so there is nothing to run; add [cases] or [random]")
         twice = self.cases.keys() & (self.random.cases if self.random else {})
         if twice:
             raise StudyError(f"case '{min(twice)}' bears a name of [random]; give it another")
-        lists = (self.models, self.fitnesses, self.equivalents, self.noises_A, self.all_cases, self.methods)
-        total = self.runs * math.prod(map(len, lists))
-        if total > MOST_RUNS:
-            raise StudyError(f"{total} runs are too many; {MOST_RUNS} are possible: ask for fewer")
+        if self.total > MOST_RUNS:
+            raise StudyError(f"{self.total} runs are too many; {MOST_RUNS} are possible: ask for fewer")
+
+    def _check_rigs(self) -> None:
+        if self.groups and not self.rigs:
+            raise StudyError("[[groups]] need [[rigs]] to run on; add one")
+        if self.rigs and self.noises_A != (0.0,):
+            raise StudyError("'noises_A' does not go with [[rigs]]; give each rig its 'noise'")
+        if self.rigs and self.equivalents != ("torque",):
+            raise StudyError("'equivalents' do not go with [[rigs]], which record the torque current")
+        for section in self.sections:
+            where = f"section '{section.title}'"
+            self._check_known(where, "rig", [row.rig for row in section.rows], self.rig_named)
+            self._check_known(where, "method", [row.method for row in section.rows], self.method_named)
+
+    def _check_known(self, where: str, what: str, names: Iterable[str], known: Iterable[str]) -> None:
+        options = list(known)
+        for name in names:
+            if name not in options:
+                raise StudyError(f"{where}: unknown {what} '{name}'{nearest(name, options)}")
 
     def _check_names(self) -> None:
         for model, fitness, contestant in itertools.product(self.models, self.fitnesses, self.methods):
@@ -236,61 +206,43 @@ class Plan(Section):
         return {**self.cases, **(self.random.cases if self.random else {})}
 
     @property
+    def rig_named(self) -> dict[str, Rig]:
+        """The rigs by label."""
+        return {rig.label: rig for rig in self.rigs}
+
+    @property
+    def method_named(self) -> dict[str, Contestant]:
+        """The methods by label."""
+        return {contestant.label: contestant for contestant in self.methods}
+
+    @property
     def facts(self) -> dict[str, str]:
         """What a reader of the results needs to know, item by item."""
         m = self.manoeuvre
         command = f"chirp of {m.amplitude:g} rad, {m.start_hz:g} to {m.stop_hz:g} Hz in {m.duration:g} s"
+        rigs = {"Rigs": "; ".join(rig.facts for rig in self.rigs)} if self.rigs else {}
         return {
             "Recordings": f"reference model of '{self.actuator.name}', {command}, {m.sample_rate:g} rows/s",
+            **rigs,
             "Methods": "; ".join(contestant.described for contestant in self.methods),
             "Seed": str(self.seed),
         }
 
     @property
-    def tasks(self) -> "tuple[Task, ...]":
-        """All runs; the first runs of every case and method come first, so that half a study tells of all."""
-        combinations = itertools.product(
-            range(self.runs),
-            self.models,
-            self.fitnesses,
-            self.equivalents,
-            self.noises_A,
-            self.all_cases.items(),
-            self.methods,
+    def total(self) -> int:
+        """The number of trials."""
+        variants = math.prod(map(len, (self.models, self.fitnesses, self.equivalents, self.noises_A)))
+        if not self.groups:
+            rigs = max(1, len(self.rigs))
+            return self.runs * variants * rigs * len(self.all_cases) * len(self.methods)
+        return sum(
+            group.runs
+            * variants
+            * group.count
+            * len(group.rigs or self.rigs)
+            * len(group.methods or self.methods)
+            for group in self.groups
         )
-        return tuple(
-            Task(
-                index,
-                case,
-                tuple(map(float, Faults.from_mapping(values).vector)),
-                contestant,
-                model,
-                fitness,
-                form,
-                noise,
-                run,
-                _seed(self.seed, case, run),
-            )
-            for index, (run, model, fitness, form, noise, (case, values), contestant) in enumerate(
-                combinations
-            )
-        )
-
-
-@dataclass(frozen=True)
-class Task:
-    """One run: a method on a case. `index` numbers it in the plan; all randomness comes from `seed`."""
-
-    index: int
-    case: str
-    truth: tuple[float, ...]
-    contestant: Contestant
-    model: str
-    fitness: str
-    equivalent: Literal["torque", "active", "magnitude"]
-    noise_A: float
-    run: int
-    seed: int
 
 
 def built_in_text(name: str) -> str:
@@ -302,9 +254,3 @@ def _complaint(error: ValidationError) -> str:
     first = error.errors()[0]
     # What is wrong with the plan as a whole has no key of its own.
     return validation_message(error, Plan) if first["loc"] else str(first["ctx"]["error"])
-
-
-def _seed(seed: int, case: str, run: int) -> int:
-    """Return a seed that differs between cases and runs, and is the same for every method."""
-    digest = hashlib.sha256(f"{seed}/{case}/{run}".encode()).digest()
-    return int.from_bytes(digest[:4], "big") >> 1

@@ -1,35 +1,35 @@
 """Running a study: what is missing is done, on this machine or a cluster, and kept as it finishes."""
 
-from collections.abc import Callable, Generator, Sequence
-from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
 from emaphm.errors import StudyError
-from emaphm.study.plan import Plan, Task
-from emaphm.study.store import Store
-from emaphm.study.task import Outcome
-
-OnRun = Callable[[int, int], None]
-"""Told after each run: how many are done, of how many."""
+from emaphm.execution import OnTask, check_workers, run_tasks
+from emaphm.study.plan import Plan
+from emaphm.study.store import Store, tasks
+from emaphm.study.trials import trials_of
 
 
 def run_study(
     plan: Plan,
     folder: str | Path,
     *,
+    share: float = 1.0,
     workers: int | None = None,
     scheduler: str | None = None,
     mix: bool = False,
-    on_run: OnRun | None = None,
+    on_run: OnTask | None = None,
 ) -> Store:
     """Do what is missing of `plan` in `folder`, and return its store with every result.
 
     Results do not depend on the number of workers, on where they are, or on interruptions. The store's
-    `damaged` are the parts that were not whole; their runs have been done again.
+    `damaged` are the trials whose rows were damaged; they have been done again.
 
     Parameters
     ----------
+    share
+        Share of the trials to do now, in (0, 1]: the first of each kind. The folder is the whole plan's, so
+        that a later call goes on with the others.
     workers
         Processes on this machine; one a core where left out.
     scheduler
@@ -37,50 +37,27 @@ def run_study(
     mix
         Whether results of another version of the models, in the folder already, may stand.
     on_run
-        Called at the start and after each run.
+        Called at the start and after each trial: how many are done, of how many.
 
     Raises
     ------
     StudyError
-        The folder or the scheduler cannot be used, or some runs failed; those that did not are kept.
+        The folder cannot be used, or some trials failed; those that did not are kept.
+    ExecutionError, OutputError
+        The workers, the scheduler or the file of results cannot be used; what finished is kept.
     """
+    asked = tasks(plan, trials_of(plan, share))
+    check_workers(scheduler)
     store = Store.create(folder, plan, mix=mix)
     with store.locked():
         store = Store.create(folder, plan, mix=mix)  # another study may have added to it meanwhile
-        store.prepare()
+        store.clear()
         done = set(store.results["index"])
-        tasks = plan.tasks
-        missing = [task for task in tasks if task.index not in done]
-        failures = []
-        if on_run:
-            on_run(len(done), len(tasks))
-        with closing(_outcomes(plan, missing, workers, scheduler)) as outcomes:
-            for outcome in outcomes:
-                if outcome.row is None:
-                    failures.append(outcome.failure)
-                    continue
-                store.add(outcome.row)
-                done.add(outcome.index)
-                if on_run:
-                    on_run(len(done), len(tasks))
+        failures = run_tasks(asked, store.kept, workers=workers, scheduler=scheduler, on_task=on_run)
     if failures:
+        missing = sum(task.index not in done for task in asked)
         raise StudyError(
-            f"{len(failures)} of {len(missing)} runs failed, the first: {failures[0]}; "
+            f"{len(failures)} of {missing} runs failed, the first: {failures[0]}; "
             f"what finished is kept in {folder}"
         )
     return replace(Store.open(folder), damaged=store.damaged)
-
-
-def _outcomes(
-    plan: Plan, tasks: Sequence[Task], workers: int | None, scheduler: str | None
-) -> Generator[Outcome]:
-    if not tasks:
-        return
-    if scheduler is None:
-        from emaphm.execution.processes import run_locally
-
-        yield from run_locally(plan, tasks, workers)
-    else:
-        from emaphm.execution.dask_cluster import run_on_cluster
-
-        yield from run_on_cluster(plan, tasks, scheduler)

@@ -1,13 +1,14 @@
-"""The folder of a study: its plan, and one Parquet part for each finished run.
+"""The folder of a study: its plan, and a file of results with one row a trial.
 
-A part is written beside its place and renamed, so it is there as a whole or not at all, and what is there
-is never written again. A study that was stopped at any moment therefore goes on where it stood.
+A study that was stopped at any moment goes on where it stood. What identifies a trial comes from the plan,
+and its results are found under a digest of all that decides them: no other's can take their place.
 """
 
 import fcntl
-import io
+import hashlib
 import json
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,14 +16,24 @@ from typing import Any, Self
 
 import polars as pl
 
+from emaphm.diagnosis.error_metric import error_percent
 from emaphm.errors import StudyError
+from emaphm.execution.store import ResultStore
+from emaphm.execution.tasks import Outcome, Task
 from emaphm.output_files import written_whole
-from emaphm.study.plan import Plan, Task
-from emaphm.study.revision import REVISION
+from emaphm.study.plan import Plan
+from emaphm.study.revision import revision
+from emaphm.study.task import perform
+from emaphm.study.trials import Trial, trials_of
 
-SCHEMA: dict[str, pl.DataType | type[pl.DataType]] = {
+Schema = dict[str, pl.DataType | type[pl.DataType]]
+
+IDENTITY: Schema = {
     "index": pl.Int64,
+    "group": pl.String,
+    "rig": pl.String,
     "case": pl.String,
+    "case_kind": pl.String,
     "method": pl.String,
     "model": pl.String,
     "fitness": pl.String,
@@ -31,8 +42,12 @@ SCHEMA: dict[str, pl.DataType | type[pl.DataType]] = {
     "run": pl.Int64,
     "seed": pl.Int64,
     "truth": pl.List(pl.Float64),
+}
+"""What a trial is, as its plan says. `index` numbers it in the plan; `truth` is a fault vector; `rig` is
+empty where the recording is the noise-free one of the actuator as described."""
+
+MEASURED: Schema = {
     "found": pl.List(pl.Float64),
-    "error_percent": pl.Float64,
     "fitness_value": pl.Float64,
     "evaluations": pl.Int64,
     "reference_runs": pl.Int64,
@@ -40,33 +55,54 @@ SCHEMA: dict[str, pl.DataType | type[pl.DataType]] = {
     "curve_evaluations": pl.List(pl.Int64),
     "curve_fitness": pl.List(pl.Float64),
     "curve_error_percent": pl.List(pl.Float64),
+    "lower95": pl.List(pl.Float64),
+    "upper95": pl.List(pl.Float64),
+    "standard_error": pl.List(pl.Float64),
+    "verdict": pl.List(pl.String),
+    "explained": pl.Boolean,
+    "moves": pl.Boolean,
     "revision": pl.String,
     "version": pl.String,
 }
-"""Columns of the results, one row a run. `index` numbers the run in the plan; `truth` and `found` are
-fault vectors; the curves are the best so far after each population; `seconds` is wall time."""
+"""What came of it. `found` is a fault vector; the curves are the best so far after each population; `seconds`
+is the wall time of the identification. Intervals, standard errors and verdicts, by component, and the flags
+of a diagnosis are null where a search alone was made."""
+
+SCHEMA: Schema = {
+    **IDENTITY,
+    **MEASURED,
+    "error_percent": pl.Float64,
+    "wall_seconds": pl.Float64,
+    "cpu_seconds": pl.Float64,
+}
+"""Columns of the results, one row a trial: also the error of `found`, and wall and processor time of the
+whole trial, its recording included."""
 
 PLAN = "plan.json"
-PARTS = "runs"
+RESULTS = "results.sqlite"
 LOCK = ".lock"
 
+TEMPORARY = re.compile(r"\.[0-9a-f]{32}\.tmp")
+"""Files that `written_whole` leaves in a folder when it is killed."""
+
 NOTHING = "nothing"
-MOST_TOLD = 3
-"""Differences between two plans that are told one by one."""
+MOST_NAMED = 3
+"""Differences between two plans that are named one by one."""
 
 
 @dataclass(frozen=True)
 class Store:
     """The folder of one study.
 
-    `damaged` are the parts that are not whole, or not of the run that they are named after; these runs count
-    as missing.
+    `damaged` names the trials whose row is damaged; these count as missing. `elapsed_seconds` is the wall
+    time in which the study was under way, without its pauses.
     """
 
     folder: Path
     plan: Plan
     results: pl.DataFrame
-    damaged: tuple[Path, ...]
+    damaged: tuple[str, ...]
+    elapsed_seconds: float
 
     @classmethod
     def create(cls, folder: str | Path, plan: Plan, *, mix: bool = False) -> Self:
@@ -78,6 +114,8 @@ class Store:
         ------
         StudyError
             The folder holds something else, another plan's results, or results of another version.
+        ExecutionError, OutputError
+            Its results are damaged, or cannot be read.
         """
         folder = Path(folder)
         if not (folder / PLAN).exists():
@@ -93,7 +131,7 @@ class Store:
 
     @classmethod
     def open(cls, folder: str | Path) -> Self:
-        """Return the store in `folder` as it stands; `StudyError` if there is none."""
+        """Return the store in `folder` as it is; errors as in `create`."""
         folder = Path(folder)
         try:
             values = json.loads((folder / PLAN).read_text(encoding="utf-8"))
@@ -102,28 +140,33 @@ class Store:
             raise StudyError(
                 f"{folder} holds no study; give a folder that 'emaphm study run' wrote"
             ) from None
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, RecursionError) as error:
             reason = str(error).splitlines()[0]
             raise StudyError(f"{folder / PLAN}: cannot be read as a plan ({reason})") from None
-        frames, damaged = [pl.DataFrame(schema=SCHEMA)], []
-        for task in plan.tasks:
-            part = _part(folder, task.index)
-            if not part.exists():
-                continue
-            frame = _read(part, task)
-            if frame is None:
-                damaged.append(part)
-            else:
-                frames.append(frame)
-        return cls(folder, plan, pl.concat(frames), tuple(damaged))
+        trials = trials_of(plan)
+        kept = ResultStore(folder / RESULTS)
+        outcomes, damaged = kept.read(tasks(plan, trials))
+        rows = [_row(trial, outcomes[trial.index]) for trial in trials if trial.index in outcomes]
+        return cls(
+            folder,
+            plan,
+            pl.DataFrame(rows, schema=SCHEMA),
+            tuple(name_of(trials[index]) for index in damaged),
+            kept.elapsed_seconds(),
+        )
+
+    @property
+    def kept(self) -> ResultStore:
+        """The file of results."""
+        return ResultStore(self.folder / RESULTS)
 
     def check_revision(self, *, mix: bool) -> None:
-        """Refuse results of another version of the models, unless told to mix."""
-        others = sorted(set(self.results["revision"]) - {REVISION})
+        """Refuse results of another version of the models, unless `mix` allows them."""
+        others = sorted(set(self.results["revision"]) - {revision()})
         if others and not mix:
             raise StudyError(
                 f"{self.folder} holds results of another version of the models ({', '.join(others)}; this is "
-                f"{REVISION}); give another folder with -o, or --mix to let them stand"
+                f"{revision()}); give another folder with -o, or --mix to let them stand"
             )
 
     @contextmanager
@@ -132,21 +175,62 @@ class Store:
         with _locked(self.folder):
             yield
 
-    def prepare(self) -> None:
-        """Make room for parts, and remove what a killed study left half-written."""
+    def clear(self) -> None:
+        """Remove what a killed study left half-written."""
         try:
-            (self.folder / PARTS).mkdir(exist_ok=True)
-            for temporary in (*self.folder.glob(".*.tmp"), *(self.folder / PARTS).glob(".*.tmp")):
-                temporary.unlink()
+            for path in self.folder.iterdir():
+                if TEMPORARY.fullmatch(path.name):
+                    path.unlink()
         except OSError as error:
             raise _not_writable(self.folder, error) from None
 
-    def add(self, row: Mapping[str, Any]) -> None:
-        """Put one finished run on disk, whole; it takes the place of a damaged part."""
-        content = io.BytesIO()  # polars itself says of a full disk that the file is no Parquet
-        pl.DataFrame([row], schema=SCHEMA).write_parquet(content)
-        with written_whole(_part(self.folder, row["index"])) as temporary:
-            temporary.write_bytes(content.getbuffer())
+
+def tasks(plan: Plan, trials: tuple[Trial, ...]) -> list[Task]:
+    """Return the tasks that `trials` of `plan` come to; a task's key covers all that decides its result."""
+    common = {
+        "columns": sorted(MEASURED),
+        "plan": plan.model_dump(mode="json", include={"actuator", "manoeuvre"}),
+    }
+    base = hashlib.sha256(json.dumps(common, sort_keys=True).encode())
+    dumped = {id(one): one.model_dump(mode="json") for one in (*plan.methods, *plan.rigs)}
+    dumped[id(None)] = {}
+    made = []
+    for trial in trials:
+        values = {name: value for name, value in vars(trial).items() if name not in ("index", "rank", "of")}
+        values["contestant"], values["rig"] = dumped[id(trial.contestant)], dumped[id(trial.rig)]
+        digest = base.copy()
+        digest.update(json.dumps(values, sort_keys=True).encode())
+        arguments = (plan.actuator, plan.manoeuvre, trial, revision())
+        made.append(Task(trial.index, perform, arguments, digest.hexdigest(), name_of(trial)))
+    return made
+
+
+def name_of(trial: Trial) -> str:
+    """Return what messages call a trial."""
+    rig = () if trial.rig is None else (trial.rig.label,)
+    return ", ".join((*rig, trial.case, trial.contestant.label, f"run {trial.run}"))
+
+
+def _row(trial: Trial, outcome: Outcome) -> dict[str, Any]:
+    return {
+        "index": trial.index,
+        "group": trial.group,
+        "rig": "" if trial.rig is None else trial.rig.label,
+        "case": trial.case,
+        "case_kind": trial.case_kind,
+        "method": trial.contestant.label,
+        "model": trial.model,
+        "fitness": trial.fitness,
+        "equivalent": trial.equivalent,
+        "noise_A": trial.noise_A,
+        "run": trial.run,
+        "seed": trial.seed,
+        "truth": list(trial.truth),
+        **outcome.result,
+        "error_percent": float(error_percent(trial.truth, outcome.result["found"])),
+        "wall_seconds": outcome.wall_seconds,
+        "cpu_seconds": outcome.cpu_seconds,
+    }
 
 
 def _begin(folder: Path, plan: Plan) -> None:
@@ -184,17 +268,13 @@ def _not_writable(folder: Path, error: OSError) -> StudyError:
     return StudyError(f"{folder} cannot be written to ({error.strerror}); give another folder with -o")
 
 
-def _part(folder: Path, index: int) -> Path:
-    return folder / PARTS / f"{index:07d}.parquet"
-
-
 def _difference(there: Plan, here: Plan) -> str:
     """Return which keys differ between two plans, and how; empty if none does."""
     one, other = (dict(_leaves(plan.model_dump(mode="json"))) for plan in (there, here))
     keys = [key for key in {**one, **other} if one.get(key, NOTHING) != other.get(key, NOTHING)]
-    told = [f"'{key}' ({one.get(key, NOTHING)} there, {other.get(key, NOTHING)} here)" for key in keys]
-    more = f" and {len(keys) - MOST_TOLD} more" if len(keys) > MOST_TOLD else ""
-    return ", ".join(told[:MOST_TOLD]) + more
+    named = [f"'{key}' ({one.get(key, NOTHING)} there, {other.get(key, NOTHING)} here)" for key in keys]
+    more = f" and {len(keys) - MOST_NAMED} more" if len(keys) > MOST_NAMED else ""
+    return ", ".join(named[:MOST_NAMED]) + more
 
 
 def _leaves(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
@@ -206,15 +286,3 @@ def _leaves(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
         return
     for name, item in value.items():
         yield from _leaves(item, f"{key}.{name}" if key else name)
-
-
-def _read(part: Path, task: Task) -> pl.DataFrame | None:
-    """Return the row of a part, or None where it is not whole or is not of `task`."""
-    try:
-        frame = pl.read_parquet(part)
-    except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError):
-        return None
-    expected = [task.index, task.case, task.contestant.label, task.seed]
-    if frame.schema != pl.Schema(SCHEMA) or frame.height != 1:
-        return None
-    return frame if [frame[name][0] for name in ("index", "case", "method", "seed")] == expected else None

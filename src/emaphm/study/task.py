@@ -1,58 +1,105 @@
-"""Doing one run of a study: record the case, search, and tell what came out as one row."""
+"""Doing one trial of a study: record the case, identify, and return what came out."""
 
 import time
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from emaphm.actuator import Actuator, Chirp, Faults
+from emaphm.actuator import NAMES, Actuator, Chirp, Faults
 from emaphm.arrays import Array
+from emaphm.diagnosis import diagnose
 from emaphm.diagnosis.diagnose import objective_for
 from emaphm.diagnosis.error_metric import error_percent
+from emaphm.errors import StudyError
 from emaphm.estimation.search import search
 from emaphm.recording import Recording, acquire
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import model_named
-from emaphm.study.plan import Manoeuvre, Task
-from emaphm.study.revision import REVISION
+from emaphm.study.record import recorded
+from emaphm.study.revision import revision
+from emaphm.study.rig import Manoeuvre
+from emaphm.study.trials import Trial
 from emaphm.version import VERSION
 
 CURRENTS = {"torque": "current_A", "active": "current_active_A", "magnitude": "current_magnitude_A"}
 """The reference model's channel for each form of the equivalent current."""
 
-
-@dataclass(frozen=True)
-class Outcome:
-    """What became of a task: its row, or the reason why there is none; `revision` made it."""
-
-    index: int
-    row: dict[str, Any] | None
-    failure: str
-    revision: str
-
-
-def attempt(actuator: Actuator, manoeuvre: Manoeuvre, task: Task) -> Outcome:
-    """Return the outcome of a run: one that fails must not take the others with it."""
-    try:
-        row = perform(actuator, manoeuvre, task)
-    except Exception as error:  # noqa: BLE001 - another library's optimiser may raise anything
-        return failed(task, error)
-    return Outcome(task.index, row, "", REVISION)
+NOT_DIAGNOSED: dict[str, Any] = {
+    "lower95": None,
+    "upper95": None,
+    "standard_error": None,
+    "verdict": None,
+    "explained": None,
+    "moves": None,
+}
+"""What a search alone does not say."""
 
 
-def failed(task: Task, error: Exception) -> Outcome:
-    """Return the outcome of a run that ended in `error`."""
-    what = f"{task.case}, {task.contestant.label}, run {task.run}"
-    return Outcome(
-        task.index, None, f"{what}: {type(error).__name__}: {' '.join(str(error).split())}", REVISION
+def perform(actuator: Actuator, manoeuvre: Manoeuvre, trial: Trial, expected: str) -> dict[str, Any]:
+    """Return what came of one trial (`emaphm.study.store.MEASURED`); all but `seconds` is reproducible.
+
+    Raises
+    ------
+    StudyError
+        The code here is not that of revision `expected`.
+    """
+    if revision() != expected:
+        raise StudyError(
+            f"this worker runs another version of the models ({revision()}; the study's is {expected}); "
+            "install the same emaphm there"
+        )
+    if trial.rig is None:
+        found = _searched(
+            _exact_recording(actuator, manoeuvre, trial), actuator, trial, trial.contestant.nuisances or ()
+        )
+    else:
+        recording = recorded(trial.rig, actuator, manoeuvre, Faults(*trial.truth), trial.seed)
+        if trial.contestant.chosen().least_squares:
+            found = _diagnosed(recording, actuator, trial)
+        else:
+            found = _searched(recording, actuator, trial, ())
+    return {**found, "revision": expected, "version": VERSION}
+
+
+def _diagnosed(recording: Recording, actuator: Actuator, trial: Trial) -> dict[str, Any]:
+    """Return what `diagnose` says, as a user gets it."""
+    contestant = trial.contestant
+    # One thread a trial, here and below: a study keeps the cores busy with trials side by side.
+    diagnosis = diagnose(
+        recording,
+        actuator,
+        method=contestant.method,
+        model=trial.model,
+        fitness=trial.fitness,
+        max_corrections=contestant.max_corrections,
+        nuisances=contestant.nuisances,
+        seed=trial.seed,
+        workers=1,
     )
+    components = [diagnosis.components[name] for name in NAMES]
+    return {
+        "found": [one.value for one in components],
+        "fitness_value": diagnosis.fitness,
+        "evaluations": diagnosis.evaluations,
+        "reference_runs": diagnosis.reference_runs,
+        "seconds": diagnosis.seconds,
+        "curve_evaluations": [],
+        "curve_fitness": [],
+        "curve_error_percent": [],
+        "lower95": [one.interval95[0] for one in components],
+        "upper95": [one.interval95[1] for one in components],
+        "standard_error": [one.standard_error for one in components],
+        "verdict": [one.verdict for one in components],
+        "explained": diagnosis.explained,
+        "moves": diagnosis.moves,
+    }
 
 
-def perform(actuator: Actuator, manoeuvre: Manoeuvre, task: Task) -> dict[str, Any]:
-    """Return the row of one run (`emaphm.study.store.SCHEMA`); all but `seconds` is reproducible."""
-    recording = _recording(actuator, manoeuvre, task)
+def _searched(
+    recording: Recording, actuator: Actuator, trial: Trial, nuisances: tuple[str, ...]
+) -> dict[str, Any]:
+    """Return where the search ends, and its way there."""
     evaluations: list[int] = []
     fitnesses: list[float] = []
     bests: list[Array] = []
@@ -63,58 +110,44 @@ def perform(actuator: Actuator, manoeuvre: Manoeuvre, task: Task) -> dict[str, A
         bests.append(faults)
 
     began = time.perf_counter()
-    # One thread a run: a study keeps the cores busy with runs side by side.
-    method = task.contestant.chosen()
-    model = model_named(task.model)
-    objective = objective_for(recording, actuator, method, model, task.contestant.nuisances, workers=1)
+    method = trial.contestant.chosen()
+    model = model_named(trial.model)
+    objective = objective_for(recording, actuator, method, model, nuisances, workers=1)
     found = search(
         objective,
         method,
-        fitness=task.fitness,
-        max_corrections=task.contestant.turns,
-        seed=task.seed,
+        fitness=trial.fitness,
+        max_corrections=trial.contestant.max_corrections,
+        seed=trial.seed,
         on_population=note,
     )
     seconds = time.perf_counter() - began
-    faults = objective.space.faults(found.point)
-    evaluations_spent, reference_runs = objective.problem.runs.of(model)
+    evaluated, reference_runs = objective.problem.runs.of(model)
     return {
-        "index": task.index,
-        "case": task.case,
-        "method": task.contestant.label,
-        "model": task.model,
-        "fitness": task.fitness,
-        "equivalent": task.equivalent,
-        "noise_A": task.noise_A,
-        "run": task.run,
-        "seed": task.seed,
-        "truth": list(task.truth),
-        "found": faults.tolist(),
-        "error_percent": float(error_percent(task.truth, faults)),
+        "found": objective.space.faults(found.point).tolist(),
         "fitness_value": found.cost,
-        "evaluations": evaluations_spent,
+        "evaluations": evaluated,
         "reference_runs": reference_runs,
         "seconds": seconds,
         "curve_evaluations": evaluations,
         "curve_fitness": fitnesses,
-        "curve_error_percent": error_percent(task.truth, np.array(bests)).tolist() if bests else [],
-        "revision": REVISION,
-        "version": VERSION,
+        "curve_error_percent": error_percent(trial.truth, np.array(bests)).tolist() if bests else [],
+        **NOT_DIAGNOSED,
     }
 
 
-def _recording(actuator: Actuator, manoeuvre: Manoeuvre, task: Task) -> Recording:
-    exact = _exact(actuator, manoeuvre, task.truth)
+def _exact_recording(actuator: Actuator, manoeuvre: Manoeuvre, trial: Trial) -> Recording:
+    exact = _exact(actuator, manoeuvre, trial.truth)
     recording = Recording(
         {
             "time_s": exact["time_s"],
             "command_rad": exact["command_rad"],
-            "current_A": exact[CURRENTS[task.equivalent]],
+            "current_A": exact[CURRENTS[trial.equivalent]],
         }
     )
-    if not task.noise_A:
+    if not trial.noise_A:
         return recording
-    return acquire(recording, noise={"current_A": task.noise_A}, seed=task.seed)
+    return acquire(recording, noise={"current_A": trial.noise_A}, seed=trial.seed)
 
 
 @lru_cache(maxsize=64)

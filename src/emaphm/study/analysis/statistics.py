@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from emaphm.actuator.faults import HEALTHY, NAMES, Faults
 from emaphm.study.thesis import published
 
-VARIANT = ("model", "fitness", "equivalent", "noise_A")
-"""Columns that tell one variant of a study from another; methods are compared within one."""
+VARIANT = ("rig", "model", "fitness", "equivalent", "noise_A")
+"""Columns by which the variants of a study differ; methods are compared within one."""
 
 LIMITS_PERCENT = (1, 2, 5)
 """A run has succeeded where its error is at most so much; in columns `within_1` and so on."""
@@ -161,7 +161,7 @@ def bootstrap_interval(cases: Sequence[NDArray[np.float64]]) -> tuple[float, flo
     """Return the 95 % percentile interval of the mean of the means of `cases`, each of shape (runs,).
 
     Runs are drawn anew within each case: the cases are the study's, the luck is in the runs. None where a
-    case has fewer than two runs, as its luck cannot be told then.
+    case has fewer than two runs, as its scatter is unknown then.
     """
     if not cases or min(case.size for case in cases) < 2:
         return None

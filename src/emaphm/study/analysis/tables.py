@@ -17,7 +17,7 @@ from emaphm.study.analysis.statistics import (
 from emaphm.text_table import NOTHING, Table
 
 MOST_CASES = 24
-"""Cases that a page tells and draws one by one; a study may have hundreds."""
+"""Cases that a page lists and draws one by one; a study may have hundreds."""
 
 TOO_FEW = "too few"
 """Stands in for a p-value where there are too few runs for a test."""
@@ -76,8 +76,8 @@ def _by_case_and_method(runs: pl.DataFrame, cell: Callable[[Mapping[str, Any]], 
     for row in by_method(runs).filter(pl.col("cases") > 1).iter_rows(named=True):
         name = f"Average of {row['cases']} cases, {row['kind']}"
         averages.setdefault(name, {})[row["method"]] = cell(row)
-    told = [*list(cells.items())[:MOST_CASES], *averages.items()]
-    rows = tuple((name, *(row.get(method, NOTHING) for method in methods)) for name, row in told)
+    listed = [*list(cells.items())[:MOST_CASES], *averages.items()]
+    rows = tuple((name, *(row.get(method, NOTHING) for method in methods)) for name, row in listed)
     return Table(("case", *methods), rows)
 
 
@@ -150,15 +150,20 @@ def variant_table(runs: pl.DataFrame, kind: str) -> Table:
 
 
 def variant_names(runs: pl.DataFrame) -> dict[tuple[Any, ...], str]:
-    """Return what tells each variant from the others, in words; all of it where there is only one."""
+    """Return what distinguishes each variant, in words; all of it where there is only one."""
     variants = runs.sort("index").select(VARIANT).unique(maintain_order=True)
     words = {
+        "rig": "{}",
         "model": "{} model",
         "fitness": "fitness {}",
         "equivalent": "equivalent current {}",
         "noise_A": "{:g} A noise",
     }
-    differing = [name for name in VARIANT if variants.height == 1 or variants[name].n_unique() > 1]
+    differing = [
+        name
+        for name in VARIANT
+        if variants[name].n_unique() > 1 or (variants.height == 1 and variants[name][0] != "")
+    ]
     return {
         tuple(row[name] for name in VARIANT): ", ".join(words[name].format(row[name]) for name in differing)
         for row in variants.iter_rows(named=True)

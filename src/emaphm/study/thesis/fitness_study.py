@@ -1,9 +1,9 @@
 """The thesis's fitness study (6.2), and whether the fitness is least at the truth, which it does not ask.
 
-A state of the actuator is recorded from the reference model. The thesis tells the fitness of its monitor
-model there at the true faults. Beside it stands here where the fitness is least when the state's own
+A state of the actuator is recorded from the reference model. The thesis gives the fitness of its monitor
+model there at the true faults. Here it is also computed where the fitness is least when the state's own
 component varies from 0 to 1 and all others are true. How far that is from the truth is a bias that no
-optimiser can mend: it lies in what the optimiser is given to minimise.
+optimiser can remove: it lies in what the optimiser is given to minimise.
 """
 
 from collections.abc import Iterator
@@ -101,13 +101,13 @@ def _points(fault: str, distance: int) -> int:
 
 
 SET_UPS = (("monitor", "magnitude"), ("averaged", "magnitude"), ("averaged", "torque"))
-"""Model and current of the table's columns: the thesis's, one mended, both mended."""
+"""Model and current of the table's columns: the thesis's, one of the two corrected, both corrected."""
 
 
 def fitness_table(study: pl.DataFrame, fitness: str = "thesis") -> str:
-    """Return the essence of a `fitness_study` as a Markdown table, the thesis's printed values beside.
+    """Return the essence of a `fitness_study` as a Markdown table, with the thesis's printed values.
 
-    The thesis does not tell its unit, so that its values are not to be compared with others but by their
+    The thesis does not state its unit, so that its values are not to be compared with others but by their
     ratios to the fault's nominal state. For each of `SET_UPS`: that ratio, and the bias of the least value.
 
     Raises

@@ -100,7 +100,7 @@ RELIABILITY_PRINTED: dict[str, float] = {"GA": 76.0, "PSO": 91.0, "DE": 93.0, "G
 
 @dataclass(frozen=True)
 class PrintedFitness:
-    """A fitness at the true faults, without optimisation (thesis 6.2); its unit is not told."""
+    """A fitness at the true faults, without optimisation (thesis 6.2); its unit is not stated."""
 
     fault: str
     level: str
@@ -158,7 +158,7 @@ def dragonfly_rows() -> pl.DataFrame:
 
 @cache
 def _text_rows() -> pl.DataFrame:
-    """Return the rows with the printed errors as text, whose digits tell how they were rounded."""
+    """Return the rows with the printed errors as text, whose digits show how they were rounded."""
     text = files("emaphm.study.thesis").joinpath("published_dragonfly.csv").read_bytes()
     numbers = {**dict.fromkeys(COMPONENTS, pl.Float64), "seconds_printed": pl.Float64}
     return pl.read_csv(text, schema_overrides={**numbers, "error_printed": pl.String})

@@ -1,13 +1,12 @@
 """A plant that is not our reference model, used only as a source of recordings.
 
-Three phases under hysteresis switching as in docs/physics.md, section 3, written anew without the package's
-kernels; besides, each by itself or together: smooth friction after Stribeck, a compliant shaft between motor
-and user with the backlash as a dead zone in series, and current sensors that lag, for the drive as for the
+Three phases under hysteresis switching as in the reference model, written anew without the package's kernels.
+In addition, each by itself or together: smooth friction after Stribeck, a compliant shaft between motor and
+user with the backlash as a dead zone in series, and current sensors that lag, for the drive as for the
 recorder. The speed loop is proportional; lags in the loop, load stiffness and end stops are not built.
 """
 
 import math
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numba
@@ -15,7 +14,9 @@ import numpy as np
 
 from emaphm.actuator import Actuator, Command, Faults
 from emaphm.arrays import Array
+from emaphm.errors import StudyError
 from emaphm.recording import Recording, acquire, full_scales
+from emaphm.study.rig import ForeignFeatures
 
 STEP_S = 1e-6
 """Longest integration step [s]: 1/500 of the period of a 2 kHz shaft."""
@@ -33,53 +34,6 @@ CHANNELS = (
 
 MEAN_POINTS = 16
 """Points that the command's mean over a row's interval is taken from."""
-
-
-@dataclass(frozen=True)
-class Stribeck:
-    """Friction that falls smoothly from its static to its dynamic level, and through 0 at standstill.
-
-    (f_d + (f_s - f_d) exp(-(w / speed)²)) tanh(w / smoothing), both in rad/s.
-    """
-
-    speed: float
-    smoothing: float
-
-
-@dataclass(frozen=True)
-class Shaft:
-    """A torsional spring with a damper, stiffness [N·m/rad] and damping [N·m·s/rad] at the motor."""
-
-    stiffness: float
-    damping: float
-
-
-@dataclass(frozen=True)
-class Features:
-    """What the plant has that the reference model has not; nothing by default.
-
-    `sensor_lag` is the time constant of the current sensors [s].
-    """
-
-    friction: Stribeck | None = None
-    shaft: Shaft | None = None
-    sensor_lag: float = 0.0
-
-
-MILD = Features(Stribeck(2.0, 0.1), Shaft(985.6, 7.84e-3), 5e-6)
-STRONG = Features(Stribeck(20.0, 1.0), Shaft(61.6, 1.96e-3), 2e-5)
-"""Shafts on which the thesis's two inertias swing at 2 kHz and 500 Hz, damped to a twentieth of the critical;
-sensors of 32 and 8 kHz, the latter the slowest that drives are built with."""
-
-
-def parts(features: Features) -> dict[str, Features]:
-    """Return each of `features` by itself, and all three."""
-    return {
-        "smooth friction": Features(friction=features.friction),
-        "compliant shaft": Features(shaft=features.shaft),
-        "lagging current sensors": Features(sensor_lag=features.sensor_lag),
-        "all three": features,
-    }
 
 
 class _Parameters(NamedTuple):
@@ -116,7 +70,7 @@ class _Parameters(NamedTuple):
 def simulate(
     actuator: Actuator,
     command: Command,
-    features: Features,
+    features: ForeignFeatures,
     *,
     faults: Faults = Faults(),  # noqa: B008 - frozen
     duration: float = 0.5,
@@ -149,11 +103,13 @@ def simulate(
     return acquire(exact, noise=sensed, adc_bits=adc_bits, full_scale=scales, seed=seed)
 
 
-def _parameters(actuator: Actuator, faults: Faults, features: Features, step: float) -> _Parameters:
+def _parameters(actuator: Actuator, faults: Faults, features: ForeignFeatures, step: float) -> _Parameters:
     c, e, m, motor = actuator.controller, actuator.electrical, actuator.mechanics, actuator.motor
-    assert e is not None  # noqa: S101 - the plant has windings
-    assert c.speed_limit is not None  # noqa: S101 - and limits
-    assert motor.torque_limit is not None  # noqa: S101 - and limits
+    if e is None or c.speed_limit is None or motor.torque_limit is None:
+        raise StudyError(
+            f"actuator '{actuator.name}': the foreign plant needs its electrical description and its limits "
+            "of speed and torque; add them, or leave out 'foreign'"
+        )
     physical = faults.physical(actuator)
     turns = [max(physical[f"turns_{phase}"], 0.01) for phase in "abc"]
     friction, shaft = features.friction, features.shaft

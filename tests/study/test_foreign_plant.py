@@ -5,24 +5,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bench.foreign import (
-    STRONG,
-    Features,
-    Shaft,
-    Stribeck,
-    _parameters,
-    move,
-    parts,
-    shaft_torque,
-    simulate,
-    stribeck_torque,
-)
 from scipy.integrate import solve_ivp
 
 from emaphm import simulated_recording
 from emaphm.actuator import Actuator, Chirp, Faults, Step
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.arrays import Array
+from emaphm.study import Plan
+from emaphm.study.foreign_plant import _parameters, move, shaft_torque, simulate, stribeck_torque
+from emaphm.study.rig import ForeignFeatures as Features
+from emaphm.study.rig import Shaft, Stribeck
 from simulation.rig import FREE, altered, rms
 
 THESIS = Actuator.thesis()
@@ -34,8 +26,13 @@ CASES = {
     "mixed": MIXED,
     "multiple": Faults(0.25, 0.75, 0.8, 0.8, 0.8, 0.25, 0.5, 0.75),
 }
-EACH = parts(STRONG)
-SHAFT, FRICTION = Shaft(61.6, 1.96e-3), Stribeck(20.0, 1.0)
+EACH = {
+    rig.label: rig.foreign
+    for rig in Plan.load("limits").rigs
+    if rig.foreign is not None and rig.label.endswith("strong")
+}
+SHAFT = Shaft(stiffness=61.6, damping=1.96e-3)
+FRICTION = Stribeck(speed=20.0, smoothing=1.0)
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -84,7 +81,8 @@ def test_features_fade_into_the_reference_model() -> None:
     reference = simulated_recording.simulate(plain, CHIRP)["current_A"]
     # What chaos makes of a run whose switching is shaken.
     chaos = rms(simulated_recording.simulate(plain, CHIRP, controller_noise=1e-3)["current_A"] - reference)
-    for features in (Features(Stribeck(20.0, 0.1)), Features(shaft=stiff), Features(sensor_lag=1e-7)):
+    steep = Features(friction=Stribeck(speed=20.0, smoothing=0.1))
+    for features in (steep, Features(shaft=stiff), Features(sensor_lag=1e-7)):
         assert rms(simulate(plain, CHIRP, features)["current_A"] - reference) < 1.5 * chaos
 
 
@@ -123,7 +121,7 @@ def _moved(
 
 def test_the_two_inertias_swing_at_their_natural_frequency() -> None:
     actuator = altered(mechanics=FREE | {"backlash": 0.0})
-    undamped = Features(shaft=Shaft(SHAFT.stiffness, 0.0))
+    undamped = Features(shaft=Shaft(stiffness=SHAFT.stiffness, damping=0.0))
     trace = _moved(undamped, actuator, (0.0, 1e-3, 0.0, 0.0), lambda _: 0.0, 10_000)
     m = actuator.mechanics
     omega = math.sqrt(SHAFT.stiffness * (1 / m.inertia_motor + 1 / m.inertia_user))
@@ -159,7 +157,7 @@ def test_gap_spring_damper_and_smooth_friction_move_as_another_integrator_has_it
         return [motor / m.inertia_motor, w, load / m.inertia_user, user_w]
 
     steps = 20_000
-    got = _moved(Features(friction, shaft), actuator, (0.0, 0.0, 0.0, 0.0), torque, steps)
+    got = _moved(Features(friction=friction, shaft=shaft), actuator, (0.0, 0.0, 0.0, 0.0), torque, steps)
     end = solve_ivp(slopes, (0, steps * STEP), np.zeros(4), max_step=1e-5, rtol=1e-9, atol=1e-12).y[:, -1]
     # A step is 3e-3 rad of the shaft's swing, and Euler's error a tenth of that here, measured.
     largest = np.abs(got).max(axis=0)

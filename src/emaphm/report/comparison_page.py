@@ -1,55 +1,44 @@
-"""The thesis's comparison of methods, redone: runs the studies, writes the page and its tables and figures.
+"""The thesis's comparison of methods, redone: the page of four studies, its tables and figures.
 
-    python -m bench.comparison docs/comparison
+    python -m emaphm.report.comparison_page studies docs/comparison
 
-Results are kept in studies/ and not computed twice. The page's text is in pages/comparison.md.jinja; each
-finding that it states is checked here against the results, so that it cannot outlive them.
+reads the studies `thesis`, `forms`, `monitor` and `hybrids` in the folder `studies` and writes the page
+next to the second folder. The page's text is in comparison.md.jinja; each finding that it states is checked
+here against the results, so that it cannot outlive them.
 """
 
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
 import polars as pl
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-import emaphm as ema
+from emaphm.actuator import Actuator
+from emaphm.errors import StudyError
 from emaphm.plotting.fitness_scans import draw_scans
 from emaphm.plotting.svg import plain_style, svg
+from emaphm.report.markdown import table
 from emaphm.report.study import write_study_report
-from emaphm.study import Plan, Store, run_study
+from emaphm.study import Store
 from emaphm.study.analysis.statistics import VARIANT, by_case, by_method
 from emaphm.study.thesis import published
 from emaphm.study.thesis.fitness_study import fitness_study, fitness_table
 
-STUDIES = Path("studies")
-PAGES = Path(__file__).parent / "pages"
 PLANS = ("thesis", "forms", "monitor", "hybrids")
 DAY_S = 86_400
 SINGLE, SEVERAL = "single faults", "several faults"
 
 
-def run_all() -> dict[str, Store]:
-    """Return the finished studies, doing what is missing of them."""
-    stores = {}
-    for name in PLANS:
-        began = time.perf_counter()
-
-        def tell(done: int, total: int, name: str = name, began: float = began) -> None:
-            if sys.stderr.isatty() or done in {0, total}:
-                spent = time.perf_counter() - began
-                print(f"\r{name}: {done} of {total} runs, {spent:.0f} s", end="", file=sys.stderr)
-
-        stores[name] = run_study(Plan.load(name), STUDIES / name, on_run=tell)
-        print(file=sys.stderr)
+def finished(studies: Path) -> dict[str, Store]:
+    """Return the studies in a folder by name; `StudyError` where one is missing or not complete."""
+    stores = {name: Store.open(studies / name) for name in PLANS}
+    for name, store in stores.items():
+        if store.results.height < store.plan.total:
+            raise StudyError(
+                f"{store.folder}: {store.results.height} of {store.plan.total} runs; finish it with: "
+                f"emaphm study run {name} -o {store.folder}"
+            )
     return stores
-
-
-def wall_seconds(store: Store) -> float:
-    """Return the time from a study's start to its last run, as its files tell."""
-    last = max(part.stat().st_mtime for part in (store.folder / "runs").iterdir())
-    return last - (store.folder / "plan.json").stat().st_mtime
 
 
 def thesis_seconds() -> float:
@@ -69,12 +58,6 @@ def case_means(store: Store, method: str) -> dict[str, float]:
     """Return a method's mean error [%] by case."""
     rows = by_case(store.results).filter(pl.col("method") == method)
     return dict(zip(rows["case"], rows["mean"], strict=True))
-
-
-def table(header: list[str], rows: list[list[str]]) -> str:
-    """Return a Markdown table; numbers to the right."""
-    rule = ["---", *["---:"] * (len(header) - 1)]
-    return "\n".join(f"| {' | '.join(row)} |" for row in [header, rule, *rows])
 
 
 def methods_table(store: Store) -> str:
@@ -175,7 +158,7 @@ def hybrids_table(store: Store) -> str:
 
 
 def contradictions_table() -> str:
-    """Return the dragonfly's printed means beside the means of its rows, recomputed."""
+    """Return the dragonfly's printed means and the means of its rows, recomputed."""
     rows = published.dragonfly_means()
     counted = published.contradicting_rows().group_by("case").len()
     counts = dict(zip(counted["case"], counted["len"], strict=True))
@@ -200,16 +183,16 @@ def contradictions_table() -> str:
 
 
 def check(holds: bool, finding: str) -> None:
-    """Stop where a finding of the page's text is not what the results say."""
+    """Refuse to write a page whose text is not what the results say."""
     if not holds:
-        raise SystemExit(f"no longer true, rewrite pages/comparison.md.jinja: {finding}")
+        raise StudyError(f"no longer true, rewrite report/comparison.md.jinja: {finding}")
 
 
 def facts(stores: dict[str, Store]) -> dict[str, Any]:
-    """Return the numbers that the page's text tells."""
+    """Return the numbers in the page's text."""
     thesis = stores["thesis"]
     single, several = means(thesis, SINGLE), means(thesis, SEVERAL)
-    scans = fitness_study(ema.Actuator.thesis())
+    scans = fitness_study(Actuator.thesis())
     theirs = (pl.col("model") == "monitor") & (pl.col("equivalent") == "magnitude")
     ours = (pl.col("model") == "averaged") & (pl.col("equivalent") == "torque")
     bias = pl.col("bias_points").abs()
@@ -219,7 +202,7 @@ def facts(stores: dict[str, Store]) -> dict[str, Any]:
     }
     forms = by_method(stores["forms"].results).filter(pl.col("kind") == SINGLE)
     monitor = means(stores["monitor"], SINGLE)
-    wall = wall_seconds(thesis)
+    wall = thesis.elapsed_seconds
     return {
         "single": single,
         "several": several,
@@ -246,9 +229,9 @@ def facts(stores: dict[str, Store]) -> dict[str, Any]:
     }
 
 
-def check_findings(told: dict[str, Any]) -> None:
+def check_findings(results: dict[str, Any]) -> None:
     """Check what the page's text says in words."""
-    single, several, printed = told["single"], told["several"], told["printed"]
+    single, several, printed = results["single"], results["several"], results["printed"]
     for method in ("GA", "PSO", "DE"):
         check(single[method]["mean"] <= printed[method], f"{method} is at or below its printed mean")
     check(single["GWO"]["mean"] > printed["GWO"], "GWO stays above its printed mean")
@@ -259,40 +242,42 @@ def check_findings(told: dict[str, Any]) -> None:
     swarms = ("GA", "PSO", "DE", "GWO", "DA")
     check(max(several[m]["within_5"] for m in swarms) <= 0.1, "no swarm finds the multiple faults")
     check(several["hybrid"]["within_5"] >= 0.9, "hybrid finds the multiple faults")
-    check(told["biases"]["theirs"] > 20 * told["biases"]["ours"], "the thesis's set-up is biased")
-    forms = told["forms"]
+    check(results["biases"]["theirs"] > 20 * results["biases"]["ours"], "the thesis's set-up is biased")
+    forms = results["forms"]
     check(
         min(forms, key=forms.__getitem__) in {(f, "least_squares") for f in ("torque", "active")},
         "torque or active current and least squares are the best forms",
     )
-    check(told["wall_minutes"] < 12, "the study takes less than 12 minutes")
+    check(results["wall_minutes"] < 12, "the study takes less than 12 minutes")
 
 
-def main() -> None:
-    """Write the page beside the folder given, and into the folder the report of the study `thesis`."""
-    folder = Path(sys.argv[1])
-    stores = run_all()
-    told = facts(stores)
-    thesis = stores["thesis"]
+def write_comparison(stores: dict[str, Store], folder: Path) -> None:
+    """Write the page next to `folder`, and into it the report of the study `thesis`."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    results, thesis = facts(stores), stores["thesis"]
     write_study_report(
         thesis.results,
         thesis.plan.name,
         thesis.plan.description,
         folder,
-        len(thesis.plan.tasks),
+        thesis.plan.total,
         thesis.plan.facts,
     )
     with plain_style():
-        (folder / "figures" / "scans.svg").write_bytes(svg(draw_scans(told["scans"])))
-    check_findings(told)
+        (folder / "figures" / "scans.svg").write_bytes(svg(draw_scans(results["scans"])))
+    check_findings(results)
     environment = Environment(  # noqa: S701 - Markdown, of our own numbers
-        loader=FileSystemLoader(PAGES), undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+        loader=PackageLoader("emaphm", "report"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
     )
     page = environment.get_template("comparison.md.jinja").render(
-        **told,
+        **results,
         folder=folder.name,
         methods_table=methods_table(thesis),
-        fitness_table=fitness_table(told["scans"]),
+        fitness_table=fitness_table(results["scans"]),
         forms_table=variants_table(stores["forms"], "current, fitness"),
         monitor_table=variants_table(stores["monitor"], "method"),
         hybrids_table=hybrids_table(stores["hybrids"]),
@@ -302,4 +287,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    write_comparison(finished(Path(sys.argv[1])), Path(sys.argv[2]))

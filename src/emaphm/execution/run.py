@@ -1,0 +1,96 @@
+"""Doing what is missing of many tasks, here or on a cluster, and keeping each result as it finishes."""
+
+import time
+from collections.abc import Callable, Generator, Sequence
+from contextlib import closing
+from uuid import uuid4
+
+from emaphm.execution.store import ResultStore
+from emaphm.execution.tasks import Outcome, Task
+
+OnTask = Callable[[int, int], None]
+"""Called after each task: how many are done, of how many."""
+
+
+def outcomes(
+    tasks: Sequence[Task], *, workers: int | None = None, scheduler: str | None = None
+) -> Generator[Outcome]:
+    """Yield the outcome of each of `tasks` as it finishes.
+
+    Parameters
+    ----------
+    workers
+        Processes on this machine; one a core where left out.
+    scheduler
+        Address of a Dask scheduler, e.g. ``tcp://10.0.0.1:8786``, to run on its workers instead.
+
+    Raises
+    ------
+    ExecutionError
+        A worker process died, or the scheduler cannot be used.
+    """
+    if not tasks:
+        return
+    if scheduler is None:
+        from emaphm.execution.processes import run_on_processes
+
+        yield from run_on_processes(tasks, workers)
+    else:
+        from emaphm.execution.dask_cluster import run_on_cluster
+
+        yield from run_on_cluster(tasks, scheduler)
+
+
+def check_workers(scheduler: str | None) -> None:
+    """Refuse a scheduler that cannot be used, before anything is written; `ExecutionError` says why."""
+    if scheduler is not None:
+        from emaphm.execution.dask_cluster import check_scheduler
+
+        check_scheduler(scheduler)
+
+
+def run_tasks(
+    tasks: Sequence[Task],
+    store: ResultStore,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    on_task: OnTask | None = None,
+) -> tuple[str, ...]:
+    """Do those of `tasks` that `store` lacks, keep each as it finishes, and return the failures' texts.
+
+    Results do not depend on the number of workers, on where they are, or on interruptions.
+
+    Parameters
+    ----------
+    workers, scheduler
+        As for `outcomes`.
+    on_task
+        Called at the start and after each success.
+
+    Raises
+    ------
+    ExecutionError, OutputError
+        The workers or the file cannot be used; what finished is kept.
+    """
+    done = set(store.read(tasks)[0])
+    missing = [task for task in tasks if task.index not in done]
+    if on_task:
+        on_task(len(done), len(tasks))
+    if not missing:
+        return ()
+    by_index = {task.index: task for task in missing}
+    failures, session, began = [], uuid4().hex, time.perf_counter()
+    with (
+        store.writing() as writer,
+        closing(outcomes(missing, workers=workers, scheduler=scheduler)) as finished,
+    ):
+        for outcome in finished:
+            if outcome.failure:
+                failures.append(outcome.failure)
+                continue
+            writer.keep(by_index[outcome.index], outcome, session, time.perf_counter() - began)
+            done.add(outcome.index)
+            if on_task:
+                on_task(len(done), len(tasks))
+    return tuple(failures)

@@ -1,0 +1,97 @@
+"""Figures of the map of the limits: error, coverage and alarms along what varies in a section."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from emaphm.plotting.style import LEGEND, PAGE_WIDTH, SERIES, Dashes
+from emaphm.study.analysis.limits import SettingRates
+from emaphm.study.plan import PageRow, PageSection
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Line = tuple[str, Dashes, str]
+"""What a line is called, its dashes and its marker."""
+
+PANELS: dict[str, dict[str, Line]] = {
+    "error [%]": {"median": ("median", "-", "o"), "p95": ("95th percentile", ":", "o")},
+    "share of random faults [%]": {
+        "mean_coverage": ("covered, mean", "-", "o"),
+        "least_coverage": ("covered, least", ":", "o"),
+        "explained": ("explained", "--", "x"),
+    },
+    "share of components [%]": {
+        "detection": ("small faults detected", "-", "o"),
+        "false_alarms": ("false alarms", ":", "o"),
+    },
+}
+"""By what a panel shows: the fields of `SettingRates` in it, each with its line."""
+
+DECADES = (0.1, 0.3, 1, 3, 10, 30, 100)
+"""Errors [%] that are marked, of those that the panel spans."""
+
+Rates = Mapping[PageRow, SettingRates]
+
+
+def draw_limits(section: PageSection, rates: Rates) -> "Figure":
+    """Return the figure of a section: three panels over its rows, evenly spaced, a colour for each method."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(PAGE_WIDTH, 2.9), layout="constrained")
+    for panel, (title, lines) in zip(figure.subplots(1, 3), PANELS.items(), strict=True):
+        _panel(panel, title, lines, section, rates)
+    return figure
+
+
+def _panel(panel: "Axes", title: str, lines: dict[str, Line], section: PageSection, rates: Rates) -> None:
+    errors = "median" in lines
+    texts = list(dict.fromkeys(row.text for row in section.rows))
+    methods = list(dict.fromkeys(row.method for row in section.rows))
+    scale = 1.0 if errors else 100.0
+    for method, colour in zip(methods, SERIES, strict=False):
+        rows = [row for row in section.rows if row.method == method]
+        places = [texts.index(row.text) for row in rows]
+        for field, (_, dashes, marker) in lines.items():
+            shown = [scale * getattr(rates[row], field) for row in rows]
+            panel.plot(
+                places, shown, dashes, color=colour, marker=marker, markersize=3 if marker == "o" else 6
+            )
+    if errors:
+        _logarithmic(panel)
+    else:
+        panel.set_ylim(-3, 103)
+    if "mean_coverage" in lines:
+        panel.axhline(95, color="0.7", linewidth=0.8, zorder=0)
+    panel.set_xticks(range(len(texts)), texts, fontsize=8)
+    panel.set_xlim(-0.3, len(texts) - 0.7)
+    panel.tick_params(axis="y", labelsize=8)
+    panel.set_xlabel(section.label, fontsize=8)
+    panel.set_title(title, fontsize=9)
+    panel.grid(alpha=0.3)
+    _legend(panel, lines, methods if errors and len(methods) > 1 else [])
+
+
+def _legend(panel: "Axes", lines: dict[str, Line], methods: list[str]) -> None:
+    from matplotlib.lines import Line2D
+
+    handles = [
+        Line2D([], [], color="0.2", linestyle=dashes, marker=marker, markersize=4)
+        for _, dashes, marker in lines.values()
+    ]
+    handles += [Line2D([], [], color=colour) for colour, _ in zip(SERIES, methods, strict=False)]
+    names = [*(name for name, _, _ in lines.values()), *methods]
+    panel.legend(handles, names, loc="upper center", bbox_to_anchor=(0.5, -0.26), **LEGEND)
+
+
+def _logarithmic(panel: "Axes") -> None:
+    """Make the axis of errors logarithmic, with plain marks."""
+    from matplotlib.ticker import NullLocator
+
+    panel.set_yscale("log")
+    low, high = panel.get_ylim()
+    low, high = min(low, 0.3), max(high, 3.0)
+    marked = [value for value in DECADES if low <= value <= high]
+    panel.set_ylim(low, high)
+    panel.set_yticks(marked, [f"{value:g}" for value in marked])
+    panel.yaxis.set_minor_locator(NullLocator())

@@ -1,0 +1,41 @@
+"""The page of a study that has one of its own, written with its figures."""
+
+from pathlib import Path
+
+from emaphm.errors import OutputError
+from emaphm.output_files import written_whole
+from emaphm.report.accuracy_page import accuracy_page
+from emaphm.report.limits_page import limits_page
+from emaphm.study.store import Store
+
+
+def write_study_page(store: Store, folder: str | Path) -> list[Path]:
+    """Write ``<page>.md`` to `folder`, and its figures to ``<page>/``; return their paths.
+
+    Raises
+    ------
+    StudyError
+        A row of the page has no finished trial yet, or the plan lacks what the page shows.
+    OutputError
+        A file cannot be written.
+    """
+    folder, plan = Path(folder), store.plan
+    figures: dict[str, bytes] = {}
+    if plan.page == "accuracy":
+        page = accuracy_page(plan, store.results)
+    else:
+        page, figures = limits_page(plan, store.results, str(plan.page))
+    contents = {
+        folder / f"{plan.page}.md": page.encode(),
+        **{folder / str(plan.page) / f"{name}.svg": content for name, content in figures.items()},
+    }
+    for path, content in contents.items():
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise OutputError(
+                f"{path.parent}: this folder cannot be made ({error.strerror or error}); give another place"
+            ) from None
+        with written_whole(path) as temporary:
+            temporary.write_bytes(content)
+    return list(contents)

@@ -1,0 +1,111 @@
+"""What the diagnoses of a study come to: coverage of intervals, false alarms, detection.
+
+Each function takes finished trials that have a diagnosis (`emaphm.study.store.SCHEMA`), one row a trial.
+"""
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+from scipy.special import bdtr
+
+from emaphm.actuator.faults import HEALTHY, NAMES
+from emaphm.arrays import Array
+
+Flags = NDArray[np.bool_]
+
+JUDGED = tuple(name for name in NAMES if name != "eccentricity_phase")
+"""Components that may raise an alarm; the phase shares the verdict of the eccentricity."""
+
+CHANCE = 1e-3
+"""Share of true 95 % intervals' coverages that `least_by_chance` lets lie below it."""
+
+_JUDGED = [NAMES.index(name) for name in JUDGED]
+_PHASE = NAMES.index("eccentricity_phase")
+
+
+def errors(rows: pl.DataFrame) -> Array:
+    """Return the errors [%], shape (n,)."""
+    return rows["error_percent"].to_numpy()
+
+
+def quantiles(errors: Array) -> str:
+    """Return the median, the 95th percentile and the worst of `errors` [%] as pages quote them."""
+    return f"{np.median(errors):.2f} / {np.percentile(errors, 95):.2f} / {errors.max():.2f}"
+
+
+def covered(rows: pl.DataFrame) -> Flags:
+    """Return whether each component's 95 % interval holds the truth, the phase's on its circle: (n, 8)."""
+    truth, low, high = (_vectors(rows, name) for name in ("truth", "lower95", "upper95"))
+    inside = (low <= truth) & (truth <= high)
+    for turn in (-1.0, 1.0):
+        around = truth[:, _PHASE] + turn
+        inside[:, _PHASE] |= (low[:, _PHASE] <= around) & (around <= high[:, _PHASE])
+    return inside
+
+
+def coverage(rows: pl.DataFrame) -> Array:
+    """Return by component the share of the trials whose interval holds the truth, shape (8,)."""
+    return np.asarray(covered(rows).mean(axis=0))
+
+
+def half_widths(rows: pl.DataFrame) -> Array:
+    """Return the half-widths of the 95 % intervals, shape (n, 8)."""
+    return np.asarray((_vectors(rows, "upper95") - _vectors(rows, "lower95")) / 2)
+
+
+def alarms(rows: pl.DataFrame) -> Flags:
+    """Return by component of `JUDGED` whether it was called degraded, shape (n, 7)."""
+    verdicts = np.array(rows["verdict"].to_list(), dtype=str).reshape(-1, len(NAMES))
+    return np.asarray(verdicts == "degraded")[:, _JUDGED]
+
+
+def faulty(rows: pl.DataFrame) -> Flags:
+    """Return by component of `JUDGED` whether it has a fault, shape (n, 7)."""
+    return np.asarray(_vectors(rows, "truth") != HEALTHY.vector)[:, _JUDGED]
+
+
+def detection(rows: pl.DataFrame) -> float:
+    """Return the share of the faulty components that were called degraded."""
+    return float(alarms(rows)[faulty(rows)].mean())
+
+
+def false_alarms(rows: pl.DataFrame) -> float:
+    """Return the share of the healthy components that were called degraded."""
+    return float(alarms(rows)[~faulty(rows)].mean())
+
+
+def recordings_alarmed(rows: pl.DataFrame) -> float:
+    """Return the share of the recordings with any component called degraded."""
+    return float(alarms(rows).any(axis=1).mean())
+
+
+def explained(rows: pl.DataFrame) -> float:
+    """Return the share called explained."""
+    return float(rows["explained"].to_numpy().mean())
+
+
+def single_fault(truth: list[float]) -> tuple[str, float]:
+    """Return the kind and the size of a small single fault, as in `emaphm.study.cases.small_fault`."""
+    away = np.abs(np.asarray(truth) - HEALTHY.vector)[_JUDGED]
+    name = JUDGED[int(away.argmax())]
+    return "short" if name.startswith("short") else name, round(float(away.max()), 6)
+
+
+def least_by_chance(count: int) -> float:
+    """Return the least share of `count` that a true 95 % interval holds, but once in a thousand times.
+
+    The smallest k / count with P(at most k of `count` held) ≥ `CHANCE`.
+    """
+    held = np.arange(count + 1)
+    return float(np.argmax(bdtr(held, count, 0.95) >= CHANCE)) / count
+
+
+def chance_interval(count: int) -> tuple[float, float]:
+    """Return between which shares of `count` the coverage of a true 95 % interval lies 19 times in 20."""
+    below = bdtr(np.arange(count + 1), count, 0.95)
+    low, high = (int(np.argmax(below >= level)) for level in (0.025, 0.975))
+    return low / count, high / count
+
+
+def _vectors(rows: pl.DataFrame, name: str) -> Array:
+    return np.array(rows[name].to_list(), dtype=float).reshape(-1, len(NAMES))

@@ -1,0 +1,71 @@
+"""A method that takes part in a study, with its settings."""
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Self
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from emaphm.actuator import NAMES
+from emaphm.errors import StudyError
+from emaphm.estimation.bias_correction import MAX_CORRECTIONS
+from emaphm.estimation.methods import Method, method_named
+from emaphm.study.rig import Label
+
+
+class Contestant(BaseModel):
+    """A method: its name, a label where the name is not enough, and settings of its own.
+
+    A method with least squares makes at most `max_corrections` bias corrections (`turns` is another spelling
+    of that key), and estimates `nuisances` with the faults. Left out, these are what `diagnose` estimates by
+    default where the recordings come from a rig, and none where they are those of the actuator as described.
+    Any other key is a setting of the optimiser, e.g. population or iterations.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="allow")
+
+    method: str
+    label: Label
+    max_corrections: Annotated[int, Field(ge=0, le=20)] = MAX_CORRECTIONS
+    nuisances: tuple[str, ...] | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_name(cls, values: Any) -> Any:
+        if isinstance(values, str):
+            values = {"method": values}
+        if not isinstance(values, Mapping):
+            return values
+        values = dict(values)
+        if "turns" in values:
+            if "max_corrections" in values:
+                raise StudyError("'turns' and 'max_corrections' are the same; give one of them")
+            values["max_corrections"] = values.pop("turns")
+        return {"label": values["method"], **values} if "method" in values else values
+
+    @model_validator(mode="after")
+    def _exists(self) -> Self:
+        self.chosen()
+        return self
+
+    @property
+    def described(self) -> str:
+        """Label, method and settings in one line."""
+        settings = [
+            f"{name} {value}"
+            for name, value in (self.model_extra or {}).items()
+            if name not in ("population", "iterations")
+        ]
+        method = self.chosen()
+        if method.optimizer is not None:
+            optimizer = method.optimizer(np.zeros(len(NAMES)), np.ones(len(NAMES)))
+            settings = [f"{optimizer.population} × {optimizer.iterations}", *settings]
+        if method.least_squares:
+            settings.append(f"up to {self.max_corrections} corrections")
+        if self.nuisances is not None:
+            settings.append(f"nuisances: {', '.join(self.nuisances) or 'none'}")
+        return f"{self.label}: {', '.join([method.name, *settings])}"
+
+    def chosen(self) -> Method:
+        """Return the method at its settings; `MethodError` where it or one of them is unknown."""
+        return method_named(self.method, self.model_extra)

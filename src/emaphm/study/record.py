@@ -1,0 +1,68 @@
+"""Recordings as a rig makes them: with noise, converters, and an actuator that deviates from nominal."""
+
+import numpy as np
+
+from emaphm.actuator import Actuator, Chirp, Faults
+from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
+from emaphm.estimation.nuisances import COPPER, MAGNETS
+from emaphm.recording import Recording
+from emaphm.simulated_recording import simulate
+from emaphm.study.rig import Manoeuvre, Rig
+
+
+def actuator_on(rig: Rig, actuator: Actuator, seed: int) -> Actuator:
+    """Return `actuator` with what is unknown on the rig, drawn from `seed`.
+
+    Rigs that share a range share the draw from it: each quantity has its own place in the stream.
+    """
+    shares = np.random.default_rng([seed, 1]).random(4)
+    load, heat, supply, inertia = (
+        low + share * (high - low)
+        for share, (low, high) in zip(shares, (rig.load, rig.heat, rig.supply, rig.inertia), strict=True)
+    )
+    nominal = lumped_parameters(actuator, ("offset", "resistance", "torque_constant", "supply", "inertia"))
+    return with_lumped_parameters(
+        actuator,
+        {
+            "offset": nominal["offset"] + load,
+            "resistance": nominal["resistance"] * (1 + COPPER * heat),
+            "torque_constant": nominal["torque_constant"] * (1 + MAGNETS * heat),
+            "supply": nominal["supply"] * (1 + supply),
+            "inertia": nominal["inertia"] * (1 + inertia),
+        },
+    )
+
+
+def recorded(rig: Rig, actuator: Actuator, manoeuvre: Manoeuvre, faults: Faults, seed: int) -> Recording:
+    """Return what `rig` records of `actuator` with `faults`; all that is random is drawn from `seed`."""
+    duration = manoeuvre.duration if rig.duration is None else rig.duration
+    rate = manoeuvre.sample_rate if rig.sample_rate is None else rig.sample_rate
+    command = Chirp(manoeuvre.amplitude, manoeuvre.start_hz, manoeuvre.stop_hz, duration)
+    present = actuator_on(rig, actuator, seed)
+    if rig.foreign is None:
+        whole = simulate(
+            present,
+            command,
+            faults=faults,
+            duration=duration,
+            sample_rate=rate,
+            noise=rig.noise,
+            adc_bits=rig.adc_bits,
+            controller_noise=rig.controller_noise,
+            seed=seed,
+        )
+    else:
+        from emaphm.study import foreign_plant
+
+        whole = foreign_plant.simulate(
+            present,
+            command,
+            rig.foreign,
+            faults=faults,
+            duration=duration,
+            sample_rate=rate,
+            noise=rig.noise,
+            adc_bits=rig.adc_bits,
+            seed=seed,
+        )
+    return Recording({name: whole[name] for name in ("time_s", "command_rad", *rig.channels)})

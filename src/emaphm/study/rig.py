@@ -1,0 +1,153 @@
+"""How the recordings of a study are made: the manoeuvre, and the rig with all that is unknown on it."""
+
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, Field, field_validator, model_validator
+
+from emaphm.actuator.parameters import Section
+from emaphm.errors import StudyError, nearest
+from emaphm.recording.acquisition import check_bits
+from emaphm.recording.schema import SCHEMA
+
+MOST_HEAT_K = 200.0
+"""Largest temperature rise of windings and magnets that a rig may have [K]."""
+
+
+def _known_bits(bits: int) -> int:
+    check_bits(bits)
+    return bits
+
+
+Label = Annotated[str, Field(min_length=1, max_length=60)]
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+NoiseA = Annotated[float, Field(ge=0)]
+Duration = Annotated[float, Field(gt=0, le=30)]
+SampleRate = Annotated[float, Field(gt=0, le=1e5)]
+AdcBits = Annotated[int, AfterValidator(_known_bits)]
+HeatK = Annotated[float, Field(ge=-MOST_HEAT_K, le=MOST_HEAT_K)]
+Relative = Annotated[float, Field(gt=-1, le=10)]
+
+
+class Manoeuvre(Section):
+    """The chirp that cases are recorded on: amplitude [rad], frequencies [Hz], duration [s], rate [Hz]."""
+
+    amplitude: float = 5e-3
+    start_hz: NotNegative = 0.0
+    stop_hz: Positive = 15.0
+    duration: Duration = 0.5
+    sample_rate: SampleRate = 5000.0
+
+
+class Stribeck(Section):
+    """Friction that falls smoothly from its static to its dynamic level, and through 0 at standstill.
+
+    (f_d + (f_s - f_d) exp(-(w / speed)²)) tanh(w / smoothing), both in rad/s.
+    """
+
+    speed: Positive
+    smoothing: Positive
+
+
+class Shaft(Section):
+    """A torsional spring with a damper, stiffness [N·m/rad] and damping [N·m·s/rad] at the motor."""
+
+    stiffness: Positive
+    damping: NotNegative
+
+
+class ForeignFeatures(Section):
+    """What a foreign plant has that the reference model has not; nothing by default.
+
+    `sensor_lag` is the time constant of the current sensors [s].
+    """
+
+    friction: Stribeck | None = None
+    shaft: Shaft | None = None
+    sensor_lag: NotNegative = 0.0
+
+
+class Rig(Section):
+    """What is recorded, how, and of an actuator that deviates from its description by how much.
+
+    The defaults are the base setting of the pages: noise, converters, load and temperature unknown; current
+    and line voltage recorded. Load, heat, supply and inertia are drawn anew for each case, from their ranges.
+
+    Parameters
+    ----------
+    label
+        What results call the rig.
+    channels
+        Recorded in addition to time and command; `current_A` among them.
+    noise
+        White noise on the current, rms [A].
+    adc_bits
+        Resolution of the converters of all channels; "exact" for none.
+    sample_rate, duration
+        In place of the manoeuvre's, where given [Hz], [s].
+    load
+        Range of a constant load at the motor shaft, added to the nominal one [N·m].
+    heat
+        Range of the temperature rise of windings and magnets [K].
+    supply, inertia
+        Ranges of their relative deviations.
+    controller_noise
+        White noise on the reference current, rms [A] a step (thesis 4.1); the reference model only.
+    foreign
+        Features of a plant that is not the reference model, which then makes the recording.
+    """
+
+    label: Label
+    channels: tuple[str, ...] = ("current_A", "voltage_V")
+    noise: NoiseA = 0.05
+    adc_bits: AdcBits | None = 12
+    sample_rate: SampleRate | None = None
+    duration: Duration | None = None
+    load: tuple[float, float] = (-0.2, 0.2)
+    heat: tuple[HeatK, HeatK] = (-40.0, 40.0)
+    supply: tuple[Relative, Relative] = (0.0, 0.0)
+    inertia: tuple[Relative, Relative] = (0.0, 0.0)
+    controller_noise: NotNegative = 0.0
+    foreign: ForeignFeatures | None = None
+
+    @field_validator("adc_bits", mode="before")
+    @classmethod
+    def _exact(cls, value: Any) -> Any:
+        return None if value == "exact" else value
+
+    @field_validator("channels")
+    @classmethod
+    def _check_channels(cls, channels: tuple[str, ...]) -> tuple[str, ...]:
+        for name in channels:
+            if name not in SCHEMA:
+                raise StudyError(f"unknown channel '{name}'{nearest(name, SCHEMA)}")
+        if "current_A" not in channels:
+            raise StudyError("'current_A' is missing; a diagnosis needs it")
+        return channels
+
+    @field_validator("load", "heat", "supply", "inertia")
+    @classmethod
+    def _check_range(cls, ends: tuple[float, float]) -> tuple[float, float]:
+        if ends[0] > ends[1]:
+            raise StudyError(f"the range ends before it begins ({ends[0]:g} to {ends[1]:g}); swap the two")
+        return ends
+
+    @model_validator(mode="after")
+    def _foreign_controller_is_quiet(self) -> "Rig":
+        if self.foreign is not None and self.controller_noise:
+            raise StudyError("a foreign plant's controller has no noise; leave out 'controller_noise'")
+        return self
+
+    @property
+    def facts(self) -> str:
+        """The rig in one line."""
+        ranges = {"load": "N·m", "heat": "K", "supply": "", "inertia": ""}
+        drawn = [
+            f"{name} {low:+g} to {high:+g} {unit}".rstrip()
+            for name, unit in ranges.items()
+            for low, high in [getattr(self, name)]
+            if (low, high) != (0, 0)
+        ]
+        bits = "exact converters" if self.adc_bits is None else f"{self.adc_bits} bits"
+        plant = [] if self.foreign is None else ["foreign plant"]
+        return f"{self.label}: {', '.join([*self.channels, f'{self.noise:g} A noise', bits, *drawn, *plant])}"

@@ -1,0 +1,156 @@
+"""Tasks on processes of this machine: the same results whatever the workers, and an end in every case."""
+
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from emaphm.errors import ExecutionError
+from emaphm.execution import ResultStore, outcomes, processes, run_tasks
+
+from . import toy
+
+PATIENCE_S = 60
+"""For a process to come up or to end on a busy machine."""
+
+COMMAND = """
+import sys
+from pathlib import Path
+from emaphm.execution import ResultStore, run_tasks
+from execution import toy
+if __name__ == "__main__":
+    tasks = toy.tasks(40, toy.square, 0.05)
+    run_tasks(tasks, ResultStore(Path("results.sqlite")), workers=2, on_task=lambda *n: print(*n, flush=True))
+"""
+
+
+@pytest.mark.parametrize("workers", [1, 2, 3])
+def test_every_task_is_done_once_by_whatever_number_of_workers(workers: int) -> None:
+    found = list(outcomes(toy.tasks(20), workers=workers))
+    assert toy.in_order(found) == toy.results(20)
+    assert all(outcome.failure == "" for outcome in found)
+    assert not multiprocessing.active_children()
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_task_that_fails_is_named_and_takes_no_other_with_it(workers: int) -> None:
+    found = {one.index: one for one in outcomes(toy.tasks(10, toy.fail_on_seven), workers=workers)}
+    assert found[7].failure == "number 7: ZeroDivisionError: seven is not liked"
+    assert found[7].result is None
+    assert [found[n].result for n in range(10) if n != 7] == [toy.square(n) for n in range(10) if n != 7]
+
+
+def test_times_are_those_of_the_task() -> None:
+    (outcome,) = outcomes(toy.tasks(1, toy.square, 0.2), workers=1)
+    assert 0.2 <= outcome.wall_seconds < 2  # the rest is for a busy machine
+    assert outcome.cpu_seconds < 0.1  # it sleeps
+
+
+def test_an_interruption_is_no_failure_of_a_task() -> None:
+    def interrupted(_: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        list(outcomes(toy.tasks(1, interrupted), workers=1))
+
+
+def test_a_worker_that_dies_is_said_in_one_line() -> None:
+    with pytest.raises(ExecutionError, match=r"a worker process died, .*start again to go on") as refusal:
+        list(outcomes(toy.tasks(4, toy.die), workers=2))
+    assert len(str(refusal.value).splitlines()) == 1
+    assert not multiprocessing.active_children()
+
+
+def test_an_interruption_does_not_wait_for_tasks_under_way(tmp_path: Path) -> None:
+    main = threading.main_thread().ident
+    assert main is not None
+    began: list[float] = []
+
+    def interrupt_soon(done: int, total: int) -> None:
+        assert (done <= 1, total) == (True, 4)
+        if done == 1:
+            began.append(time.monotonic())
+            threading.Timer(0.2, signal.pthread_kill, (main, signal.SIGINT)).start()
+
+    with pytest.raises(KeyboardInterrupt):
+        run_tasks(
+            toy.tasks(4, toy.wait_for_ever),
+            ResultStore(tmp_path / "results.sqlite"),
+            workers=2,
+            on_task=interrupt_soon,
+        )
+    # A task would take an hour. The rest is for a busy machine.
+    assert time.monotonic() - began[0] < 10
+    assert not multiprocessing.active_children()
+
+
+def test_no_more_workers_are_started_than_there_are_tasks(monkeypatch: pytest.MonkeyPatch) -> None:
+    def no_pool(*_: object) -> None:
+        raise AssertionError("one task needs no pool")
+
+    monkeypatch.setattr(processes, "ProcessPoolExecutor", no_pool)
+    assert toy.in_order(list(outcomes(toy.tasks(1), workers=64))) == toy.results(1)
+    assert list(outcomes([], workers=64)) == []
+
+
+def test_workers_have_one_thread_each_and_the_environment_is_left_alone(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "3")
+    with processes._one_thread_each():
+        assert (os.environ["OMP_NUM_THREADS"], os.environ["OPENBLAS_NUM_THREADS"]) == ("1", "3")
+    assert "OMP_NUM_THREADS" not in os.environ
+    assert os.environ["OPENBLAS_NUM_THREADS"] == "3"
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").is_file(), reason="needs SIGKILL and /proc")
+def test_workers_end_with_a_killed_command_and_its_results_stay(tmp_path: Path) -> None:
+    script = tmp_path / "command.py"
+    script.write_text(COMMAND, encoding="utf-8")
+    tests = str(Path(__file__).parents[1])
+    with subprocess.Popen(  # noqa: S603 - the arguments are this file's
+        [sys.executable, script],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join([tests, os.environ.get("PYTHONPATH", "")])},
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as command:
+        assert command.stdout is not None
+        assert [command.stdout.readline() for _ in range(3)] == ["0 40\n", "1 40\n", "2 40\n"]
+        helpers = _children(command.pid)
+        command.kill()
+    assert len(helpers) >= 2
+    deadline = time.monotonic() + PATIENCE_S
+    while any(map(_lives, helpers)):
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    store, tasks = ResultStore(tmp_path / "results.sqlite"), toy.tasks(40)
+    assert 2 <= len(store.read(tasks)[0]) < 40
+    assert run_tasks(tasks, store, workers=1) == ()
+    assert toy.in_order(list(store.read(tasks)[0].values())) == toy.results(40)
+
+
+def _children(parent: int) -> list[int]:
+    """Return the processes that `parent` has started."""
+    every = [int(path.name) for path in Path("/proc").iterdir() if path.name.isdecimal()]
+    return [process for process in every if _stat(process)[1:2] == [str(parent)]]
+
+
+def _lives(process: int) -> bool:
+    # One that has ended is Z until its parent has asked how.
+    return _stat(process)[:1] not in ([], ["Z"])
+
+
+def _stat(process: int) -> list[str]:
+    """Return state, parent and so on; empty where there is no such process."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+    except OSError:
+        return []

@@ -1,0 +1,302 @@
+"""Results on disk: whole or not there, whoever is killed, writes at the same time or tampers."""
+
+import multiprocessing
+import os
+import random
+import shutil
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from emaphm.errors import EmaphmError, OutputError
+from emaphm.execution import ResultStore, Task, run_tasks
+
+from . import toy
+
+PATIENCE_S = 60
+"""For a process to come up or to end on a busy machine."""
+
+TASKS = toy.tasks(12)
+
+
+@pytest.fixture(scope="module")
+def filled(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the file with the results of `TASKS`; tests work on copies of it."""
+    made = ResultStore(tmp_path_factory.mktemp("filled") / "results.sqlite")
+    assert run_tasks(TASKS, made, workers=1) == ()
+    return made.path
+
+
+@pytest.fixture
+def store(filled: Path, tmp_path: Path) -> ResultStore:
+    """Return a store with the results of `TASKS`."""
+    return ResultStore(Path(shutil.copy(filled, tmp_path)))
+
+
+def sql(store: ResultStore, statement: str) -> None:
+    with sqlite3.connect(store.path) as connection:
+        connection.execute(statement)
+    connection.close()
+
+
+def kept(store: ResultStore, tasks: list[Task] = TASKS) -> list[int]:
+    return sorted(store.read(tasks)[0])
+
+
+# What is kept
+
+
+def test_what_is_read_is_what_was_kept(store: ResultStore) -> None:
+    outcomes, damaged = store.read(TASKS)
+    assert toy.in_order(list(outcomes.values())) == toy.results(12)
+    assert damaged == ()
+    assert all(outcome.wall_seconds > 0 for outcome in outcomes.values())
+    assert [path.name for path in store.path.parent.iterdir()] == [store.path.name]
+
+
+def test_nothing_is_kept_before_the_first_result(tmp_path: Path) -> None:
+    empty = ResultStore(tmp_path / "results.sqlite")
+    assert empty.read(TASKS) == ({}, ())
+    assert empty.elapsed_seconds() == 0
+    assert not empty.path.exists()
+
+
+def test_only_what_is_missing_is_done(store: ResultStore) -> None:
+    told: list[tuple[int, int]] = []
+    more = toy.tasks(15, toy.fail_on_seven)  # the seventh is done already, and not again
+    assert run_tasks(more, store, workers=1, on_task=lambda *counts: told.append(counts)) == ()
+    assert told == [(12, 15), (13, 15), (14, 15), (15, 15)]
+    assert kept(store, more) == list(range(15))
+
+
+def test_a_failure_is_returned_and_tried_again(tmp_path: Path) -> None:
+    store = ResultStore(tmp_path / "results.sqlite")
+    failures = run_tasks(toy.tasks(12, toy.fail_on_seven), store, workers=1)
+    assert failures == ("number 7: ZeroDivisionError: seven is not liked",)
+    assert kept(store) == [n for n in range(12) if n != 7]
+    assert run_tasks(TASKS, store, workers=1) == ()
+    assert kept(store) == list(range(12))
+
+
+def test_pauses_between_sessions_do_not_count(tmp_path: Path) -> None:
+    store = ResultStore(tmp_path / "results.sqlite")
+    run_tasks(toy.tasks(2, toy.square, 0.1), store, workers=1)
+    first = store.elapsed_seconds()
+    time.sleep(0.5)
+    run_tasks(toy.tasks(4, toy.square, 0.1), store, workers=1)
+    both = store.elapsed_seconds()
+    assert first >= 0.2
+    assert 0.2 <= both - first < 0.2 + 0.3  # less than the pause would add
+
+
+# What was changed or is damaged
+
+
+COPY = """\
+UPDATE results SET result = (SELECT result FROM results WHERE key = 'key 2'),
+digest = (SELECT digest FROM results WHERE key = 'key 2') WHERE key = 'key 3'
+"""
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        "UPDATE results SET result = replace(result, '9', '8') WHERE key = 'key 3'",
+        "UPDATE results SET result = NULL WHERE key = 'key 3'",
+        "UPDATE results SET wall_seconds = 1e3 WHERE key = 'key 3'",
+        "UPDATE results SET digest = NULL WHERE key = 'key 3'",
+        COPY,
+    ],
+    ids=["changed", "null", "time", "digest", "copied from another"],
+)
+def test_a_row_that_was_changed_is_seen_and_done_again(store: ResultStore, change: str) -> None:
+    sql(store, change)
+    outcomes, damaged = store.read(TASKS)
+    assert damaged == (3,)
+    assert sorted(outcomes) == [n for n in range(12) if n != 3]
+    run_tasks(TASKS, store, workers=1)
+    assert toy.in_order(list(store.read(TASKS)[0].values())) == toy.results(12)
+
+
+def test_results_of_other_tasks_do_not_count(store: ResultStore) -> None:
+    others = [Task(n, toy.square, (n,), f"other {n}") for n in range(12)]
+    assert store.read(others) == ({}, ())
+
+
+def _cut(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:5000])
+
+
+def _scribble(path: Path) -> None:
+    path.write_text("no results" * 1000, encoding="utf-8")
+
+
+def _overwrite(path: Path) -> None:
+    content = bytearray(path.read_bytes())
+    content[4096:8192] = os.urandom(4096)
+    path.write_bytes(bytes(content))
+
+
+def _other_tables(path: Path) -> None:
+    path.unlink()
+    with sqlite3.connect(path) as connection:
+        connection.execute("CREATE TABLE results (a, b)")
+    connection.close()
+
+
+def _folder(path: Path) -> None:
+    path.unlink()
+    path.mkdir()
+
+
+@pytest.mark.parametrize("spoil", [_cut, _scribble, _overwrite, _other_tables, _folder])
+def test_a_file_that_is_damaged_is_refused_in_one_line(
+    store: ResultStore, spoil: Callable[[Path], None]
+) -> None:
+    spoil(store.path)
+    for use in (lambda: store.read(TASKS), lambda: run_tasks(TASKS, store, workers=1)):
+        with pytest.raises(
+            EmaphmError, match=f"^{store.path}: (is damaged|cannot be written or read)"
+        ) as said:
+            use()
+        assert len(str(said.value).splitlines()) == 1
+
+
+def test_whatever_is_damaged_gives_right_results_or_is_refused(store: ResultStore) -> None:
+    whole, dice = store.path.read_bytes(), random.Random(8)  # noqa: S311 - nothing secret
+    right = store.read(TASKS)[0]
+    said: list[str] = []
+    for _ in range(150):
+        content = bytearray(whole)
+        for _ in range(dice.choice([1, 3, 30])):
+            content[dice.randrange(len(content))] = dice.randrange(256)
+        store.path.write_bytes(content[: dice.choice([None, dice.randrange(len(content))])])
+        try:
+            outcomes, _ = store.read(TASKS)
+        except EmaphmError as error:
+            said.append(str(error))
+        else:
+            assert outcomes.items() <= right.items()
+            assert all(outcomes[n].result == right[n].result for n in outcomes)
+    assert 0 < len(said) < 150
+    assert all(len(text.splitlines()) == 1 for text in said)
+
+
+def test_an_empty_file_holds_no_results(tmp_path: Path) -> None:
+    # What a process leaves that is killed between making the file and its tables.
+    store = ResultStore(tmp_path / "results.sqlite")
+    store.path.touch()
+    assert store.read(TASKS) == ({}, ())
+    assert store.elapsed_seconds() == 0
+    assert run_tasks(TASKS, store, workers=1) == ()
+    assert kept(store) == list(range(12))
+
+
+def test_a_full_disk_keeps_what_was_there(store: ResultStore) -> None:
+    resource = pytest.importorskip("resource")
+    many = [Task(n, "x".__mul__, (5000,), f"long {n}") for n in range(20)]
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (store.path.stat().st_size + 20_000, limits[1]))
+    try:
+        with pytest.raises(OutputError, match="cannot be written or read"):
+            run_tasks(many, store, workers=1)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        signal.signal(signal.SIGXFSZ, before)
+    assert kept(store) == list(range(12))
+    assert run_tasks(many, store, workers=1) == ()
+    assert kept(store, many) == list(range(20))
+
+
+# Kills
+
+
+WRITER = """
+import sys
+from pathlib import Path
+from emaphm.execution import Outcome, ResultStore, Task
+store = ResultStore(Path(sys.argv[1]))
+first, last = int(sys.argv[2]), int(sys.argv[3])
+with store.writing() as writer:
+    for n in range(first, last):
+        result = {"number": n, "square": n**2, "third": n / 3}
+        writer.keep(Task(n, print, (), f"key {n}"), Outcome(n, result), sys.argv[2], 1.0)
+        print(n, flush=True)
+"""
+
+
+def writer(store: ResultStore, first: int, last: int) -> "subprocess.Popen[str]":
+    """Return a process that keeps the results of tasks `first` to `last`, and prints each that is kept."""
+    return subprocess.Popen(  # noqa: S603 - the arguments are this file's
+        [sys.executable, "-c", WRITER, store.path, str(first), str(last)],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+
+
+def test_what_was_kept_survives_a_kill_at_any_moment(tmp_path: Path) -> None:
+    store, dice = ResultStore(tmp_path / "results.sqlite"), random.Random(5)  # noqa: S311 - nothing secret
+    every, done = toy.tasks(4000), 0
+    for _ in range(6):
+        with writer(store, done, 4000) as process:
+            assert process.stdout is not None
+            said = int(process.stdout.readline())
+            time.sleep(dice.uniform(0, 0.05))
+            process.kill()
+            said = max([said, *map(int, process.stdout.read().split())])
+        outcomes, damaged = store.read(every)
+        # All that it has said was kept, at most one more, and nothing else.
+        assert damaged == ()
+        assert len(outcomes) - (said + 1) in {0, 1}
+        assert toy.in_order(list(outcomes.values())) == toy.results(len(outcomes))
+        done = len(outcomes)
+    assert done < 4000
+
+
+# Two at once
+
+
+def test_two_writers_lose_nothing(tmp_path: Path) -> None:
+    store = ResultStore(tmp_path / "results.sqlite")
+    count = 90
+    # They overlap in the middle, where each replaces what is the same.
+    with writer(store, 0, 60) as one, writer(store, 30, count) as other:
+        one.communicate(timeout=PATIENCE_S)
+        other.communicate(timeout=PATIENCE_S)
+    assert (one.returncode, other.returncode) == (0, 0)
+    outcomes, damaged = store.read(toy.tasks(count))
+    assert damaged == ()
+    assert toy.in_order(list(outcomes.values())) == toy.results(count)
+    assert store.elapsed_seconds() == 2.0
+
+
+def test_a_reader_may_look_on_while_another_writes(tmp_path: Path) -> None:
+    store = ResultStore(tmp_path / "results.sqlite")
+    seen = []
+    with writer(store, 0, 100) as process:
+        while process.poll() is None:
+            outcomes, damaged = store.read(toy.tasks(100))
+            assert damaged == ()
+            seen.append(len(outcomes))
+    assert seen == sorted(seen)
+    assert kept(store, toy.tasks(100)) == list(range(100))
+
+
+def test_a_copy_is_as_good(store: ResultStore, tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    copy = ResultStore(Path(shutil.copy(store.path, tmp_path / "elsewhere" / "copy #1?.sqlite")))
+    assert copy.read(TASKS) == store.read(TASKS)
+    assert not multiprocessing.active_children()
+
+
+def test_a_place_that_does_not_exist_is_refused(tmp_path: Path) -> None:
+    store = ResultStore(tmp_path / "absent" / "results.sqlite")
+    with pytest.raises(OutputError, match=r"cannot be written or read .*; free space there, or give another"):
+        run_tasks(TASKS, store, workers=1)

@@ -1,0 +1,87 @@
+"""The page that redoes the thesis's comparison: its numbers are the studies', its findings are checked."""
+
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+import pytest
+
+from emaphm.errors import StudyError
+from emaphm.report import comparison_page
+from emaphm.report.comparison_page import PLANS, finished, write_comparison
+from emaphm.study import Plan, Store
+from emaphm.study.trials import Trial
+
+from .made_up import results
+
+ERRORS = {"GA": 2.2, "PSO": 1.2, "DE": 1.0, "GWO": 4.0, "DA": 3.0, "DA as listed": 20.0, "hybrid": 0.3}
+"""Mean errors [%] on single faults for which the findings of the page's text hold."""
+
+SEARCHED = dict.fromkeys(("lower95", "upper95", "standard_error", "verdict", "explained", "moves"))
+
+
+def stores(errors: dict[str, float]) -> dict[str, Store]:
+    def change(trial: Trial) -> dict[str, Any]:
+        lost = 30.0 if trial.case == "multiple" and trial.contestant.label != "hybrid" else 1.0
+        return {
+            "error_percent": lost * errors.get(trial.contestant.label, 1.5),
+            "evaluations": 600,
+            **SEARCHED,
+        }
+
+    made = {}
+    for name in PLANS:
+        plan = Plan.load(name)
+        made[name] = Store(Path("studies") / name, plan, results(plan, 1.0, change), (), 300.0)
+    return made
+
+
+@pytest.fixture
+def undrawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a folder for the page, without the report and the scans that are tested by themselves."""
+    rows = [
+        {"model": "monitor", "equivalent": "magnitude", "fitness": "thesis", "bias_points": -12.0},
+        {"model": "averaged", "equivalent": "torque", "fitness": "least_squares", "bias_points": 0.25},
+    ]
+    monkeypatch.setattr(comparison_page, "fitness_study", lambda _: pl.DataFrame(rows))
+    monkeypatch.setattr(comparison_page, "fitness_table", lambda _: "| scans |")
+    monkeypatch.setattr(comparison_page, "draw_scans", lambda _: None)
+    monkeypatch.setattr(comparison_page, "svg", lambda _: b"<svg/>")
+    monkeypatch.setattr(comparison_page, "write_study_report", lambda *_: None)
+    (tmp_path / "comparison" / "figures").mkdir(parents=True)
+    return tmp_path / "comparison"
+
+
+def test_the_page_has_the_studies_numbers(undrawn: Path) -> None:
+    write_comparison(stores(ERRORS), undrawn)
+    page = undrawn.with_suffix(".md").read_text(encoding="utf-8")
+    assert "the 1100 runs here took\n5.0 minutes" in page
+    for method, error in ERRORS.items():
+        assert f"| {method} | {error:.2f} |" in page
+    assert "(comparison/figures/scans.svg)" in page
+    assert "{{" not in page
+
+
+@pytest.mark.parametrize(
+    ("changed", "finding"),
+    [
+        ({"DE": 1.5}, "DE is at or below its printed mean"),
+        ({"GWO": 1.0}, "GWO stays above its printed mean"),
+        ({"hybrid": 1.45}, "hybrid beats the best printed mean"),
+    ],
+)
+def test_a_finding_that_no_longer_holds_stops_the_page(
+    undrawn: Path, changed: dict[str, float], finding: str
+) -> None:
+    with pytest.raises(StudyError, match=f"no longer true, rewrite report/comparison.md.jinja: {finding}"):
+        write_comparison(stores(ERRORS | changed), undrawn)
+    assert not undrawn.with_suffix(".md").exists()
+
+
+def test_a_study_that_is_not_finished_is_refused(tmp_path: Path) -> None:
+    for name in PLANS:
+        Store.create(tmp_path / name, Plan.load(name))
+    with pytest.raises(
+        StudyError, match=r"thesis: 0 of 1100 runs; finish it with: emaphm study run thesis -o"
+    ):
+        finished(tmp_path)

@@ -1,0 +1,285 @@
+"""The pages of the studies `accuracy` and `limits`: rates, what is met, what is overconfident, figures."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+
+from emaphm.actuator import NAMES
+from emaphm.cli import main
+from emaphm.errors import StudyError
+from emaphm.report.accuracy_page import accuracy_page
+from emaphm.report.limits_page import limits_page
+from emaphm.study import Plan, Store
+from emaphm.study.analysis.limits import SettingRates
+from emaphm.study.analysis.rates import (
+    alarms,
+    chance_interval,
+    coverage,
+    covered,
+    detection,
+    errors,
+    false_alarms,
+    half_widths,
+    least_by_chance,
+    quantiles,
+    recordings_alarmed,
+    single_fault,
+)
+from emaphm.study.plan import PageRow
+from emaphm.study.store import SCHEMA
+from emaphm.study.trials import Trial
+
+from .made_up import HEALTHY, results
+
+
+@pytest.fixture(scope="module")
+def accuracy() -> Plan:
+    return Plan.load("accuracy")
+
+
+@pytest.fixture(scope="module")
+def limits() -> Plan:
+    return Plan.load("limits")
+
+
+# Rates
+
+
+def frame(*rows: dict[str, Any]) -> pl.DataFrame:
+    default = {
+        "truth": HEALTHY,
+        "lower95": [v - 0.01 for v in HEALTHY],
+        "upper95": [v + 0.01 for v in HEALTHY],
+        "verdict": ["healthy"] * 8,
+        "explained": True,
+        "error_percent": 0.2,
+    }
+    schema = {name: SCHEMA[name] for name in default}
+    return pl.DataFrame([default | one for one in rows], schema=schema)
+
+
+def called(*names: str) -> list[str]:
+    return ["degraded" if name in names else "healthy" for name in NAMES]
+
+
+def test_a_phase_is_covered_across_the_cut_of_its_circle() -> None:
+    def both(truth: float, low: float, high: float) -> list[bool]:
+        """Return whether an interval of the phase and of the gain holds the truth."""
+        ends = [*[0.0] * 6, low, low], [*[0.0] * 6, high, high]
+        rows = frame({"truth": [*[0.0] * 6, truth, truth], "lower95": ends[0], "upper95": ends[1]})
+        return list(map(bool, covered(rows)[0, 6:]))
+
+    assert both(0.02, 0.95, 1.05) == [True, False]
+    assert both(0.98, -0.05, 0.05) == [True, False]
+    assert both(0.5, 0.95, 1.05) == [False, False]
+    assert both(1.0, 0.95, 1.05) == [True, True]
+
+
+def test_rates_count_what_they_are_named_after() -> None:
+    short = [0.0, 0.0, 0.0, 0.05, 0.0, 0.0, 0.5, 0.5]
+    intervals = {"truth": short, "lower95": [v - 0.01 for v in short], "upper95": [v + 0.01 for v in short]}
+    found = intervals | {"verdict": called("short_b", "gain")}
+    missed = intervals | {
+        "lower95": [0.1, *intervals["lower95"][1:]],
+        "upper95": [0.2, *intervals["upper95"][1:]],
+    }
+    # The phase shares the eccentricity's verdict and is not counted twice.
+    crying = {"verdict": called("eccentricity", "eccentricity_phase")}
+    several = frame(found, missed, crying, {})
+    assert detection(frame(found, missed)) == 0.5
+    assert false_alarms(several) == 2 / (6 + 6 + 7 + 7)
+    assert recordings_alarmed(several) == 0.5
+    assert alarms(several).sum() == 3
+    np.testing.assert_array_equal(coverage(several), [0.75] + [1.0] * 7)
+    np.testing.assert_allclose(half_widths(several)[1], [0.05] + [0.01] * 7)
+
+
+def test_quantiles_are_the_median_the_95th_percentile_and_the_worst() -> None:
+    assert quantiles(np.arange(101.0)) == "50.00 / 95.00 / 100.00"
+    assert errors(frame({"error_percent": 3.0}, {})).tolist() == [3.0, 0.2]
+
+
+@pytest.mark.parametrize(
+    ("truth", "fault"),
+    [
+        ([0.0, 0.0, 0.0, 0.05, 0.0, 0.0, 0.5, 0.5], ("short", 0.05)),
+        ([0.0, 0.0, 0.0, 0.0, 0.0, 0.05, 0.9, 0.5], ("eccentricity", 0.05)),
+        ([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.4], ("gain", 0.1)),
+    ],
+)
+def test_a_single_fault_is_recognised(truth: list[float], fault: tuple[str, float]) -> None:
+    assert single_fault(truth) == fault
+
+
+@pytest.mark.parametrize("count", [8, 20, 300])
+def test_chance_is_the_binomial_one(count: int) -> None:
+    def at_most(held: int) -> float:
+        return sum(math.comb(count, k) * 0.95**k * 0.05 ** (count - k) for k in range(held + 1))
+
+    least = round(count * least_by_chance(count))
+    assert at_most(least - 1) < 1e-3 <= at_most(least)
+    low, high = (round(count * end) for end in chance_interval(count))
+    assert at_most(low - 1) < 0.025 <= at_most(low)
+    assert at_most(high - 1) < 0.975 <= at_most(high)
+
+
+# The page of accuracy
+
+
+def verdicts(page: str) -> list[str]:
+    """Return the last column of the first table."""
+    lines = page[page.index("| what |") :].splitlines()
+    rows = lines[2 : lines.index("")]
+    return [line.rsplit("|")[-2].strip() for line in rows]
+
+
+def test_the_first_table_says_no_where_too_little_was_reached(accuracy: Plan) -> None:
+    runs = results(accuracy)
+    page = accuracy_page(accuracy, runs)
+    # Intervals that always hold the truth are not 92 to 98 %.
+    assert verdicts(page) == ["yes"] * 5 + ["no"] * 2 + ["yes", "–"]
+    assert f"{runs.height} of 2510 runs" in page
+    disturbed = (pl.col("rig") == "switching disturbed") & (pl.col("run") == 0)
+    healthy = (pl.col("case_kind") == "healthy") & (pl.col("rig") == "current and line voltage")
+    changed = runs.with_columns(
+        pl.when(disturbed).then(2.5).otherwise("error_percent").alias("error_percent"),
+        pl.when(healthy).then(pl.lit(called("backlash"))).otherwise("verdict").alias("verdict"),
+    )
+    page = accuracy_page(accuracy, changed)
+    assert "0 of 1, the worst 2.50 % | no |" in page
+    assert "≤ 0.5 % | 14.29 % | no |" in page
+    assert "raised by" in page
+    assert "backlash 50" in page
+
+
+def test_the_page_has_every_row_of_its_sections_and_both_sizes(accuracy: Plan) -> None:
+    page = accuracy_page(accuracy, results(accuracy))
+    for section in accuracy.sections:
+        for one in section.rows:
+            assert f"| {one.text}" in page
+    assert "| current and line voltage, 5 % | 5 | 100 % | 100 % | 100 % | 100 % | 100 % | 0.00 % |" in page
+    assert "| current and line voltage, 10 % | 3 |" in page
+    assert "| current alone, 5 % | 2 |" in page
+    assert "0.05 A of noise on the current, all channels through 12-bit converters" in page
+    complete = results(accuracy, 1.0)
+    assert "not complete" not in accuracy_page(accuracy, complete)
+
+
+def test_a_page_without_results_is_refused(accuracy: Plan, limits: Plan) -> None:
+    runs = results(accuracy).filter(pl.col("case_kind") != "heavy")
+    with pytest.raises(StudyError, match="no run of '0' with heavy cases is finished"):
+        accuracy_page(accuracy, runs)
+    runs = results(limits).filter(pl.col("rig") != "8 bits")
+    with pytest.raises(StudyError, match="no run of '8 bits' with random cases is finished"):
+        limits_page(limits, runs, "limits")
+
+
+# The map of the limits
+
+
+def test_the_map_names_the_settings_that_are_wrong_without_saying_so(limits: Plan) -> None:
+    undrawn = [section.model_copy(update={"figure": ""}) for section in limits.sections]
+    page, none = limits_page(limits.model_copy(update={"sections": undrawn}), results(limits), "limits")
+    assert none == {}
+    assert "400 of 1800 runs" in page
+    assert "none of 50." in page
+    explained = {"compliant shaft, mild": False, "lagging current sensors, mild": True}
+
+    def miss_the_gain(trial: Trial) -> dict[str, Any]:
+        rig = trial.rig.label if trial.rig else ""
+        if trial.case_kind != "random" or rig not in explained:
+            return {}
+        low, high = ([*(v + side for v in trial.truth[:7]), 2.0 + side] for side in (-0.01, 0.01))
+        return {"lower95": low, "upper95": high, "error_percent": 7.25, "explained": explained[rig]}
+
+    page, figures = limits_page(limits, results(limits, 1.0, miss_the_gain), "limits")
+    assert "1 of 50." in page
+    assert (
+        "- plant: lagging current sensors, mild: gain held by 0 %, 100 % explained, median error 7.25 %"
+        in page
+    )
+    assert "- plant: compliant shaft" not in page
+    assert "| compliant shaft, mild | 7.25 / 7.25 | 88 % | 0 % (gain) | 0 % |" in page
+    assert figures.keys() == {section.figure for section in limits.sections if section.figure}
+    for name, content in figures.items():
+        assert content.startswith(b"<?xml")
+        assert f"](limits/{name}.svg)" in page
+
+
+def test_the_base_setting_is_diagnosed_once_for_all_sections(limits: Plan) -> None:
+    through_base = [
+        row
+        for section in limits.sections
+        for row in section.rows
+        if (row.rig, row.method) == ("base", "default")
+    ]
+    # In the tables of channels and plants, and on all axes but temperature, which the base setting draws.
+    assert len(through_base) == 2 + 7
+    settings = {(row.rig, row.method) for section in limits.sections for row in section.rows}
+    # 46 points on the axes, six of them the base setting again; two more channels, eight foreign plants.
+    assert len(settings) == 46 - 6 + 2 + 8
+    assert limits.total == 50 * (20 + 2 * 5 + 6)
+
+
+def test_rates_are_those_of_the_results(limits: Plan) -> None:
+    runs = results(limits, 1.0)
+    base = (pl.col("rig") == "base") & (pl.col("case_kind") == "random") & (pl.col("method") == "default")
+    runs = runs.with_columns(
+        pl.when(base).then(pl.col("seed").cast(pl.Float64)).otherwise("error_percent").alias("error_percent")
+    )
+    rates = SettingRates.of(PageRow(text="", rig="base", method="default"), runs)
+    assert rates.median == 9.5
+    assert rates.p95 == pytest.approx(0.95 * 19)
+    assert (rates.detection, rates.false_alarms, rates.cases) == (1, 0, 20)
+    assert rates.mean_coverage == rates.least_coverage == 1
+
+
+# Both by the command
+
+
+TINY = """\
+name = "tiny"
+page = "limits"
+runs = 1
+
+[manoeuvre]
+duration = 0.05
+
+[[methods]]
+method = "hybrid"
+turns = 0
+
+[[rigs]]
+label = "base"
+
+[[groups]]
+label = "all"
+random = 1
+healthy = 1
+small = [{ size = 0.05, count = 1 }]
+
+[[sections]]
+title = "Noise"
+label = "noise, A"
+figure = "noise"
+rows = [{ text = "0.05", rig = "base", method = "hybrid" }]
+"""
+
+
+def test_the_command_writes_the_page_and_its_figures(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "tiny.toml").write_text(TINY, encoding="utf-8")
+    study, out = str(tmp_path / "study"), tmp_path / "docs"
+    assert main(["study", "run", str(tmp_path / "tiny.toml"), "-o", study, "--workers", "1"]) == 0
+    assert Store.open(study).results.height == 7
+    assert main(["study", "report", study, "-o", str(out)]) == 0
+    page = (out / "limits.md").read_text(encoding="utf-8")
+    assert "![noise](limits/noise.svg)" in page
+    assert (out / "limits" / "noise.svg").is_file()
+    assert "0.05 s chirp at 5 kHz" in page
+    assert f"written: {out / 'limits.md'}" in capsys.readouterr().out

@@ -1,0 +1,94 @@
+"""The fingerprint of the code: it changes with what a result depends on, and with nothing else."""
+
+from pathlib import Path
+
+import pytest
+
+import emaphm
+from emaphm.study import revision as module
+from emaphm.study.revision import deciding_files, meaning, revision
+
+ROOT = Path(emaphm.__file__).parent
+
+SOURCE = '''\
+"""What it is about."""
+
+STEP = 1e-6
+"""A step [s]."""
+
+
+class Law:
+    """A law."""
+
+    gain: float = 2.0
+    """Of the law."""
+
+    def apply(self, x):
+        """Return it."""
+        # a comment
+        return self.gain * x
+'''
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("What it is about", "Another text"),
+        ("A step [s]", "The step [s]"),
+        ("Of the law", "Of this law"),
+        ('        """Return it."""\n', ""),
+        ("# a comment", "# another"),
+        ("\n\n\nclass", "\n\nclass"),
+        ("self.gain * x", "(self.gain*x)"),
+    ],
+)
+def test_words_and_layout_do_not_count(old: str, new: str) -> None:
+    assert old in SOURCE
+    assert meaning(SOURCE.replace(old, new)) == meaning(SOURCE)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("1e-6", "2e-6"),
+        ("2.0", "2"),
+        ("* x", "+ x"),
+        ("gain", "factor"),
+        ("x)", "x, y)"),
+        ("self.gain", '"text"'),
+    ],
+)
+def test_numbers_names_and_operations_count(old: str, new: str) -> None:
+    assert old in SOURCE
+    assert meaning(SOURCE.replace(old, new)) != meaning(SOURCE)
+
+
+def test_a_function_of_a_docstring_alone_is_read() -> None:
+    assert meaning('def f():\n    """Do nothing."""') == meaning('def f():\n    """Do it."""')
+
+
+def test_the_files_are_those_that_a_result_depends_on() -> None:
+    names = {path.relative_to(ROOT).as_posix() for path in deciding_files(ROOT)}
+    assert names >= {
+        "simulation/models/reference.py",
+        "optimizers/dragonfly.py",
+        "estimation/search.py",
+        "diagnosis/verdict.py",
+        "recording/acquisition.py",
+        "study/foreign_plant.py",
+        "study/record.py",
+        "study/task.py",
+    }
+    left_out = ("plotting/", "report/", "cli/", "recording/io/", "study/analysis/", "execution/")
+    assert not [name for name in names if name.startswith(left_out)]
+
+
+def test_libraries_count(monkeypatch: pytest.MonkeyPatch) -> None:
+    here = revision()
+    revision.cache_clear()
+    monkeypatch.setattr(module, "version", lambda name: "0.0" if name == "numpy" else "1.0")
+    assert revision() != here
+    revision.cache_clear()
+    monkeypatch.undo()
+    assert revision() == here
+    assert len(here) == 12
