@@ -105,7 +105,7 @@ def test_bad_descriptions_are_refused_in_one_line(refused: Refusal, desk: Path, 
     [
         ("thsis", ("no such actuator file", "TOML")),
         ("absent.toml", ("no such actuator file",)),
-        ("folder.toml", ("cannot be read",)),
+        ("folder.toml", ("is a folder",)),
         ("negative.toml", ("'mechanics.inertia_motor'",)),
     ],
 )

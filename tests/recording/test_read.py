@@ -353,7 +353,7 @@ BAD = {
         _mat_with(current_A=np.ones(2400)),
         ["'current_A' has 2400 rows", "2500", "same length"],
     ),
-    "twice in mat": (_twice_in_mat, ["uplicate", "save each variable once"]),
+    "twice in mat": (_twice_in_mat, ["columns named", "drop all but one"]),
 }
 
 

@@ -206,7 +206,6 @@ def calibrate(
     """
     from emaphm.calibration import calibrate as estimate
     from emaphm.estimation.bias_correction import MOST_TURNS
-    from emaphm.output_files import written_whole
 
     check_seed(seed)
     check_output(out, (".toml",), force=force)
@@ -226,8 +225,7 @@ def calibrate(
         )
     files = ", ".join(path.name for path in recording)
     comments = f"Calibrated on {files}: {', '.join(names)}; the rest as in '{described.name}'.\n{result}"
-    with written_whole(out) as temporary:
-        result.actuator.to_toml(temporary, comments=comments)
+    result.actuator.to_toml(out, comments=comments)
     text = f"{result}\n\nCalibrated description written to {out}"
     draw(result, figure)
     show(result.to_dict(), text, as_json)
