@@ -1,5 +1,5 @@
 """The command line: it parses, calls the library, and prints."""
 
-from emaphm.cli.main import app, main
+from emaphm.cli.entry import main
 
-__all__ = ["app", "main"]
+__all__ = ["main"]

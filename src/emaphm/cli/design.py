@@ -21,6 +21,7 @@ from emaphm.cli.options import (
     command_named,
     described_actuator,
     names_in,
+    whole_number,
 )
 from emaphm.cli.output import draw, progress, show
 
@@ -49,11 +50,18 @@ def design(
     noise: Annotated[float, Parameter(help="Noise of the current's sensor, rms [A].")] = 0.05,
     sample_rate: SampleRate = 5000.0,
     candidates: Annotated[
-        int, Parameter(help="Chirps to try in search of a better one; 0 to tell of the given one only.")
+        int,
+        Parameter(
+            converter=whole_number,
+            help="Chirps to try in search of a better one; 0 to tell of the given one only.",
+        ),
     ] = 48,
     tests: Annotated[
         int,
-        Parameter(help="Simulated tests that prove the given manoeuvre and the best found; 0 for no proof."),
+        Parameter(
+            converter=whole_number,
+            help="Simulated tests that prove the given manoeuvre and the best found; 0 for no proof.",
+        ),
     ] = 12,
     out: Annotated[
         Path | None,

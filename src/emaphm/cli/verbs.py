@@ -28,10 +28,10 @@ from emaphm.cli.options import (
     load_named,
     names_in,
     recording_of,
+    whole_number,
 )
 from emaphm.cli.output import draw, progress, show
 from emaphm.errors import SignalError
-from emaphm.version import VERSION
 
 
 def demo(
@@ -59,7 +59,9 @@ def simulate(
     frequency: Frequency = None,
     fault: FaultList = (),
     noise: Annotated[float, Parameter(help="Sensor noise on the currents, rms [A].")] = 0.0,
-    adc_bits: Annotated[int | None, Parameter(help="Resolution of the sensors' converters.")] = None,
+    adc_bits: Annotated[
+        int | None, Parameter(converter=whole_number, help="Resolution of the sensors' converters.")
+    ] = None,
     duration: Duration = 0.5,
     sample_rate: SampleRate = 5000.0,
     load: Annotated[
@@ -75,6 +77,7 @@ def simulate(
     from emaphm.output_files import check_writable
     from emaphm.recording import write_recording
     from emaphm.recording.io.write import ENDINGS
+    from emaphm.version import VERSION
 
     check_seed(seed)
     check_writable(out, force=force, endings=ENDINGS)
