@@ -162,7 +162,7 @@ def test_a_binary_file_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_directory_is_refused(tmp_path: Path) -> None:
-    assert "cannot be read" in complaint_about(tmp_path)
+    assert "is a folder" in complaint_about(tmp_path)
 
 
 def test_one_end_stop_is_not_enough(tmp_path: Path) -> None:

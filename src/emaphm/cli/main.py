@@ -13,8 +13,8 @@ from emaphm.cli.entry import INTERRUPTED
 from emaphm.errors import EmaphmError
 
 UNWRITABLE = {
-    errno.ENOSPC: "no space is left for it; free some",
-    errno.EDQUOT: "the disk quota is used up; free some",
+    errno.ENOSPC: "no space is left for it",
+    errno.EDQUOT: "the disk quota is used up",
     errno.EFBIG: "it would be larger than files may be",
     errno.EBADF: "it is not open for writing",
     errno.EIO: "the device fails",
@@ -70,7 +70,7 @@ def _run(arguments: list[str]) -> int:
         if error.errno not in UNWRITABLE or error.filename is not None:
             raise
         _discard_stdout()
-        return _complain(f"stdout cannot be written: {UNWRITABLE[error.errno]}, or write elsewhere")
+        return _complain(f"stdout cannot be written: {UNWRITABLE[error.errno]}; write elsewhere")
     return 0
 
 
@@ -81,7 +81,7 @@ def _prepare_streams() -> bool:
         try:
             os.fstat(number)
         except OSError:
-            # Else the next file that is opened would get the number, and with it what is meant for the stream.
+            # Else the next file that is opened would get this number, and what is meant for the stream.
             os.open(os.devnull, os.O_RDWR)
     if sys.stderr is None:
         sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123, SIM115 - open until the end

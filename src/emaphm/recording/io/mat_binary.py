@@ -94,8 +94,8 @@ def read_version_4(content: bytes) -> list[Variable]:
     while position < len(content):
         if len(content) - position < 20:
             raise MatError("the header of a variable is cut short")
-        numbers = np.frombuffer(content, f"{order}i4", 5, position).tolist()
-        what, rows, columns, imaginary, name_bytes = numbers
+        header = np.frombuffer(content, f"{order}i4", 5, position)
+        what, rows, columns, imaginary, name_bytes = map(int, header)
         position += 20
         storage, kind = what // 10 % 10, what % 10
         if not 0 <= what < 5000 or what // 100 % 10 or storage >= len(TYPES_4) or kind > 2:

@@ -58,11 +58,7 @@ def read_mat(path: Path, limits: ReadLimits) -> FileColumns:
 def _variables(content: bytes, limits: ReadLimits, source: str) -> list[Variable]:
     order = BYTE_ORDERS.get(content[126:128])
     try:
-        if order:
-            return read_version_5(content, order, 8 * limits.numbers)
-        if 0 in content[:4]:  # the text at the start of version 5 has none
-            return read_version_4(content)
-        raise MatError("it begins with no MATLAB header")
+        return read_version_5(content, order, 8 * limits.numbers) if order else read_version_4(content)
     except MatError as error:
         raise RecordingError(
             f"{source}: not a readable .mat file ({error}); it may be cut short: copy or save it again"
