@@ -24,6 +24,10 @@ from emaphm.cli.options import (
     whole_number,
 )
 from emaphm.cli.output import draw, progress, show
+from emaphm.errors import MethodError, SignalError
+
+MOST_CANDIDATES, MOST_TESTS = 10_000, 1_000
+"""Work that is begun: a candidate takes some milliseconds, a test some tenths of a second."""
 
 
 def design(
@@ -84,6 +88,12 @@ def design(
     check_output(out, (".csv",), force=force)
     check_output(figure, FIGURES, force=force)
     described = described_actuator(actuator)
+    _check_size(sample_rate * max(duration, max_duration or 0.0), candidates, tests)
+    if noise > described.controller.current_limit:
+        raise SignalError(
+            f"--noise {noise:g} A exceeds the current limit of {described.controller.current_limit:g} A; "
+            "give the rms of the sensor's noise"
+        )
     with progress("designing", as_json) as advance:
         result = plan(
             described,
@@ -107,3 +117,19 @@ def design(
         text += f"\n\nCommand written to {out}; it lasts {result.found.manoeuvre.duration:g} s."
     draw(result, figure)
     show(result.to_dict(), text, as_json)
+
+
+def _check_size(rows: float, candidates: int, tests: int) -> None:
+    """Refuse what would take more memory or time than there is."""
+    from emaphm.recording.plausibility import MOST_ROWS
+
+    if rows > MOST_ROWS:
+        raise SignalError(
+            f"--sample-rate and the duration make {rows:.3g} rows, {MOST_ROWS:,} are possible; sample slower"
+        )
+    for option, number, most in (
+        ("--candidates", candidates, MOST_CANDIDATES),
+        ("--tests", tests, MOST_TESTS),
+    ):
+        if number > most:
+            raise MethodError(f"{option} {number} would take too long; give {most:,} or fewer")

@@ -21,6 +21,9 @@ UNWRITABLE = {
 }
 """What may happen to stdout, and is no defect of ours."""
 
+LONGEST_LINE = 1200
+"""Longest complaint; a longer one quotes an argument or a name that nobody would read."""
+
 
 def _version() -> str:
     from emaphm.version import VERSION
@@ -97,7 +100,10 @@ def _discard_stdout() -> None:
 
 
 def _complain(text: str) -> int:
-    _say("".join(c if c.isprintable() else " " for c in text))  # names may hold anything
+    line = "".join(c if c.isprintable() else " " for c in text)  # names may hold anything
+    if len(line) > LONGEST_LINE:
+        line = f"{line[: LONGEST_LINE // 2]} … {line[-LONGEST_LINE // 2 :]}"
+    _say(line)
     return 2
 
 

@@ -24,8 +24,8 @@ LONGEST_S = 500.0
 """Longest duration that models are fitted to [s]: their own steps take memory and time whatever the rows."""
 
 SMALLEST, LARGEST = 1e-15, 1e15
-"""Magnitudes that a channel may have, in its SI unit: no sensor of an actuator gives anything near, and squares
-and products of what lies within stay finite and above 0."""
+"""Magnitudes that a channel may have, in its SI unit: no sensor of an actuator gives anything near, and
+squares and products of what lies within stay finite and above 0."""
 
 LONGEST_INTERVAL_S = 0.02
 """Slower rows show no current loop at all; milliseconds taken for seconds look like this."""
