@@ -46,7 +46,7 @@ def checked_size(path: Path, most_bytes: int, error: type[EmaphmError]) -> int:
     if found.st_size > most_bytes:
         raise error(
             f"{path}: the file has {found.st_size / 2**20:,.0f} MiB, {most_bytes / 2**20:,.0f} MiB are read "
-            "at most; give a smaller one"
+            "at most; export less of it"
         )
     return found.st_size
 

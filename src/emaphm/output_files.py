@@ -4,7 +4,6 @@ import os
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from uuid import uuid4
 
 from emaphm.errors import OutputError
 
@@ -85,4 +84,4 @@ def written_whole(path: str | Path) -> Iterator[Path]:
 
 def _temporary(path: Path) -> Path:
     # In the same folder, hence the same file system: only there is a rename atomic.
-    return path.parent / f".{uuid4().hex}.tmp"
+    return path.parent / f".{os.urandom(16).hex()}.tmp"

@@ -151,13 +151,14 @@ def diagnose(
     as_json: AsJson = False,
 ) -> None:
     """Say which faults explain a recording, and how sure that is."""
-    from emaphm.diagnosis import diagnose as identify
-    from emaphm.estimation.bias_correction import MOST_TURNS
-
     check_seed(seed)
     check_output(report, (".html",), force=force)
     described = described_actuator(actuator)
     recorded = recording_of(recording, described)
+    # Not before: what cannot be read is refused without waiting for a compiler to be loaded.
+    from emaphm.diagnosis import diagnose as identify
+    from emaphm.estimation.bias_correction import MOST_TURNS
+
     with progress("diagnosing", as_json) as advance:
         diagnosis = identify(
             recorded,
@@ -207,15 +208,15 @@ def calibrate(
 
     The calibrated description's [baseline] is the prior of later diagnoses.
     """
-    from emaphm.calibration import calibrate as estimate
-    from emaphm.estimation.bias_correction import MOST_TURNS
-
     check_seed(seed)
     check_output(out, (".toml",), force=force)
     check_output(figure, FIGURES, force=force)
     described = described_actuator(actuator)
     recorded = [recording_of(path, described) for path in recording]
     names = names_in(free)
+    from emaphm.calibration import calibrate as estimate
+    from emaphm.estimation.bias_correction import MOST_TURNS
+
     with progress("calibrating", as_json) as advance:
         result = estimate(
             recorded,
@@ -246,11 +247,12 @@ def replay(
     as_json: AsJson = False,
 ) -> None:
     """Run a model on a recording's command and load, and compare it channel by channel."""
-    from emaphm.estimation import replay as rerun
-
     check_seed(seed)
     check_output(figure, FIGURES, force=force)
     described, faults = described_actuator(actuator), fault_vector(fault)
-    result = rerun(recording_of(recording, described), described, faults=faults, model=model)
+    recorded = recording_of(recording, described)
+    from emaphm.estimation import replay as rerun
+
+    result = rerun(recorded, described, faults=faults, model=model)
     draw(result, figure)
     show(result.to_dict(), str(result), as_json)

@@ -2,7 +2,6 @@
 
 import json
 import os
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -58,6 +57,8 @@ def isolated_columns(kind: str, path: Path, limits: ReadLimits) -> FileColumns:
 
 
 def _answer(kind: str, path: Path, limits: ReadLimits, source: str) -> Any:
+    import subprocess
+
     command = [sys.executable, "-P", foreign_columns.__file__, kind, str(path.absolute())]
     command += map(str, (limits.rows, limits.columns, limits.numbers, limits.memory_bytes, limits.seconds))
     # What the process imports is what this one would; never what lies in the current folder.
