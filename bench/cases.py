@@ -17,7 +17,7 @@ from bench.rig import Rig, recorded
 from emaphm.actuator import NAMES
 from emaphm.actuator.faults import HEALTHY
 from emaphm.arrays import Array
-from emaphm.estimation.bias_correction import MOST_TURNS
+from emaphm.estimation.bias_correction import MAX_CORRECTIONS
 
 Key = TypeVar("Key", bound=Hashable)
 
@@ -38,7 +38,7 @@ class Case:
     faults: ema.Faults
     seed: int
     nuisances: tuple[str, ...] | None = None
-    turns: int = MOST_TURNS
+    turns: int = MAX_CORRECTIONS
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def diagnosed(case: Case) -> Outcome:
         found = ema.diagnose(
             recording,
             ema.Actuator.thesis(),
-            turns=case.turns,
+            max_corrections=case.turns,
             nuisances=case.nuisances,
             seed=case.seed,
             workers=1,

@@ -15,12 +15,13 @@ import polars as pl
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 import emaphm as ema
-from emaphm.report.embed import plain_style, svg
+from emaphm.plotting.fitness_scans import draw_scans
+from emaphm.plotting.svg import plain_style, svg
 from emaphm.report.study import write_study_report
 from emaphm.study import Plan, Store, run_study
 from emaphm.study.analysis.statistics import VARIANT, by_case, by_method
 from emaphm.study.thesis import published
-from emaphm.study.thesis.fitness_study import draw_scans, fitness_study, fitness_table
+from emaphm.study.thesis.fitness_study import fitness_study, fitness_table
 
 STUDIES = Path("studies")
 PAGES = Path(__file__).parent / "pages"

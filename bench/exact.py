@@ -9,7 +9,7 @@ import emaphm as ema
 from bench.cases import Case, Outcome, coverage, errors, heavy_faults, random_faults, spread_of
 from bench.comparison import table
 from bench.rig import IDEAL, NOISE_A
-from emaphm.estimation.bias_correction import MOST_TURNS
+from emaphm.estimation.bias_correction import MAX_CORRECTIONS
 
 RANDOM, UNCORRECTED, HEAVY, TEN = 200, 60, 60, 10
 MULTIPLE = ema.Faults(0.25, 0.75, 0.8, 0.8, 0.8, 0.25, 0.5, 0.75)
@@ -33,8 +33,8 @@ HEAVY_NOISES = (0.0, NOISE_A)
 Key = tuple[str, float, int]
 """Kind of cases, noise on the recorded current [A], most turns of correction."""
 
-SINGLES, SEVERAL = ("single", 0.0, MOST_TURNS), ("random", 0.0, MOST_TURNS)
-SEARCHES, RECORDINGS = ("searches", 0.0, MOST_TURNS), ("recordings", 0.0, MOST_TURNS)
+SINGLES, SEVERAL = ("single", 0.0, MAX_CORRECTIONS), ("random", 0.0, MAX_CORRECTIONS)
+SEARCHES, RECORDINGS = ("searches", 0.0, MAX_CORRECTIONS), ("recordings", 0.0, MAX_CORRECTIONS)
 
 
 def plan(share: float) -> dict[Key, list[Case]]:
@@ -42,8 +42,8 @@ def plan(share: float) -> dict[Key, list[Case]]:
     singles = [ema.Faults.from_mapping({name: value}) for name, two in LOW_HIGH.items() for value in two]
     cases: dict[Key, list[Case]] = {}
     for noise, turns, most in (
-        (0.0, MOST_TURNS, RANDOM),
-        (NOISE_A, MOST_TURNS, RANDOM),
+        (0.0, MAX_CORRECTIONS, RANDOM),
+        (NOISE_A, MAX_CORRECTIONS, RANDOM),
         (0.0, 0, UNCORRECTED),
     ):
         rig = replace(IDEAL, noise=noise)
@@ -53,7 +53,7 @@ def plan(share: float) -> dict[Key, list[Case]]:
         ]
     for noise in HEAVY_NOISES:
         rig = replace(IDEAL, noise=noise)
-        cases["heavy", noise, MOST_TURNS] = [
+        cases["heavy", noise, MAX_CORRECTIONS] = [
             Case(rig, heavy_faults(seed), seed, ()) for seed in range(max(1, round(share * HEAVY)))
         ]
     cases[SEARCHES] = [Case(IDEAL, MULTIPLE, seed, ()) for seed in range(TEN)]
@@ -121,7 +121,7 @@ def report(outcomes: Mapping[Key, list[Outcome]]) -> Iterator[str]:
 def _heavy(outcomes: Mapping[Key, list[Outcome]]) -> str:
     rows = []
     for noise in HEAVY_NOISES:
-        of_noise = outcomes["heavy", noise, MOST_TURNS]
+        of_noise = outcomes["heavy", noise, MAX_CORRECTIONS]
         moved = [one for one in of_noise if one.moves]
         found = errors(moved)
         rows.append(

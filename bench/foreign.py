@@ -1,9 +1,9 @@
 """A plant that is not our reference model, used only as a source of recordings.
 
-Three phases under hysteresis switching as PHYSICS.md section 3 has them, written anew without the package's
+Three phases under hysteresis switching as in docs/physics.md, section 3, written anew without the package's
 kernels; besides, each by itself or together: smooth friction after Stribeck, a compliant shaft between motor
 and user with the backlash as a dead zone in series, and current sensors that lag, for the drive as for the
-recorder. The speed loop is proportional; lags in the loop, hinge moment and end stops are not built.
+recorder. The speed loop is proportional; lags in the loop, load stiffness and end stops are not built.
 """
 
 import math

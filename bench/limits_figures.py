@@ -3,8 +3,8 @@
 from typing import TYPE_CHECKING, Literal
 
 from bench.limits import Axis, Figures, Outcomes
-from emaphm.plotting.study import COLOURS, LEGEND, WIDTH
-from emaphm.report.embed import plain_style, svg
+from emaphm.plotting.style import LEGEND, PAGE_WIDTH, SERIES
+from emaphm.plotting.svg import plain_style, svg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,7 +37,7 @@ def draw(axis: Axis, outcomes: Outcomes) -> bytes:
     from matplotlib.figure import Figure
 
     with plain_style():
-        figure = Figure(figsize=(WIDTH, 2.9), layout="constrained")
+        figure = Figure(figsize=(PAGE_WIDTH, 2.9), layout="constrained")
         for panel, (title, lines) in zip(figure.subplots(1, 3), PANELS.items(), strict=True):
             _panel(panel, title, lines, axis, outcomes)
         return svg(figure)
@@ -49,7 +49,7 @@ def _panel(panel: "Axes", title: str, lines: dict[str, Line], axis: Axis, outcom
     errors = "median" in lines
     places = {value: i for i, value in enumerate(axis.curves[0].values)}
     scale = 1.0 if errors else 100.0
-    for curve, colour in zip(axis.curves, COLOURS, strict=False):
+    for curve, colour in zip(axis.curves, SERIES, strict=False):
         points = [
             (places[value], Figures.of(setting, outcomes))
             for one, value, setting in axis.points()
@@ -76,7 +76,7 @@ def _panel(panel: "Axes", title: str, lines: dict[str, Line], axis: Axis, outcom
         for _, dashes, marker in lines.values()
     ]
     several = len(axis.curves) > 1 and errors
-    colours = [Line2D([], [], color=colour) for colour, _ in zip(COLOURS, axis.curves, strict=False)]
+    colours = [Line2D([], [], color=colour) for colour, _ in zip(SERIES, axis.curves, strict=False)]
     panel.legend(
         handles + (colours if several else []),
         [

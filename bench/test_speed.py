@@ -15,7 +15,7 @@ import emaphm as ema
 from bench import cases
 from bench.conftest import Report
 from bench.rig import BASE, CURRENT, EVERYTHING, VOLTAGE, recorded
-from emaphm.estimation.bias_correction import MOST_TURNS
+from emaphm.estimation.bias_correction import MAX_CORRECTIONS
 from emaphm.simulation import AVERAGED, REFERENCE, Inputs, Model, Plant, monitor, run, simulate_batch
 
 RUNS = 64
@@ -65,7 +65,7 @@ def test_batch(benchmark: Any, report: Report, model: Model, budget: str) -> Non
 @pytest.mark.parametrize(
     "channels", [CURRENT, VOLTAGE, EVERYTHING], ids=["current", "and-voltage", "four-channels"]
 )
-@pytest.mark.parametrize("turns", [0, MOST_TURNS], ids=["uncorrected", "corrected"])
+@pytest.mark.parametrize("turns", [0, MAX_CORRECTIONS], ids=["uncorrected", "corrected"])
 def test_identification(benchmark: Any, report: Report, channels: tuple[str, ...], turns: int) -> None:
     actuator, rig = ema.Actuator.thesis(), replace(BASE, channels=channels)
     recordings = cycle([recorded(rig, cases.random_faults(seed), seed) for seed in range(IDENTIFICATIONS)])

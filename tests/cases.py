@@ -14,7 +14,7 @@ from emaphm.simulation import REFERENCE, Inputs, simulate_batch
 THESIS = Actuator.thesis()
 HEALTHY = Faults().vector
 INTERVAL = 2e-4
-"""The acquisition of PHYSICS.md section 3: 5 kHz."""
+"""The acquisition of docs/physics.md, section 7: 5 kHz."""
 
 SINGLES = {
     f"{name}={value}": Faults.from_mapping({name: value})
@@ -27,10 +27,10 @@ SINGLES = {
     }.items()
     for value in values
 }
-"""The ten single faults of PHYSICS.md section 8."""
+"""The ten single faults of docs/physics.md, section 10."""
 
 SHORTED = np.array([1.0, 1.0, 0.7, 0.7, 0.7, 1.0, 1.0, 1.0])
-"""Upper ends of the faults that the averaged model is meant for (PHYSICS.md section 5)."""
+"""Upper ends of the faults that the averaged model is meant for (docs/physics.md, section 5)."""
 
 
 def drawn(count: int, seed: int) -> Array:

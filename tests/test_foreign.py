@@ -45,7 +45,7 @@ def test_without_its_features_it_is_the_reference_model(case: str) -> None:
     theirs = simulated_recording.simulate(actuator, CHIRP, faults=CASES[case])
     for name in ours.names:
         # Rounding alone separates two implementations of the same step, unless it decides a switching: then
-        # the two go apart as far as PHYSICS.md section 3 says, which did not happen in these half seconds.
+        # the two go apart as far as docs/physics.md, section 3, says: not in these half seconds.
         np.testing.assert_allclose(
             ours[name], theirs[name], rtol=0, atol=1e-9 * np.abs(theirs[name]).max(), err_msg=name
         )
@@ -65,7 +65,7 @@ def test_it_is_sampled_as_the_reference_model_is(rate: float) -> None:
 @pytest.mark.parametrize("name", EACH)
 def test_each_feature_tells_it_from_the_reference_model(name: str) -> None:
     foreign = simulate(THESIS, CHIRP, EACH[name], faults=MIXED)["current_A"]
-    # Halving the reference model's step makes 0.1 A (PHYSICS.md section 3); the lag is the mildest.
+    # Halving the reference model's step makes 0.1 A (docs/physics.md, section 3); the lag is the mildest.
     assert rms(foreign - simulated_recording.simulate(THESIS, CHIRP, faults=MIXED)["current_A"]) > 0.1
     assert np.all(np.isfinite(foreign))
 

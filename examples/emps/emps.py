@@ -3,8 +3,8 @@
     python examples/emps/emps.py [DATA_EMPS.mat] [--figure FILE]
 
 The data set is public: Janot, Gautier, Brunot, "Data Set and Reference Models of EMPS", Workshop on
-Nonlinear System Identification Benchmarks, 2019. Without a path, the folder named by the environment
-variable EMAPHM_DATA is searched, else `../shared/data` beside the project.
+Nonlinear System Identification Benchmarks, 2019, at https://www.nonlinearbenchmark.org. Without a path, the
+folder named by the environment variable EMAPHM_DATA is searched, else `../shared/data` beside the project.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""The demonstration: a faulty actuator with noisy sensors, diagnosed, found beside true."""
+"""The demonstration: a faulty actuator with noisy sensors, diagnosed, and compared with the truth."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ NOISE = 0.05
 
 @dataclass(frozen=True)
 class Demo:
-    """What the demonstration found, the truth, and where its report stands."""
+    """The diagnosis, the truth, and where the report is."""
 
     diagnosis: Diagnosis
     truth: Faults
@@ -40,7 +40,7 @@ class Demo:
         return float(error_percent(self.truth.vector, self.diagnosis.faults.vector))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the diagnosis with the truth and the error beside it."""
+        """Return the diagnosis with the truth and the error."""
         return {
             **self.diagnosis.to_dict(),
             "true_k": self.truth.vector.tolist(),
@@ -50,7 +50,7 @@ class Demo:
         }
 
     def __str__(self) -> str:
-        """Return found beside true."""
+        """Return the estimates with the true values."""
         found = self.diagnosis
         lines = [
             f"A faulty actuator was simulated, its currents recorded with {NOISE:g} A rms of noise.",

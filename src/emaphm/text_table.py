@@ -1,6 +1,18 @@
-"""Rows of text as an aligned table."""
+"""Tables of text: as data for a page, and aligned for a terminal."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+
+NOTHING = "–"
+"""Stands in a cell that has no value."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of text under a header; the first cell of a row names it."""
+
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
 
 
 def format_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

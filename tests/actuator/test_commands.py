@@ -100,7 +100,11 @@ def test_sampled_is_linear_between_its_rows_and_held_outside() -> None:
         ([[0.0, 1.0]], [[1.0, 2.0]], r"two equal columns"),
         ([0.0, 1.0, 1.0], [1.0, 2.0, 3.0], "times of a sampled signal must increase; row 3 does not"),
         ([0.0, -1.0, 1.0], [1.0, 2.0, 3.0], "row 2 does not"),
-        ([0.0, 1.0, 2.0], [1.0, np.nan, 3.0], "row 2 of the sampled signal is not finite; mend or drop it"),
+        (
+            [0.0, 1.0, 2.0],
+            [1.0, np.nan, 3.0],
+            "row 2 of the sampled signal is not finite; correct or drop it",
+        ),
         ([0.0, 1.0, np.inf], [1.0, 2.0, 3.0], "row 3 of the sampled signal is not finite"),
     ],
 )

@@ -78,7 +78,7 @@ def test_a_misspelt_name_is_answered_with_the_nearest() -> None:
 @pytest.mark.parametrize(
     ("component", "key", "at_0", "at_quarter", "at_1"),
     [
-        # The table of PHYSICS.md section 2; k7 and k8 at a quarter as section 9 settles them.
+        # The table of docs/physics.md, section 2; k7 and k8 at a quarter as section 11 settles them.
         ("friction", "friction_factor", 1.0, 1.5, 3.0),
         ("backlash", "backlash_rad", 5e-3, 1.625e-2, 5e-2),
         ("short_a", "turns_a", 1.0, 0.75, 0.0),

@@ -13,7 +13,7 @@ MECHANICAL = tuple(name for name in TOTALS if name not in {"resistance", "induct
 
 
 def test_totals_of_the_thesis() -> None:
-    # Sums of the table in PHYSICS.md section 1, which knows no lags.
+    # Sums of the table in docs/physics.md, section 1, which knows no lags.
     assert totals(THESIS, tuple(TOTALS)) == pytest.approx(
         {
             "inertia": 2.5e-5,

@@ -62,7 +62,7 @@ def reference() -> Recording:
 def test_a_unit_is_found_again_from_starts_that_are_30_percent_wrong(
     instants: Recording, factors: Sequence[float]
 ) -> None:
-    found = calibrate(instants, misdescribed(factors), FREE, turns=0)
+    found = calibrate(instants, misdescribed(factors), FREE, max_corrections=0)
     assert all(p.identifiable for p in found.parameters.values())
     # Of four normal deviates, one in 10,000 cases has one beyond 4.
     assert all(abs(deviation) < 4 for deviation in deviations(found).values())
@@ -88,7 +88,8 @@ def test_a_unit_recorded_by_the_reference_model_is_found_again(
 def test_standard_errors_are_how_much_estimates_scatter() -> None:
     guess = misdescribed(WRONG_STARTS[0])
     found = [
-        calibrate(current_of(own_recording(seed=i)), guess, FREE, nuisances=(), turns=0) for i in range(40)
+        calibrate(current_of(own_recording(seed=i)), guess, FREE, nuisances=(), max_corrections=0)
+        for i in range(40)
     ]
     for name in FREE:
         values = np.array([one.parameters[name].value for one in found])
@@ -100,12 +101,12 @@ def test_standard_errors_are_how_much_estimates_scatter() -> None:
 
 def test_a_unit_recorded_in_interval_means_by_the_averaged_model_is_found_exactly() -> None:
     recording = simulate(UNIT, Chirp(), model="averaged")
-    found = calibrate(recording, misdescribed(WRONG_STARTS[0]), FREE, turns=0)
+    found = calibrate(recording, misdescribed(WRONG_STARTS[0]), FREE, max_corrections=0)
     assert found.parameters["viscous"].value == pytest.approx(TRUE["viscous"], rel=5e-3)
 
 
 def test_shares_of_motor_and_user_are_kept(instants: Recording) -> None:
-    found = calibrate(instants, misdescribed(WRONG_STARTS[0]), FREE, turns=0).actuator.mechanics
+    found = calibrate(instants, misdescribed(WRONG_STARTS[0]), FREE, max_corrections=0).actuator.mechanics
     true = UNIT.mechanics
     for name in ("inertia", "viscous", "dynamic_friction", "static_friction"):
         share = getattr(found, f"{name}_motor") / getattr(found, f"{name}_user")
@@ -113,7 +114,7 @@ def test_shares_of_motor_and_user_are_kept(instants: Recording) -> None:
 
 
 def test_static_friction_follows_dynamic_friction(instants: Recording) -> None:
-    found = calibrate(instants, misdescribed(WRONG_STARTS[0]), FREE, turns=0).actuator.mechanics
+    found = calibrate(instants, misdescribed(WRONG_STARTS[0]), FREE, max_corrections=0).actuator.mechanics
     ratio = UNIT.mechanics.static_friction / UNIT.mechanics.dynamic_friction
     assert found.static_friction == pytest.approx(ratio * found.dynamic_friction)
     assert found.dynamic_friction == pytest.approx(TRUE["coulomb"], rel=0.02)
@@ -164,12 +165,12 @@ def test_static_friction_may_be_as_small_as_dynamic_friction(free: list[str]) ->
 def test_a_recorded_load_is_no_offset() -> None:
     load = Sampled([0.0, 0.5], [0.05, 0.15])
     recording = own_recording(load=load)
-    found = calibrate(recording, misdescribed(WRONG_STARTS[1]), FREE, turns=0)
+    found = calibrate(recording, misdescribed(WRONG_STARTS[1]), FREE, max_corrections=0)
     assert all(abs(deviation) < 4 for deviation in deviations(found).values())
 
 
 def test_the_json_has_what_the_design_asks_for(instants: Recording) -> None:
-    found = calibrate(instants, misdescribed(WRONG_STARTS[0]), FREE, turns=0, seed=3)
+    found = calibrate(instants, misdescribed(WRONG_STARTS[0]), FREE, max_corrections=0, seed=3)
     read = json.loads(found.to_json())
     units = {name: parameter["unit"] for name, parameter in read["parameters"].items()}
     assert units == {"inertia": "kg·m²", "viscous": "N·m·s/rad", "coulomb": "N·m", "offset": "N·m"}

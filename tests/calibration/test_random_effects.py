@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from emaphm.arrays import Array
-from emaphm.calibration.random_effects import combine
+from emaphm.calibration.random_effects import random_effects
 
 WEAK = np.full(2, 3.0)
 """Standard deviations of a prior that next to nothing of the estimates below feels."""
@@ -18,7 +18,7 @@ def with_prior(covariance: Array) -> Array:
 
 def test_one_estimate_stays_as_it_is() -> None:
     covariance = np.array([[4e-4, 1e-4], [1e-4, 9e-4]])
-    one = combine(np.array([[0.1, -0.2]]), with_prior(covariance)[np.newaxis], WEAK)
+    one = random_effects(np.array([[0.1, -0.2]]), with_prior(covariance)[np.newaxis], WEAK)
     # The prior, a hundred times as wide, moves it by a ten-thousandth.
     np.testing.assert_allclose(one.mean, [0.1, -0.2], rtol=1e-3)
     np.testing.assert_allclose(one.covariance, covariance, rtol=1e-3)
@@ -28,7 +28,9 @@ def test_one_estimate_stays_as_it_is() -> None:
 def test_two_numbers_are_weighted_by_their_precision() -> None:
     # 1/0.01² and 1/0.02²: weights 4 to 1, precision 12,500; they differ by less than chance would.
     given = np.array([[0.100], [0.110]])
-    both = combine(given, np.array([with_prior(np.array([[s**2]])) for s in (0.01, 0.02)]), np.array([3.0]))
+    both = random_effects(
+        given, np.array([with_prior(np.array([[s**2]])) for s in (0.01, 0.02)]), np.array([3.0])
+    )
     assert both.mean[0] == pytest.approx((4 * 0.100 + 0.110) / 5, rel=1e-4)
     assert both.covariance[0, 0] == pytest.approx(1 / 12_500, rel=1e-4)
     assert both.birge_ratio == pytest.approx(0.01 / np.hypot(0.01, 0.02), rel=1e-3)
@@ -39,7 +41,7 @@ def test_what_one_does_not_tell_the_other_does() -> None:
     tells_first = np.linalg.inv(np.diag([1e4, 0.0]) + np.eye(2) / 9.0)
     # Where an estimate does not tell, it may be anywhere: here 5 off along the difference, 7 in the second.
     given = np.array([[0.1 + 5.0, 0.2 - 5.0], [0.1, 7.0]])
-    both = combine(given, np.array([tells_sum, tells_first]), WEAK)
+    both = random_effects(given, np.array([tells_sum, tells_first]), WEAK)
     np.testing.assert_allclose(both.mean, [0.1, 0.2], atol=1e-3)
     # Var(second) = Var(sum) + Var(first).
     np.testing.assert_allclose(np.diag(both.covariance), [1e-4, 2e-4], rtol=1e-3)
@@ -48,7 +50,7 @@ def test_what_one_does_not_tell_the_other_does() -> None:
 
 def test_what_none_tells_keeps_the_prior_once() -> None:
     blind = np.linalg.inv(np.diag([1e4, 0.0]) + np.eye(2) / 9.0)
-    three = combine(np.tile([0.1, 0.0], (3, 1)), np.array([blind] * 3), WEAK)
+    three = random_effects(np.tile([0.1, 0.0], (3, 1)), np.array([blind] * 3), WEAK)
     assert three.covariance[1, 1] == pytest.approx(9.0)
     assert three.covariance[0, 0] == pytest.approx(1e-4 / 3, rel=1e-3)
 
@@ -63,7 +65,7 @@ def test_the_next_recording_is_where_the_covariance_says(count: int, between: fl
         # The second parameter scatters from day to day, as friction does; the first does not.
         days = np.array([0.0, 1.0]) * rng.normal(0.0, between, (count, 1))
         given = days + rng.multivariate_normal(np.zeros(2), within, count)
-        together = combine(given, np.array([with_prior(within)] * count), WEAK)
+        together = random_effects(given, np.array([with_prior(within)] * count), WEAK)
         coming = np.array([0.0, rng.normal(0.0, between)])
         inside.append(np.abs(coming - together.mean) < 1.96 * np.sqrt(np.diag(together.covariance)))
     coverage = np.mean(inside, axis=0)
@@ -76,6 +78,6 @@ def test_the_next_recording_is_where_the_covariance_says(count: int, between: fl
 def test_scatter_is_told_in_multiples_of_the_errors() -> None:
     within = np.diag([1e-4, 1e-4])
     away = np.array([[0.03, 0.0], [-0.03, 0.0], [0.0, 0.03], [0.0, -0.03]])
-    ratio = combine(away, np.array([with_prior(within)] * 4), WEAK).birge_ratio
+    ratio = random_effects(away, np.array([with_prior(within)] * 4), WEAK).birge_ratio
     # Four deviations of 3 standard errors each, over 4 × 2 - 2 degrees of freedom.
     assert ratio == pytest.approx((4 * 9 / 6) ** 0.5, rel=1e-3)

@@ -64,7 +64,7 @@ def test_design_searches_and_proves(emaphm: Emaphm) -> None:
 def test_design_prints_a_table(emaphm: Emaphm, desk: Path) -> None:
     code, out, err = emaphm("design", *SOON, "--channels", "current,voltage", "--figure", "plan.png")
     assert (code, err) == (0, "")
-    for piece in (*NAMES, "given: chirp of 0.005 rad, 0 to 15 Hz, 0.5 s", "given, expected", "voltage_V"):
+    for piece in (*NAMES, "given: chirp of 0.005 rad, 0 to 15 Hz, 0.5 s", "given, predicted", "voltage_V"):
         assert piece in out
     assert (desk / "plan.png").read_bytes().startswith(b"\x89PNG")
 

@@ -343,10 +343,10 @@ def test_the_demo_finds_what_it_simulated(emaphm: Emaphm, desk: Path) -> None:
     assert (desk / told["figure"]).read_bytes().startswith(b"<?xml")
 
 
-def test_the_demo_tells_people_found_beside_true(emaphm: Emaphm, desk: Path) -> None:
+def test_the_demo_prints_the_estimate_and_the_truth(emaphm: Emaphm, desk: Path) -> None:
     code, out, err = emaphm("demo", "--out", "new/folder", "--seed", "1")
     assert (code, err) == (0, "")
-    for piece in ("true", "found", *NAMES, "0.7000", "Error: ", str(Path("new", "folder", "report.html"))):
+    for piece in ("true", "estimate", *NAMES, "0.7000", "Error: ", str(Path("new", "folder", "report.html"))):
         assert piece in out
     assert (desk / "new" / "folder" / "report.html").is_file()
     again = parsed(emaphm, "demo", "--out", "new/folder", "--force", "--seed", "1")

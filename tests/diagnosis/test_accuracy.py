@@ -1,7 +1,7 @@
-"""How near a diagnosis comes to the truth, on recordings of the reference model; `make study` has the rest.
+"""The accuracy that docs/accuracy.md publishes, on recordings of the reference model.
 
-The thresholds are those of the accuracy that is promised: single faults 2 % in the mean, random vectors
-2.5 % in the median. PHYSICS.md section 8 has what the thesis's optimisers reached.
+Each bound is a published figure with a margin for the scatter of fewer cases: about twice the published
+median or mean, and a little more than the published worst case. `make study` has the figures themselves.
 """
 
 import numpy as np
@@ -17,20 +17,25 @@ from cases import (
 )
 from emaphm.actuator import NAMES, Chirp, Faults
 from emaphm.diagnosis import Diagnosis, diagnose, error_percent
+from emaphm.estimation.bias_correction import MAX_CORRECTIONS
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 
 Diagnoses = dict[int, list[Diagnosis]]
-"""By the turns of correction."""
+"""By the most correction iterations."""
 
-TURNS = (0, 3)
+CORRECTIONS = (0, MAX_CORRECTIONS)
 SINGLE_FAULTS = np.stack([faults.vector for faults in SINGLES.values()])
 RANDOM_FAULTS = drawn(12, seed=0)
-NOISY_FAULTS = drawn(20, seed=1)
+NOISY_FAULTS = drawn(16, seed=1)
 
 
 def diagnosed(recordings: list[Recording]) -> Diagnoses:
-    return {turns: [diagnose(one, THESIS, turns=turns) for one in recordings] for turns in TURNS}
+    """Diagnose with load and temperature known, as the published noise-free cases are."""
+    return {
+        most: [diagnose(one, THESIS, max_corrections=most, nuisances=()) for one in recordings]
+        for most in CORRECTIONS
+    }
 
 
 @pytest.fixture(scope="module")
@@ -48,31 +53,42 @@ def of_noisy() -> Diagnoses:
     return diagnosed(reference_recordings(NOISY_FAULTS, noise=0.05))
 
 
-@pytest.mark.parametrize("turns", TURNS)
-def test_single_faults_are_found_to_two_percent_in_the_mean(of_singles: Diagnoses, turns: int) -> None:
-    assert errors_percent(SINGLE_FAULTS, of_singles[turns]).mean() <= 2.0
-
-
-@pytest.mark.parametrize("turns", TURNS)
-def test_random_faults_are_found_to_two_and_a_half_percent_in_the_median(
-    of_random: Diagnoses, turns: int
+# Published: 0.24 / 0.79 % with, 0.70 / 1.63 % without correction.
+@pytest.mark.parametrize(("most", "mean", "worst"), [(MAX_CORRECTIONS, 0.4, 1.2), (0, 1.0, 2.2)])
+def test_single_faults_are_estimated_as_published(
+    of_singles: Diagnoses, most: int, mean: float, worst: float
 ) -> None:
-    errors = errors_percent(RANDOM_FAULTS, of_random[turns])
-    assert np.median(errors) <= 2.5
-    # The 95th percentile of so few is between the two largest: 6 % is promised, 2 % with the correction.
-    assert np.sort(errors)[-2] <= (2.0 if turns else 6.0)
+    errors = errors_percent(SINGLE_FAULTS, of_singles[most])
+    assert errors.mean() <= mean
+    assert errors.max() <= worst
 
 
-def test_the_correction_does_not_worsen_the_mean(of_singles: Diagnoses, of_random: Diagnoses) -> None:
+# Published: 0.20 / 1.30 % with, 2.29 / 9.78 % without correction; 0.31 / 2.58 % with noise.
+@pytest.mark.parametrize(("most", "median", "worst"), [(MAX_CORRECTIONS, 0.4, 1.6), (0, 3.5, 11.0)])
+def test_random_faults_are_estimated_as_published(
+    of_random: Diagnoses, most: int, median: float, worst: float
+) -> None:
+    errors = errors_percent(RANDOM_FAULTS, of_random[most])
+    assert np.median(errors) <= median
+    assert errors.max() <= worst
+
+
+def test_sensor_noise_costs_as_much_as_published(of_noisy: Diagnoses) -> None:
+    errors = errors_percent(NOISY_FAULTS, of_noisy[MAX_CORRECTIONS])
+    assert np.median(errors) <= 0.6
+    assert errors.max() <= 3.0
+
+
+def test_the_correction_reduces_the_mean_error(of_singles: Diagnoses, of_random: Diagnoses) -> None:
     for truths, found in ((SINGLE_FAULTS, of_singles), (RANDOM_FAULTS, of_random)):
-        before, after = (errors_percent(truths, found[turns]).mean() for turns in TURNS)
-        assert after <= before
+        before, after = (errors_percent(truths, found[most]).mean() for most in CORRECTIONS)
+        assert after < before / 2
 
 
 @pytest.mark.parametrize("case", SINGLES)
-def test_a_single_fault_is_told_from_the_other_seven(of_singles: Diagnoses, case: str) -> None:
+def test_a_single_fault_is_separated_from_the_other_seven(of_singles: Diagnoses, case: str) -> None:
     faulty = case.partition("=")[0]
-    found = of_singles[3][list(SINGLES).index(case)]
+    found = of_singles[MAX_CORRECTIONS][list(SINGLES).index(case)]
     assert found.explained
     assert found.components[faulty].verdict == "degraded"
     for name, component in found.components.items():
@@ -113,44 +129,41 @@ def test_the_phase_is_found_across_the_cut_of_its_circle(true: float) -> None:
     assert covered(truth.vector, found)[6]
 
 
-@pytest.mark.parametrize("turns", TURNS)
-def test_intervals_hold_the_truth_as_often_as_they_should(of_noisy: Diagnoses, turns: int) -> None:
-    inside = np.array([covered(k, d) for k, d in zip(NOISY_FAULTS, of_noisy[turns], strict=True)])
-    # Of 100 such cases 98 % hold it with the correction and 92 % without; the promise is 75 %.
-    assert inside.mean() >= 0.75
+@pytest.mark.parametrize(("most", "least"), [(MAX_CORRECTIONS, 0.87), (0, 0.8)])
+def test_intervals_hold_the_truth_as_often_as_published(of_noisy: Diagnoses, most: int, least: float) -> None:
+    inside = np.array([covered(k, d) for k, d in zip(NOISY_FAULTS, of_noisy[most], strict=True)])
+    # Published by component: 93 to 97 %. Of 128 intervals, in 16 sets that are correlated, three standard
+    # deviations below 95 % are 87 %. Without correction the bias makes them 92 %, and less even.
+    assert inside.mean() >= least
     assert np.all(inside.mean(axis=0) >= 0.5)
 
 
 def test_intervals_are_no_wider_than_they_need_to_be(of_noisy: Diagnoses) -> None:
     # Otherwise the last test could be passed by knowing nothing.
-    for turns, widest in ((0, 0.1), (3, 0.05)):
-        components = [component for d in of_noisy[turns] for component in d.components.values()]
+    for most, widest in ((0, 0.1), (MAX_CORRECTIONS, 0.02)):
+        components = [component for d in of_noisy[most] for component in d.components.values()]
         widths = [np.ptp(component.interval95) for component in components if component.identifiable]
         assert len(widths) >= 0.95 * len(components)
         assert np.median(widths) <= widest
 
 
-def test_every_explained_recording_says_so(of_singles: Diagnoses, of_random: Diagnoses) -> None:
+def test_every_recording_of_the_reference_model_is_explained(
+    of_singles: Diagnoses, of_random: Diagnoses
+) -> None:
     for found in (of_singles, of_random):
-        assert all(d.explained for turns in TURNS for d in found[turns])
+        assert all(d.explained for most in CORRECTIONS for d in found[most])
 
 
 MULTIPLE = Faults.from_vector([0.25, 0.75, 0.8, 0.8, 0.8, 0.25, 0.5, 0.75])
-"""The multiple faults of the thesis, where its dragonfly was 64.2 % off (PHYSICS.md section 8)."""
+"""The multiple faults of the thesis, where its dragonfly was 64.2 % off (docs/physics.md, section 8)."""
 
 
-@pytest.fixture(scope="module")
-def of_multiple() -> Diagnosis:
-    return diagnose(reference_recordings([MULTIPLE.vector])[0], THESIS)
-
-
-def test_multiple_faults_are_found_better_than_by_the_thesis(of_multiple: Diagnosis) -> None:
-    assert error_percent(MULTIPLE.vector, of_multiple.faults.vector) < 64.2
-
-
-def test_multiple_faults_are_found_or_not_said_to_be_explained(of_multiple: Diagnosis) -> None:
-    found = error_percent(MULTIPLE.vector, of_multiple.faults.vector)
-    assert found <= 10.0 or not of_multiple.explained
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_thesiss_multiple_faults_are_estimated_as_published(seed: int) -> None:
+    found = diagnose(reference_recordings([MULTIPLE.vector])[0], THESIS, nuisances=(), seed=seed)
+    # Published: the worst of ten searches 0.90 %, of ten recordings 1.12 %.
+    assert error_percent(MULTIPLE.vector, found.faults.vector) <= 1.5
+    assert found.explained
 
 
 def test_a_threefold_inertia_is_no_fault_that_the_model_knows() -> None:
@@ -160,13 +173,13 @@ def test_a_threefold_inertia_is_no_fault_that_the_model_knows() -> None:
     )
     for noise in (0.0, 0.5):
         recording = simulate(THESIS.model_copy(update={"mechanics": heavy}), Chirp(), noise=noise)
-        assert not diagnose(recording, THESIS, turns=0).explained
+        assert not diagnose(recording, THESIS, max_corrections=0).explained
 
 
-def test_a_load_that_nobody_recorded_is_not_explained() -> None:
+def test_an_unrecorded_load_is_not_explained() -> None:
     whole = simulate(THESIS, Chirp(), load=lambda t: 0.2 * np.sin(2 * np.pi * 30 * t))
-    assert diagnose(whole, THESIS, turns=0).explained
+    assert diagnose(whole, THESIS, max_corrections=0).explained
     unknown = Recording({name: whole[name] for name in whole if name != "load_Nm"})
-    found = diagnose(unknown, THESIS, turns=0)
+    found = diagnose(unknown, THESIS, max_corrections=0)
     assert not found.explained
     assert "does NOT explain" in str(found)

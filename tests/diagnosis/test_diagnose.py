@@ -10,12 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import THESIS, reference_recordings
+from cases import HEALTHY, THESIS, reference_recordings
 from emaphm.actuator import NAMES, Actuator, Chirp, Faults
 from emaphm.diagnosis import Diagnosis, diagnose, error_percent
-from emaphm.errors import MethodError, RecordingError
+from emaphm.errors import EmaphmError, MethodError, RecordingError
 from emaphm.estimation import METHODS
-from emaphm.estimation.bias_correction import MOST_TURNS, RUNS
+from emaphm.estimation.bias_correction import MAX_CORRECTIONS
+from emaphm.estimation.cost_functions import COST_FUNCTIONS
+from emaphm.estimation.discrepancy import REFERENCE_RUNS
+from emaphm.estimation.problem import Problem
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import AVERAGED, Model, Plant
@@ -56,7 +59,7 @@ def test_the_json_has_what_the_design_asks_for(found: Diagnosis, mixed: Recordin
     assert (read["seed"], read["version"], read["actuator"]) == (4, VERSION, "thesis")
     assert read["recording"] == mixed.source
     assert read["evaluations"] > 128
-    assert RUNS < read["reference_runs"] <= RUNS * (1 + MOST_TURNS)
+    assert REFERENCE_RUNS < read["reference_runs"] <= REFERENCE_RUNS * (1 + MAX_CORRECTIONS)
     assert 0 < read["seconds"] < 60
     matrix = np.array(read["covariance"]["matrix"])
     # Eight faults, and the two nuisances that are estimated by default.
@@ -115,7 +118,7 @@ def test_the_number_of_workers_changes_no_bit() -> None:
     # So long that the 16 groups of the starts are worth threads at all.
     steps = round(recording.duration_s / AVERAGED.step)
     assert 16 * steps > WORTH_A_THREAD
-    alone, together = (diagnose(recording, THESIS, turns=1, workers=workers) for workers in (1, 2))
+    alone, together = (diagnose(recording, THESIS, max_corrections=1, workers=workers) for workers in (1, 2))
     assert without_seconds(alone) == without_seconds(together)
     np.testing.assert_array_equal(alone.modelled, together.modelled)
 
@@ -137,14 +140,14 @@ def test_evaluations_are_the_runs_of_the_averaged_model(
 
     for name in ("run", "run_batch", "observe_batch"):
         monkeypatch.setattr(problem, name, counting(getattr(problem, name)))
-    reported = diagnose(mixed, THESIS, turns=turns).evaluations
+    reported = diagnose(mixed, THESIS, max_corrections=turns).evaluations
     assert reported == counted
 
 
 @pytest.mark.parametrize("method", [*METHODS, "random+lsq", "pymoo-ga"])
 def test_progress_only_grows(method: str, mixed: Recording) -> None:
     told: list[float] = []
-    diagnose(mixed, THESIS, method=method, turns=0, on_progress=told.append)
+    diagnose(mixed, THESIS, method=method, max_corrections=0, on_progress=told.append)
     assert len(told) > 5
     assert all(0 <= one <= two <= 1 for one, two in itertools.pairwise(told))
 
@@ -162,9 +165,9 @@ def test_heat_is_told_by_the_voltage_and_named_where_there_is_none() -> None:
     assert blind.channels == ("current_A",)
     # Heat and a short in all phases differ in resistance alone, which a current hardly shows.
     assert not blind.nuisances["temperature"].known
-    (group,) = blind.groups
+    (group,) = blind.collinear_sets
     assert group.members == ("short_a", "short_b", "short_c", "temperature")
-    assert f"Only together: {group}" in blind.notes()
+    assert f"Known only in combination: {group}" in blind.notes()
     seeing = diagnose(with_channels(whole, "current_A", "voltage_V"), THESIS)
     assert seeing.channels == ("current_A", "voltage_V")
     heat = seeing.nuisances["temperature"]
@@ -173,13 +176,13 @@ def test_heat_is_told_by_the_voltage_and_named_where_there_is_none() -> None:
     for found in (blind, seeing):
         assert found.nuisances["load"].known
         assert found.nuisances["load"].value == pytest.approx(0.1, abs=0.005)
-    assert seeing.groups == ()
+    assert seeing.collinear_sets == ()
     assert blind.to_dict()["groups"][0]["members"] == list(group.members)
     assert seeing.to_dict()["nuisances"]["load"]["unit"] == "N·m"
 
 
 def test_nothing_is_estimated_besides_where_nothing_is_asked_for(mixed: Recording) -> None:
-    found = diagnose(mixed, THESIS, nuisances=(), turns=0)
+    found = diagnose(mixed, THESIS, nuisances=(), max_corrections=0)
     assert found.nuisances == {}
     assert found.notes() == []
     assert len(found.coordinates) == 8
@@ -200,9 +203,12 @@ def test_a_swarm_finds_a_single_fault(method: str, fitness: str) -> None:
     # 50 agents, 100 iterations, and what follows: derivatives about eight points, two runs for each of eight,
     # of the recorded channel and, where it leaves something open, of the others.
     assert 5000 < found.evaluations <= 5000 + 2 * 8 * 2 * 8 + 10
-    # A swarm stops where its iterations end: PHYSICS.md section 8 has it up to 36 % off on one fault.
+    # A swarm ends with its iterations, wherever it is: components that hardly show may be far off (the thesis
+    # has errors up to 100 %), but nine tenths of what no fault at all leaves are explained.
     assert found.faults.friction == pytest.approx(0.5, abs=0.1)
-    assert error_percent(truth.vector, found.faults.vector) <= 40.0
+    problem = Problem.of(recording, THESIS)
+    (healthy,) = COST_FUNCTIONS[fitness](problem.recorded, problem.currents(HEALTHY), problem.inputs.interval)
+    assert found.fitness < 0.1 * healthy
     again = diagnose(recording, THESIS, method=method, fitness=fitness)
     assert without_seconds(again) == without_seconds(found)
 
@@ -219,13 +225,10 @@ def test_the_monitor_model_finds_what_it_recorded_itself() -> None:
     assert min(errors) <= 1.0
 
 
-def test_the_monitor_model_is_either_refined_or_refused() -> None:
+def test_least_squares_are_refused_where_the_model_switches() -> None:
     recording = simulate(THESIS, Chirp(), model="monitor")
-    try:
-        found = diagnose(recording, THESIS, model="monitor", turns=0)
-    except MethodError:
-        return
-    assert error_percent(Faults().vector, found.faults.vector) <= 10.0
+    with pytest.raises(MethodError, match="needs derivatives, which the monitor model's switching makes"):
+        diagnose(recording, THESIS, model="monitor", max_corrections=0)
 
 
 # Refusals.
@@ -238,13 +241,16 @@ def test_the_monitor_model_is_either_refined_or_refused() -> None:
         ({"method": "dragon-fly"}, r"did you mean 'dragonfly'"),
         ({"model": "avreaged"}, r"unknown model 'avreaged' \(did you mean 'averaged'\?\)"),
         ({"fitness": "least_square"}, r"unknown fitness 'least_square' \(did you mean 'least_squares'\?\)"),
-        ({"fitness": "thesis"}, r"'hybrid' minimises least_squares; choose a swarm for fitness 'thesis'"),
-        ({"seed": -1}, r"seed must be at least 0"),
-        ({"seed": -1, "method": "dragonfly"}, r"seed must be at least 0"),
+        (
+            {"fitness": "thesis"},
+            r"'hybrid' minimises least_squares; choose an optimiser alone for fitness 'thesis'",
+        ),
+        ({"seed": -1}, r"seed -1 is negative"),
+        ({"seed": -1, "method": "dragonfly"}, r"seed -1 is negative"),
     ],
 )
 def test_an_option_that_cannot_be_is_refused(options: dict[str, Any], message: str, mixed: Recording) -> None:
-    with pytest.raises(MethodError, match=message) as caught:
+    with pytest.raises(EmaphmError, match=message) as caught:
         diagnose(mixed, THESIS, **options)
     assert "\n" not in str(caught.value)
 

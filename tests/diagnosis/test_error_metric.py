@@ -1,4 +1,4 @@
-"""The error of a diagnosis: hand values, the circle of the phase, its weight (PHYSICS.md section 6)."""
+"""The error of a diagnosis: hand values, the circle of the phase, its weight (docs/physics.md, section 8)."""
 
 import numpy as np
 import pytest

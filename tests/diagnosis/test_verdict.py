@@ -12,12 +12,12 @@ from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.arrays import Array
 from emaphm.diagnosis import Estimate
 from emaphm.diagnosis.verdict import estimates, is_explained
-from emaphm.estimation.collinearity import Group
-from emaphm.estimation.parameter_space import PRIOR_DEVIATION, FaultSpace
-from emaphm.estimation.problem import noise_level
+from emaphm.estimation.collinearity import CollinearSet
+from emaphm.estimation.noise_level import noise_level
+from emaphm.estimation.parameter_space import PRIOR_DEVIATION, ParameterSpace
 from strategies import fault_vectors
 
-SPACE = FaultSpace.of(THESIS)
+SPACE = ParameterSpace.of(THESIS)
 
 
 def judged(errors: Any = 0.01, **faults: float) -> dict[str, Estimate]:
@@ -76,13 +76,21 @@ def test_a_gain_may_be_degraded_either_way(value: float, verdict: str) -> None:
     assert judged(gain=value)["gain"].verdict == verdict
 
 
-def test_half_the_range_left_open_is_not_identifiable_but_may_be_degraded_for_all_that() -> None:
-    # The interval's half is 0.25 at a standard error of 0.1276.
+def test_an_interval_of_half_the_range_is_not_identifiable_but_may_be_degraded() -> None:
+    # The interval is 0.5 long at a standard error of 0.1276.
     assert judged(0.127, friction=0.5)["friction"].identifiable
     open_ = judged(0.128, friction=0.5)["friction"]
     assert (open_.verdict, open_.identifiable) == ("degraded", False)
-    assert "does not constrain" in open_.reason
+    assert "anywhere in the interval" in open_.reason
     assert judged(0.128, friction=0.1)["friction"].verdict == "cannot tell"
+    assert "does not constrain" in judged(0.15, friction=0.3)["friction"].reason
+
+
+def test_a_degraded_component_is_never_called_unconstrained() -> None:
+    # A gain known to 0 to 0.35: a third of its range, all of it away from the healthy 0.5.
+    gain = judged(0.15, gain=0.056)["gain"]
+    assert gain.interval95 == pytest.approx((0.0, 0.35), abs=1e-3)
+    assert (gain.verdict, gain.identifiable, gain.reason) == ("degraded", True, "")
 
 
 @pytest.mark.parametrize("value", [0.0, 0.5, 1.0])
@@ -102,23 +110,23 @@ def test_health_is_not_told_where_a_fault_that_matters_may_hide(value: float, ve
     friction = judged(0.03, friction=value)["friction"]
     assert friction.verdict == verdict
     assert friction.identifiable
-    assert ("faults that matter" in friction.reason) == (verdict == "cannot tell")
+    assert ("relevant faults" in friction.reason) == (verdict == "cannot tell")
 
 
 def test_a_member_of_a_group_is_told_with_the_others() -> None:
-    group = Group(("friction", "short_a", "load"), ("current_A",))
+    group = CollinearSet(("friction", "short_a", "load"), ("current_A",))
     point = SPACE.points(Faults(friction=0.1, short_a=0.5).vector)
     found = estimates(SPACE, point, np.eye(8) * 0.05**2, [group])
     # What is degraded whatever its partners are needs no excuse.
     assert found["short_a"].verdict == "degraded"
     assert found["short_a"].reason == ""
     assert found["friction"].verdict == "cannot tell"
-    assert found["friction"].reason == "only what it makes together with short_a and load is known"
+    assert found["friction"].reason == "only its combined effect with short_a and load is identifiable"
 
 
 def test_of_what_an_actuator_cannot_show_nothing_is_told_for_a_reason() -> None:
     ideal = Actuator.from_dict(THESIS.model_dump() | {"electrical": None})
-    space = FaultSpace.of(ideal)
+    space = ParameterSpace.of(ideal)
     found = estimates(space, space.points(HEALTHY), np.eye(space.dimensions) * 1e-6)
     assert tuple(found) == NAMES
     for name in NAMES[2:7]:
@@ -140,7 +148,7 @@ def test_without_eccentricity_its_direction_has_no_meaning() -> None:
     assert not phase.identifiable
     assert (phase.verdict, phase.interval95) == ("cannot tell", (0.0, 1.0))
     assert phase.standard_error == pytest.approx(PRIOR_DEVIATION)
-    assert "direction has no meaning" in phase.reason
+    assert "direction is undefined" in phase.reason
 
 
 @pytest.mark.parametrize(("radius", "known"), [(0.0395, False), (0.0397, True), (0.5, True)])

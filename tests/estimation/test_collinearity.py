@@ -6,7 +6,7 @@ import pytest
 from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.arrays import Array
 from emaphm.diagnosis import diagnose
-from emaphm.estimation.collinearity import Group, confounded, listed, remedies
+from emaphm.estimation.collinearity import CollinearSet, collinear_coordinates, listed, resolving_channels
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 
@@ -18,7 +18,7 @@ def seen(*rows: tuple[float, ...], prior: float = 1.0) -> Array:
 
 
 def members(covariance: Array) -> list[list[int]]:
-    return [list(group) for group in confounded(covariance)]
+    return [list(group) for group in collinear_coordinates(covariance)]
 
 
 def test_what_is_measured_one_by_one_makes_no_group() -> None:
@@ -30,7 +30,7 @@ def test_what_is_measured_as_a_sum_is_a_group() -> None:
 
 
 def test_what_nothing_measures_is_no_group() -> None:
-    # Alone it is as unknown as with all else known: there is nothing that it is confounded with.
+    # Alone it is as unknown as with all else known: there is nothing that it is collinear_coordinates with.
     assert members(seen((1, 0, 0), (0, 1, 0))) == []
 
 
@@ -56,7 +56,7 @@ def test_the_difference_tells_a_sum_apart_and_a_third_thing_does_not() -> None:
     more["third"] = np.diag([0.0, 0, 1]) / 0.01**2
     more["one part"] = np.diag([1.0, 0, 0]) / 0.01**2
     more["one part, badly"] = np.diag([1.0, 0, 0]) / 2.0**2
-    assert remedies(covariance, [0, 1], more) == ("difference", "one part")
+    assert resolving_channels(covariance, [0, 1], more) == ("difference", "one part")
 
 
 @pytest.mark.parametrize(
@@ -66,10 +66,10 @@ def test_names_are_listed(names: list[str], text: str) -> None:
     assert listed(names, "and") == text
 
 
-def test_a_group_says_what_would_help() -> None:
-    group = Group(("short_a", "temperature"), ("current_A",), ("voltage_V", "temperature_K"))
-    assert str(group).endswith("voltage_V or temperature_K, recorded too, would tell them apart.")
-    assert "recorded too" not in str(Group(group.members, group.channels))
+def test_a_collinear_set_says_what_would_help() -> None:
+    group = CollinearSet(("short_a", "temperature"), ("current_A",), ("voltage_V", "temperature_K"))
+    assert str(group).endswith("Recording voltage_V or temperature_K too would separate them.")
+    assert "Recording" not in str(CollinearSet(group.members, group.channels))
 
 
 def test_heat_and_a_short_in_all_phases_look_alike_to_the_current_and_not_to_the_voltage() -> None:
@@ -77,11 +77,11 @@ def test_heat_and_a_short_in_all_phases_look_alike_to_the_current_and_not_to_the
     faults = Faults(friction=0.2, short_a=0.3, short_b=0.3, short_c=0.3)
     whole = simulate(actuator, Chirp(), faults=faults, noise=0.05, adc_bits=12)
 
-    def found(*channels: str) -> tuple[Group, ...]:
+    def found(*channels: str) -> tuple[CollinearSet, ...]:
         rows = {name: whole[name] for name in ("time_s", "command_rad", *channels)}
-        return diagnose(Recording(rows), actuator).groups
+        return diagnose(Recording(rows), actuator).collinear_sets
 
     (group,) = found("current_A")
     assert group.members == ("short_a", "short_b", "short_c", "temperature")
-    assert set(group.remedies) >= {"voltage_V", "temperature_K"}
+    assert set(group.resolving) >= {"voltage_V", "temperature_K"}
     assert found("current_A", "voltage_V") == ()

@@ -8,7 +8,8 @@ from hypothesis.extra.numpy import arrays
 from scipy.signal import lfilter
 
 from emaphm.arrays import Array
-from emaphm.estimation.covariance import LEAST_SPREAD, knowledge, long_run
+from emaphm.estimation.covariance import LEAST_SCORE_VARIANCE, sandwich_covariance
+from emaphm.estimation.long_run_variance import long_run_covariance
 
 SAMPLES = 2500
 TIME = np.arange(SAMPLES) / 5000
@@ -23,7 +24,7 @@ SAMPLING = 3 / np.sqrt(2 * DRAWS)
 
 
 def covariance(derivatives: Array, residual: Array, prior_deviation: Array) -> Array:
-    return knowledge(derivatives, residual, prior_deviation).covariance
+    return sandwich_covariance(derivatives[np.newaxis], residual, prior_deviation).covariance
 
 
 def errors_of_estimates(residuals: Array) -> Array:
@@ -110,15 +111,15 @@ def test_noise_of_derivatives_does_not_pass_for_information() -> None:
     noise = np.zeros((8, 4, SAMPLES))
     noise[:, 3] = rng.normal(size=(8, SAMPLES))
     prior = np.full(4, 0.29)
-    fooled = np.sqrt(knowledge(exact + noise[0], white, prior).covariance[3, 3])
+    fooled = np.sqrt(sandwich_covariance((exact + noise[0])[np.newaxis], white, prior).covariance[3, 3])
     # 0.1 / sqrt(2500): what a component of that effect would be known to.
     assert fooled == pytest.approx(0.1 / np.sqrt(SAMPLES), rel=0.2)
-    several = knowledge(exact + noise, white, prior)
+    several = sandwich_covariance(exact + noise, white, prior)
     # Over 28 pairs the products of noise come to some 50 / sqrt(28) in 2500 rows, positive or not.
     assert several.information[3, 3] < 0.05 * SAMPLES / 0.1**2
     assert np.sqrt(several.covariance[3, 3]) > 3 * fooled
     # What a component that nothing is known of might explain, the others cannot claim: they only lose.
-    alone = knowledge(exact[:3], white, prior[:3]).covariance
+    alone = sandwich_covariance(exact[np.newaxis, :3], white, prior[:3]).covariance
     ratios = np.sqrt(np.diag(several.covariance)[:3] / np.diag(alone))
     assert np.all((ratios > 0.9) & (ratios < 3))
 
@@ -144,12 +145,16 @@ def test_a_perfect_fit_leaves_only_what_the_data_do_not_tell() -> None:
 def test_what_happens_in_two_channels_at_once_counts_once() -> None:
     white = np.random.default_rng(4).normal(0, 0.1, SAMPLES)
     once = covariance(DERIVATIVES, white, WIDE)
-    twice = knowledge(np.tile(DERIVATIVES, 2), np.tile(white, 2), WIDE, channels=2).covariance
+    twice = sandwich_covariance(
+        np.tile(DERIVATIVES, 2)[np.newaxis], np.tile(white, 2), WIDE, channels=2
+    ).covariance
     # But for the least spread, by which alone there seem to be two.
-    np.testing.assert_allclose(twice, once, rtol=2 * LEAST_SPREAD)
+    np.testing.assert_allclose(twice, once, rtol=2 * LEAST_SCORE_VARIANCE)
     # Noise of its own in either channel is worth two recordings.
     apart = np.concatenate([white, np.random.default_rng(5).normal(0, 0.1, SAMPLES)])
-    halved = np.diag(knowledge(np.tile(DERIVATIVES, 2), apart, WIDE, channels=2).covariance) / np.diag(once)
+    halved = np.diag(
+        sandwich_covariance(np.tile(DERIVATIVES, 2)[np.newaxis], apart, WIDE, channels=2).covariance
+    ) / np.diag(once)
     np.testing.assert_allclose(halved, 0.5, rtol=0.4)
 
 
@@ -177,8 +182,8 @@ def test_intervals_hold_the_truth_as_often_as_they_say_however_few_the_rows(samp
 
 @given(scores=arrays(np.float64, (2, 60), elements=st.floats(-10, 10)), factor=st.floats(0.1, 10))
 def test_the_long_run_covariance_is_one(scores: Array, factor: float) -> None:
-    found = long_run(scores)
+    found = long_run_covariance(scores)
     assert np.linalg.eigvalsh(found)[0] >= -1e-9 * max(1.0, np.trace(found))
-    np.testing.assert_allclose(long_run(factor * scores), factor**2 * found, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(long_run_covariance(factor * scores), factor**2 * found, rtol=1e-9, atol=1e-9)
     # A constant is what the sum is about, not its scatter.
-    np.testing.assert_allclose(long_run(scores + factor), found, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(long_run_covariance(scores + factor), found, rtol=1e-6, atol=1e-6)

@@ -7,12 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares as scipy_least_squares
 
 from cases import THESIS
 from emaphm.arrays import Array
-from emaphm.estimation.levenberg_marquardt import jacobian, refine
-from emaphm.estimation.parameter_space import Box, FaultSpace
+from emaphm.estimation.finite_differences import one_sided_jacobians
+from emaphm.estimation.levenberg_marquardt import LeastSquaresSettings, least_squares
+from emaphm.estimation.parameter_space import Box, ParameterSpace
 
 Simulate = Callable[[Array], Array]
 
@@ -44,7 +45,7 @@ def reference(simulate: Simulate, recorded: Array, start: Array, box: Box) -> tu
     def misfit(point: Array) -> Array:
         return np.asarray(simulate(point[np.newaxis])[0] - recorded)
 
-    solution = least_squares(
+    solution = scipy_least_squares(
         misfit,
         inner,
         bounds=(box.lower, box.upper),
@@ -61,11 +62,11 @@ STARTS = np.array([[1.0, 1.0, 0.0], [4.5, 0.3, -0.8], [0.4, 3.5, 0.9], [3.0, 3.0
 def test_every_start_ends_where_scipy_ends() -> None:
     recorded = wavering(0)
     best, least = reference(decay, recorded, STARTS[0], BOX)
-    found = refine(decay, recorded, STARTS, BOX, iterations=60, tolerance=TIGHT)
+    found = least_squares(decay, recorded, STARTS, BOX, LeastSquaresSettings(iterations=60, least_gain=TIGHT))
     # One-sided differences over 2e-3 tilt the normal equations by some 1e-3 of a residual that is small.
     np.testing.assert_allclose(found.points, np.tile(best, (4, 1)), rtol=0, atol=1e-3)
     np.testing.assert_allclose(found.costs, least, rtol=1e-5)
-    assert found.costs[found.best] == found.costs.min()
+    np.testing.assert_array_equal(found.best, found.points[found.costs.argmin()])
 
 
 @pytest.mark.parametrize(("component", "bound"), [(0, 1.5), (1, 1.0), (2, 0.2)])
@@ -76,9 +77,11 @@ def test_a_bound_that_is_active_at_the_solution(component: int, bound: float) ->
     box = Box(BOX.lower, upper)
     best, least = reference(decay, recorded, np.array([1.0, 0.5, 0.0]), box)
     assert best[component] == pytest.approx(bound, abs=1e-6)
-    found = refine(decay, recorded, STARTS, box, iterations=100, tolerance=TIGHT)
+    found = least_squares(
+        decay, recorded, STARTS, box, LeastSquaresSettings(iterations=100, least_gain=TIGHT)
+    )
     assert np.all(found.points[:, component] == bound)
-    np.testing.assert_allclose(found.points[found.best], best, rtol=0, atol=2e-3)
+    np.testing.assert_allclose(found.best, best, rtol=0, atol=2e-3)
     np.testing.assert_allclose(found.costs, least, rtol=1e-4)
 
 
@@ -87,7 +90,13 @@ def test_a_component_without_effect_does_no_harm() -> None:
     best, _ = reference(decay, recorded, STARTS[0], BOX)
     wider = Box(np.append(BOX.lower, 0.0), np.append(BOX.upper, 1.0))
     starts = np.column_stack([STARTS, [0.0, 0.3, 0.7, 1.0]])
-    found = refine(lambda p: decay(p[:, :3]), recorded, starts, wider, iterations=60, tolerance=TIGHT)
+    found = least_squares(
+        lambda p: decay(p[:, :3]),
+        recorded,
+        starts,
+        wider,
+        LeastSquaresSettings(iterations=60, least_gain=TIGHT),
+    )
     np.testing.assert_allclose(found.points[:, :3], np.tile(best, (4, 1)), rtol=0, atol=1e-3)
     # Rounding, by some 1e-9 of the others' derivatives, is the only pull it feels.
     np.testing.assert_allclose(found.points[:, 3], starts[:, 3], rtol=0, atol=1e-4)
@@ -95,14 +104,14 @@ def test_a_component_without_effect_does_no_harm() -> None:
 
 def test_nothing_has_an_effect() -> None:
     recorded = wavering(2)
-    found = refine(lambda p: np.zeros((len(p), TIME.size)), recorded, STARTS, BOX)
+    found = least_squares(lambda p: np.zeros((len(p), TIME.size)), recorded, STARTS, BOX)
     np.testing.assert_array_equal(found.points, STARTS)
     np.testing.assert_allclose(found.costs, np.mean(recorded**2))
 
 
 def test_a_perfect_start_stays() -> None:
     truth = np.array([[2.0, 1.3, 0.4]])
-    found = refine(decay, decay(truth)[0], truth, BOX)
+    found = least_squares(decay, decay(truth)[0], truth, BOX)
     np.testing.assert_array_equal(found.points, truth)
     assert found.costs[0] == 0
 
@@ -111,8 +120,12 @@ def test_a_perfect_start_stays() -> None:
 def test_a_linear_problem_takes_an_iteration_or_two(iterations: int) -> None:
     rng = np.random.default_rng(3)
     matrix, truth = rng.normal(size=(3, 80)), np.array([1.0, 2.0, -0.3])
-    found = refine(
-        lambda p: p @ matrix, truth @ matrix, STARTS[:1], BOX, iterations=iterations, tolerance=TIGHT
+    found = least_squares(
+        lambda p: p @ matrix,
+        truth @ matrix,
+        STARTS[:1],
+        BOX,
+        LeastSquaresSettings(iterations=iterations, least_gain=TIGHT),
     )
     # The least damping tried is 1e-3 of the diagonal, then 1e-4 of it: of the error, each time, some two of
     # these are left (the equations are well conditioned), and of the cost its square.
@@ -129,39 +142,41 @@ def test_never_worse_than_its_start_and_never_outside(start: Array, seed: int, i
         return decay(points)
 
     starts = start[np.newaxis]
-    found = refine(simulate, recorded, starts, BOX, iterations=iterations)
+    found = least_squares(simulate, recorded, starts, BOX, LeastSquaresSettings(iterations=iterations))
     np.testing.assert_array_equal(starts[0], start)
     every = np.concatenate(asked)
     assert np.all((every >= BOX.lower) & (every <= BOX.upper))
     assert found.costs[0] <= np.mean((recorded - decay(starts)[0]) ** 2)
     assert found.costs[0] == np.mean((recorded - decay(found.points)[0]) ** 2)
-    assert found.evaluations == len(every)
 
 
 def test_a_start_outside_the_box_is_moved_in() -> None:
-    found = refine(decay, wavering(0), np.array([[9.0, -3.0, 0.0]]), BOX, iterations=0)
+    found = least_squares(
+        decay, wavering(0), np.array([[9.0, -3.0, 0.0]]), BOX, LeastSquaresSettings(iterations=0)
+    )
     np.testing.assert_array_equal(found.points, [[5.0, 0.1, 0.0]])
 
 
 def test_starts_do_not_know_of_each_other() -> None:
     recorded = wavering(4)
-    together = refine(decay, recorded, STARTS, BOX)
+    together = least_squares(decay, recorded, STARTS, BOX)
     for i, start in enumerate(STARTS):
-        alone = refine(decay, recorded, start[np.newaxis], BOX)
+        alone = least_squares(decay, recorded, start[np.newaxis], BOX)
         np.testing.assert_array_equal(alone.points[0], together.points[i])
 
 
 def test_iterations_are_counted() -> None:
     done: list[int] = []
-    refine(decay, wavering(0), STARTS, BOX, iterations=3, tolerance=0.0, on_iteration=done.append)
+    least_squares(
+        decay, wavering(0), STARTS, BOX, LeastSquaresSettings(iterations=3, least_gain=0.0), done.append
+    )
     assert done == [1, 2, 3]
 
 
 def test_derivatives_against_the_closed_form() -> None:
     points = np.array([[2.0, 1.3, 0.4], [5.0, 4.0, 1.0], [0.2, 0.1, -1.0]])
     step = 1e-3
-    found, spent = jacobian(decay, np.zeros(80), points, list(-decay(points)), BOX, step)
-    assert spent == 9
+    found = one_sided_jacobians(decay, points, decay(points), BOX, step)
     for derivatives, (a, b, _) in zip(found, points, strict=True):
         exact = np.stack([np.exp(-b * TIME), -a * TIME * np.exp(-b * TIME), np.ones(80)])
         # Half a step times the second derivative, a t² exp(-b t), at most 4 a / (b e)².
@@ -181,10 +196,10 @@ def test_derivatives_against_the_closed_form() -> None:
     ],
 )
 def test_derivatives_on_the_circle_of_full_eccentricity(direction: float) -> None:
-    space = FaultSpace.of(THESIS)
+    space = ParameterSpace.of(THESIS)
     matrix = np.random.default_rng(5).normal(size=(8, 50))
     point = np.full((1, 8), 0.5)
     point[0, 5:7] = np.cos(np.radians(direction)), np.sin(np.radians(direction))
-    found, _ = jacobian(lambda p: p @ matrix, np.zeros(50), point, list(-(point @ matrix)), space, 2e-3)
+    found = one_sided_jacobians(lambda p: p @ matrix, point, point @ matrix, space, 2e-3)
     # A step along the tangent leaves the circle by half its square: 1e-3 of the step, along the radius.
     np.testing.assert_allclose(found[0], matrix, rtol=0, atol=1.5e-3 * np.abs(matrix).max())

@@ -12,12 +12,11 @@ from emaphm.actuator.lumped_parameters import totals, with_totals
 from emaphm.arrays import Array
 from emaphm.diagnosis import diagnose
 from emaphm.errors import ActuatorError, MethodError
-from emaphm.estimation.methods import method_named
-from emaphm.estimation.nuisances import NAMES, RANGE, NuisanceSet, unit_of
-from emaphm.estimation.search import fit_of
+from emaphm.estimation.nuisances import NAMES, PRIORS_PER_UNIT, NuisanceSet, unit_of
+from emaphm.estimation.objective import faults_objective
+from emaphm.estimation.problem import Problem
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
-from emaphm.simulation import AVERAGED
 
 THESIS = Actuator.thesis()
 TRUTH = Faults(0.3, 0.4, 0.1, 0.25, 0.2, 0.35, 0.7, 0.4)
@@ -28,7 +27,7 @@ def described(**nuisances: object) -> Actuator:
 
 
 def warmed(kelvin: float) -> dict[str, float]:
-    """Return the totals of the thesis's motor so much warmer, by the coefficients of copper and NdFeB."""
+    """Return the lumped parameters of the thesis's motor at a temperature rise (copper, NdFeB)."""
     cold = totals(THESIS, ("resistance", "torque_constant"))
     return {
         "resistance": cold["resistance"] * (1 + 0.00393 * kelvin),
@@ -70,14 +69,14 @@ def test_a_hinge_moment_needs_a_prior_unless_the_load_was_recorded() -> None:
     with pytest.raises(MethodError, match=message):
         NuisanceSet.of(THESIS, ("hinge",), ())
     assert NuisanceSet.of(THESIS, ("hinge", "supply"), ("load_Nm",)).names == ("supply",)
-    np.testing.assert_allclose(NuisanceSet.of(described(hinge=12.0), ("hinge",), ()).deviations, [12.0])
+    np.testing.assert_allclose(NuisanceSet.of(described(hinge=12.0), ("hinge",), ()).prior_deviations, [12.0])
 
 
 def test_priors_of_a_rig() -> None:
     names = ("load", "temperature", "supply", "inertia", "current_offset", "current_scale")
     # 6 % of 22.5 A × 0.0752 N·m/A; 30 K; 5 %, 5 %; 0.2 % of 22.5 A; 1 %.
     expected = [0.06 * 22.5 * 0.0752, 30.0, 0.05, 0.05, 2e-3 * 22.5, 0.01]
-    np.testing.assert_allclose(NuisanceSet.of(THESIS, names, ()).deviations, expected, rtol=1e-3)
+    np.testing.assert_allclose(NuisanceSet.of(THESIS, names, ()).prior_deviations, expected, rtol=1e-3)
 
 
 # What it does.
@@ -85,10 +84,10 @@ def test_priors_of_a_rig() -> None:
 
 def test_copper_and_magnets_answer_to_temperature() -> None:
     one = NuisanceSet.of(THESIS, ("temperature",), ())
-    values = one.values(np.array([[0.0], [40 / 30 / RANGE], [-20 / 30 / RANGE]]))
+    values = one.values(np.array([[0.0], [40 / 30 / PRIORS_PER_UNIT], [-20 / 30 / PRIORS_PER_UNIT]]))
     np.testing.assert_allclose(values["temperature"], [0.0, 40.0, -20.0])
     for known in (0.0, 15.0):
-        changed = one.totals(THESIS, values, known)
+        changed = one.lumped_parameters(THESIS, values, known)
         assert set(changed) == {"resistance", "torque_constant"}
         for i, kelvin in enumerate((0.0, 40.0, -20.0)):
             for name, value in warmed(kelvin + known).items():
@@ -98,7 +97,7 @@ def test_copper_and_magnets_answer_to_temperature() -> None:
 @given(st.floats(1e-3, 1e6), st.sampled_from([name for name in NAMES if name != "hinge"]))
 def test_no_prior_is_so_wide_that_a_total_becomes_impossible(deviation: float, name: str) -> None:
     one = NuisanceSet.of(described(**{name: deviation}), (name,), ())
-    for total, values in one.totals(THESIS, one.values(np.array([[-0.8], [0.8]]))).items():
+    for total, values in one.lumped_parameters(THESIS, one.values(np.array([[-0.8], [0.8]]))).items():
         assert total == "offset" or np.all(values > 0)
 
 
@@ -122,13 +121,13 @@ def test_a_nuisance_is_an_actuator_of_other_totals(
     whole = simulate(with_totals(actuator, changed), command, faults=TRUTH, model="averaged")
     kept = ("time_s", "command_rad", "current_A", "voltage_V", "position_rad", "speed_rad_s")
     recording = Recording({channel: whole[channel] for channel in kept})
-    fit = fit_of(recording, actuator, method_named("hybrid"), AVERAGED, (name,), 1)
+    fit = faults_objective(Problem.of(recording, actuator, channels=None), (name,))
     point = fit.space.points(TRUTH.vector)
-    plain = fit.outputs(point[np.newaxis])[0, : fit.recorded_rows]
-    point[-1] = value / fit.space.nuisances.deviations[0] / RANGE
-    outputs = fit.outputs(point[np.newaxis])[0, : fit.recorded_rows]
+    plain = fit.outputs(point[np.newaxis])[0, : fit.channel_rows]
+    point[-1] = value / fit.space.nuisances.prior_deviations[0] / PRIORS_PER_UNIT
+    outputs = fit.outputs(point[np.newaxis])[0, : fit.channel_rows]
     scale = np.sqrt(np.mean(fit.target**2))
-    away, plainly = (np.sqrt(np.mean((fit.target[: fit.recorded_rows] - o) ** 2)) for o in (outputs, plain))
+    away, plainly = (np.sqrt(np.mean((fit.target[: fit.channel_rows] - o) ** 2)) for o in (outputs, plain))
     # The command is recorded as means and interpolated: what that leaves, the plain fit exceeds by far.
     assert away < 0.01 * scale
     assert plainly > 3 * away
@@ -137,7 +136,7 @@ def test_a_nuisance_is_an_actuator_of_other_totals(
 def test_a_load_that_was_not_recorded_and_the_nuisance_have_one_sign() -> None:
     whole = simulate(THESIS, Chirp(), faults=TRUTH, model="averaged", load=0.1)
     recording = Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A")})
-    found = diagnose(recording, THESIS, turns=0, workers=1)
+    found = diagnose(recording, THESIS, max_corrections=0, workers=1)
     assert found.nuisances["load"].value == pytest.approx(0.1, abs=0.005)
 
 
@@ -189,9 +188,9 @@ def test_a_temperature_is_above_the_description_s_own() -> None:
     whole = simulate(THESIS, Chirp(), model="averaged", duration=0.1)
     kept = {name: whole[name] for name in ("time_s", "command_rad", "current_A")}
     recording = Recording(kept | {"temperature_K": np.linspace(310.0, 330.0, whole.samples)})
-    for actuator, warmer in ((THESIS, 26.85), (warm, 6.85)):
-        fit = fit_of(recording, actuator, method_named("hybrid"), AVERAGED, None, 1)
-        assert fit.problem.warmer == pytest.approx(warmer)
+    for actuator, temperature_rise_K in ((THESIS, 26.85), (warm, 6.85)):
+        fit = faults_objective(Problem.of(recording, actuator, channels=None), None)
+        assert fit.problem.temperature_rise_K == pytest.approx(temperature_rise_K)
         assert fit.space.nuisances.names == ("load",)
 
 

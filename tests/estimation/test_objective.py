@@ -9,10 +9,9 @@ from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.actuator.lumped_parameters import totals, with_totals
 from emaphm.diagnosis import diagnose, error_percent
 from emaphm.errors import MethodError
-from emaphm.estimation.methods import method_named
-from emaphm.estimation.nuisances import COPPER, MAGNETS, NAMES, RANGE, NuisanceSet
-from emaphm.estimation.objective import Fit
-from emaphm.estimation.search import fit_of
+from emaphm.estimation.nuisances import COPPER, MAGNETS, NAMES, PRIORS_PER_UNIT, NuisanceSet
+from emaphm.estimation.objective import MapObjective, faults_objective
+from emaphm.estimation.problem import Problem
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import AVERAGED, REFERENCE
@@ -22,14 +21,14 @@ TRUTH = Faults(0.3, 0.4, 0.1, 0.25, 0.2, 0.35, 0.7, 0.4)
 CHANNELS = ("current_A", "voltage_V", "position_rad", "speed_rad_s")
 
 
-def rig(load: float = 0.0, warmer: float = 0.0, *channels: str, **more: float) -> Recording:
+def rig(load: float = 0.0, temperature_rise_K: float = 0.0, *channels: str, **more: float) -> Recording:
     nominal = totals(THESIS, ("resistance", "torque_constant"))
     actuator = with_totals(
         THESIS,
         {
             "offset": load,
-            "resistance": nominal["resistance"] * (1 + COPPER * warmer),
-            "torque_constant": nominal["torque_constant"] * (1 + MAGNETS * warmer),
+            "resistance": nominal["resistance"] * (1 + COPPER * temperature_rise_K),
+            "torque_constant": nominal["torque_constant"] * (1 + MAGNETS * temperature_rise_K),
         },
     )
     whole = simulate(actuator, Chirp(), faults=TRUTH, noise=0.05, adc_bits=12)
@@ -37,8 +36,8 @@ def rig(load: float = 0.0, warmer: float = 0.0, *channels: str, **more: float) -
     return Recording(rows | {name: np.full(whole.samples, value) for name, value in more.items()})
 
 
-def fit(nuisances: tuple[str, ...] = ("load", "current_offset", "current_scale")) -> Fit:
-    return fit_of(rig(0.0, 0.0, *CHANNELS), THESIS, method_named("hybrid"), AVERAGED, nuisances, 1)
+def fit(nuisances: tuple[str, ...] = ("load", "current_offset", "current_scale")) -> MapObjective:
+    return faults_objective(Problem.of(rig(0.0, 0.0, *CHANNELS), THESIS, channels=None), nuisances)
 
 
 def test_channels_and_priors_stand_end_to_end() -> None:
@@ -50,8 +49,8 @@ def test_channels_and_priors_stand_end_to_end() -> None:
     assert rows.shape == (1, 4 * 2500 + 3)
     assert one.target.shape == (4 * 2500 + 3,)
     np.testing.assert_array_equal(one.target[-3:], 0.0)
-    # A prior standard deviation counts `tolerance`; a coordinate of 1 is RANGE of them.
-    np.testing.assert_allclose(rows[0, -3:], one.tolerance * RANGE * point[0, -3:])
+    # A prior standard deviation counts `prior_weight`; a coordinate of 1 is PRIORS_PER_UNIT of them.
+    np.testing.assert_allclose(rows[0, -3:], one.prior_weight * PRIORS_PER_UNIT * point[0, -3:])
     np.testing.assert_array_equal(one.target[:2500], one.problem.recorded)
 
 
@@ -60,7 +59,7 @@ def test_offset_and_scale_of_the_sensor_act_on_the_current_alone() -> None:
     plain = one.space.points(TRUTH.vector)[np.newaxis]
     off = plain.copy()
     off[0, -2:] = (0.2, 0.1)
-    # In units of RANGE prior deviations: 0.2 × 5 × 0.045 A, and 0.1 × 5 × 1 %.
+    # In units of PRIORS_PER_UNIT prior deviations: 0.2 × 5 × 0.045 A, and 0.1 × 5 × 1 %.
     expected = one.outputs(plain)[0, :2500] * 1.005 + 0.045
     np.testing.assert_allclose(one.outputs(off)[0, :2500], expected, rtol=1e-12)
     np.testing.assert_array_equal(one.outputs(off)[0, 2500:10_000], one.outputs(plain)[0, 2500:10_000])
@@ -94,9 +93,7 @@ def test_what_is_estimated_besides_by_default_by_name_and_where_it_is_known() ->
 
 def test_an_idle_column_is_not_compared() -> None:
     recording = rig(0.0, 0.0, "current_A", voltage_V=0.0)
-    assert fit_of(recording, THESIS, method_named("hybrid"), AVERAGED, None, 1).problem.channels == (
-        "current_A",
-    )
+    assert Problem.of(recording, THESIS, channels=None).channels == ("current_A",)
 
 
 def test_load_and_heat_are_told_from_faults_by_current_and_voltage() -> None:
@@ -137,7 +134,7 @@ def test_a_description_keeps_its_priors() -> None:
     again = Actuator.from_dict(described.model_dump())
     assert again.nuisances.load == 0.02
     assert NuisanceSet.of(again, None, ()).names == ("load", "supply")
-    np.testing.assert_allclose(NuisanceSet.of(again, ("load",), ()).deviations, [0.02])
+    np.testing.assert_allclose(NuisanceSet.of(again, ("load",), ()).prior_deviations, [0.02])
 
 
 def replace_priors(**priors: object) -> Actuator:
@@ -156,10 +153,10 @@ def test_another_model_has_ripple_and_no_other_opinion_of_what_was_known_before(
     point = one.space.points(TRUTH.vector)[np.newaxis]
     point[0, -3:] = (0.1, -0.2, 0.3)
     rows = one.outputs(point)[0]
-    np.testing.assert_array_equal(one.by(one.problem.by(AVERAGED)).outputs(point)[0], rows)
-    more = one.by(one.problem.by(REFERENCE)).outputs(point)[0] - rows
-    assert np.all(np.sqrt(np.mean(more[: one.recorded_rows].reshape(4, -1) ** 2, axis=1)) > 0)
-    np.testing.assert_array_equal(more[one.recorded_rows :], 0.0)
+    np.testing.assert_array_equal(one.by(AVERAGED).outputs(point)[0], rows)
+    more = one.by(REFERENCE).outputs(point)[0] - rows
+    assert np.all(np.sqrt(np.mean(more[: one.channel_rows].reshape(4, -1) ** 2, axis=1)) > 0)
+    np.testing.assert_array_equal(more[one.channel_rows :], 0.0)
 
 
 def test_a_channel_without_residual_does_not_silence_the_others() -> None:
@@ -168,13 +165,13 @@ def test_a_channel_without_residual_does_not_silence_the_others() -> None:
     residual[2500:5000] = 0.0
     weights = one.reweighted(residual).problem.weights
     # Nothing is trusted beyond a ten-thousandth of its channel.
-    voltage = np.sqrt(np.mean(one.problem.recording["voltage_V"] ** 2))
+    voltage = np.sqrt(np.mean(one.problem.measured["voltage_V"] ** 2))
     assert weights[1] == pytest.approx(0.1 / (1e-4 * voltage))
 
 
 def test_a_prior_stands_against_a_residual_as_twenty_rows_do() -> None:
-    one = fit(("load",)).against(0.5)
+    one = fit(("load",)).scale_prior(0.5)
     point = one.space.points(TRUTH.vector)[np.newaxis]
-    point[0, -1] = 1 / RANGE
+    point[0, -1] = 1 / PRIORS_PER_UNIT
     # One standard deviation off weighs as the square of 0.5 A over the 20 rows that are worth one.
     assert one.outputs(point)[0, -1] ** 2 == pytest.approx(20 * 0.5**2)

@@ -11,10 +11,10 @@ from hypothesis.extra.numpy import arrays
 from cases import HEALTHY, THESIS
 from emaphm.actuator import NAMES, Actuator
 from emaphm.arrays import Array
-from emaphm.estimation.parameter_space import Box, FaultSpace
+from emaphm.estimation.parameter_space import Box, ParameterSpace
 from strategies import actuators, fault_vectors
 
-SPACE = FaultSpace.of(THESIS)
+SPACE = ParameterSpace.of(THESIS)
 X, Y = 5, 6
 ROUNDING = 4e-16
 """Two units in the last place of 1: a radius is a root and a quotient."""
@@ -96,9 +96,9 @@ def test_points_to_faults_and_back(points: Array) -> None:
 
 @given(unit=arrays(np.float64, (3, 8), elements=st.floats(0, 1)))
 def test_spread_points_are_the_faults_of_the_unit_cube(unit: Array) -> None:
-    faults = SPACE.faults(SPACE.spread(unit))
+    faults = SPACE.faults(SPACE.prior_transform(unit))
     np.testing.assert_allclose(faults[:, :6], unit[:, :6], rtol=0, atol=ROUNDING)
-    np.testing.assert_array_equal(SPACE.spread(unit), SPACE.points(unit))
+    np.testing.assert_array_equal(SPACE.prior_transform(unit), SPACE.points(unit))
 
 
 def test_the_thesis_actuator_can_show_every_fault() -> None:
@@ -119,7 +119,7 @@ def test_the_thesis_actuator_can_show_every_fault() -> None:
 def test_a_fault_that_cannot_show_is_fixed_with_its_reason(
     actuator: Actuator, reason: str, names: tuple[str, ...]
 ) -> None:
-    space = FaultSpace.of(actuator)
+    space = ParameterSpace.of(actuator)
     assert set(space.fixed) == set(names)
     assert all(reason in text for text in space.fixed.values())
     assert [NAMES[i] for i in space.columns] == [name for name in NAMES if name not in names]
@@ -131,7 +131,7 @@ def test_a_fault_that_cannot_show_is_fixed_with_its_reason(
 
 @given(actuator=actuators())
 def test_every_fault_is_either_estimated_or_fixed(actuator: Actuator) -> None:
-    space = FaultSpace.of(actuator)
+    space = ParameterSpace.of(actuator)
     estimated = [NAMES[i] for i in space.columns]
     assert sorted(estimated + list(space.fixed)) == sorted(NAMES)
     assert space.lower.shape == space.upper.shape == (space.dimensions,)

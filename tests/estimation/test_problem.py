@@ -11,7 +11,8 @@ from cases import HEALTHY, INTERVAL, THESIS
 from emaphm.actuator import Chirp, Faults, Sampled
 from emaphm.arrays import Array
 from emaphm.diagnosis import diagnose, error_percent
-from emaphm.estimation.problem import Problem, initial
+from emaphm.estimation.initial_state import initial_state
+from emaphm.estimation.problem import Problem
 from emaphm.recording import Recording, acquire
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import AVERAGED, REFERENCE, Initial, Inputs, Plant, run
@@ -110,13 +111,13 @@ def test_a_recorded_load_drives_the_model_as_the_command_does() -> None:
 
 def test_at_rest_on_the_command() -> None:
     rest = np.full(ROWS, 1e-3)
-    found = initial(recorded(position_rad=rest, speed_rad_s=0 * rest, angle_rad=rest / RATIO), THESIS)
+    found = initial_state(recorded(position_rad=rest, speed_rad_s=0 * rest, angle_rad=rest / RATIO), THESIS)
     assert found.angle == pytest.approx(0.5)
     assert (found.speed, found.rotor_offset) == (0.0, 0.0)
 
 
 def test_without_position_the_user_is_where_it_was_commanded() -> None:
-    found = initial(recorded(), THESIS)
+    found = initial_state(recorded(), THESIS)
     assert found == Initial(angle=1e-3 / RATIO)
 
 
@@ -126,21 +127,21 @@ def test_a_command_that_starts_with_speed_starts_where_it_is_at_0(sampling: str)
         return np.asarray(5e-3 * np.sin(20 * np.pi * t))
 
     rows = interval_means(sine) if sampling == "mean" else sine(TIME)
-    found = initial(recorded(sampling, command_rad=rows), THESIS)
+    found = initial_state(recorded(sampling, command_rad=rows), THESIS)
     # Two means of a straight line lead back to it exactly, and a sine is straight at 0 to the square of
     # 20 pi × INTERVAL, 2e-4; the first mean itself is off by a thousand times the bound.
     assert abs(found.angle) * RATIO < 1e-3 * 20 * np.pi * 5e-3 * INTERVAL / 2
 
 
 def test_an_offset_position_is_taken_from_the_record() -> None:
-    found = initial(recorded(position_rad=np.full(ROWS, 0.1), angle_rad=np.full(ROWS, 50.02)), THESIS)
+    found = initial_state(recorded(position_rad=np.full(ROWS, 0.1), angle_rad=np.full(ROWS, 50.02)), THESIS)
     assert found.angle == pytest.approx(50.0)
     assert found.rotor_offset == 0.0
 
 
 def test_noise_on_the_position_is_no_offset() -> None:
     noise = np.random.default_rng(0).normal(0, 1e-5, ROWS)
-    found = initial(recorded(position_rad=1e-3 + noise), THESIS)
+    found = initial_state(recorded(position_rad=1e-3 + noise), THESIS)
     assert found == Initial(angle=1e-3 / RATIO)
 
 
@@ -160,12 +161,12 @@ MOVING = 1e-3 + 0.2 * TIME + 3.0 * TIME**2
     ids=["position", "speed", "speed before position", "speed at rest", "neither"],
 )
 def test_the_starting_speed(columns: dict[str, Array], speed: float) -> None:
-    assert initial(recorded(**columns), THESIS).speed == pytest.approx(speed, rel=1e-6, abs=1e-9)
+    assert initial_state(recorded(**columns), THESIS).speed == pytest.approx(speed, rel=1e-6, abs=1e-9)
 
 
 def test_noise_on_the_speed_is_mostly_no_motion() -> None:
     rng = np.random.default_rng(0)
-    found = [initial(recorded(speed_rad_s=rng.normal(0, 0.5, ROWS)), THESIS).speed for _ in range(200)]
+    found = [initial_state(recorded(speed_rad_s=rng.normal(0, 0.5, ROWS)), THESIS).speed for _ in range(200)]
     # Three standard errors, themselves from seven degrees of freedom: 2 % by Student's distribution.
     assert np.count_nonzero(found) <= 200 * 0.02 + 3 * np.sqrt(200 * 0.02)
 
@@ -173,8 +174,8 @@ def test_noise_on_the_speed_is_mostly_no_motion() -> None:
 @pytest.mark.parametrize("since", [0.0, 7.0, -30.0])
 def test_the_clock_of_the_recording_does_not_matter(since: float) -> None:
     columns = {"position_rad": MOVING, "angle_rad": MOVING / RATIO + 1.0}
-    apart = initial(recorded(time_s=np.asarray(since + TIME), **columns), THESIS)
-    together = initial(recorded(**columns), THESIS)
+    apart = initial_state(recorded(time_s=np.asarray(since + TIME), **columns), THESIS)
+    together = initial_state(recorded(**columns), THESIS)
     assert apart.speed == pytest.approx(together.speed, rel=1e-6)
     assert (apart.angle, apart.rotor_offset) == (together.angle, together.rotor_offset)
 
@@ -183,7 +184,7 @@ def test_the_clock_of_the_recording_does_not_matter(since: float) -> None:
 def test_the_rotors_electrical_zero_comes_from_its_angle(offset: float, turns: int) -> None:
     rows = np.full(ROWS, 1e-3)
     angle = rows / RATIO + offset + 2 * np.pi * turns
-    found = initial(recorded(position_rad=rows, angle_rad=angle), THESIS).rotor_offset
+    found = initial_state(recorded(position_rad=rows, angle_rad=angle), THESIS).rotor_offset
     if abs(offset) > LARGEST_GAP + 1e-9:
         assert np.exp(1j * found) == pytest.approx(np.exp(1j * offset), abs=1e-9)
     elif abs(offset) < LARGEST_GAP / 2:
@@ -217,7 +218,7 @@ SHORT = Faults(short_b=0.3)
 )
 def test_a_short_is_located_whatever_the_resolvers_zero(offset: float, wrapped: bool) -> None:
     recording = resolver_recording(offset, SHORT, wrapped=wrapped)
-    assert initial(recording, THESIS).rotor_offset == pytest.approx(offset, abs=0.02)
+    assert initial_state(recording, THESIS).rotor_offset == pytest.approx(offset, abs=0.02)
     found = diagnose(recording, THESIS)
     # The figure for a single fault; half a sector wrong, a third of the short is seen elsewhere.
     assert error_percent(SHORT.vector, found.faults.vector) <= 2.0
@@ -239,7 +240,7 @@ CUT = 1000
 def test_a_recording_may_start_on_the_move(missing: list[str]) -> None:
     whole = simulate(THESIS, Chirp(), faults=SHORT, duration=0.7, noise=0.05)
     cut = Recording({name: whole[name][CUT:] for name in whole if name not in missing})
-    start = initial(cut, THESIS)
+    start = initial_state(cut, THESIS)
     assert start.angle == pytest.approx(whole["position_rad"][CUT] / RATIO, abs=LARGEST_GAP)
     # Over ten rows the chirp's speed is a parabola to about a per cent.
     assert start.speed == pytest.approx(whole["speed_rad_s"][CUT], rel=0.02)

@@ -92,7 +92,7 @@ def test_the_reference_models_recording_is_replayed_but_for_its_ripple(healthy: 
     errors = replay(healthy, THESIS).relative_error
     assert errors["position_rad"] < 5e-3
     assert errors["speed_rad_s"] < 5e-3
-    # 0.08 A rms between the models (PHYSICS.md section 1) and 0.05 A of noise, of 2.4 A.
+    # 0.08 A rms between the models (docs/physics.md, section 1) and 0.05 A of noise, of 2.4 A.
     assert errors["current_A"] < 0.06
 
 

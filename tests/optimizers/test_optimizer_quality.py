@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import minionpy
@@ -20,7 +20,6 @@ from emaphm.optimizers import (
     Optimizer,
     ParticleSwarm,
     RandomSearch,
-    minimise,
 )
 from optimizers.functions import CENTRE, box, griewank, rastrigin, rosenbrock, sphere, squares
 
@@ -37,11 +36,11 @@ Function = Callable[[Array], Array]
         (ParticleSwarm, {"social": math.nan}, "social must be at least 0, got nan"),
         (ParticleSwarm, {"social": 1.95}, r"cognitive \+ social must be above 4 and finite, got 4"),
         (ParticleSwarm, {"social": math.inf}, "must be above 4 and finite, got inf"),
-        (DifferentialEvolution, {"population": 3}, "population must be at least 4 .*, got 3"),
+        (DifferentialEvolution, {"population": 3}, "population must be at least 4, got 3"),
         (DifferentialEvolution, {"scale": 0.0}, "scale must be above 0 and at most 2, got 0"),
         (DifferentialEvolution, {"scale": math.nan}, "scale must be above 0 and at most 2, got nan"),
         (DifferentialEvolution, {"crossover": -0.1}, "crossover must be between 0 and 1, got -0.1"),
-        (GreyWolf, {"population": 2}, "population must be at least 3 .*, got 2"),
+        (GreyWolf, {"population": 2}, "population must be at least 3, got 2"),
     ],
 )
 def test_bad_settings_raise(make: Callable[..., Any], bad: dict[str, Any], message: str) -> None:
@@ -59,9 +58,15 @@ def evaluations_to(goal: float, optimizer: Optimizer[Any], function: Function, s
     return math.inf
 
 
-def differs(sample: list[float], published: float, runs: int, level: float) -> bool:
-    """Return whether a published mean of `runs` is not that of `sample`, if both spread alike."""
-    error = np.std(sample, ddof=1) * math.sqrt(1 / len(sample) + 1 / runs)
+def differs(
+    sample: list[float], published: float, runs: int, level: float, deviation: float | None = None
+) -> bool:
+    """Return whether a published mean of `runs` is not that of `sample`.
+
+    `deviation` is the published standard deviation; without one, both are taken to have that of `sample`.
+    """
+    own = float(np.std(sample, ddof=1))
+    error = math.hypot(own / len(sample) ** 0.5, (own if deviation is None else deviation) / runs**0.5)
     return bool(abs(np.mean(sample) - published) > stats.norm.isf(level / 2) * error)
 
 
@@ -69,7 +74,7 @@ def differs(sample: list[float], published: float, runs: int, level: float) -> b
 
 
 def test_random_search_finds_what_chance_allows() -> None:
-    found = [minimise(RandomSearch(*box(2), 10, 20), sphere, seed).fitness for seed in range(200)]
+    found = [RandomSearch(*box(2), 10, 20).minimise(sphere, seed).fitness for seed in range(200)]
 
     def chance_of_at_most(r_squared: Any) -> Any:
         """Of one of 200 points in the disc about the optimum, all of it in the box (up to r = 0.78)."""
@@ -242,27 +247,34 @@ def test_differential_evolution_closes_in_on_a_corner_without_sitting_in_it(corn
 
 
 @pytest.mark.parametrize(
-    ("function", "half_width", "published"),
+    ("function", "half_width", "published", "deviation", "runs"),
     [
-        pytest.param(squares, 100.0, 6.59e-28, id="F1"),
-        pytest.param(rosenbrock, 30.0, 26.81258, id="F5"),
-        pytest.param(rastrigin, 5.12, 0.310521, id="F9"),
-        pytest.param(griewank, 600.0, 0.004485, id="F11"),
+        pytest.param(squares, 100.0, 6.59e-28, None, 8, id="F1"),
+        pytest.param(rosenbrock, 30.0, 26.81258, None, 8, id="F5"),
+        pytest.param(rastrigin, 5.12, 0.310521, None, 15, id="F9"),
+        pytest.param(griewank, 600.0, 0.004485, 0.006659, 15, id="F11"),
     ],
 )
-def test_wolves_end_where_published(function: Function, half_width: float, published: float) -> None:
+def test_wolves_end_where_published(
+    function: Function, half_width: float, published: float, deviation: float | None, runs: int
+) -> None:
     """Mirjalili et al. 2014, Tables 5 and 6: means of 30 runs in 30 dimensions.
+
+    Four of five runs on F11 end at 0, so that 15 of ours may hardly differ from each other: there the
+    published standard deviation counts. Those of the others cannot be of such runs (6e-5 for F1).
 
     With the best three of all points as leaders F1 ends a thousand times lower and F9 higher: rejected.
     """
     optimizer = GreyWolf(*box(30, half_width), population=30, iterations=500)
-    found = [minimise(optimizer, function, seed).fitness for seed in range(15)]
-    assert not differs(found, published, runs=30, level=0.01 / 4)  # 1 % shared by four functions
+    found = [optimizer.minimise(function, seed).fitness for seed in range(runs)]
+    level = 0.01 / 4  # 1 % shared by four functions
+    assert not differs(found, published, runs=30, level=level, deviation=deviation)
 
 
 # Other libraries, at equal evaluations
 
-DIMENSIONS, POPULATION, ITERATIONS, RUNS = 8, 50, 60, 20
+DIMENSIONS, POPULATION, ITERATIONS = 8, 50, 40
+RUNS, THEIR_RUNS = 40, 14  # as sure as 20 of each: 1/40 + 1/14 = 1/20 + 1/20; theirs take longer
 CHI = 0.7298437881283576  # 2 / |2 - 4.1 - sqrt(4.1² - 4 × 4.1)|, Clerc & Kennedy 2002
 
 FUNCTIONS: dict[str, tuple[Function, float]] = {
@@ -383,6 +395,7 @@ PEERS: dict[str, tuple[type[Optimizer[Any]], Callable[[Function, float, int], fl
 }
 
 
+@cache
 def found_by_ours(make: type[Optimizer[Any]], function: Function, half_width: float, seed: int) -> float:
     optimizer = make(*box(DIMENSIONS, half_width), POPULATION, ITERATIONS)
     state = optimizer.init(seed)
@@ -401,11 +414,11 @@ def test_quality_is_that_of_other_libraries(peer: str, name: str) -> None:
     """Two-sided Mann-Whitney test on the final fitness, at 1 % shared by all comparisons (Bonferroni).
 
     The optimum lies inside the box, as each library has its own way of keeping points in. A scale of 0.6
-    instead of 0.5 or c_1 = c_2 = 2.2 is found out on the sphere, as are wolves that follow the best three.
+    instead of 0.5 or c_1 = c_2 = 2.2 fails on the sphere against every library (p below 1e-6).
     """
     (make, theirs), (function, half_width) = PEERS[peer], FUNCTIONS[name]
     mine = [found_by_ours(make, function, half_width, seed) for seed in range(RUNS)]
-    others = [theirs(function, half_width, seed) for seed in range(RUNS)]
+    others = [theirs(function, half_width, seed) for seed in range(THEIR_RUNS)]
     level = 0.01 / (len(PEERS) * len(FUNCTIONS))
     difference = np.mean(np.log10(mine)) - np.mean(np.log10(others))
     assert stats.mannwhitneyu(mine, others).pvalue > level, f"{difference:.2f} decades above theirs"

@@ -58,6 +58,7 @@ WRONG = {
         ["load_Nm reaches 500 at row 1,", "the motor holds 1.692", "refer it to the motor shaft"],
     ),
     "temperature in mK": (_scaled({"temperature_K": 1e3}), ["temperature_K reaches", "convert it to K"]),
+    "speed far too small": (_scaled({"speed_rad_s": 1e-4}), ["speed_rad_s stays below", "on average"]),
     "speed far too large": (_scaled({"speed_rad_s": 1e3}), ["speed_rad_s reaches", "rpm"]),
     "Celsius": (
         lambda columns: {**columns, "temperature_K": columns["temperature_K"] - 273.15},

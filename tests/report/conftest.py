@@ -17,14 +17,14 @@ def _known(value: float, half: float, verdict: Literal["healthy", "degraded"]) -
     return Estimate(value, half / 1.96, interval, identifiable=True, verdict=verdict)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def truth() -> Faults:
     return Faults(
         friction=0.26, backlash=0.3, short_b=0.4, eccentricity=0.3, eccentricity_phase=0.99, gain=0.6
     )
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def faulty() -> Diagnosis:
     """Return a diagnosis of a faulty thesis actuator; the direction's interval runs past 1."""
     time = np.arange(500) / 1e3
@@ -64,9 +64,9 @@ def faulty() -> Diagnosis:
     )
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def linear(faulty: Diagnosis) -> Diagnosis:
-    """Return a diagnosis of a healthy linear actuator, of which most cannot be told."""
+    """Return a diagnosis of a healthy linear actuator, most components of which are inconclusive."""
     actuator = Actuator.thesis().model_copy(update={"coordinates": "linear", "electrical": None})
     unknown = Estimate(0.0, 0.3, (0.0, 1.0), identifiable=False, verdict="cannot tell", reason=LACKING)
     components = dict.fromkeys(faulty.components, unknown)

@@ -11,10 +11,10 @@ from emaphm.simulation import Initial, Inputs, Model, Plant, run
 
 THESIS = Actuator.thesis()
 INTERVAL = 2e-4
-"""The acquisition of PHYSICS.md section 3: 5 kHz."""
+"""The acquisition of docs/physics.md, section 7: 5 kHz."""
 
 SHORTED = np.array([1.0, 1.0, 0.7, 0.7, 0.7, 1.0, 1.0, 1.0])
-"""Upper ends of the faults that the averaged model is meant for (PHYSICS.md section 5)."""
+"""Upper ends of the faults that the averaged model is meant for (docs/physics.md, section 5)."""
 
 
 def altered(actuator: Actuator = THESIS, /, **sections: dict[str, Any] | None) -> Actuator:

@@ -1,4 +1,4 @@
-"""The reference model a second time: scalar Python, written from PHYSICS.md section 3 and nothing else."""
+"""The reference model a second time: scalar Python, from docs/physics.md, section 3, and nothing else."""
 
 import math
 from collections.abc import Callable
@@ -10,7 +10,7 @@ from emaphm.arrays import Array
 
 
 def trapezoid(degrees: float) -> float:
-    """Return s at an electrical angle [deg], read off PHYSICS.md as a polyline."""
+    """Return s at an electrical angle [deg], read off docs/physics.md as a polyline."""
     return float(np.interp(degrees % 360.0, [0.0, 30.0, 150.0, 210.0, 330.0, 360.0], [0, 1, 1, -1, -1, 0]))
 
 
@@ -22,7 +22,7 @@ def demand(degrees: float) -> int:
     return -1 if 210.0 <= turned <= 330.0 else 0
 
 
-def simulate(  # noqa: PLR0915 - one step, in the order of PHYSICS.md
+def simulate(  # noqa: PLR0915 - one step, in the order of docs/physics.md
     actuator: Actuator,
     faults: Faults,
     command: Callable[[float], float],
@@ -32,7 +32,7 @@ def simulate(  # noqa: PLR0915 - one step, in the order of PHYSICS.md
     rotor_offset: float = 0.0,
     dt: float = 1e-6,
 ) -> dict[str, Array]:
-    """Return all channels after each step. PHYSICS.md leaves open how the legs start: low."""
+    """Return all channels after each step. All legs start low."""
     e, c, m = actuator.electrical, actuator.controller, actuator.mechanics
     assert e is not None
     assert c.speed_limit is not None
@@ -51,7 +51,7 @@ def simulate(  # noqa: PLR0915 - one step, in the order of PHYSICS.md
     i, legs = [0.0, 0.0, 0.0], [-1, -1, -1]
     theta = w = seen = felt = output = integral = 0.0
     previous: float | None = None
-    # Beyond PHYSICS.md: the drive may see the speed, and the shaft feel the torque, with a lag.
+    # The drive may see the speed, and the shaft feel the torque, with a lag.
     unseen, unfelt = (math.exp(-dt / lag) if lag else 0.0 for lag in (c.speed_lag, actuator.motor.torque_lag))
     trace = []
     for n in range(steps):
@@ -92,7 +92,7 @@ def simulate(  # noqa: PLR0915 - one step, in the order of PHYSICS.md
         torque = min(max(torque, -actuator.motor.torque_limit), actuator.motor.torque_limit)
         felt = torque = torque + (felt - torque) * unfelt
         # 6. Mechanics.
-        # The hinge moment, beyond PHYSICS.md, is that of where the user stands.
+        # The load stiffness acts on where the user is when the step starts.
         active = torque - load - m.offset - m.hinge * (m.gear_ratio * output) - m.viscous * w
         if w == 0.0:
             sticks = abs(active) <= static

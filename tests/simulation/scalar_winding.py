@@ -1,4 +1,4 @@
-"""The monitor and averaged models a second time: scalar Python, from PHYSICS.md sections 4 and 5 alone."""
+"""The monitor and averaged models a second time: scalar, from docs/physics.md, sections 4 and 5, alone."""
 
 import math
 from collections.abc import Callable
@@ -21,7 +21,7 @@ def conducting(degrees: float) -> tuple[int, int]:
     return CONDUCTING[int((degrees + 30.0) // 60.0) % 3]
 
 
-def simulate(  # noqa: PLR0915 - one step, in the order of PHYSICS.md
+def simulate(  # noqa: PLR0915 - one step, in the order of docs/physics.md
     actuator: Actuator,
     faults: Faults,
     command: Callable[[float], float],
@@ -52,7 +52,7 @@ def simulate(  # noqa: PLR0915 - one step, in the order of PHYSICS.md
 
     i = theta = w = seen = felt = output = integral = 0.0
     previous: float | None = None
-    # Beyond PHYSICS.md: the drive may see the speed, and the shaft feel the torque, with a lag.
+    # The drive may see the speed, and the shaft feel the torque, with a lag.
     unseen, unfelt = (math.exp(-dt / lag) if lag else 0.0 for lag in (c.speed_lag, actuator.motor.torque_lag))
     trace = []
     for n in range(steps):
@@ -97,7 +97,7 @@ def simulate(  # noqa: PLR0915 - one step, in the order of PHYSICS.md
         i = new
         torque = min(max(k * i, -actuator.motor.torque_limit), actuator.motor.torque_limit)
         felt = torque = torque + (felt - torque) * unfelt
-        # The hinge moment, beyond PHYSICS.md, is that of where the user stands.
+        # The load stiffness acts on where the user is when the step starts.
         active = torque - load - m.offset - m.hinge * (m.gear_ratio * output) - m.viscous * w
         if w == 0.0:
             sticks = abs(active) <= static

@@ -1,4 +1,4 @@
-"""The models against each other, and against what PHYSICS.md states about their distance."""
+"""The models against each other, and against what docs/physics.md states about their distance."""
 
 from typing import Any
 
@@ -15,7 +15,7 @@ from strategies import fault_vectors
 
 DRAWN = np.random.default_rng(15).random((14, 8)) * SHORTED
 MULTIPLE = np.array([0.25, 0.75, 0.8, 0.8, 0.8, 0.25, 0.5, 0.75])
-"""The thesis's multiple faults (PHYSICS.md section 8)."""
+"""The thesis's multiple faults (docs/physics.md, section 10)."""
 
 CASES = np.vstack([Faults().vector, MULTIPLE, DRAWN])
 CHIRP = Chirp()
@@ -37,19 +37,19 @@ def halved(reference: Array) -> Array:
 
 
 def test_size_of_the_signals(reference: Array) -> None:
-    # PHYSICS.md: 2.5 A rms nominal (section 1), 14.6 A rms with multiple faults (section 3).
+    # docs/physics.md: 2.5 A rms nominal (section 1), 14.6 A rms with multiple faults (section 3).
     assert rms(reference[0]) == pytest.approx(2.45, abs=0.05)
     assert rms(reference[1]) == pytest.approx(14.6, abs=0.1)
 
 
 def test_hysteresis_switching_is_chaotic_by_as_much_as_stated(halved: Array) -> None:
-    # PHYSICS.md section 3: 0.1 A nominal, 0.5 A with multiple faults, both to a digit.
+    # docs/physics.md, section 3: 0.1 A nominal, 0.5 A with multiple faults, both to a digit.
     assert halved[0] == pytest.approx(0.1, abs=0.05)
     assert halved[1] == pytest.approx(0.5, abs=0.05)
 
 
 def test_nominal_difference_of_the_averaged_model(reference: Array) -> None:
-    # PHYSICS.md section 1: 0.08 A, to a digit; 0.083 measured.
+    # docs/physics.md, section 1: 0.08 A, to a digit; 0.083 measured.
     assert rms(currents(AVERAGED, AVERAGED.step)[0] - reference[0]) == pytest.approx(0.08, abs=0.01)
     assert rms(currents(monitor(), monitor().step)[0] - reference[0]) == pytest.approx(0.09, abs=0.02)
 

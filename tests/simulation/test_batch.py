@@ -17,7 +17,7 @@ from emaphm.simulation import (
     run_batch,
     simulate_batch,
 )
-from emaphm.simulation.engine.kernels import LANES
+from emaphm.simulation.engine.running import LANES
 from simulation.rig import INTERVAL, SHORTED, THESIS, rms
 
 EACH_MODEL = pytest.mark.parametrize("model", MODELS.values(), ids=list(MODELS))
@@ -36,7 +36,7 @@ def test_a_batch_is_its_single_runs(model: Model) -> None:
         np.testing.assert_allclose(batch, single, rtol=1e-9, atol=1e-9)
         return
     # Vector and scalar instructions may round differently, and switching is chaotic: 0.2 A for some lanes,
-    # twice what halving the step makes (PHYSICS.md section 3). Before any leg tips over they agree.
+    # twice what halving the step makes (docs/physics.md, section 3). Before any leg tips over they agree.
     assert np.all(rms(batch - np.array(single)) < 0.2)
     np.testing.assert_allclose(batch[:, :10], np.array(single)[:, :10], rtol=0, atol=1e-9)
 

@@ -1,18 +1,12 @@
-"""Commutation: the trapezoid of PHYSICS.md section 3, and which phases conduct."""
+"""Commutation: the trapezoid of docs/physics.md, section 3, and which phases conduct."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from emaphm.simulation.laws.commutation import (
-    PHASE_SHIFT,
-    demand_sign,
-    idle_phase,
-    trapezoid,
-    wrap,
-    wrap_once,
-)
+from emaphm.simulation.laws.angles import PHASE_SHIFT, phase_angles, wrap, wrap_once
+from emaphm.simulation.laws.commutation import demand_sign, of_idle_phase, trapezoid
 from simulation import scalar_reference
 
 ANGLES = st.floats(-1e3, 1e3)
@@ -23,6 +17,11 @@ ROUNDING = 2e-12
 def phases(angle: float) -> list[float]:
     """Return the wrapped angles that the three phases see."""
     return [float(wrap(angle - i * PHASE_SHIFT)) for i in range(3)]
+
+
+def idle_phase(angle: float) -> list[float]:
+    """Return three weights, 1 for the phase that idles and 0 for the others."""
+    return [float(of_idle_phase(angle, *np.eye(3)[i])) for i in range(3)]
 
 
 def near_boundary(angle: float) -> bool:
@@ -84,6 +83,13 @@ def test_wrap_once_suffices_for_three_turns(angle: float) -> None:
     assert np.exp(1j * wrapped) == pytest.approx(np.exp(1j * angle), abs=1e-14)
 
 
+@given(angle=st.floats(-np.pi, np.pi, exclude_max=True))
+def test_phases_see_the_angle_a_third_of_a_turn_apart(angle: float) -> None:
+    seen = np.array(phase_angles(angle), float)
+    assert np.all((seen >= -np.pi) & (seen <= np.pi))
+    np.testing.assert_allclose(np.exp(1j * seen), np.exp(1j * np.array(phases(angle))), atol=1e-14)
+
+
 @given(angle=ANGLES)
 def test_trapezoid_is_odd_and_repeats_with_reversed_sign_after_half_a_turn(angle: float) -> None:
     s = float(trapezoid(wrap(angle)))
@@ -95,7 +101,7 @@ def test_trapezoid_is_odd_and_repeats_with_reversed_sign_after_half_a_turn(angle
 
 @given(angle=ANGLES)
 def test_one_phase_idles_and_the_other_two_stand_on_opposite_flats(angle: float) -> None:
-    weights = np.array([float(weight) for weight in idle_phase(wrap(angle))])
+    weights = np.array(idle_phase(wrap(angle)))
     assert sorted(weights) == [0, 0, 1]
     s = np.array([float(trapezoid(a)) for a in phases(angle)])
     # What the idle phase has left of its trapezoid is the sum of all three.
@@ -109,7 +115,7 @@ def test_one_phase_idles_and_the_other_two_stand_on_opposite_flats(angle: float)
 
 @pytest.mark.parametrize("degrees", range(-180, 180, 30))
 def test_exactly_one_phase_idles_even_where_sectors_meet(degrees: float) -> None:
-    assert sorted(float(weight) for weight in idle_phase(np.radians(degrees))) == [0, 0, 1]
+    assert sorted(idle_phase(np.radians(degrees))) == [0, 0, 1]
 
 
 @pytest.mark.parametrize(
@@ -119,5 +125,4 @@ def test_exactly_one_phase_idles_even_where_sectors_meet(degrees: float) -> None
 )
 def test_sectors_of_the_thesis(sector: float, idle: int) -> None:
     for within in (-29.9, 0.0, 29.9):
-        weights = idle_phase(wrap(np.radians(sector + within)))
-        assert [float(weight) for weight in weights].index(1.0) == idle
+        assert idle_phase(wrap(np.radians(sector + within))).index(1.0) == idle

@@ -1,4 +1,4 @@
-"""Eccentricity: the cosine of PHYSICS.md section 3, and the thesis's printed factor (4.5)."""
+"""Eccentricity: the cosine of docs/physics.md, section 3, and the thesis's printed factor (4.5)."""
 
 import numpy as np
 import pytest

@@ -147,7 +147,7 @@ def regression(model: Model, faults: Faults, actuator: Actuator = THESIS) -> tup
 
 def test_line_voltage_gives_back_k_and_r() -> None:
     k, resistance = regression(REFERENCE, Faults())
-    assert k == pytest.approx(K, rel=1e-3)  # PHYSICS.md section 3: k to 0.1 %, R to 3 %
+    assert k == pytest.approx(K, rel=1e-3)  # docs/physics.md, section 6: k to 0.1 %, R to 3 %
     assert resistance == pytest.approx(R_S, rel=3e-2)
 
 

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from emaphm.actuator import Sampled
 from emaphm.simulation import AVERAGED, MODELS, Initial, Model
+from emaphm.simulation.laws.angles import turn
 from emaphm.simulation.laws.friction import speed_after
-from emaphm.simulation.laws.motion import move, turn
+from emaphm.simulation.laws.motion import move
 from simulation.rig import altered, record
 
 STATIC, DYNAMIC, J, DT = 0.2, 0.08, 2.5e-5, 1e-5

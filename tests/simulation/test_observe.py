@@ -38,7 +38,7 @@ def test_a_batch_observes_what_a_single_run_records(model: Model) -> None:
     together = observe_batch(model, plant, inputs).transpose(1, 0, 2)
     assert together.shape == (len(OBSERVABLE), 3, 100)
     for i in range(3):
-        alone = run(model, plant.part(i, i + 1), inputs)
+        alone = run(model, Plant.of(THESIS, FAULTS[i]), inputs)
         for channel, name in zip(together, OBSERVABLE, strict=True):
             # The same laws in another order of additions; switching may amplify it over 20 ms.
             np.testing.assert_allclose(channel[i], alone[name], rtol=0, atol=1e-6)
@@ -99,7 +99,7 @@ def sine(t: float) -> float:
 
 
 HINGED = altered(mechanics={"hinge": 40.0, "offset": 0.02})
-"""Hinge moment at 8 mrad: 0.32 N·m, three times the friction."""
+"""Load at 8 mrad by the stiffness: 0.32 N·m, three times the friction."""
 
 
 @pytest.mark.parametrize(

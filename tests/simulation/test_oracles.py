@@ -1,4 +1,4 @@
-"""Every model against the same model written a second time, scalar and from PHYSICS.md alone."""
+"""Every model against the same model written a second time, scalar and from docs/physics.md alone."""
 
 from typing import Any
 

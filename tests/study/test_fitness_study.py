@@ -7,19 +7,13 @@ from matplotlib.colors import to_hex
 
 from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.errors import MethodError
-from emaphm.estimation.cost_functions import FITNESSES
+from emaphm.estimation.cost_functions import COST_FUNCTIONS
+from emaphm.plotting.fitness_scans import COLOURS, TRUTH, draw_scans
 from emaphm.simulated_recording import simulate
-from emaphm.simulation.laws.commutation import demand_sign, wrap
+from emaphm.simulation.laws.angles import wrap
+from emaphm.simulation.laws.commutation import demand_sign
 from emaphm.study.thesis import published
-from emaphm.study.thesis.fitness_study import (
-    COLOURS,
-    GRID,
-    MODELS,
-    _points,
-    draw_scans,
-    fitness_study,
-    fitness_table,
-)
+from emaphm.study.thesis.fitness_study import GRID, MODELS, _points, fitness_study, fitness_table
 
 ACTUATOR = Actuator.thesis()
 
@@ -32,7 +26,7 @@ def study() -> pl.DataFrame:
 def test_every_state_and_form_is_there_once(study: pl.DataFrame) -> None:
     forms = study.select("fault", "level", "model", "equivalent", "fitness")
     assert forms.is_unique().all()
-    assert forms.height == len(published.FITNESS) * len(MODELS) * 3 * len(FITNESSES)
+    assert forms.height == len(published.FITNESS) * len(MODELS) * 3 * len(COST_FUNCTIONS)
     assert sum(study.null_count().row(0)) == 0
 
 
@@ -67,7 +61,7 @@ def test_the_value_at_the_truth_is_that_of_two_separate_runs(
     forms = {"model": "averaged", "equivalent": equivalent, "fitness": "least_squares"}
     found = np.sqrt(_rows(study, fault="backlash", level="high", **forms)["value"].item())
     # The study drives the model with the recorded command, a curve through its rows: not farther from a chirp
-    # of 15 Hz and 5e-3 rad than a chord, h²/8 × 5e-3 (2 pi 15)², times the gains of PHYSICS.md section 1.
+    # of 15 Hz and 5e-3 rad than a chord, h²/8 × 5e-3 (2 pi 15)², times the gains of the thesis.
     departure = 2e-4**2 / 8 * 5e-3 * (2 * np.pi * 15) ** 2
     assert abs(found - expected) < departure * 1e5 * 5e-2 / 0.0752  # 0.015 A
 
@@ -147,7 +141,7 @@ def test_a_misspelt_form_is_answered_with_the_nearest(study: pl.DataFrame) -> No
         draw_scans(study, "average")
 
 
-def test_the_figure_marks_truth_and_least(study: pl.DataFrame) -> None:
+def test_the_figure_marks_truth_and_minimum(study: pl.DataFrame) -> None:
     figure = draw_scans(study)
     figure.draw_without_rendering()  # also refuses what cannot be laid out
     panels = {axis.get_title(loc="left"): axis for axis in figure.axes}
@@ -166,7 +160,7 @@ def test_the_figure_marks_truth_and_least(study: pl.DataFrame) -> None:
         for form in COLOURS
         for argmin in _rows(study, level=level, equivalent=form, **forms)["argmin"]
     }
-    assert {float(np.atleast_1d(line.get_xdata())[0]) for line in lines if line.get_color() == "0.6"} == {
+    assert {float(np.atleast_1d(line.get_xdata())[0]) for line in lines if line.get_color() == TRUTH} == {
         0.2,
         0.7,
     }

@@ -154,7 +154,7 @@ def test_the_thesis_plan_is_that_of_the_thesis() -> None:
     full = set()
     for contestant in plan.methods:
         method = contestant.chosen()
-        if method.refines or method.optimizer is None:
+        if method.least_squares or method.optimizer is None:
             continue
         optimizer = method.optimizer([0.0] * 8, [1.0] * 8)
         if (optimizer.population, optimizer.iterations) == (50, 200):
@@ -270,7 +270,7 @@ REFUSED: dict[str, tuple[str, tuple[str, ...]]] = {
     ),
     "hybrid by another fitness": (
         small.with_(top='fitnesses = ["least_squares", "thesis"]', end=HYBRID),
-        ("'hybrid'", "least_squares", "fitness 'thesis'", "choose a swarm"),
+        ("'hybrid'", "least_squares", "fitness 'thesis'", "choose an optimiser alone"),
     ),
     "hybrid on a switching model": (
         small.with_(top='models = ["monitor"]', end=HYBRID),

@@ -159,7 +159,7 @@ def test_the_recomputed_errors_leave_the_dragonfly_last() -> None:
 
 
 def test_reliability_follows_from_the_printed_times_and_errors() -> None:
-    """The row that PHYSICS.md section 6 gives, in whole percent."""
+    """The row that docs/physics.md, section 8 gives, in whole percent."""
     whole = {method: round(value) for method, value in published.reliability().items()}
     assert whole == {"GA": 81, "PSO": 90, "DE": 93, "GWO": 91, "DA": 44}
 

@@ -12,16 +12,10 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from emaphm.plotting.study import (
-    FLOOR,
-    draw_convergence,
-    draw_costs,
-    draw_errors,
-    draw_ranks,
-    draw_success,
-    looks,
-)
-from emaphm.report.embed import svg
+from emaphm.plotting.study import draw_convergence, draw_costs, draw_errors, draw_ranks, draw_success
+from emaphm.plotting.study.methods import FLOOR, looks
+from emaphm.plotting.style import BLACK
+from emaphm.plotting.svg import svg
 from emaphm.study.analysis.statistics import by_case, by_method
 from emaphm.study.analysis.tables import MOST_CASES
 from emaphm.study.thesis import published
@@ -169,7 +163,7 @@ def test_ranks_are_sorted_and_bars_join_what_is_not_told_apart() -> None:
     names = [tick.get_text() for tick in axis.get_yticklabels()]
     assert names[0] == "hybrid"
     assert axis.texts[0].get_text() == "1.00"
-    bars = [line for line in axis.get_lines() if line.get_color() == "black" and line.get_linewidth() == 2.5]
+    bars = [line for line in axis.get_lines() if line.get_color() == BLACK and line.get_linewidth() == 2.5]
     assert [np.round(np.asarray(bar.get_ydata())).tolist() for bar in bars] == [[1.0, 2.0]]
 
 
@@ -236,6 +230,15 @@ def test_names_are_text_and_cut_where_they_are_long() -> None:
     assert names[1] == r"\$x\$"  # which matplotlib shows as $x$
     assert names[2].endswith("…")
     assert len(names[2]) < 30
+
+
+def test_a_legend_of_many_long_names_stays_inside_the_figure() -> None:
+    figure = draw_errors(study([f"a method of long name {i}" for i in range(14)], ("low F",), 1))
+    figure.draw_without_rendering()
+    (legend,) = figure.legends
+    box = legend.get_window_extent()
+    assert 0 <= box.x0 < box.x1 <= figure.bbox.x1
+    assert box.y1 <= figure.bbox.y1
 
 
 def test_a_fitness_that_was_infinite_at_first_leaves_a_gap() -> None:

@@ -221,10 +221,10 @@ def test_it_says_what_was_asked_what_is_there_and_how_it_was_made(whole: Path) -
         "thesis Ten faults.",
         "990 of 990 runs are finished",
         "averaged model, fitness least_squares, equivalent current torque, 0 A noise",
-        "while others ran beside it",
-        "In 110 runs every method began from the same case and seed.",
-        "the methods differ by more than luck",
-        "in favour of the method with the lower mean rank. p-value",
+        "while other runs used the same machine",
+        "All methods have finished 110 pairs of case and seed.",
+        "the methods differ significantly",
+        "the method with the lower mean rank is then better. p-value",
         "Machine 2 cores",
         "emaphm 9.8.7",
         "0123456789ab",
@@ -247,7 +247,7 @@ def test_an_incomplete_study_says_so_and_leaves_out_of_averages_what_is_not_comm
     _write(runs.head(60), tmp_path, runs.height)
     text = Page(tmp_path / "report.html").text
     assert "60 of 990 runs are finished" in text
-    assert "Not every method has run ‘low K’ yet" in text
+    assert "Not every method has finished ‘low K’ yet" in text
     assert "Average of 6 cases, single faults" in text
     errors = _markdown_tables(tmp_path / "report.md")[1]
     assert "–" in next(row for row in errors if row[0] == "low K")
@@ -255,7 +255,7 @@ def test_an_incomplete_study_says_so_and_leaves_out_of_averages_what_is_not_comm
 
 @pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
-    ("count", "told"), [(0, "there is nothing to tell yet"), (1, "1 of 990 runs are finished")]
+    ("count", "told"), [(0, "there are no results yet"), (1, "1 of 990 runs are finished")]
 )
 def test_no_run_and_one_run_can_be_reported(
     runs: pl.DataFrame, tmp_path: Path, count: int, told: str
@@ -263,15 +263,15 @@ def test_no_run_and_one_run_can_be_reported(
     _write(runs.head(count), tmp_path, runs.height)
     assert told in Page(tmp_path / "report.html").text
     assert len(_csv(tmp_path, "runs")) == count
-    assert "Are the differences more than luck?" not in Page(tmp_path / "report.html").text
+    assert "Are the differences significant?" not in Page(tmp_path / "report.html").text
 
 
 @pytest.mark.usefixtures("undrawn")
 def test_too_few_runs_are_said_to_be_too_few(tmp_path: Path) -> None:
     _write(study(("GA", "DE", "hybrid"), ("low F",), 4), tmp_path)
     text = Page(tmp_path / "report.html").text
-    assert "In 4 runs every method began from the same case and seed. Too few" in text
-    assert "could be told apart" in text
+    assert "All methods have finished 4 pairs of case and seed. This is not enough" in text
+    assert "no difference can be significant" in text
     pairs = _markdown_tables(tmp_path / "report.md")[-1]
     assert {cell for row in pairs[1:] for cell in row[1:]} == {"–", "too few"}
 
@@ -293,7 +293,7 @@ def test_each_variant_has_a_section_and_all_stand_side_by_side(
     _write(variants, tmp_path)
     markdown = (tmp_path / "report.md").read_text(encoding="utf-8")
     headings = re.findall(r"^## (.*)$", markdown, re.MULTILINE)
-    assert headings[:3] == ["All variants side by side", "0 A noise", "0.1 A noise"]
+    assert headings[:3] == ["Comparison of the variants", "0 A noise", "0.1 A noise"]
     beside = _markdown_tables(tmp_path / "report.md")[0]
     assert beside[0] == ["method", "0 A noise", "0.1 A noise"]
     for name, *cells in beside[1:]:

@@ -1,4 +1,4 @@
-"""What the thing is: parameters, faults, commands. No simulation here."""
+"""Description of the actuator: parameters, faults, commands. No simulation."""
 
 from emaphm.actuator.actuator import Actuator
 from emaphm.actuator.commands import Chirp, Command, DecayingChirp, Load, Ramp, Sampled, Sine, Step

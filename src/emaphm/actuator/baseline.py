@@ -1,4 +1,4 @@
-"""Where the totals that calibration sees stand in a description, and what is known of them: the baseline."""
+"""The lumped parameters that a calibration estimates, and how well they are known: the baseline."""
 
 from typing import Annotated, Self
 
@@ -25,7 +25,7 @@ TOTALS = {
     "inductance": "H",
     "supply": "V",
 }
-"""Names and units: coulomb is dynamic friction, offset a constant load, hinge one per user's position."""
+"""Names and units: coulomb is dynamic friction, offset a constant load, hinge the load stiffness."""
 
 PARTS = {
     "inertia": ("mechanics", "inertia_motor", "inertia_user"),
@@ -43,10 +43,10 @@ PARTS = {
     "inductance": ("electrical", "inductance"),
     "supply": ("electrical", "supply"),
 }
-"""Where each total stands in the description: its section, then the fields it is the sum of."""
+"""Where each parameter stands in the description: its section, then the fields that it is the sum of."""
 
 LINEAR = ("offset",)
-"""Totals that may be of either sign: their covariance is in their own unit, that of the others relative."""
+"""Parameters of either sign: their covariance is in their own unit, that of the others relative."""
 
 ROUNDING = 1e-9
 """Asymmetry, and negative eigenvalues, that a covariance may have from rounding, as a correlation."""
@@ -55,11 +55,11 @@ Number = Annotated[float, Field(strict=True)]
 
 
 class Baseline(Section):
-    """How well the description's values are known of one unit: what its calibration tells later diagnoses.
+    """How well one unit's parameters are known after its calibration: the prior of later diagnoses.
 
-    Deviations of the totals `names` from the description are normal about 0 with `covariance`, (names,
-    names): relative (of the logarithm) for what is positive, in its own unit for the offset. They were
-    told from `recordings`.
+    Deviations of the lumped parameters `names` from the description are normal about 0 with `covariance`,
+    (names, names): relative (of the logarithm) for positive parameters, in its own unit for the offset. They
+    were estimated from `recordings`.
     """
 
     names: tuple[str, ...] = Field(description="calibrated parameters", min_length=1)
@@ -104,7 +104,9 @@ class Baseline(Section):
             i, j = uneven[0] + 1
             raise ValueError(f"must be symmetric; row {i}, column {j} differs from row {j}, column {i}")
         if np.diag(rows).min() < 0 or np.linalg.eigvalsh(matrix)[0] < -ROUNDING:
-            raise ValueError("must be positive semidefinite; a mixture of the names varies less than 0")
+            raise ValueError(
+                "must be positive semidefinite; some combination of the names has a variance below 0"
+            )
         return rows
 
     @classmethod

@@ -1,4 +1,4 @@
-"""Position commands: functions of time that a user's rig would play."""
+"""Position commands: functions of time that a test rig follows."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -116,7 +116,7 @@ class Sampled:
             )
         bad = np.flatnonzero(~(np.isfinite(t) & np.isfinite(v)))
         if bad.size:
-            raise SignalError(f"row {bad[0] + 1} of the sampled signal is not finite; mend or drop it")
+            raise SignalError(f"row {bad[0] + 1} of the sampled signal is not finite; correct or drop it")
         late = np.flatnonzero(np.diff(t) <= 0)
         if late.size:
             raise SignalError(f"times of a sampled signal must increase; row {late[0] + 2} does not")

@@ -1,4 +1,4 @@
-"""Physical parameters as calibration sees them: totals of motor and user, referred to the motor shaft."""
+"""Lumped parameters: sums over motor and user, referred to the motor shaft, as calibration estimates them."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -25,7 +25,7 @@ def check_totals(actuator: Actuator, names: Mapping[str, Any] | tuple[str, ...])
 
 
 def totals(actuator: Actuator, names: tuple[str, ...]) -> dict[str, float]:
-    """Return the present values of the named totals, in the units of `TOTALS`."""
+    """Return the described values of the named parameters, in the units of `TOTALS`."""
     check_totals(actuator, names)
     values = {}
     for name in names:
@@ -47,19 +47,19 @@ def static_follows(actuator: Actuator, values: Mapping[str, Any]) -> dict[str, A
 
 
 def with_totals(actuator: Actuator, values: Mapping[str, float], *, name: str | None = None) -> Actuator:
-    """Return `actuator` with the given totals, motor and user keeping their shares; renamed if asked.
+    """Return `actuator` with the given parameters, motor and user keeping their shares; renamed if asked.
 
     Raises
     ------
     MethodError
-        A total is unknown, or needs a section that the actuator lacks.
+        A parameter is unknown, or needs a section that the actuator lacks.
     ActuatorError
         A value is impossible, such as an inertia that is not positive.
     """
     check_totals(actuator, values)
     description = actuator.model_dump()
-    for total, value in static_follows(actuator, values).items():
-        section, first, *others = PARTS[total]
+    for parameter, value in static_follows(actuator, values).items():
+        section, first, *others = PARTS[parameter]
         fields = description[section]
         present = fields[first] + sum(fields[field] for field in others)
         for field in (first, *others):

@@ -112,7 +112,7 @@ class Mechanics(Section):
     backlash: float = quantity("backlash, full width at the motor, BLK", "rad", THESIS, default=0.0, ge=0)
     offset: float = quantity("constant load", "N·m", CHOSEN, default=0.0)
     hinge: float = quantity(
-        "load at the motor in proportion to the user's position: aerodynamic hinge moment",
+        "load stiffness: load at the motor per position of the user, such as an aerodynamic hinge moment",
         "N·m/rad",
         CHOSEN,
         default=0.0,
@@ -175,7 +175,7 @@ NuisanceName = Literal["load", "hinge", "temperature", "supply", "inertia", "cur
 
 
 class Nuisances(Section):
-    """What is not known of a recording and is no fault: standard deviations before it, about the description.
+    """Standard deviations, about the description, of what is unknown of a recording and is no fault.
 
     Those in `estimated` are estimated with the faults unless a diagnosis asks for others.
     """
@@ -191,7 +191,7 @@ class Nuisances(Section):
         gt=0,
     )
     hinge: float | None = quantity(
-        "load at the motor per position of the user", "N·m/rad", PRIOR, default=None, gt=0
+        "load stiffness: load at the motor per position of the user", "N·m/rad", PRIOR, default=None, gt=0
     )
     temperature: float = quantity("winding and magnets, above nominal", "K", PRIOR, default=30.0, gt=0)
     supply: float = quantity("supply voltage, relative", "-", PRIOR, default=0.05, gt=0)

@@ -1,4 +1,4 @@
-"""A physical quantity as a model field: a description with symbol, unit and source beside its bounds."""
+"""A physical quantity as a model field: a description with symbol, unit, source and bounds."""
 
 from typing import Any
 

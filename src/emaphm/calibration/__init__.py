@@ -1,5 +1,6 @@
 """A healthy unit's parameters and its baseline, from its own recordings."""
 
-from emaphm.calibration.calibrate import Calibration, calibrate
+from emaphm.calibration.calibrate import calibrate
+from emaphm.calibration.result import Calibration
 
 __all__ = ["Calibration", "calibrate"]

@@ -1,9 +1,9 @@
-"""Combining what several recordings tell of the same parameters: weighted means, and what they scatter.
+"""Random-effects meta-analysis: the same parameters, estimated from several recordings.
 
-Estimates count by their precision. Where they scatter more than their standard errors say (Birge 1932:
-the ratio of the two), the excess is a scatter between recordings, as of friction from day to day: a random
+Estimates count by their precision. Where they scatter more than their standard errors explain (Birge 1932:
+the ratio of the two), the rest is a scatter between recordings, as of friction from day to day: a random
 effect (DerSimonian and Laird 1986; Jackson, White and Thompson 2010). The next recording will have it too,
-so the covariance is that of what the next recording may find, not that of the mean alone.
+so the covariance is that of the next recording's parameters, not that of the mean alone.
 """
 
 from dataclasses import dataclass
@@ -13,13 +13,16 @@ from scipy.special import ndtri, stdtrit
 
 from emaphm.arrays import Array
 
+LEAST_FREEDOM = 0.5
+"""Degrees of freedom of the scatter below which there is nothing to compare."""
+
 
 @dataclass(frozen=True, eq=False)
-class Combined:
-    """The `mean` (p,), the `covariance` (p, p) of a next recording's parameters, and the scatter's size.
+class MetaAnalysis:
+    """The `mean` (p,), the `covariance` (p, p) of a next recording's parameters, and the Birge ratio.
 
-    `birge_ratio` is the scatter over what the standard errors say, about 1 where they are right; none where
-    nothing was told twice.
+    `birge_ratio` is the scatter relative to that expected from the standard errors, about 1 where they are
+    right; None where no parameter was estimated twice.
     """
 
     mean: Array
@@ -27,44 +30,42 @@ class Combined:
     birge_ratio: float | None
 
 
-def combine(estimates: Array, covariances: Array, prior_deviation: Array) -> Combined:
-    """Return what `estimates` (n, p) with `covariances` (n, p, p) tell together.
+def random_effects(estimates: Array, covariances: Array, prior_deviation: Array) -> MetaAnalysis:
+    """Return the common parameters of `estimates` (n, p) with `covariances` (n, p, p).
 
-    Each covariance holds the same weak prior of standard deviations `prior_deviation` (p,) about 0, which
-    counts once. What an estimate does not tell has no weight.
+    Each covariance includes the same weak prior of standard deviations `prior_deviation` (p,) about 0, which
+    counts once. An estimate has no weight in the directions that it has no information on.
     """
     count, p = estimates.shape
     prior = np.diag(1 / prior_deviation**2)
-    worths = np.array([_positive(np.linalg.inv(one) - prior) for one in covariances])
-    mean, covariance = _weighted(estimates, worths, prior)
+    precisions = np.array([_positive(np.linalg.inv(one) - prior) for one in covariances])
+    mean, covariance = _weighted(estimates, precisions, prior)
     away = estimates - mean
-    square = float(np.einsum("ni,nij,nj->", away, worths, away))
-    freedom = float(np.einsum("nij,nji->", worths, covariances) - np.trace(worths.sum(axis=0) @ covariance))
+    square = float(np.einsum("ni,nij,nj->", away, precisions, away))
+    freedom = float(
+        np.einsum("nij,nji->", precisions, covariances) - np.trace(precisions.sum(axis=0) @ covariance)
+    )
     if count == 1 or freedom < LEAST_FREEDOM:
-        return Combined(mean, covariance, None)
+        return MetaAnalysis(mean, covariance, None)
     ratio = square / freedom
     if ratio > 1:
         # The scatter of the mean's own terms, so that an estimate without weight does not count.
-        terms = np.einsum("ij,njk,nk->ni", covariance, worths, away)
+        terms = np.einsum("ij,njk,nk->ni", covariance, precisions, away)
         scatter = count * count / (count - 1) * terms.T @ terms * (1 - 1 / ratio)
-        # A deviation of few values is itself hardly known: the normal as wide as their Student's t.
+        # A variance of few values is itself uncertain: the normal as wide as their Student's t.
         scatter *= (stdtrit(count - 1, 0.975) / ndtri(0.975)) ** 2
-        worths = np.array([np.linalg.solve(np.eye(p) + one @ scatter, one) for one in worths])
-        mean, covariance = _weighted(estimates, worths, prior)
+        precisions = np.array([np.linalg.solve(np.eye(p) + one @ scatter, one) for one in precisions])
+        mean, covariance = _weighted(estimates, precisions, prior)
         covariance = covariance + scatter
-    return Combined(mean, (covariance + covariance.T) / 2, ratio**0.5)
+    return MetaAnalysis(mean, (covariance + covariance.T) / 2, ratio**0.5)
 
 
-LEAST_FREEDOM = 0.5
-"""Parameters told more than once, with less of which there is no scatter to speak of."""
-
-
-def _weighted(estimates: Array, worths: Array, prior: Array) -> tuple[Array, Array]:
-    covariance = np.linalg.inv(worths.sum(axis=0) + prior)
-    return covariance @ np.einsum("nij,nj->i", worths, estimates), covariance
+def _weighted(estimates: Array, precisions: Array, prior: Array) -> tuple[Array, Array]:
+    covariance = np.linalg.inv(precisions.sum(axis=0) + prior)
+    return covariance @ np.einsum("nij,nj->i", precisions, estimates), covariance
 
 
 def _positive(matrix: Array) -> Array:
-    """Return a symmetric `matrix` (p, p) without what rounding made negative of it."""
+    """Return a symmetric `matrix` (p, p) without the negative eigenvalues that rounding makes."""
     values, axes = np.linalg.eigh((matrix + matrix.T) / 2)
     return np.asarray(axes * np.maximum(values, 0.0) @ axes.T)

@@ -114,7 +114,7 @@ def design(
     if out is not None:
         with written_whole(out) as temporary:
             result.write_command(temporary)
-        text += f"\n\nCommand written to {out}; it lasts {result.found.manoeuvre.duration:g} s."
+        text += f"\n\nCommand written to {out}; it lasts {result.found.excitation.duration:g} s."
     draw(result, figure)
     show(result.to_dict(), text, as_json)
 

@@ -157,7 +157,7 @@ def diagnose(
     recorded = recording_of(recording, described)
     # Not before: what cannot be read is refused without waiting for a compiler to be loaded.
     from emaphm.diagnosis import diagnose as identify
-    from emaphm.estimation.bias_correction import MOST_TURNS
+    from emaphm.estimation.bias_correction import MAX_CORRECTIONS
 
     with progress("diagnosing", as_json) as advance:
         diagnosis = identify(
@@ -166,7 +166,7 @@ def diagnose(
             method=method,
             model=model,
             fitness=fitness,
-            turns=MOST_TURNS if correction else 0,
+            max_corrections=MAX_CORRECTIONS if correction else 0,
             nuisances=None if nuisance is None else names_in(nuisance),
             posterior=posterior,
             seed=seed,
@@ -215,7 +215,7 @@ def calibrate(
     recorded = [recording_of(path, described) for path in recording]
     names = names_in(free)
     from emaphm.calibration import calibrate as estimate
-    from emaphm.estimation.bias_correction import MOST_TURNS
+    from emaphm.estimation.bias_correction import MAX_CORRECTIONS
 
     with progress("calibrating", as_json) as advance:
         result = estimate(
@@ -223,7 +223,7 @@ def calibrate(
             described,
             names,
             nuisances=None if nuisance is None else names_in(nuisance),
-            turns=MOST_TURNS if correction else 0,
+            max_corrections=MAX_CORRECTIONS if correction else 0,
             seed=seed,
             on_progress=advance,
         )

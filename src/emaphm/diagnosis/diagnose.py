@@ -8,22 +8,29 @@ import numpy as np
 
 from emaphm.actuator import Actuator
 from emaphm.arrays import Array
-from emaphm.diagnosis.identifiability import confidence
-from emaphm.diagnosis.result import Diagnosis, NuisanceEstimate
-from emaphm.diagnosis.verdict import HARDLY_KNOWN, estimates, is_explained
-from emaphm.estimation.bias_correction import MOST_TURNS, assessed, has_reference
-from emaphm.estimation.mcmc import check_posterior, sample
-from emaphm.estimation.methods import method_named
+from emaphm.diagnosis.identifiability import identifiability
+from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
+from emaphm.diagnosis.nuisance_selection import select_nuisances
+from emaphm.diagnosis.result import Diagnosis
+from emaphm.diagnosis.verdict import VERDICT, estimates, is_explained
+from emaphm.errors import MethodError
+from emaphm.estimation.bias_correction import MAX_CORRECTIONS, with_discrepancy
+from emaphm.estimation.methods import Method, method_named
 from emaphm.estimation.nuisances import unit_of
-from emaphm.estimation.objective import LEAST_MOTION, Fit
-from emaphm.estimation.search import Found, check_fitness, fit_of, search
+from emaphm.estimation.objective import MapObjective, faults_objective, faults_only_objective
+from emaphm.estimation.problem import Problem
+from emaphm.estimation.search import check_fitness, search
+from emaphm.estimation.search_result import SearchResult
 from emaphm.progress import Progress, subprogress
 from emaphm.recording import Recording, check_plausible
-from emaphm.simulation import REFERENCE, model_named
+from emaphm.simulation import Model, model_named
 from emaphm.version import VERSION
 
-SEARCHING = 0.1
+SEARCH_SHARE = 0.1
 """Share of the time that the search takes where the posterior is sampled after it."""
+
+LEAST_MOTION = 0.01
+"""Share of the command's range that the position covers at least where a manoeuvre moves the actuator."""
 
 
 def diagnose(
@@ -33,7 +40,7 @@ def diagnose(
     method: str = "hybrid",
     model: str = "averaged",
     fitness: str = "least_squares",
-    turns: int = MOST_TURNS,
+    max_corrections: int = MAX_CORRECTIONS,
     nuisances: Sequence[str] | None = None,
     seed: int = 0,
     workers: int | None = None,
@@ -52,28 +59,28 @@ def diagnose(
         What reproduces the recording: "averaged"; an optimiser alone may also use "monitor", or
         "reference", slowly.
     fitness
-        What an optimiser minimises: one of `FITNESSES`; least squares where they follow.
+        What an optimiser minimises: one of `COST_FUNCTIONS`; least squares where they follow.
+    max_corrections
+        Most corrections of the model's bias by the reference model (with least squares, actuators with an
+        electrical description, recordings up to 30 s); 0 turns them off.
     nuisances
         What is estimated with the faults by a method with least squares: names in
         `emaphm.estimation.nuisances.NAMES`, none where empty, the actuator's own where left out; then
-        also what is off its description beyond doubt (`emaphm.diagnosis.nuisance_selection`).
+        also what deviates significantly from the description (`emaphm.diagnosis.nuisance_selection`).
         A recorded load or temperature counts as known. What the actuator's baseline leaves open is the
         unit's, not the recording's: a method with least squares estimates it whatever is named here.
-    turns
-        Most corrections of the model's bias by the reference model (with least squares, actuators with an
-        electrical description, recordings up to 30 s); 0 turns them off.
     seed, workers
         The same seed gives the same bits, whatever the number of threads.
     posterior
         Whether to sample the posterior as well, which takes some seconds: see
-        `emaphm.estimation.mcmc`. Values and verdicts stay those of the search.
+        `emaphm.estimation.posterior.mcmc`. Values and verdicts stay those of the search.
     on_progress
         Called with the fraction done, from 0 to 1.
 
     Raises
     ------
     RecordingError
-        The recording cannot be meant for this actuator, by orders of magnitude.
+        The recording cannot be of this actuator, by orders of magnitude.
     MethodError
         A name is unknown, or fitness or model do not go with the method, or the model not with a posterior.
     """
@@ -81,107 +88,135 @@ def diagnose(
     chosen = method_named(method)
     check_fitness(chosen, fitness)
     check_plausible(recording, actuator)
-    fit = fit_of(recording, actuator, chosen, model_named(model), nuisances, workers)
+    objective = objective_for(recording, actuator, chosen, model_named(model), nuisances, workers)
     if posterior:
-        check_posterior(fit.problem.model)
-    searching = subprogress(on_progress, 0.0, SEARCHING if posterior else 1.0)
-    found = search(
-        fit,
+        from emaphm.estimation.posterior.mcmc import check_posterior
+
+        check_posterior(objective.problem.model)
+    result = search(
+        objective,
         chosen,
         fitness=fitness,
-        turns=turns,
+        max_corrections=max_corrections,
         seed=seed,
-        suspecting=nuisances is None,
-        on_progress=searching,
+        on_progress=subprogress(on_progress, 0.0, SEARCH_SHARE if posterior else 1.0),
     )
-    if found.discrepancy is None and has_reference(fit.problem):
-        found = _with_discrepancy(found)
-    diagnosis = _conclude(found, chosen.name, fitness, seed, began)
-    if not posterior:
-        return diagnosis
-    # As the reference model has it at the estimate itself, where that is known.
-    correction = found.correction if found.discrepancy is None else found.discrepancy
-    sampling = subprogress(on_progress, SEARCHING, 1.0)
-    sampled = sample(found.fit, found.point, correction, diagnosis.covariance, seed, sampling)
+    selected: tuple[str, ...] = ()
+    if nuisances is None and chosen.least_squares and result.discrepancy is not None:
+        result, selected = select_nuisances(result, max_corrections, seed)
+    result = with_discrepancy(result, seed)
+    diagnosis = _conclude(result, recording, selected, chosen.name, fitness, seed)
+    if posterior:
+        from emaphm.estimation.posterior.mcmc import sample
+
+        sampling = subprogress(on_progress, SEARCH_SHARE, 1.0)
+        correction, covariance = result.outputs_correction, diagnosis.covariance
+        posterior_samples = sample(result.objective, result.point, correction, covariance, seed, sampling)
+        diagnosis = replace(diagnosis, posterior=posterior_samples)
+    evaluations, reference_runs = result.objective.problem.runs.of(result.objective.problem.model)
     return replace(
         diagnosis,
-        posterior=sampled,
-        evaluations=diagnosis.evaluations + sampled.evaluations,
+        evaluations=evaluations,
+        reference_runs=reference_runs,
         seconds=time.perf_counter() - began,
     )
 
 
-def _with_discrepancy(found: Found) -> Found:
-    known = assessed(found.fit, found.point, found.fit.problem.by(REFERENCE))
-    return replace(
-        found,
-        discrepancy=known.discrepancy,
-        evaluations=found.evaluations + known.evaluations,
-        reference_runs=found.reference_runs + known.reference_runs,
-    )
+def objective_for(
+    recording: Recording,
+    actuator: Actuator,
+    method: Method,
+    model: Model,
+    nuisances: Sequence[str] | None,
+    workers: int | None = None,
+) -> MapObjective:
+    """Return what `method` minimises on a recording.
+
+    With least squares, the residual of every channel, with faults and nuisances as parameters; without, that
+    of the current, with the faults alone.
+
+    Raises
+    ------
+    MethodError
+        A nuisance is unknown, or needs the electrical description that the actuator lacks; or the method
+        estimates none.
+    """
+    if method.least_squares:
+        return faults_objective(Problem.of(recording, actuator, model, workers, None), nuisances)
+    if nuisances:
+        raise MethodError(
+            f"method '{method.name}' estimates faults alone; leave out nuisance '{nuisances[0]}', or use "
+            f"'{method.name}+lsq'"
+        )
+    return faults_only_objective(Problem.of(recording, actuator, model, workers))
 
 
-def _conclude(found: Found, method: str, fitness: str, seed: int, began: float) -> Diagnosis:
-    """Return the diagnosis at `found`."""
-    fit, problem, space = found.fit, found.fit.problem, found.fit.space
-    outputs = fit.outputs(found.point[np.newaxis])[0] + found.correction
-    modelled = outputs[: problem.recording.samples]
-    sure = confidence(found, fit.target - outputs, seed)
-    moves, spent = _moves(fit, found.point)
-    current = problem.recorded - modelled
+def _conclude(
+    result: SearchResult,
+    recording: Recording,
+    selected: tuple[str, ...],
+    method: str,
+    fitness: str,
+    seed: int,
+) -> Diagnosis:
+    """Return the diagnosis at `result`; its counts and time are still to be filled in."""
+    objective, problem, space = result.objective, result.objective.problem, result.objective.space
+    residual = result.fitted_residual[: problem.samples]
+    known = identifiability(result, seed)
     return Diagnosis(
-        components=estimates(space, found.point, sure.covariance, sure.groups),
+        components=estimates(space, result.point, known.covariance, known.collinear_sets),
         coordinates=space.coordinates,
-        covariance=sure.covariance,
+        covariance=known.covariance,
         method=method,
         model=problem.model.name,
         fitness_name=fitness,
-        fitness=found.fitness,
-        residual_rms_A=float(np.sqrt(np.mean(current**2))),
-        explained=is_explained(problem.recorded, current, corrected=bool(found.correction.any())),
-        evaluations=found.evaluations + sure.evaluations + spent + 1,
-        reference_runs=found.reference_runs,
-        seconds=time.perf_counter() - began,
+        fitness=result.cost,
+        residual_rms_A=float(np.sqrt(np.mean(residual**2))),
+        explained=is_explained(problem.recorded, residual, corrected=bool(result.correction.any())),
+        evaluations=0,
+        reference_runs=0,
+        seconds=0.0,
         seed=seed,
-        recording=problem.recording.source,
+        recording=recording.source,
         actuator=problem.actuator,
         version=VERSION,
-        time_s=problem.recording["time_s"],
+        time_s=recording["time_s"],
         recorded=problem.recorded,
-        modelled=modelled,
+        modelled=problem.recorded - residual,
         channels=problem.channels,
-        nuisances=_nuisances(fit, found.point, sure.covariance),
-        groups=sure.groups,
-        suspected=found.suspected,
-        moves=moves,
+        nuisances=_nuisance_estimates(objective, result.point, known.covariance),
+        collinear_sets=known.collinear_sets,
+        selected=selected,
+        moves=_moves(objective, result.point),
     )
 
 
-def _moves(fit: Fit, point: Array) -> tuple[bool, int]:
-    """Return whether the actuator moved, and the simulations spent.
-
-    As its position was recorded, or else as the model at `point` (d,) has it.
-    """
-    recording, name = fit.problem.recording, "position_rad"
-    if name in recording:
-        position, spent = recording[name], 0
+def _moves(objective: MapObjective, point: Array) -> bool:
+    """Return whether the actuator moved: by its recorded position, or else by the model's at `point` (d,)."""
+    measured, name = objective.problem.measured, "position_rad"
+    if name in measured:
+        position = measured[name]
     else:
-        seen = replace(fit, problem=replace(fit.problem, channels=(name,), weights=np.ones(1)))
-        position, spent = seen.outputs(point[np.newaxis])[0, : recording.samples], 1
-    return bool(np.ptp(position) > LEAST_MOTION * np.ptp(recording["command_rad"])), spent
+        observing = replace(objective, problem=objective.problem.observing((name,)))
+        position = observing.outputs(point[np.newaxis])[0, : objective.problem.samples]
+    return bool(np.ptp(position) > LEAST_MOTION * np.ptp(measured["command_rad"]))
 
 
-def _nuisances(fit: Fit, point: Array, spread: Array) -> dict[str, NuisanceEstimate]:
-    """Return what was estimated besides at `point` (d,), with standard errors from the covariance (d, d)."""
-    unknown, first = fit.space.nuisances, len(fit.space.columns)
-    values = fit.space.nuisance_values(point[np.newaxis])
-    told = zip(values.items(), unknown.errors(spread[first:, first:]), unknown.deviations, strict=True)
+def _nuisance_estimates(
+    objective: MapObjective, point: Array, covariance: Array
+) -> dict[str, NuisanceEstimate]:
+    """Return the nuisances at `point` (d,), with standard errors from the `covariance` (d, d)."""
+    nuisances, first = objective.space.nuisances, len(objective.space.columns)
+    values = objective.space.nuisance_values(point[np.newaxis])
+    errors = nuisances.standard_errors(covariance[first:, first:])
     return {
         name: NuisanceEstimate(
             float(value[0]),
             float(error),
-            unit_of(name, fit.problem.actuator.coordinates),
-            bool(error < HARDLY_KNOWN * before),
+            unit_of(name, objective.problem.actuator.coordinates),
+            bool(error < VERDICT.uninformative * before),
         )
-        for (name, value), error, before in told
+        for (name, value), error, before in zip(
+            values.items(), errors, nuisances.prior_deviations, strict=True
+        )
     }

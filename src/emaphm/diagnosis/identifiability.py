@@ -1,103 +1,111 @@
-"""How sure an estimate that was found is, and what of it is known only together."""
+"""How well an estimate is known, and what of it is identifiable only in combination."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.diagnosis.verdict import HEALTHY_MARGIN, Z95
-from emaphm.estimation.bias_correction import RESOLUTION
-from emaphm.estimation.collinearity import Group, confounded, remedies
-from emaphm.estimation.covariance import assured
-from emaphm.estimation.local_covariance import neighbourhood, slopes
+from emaphm.diagnosis.verdict import VERDICT, Z95
+from emaphm.estimation.collinearity import CollinearSet, collinear_coordinates, resolving_channels
+from emaphm.estimation.fisher_information import information_lower_bound
+from emaphm.estimation.local_covariance import jacobians_at, local_covariance
 from emaphm.estimation.nuisances import BASELINE, KNOWN_BY
-from emaphm.estimation.objective import CORRELATED_ROWS
+from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective
 from emaphm.estimation.parameter_space import PRIOR_DEVIATION
-from emaphm.estimation.problem import comparable
-from emaphm.estimation.search import Found
+from emaphm.estimation.problem import comparable_channels, rms
+from emaphm.estimation.search_result import DEFAULT_SCATTER, SearchResult
+from emaphm.random_streams import stream
 
-FURTHER_SHARE = 0.03
-"""Residual, as a share of its rms, that is expected of a channel which was not recorded."""
+UNRECORDED_NOISE = 0.03
+"""Assumed noise of an unrecorded channel, relative to its rms."""
 
 
 @dataclass(frozen=True, eq=False)
-class Confidence:
-    """The `covariance` (d, d) of an estimate, its `groups`, and the `evaluations` that it took to tell."""
+class Identifiability:
+    """The `covariance` (d, d) of an estimate, and its `collinear_sets`."""
 
     covariance: Array
-    groups: tuple[Group, ...]
-    evaluations: int
+    collinear_sets: tuple[CollinearSet, ...]
 
 
-def confidence(found: Found, residual: Array, seed: int) -> Confidence:
-    """Return how sure `found` is, whose `residual` (rows,) is left.
+def identifiability(result: SearchResult, seed: int) -> Identifiability:
+    """Return how well the estimate of `result` is known.
 
-    Where the reference model was not asked whether it knows better points, a Gauss-Newton step is left to
-    do: towards the optimum that a swarm may not have reached, and for the model's discrepancy not yet
-    corrected. The covariance then allows for it.
+    The covariance is that of the data and the optimiser's scatter. Where the search has not converged, a
+    Gauss-Newton step remains: towards the optimum that a population method may not have reached, and for the
+    model's discrepancy not yet corrected. The covariance then includes its square.
     """
-    fit, space = found.fit, found.fit.space
-    rows = fit.recorded_rows
-    bias = 0.0 if found.discrepancy is None else (found.discrepancy - found.correction)[:rows]
-    derivatives, spent = slopes(fit, found.point, seed)
-    near = neighbourhood(fit, found.point, residual[:rows], derivatives, bias)
-    covariance = near.covariance + found.play
-    groups, more = _groups(found, covariance, seed)
-    evaluations = spent + more
-    if found.settled:
-        return Confidence(covariance, groups, evaluations)
-    left = space.project(found.point + near.step) - found.point
-    return Confidence(covariance + np.outer(left, left), groups, evaluations)
+    objective, space = result.objective, result.objective.space
+    rows = objective.channel_rows
+    jacobians = jacobians_at(objective, result.point, stream(seed, "Jacobians of the covariance"))
+    residual, bias = result.fitted_residual[:rows], result.remaining_bias[:rows]
+    local = local_covariance(objective, result.point, residual, jacobians, bias)
+    covariance = local.covariance + result.scatter
+    sets = _collinear_sets(result, covariance, seed)
+    if not result.converged:
+        remaining = space.project(result.point + local.step) - result.point
+        covariance = covariance + np.outer(remaining, remaining)
+    return Identifiability(covariance, sets)
 
 
-def _groups(found: Found, covariance: Array, seed: int) -> tuple[tuple[Group, ...], int]:
-    """Return the groups of which only the sum is known, and the simulations spent.
+def _collinear_sets(result: SearchResult, covariance: Array, seed: int) -> tuple[CollinearSet, ...]:
+    """Return the sets of which only a combination is identifiable.
 
-    Groups of nuisances alone are left out, and components that are known well enough for all that.
+    Sets of nuisances alone are left out, and components that are known well enough all the same.
     """
-    faults, names = len(found.fit.space.columns), found.fit.space.coordinates
-    errors = np.sqrt(np.diag(covariance))
+    space = result.objective.space
+    faults, names = len(space.columns), space.coordinates
+    half_widths = Z95 * np.sqrt(np.diag(covariance))
     chosen: dict[tuple[str, ...], list[int]] = {}
-    for members in confounded(covariance):
-        matter = [i for i in members if i >= faults or Z95 * errors[i] > HEALTHY_MARGIN]
-        called = tuple(dict.fromkeys(_called(names[i]) for i in matter))
+    for members in collinear_coordinates(covariance):
+        matter = [i for i in members if i >= faults or half_widths[i] > VERDICT.healthy_margin]
+        called = tuple(dict.fromkeys(_parameter_name(names[i]) for i in matter))
         if len(called) > 1 and matter[0] < faults:
             chosen[called] = matter
     if not chosen:
-        return (), 0
-    more, spent = _further_information(found, seed)
-    channels = found.fit.problem.channels
+        return ()
+    further = further_information(result, seed)
+    channels = result.objective.problem.channels
     return tuple(
-        Group(called, channels, remedies(covariance, members, more)) for called, members in chosen.items()
-    ), spent
+        CollinearSet(called, channels, resolving_channels(covariance, members, further))
+        for called, members in chosen.items()
+    )
 
 
-def _called(name: str) -> str:
+def _parameter_name(coordinate: str) -> str:
     """Return what a coordinate belongs to: the eccentricity has two of them, the baseline several."""
-    return "the baseline" if name.startswith(BASELINE) else name.removesuffix("_x").removesuffix("_y")
+    if coordinate.startswith(BASELINE):
+        return "the baseline"
+    return coordinate.removesuffix("_x").removesuffix("_y")
 
 
-def _further_information(found: Found, seed: int) -> tuple[dict[str, Array], int]:
-    """Return the information (d, d) that each channel not recorded would add, and the simulations spent."""
-    fit = found.fit
-    possible = comparable(fit.problem.actuator)
-    missing = tuple(name for name in possible if name not in fit.problem.channels)
-    more = {}
-    for i, name in enumerate(fit.space.coordinates):
-        if name in KNOWN_BY:
-            exactly = np.zeros_like(found.point)
-            exactly[i] = 1 / RESOLUTION
-            more[KNOWN_BY[name]] = np.outer(exactly, exactly)
+def further_information(result: SearchResult, seed: int) -> dict[str, Array]:
+    """Return the information (d, d) that each channel that was not recorded would add, by its name."""
+    objective = result.objective
+    information = _of_known_nuisances(objective)
+    measured = objective.problem.channels
+    missing = tuple(name for name in comparable_channels(objective.problem.actuator) if name not in measured)
     if not missing:
-        return more, 0
-    unweighted = replace(fit.problem, channels=missing, weights=np.ones(len(missing)))
-    other = replace(fit, problem=unweighted)
-    derivatives, spent = slopes(other, found.point, seed)
-    levels = other.outputs(found.point[np.newaxis])[0, : other.recorded_rows]
-    parts = zip(np.split(levels, len(missing)), np.split(derivatives, len(missing), axis=2), strict=True)
-    for name, (level, part) in zip(missing, parts, strict=True):
-        # Where next to nothing moves, a channel's size is that of what the faults would make of it.
-        size = max(float(np.sqrt(np.mean(level**2))), PRIOR_DEVIATION * float(np.sqrt(np.mean(part**2))))
+        return information
+    other = MapObjective(objective.problem.observing(missing), objective.space, objective.prior_weight)
+    jacobians = jacobians_at(other, result.point, stream(seed, "Jacobians of further channels"))
+    signals = other.outputs(result.point[np.newaxis])[0, : other.channel_rows]
+    by_channel = zip(np.split(signals, len(missing)), np.split(jacobians, len(missing), axis=2), strict=True)
+    for name, (signal, derivatives) in zip(missing, by_channel, strict=True):
+        # Of a signal that hardly varies, the size is that of the faults' effect on it.
+        size = max(rms(signal), PRIOR_DEVIATION * rms(derivatives))
         if size > 0:
-            more[name] = assured(part) / ((FURTHER_SHARE * size) ** 2 * CORRELATED_ROWS)
-    return more, spent + 1
+            variance = (UNRECORDED_NOISE * size) ** 2 * CORRELATED_ROWS
+            information[name] = information_lower_bound(derivatives) / variance
+    return information
+
+
+def _of_known_nuisances(objective: MapObjective) -> dict[str, Array]:
+    """Return the information (d, d) of channels that would make a nuisance known."""
+    information = {}
+    for i, name in enumerate(objective.space.coordinates):
+        if name in KNOWN_BY:
+            known = np.zeros((objective.space.dimensions,) * 2)
+            known[i, i] = DEFAULT_SCATTER**-2
+            information[KNOWN_BY[name]] = known
+    return information

@@ -1,9 +1,10 @@
-"""What a recording asks to be estimated too: nuisances that nobody named, tested by Rao's score.
+"""Parameters that deviate from the description although nobody asked to estimate them: a score test.
 
 A wrong inertia reads as a fault wherever it is taken as known, and leaves hardly more residual. But where
-the recording can tell it, a step towards the better estimate leads away from nominal (Rao 1948; Engle 1984),
-and descents from there leave a little less. It is then estimated with the rest, and kept if it still stands
-out, by more than any actuator may be off, and less is left of the recording.
+the recording has information on it, a Gauss-Newton step leads away from its nominal value (Rao 1948; Engle
+1984), and descents from there leave a slightly smaller residual. The nuisance is then estimated with the
+faults. It is kept if it is still significant, deviates by more than every actuator does, and the residual is
+smaller.
 """
 
 from dataclasses import dataclass, replace
@@ -11,149 +12,158 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.estimation.bias_correction import Corrected, correct, resolution
-from emaphm.estimation.local_covariance import neighbourhood, slopes
-from emaphm.estimation.multistart import descend
-from emaphm.estimation.nuisances import RANGE, NuisanceSet, less_known
-from emaphm.estimation.objective import Fit
-from emaphm.estimation.parameter_space import FaultSpace
-from emaphm.optimizers.base import generator
+from emaphm.estimation.bias_correction import correct_bias
+from emaphm.estimation.local_covariance import jacobians_at, local_covariance
+from emaphm.estimation.multistart import local_search, with_descents
+from emaphm.estimation.nuisances import PRIORS_PER_UNIT, NuisanceSet, with_wider_priors
+from emaphm.estimation.objective import MapObjective
+from emaphm.estimation.parameter_space import ParameterSpace
+from emaphm.estimation.search_result import SearchResult, default_scatter
+from emaphm.random_streams import child_seed, stream
 
-SUSPICIOUS, HINT = 1.0, 0.995
-"""Standard errors off nominal that a nuisance is looked at from; share of the misfit that makes it suspect.
 
-A score is only as good as derivatives at a wrong estimate: five percent of inertia made 1.6 to 7 of it, where
-line voltage was recorded, the actuator as described up to 4. Descents tell them apart, under the correction
-that is there: inertia left 0.998 at most, 0.98 mostly, the actuator as described 0.996 and more, but for one
-recording in a hundred.
-"""
+@dataclass(frozen=True)
+class NuisanceSelectionSettings:
+    """When a nuisance is tried, and when it is kept; `make study` (limits, inertia and supply) measures them.
 
-BEYOND_DOUBT, LIKELY, TELLTALE = 3.0, 1.5, 0.95
-"""Standard errors off nominal that the estimate of a suspect is kept from, or so many where less is left.
+    Tried: a score above `tried_score` standard errors, and descents that leave less than `tried_share` of the
+    mean squared residual. Derivatives at a wrong estimate make scores unreliable: 5 % of inertia had 1.6 to 7
+    where line voltage was recorded, the actuator as described up to 4. Descents separate them: with 5 % of
+    inertia they left 0.998 at most, 0.98 mostly; as described 0.996 and more, but for 1 recording in 100.
 
-Five percent of inertia, once estimated, brought what is left down to 0.65 to 0.92 of its mean square, the
-actuator as described by no more than chance, to 0.976.
-"""
+    Kept: an estimate `certain_score` standard errors off nominal with a smaller residual, or `likely_score`
+    with less than `likely_share` of it. 5 % of inertia, once estimated, left 0.65 to 0.92; the actuator as
+    described no less than chance, 0.976. It must also be off by `least_deviation`, a share of its prior's
+    standard deviation: less is expected of every actuator.
 
-LOOKS = 2
-"""Descents by which a nuisance is looked at."""
+    The data must determine the nuisance to `informative`, a share of its prior's standard deviation.
+    The prior of what is tried is `widening` times as wide: it would otherwise shrink a large deviation.
+    """
 
-TELLING = 1.0
-"""Standard error that a recording must tell a nuisance to, as a share of its prior's: else it is no use."""
+    tried_score: float = 1.0
+    tried_share: float = 0.995
+    certain_score: float = 3.0
+    likely_score: float = 1.5
+    likely_share: float = 0.95
+    least_deviation: float = 0.5
+    informative: float = 1.0
+    widening: float = 4.0
+    descents: int = 2
 
-LEAST = 0.5
-"""What a nuisance must be off at least, as a share of its prior: so much is expected of every actuator."""
 
-WIDER = 4.0
-"""By this the prior of what stands out is widened: it would otherwise draw back what is beyond it."""
+SELECTION = NuisanceSelectionSettings()
 
 
 @dataclass(frozen=True, eq=False)
-class _Suspect:
-    """A nuisance, the fit and point (d,) that descents with it lead to, and what share they leave."""
+class _Candidate:
+    """A nuisance, the objective and point (d,) that descents with it lead to, and the share of residual."""
 
     name: str
-    fit: Fit
+    objective: MapObjective
     point: Array
     share: float
 
 
-def suspected(found: Corrected, turns: int, seed: int) -> tuple[Corrected, tuple[str, ...]]:
-    """Return `found`, or what is found with the nuisances that stand out estimated too, and their names."""
+def select_nuisances(
+    result: SearchResult, max_corrections: int, seed: int
+) -> tuple[SearchResult, tuple[str, ...]]:
+    """Return the result with the significant nuisances estimated too, and their names."""
     names: tuple[str, ...] = ()
     while True:
-        suspects, evaluations = _suspects(found, names, seed)
-        found = replace(found, evaluations=found.evaluations + evaluations)
-        for suspect in suspects:
-            tried = correct(suspect.fit, suspect.point[np.newaxis], turns)
-            score, evaluations = _standing_out(tried, suspect.name, seed)
-            evaluations += found.evaluations + tried.evaluations
-            reference_runs = found.reference_runs + tried.reference_runs
-            share = _share_left(tried, found)
-            stands_out = (score >= BEYOND_DOUBT and share < 1) or (score >= LIKELY and share < TELLTALE)
-            kept = stands_out and _matters(tried, suspect.name)
-            found = replace(tried if kept else found, evaluations=evaluations, reference_runs=reference_runs)
-            if kept:
-                names = (*names, suspect.name)
+        for candidate in _candidates(result, names, seed):
+            child = child_seed(seed, "nuisance selection", candidate.name)
+            tried = correct_bias(candidate.objective, candidate.point[np.newaxis], max_corrections, child)
+            if _significant(tried, result, candidate.name, child):
+                result, names = tried, (*names, candidate.name)
                 break
         else:
-            return found, names
+            return result, names
 
 
-def _suspects(found: Corrected, names: tuple[str, ...], seed: int) -> tuple[list[_Suspect], int]:
-    """Return what is suspicious of what is neither estimated nor known, and the simulations spent.
+def _significant(tried: SearchResult, before: SearchResult, name: str, seed: int) -> bool:
+    """Return whether the estimate of `name` in `tried` is kept."""
+    share, score = _share_of_residual(tried, before), _score(tried, name, seed)
+    significant = (score >= SELECTION.certain_score and share < 1) or (
+        score >= SELECTION.likely_score and share < SELECTION.likely_share
+    )
+    value = tried.point[tried.objective.space.coordinates.index(name)]
+    least = SELECTION.least_deviation / PRIORS_PER_UNIT / SELECTION.widening
+    return significant and bool(abs(value) > least)
 
-    The most suspicious comes first. `names` are those suspected before, whose estimates `found` has.
+
+def _candidates(result: SearchResult, names: tuple[str, ...], seed: int) -> list[_Candidate]:
+    """Return the nuisances worth trying, of those neither estimated nor known; the most promising first.
+
+    `names` were selected before, and are estimated in `result`.
     """
-    problem = found.fit.problem
-    others = found.fit.space.nuisances.others(problem.actuator, problem.recording.names)
+    objective = result.objective
+    problem = objective.problem
+    others = objective.space.nuisances.others(problem.actuator, tuple(problem.measured))
     if not others:
-        return [], 0
-    wide, start = _widened(found, names, others)
-    derivatives, spent = slopes(wide, start, seed)
-    result = []
+        return []
+    wide, start = _with_nuisances(result, names, others)
+    jacobians = jacobians_at(wide, start, stream(seed, "Jacobians of the score test", *names))
+    candidates = []
     for name in others:
-        fit, point = _widened(found, names, (name,))
-        # Derivatives were taken for all at once; each is judged as if it alone were estimated besides.
-        kept = [i for i, other in enumerate(wide.space.coordinates) if other in fit.space.coordinates]
-        near = neighbourhood(fit, point, found.residual[: fit.recorded_rows], derivatives[:, kept])
-        i = fit.space.coordinates.index(name)
-        error = float((near.covariance + resolution(point.size))[i, i] ** 0.5)
-        score = float(abs(near.step[i])) / error
-        if score > SUSPICIOUS and error < TELLING / RANGE / WIDER:
-            there, share, more = _looked_at(fit, point + near.step, found, seed)
-            spent += more
-            if share < HINT:
-                result.append(_Suspect(name, fit, there, share))
-    return sorted(result, key=lambda suspect: suspect.share), spent
+        extended, point = _with_nuisances(result, names, (name,))
+        # Jacobians were taken for all at once; each is judged as if it alone were estimated too.
+        kept = [i for i, other in enumerate(wide.space.coordinates) if other in extended.space.coordinates]
+        residual = result.residual[: objective.channel_rows]
+        local = local_covariance(extended, point, residual, jacobians[:, kept])
+        i = extended.space.coordinates.index(name)
+        error = float((local.covariance + default_scatter(point.size))[i, i] ** 0.5)
+        score = float(abs(local.step[i])) / error
+        informative = SELECTION.informative / PRIORS_PER_UNIT / SELECTION.widening
+        if score > SELECTION.tried_score and error < informative:
+            candidate = _refit_with(name, extended, point + local.step, result, seed)
+            if candidate.share < SELECTION.tried_share:
+                candidates.append(candidate)
+    return sorted(candidates, key=lambda candidate: candidate.share)
 
 
-def _looked_at(fit: Fit, start: Array, found: Corrected, seed: int) -> tuple[Array, float, int]:
-    """Return where descents lead from `start` (d,) under the correction of `found`.
+def _refit_with(
+    name: str, objective: MapObjective, start: Array, result: SearchResult, seed: int
+) -> _Candidate:
+    """Return where descents lead from `start` (d,) under the correction of `result`."""
+    rows = result.objective.channel_rows
+    correction = np.zeros_like(objective.target)
+    correction[:rows] = result.outputs_correction[:rows]
+    rng = stream(seed, "descents of the score test", name)
+    start = objective.space.project(start)
+    point = local_search(objective, start, correction, rng, with_descents(SELECTION.descents)).best
+    residual = objective.residual(point, correction)[:rows]
+    share = float(np.mean(residual**2) / np.mean(result.residual[:rows] ** 2))
+    return _Candidate(name, objective, point, share)
 
-    And the mean square that is left there, as a share of what `found` leaves; and the simulations spent.
+
+def _share_of_residual(tried: SearchResult, before: SearchResult) -> float:
+    """Return the mean squared residual of the channels in `tried`, relative to that in `before`."""
+    rows = before.objective.channel_rows
+    ratios = before.objective.problem.weights / tried.objective.problem.weights
+    residual = tried.residual[:rows] * np.repeat(ratios, before.objective.problem.samples)
+    return float(np.mean(residual**2) / np.mean(before.residual[:rows] ** 2))
+
+
+def _score(result: SearchResult, name: str, seed: int) -> float:
+    """Return how many standard errors the estimate of `name` is off nominal."""
+    objective, i = result.objective, result.objective.space.coordinates.index(name)
+    jacobians = jacobians_at(objective, result.point, stream(seed, "Jacobians of the selected nuisance"))
+    residual = result.residual[: objective.channel_rows]
+    local = local_covariance(objective, result.point, residual, jacobians)
+    return float(abs(result.point[i]) / (local.covariance + result.scatter)[i, i] ** 0.5)
+
+
+def _with_nuisances(
+    result: SearchResult, names: tuple[str, ...], more: tuple[str, ...]
+) -> tuple[MapObjective, Array]:
+    """Return the objective with `more` nuisances, and the point (d,) of `result` in its space.
+
+    They have wide priors, as have `names`, which were selected before.
     """
-    rows = found.fit.recorded_rows
-    correction = np.zeros_like(fit.target)
-    correction[:rows] = found.discrepancy[:rows]
-    descended = descend(fit, fit.space.project(start), correction, generator(seed, 5), LOOKS)
-    there = descended.points[descended.best]
-    left = (fit.target - fit.outputs(there[np.newaxis])[0] - correction)[:rows]
-    share = float(np.mean(left**2) / np.mean(found.residual[:rows] ** 2))
-    return there, share, descended.evaluations + 1
-
-
-def _matters(found: Corrected, name: str) -> bool:
-    """Return whether nuisance `name`, whose prior is wide, is off nominal by more than any may be."""
-    value = found.point[found.fit.space.coordinates.index(name)]
-    return bool(abs(value) > LEAST / RANGE / WIDER)
-
-
-def _share_left(tried: Corrected, found: Corrected) -> float:
-    """Return what `tried` leaves of the recorded channels, mean square, as a share of what `found` leaves."""
-    rows = found.fit.recorded_rows
-    ratios = found.fit.problem.weights / tried.fit.problem.weights
-    left = tried.residual[:rows] * np.repeat(ratios, found.fit.problem.recording.samples)
-    return float(np.mean(left**2) / np.mean(found.residual[:rows] ** 2))
-
-
-def _standing_out(found: Corrected, name: str, seed: int) -> tuple[float, int]:
-    """Return how many standard errors the estimate of `name` is off nominal, and the simulations spent."""
-    fit, i = found.fit, found.fit.space.coordinates.index(name)
-    derivatives, spent = slopes(fit, found.point, seed)
-    near = neighbourhood(fit, found.point, found.residual[: fit.recorded_rows], derivatives)
-    return float(abs(found.point[i]) / (near.covariance + found.play)[i, i] ** 0.5), spent
-
-
-def _widened(found: Corrected, names: tuple[str, ...], more: tuple[str, ...]) -> tuple[Fit, Array]:
-    """Return the fit with `more` nuisances estimated besides, and where `found` is in its space (d,).
-
-    They have wide priors, as have `names`, which were suspected before.
-    """
-    fit = found.fit
-    actuator, recorded = fit.problem.actuator, fit.problem.recording.names
-    chosen = (*fit.space.nuisances.chosen, *more)
-    unknown = NuisanceSet.of(less_known(actuator, (*names, *more), WIDER), chosen, recorded)
-    wide = replace(fit, space=FaultSpace.of(actuator, unknown))
-    values = dict(zip(fit.space.coordinates, found.point, strict=True))
-    return wide, np.array([values.get(name, 0.0) for name in wide.space.coordinates])
+    objective = result.objective
+    actuator, measured = objective.problem.actuator, tuple(objective.problem.measured)
+    chosen = (*objective.space.nuisances.chosen, *more)
+    wider = with_wider_priors(actuator, (*names, *more), SELECTION.widening)
+    space = ParameterSpace.of(actuator, NuisanceSet.of(wider, chosen, measured))
+    values = dict(zip(objective.space.coordinates, result.point, strict=True))
+    return replace(objective, space=space), np.array([values.get(name, 0.0) for name in space.coordinates])

@@ -1,6 +1,7 @@
 """From an estimate and its covariance to a statement about each fault component."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -8,91 +9,137 @@ import numpy as np
 from emaphm.actuator import NAMES
 from emaphm.actuator.faults import HEALTHY
 from emaphm.arrays import Array
-from emaphm.diagnosis.result import Estimate
-from emaphm.estimation.collinearity import Group
-from emaphm.estimation.parameter_space import PRIOR_DEVIATION, FaultSpace
-from emaphm.estimation.problem import noise_level
+from emaphm.estimation.collinearity import CollinearSet
+from emaphm.estimation.noise_level import noise_level
+from emaphm.estimation.parameter_space import PRIOR_DEVIATION, ParameterSpace
+
+Verdict = Literal["healthy", "degraded", "cannot tell"]
 
 Z95 = 1.959963984540054
-WIDEST_HALF_INTERVAL = 0.25
-"""A component known less well than this is called not identifiable: the data leave half its range open."""
+"""Half-width of a normal 95 % interval, in standard errors."""
 
-HARDLY_KNOWN = 0.7
-"""Standard error, as a share of the prior's, from which on the data tell next to nothing."""
 
-HEALTHY_MARGIN = 0.02
-"""An interval this near to the healthy value counts as healthy: no model is right to a hundredth."""
+@dataclass(frozen=True)
+class VerdictSettings:
+    """From which values a component is called degraded, healthy, or not identifiable, in its unit [0, 1].
 
-HIDDEN = 0.1
-"""A component is called healthy only where its interval leaves no room for a fault larger than this."""
+    Degraded: the whole interval is more than `healthy_margin` away from the healthy value; no model is right
+    to a hundredth of the range. Healthy: no value in the interval is more than `hidden_fault` away from it.
+    Not identifiable: the interval is longer than `longest_interval`, half the range; a standard error above
+    `uninformative`, a share of the prior's, leaves all of the range open. `make study` (accuracy) counts
+    false alarms and detections.
+    """
 
-ALLOWED = {False: (1.5, 0.05), True: (1.25, 0.02)}
-"""Residual that a recording may leave without and with correction by the reference model.
+    healthy_margin: float = 0.02
+    hidden_fault: float = 0.1
+    longest_interval: float = 0.5
+    uninformative: float = 0.7
 
-As a multiple of the noise on it, and as a share of the current's rms. Of recordings that the reference
-model made itself the correction leaves up to 1.17 times the noise, and nothing beyond 1.25 times.
-"""
+
+VERDICT = VerdictSettings()
+
+
+@dataclass(frozen=True)
+class ExplainedSettings:
+    """The largest residual of the current that counts as explained: `noise` and `model` add by squares.
+
+    `noise` is a multiple of the white noise on the recording, `model` a share of the current's rms.
+    """
+
+    noise: float
+    model: float
+
+
+EXPLAINED = {False: ExplainedSettings(1.5, 0.05), True: ExplainedSettings(1.25, 0.02)}
+"""Without and with correction by the reference model. On recordings that the reference model made itself,
+the corrected residual was up to 1.17 times the noise."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One fault component: its normalised value, standard error, 95 % interval and verdict.
+
+    The verdict is "degraded" where the whole interval is away from the healthy value, "healthy" where it
+    leaves room for no fault that matters, else "cannot tell". `identifiable` is false where the interval
+    covers more than half of the range: the value is then not known, whatever the verdict. `reason` says why
+    a verdict or a value is missing. The interval of the eccentricity's phase may run past 0 or 1, where the
+    circle closes.
+    """
+
+    value: float
+    standard_error: float
+    interval95: tuple[float, float]
+    identifiable: bool
+    verdict: Verdict
+    reason: str = ""
 
 
 def estimates(
-    space: FaultSpace, point: Array, covariance: Array, groups: Sequence[Group] = ()
+    space: ParameterSpace, point: Array, covariance: Array, collinear_sets: Sequence[CollinearSet] = ()
 ) -> dict[str, Estimate]:
     """Return the eight components at `point` (d,) with intervals from `covariance` (d, d).
 
-    Where nothing can be told of a component, its reason names the `groups` that it is a member of.
+    Where a component is not identifiable, its reason names the `collinear_sets` that it is a member of.
     """
     faults = space.faults(point)
     result = {}
     for i, name in enumerate(NAMES):
         if name in space.fixed:
-            reason = space.fixed[name]
-            result[name] = _untold(float(HEALTHY.vector[i]), PRIOR_DEVIATION, (0.0, 1.0), reason)
-        elif i in (5, 6):
-            continue
-        else:
+            result[name] = _unknown(float(HEALTHY.vector[i]), PRIOR_DEVIATION, (0.0, 1.0), space.fixed[name])
+        elif name not in ("eccentricity", "eccentricity_phase"):
             column = space.columns.index(i)
             error = float(np.sqrt(covariance[column, column]))
-            together = _together(name, groups)
-            result[name] = _component(float(faults[i]), error, float(HEALTHY.vector[i]), together)
+            collinear = _collinear_with(name, collinear_sets)
+            result[name] = _component(float(faults[i]), error, float(HEALTHY.vector[i]), collinear)
     if "eccentricity" not in space.fixed:
-        result |= _eccentricity(space, point, covariance, _together("eccentricity", groups))
+        collinear = _collinear_with("eccentricity", collinear_sets)
+        result |= _eccentricity(space, point, covariance, collinear)
     return {name: result[name] for name in NAMES}
 
 
-def _together(name: str, groups: Sequence[Group]) -> str:
-    """Return why a member of a group cannot be told, nothing for another component."""
-    others = [group.others(name) for group in groups if name in group.members]
-    return f"only what it makes together with {others[0]} is known" if others else ""
+def _collinear_with(name: str, collinear_sets: Sequence[CollinearSet]) -> str:
+    """Return why a member of a collinear set is not identifiable, nothing for another component."""
+    others = [one.others(name) for one in collinear_sets if name in one.members]
+    return f"only its combined effect with {others[0]} is identifiable" if others else ""
 
 
-def _untold(value: float, error: float, interval: tuple[float, float], reason: str) -> Estimate:
+def _unknown(value: float, error: float, interval: tuple[float, float], reason: str) -> Estimate:
     return Estimate(value, error, interval, identifiable=False, verdict="cannot tell", reason=reason)
 
 
-def _component(value: float, error: float, healthy: float, together: str = "") -> Estimate:
-    """Return the estimate of a component: what its whole interval says of it, or that it says nothing."""
-    half = Z95 * error
-    low, high = interval = (max(value - half, 0.0), min(value + half, 1.0))
-    identifiable = half <= WIDEST_HALF_INTERVAL
-    reason = "" if identifiable else together or "this recording does not constrain it; more motion would"
-    if error > HARDLY_KNOWN * PRIOR_DEVIATION:
-        # Where nothing is told, the search has ended anywhere: so may the interval be.
-        return _untold(value, error, (0.0, 1.0), reason)
-    verdict: Literal["healthy", "degraded", "cannot tell"]
-    if max(low - healthy, healthy - high) > HEALTHY_MARGIN:
-        verdict = "degraded"
-    elif max(high - healthy, healthy - low) <= HIDDEN:
-        verdict = "healthy"
-    else:
-        verdict = "cannot tell"
-        reason = reason or together or "its interval holds both the healthy value and faults that matter"
+def _component(value: float, error: float, healthy: float, collinear: str = "") -> Estimate:
+    """Return the estimate of a component: what its whole interval says of it."""
+    unconstrained = collinear or "this recording does not constrain it; a larger or faster command would"
+    if error > VERDICT.uninformative * PRIOR_DEVIATION:
+        # A search may have ended anywhere in the range: so may the interval be.
+        return _unknown(value, error, (0.0, 1.0), unconstrained)
+    low, high = interval = (max(value - Z95 * error, 0.0), min(value + Z95 * error, 1.0))
+    identifiable = high - low <= VERDICT.longest_interval
+    verdict = _verdict(low, high, healthy)
+    reason = ""
+    if verdict == "cannot tell":
+        reason = collinear or (
+            "its interval contains both the healthy value and relevant faults"
+            if identifiable
+            else unconstrained
+        )
+    elif not identifiable:
+        reason = "its size may be anywhere in the interval"
     return Estimate(value, error, interval, identifiable, verdict, reason)
 
 
+def _verdict(low: float, high: float, healthy: float) -> Verdict:
+    if max(low - healthy, healthy - high) > VERDICT.healthy_margin:
+        return "degraded"
+    if max(high - healthy, healthy - low) <= VERDICT.hidden_fault:
+        return "healthy"
+    return "cannot tell"
+
+
 def _eccentricity(
-    space: FaultSpace, point: Array, covariance: Array, together: str
+    space: ParameterSpace, point: Array, covariance: Array, collinear: str
 ) -> Mapping[str, Estimate]:
-    """Return radius and phase from their Cartesian form; the phase only where there is beyond doubt one."""
+    """Return radius and phase from Cartesian form; the phase only where the eccentricity is degraded."""
     x = space.columns.index(5)
     faults = space.faults(point)
     block = covariance[x : x + 2, x : x + 2]
@@ -103,10 +150,10 @@ def _eccentricity(
     radial = float(np.sqrt(along @ block @ along))
     turning = float(np.sqrt(across @ block @ across)) / (2 * np.pi * max(radius, 1e-12))
     half = Z95 * turning
-    size = _component(radius, radial, healthy=0.0, together=together)
-    if size.verdict != "degraded" or half > WIDEST_HALF_INTERVAL:
-        reason = "no eccentricity beyond doubt, so its direction has no meaning"
-        angle = _untold(phase, min(turning, float(PRIOR_DEVIATION)), (0.0, 1.0), reason)
+    size = _component(radius, radial, healthy=0.0, collinear=collinear)
+    if size.verdict != "degraded" or 2 * half > VERDICT.longest_interval:
+        reason = "no significant eccentricity, so its direction is undefined"
+        angle = _unknown(phase, min(turning, float(PRIOR_DEVIATION)), (0.0, 1.0), reason)
     else:
         # A direction is neither good nor bad: it shares the verdict of the eccentricity itself.
         interval = (phase - half, phase + half)
@@ -115,7 +162,7 @@ def _eccentricity(
 
 
 def is_explained(recorded: Array, residual: Array, *, corrected: bool) -> bool:
-    """Return whether `residual` (samples,) is no more than what noise and the model may leave, `ALLOWED`."""
-    noise, share = ALLOWED[corrected]
-    allowed = (noise * noise_level(recorded)) ** 2 + share**2 * float(np.mean(recorded**2))
-    return bool(np.mean(residual**2) <= allowed)
+    """Return whether `residual` (samples,) of the `recorded` current is no more than `EXPLAINED` allows."""
+    allowed = EXPLAINED[corrected]
+    variance = (allowed.noise * noise_level(recorded)) ** 2 + allowed.model**2 * float(np.mean(recorded**2))
+    return bool(np.mean(residual**2) <= variance)

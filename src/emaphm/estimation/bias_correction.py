@@ -1,267 +1,199 @@
-"""Correcting the averaged model's bias with a few runs of the reference model (PHYSICS.md section 7).
+"""Correction of the fitted model's bias by a few runs of the reference model (docs/physics.md, section 7).
 
-The averaged model is not the reference model, so its best fit is biased. What separates the two at the
-estimate is subtracted from the recording, and the fit repeated from there: space mapping, or a
-multi-fidelity additive correction (Bandler et al. 2004; March and Willcox 2012).
+The averaged model is not the reference model, so its best fit is biased. Their discrepancy at the estimate is
+added to the averaged model's outputs, and the fit repeated from there: space mapping, or a multi-fidelity
+additive correction (Bandler et al. 2004; March and Willcox 2012).
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Self
 
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.estimation.levenberg_marquardt import information, movable, scattered
-from emaphm.estimation.multistart import DESCENTS, descend
-from emaphm.estimation.objective import CORRELATED_ROWS, Fit
+from emaphm.estimation.discrepancy import discrepancies, has_reference, reference_problem
+from emaphm.estimation.finite_differences import replicated_jacobians
+from emaphm.estimation.fisher_information import information
+from emaphm.estimation.levenberg_marquardt import movable
+from emaphm.estimation.multistart import LOCAL_SEARCH, local_search, with_descents
+from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective
 from emaphm.estimation.parameter_space import PRIOR_DEVIATION
-from emaphm.estimation.problem import Problem, noise_level
-from emaphm.optimizers.base import generator
-from emaphm.simulation import REFERENCE
+from emaphm.estimation.problem import Problem
+from emaphm.estimation.search_result import SearchResult
+from emaphm.progress import Progress
+from emaphm.random_streams import stream
 
-MOST_TURNS = 10
+MAX_CORRECTIONS = 10
+"""Most correction iterations; most recordings take 4 to 6."""
 
-RUNS = 16
-"""Runs of the reference model in a turn, shared by the points proposed: its kernel takes so many at once."""
 
-APART = 1e-5
-"""Distance of runs whose ripple is averaged: switching differs between them, and nothing else does."""
+@dataclass(frozen=True)
+class BiasCorrectionSettings:
+    """How an iteration proposes candidates, and when the iterations end; `make study` shows the effect.
 
-SHARES = np.array([[0.0], [0.3], [1.0]])
-"""Proposals, from where a descent ends: shares of a step by derivatives about several points."""
+    An iteration descends, then takes the `step_shares` of a Gauss-Newton step by `replicates` Jacobians over
+    differences of `jacobian_step`, `longest_step` at most. One that follows an iteration without progress
+    adds `further_replicates` to them, and makes `further_descents`. Misfits within the factor `equal_misfits`
+    count as equal: switching alone changes a misfit by about 10 %. Progress is a misfit below `progress`
+    times the one before; after `patience` iterations without, the correction has converged.
+    """
 
-STEP, POINTS = 2e-2, 4
-"""The step of these derivatives' differences, and the points that they are taken about."""
+    step_shares: tuple[float, ...] = (0.0, 0.3, 1.0)
+    jacobian_step: float = 2e-2
+    replicates: int = 4
+    longest_step: float = 0.1
+    further_descents: int = 2
+    further_replicates: int = 2
+    equal_misfits: float = 1.2
+    progress: float = 0.9
+    patience: int = 3
 
-DESCENTS_AGAIN, POINTS_AGAIN = 2, 2
-"""Descents and points of a turn that follows one without progress: it adds to what was found there."""
 
-FARTHEST = 0.1
-"""Longest step of a proposal beyond the descent."""
-
-ALIKE = 1.2
-"""Misfits that differ by less are alike: chaos alone makes a recording's vary by some ten percent."""
-
-BETTER, PATIENCE = 0.9, 3
-"""What counts as progress of the misfit, and the turns without any after which it ends."""
-
-RESOLUTION = 2e-4
-"""Standard error taken for what kinks of stick-slip leave a descent of play, where it was not measured."""
-
-LONGEST_S = 30.0
-"""Recordings up to here are corrected: beyond, the reference model's steps would fill gigabytes."""
+BIAS_CORRECTION = BiasCorrectionSettings()
 
 
 @dataclass(frozen=True, eq=False)
-class Corrected:
-    """An estimate and the `correction`, (rows,), that the `outputs` of its `fit` had when it was found.
+class _Jacobians:
+    """Replicated Jacobians (n, d, rows), as `objective` weights the rows."""
 
-    `discrepancy` is that correction as it stands at the estimate itself: the two differ by what a
-    further turn would still change. `doubt` is its standard error by the chaos of switching, (rows,), and
-    `chaos` [A²] the variance that this makes of the current in one run. `play` (d, d) is the covariance that
-    the search itself adds to that of the data. `evaluations` counts the averaged model's runs,
-    `reference_runs` the reference model's. `settled` is true where the reference model has seen no better
-    beside it.
-    """
-
-    fit: Fit
-    point: Array
-    outputs: Array
-    correction: Array
-    discrepancy: Array
-    doubt: Array
-    chaos: float
-    play: Array
-    evaluations: int
-    reference_runs: int
-    settled: bool = False
-
-    @property
-    def residual(self) -> Array:
-        """What was recorded less what the reference model has at the estimate, (rows,)."""
-        return self.fit.target - self.outputs - self.discrepancy
-
-    @property
-    def misfit(self) -> float:
-        """The mean squared `residual` [A²] less the share that the doubt has in it, at least 0."""
-        return max(float(np.mean(self.residual**2) - np.mean(self.doubt**2)), 0.0)
-
-    @property
-    def excess(self) -> float:
-        """The current's `residual` in multiples of what noise and chaos leave: at most 1 at the truth."""
-        return float(np.sqrt(self.left / (noise_level(self.fit.problem.recorded) ** 2 + self.chaos)))
-
-    @property
-    def left(self) -> float:
-        """The mean squared `residual` of the current [A²]."""
-        return float(np.mean(self.residual[: self.fit.problem.recording.samples] ** 2))
-
-    def reweighted(self) -> Self:
-        """Return the estimate with its channels weighted by its residuals."""
-        return self.under(self.fit.reweighted(self.residual))
-
-    def under(self, fit: Fit) -> Self:
-        """Return the same estimate with its rows weighted as `fit` weights them."""
-        return replace(
-            self,
-            fit=fit,
-            outputs=fit.rescaled(self.outputs, self.fit),
-            correction=fit.rescaled(self.correction, self.fit),
-            discrepancy=fit.rescaled(self.discrepancy, self.fit),
-            doubt=fit.rescaled(self.doubt, self.fit),
-        )
+    objective: MapObjective
+    values: Array
 
 
-def resolution(dimensions: int) -> Array:
-    """Return the covariance (d, d) that a search is taken to add where its play was not measured."""
-    return RESOLUTION**2 * np.eye(dimensions)
-
-
-def has_reference(problem: Problem) -> bool:
-    """Return whether the reference model can run: windings described, the recording not too long."""
-    return problem.actuator.electrical is not None and problem.recording.duration_s <= LONGEST_S
-
-
-def correct(
-    fit: Fit,
+def correct_bias(
+    objective: MapObjective,
     points: Array,
-    turns: int,
-    on_progress: Callable[[float], None] | None = None,
-) -> Corrected:
-    """Return the estimate after up to `turns` corrections, from the best of `points` (n, d).
+    max_corrections: int,
+    seed: int,
+    on_progress: Progress | None = None,
+    settings: BiasCorrectionSettings = BIAS_CORRECTION,
+) -> SearchResult:
+    """Return the estimate after up to `max_corrections` iterations, from the best of `points` (n, d).
 
-    Each turn proposes several points under the present correction, and asks the reference model how far
-    each is from the recording. It takes the boldest of those that are as near as any, so never one that
-    is farther than before by more than chaos makes of it. In the end, the mean of those that the turns
-    without progress led to: the reference model cannot tell them apart.
+    Each iteration proposes candidates under the present correction, and asks the reference model for the
+    misfit of each. It takes the one farthest along whose misfit equals the least, so never one that is worse
+    than before by more than switching makes. In the end, the mean of the estimates of the iterations without
+    progress is taken: the reference model finds no difference between them.
     """
-    reference = fit.problem.by(REFERENCE)
-    started = _assessed(fit, points, np.zeros_like(fit.target), reference)
-    current = min(started, key=lambda one: one.left)
-    current = replace(
-        current, evaluations=len(points), reference_runs=sum(one.reference_runs for one in started)
-    )
-    idle, alike, found = 0, list[Corrected](), None
-    for turn in range(turns):
+    reference = reference_problem(objective)
+    none = np.zeros_like(objective.target)
+    starts = _compared(objective, none, points, reference, stream(seed, "reference runs", "starts"))
+    current = min(starts, key=lambda one: one.residual_variance)
+    idle, equal, jacobians = 0, list[SearchResult](), None
+    for iteration in range(max_corrections):
         current = current.reweighted()
-        found = _beside(current, turn, found if idle else None)
-        tried = _assessed(current.fit, found.proposals, current.discrepancy, reference)
-        misfits = np.array([one.misfit for one in tried])
-        bold = int(np.flatnonzero(misfits <= ALIKE * misfits.min())[-1])
-        idle = 0 if misfits[bold] < BETTER * current.misfit else idle + 1
-        taken = current
-        if misfits[bold] <= ALIKE * current.misfit:
-            taken = tried[bold]
-            alike = [*alike, taken] if idle else []
-        current = replace(
-            taken,
-            evaluations=current.evaluations + found.evaluations + len(tried),
-            reference_runs=current.reference_runs + sum(one.reference_runs for one in tried),
-            settled=idle == PATIENCE,
+        correction = current.outputs_correction
+        candidates, jacobians = _candidates(
+            current, correction, jacobians if idle else None, iteration, seed, settings
         )
-        if current.settled:
+        rng = stream(seed, "reference runs", iteration)
+        compared = _compared(current.objective, correction, candidates, reference, rng)
+        misfits = np.array([one.misfit for one in compared])
+        farthest = int(np.flatnonzero(misfits <= settings.equal_misfits * misfits.min())[-1])
+        idle = 0 if misfits[farthest] < settings.progress * current.misfit else idle + 1
+        if misfits[farthest] <= settings.equal_misfits * current.misfit:
+            current = compared[farthest]
+            equal = [*equal, current] if idle else []
+        if idle == settings.patience:
+            current = replace(current, converged=True)
             break
         if on_progress:
-            on_progress((turn + 1) / turns)
+            on_progress((iteration + 1) / max_corrections)
     if on_progress:
         on_progress(1.0)
-    return _mean(current, alike)
+    return _mean(current, equal, settings)
 
 
-def _mean(current: Corrected, alike: list[Corrected]) -> Corrected:
-    """Return the mean of estimates that the reference model cannot tell apart, if it is as near as they.
-
-    What they scatter is the play of the search.
-    """
-    if len(alike) < 2:
-        return current
-    alike = [one.under(current.fit) for one in alike]
-    points = np.array([one.point for one in alike])
-    point, scatter = points.mean(axis=0), np.cov(points, rowvar=False)
-    mean = replace(
-        current,
-        point=point,
-        outputs=current.fit.outputs(point[np.newaxis])[0],
-        correction=np.mean([one.correction for one in alike], axis=0),
-        discrepancy=np.mean([one.discrepancy for one in alike], axis=0),
-        play=scatter / len(alike),
-        evaluations=current.evaluations + 1,
+def with_discrepancy(result: SearchResult, seed: int) -> SearchResult:
+    """Return an estimate that was searched without correction, with its discrepancy where it can be known."""
+    if result.discrepancy is not None or not has_reference(result.objective.problem):
+        return result
+    known = discrepancies(
+        result.objective,
+        result.point[np.newaxis],
+        result.outputs[np.newaxis],
+        reference_problem(result.objective),
+        stream(seed, "reference runs"),
     )
-    if mean.misfit <= ALIKE * current.misfit:
-        return mean
-    return replace(current, play=scatter, evaluations=mean.evaluations)
+    return replace(result, discrepancy=known[0])
 
 
-def assessed(fit: Fit, point: Array, reference: Problem) -> Corrected:
-    """Return an estimate (d,) that was found without correction, with the discrepancy that it has."""
-    return _assessed(fit, point[np.newaxis], np.zeros_like(fit.target), reference)[0]
-
-
-def _assessed(fit: Fit, points: Array, correction: Array, reference: Problem) -> list[Corrected]:
-    """Return estimates at `points` (n, d) with what the reference model has to say of them.
-
-    Switching is chaotic, and one run's ripple no better than another's: the discrepancy is the mean over
-    several runs about each point.
-    """
-    repeats = RUNS // len(points)
-    outputs = fit.outputs(points)
-    apart = generator(0, 2).normal(0.0, APART, (len(points), repeats, points.shape[1]))
-    beside = fit.space.project(points[:, np.newaxis] + apart).reshape(-1, points.shape[1])
-    runs = fit.by(reference).outputs(beside).reshape(len(points), repeats, -1)
-    scatter = runs.var(axis=1, ddof=1)
-    chaos = scatter[:, : fit.problem.recording.samples].mean(axis=1)
-    play = resolution(points.shape[1])
+def _compared(
+    objective: MapObjective, correction: Array, points: Array, reference: Problem, rng: np.random.Generator
+) -> list[SearchResult]:
+    """Return results at `points` (n, d), found under a `correction` (rows,), with their discrepancies."""
+    outputs = objective.outputs(points)
+    known = discrepancies(objective, points, outputs, reference, rng)
     return [
-        Corrected(
-            fit,
-            points[i],
-            outputs[i],
-            correction,
-            runs[i].mean(axis=0) - outputs[i],
-            (scatter[i] / repeats) ** 0.5,
-            float(chaos[i]),
-            play,
-            1,
-            repeats,
-        )
-        for i in range(len(points))
+        SearchResult.at(objective, point, outputs=modelled, correction=correction, discrepancy=one)
+        for point, modelled, one in zip(points, outputs, known, strict=True)
     ]
 
 
-@dataclass(frozen=True, eq=False)
-class _Beside:
-    """What a turn finds beside an estimate: points (n, d) that may be nearer, and `evaluations` spent.
+def _candidates(
+    current: SearchResult,
+    correction: Array,
+    before: _Jacobians | None,
+    iteration: int,
+    seed: int,
+    settings: BiasCorrectionSettings,
+) -> tuple[Array, _Jacobians]:
+    """Return candidates (n, d) under the present `correction`, and the Jacobians that they come from.
 
-    And the `derivatives` (m, d, rows) about several points, as `fit` weights them.
+    `before` are the Jacobians of an iteration that ended in the same place. A Gauss-Newton step by replicated
+    Jacobians leaves the kinks of stick-slip that hold a descent, but may also lead astray.
     """
-
-    fit: Fit
-    proposals: Array
-    derivatives: Array
-    evaluations: int
-
-
-def _beside(current: Corrected, turn: int, before: _Beside | None) -> _Beside:
-    """Return what may be nearer under the present correction, where `before` was found in the same place.
-
-    A Gauss-Newton step by derivatives about several points sees past the kinks of stick-slip in which a
-    descent is caught, but may also lead astray.
-    """
-    fit, space = current.fit, current.fit.space
-    descents, points = (DESCENTS, POINTS) if before is None else (DESCENTS_AGAIN, POINTS_AGAIN)
-    descended = descend(fit, current.point, current.discrepancy, generator(turn, 3), descents)
-    point = descended.points[descended.best]
-    derivatives, spent = scattered(fit.outputs, point, space, STEP, points, seed=turn)
+    objective, space = current.objective, current.objective.space
+    descents = LOCAL_SEARCH if before is None else with_descents(settings.further_descents)
+    rng = stream(seed, "local search", iteration)
+    point = local_search(objective, current.point, correction, rng, descents).best
+    jacobians = replicated_jacobians(
+        objective.outputs,
+        point,
+        space,
+        settings.jacobian_step,
+        settings.replicates if before is None else settings.further_replicates,
+        stream(seed, "Jacobians of the correction", iteration),
+    )
     if before is not None:
-        derivatives = np.concatenate([fit.rescaled(before.derivatives, before.fit), derivatives])
-    residual = fit.target - fit.outputs(point[np.newaxis])[0] - current.discrepancy
-    gradient = derivatives.mean(axis=0) @ residual
+        jacobians = np.concatenate([objective.rescaled(before.values, before.objective), jacobians])
+    step = _gauss_newton(objective, point, objective.residual(point, correction), jacobians)
+    step *= min(1.0, settings.longest_step / max(float(np.linalg.norm(step)), settings.longest_step))
+    shares = np.array(settings.step_shares)[:, np.newaxis]
+    return space.project(point + shares * step), _Jacobians(objective, jacobians)
+
+
+def _gauss_newton(objective: MapObjective, point: Array, residual: Array, jacobians: Array) -> Array:
+    """Return the step (d,) to the optimum of a linear model, by the mean of the Jacobians."""
+    gradient = jacobians.mean(axis=0) @ residual
     cost = float(np.mean(residual**2))
-    normal = information(derivatives) + cost * CORRELATED_ROWS / PRIOR_DEVIATION**2 * np.eye(point.size)
-    free = movable(point, gradient, space)
+    prior = cost * CORRELATED_ROWS / PRIOR_DEVIATION**2
+    normal = information(jacobians) + prior * np.eye(point.size)
+    free = movable(point, gradient, objective.space)
     step = np.zeros(point.size)
     step[free] = np.linalg.solve(normal[np.ix_(free, free)], gradient[free])
-    step *= min(1.0, FARTHEST / max(float(np.linalg.norm(step)), FARTHEST))
-    proposals = space.project(point + SHARES * step)
-    return _Beside(fit, proposals, derivatives, descended.evaluations + spent + 1)
+    return step
+
+
+def _mean(current: SearchResult, equal: list[SearchResult], settings: BiasCorrectionSettings) -> SearchResult:
+    """Return the mean of estimates of equal misfit, if its own misfit is no larger than theirs.
+
+    What they scatter is the optimiser scatter covariance.
+    """
+    if len(equal) < 2:
+        return current
+    equal = [one.weighted_as(current.objective) for one in equal]
+    points = np.array([one.point for one in equal])
+    point, scatter = points.mean(axis=0), np.cov(points, rowvar=False)
+    known = [one.discrepancy for one in equal if one.discrepancy is not None]
+    assert current.discrepancy is not None  # noqa: S101 - every result of a correction has one
+    mean = replace(
+        current,
+        point=point,
+        known_outputs=None,
+        correction=np.mean([one.correction for one in equal], axis=0),
+        discrepancy=replace(current.discrepancy, mean=np.mean([one.mean for one in known], axis=0)),
+        scatter=scatter / len(equal),
+    )
+    if mean.misfit <= settings.equal_misfits * current.misfit:
+        return mean
+    return replace(current, scatter=scatter)

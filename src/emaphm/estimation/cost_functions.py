@@ -1,12 +1,13 @@
 """Fitness: how far a simulated equivalent current is from the recorded one (thesis 6.2)."""
 
 from collections.abc import Callable
+from typing import TypeAlias
 
 import numpy as np
 
 from emaphm.arrays import Array
 
-Fitness = Callable[[Array, Array, float], Array]
+CostFunction: TypeAlias = Callable[[Array, Array, float], Array]
 """Maps recorded (samples,) and simulated (n, samples) currents [A], interval [s], to fitness (n,)."""
 
 
@@ -31,7 +32,7 @@ def total_least_squares(recorded: Array, simulated: Array, interval: float) -> A
     return np.asarray(np.sum((recorded - simulated) ** 2 / (slope**2 + 1), axis=-1) * interval)
 
 
-FITNESSES: dict[str, Fitness] = {
+COST_FUNCTIONS: dict[str, CostFunction] = {
     "least_squares": least_squares,
     "thesis": thesis,
     "total_least_squares": total_least_squares,

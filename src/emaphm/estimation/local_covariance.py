@@ -1,45 +1,53 @@
-"""What the neighbourhood of a point tells: how sure it is, and where a Gauss-Newton step leads from it."""
+"""The covariance of an estimate, and the Gauss-Newton step that it still asks for."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.estimation.covariance import knowledge
-from emaphm.estimation.levenberg_marquardt import scattered
-from emaphm.estimation.objective import CORRELATED_ROWS, Fit
+from emaphm.estimation.covariance import sandwich_covariance
+from emaphm.estimation.finite_differences import replicated_jacobians
+from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective
 
-DERIVATIVE_STEP, DERIVATIVES = 1e-2, 8
-"""Step of the differences that uncertainty is told from, and how often they are taken."""
+JACOBIAN_STEP = 1e-2
+"""Step of the differences, in the unit of a coordinate: it bridges the kinks of stick-slip."""
+
+REPLICATES = 8
+"""Jacobians, each about a point of its own; `make study` measures the coverage of what comes of them."""
 
 
 @dataclass(frozen=True, eq=False)
-class Neighbourhood:
+class LocalCovariance:
     """The `covariance` (d, d) of the least squares at a point, and a Gauss-Newton `step` (d,) from it."""
 
     covariance: Array
     step: Array
 
 
-def slopes(fit: Fit, point: Array, seed: int) -> tuple[Array, int]:
-    """Return derivatives (n, d, recorded rows) about `point` (d,), and the simulations spent."""
-    rows = fit.recorded_rows
-    return scattered(
-        lambda points: fit.outputs(points)[:, :rows], point, fit.space, DERIVATIVE_STEP, DERIVATIVES, seed
+def jacobians_at(objective: MapObjective, point: Array, rng: np.random.Generator) -> Array:
+    """Return replicated Jacobians (n, d, channel rows) of the channels about `point` (d,)."""
+    rows = objective.channel_rows
+    return replicated_jacobians(
+        lambda points: objective.outputs(points)[:, :rows],
+        point,
+        objective.space,
+        JACOBIAN_STEP,
+        REPLICATES,
+        rng,
     )
 
 
-def neighbourhood(
-    fit: Fit, point: Array, residual: Array, derivatives: Array, bias: Array | float = 0.0
-) -> Neighbourhood:
-    """Return what `derivatives` about `point` (d,) tell where `residual` (recorded rows,) is left.
+def local_covariance(
+    objective: MapObjective, point: Array, residual: Array, jacobians: Array, bias: Array | float = 0.0
+) -> LocalCovariance:
+    """Return the covariance at `point` (d,), by `jacobians` and the `residual` (channel rows,) there.
 
-    The step is towards the optimum, `bias` being what of the residual is known to be the model's.
+    The step is towards the optimum; `bias` is the part of the residual that is known to be the model's.
     """
-    faults, deviations = len(fit.space.columns), fit.space.prior_deviations
-    known = knowledge(derivatives, residual, deviations, len(fit.problem.channels))
-    gradient = derivatives.mean(axis=0) @ (residual - bias) / np.mean(residual**2)
+    faults, deviations = len(objective.space.columns), objective.space.prior_deviations
+    sandwich = sandwich_covariance(jacobians, residual, deviations, len(objective.problem.channels))
+    gradient = jacobians.mean(axis=0) @ (residual - bias) / np.mean(residual**2)
     prior = CORRELATED_ROWS / deviations**2
     gradient[faults:] -= prior[faults:] * point[faults:]
-    step = np.linalg.solve(known.information + np.diag(prior), gradient)
-    return Neighbourhood(known.covariance, step)
+    step = np.linalg.solve(sandwich.information + np.diag(prior), gradient)
+    return LocalCovariance(sandwich.covariance, step)

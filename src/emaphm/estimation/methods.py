@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from emaphm.errors import MethodError, nearest
-from emaphm.optimizers import OPTIMIZERS, Optimizer
+from emaphm.optimizers import OPTIMIZERS, Minimiser
 from emaphm.optimizers.adapters import PEERS, is_peer, peer
 
 ABBREVIATIONS = {
@@ -25,26 +25,26 @@ VARIANTS: dict[str, tuple[str, Mapping[str, Any]]] = {
 """Optimisers at settings that have a name of their own."""
 
 HYBRID = "hybrid"
-REFINED = "+lsq"
+WITH_LEAST_SQUARES = "+lsq"
 
 GLOBAL_POPULATION, GLOBAL_ITERATIONS = 32, 8
 """Budget of an optimiser as the global stage of a hybrid; twice as much brings nothing (plan "hybrids")."""
 
 METHODS = (HYBRID, *OPTIMIZERS, *VARIANTS, *PEERS)
-"""Names of methods, beside those of pymoo (`pymoo-ga`, …); any but `hybrid` may end in ``+lsq``."""
+"""Names of methods, not counting those of pymoo (`pymoo-ga`, …); any but `hybrid` may end in ``+lsq``."""
 
 
 @dataclass(frozen=True)
 class Method:
     """How faults are searched for.
 
-    `optimizer` makes the search from lower and upper bounds; where it is None, space-filling points take
-    its place. `refines` says that damped least squares and the bias correction follow.
+    `optimizer` is made from lower and upper bounds and searches globally; where it is None, space-filling
+    points take its place. `least_squares`: whether damped least squares and the bias correction follow.
     """
 
     name: str
-    optimizer: Callable[..., Optimizer[Any]] | None
-    refines: bool
+    optimizer: Callable[..., Minimiser] | None
+    least_squares: bool
 
 
 def method_named(name: str, settings: Mapping[str, Any] | None = None) -> Method:
@@ -61,19 +61,21 @@ def method_named(name: str, settings: Mapping[str, Any] | None = None) -> Method
     if name == HYBRID:
         if settings:
             raise MethodError(f"method 'hybrid' has no setting '{next(iter(settings))}'; leave it out")
-        return Method(HYBRID, None, refines=True)
-    base, refines = name.removesuffix(REFINED), name.endswith(REFINED)
+        return Method(HYBRID, None, least_squares=True)
+    base, least_squares = name.removesuffix(WITH_LEAST_SQUARES), name.endswith(WITH_LEAST_SQUARES)
     base = ABBREVIATIONS.get(base.lower(), base)
-    if refines:
+    if least_squares:
         settings = {"population": GLOBAL_POPULATION, "iterations": GLOBAL_ITERATIONS} | settings
     make = _factory(base, name)
     _check_settings(base, make, settings)
     return Method(
-        base + REFINED * refines, lambda lower, upper: make(lower=lower, upper=upper, **settings), refines
+        base + WITH_LEAST_SQUARES * least_squares,
+        lambda lower, upper: make(lower=lower, upper=upper, **settings),
+        least_squares,
     )
 
 
-def _factory(base: str, given: str) -> Callable[..., Optimizer[Any]]:
+def _factory(base: str, given: str) -> Callable[..., Minimiser]:
     if base in OPTIMIZERS:
         return OPTIMIZERS[base]
     if base in VARIANTS:
@@ -84,7 +86,7 @@ def _factory(base: str, given: str) -> Callable[..., Optimizer[Any]]:
     raise MethodError(f"unknown method '{given}'{nearest(base, (*METHODS, *ABBREVIATIONS))}")
 
 
-def _check_settings(base: str, make: Callable[..., Optimizer[Any]], settings: Mapping[str, Any]) -> None:
+def _check_settings(base: str, make: Callable[..., Minimiser], settings: Mapping[str, Any]) -> None:
     """Refuse settings before the work that they would fail in."""
     box = {"lower": np.zeros(2), "upper": np.ones(2)}
     known = {field.name for field in fields(make(**box)) if field.init} - box.keys()

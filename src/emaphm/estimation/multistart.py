@@ -1,158 +1,171 @@
-"""Hybrid methods: a global stage, then damped least squares from the best points that it came upon."""
+"""The global search: many points, then damped least squares from the best of them."""
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.estimation.levenberg_marquardt import Refined, refine
-from emaphm.estimation.objective import Fit
-from emaphm.optimizers import Optimizer, minimise, space_filling
+from emaphm.estimation.levenberg_marquardt import LeastSquaresResult, LeastSquaresSettings, least_squares
+from emaphm.estimation.objective import MapObjective
+from emaphm.estimation.smoothing import low_pass
+from emaphm.optimizers import space_filling
+from emaphm.progress import Progress
+from emaphm.random_streams import child_seed
 
 GLOBAL_POINTS = 128
 """Points of the global stage where no optimiser makes it."""
 
-SMOOTHING_S = 4e-3
-"""Standard deviation of a Gaussian low-pass on the currents [s].
 
-It takes away the detail of commutation, ripple and stick-slip that makes false minima under heavy shorts:
-half and twice as much serve nearly as well, none at all or 16 ms lose most runs of the multiple-fault case.
-"""
-
-BLOCKS = 4
-"""Rows kept in a standard deviation of the low-pass."""
-
-SMOOTH_STARTS, SHARP_STARTS = 3, 2
-"""Best of the points with and without the low-pass: where it is not needed, it ends a little farther off."""
-
-APART = 0.2
-"""Least distance between two starts: a population gathers, and one start from each gathering is enough."""
-
-DESCENTS, BESIDE = 4, 4e-3
-"""Descents of the fine stage from about a point, and how far apart they start (rms of each dimension)."""
-
-COARSE, FINE = (1e-2, 8, 3e-2), (2e-3, 12, 1e-2)
-"""Finite-difference step, most iterations, and the share of its misfit that an iteration must gain to go on.
-
-Coarse steps see past the kinks that stick-slip and heavy shorts make, fine ones settle between them. What
-chaos makes of a misfit is more than the least gain.
-"""
+COARSE = LeastSquaresSettings(step=1e-2, iterations=8, least_gain=3e-2)
+FINE = LeastSquaresSettings(step=2e-3, iterations=12, least_gain=1e-2)
+"""Coarse steps of differences bridge the kinks that stick-slip and heavy shorts make; fine ones settle
+between them. The least gain of an iteration is what switching makes of a misfit."""
 
 
-def hybrid(
-    fit: Fit,
+@dataclass(frozen=True)
+class MultistartSettings:
+    """How starts are chosen and refined; `emaphm study run hybrids` compares.
+
+    `smooth_starts` of the points are best with the currents through a low-pass, `sharp_starts` without:
+    where it is not needed, it ends a little farther off. Two starts are `start_separation` apart at least: a
+    population gathers, and one start from each gathering is enough.
+    """
+
+    smooth_starts: int = 3
+    sharp_starts: int = 2
+    start_separation: float = 0.2
+    coarse: LeastSquaresSettings = COARSE
+    fine: LeastSquaresSettings = FINE
+
+
+MULTISTART = MultistartSettings()
+
+
+@dataclass(frozen=True)
+class LocalSearchSettings:
+    """Descents from an estimate and from perturbed candidates near it.
+
+    A descent is held by the kinks of stick-slip, in whichever happens to lie in its way; of several, from
+    `candidate_separation` apart (rms of each coordinate), some are not.
+    """
+
+    descents: int = 4
+    candidate_separation: float = 4e-3
+
+
+LOCAL_SEARCH = LocalSearchSettings()
+
+
+def multistart(
+    objective: MapObjective,
     seed: int,
-    optimizer: Callable[..., Optimizer[Any]] | None = None,
-    on_progress: Callable[[float], None] | None = None,
-) -> Refined:
-    """Return the refined points of the best starts.
+    optimizer: Callable[..., Any] | None = None,
+    on_progress: Progress | None = None,
+    settings: MultistartSettings = MULTISTART,
+) -> LeastSquaresResult:
+    """Return where damped least squares lead from the best starts.
 
     `optimizer`, made from lower and upper bounds, finds the starts; without one they are the best of
-    `GLOBAL_POINTS` space-filling points. `on_progress` is told the fraction done.
+    `GLOBAL_POINTS` space-filling points.
     """
-    d = fit.space.dimensions
+    points, smooth, sharp = _global_stage(objective, child_seed(seed, "global stage"), optimizer)
+    candidates: list[Array] = []
+    for costs, count, smoothed in (
+        (smooth, settings.smooth_starts, True),
+        (sharp, settings.sharp_starts, False),
+    ):
+        starts = _separate_best(points, costs, count, settings.start_separation)
+        on_iteration = _stage_progress(on_progress, len(candidates), settings.coarse)
+        candidates.append(_descend(objective, starts, settings.coarse, smoothed, 0.0, on_iteration).best)
+    on_iteration = _stage_progress(on_progress, 2, settings.fine)
+    return _descend(objective, np.array(candidates), settings.fine, False, 0.0, on_iteration)
+
+
+def local_search(
+    objective: MapObjective,
+    point: Array,
+    correction: Array | float,
+    rng: np.random.Generator,
+    settings: LocalSearchSettings = LOCAL_SEARCH,
+) -> LeastSquaresResult:
+    """Return where fine descents lead from `point` (d,) and from perturbed candidates near it.
+
+    `correction`, shape (rows,), is added to the model's outputs.
+    """
+    perturbation = rng.normal(0.0, settings.candidate_separation, (settings.descents - 1, point.size))
+    starts = objective.space.project(np.vstack([point, point + perturbation]))
+    return _descend(objective, starts, MULTISTART.fine, False, correction)
+
+
+def with_descents(count: int) -> LocalSearchSettings:
+    """Return the local search with another number of descents."""
+    return replace(LOCAL_SEARCH, descents=count)
+
+
+def _global_stage(
+    objective: MapObjective, seed: int, optimizer: Callable[..., Any] | None
+) -> tuple[Array, Array, Array]:
+    """Return all points tried (n, d), and their costs (n,) by the smoothed and by the full current."""
+    d = objective.space.dimensions
     lower, upper = np.zeros(d), np.ones(d)
-    recorded = fit.problem.recorded
-    tried: list[Array] = []
+    points: list[Array] = []
     sharp: list[Array] = []
     smooth: list[Array] = []
 
-    def misfit(unit: Array) -> Array:
-        tried.append(fit.space.spread(unit))
-        residuals = recorded - fit.currents(tried[-1])
+    def cost(unit: Array) -> Array:
+        points.append(objective.space.prior_transform(unit))
+        residuals = objective.problem.recorded - objective.currents(points[-1])
         sharp.append(np.mean(residuals**2, axis=1))
-        smooth.append(np.mean(_low_pass(fit, residuals) ** 2, axis=1))
+        smooth.append(np.mean(low_pass(objective, residuals) ** 2, axis=1))
         return smooth[-1]
 
     if optimizer is None:
-        misfit(space_filling(GLOBAL_POINTS, lower, upper, seed))
+        cost(space_filling(GLOBAL_POINTS, lower, upper, seed))
     else:
-        minimise(optimizer(lower, upper), misfit, seed)
-    points = np.concatenate(tried)
-    candidates: list[Array] = []
-    evaluations = len(points)
-    for misfits, count, smoothed in ((smooth, SMOOTH_STARTS, True), (sharp, SHARP_STARTS, False)):
-        starts = _apart(points, np.concatenate(misfits), count)
-        tell = _stage_of(on_progress, len(candidates), COARSE)
-        found = _descend(fit, starts, COARSE, smoothed=smoothed, on_iteration=tell)
-        candidates.append(found.points[found.best])
-        evaluations += found.evaluations
-    fine = _descend(fit, np.array(candidates), FINE, on_iteration=_stage_of(on_progress, 2, FINE))
-    return Refined(fine.points, fine.costs, evaluations + fine.evaluations)
+        optimizer(lower, upper).minimise(cost, seed)
+    return np.concatenate(points), np.concatenate(smooth), np.concatenate(sharp)
 
 
-def _apart(points: Array, misfits: Array, count: int) -> Array:
-    """Return up to `count` of the best of `points` (n, d), none within `APART` of a better one."""
+def _separate_best(points: Array, costs: Array, count: int, separation: float) -> Array:
+    """Return up to `count` of the best of `points` (n, d), none within `separation` of a better one."""
     chosen: list[Array] = []
-    for i in np.argsort(misfits, kind="stable"):
-        if all(np.linalg.norm(points[i] - other) > APART for other in chosen):
+    for i in np.argsort(costs, kind="stable"):
+        if all(np.linalg.norm(points[i] - other) > separation for other in chosen):
             chosen.append(points[i])
         if len(chosen) == count:
             break
     return np.array(chosen)
 
 
-def _stage_of(
-    on_progress: Callable[[float], None] | None, done: int, stage: tuple[float, int, float]
+def _stage_progress(
+    on_progress: Progress | None, done: int, stage: LeastSquaresSettings
 ) -> Callable[[int], None] | None:
-    """Return what tells the progress within one of the three descents, `done` of them behind it."""
+    """Return what reports the progress within one of the three descents, after `done` of them."""
     if on_progress is None:
         return None
-    return lambda iteration: on_progress((done + iteration / stage[1]) / 3)
-
-
-def descend(
-    fit: Fit, point: Array, correction: Array, rng: np.random.Generator, count: int = DESCENTS
-) -> Refined:
-    """Return where `count` descents of the fine stage lead, from `point` (d,) and from points beside it.
-
-    A descent is caught in the kinks of stick-slip, in whichever happens to lie in its way: several, from
-    starts close together, are not all caught. `correction`, shape (rows,), is added to the model's
-    `Fit.outputs`.
-    """
-    beside = point + rng.normal(0.0, BESIDE, (count - 1, point.size))
-    return _descend(fit, fit.space.project(np.vstack([point, beside])), FINE, correction=correction)
+    return lambda iteration: on_progress((done + iteration / stage.iterations) / 3)
 
 
 def _descend(
-    fit: Fit,
+    objective: MapObjective,
     starts: Array,
-    stage: tuple[float, int, float],
-    *,
-    smoothed: bool = False,
+    settings: LeastSquaresSettings,
+    smoothed: bool,
     correction: Array | float = 0.0,
     on_iteration: Callable[[int], None] | None = None,
-) -> Refined:
-    step, iterations, least_gain = stage
-
+) -> LeastSquaresResult:
     def seen(outputs: Array) -> Array:
-        return _low_pass(fit, outputs) if smoothed else outputs
+        return low_pass(objective, outputs) if smoothed else outputs
 
-    return refine(
-        lambda points: seen(fit.outputs(points) + correction),
-        seen(fit.target),
+    # The correction is subtracted from the target once instead of added to every output.
+    target = seen(objective.target - correction)
+    return least_squares(
+        lambda points: seen(objective.outputs(points)),
+        target,
         starts,
-        fit.space,
-        step=step,
-        iterations=iterations,
-        tolerance=least_gain,
-        on_iteration=on_iteration,
+        objective.space,
+        settings,
+        on_iteration,
     )
-
-
-def _low_pass(fit: Fit, outputs: Array) -> Array:
-    """Return the channels in `outputs` (…, rows) through the low-pass, and what follows them as it is.
-
-    Of what is smooth, few rows tell all: means over `BLOCKS` of a standard deviation each stand for theirs.
-    """
-    from scipy.ndimage import gaussian_filter1d
-
-    recording = fit.problem.recording
-    samples, rows = recording.samples, fit.recorded_rows
-    deviation = SMOOTHING_S / recording.interval_s
-    block = int(np.clip(deviation / BLOCKS, 1, samples))
-    channels = outputs[..., :rows].reshape(*outputs.shape[:-1], -1, samples)
-    means = channels[..., : samples // block * block].reshape(*channels.shape[:-1], -1, block).mean(axis=-1)
-    smooth = block**0.5 * gaussian_filter1d(means, deviation / block, axis=-1, mode="nearest")
-    return np.concatenate([smooth.reshape(*outputs.shape[:-1], -1), outputs[..., rows:]], axis=-1)

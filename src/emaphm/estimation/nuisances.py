@@ -1,8 +1,8 @@
-"""What is not known of a recording and is no fault: how each nuisance acts, and what is known of it before.
+"""Nuisances: unknown parameters that are no faults, how each acts, and its prior.
 
-A nuisance's coordinate is its value in `RANGE` standard deviations of its prior
-(`emaphm.actuator.parameters.Nuisances`), so that it is of the size of a fault's. Beside what is not known
-of a recording stands what is not known of the unit: how its parameters deviate from its description.
+A nuisance's coordinate is its value in `PRIORS_PER_UNIT` standard deviations of its prior
+(`emaphm.actuator.parameters.Nuisances`), so that it is of the size of a fault's. Some belong to one
+recording, such as the load; others to the unit: how its parameters deviate from its description.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,7 +17,7 @@ from emaphm.actuator.parameters import Nuisances
 from emaphm.actuator.quantity import unit_for
 from emaphm.arrays import Array
 from emaphm.errors import MethodError, nearest
-from emaphm.estimation.parameter_variation import Deviations, deviated, deviation_unit
+from emaphm.estimation.parameter_variation import ParameterVariation, variation_unit, varied
 
 COPPER = 3.93e-3
 """Temperature coefficient of the resistance of copper at 20 °C [1/K] (IEC 60028)."""
@@ -25,10 +25,10 @@ COPPER = 3.93e-3
 MAGNETS = -1.1e-3
 """Temperature coefficient of the remanence of NdFeB magnets, and so of the torque constant [1/K]."""
 
-MAGNETS_SPREAD = 0.2
+MAGNETS_DEVIATION = 0.2
 """Standard deviation of that coefficient, relative: grades of NdFeB have -0.09 to -0.13 %/K."""
 
-RANGE = 5.0
+PRIORS_PER_UNIT = 5.0
 """Standard deviations of the prior to a unit of a nuisance's coordinate."""
 
 LEAST = 0.1
@@ -51,14 +51,14 @@ NAMES = tuple(name for name in Nuisances.model_fields if name != "estimated")
 def unit_of(name: str, coordinates: str = "rotary") -> str:
     """Return the unit of a nuisance, or of a deviation from the baseline."""
     if name.startswith(BASELINE):
-        return deviation_unit(name.removeprefix(BASELINE), coordinates)
+        return variation_unit(name.removeprefix(BASELINE), coordinates)
     extra = Nuisances.model_fields[name].json_schema_extra
     return unit_for(str(extra["unit"]) if isinstance(extra, dict) else "-", coordinates)
 
 
 @dataclass(frozen=True, eq=False)
 class NuisanceSet:
-    """What is estimated besides the faults: coordinates with independent priors, and what they mean.
+    """The nuisances that are estimated with the faults: coordinates with independent priors.
 
     `names`, `priors` (standard deviations) and `widest` (bounds), (m,) each, are the coordinates'.
     `quantities` are what these stand for, in their own units: the chosen nuisances, and the deviations of
@@ -78,7 +78,7 @@ class NuisanceSet:
         actuator: Actuator,
         names: Sequence[str] | None,
         channels: Sequence[str],
-        unit: Deviations | None = None,
+        unit: ParameterVariation | None = None,
     ) -> Self:
         """Return the named nuisances, or the actuator's own, less what `channels` make known.
 
@@ -99,12 +99,14 @@ class NuisanceSet:
                     f"nuisance '{name}' needs an [electrical] section, which actuator '{actuator.name}' lacks"
                 )
         kept = tuple(name for name in chosen if _matters(actuator, name, channels))
-        unit = unit or Deviations.of_baseline(actuator)
+        unit = unit or ParameterVariation.of_baseline(actuator)
         axes = tuple(f"{BASELINE}{i}" for i in range(1, unit.priors.size + 1))
         meaning = np.zeros((len(kept) + len(unit.parameters), len(kept) + len(axes)))
-        meaning[: len(kept), : len(kept)] = np.diag([RANGE * _deviation(actuator, name) for name in kept])
+        meaning[: len(kept), : len(kept)] = np.diag(
+            [PRIORS_PER_UNIT * _deviation(actuator, name) for name in kept]
+        )
         meaning[len(kept) :, len(kept) :] = unit.axes
-        priors = np.concatenate([np.full(len(kept), 1 / RANGE), unit.priors])
+        priors = np.concatenate([np.full(len(kept), 1 / PRIORS_PER_UNIT), unit.priors])
         return cls(
             (*kept, *axes),
             priors,
@@ -130,11 +132,11 @@ class NuisanceSet:
         )
 
     @property
-    def deviations(self) -> Array:
+    def prior_deviations(self) -> Array:
         """The standard deviation of each quantity before the data, in its own unit, (quantities,)."""
-        return self.errors(np.diag(self.priors**2))
+        return self.standard_errors(np.diag(self.priors**2))
 
-    def errors(self, covariance: Array) -> Array:
+    def standard_errors(self, covariance: Array) -> Array:
         """Return the standard error of each quantity, (quantities,), from the `covariance` (m, m)."""
         return np.asarray(np.sqrt(np.einsum("qi,ij,qj->q", self.meaning, covariance, self.meaning)))
 
@@ -144,14 +146,16 @@ class NuisanceSet:
         values = np.sum(points[:, np.newaxis, :] * self.meaning, axis=2)
         return dict(zip(self.quantities, values.T, strict=True))
 
-    def totals(
-        self, actuator: Actuator, values: Mapping[str, Array], warmer: float = 0.0
+    def lumped_parameters(
+        self, actuator: Actuator, values: Mapping[str, Array], temperature_rise_K: float = 0.0
     ) -> dict[str, Array]:
-        """Return the physical totals under `values` (n,) of the quantities, `warmer` K being known besides.
+        """Return the lumped parameters under `values` (n,) of the quantities, shape (n,) each.
+
+        `temperature_rise_K` above nominal is known and adds to an estimated one.
 
         What a recording adds or multiplies, it does to the parameters of the unit as they deviate.
         """
-        result = {name: deviated(actuator, name, values[BASELINE + name]) for name in self.parameters}
+        result = {name: varied(actuator, name, values[BASELINE + name]) for name in self.parameters}
 
         def present(name: str) -> Array:
             return result[name] if name in result else np.asarray(totals(actuator, (name,))[name])
@@ -164,15 +168,15 @@ class NuisanceSet:
             result["inertia"] = present("inertia") * np.maximum(1 + values["inertia"], LEAST)
         if "supply" in values:
             result["supply"] = present("supply") * np.maximum(1 + values["supply"], LEAST)
-        if "temperature" in values or warmer:
-            above = np.asarray(values.get("temperature", 0.0)) + warmer
+        if "temperature" in values or temperature_rise_K:
+            above = np.asarray(values.get("temperature", 0.0)) + temperature_rise_K
             result["resistance"] = present("resistance") * np.maximum(1 + COPPER * above, LEAST)
             result["torque_constant"] = present("torque_constant") * np.maximum(1 + MAGNETS * above, LEAST)
         return result
 
 
-NOTHING = NuisanceSet((), np.zeros(0), np.zeros(0), (), np.zeros((0, 0)), ())
-"""Nothing besides the faults."""
+NO_NUISANCES = NuisanceSet((), np.zeros(0), np.zeros(0), (), np.zeros((0, 0)), ())
+"""The faults alone are estimated."""
 
 
 def _matters(actuator: Actuator, name: str, channels: Sequence[str]) -> bool:
@@ -189,7 +193,7 @@ def _prior(actuator: Actuator, name: str) -> float | None:
     return usual.get(name) if given is None else float(given)
 
 
-def less_known(actuator: Actuator, names: Sequence[str], factor: float) -> Actuator:
+def with_wider_priors(actuator: Actuator, names: Sequence[str], factor: float) -> Actuator:
     """Return the actuator with priors of the nuisances `names` wider by `factor`."""
     priors = {name: factor * _deviation(actuator, name) for name in names}
     return actuator.model_copy(update={"nuisances": actuator.nuisances.model_copy(update=priors)})

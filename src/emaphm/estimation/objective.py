@@ -1,104 +1,141 @@
-"""What is fitted to what: points of a space to the recorded channels and to what is known before."""
+"""The objective: points of a parameter space against the measured channels and against their priors.
 
+Its minimum is the maximum a posteriori (MAP) estimate of normal residuals and normal priors.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.estimation.parameter_space import FaultSpace
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.nuisances import NO_NUISANCES, NuisanceSet
+from emaphm.estimation.parameter_space import ParameterSpace
+from emaphm.estimation.parameter_variation import ParameterVariation
+from emaphm.estimation.problem import Problem, rms
+from emaphm.estimation.sensor_model import as_sensed
+from emaphm.simulation import Model
 
 CORRELATED_ROWS = 20
-"""Rows over which a residual is correlated, roughly: so many count as one against a prior."""
+"""Rows over which a residual is correlated, roughly: they count as one observation against a prior."""
 
-LEAST_MOTION = 0.01
-"""Share of the command's range that the position covers at least where a manoeuvre moves the actuator."""
+LEAST_RESIDUAL = 1e-4
+"""Least residual of a channel, relative to its rms, that its weight is computed from."""
 
-FINEST = 1e-4
-"""Least residual, as a share of its channel, that a channel is trusted to."""
+FIRST_RESIDUAL = 0.1
+"""Residual of the current assumed before the first search, relative to its rms."""
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
-    """A problem and the space that its explanation is sought in.
+class MapObjective:
+    """A problem, the space that its explanation is sought in, and the weight of the priors.
 
-    `tolerance` [A] is the residual that a nuisance one prior standard deviation off is worth.
+    `prior_weight` [A] is the residual that a nuisance one prior standard deviation off is worth. The rows of
+    `outputs` are the weighted channels end to end, then one row for each nuisance coordinate.
     """
 
     problem: Problem
-    space: FaultSpace
-    tolerance: float
+    space: ParameterSpace
+    prior_weight: float
 
     @classmethod
-    def of(cls, problem: Problem, space: FaultSpace) -> Self:
-        """Return the fit to begin with, its residual put at a tenth of the current."""
-        return cls(problem, space, 0.0).against(np.sqrt(np.mean(problem.recorded**2)) / 10)
+    def of(cls, problem: Problem, space: ParameterSpace) -> Self:
+        """Return the objective to begin with, its residual assumed as `FIRST_RESIDUAL`."""
+        return cls(problem, space, 0.0).scale_prior(FIRST_RESIDUAL * rms(problem.recorded))
 
-    def against(self, residual_rms: float) -> Self:
-        """Return the fit with priors that hold their own against a residual of that rms [A]."""
-        return replace(self, tolerance=float(residual_rms) * CORRELATED_ROWS**0.5)
+    def scale_prior(self, residual_rms: float) -> Self:
+        """Return the objective with priors weighed against a residual of the current of that rms [A]."""
+        return replace(self, prior_weight=float(residual_rms) * CORRELATED_ROWS**0.5)
 
     def reweighted(self, residual: Array) -> Self:
-        """Return the fit with each channel, and the priors, weighted by what `residual` (rows,) it leaves.
+        """Return the objective with each channel, and the priors, weighted by its `residual` (rows,).
 
-        Of several channels the one that is known best counts most: the likelihood of normal residuals
-        whose size is not known beforehand.
+        The likelihood of normal residuals whose variance by channel is not known beforehand.
         """
-        samples, count = self.problem.recording.samples, len(self.problem.channels)
-        by_channel = residual[: self.recorded_rows].reshape(count, samples)
+        by_channel = residual[: self.channel_rows].reshape(len(self.problem.channels), -1)
         sizes = np.sqrt(np.mean(by_channel**2, axis=1)) / self.problem.weights
-        # A perfect channel would silence the others; nothing is right to a hundredth of a percent.
-        recorded = [np.sqrt(np.mean(self.problem.recording[name] ** 2)) for name in self.problem.channels]
-        sizes = np.maximum(sizes, FINEST * np.array(recorded))
-        return replace(self, problem=self.problem.weighted(sizes)).against(sizes[0])
+        # A perfect channel would leave the others without weight; no model is right to 0.01 %.
+        measured = np.array([rms(self.problem.measured[name]) for name in self.problem.channels])
+        sizes = np.maximum(sizes, LEAST_RESIDUAL * measured)
+        return replace(self, problem=self.problem.weighted(sizes)).scale_prior(sizes[0])
 
     def rescaled(self, rows: Array, other: Self) -> Array:
-        """Return `rows` of `outputs` as this fit weights them, given as `other` does."""
-        samples, m = self.problem.recording.samples, len(self.space.nuisances.names)
-        ratios = np.repeat(self.problem.weights / other.problem.weights, samples)
-        return np.asarray(rows * np.concatenate([ratios, np.full(m, self.tolerance / other.tolerance)]))
+        """Return `rows` of `outputs` as this objective weights them, given as `other` does."""
+        coordinates = len(self.space.nuisances.names)
+        ratios = np.repeat(self.problem.weights / other.problem.weights, self.problem.samples)
+        prior_ratio = self.prior_weight / other.prior_weight
+        return np.asarray(rows * np.concatenate([ratios, np.full(coordinates, prior_ratio)]))
 
     @property
-    def recorded_rows(self) -> int:
-        """Rows of `outputs` that are recorded; the nuisances follow."""
-        return len(self.problem.channels) * self.problem.recording.samples
+    def channel_rows(self) -> int:
+        """Rows of `outputs` that are channels; the nuisances follow."""
+        return len(self.problem.channels) * self.problem.samples
 
     @property
     def target(self) -> Array:
-        """What `outputs` should be: the recorded channels, weighted, and 0 for each nuisance."""
+        """What `outputs` should be: the measured channels, weighted, and 0 for each nuisance, (rows,)."""
         return np.concatenate([self.problem.observed, np.zeros(len(self.space.nuisances.names))])
 
     def outputs(self, points: Array) -> Array:
-        """Return the model's channels, weighted, and the nuisances at `points` (n, d), shape (n, rows)."""
-        return self._rows(self.problem.predict(self.space.faults(points), self.totals(points)), points)
+        """Return the model's channels as sensed and weighted, and the nuisances, at `points` (n, d)."""
+        predicted = self.problem.predict(self.space.faults(points), self.lumped_parameters(points))
+        sensed = as_sensed(predicted, self.problem.channels, self.space.nuisance_values(points))
+        rows: Array = np.empty((len(points), self.channel_rows + len(self.space.nuisances.names)))
+        channels = rows[:, : self.channel_rows].reshape(sensed.shape)
+        np.multiply(sensed, self.problem.weights[:, np.newaxis], out=channels)
+        coordinates = points[:, len(self.space.columns) :]
+        rows[:, self.channel_rows :] = self.prior_weight * coordinates / self.space.nuisances.priors
+        return rows
+
+    def residual(self, point: Array, correction: Array | float = 0.0) -> Array:
+        """Return the target less the outputs at `point` (d,) and less a `correction` of them, (rows,)."""
+        return np.asarray(self.target - self.outputs(point[np.newaxis])[0] - correction)
 
     def currents(self, points: Array) -> Array:
         """Return the model's equivalent current at `points` (n, d), as sensed [A], shape (n, samples)."""
-        return self._sensed(self.problem.currents(self.space.faults(points), self.totals(points)), points)
+        currents = self.problem.currents(self.space.faults(points), self.lumped_parameters(points))
+        as_sensed(currents[:, np.newaxis], ("current_A",), self.space.nuisance_values(points))
+        return currents
 
-    def totals(self, points: Array) -> dict[str, Array]:
-        """Return the physical totals at `points` (n, d) that are not the description's."""
-        space = self.space
-        values = space.nuisance_values(points)
-        return space.nuisances.totals(self.problem.actuator, values, self.problem.warmer)
-
-    def by(self, other: Problem) -> Self:
-        """Return the same fit of another model's problem, weighted alike."""
-        return replace(self, problem=replace(other, weights=self.problem.weights))
-
-    def _rows(self, predicted: Array, points: Array) -> Array:
-        """Return the weighted channels (n, recorded rows) as sensed, followed by the nuisances."""
-        sensed = self._sensed(predicted, points)
-        priors = self.tolerance * points[:, len(self.space.columns) :] / self.space.nuisances.priors
-        return np.concatenate([sensed, priors], axis=1) if priors.size else sensed
-
-    def _sensed(self, predicted: Array, points: Array) -> Array:
-        """Return outputs (n, rows), whose first channel is the current, as the sensor shows them."""
+    def lumped_parameters(self, points: Array) -> dict[str, Array]:
+        """Return the lumped parameters at `points` (n, d) that are not the description's."""
         values = self.space.nuisance_values(points)
-        samples = self.problem.recording.samples
-        if "current_scale" in values:
-            predicted[:, :samples] *= 1 + values["current_scale"][:, np.newaxis]
-        if "current_offset" in values:
-            predicted[:, :samples] += values["current_offset"][:, np.newaxis]
-        return predicted
+        return self.space.nuisances.lumped_parameters(
+            self.problem.actuator, values, self.problem.temperature_rise_K
+        )
+
+    def by(self, model: Model) -> Self:
+        """Return the same objective of another model."""
+        return replace(self, problem=self.problem.by(model))
+
+
+def faults_objective(problem: Problem, nuisances: Sequence[str] | None) -> MapObjective:
+    """Return the objective of finding the faults and the `nuisances` of a problem.
+
+    `nuisances` are named, or the actuator's own where None; those that a measured channel makes known are
+    left out. What the actuator's baseline leaves open is estimated with them.
+
+    Raises
+    ------
+    MethodError
+        A nuisance is unknown, or needs the electrical description that the actuator lacks.
+    """
+    chosen = NuisanceSet.of(problem.actuator, nuisances, tuple(problem.measured))
+    return MapObjective.of(problem, ParameterSpace.of(problem.actuator, chosen))
+
+
+def faults_only_objective(problem: Problem) -> MapObjective:
+    """Return the objective of finding the faults alone, as a population method without least squares does."""
+    return MapObjective.of(problem, ParameterSpace.of(problem.actuator, NO_NUISANCES))
+
+
+def healthy_objective(
+    problem: Problem, nuisances: Sequence[str] | None, unit: ParameterVariation
+) -> MapObjective:
+    """Return the objective of finding a healthy unit's parameters, and the `nuisances`.
+
+    Errors as in `faults_objective`.
+    """
+    chosen = NuisanceSet.of(problem.actuator, nuisances, tuple(problem.measured), unit)
+    return MapObjective.of(problem, ParameterSpace.healthy(chosen))

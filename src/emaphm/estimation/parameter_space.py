@@ -5,12 +5,12 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import ndtri
 
 from emaphm.actuator import NAMES, Actuator
 from emaphm.actuator.faults import CARTESIAN_NAMES, HEALTHY, from_cartesian, to_cartesian
 from emaphm.arrays import Array
-from emaphm.estimation.nuisances import NOTHING, NuisanceSet
+from emaphm.estimation.nuisances import NO_NUISANCES, NuisanceSet
+from emaphm.quantiles import normal_quantile
 
 SHORTS = NAMES[2:5]
 ECCENTRICITY = NAMES[5:7]
@@ -32,7 +32,7 @@ class Box:
 
 
 @dataclass(frozen=True, eq=False)
-class FaultSpace(Box):
+class ParameterSpace(Box):
     """The faults that can be estimated, the eccentricity as k6 (cos phi, sin phi) inside the unit circle.
 
     `columns` are the estimated columns of a vector in estimator coordinates (see
@@ -45,7 +45,7 @@ class FaultSpace(Box):
     nuisances: NuisanceSet
 
     @classmethod
-    def of(cls, actuator: Actuator, nuisances: NuisanceSet = NOTHING) -> Self:
+    def of(cls, actuator: Actuator, nuisances: NuisanceSet = NO_NUISANCES) -> Self:
         """Return the space of the faults that `actuator` can show, and of `nuisances`."""
         fixed = {}
         if actuator.mechanics.static_friction == 0:
@@ -112,12 +112,12 @@ class FaultSpace(Box):
         """Return the values (n,) of what the nuisances mean at `points` (n, d), each in its own unit."""
         return self.nuisances.values(np.asarray(points, float)[:, len(self.columns) :])
 
-    def spread(self, unit: ArrayLike) -> Array:
+    def prior_transform(self, unit: ArrayLike) -> Array:
         """Return points (n, d) for `unit` (n, d) in [0, 1]: faults evenly, nuisances as their priors."""
-        spread = np.asarray(unit, float)
-        faults = np.tile(HEALTHY.vector, (len(spread), 1))
-        faults[:, list(self.columns)] = spread[:, : len(self.columns)]
+        shares = np.asarray(unit, float)
+        faults = np.tile(HEALTHY.vector, (len(shares), 1))
+        faults[:, list(self.columns)] = shares[:, : len(self.columns)]
         points = self.points(faults)
-        normal = ndtri(np.clip(spread[:, len(self.columns) :], 0.02, 0.98))
+        normal = normal_quantile(np.clip(shares[:, len(self.columns) :], 0.02, 0.98))
         points[:, len(self.columns) :] = self.nuisances.priors * normal
         return points

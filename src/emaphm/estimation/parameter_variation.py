@@ -27,7 +27,7 @@ LEAST_DEVIATION = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Deviations:
+class ParameterVariation:
     """Parameters that may deviate, and the coordinates that they do so in.
 
     `axes`, (parameters, q), is what a unit of each coordinate makes of each deviation. `priors`, (q,), is
@@ -84,12 +84,12 @@ def sizes(actuator: Actuator, names: tuple[str, ...]) -> Array:
     return np.array([friction if name in LINEAR else 1.0 for name in names])
 
 
-def deviated(actuator: Actuator, name: str, deviation: Array) -> Array:
-    """Return the total `name` where it deviates so from the description, shape of `deviation`."""
+def varied(actuator: Actuator, name: str, variation: Array) -> Array:
+    """Return the lumped parameter `name` at a `variation` from the description, of its shape."""
     described = totals(actuator, (name,))[name]
-    return np.asarray(described + deviation if name in LINEAR else described * np.exp(deviation))
+    return np.asarray(described + variation if name in LINEAR else described * np.exp(variation))
 
 
-def deviation_unit(name: str, coordinates: str) -> str:
+def variation_unit(name: str, coordinates: str) -> str:
     """Return the unit of a deviation of the total `name`."""
     return unit_for(TOTALS[name], coordinates) if name in LINEAR else "-"

@@ -1,4 +1,4 @@
-"""A recording to be explained: what a model is driven with, and what it is compared to."""
+"""A recording to be reproduced: what a model is driven with, and what its outputs are compared with."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -9,7 +9,10 @@ from numpy.typing import ArrayLike
 
 from emaphm.actuator import Actuator
 from emaphm.arrays import Array
-from emaphm.recording import Recording, reconstructed, with_equivalent_current
+from emaphm.estimation.driving_signals import DrivingSignals
+from emaphm.estimation.initial_state import initial_state
+from emaphm.estimation.run_counts import RunCounts
+from emaphm.recording import Recording, with_equivalent_current
 from emaphm.simulation import (
     AVERAGED,
     OBSERVABLE,
@@ -21,25 +24,29 @@ from emaphm.simulation import (
     run,
     run_batch,
 )
-from emaphm.simulation.laws.commutation import wrap
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A recording, the actuator it was made on, and the model that is to reproduce it."""
+    """An actuator, the model that is to reproduce its signals, and what these signals are.
+
+    `measured` are the signals by channel, each (samples,); `channels` those that are compared, of
+    `OBSERVABLE`, the equivalent current first. `weights`, (channels,), are what a residual of each counts,
+    in A of the current's residual. `temperature_rise_K` is what is known of it, above nominal. `runs` counts
+    the simulations.
+    """
 
     actuator: Actuator
-    recording: Recording
     model: Model
+    driving: DrivingSignals
     inputs: Inputs
     start: Initial
-    workers: int | None = None
+    measured: Mapping[str, Array]
     channels: tuple[str, ...] = ("current_A",)
-    """What is compared, of `OBSERVABLE`; the equivalent current first."""
     weights: Array = field(default_factory=lambda: np.ones(1))
-    """What a residual of each channel counts, (channels,), in A of the current's residual."""
-    warmer: float = 0.0
-    """Recorded temperature above nominal [K], its mean."""
+    temperature_rise_K: float = 0.0
+    workers: int | None = None
+    runs: RunCounts = field(default_factory=RunCounts)
 
     @classmethod
     def of(
@@ -48,137 +55,112 @@ class Problem:
         actuator: Actuator,
         model: Model = AVERAGED,
         workers: int | None = None,
-        channels: tuple[str, ...] = ("current_A",),
+        channels: tuple[str, ...] | None = ("current_A",),
     ) -> Self:
-        """Return the problem of explaining `recording` by `model` of `actuator`.
+        """Return the problem of reproducing `recording` by `model` of `actuator`.
 
-        The recorded command, and the load where it was recorded, drive the model, each as a smooth curve
-        behind its rows.
+        `channels` are compared; where None, all that were recorded, vary and that the model has.
         """
-        load = reconstructed(recording, "load_Nm") if "load_Nm" in recording else 0.0
         recording = with_equivalent_current(recording, actuator)
-        inputs = Inputs.of(
-            reconstructed(recording, "command_rad"),
-            load,
-            samples=recording.samples,
-            interval=recording.interval_s,
-            step=model.step,
-            sampling=recording.sampling,
-        )
-        warmer = 0.0
+        driving = DrivingSignals.of(recording)
+        rise = 0.0
         if "temperature_K" in recording and actuator.electrical is not None:
-            warmer = float(np.mean(recording["temperature_K"])) - actuator.electrical.temperature
+            rise = float(np.mean(recording["temperature_K"])) - actuator.electrical.temperature
         problem = cls(
-            actuator, recording, model, inputs, initial(recording, actuator), workers, channels, warmer=warmer
+            actuator,
+            model,
+            driving,
+            driving.inputs(model.step),
+            initial_state(recording, actuator),
+            recording.channels,
+            channels or compared_channels(recording, actuator),
+            temperature_rise_K=rise,
+            workers=workers,
         )
         # To begin with, a residual counts in proportion to its channel.
-        return problem.weighted([float(np.sqrt(np.mean(problem.recording[name] ** 2))) for name in channels])
+        return problem.weighted([rms(recording[name]) for name in problem.channels])
 
     def by(self, model: Model) -> Self:
-        """Return the same problem for another model."""
-        return type(self).of(self.recording, self.actuator, model, self.workers, self.channels)
+        """Return the same problem for another model: start, weights and counts are the same."""
+        return replace(self, model=model, inputs=self.driving.inputs(model.step))
+
+    def like(self, other: Self) -> Self:
+        """Return the problem with the channels and weights of `other`."""
+        return replace(self, channels=other.channels, weights=other.weights)
 
     def weighted(self, sizes: ArrayLike) -> Self:
         """Return the problem with residuals weighted by the `sizes` (channels,) that they have."""
         deviations = np.maximum(np.asarray(sizes, float), np.finfo(float).tiny ** 0.5)
         return replace(self, weights=deviations[0] / deviations)
 
+    def observing(self, channels: tuple[str, ...]) -> Self:
+        """Return the problem with other channels, each with weight 1."""
+        return replace(self, channels=channels, weights=np.ones(len(channels)))
+
+    @property
+    def samples(self) -> int:
+        """Rows of a channel."""
+        return self.inputs.samples
+
+    @property
+    def duration_s(self) -> float:
+        """Time covered [s]."""
+        return self.inputs.samples * self.inputs.interval
+
     @property
     def recorded(self) -> Array:
-        """The recorded equivalent current [A], shape (samples,)."""
-        return self.recording["current_A"]
-
-    def currents(self, faults: ArrayLike, totals: Mapping[str, ArrayLike] | None = None) -> Array:
-        """Return the model's currents [A] for faults (n, 8) and physical totals, shape (n, samples)."""
-        plant = Plant.of(self.actuator, faults, totals)
-        return run_batch(self.model, plant, self.inputs, self.start, workers=self.workers)
+        """The measured equivalent current [A], shape (samples,)."""
+        return self.measured["current_A"]
 
     @property
     def observed(self) -> Array:
-        """The recorded channels, weighted and end to end, shape (channels × samples,)."""
-        return np.concatenate(
-            [weight * self.recording[name] for name, weight in zip(self.channels, self.weights, strict=True)]
-        )
+        """The measured channels, weighted and end to end, shape (channels × samples,)."""
+        weighted = zip(self.channels, self.weights, strict=True)
+        return np.concatenate([weight * self.measured[name] for name, weight in weighted])
 
-    def predict(self, faults: ArrayLike, totals: Mapping[str, ArrayLike] | None = None) -> Array:
-        """Return what the model has for `observed`, shape (n, channels × samples)."""
+    def currents(self, faults: ArrayLike, parameters: Mapping[str, ArrayLike] | None = None) -> Array:
+        """Return the model's currents [A] for faults (n, 8) and lumped parameters, shape (n, samples)."""
+        plant = Plant.of(self.actuator, faults, parameters)
+        self.runs.add(self.model, plant.count)
+        return run_batch(self.model, plant, self.inputs, self.start, workers=self.workers)
+
+    def predict(self, faults: ArrayLike, parameters: Mapping[str, ArrayLike] | None = None) -> Array:
+        """Return what the model has for the channels, unweighted, shape (n, channels, samples)."""
         if self.channels == OBSERVABLE[:1]:
-            return self.currents(faults, totals)
-        plant = Plant.of(self.actuator, faults, totals)
-        signals = observe_batch(
+            return self.currents(faults, parameters)[:, np.newaxis]
+        plant = Plant.of(self.actuator, faults, parameters)
+        self.runs.add(self.model, plant.count)
+        return observe_batch(
             self.model, plant, self.inputs, self.start, channels=self.channels, workers=self.workers
         )
-        signals *= self.weights[:, np.newaxis]
-        return signals.reshape(plant.count, -1)
 
-    def signals(self, faults: ArrayLike, totals: Mapping[str, ArrayLike] | None = None) -> dict[str, Array]:
+    def signals(
+        self, faults: ArrayLike, parameters: Mapping[str, ArrayLike] | None = None
+    ) -> dict[str, Array]:
         """Return every channel of the model for one fault vector (8,), each of shape (samples,)."""
-        signals = run(self.model, Plant.of(self.actuator, faults, totals), self.inputs, self.start)
+        signals = run(self.model, Plant.of(self.actuator, faults, parameters), self.inputs, self.start)
+        self.runs.add(self.model, 1)
         signals["angle_rad"] += self.start.rotor_offset
         return signals
 
 
-def comparable(actuator: Actuator) -> tuple[str, ...]:
+def rms(values: Array) -> float:
+    """Return the root mean square of `values`."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def comparable_channels(actuator: Actuator) -> tuple[str, ...]:
     """Return the channels that a model of `actuator` has to compare: no voltage without its windings."""
     return tuple(name for name in OBSERVABLE if name != "voltage_V" or actuator.electrical is not None)
 
 
-def initial(recording: Recording, actuator: Actuator) -> Initial:
-    """Return where the recorded manoeuvre starts.
-
-    The user stands where it was recorded, or on the command where its position was not recorded or
-    differs by no more than the sensor's noise; the gap is centred. Without a position the motor's angle
-    stands in for it.
-    """
-    ratio = actuator.mechanics.gear_ratio
-    # At the first instant: a row that is a mean stands for half an interval later.
-    position = float(reconstructed(recording, "command_rad")(np.zeros(1))[0])
-    if "position_rad" in recording:
-        measured = recording["position_rad"]
-        if abs(measured[0] - position) > 3 * noise_level(measured):
-            position = float(measured[0])
-    angle = position / ratio
-    offset = _rotor_offset(recording, actuator) if "angle_rad" in recording else 0.0
-    if "angle_rad" in recording and "position_rad" not in recording:
-        angle += float(wrap(recording["angle_rad"][0] - offset - angle))
-    return Initial(angle, _starting_speed(recording, ratio), offset)
+def compared_channels(recording: Recording, actuator: Actuator) -> tuple[str, ...]:
+    """Return the channels of `recording` that a model of `actuator` is compared in, the current first."""
+    return tuple(
+        name for name in comparable_channels(actuator) if name == "current_A" or has_signal(recording, name)
+    )
 
 
-def _rotor_offset(recording: Recording, actuator: Actuator) -> float:
-    """Return the motor's angle less the user's [rad], 0 where backlash, noise or lag explain the distance."""
-    ratio = actuator.mechanics.gear_ratio
-    motor = np.unwrap(recording["angle_rad"])
-    # The gap lets the motor be half its width ahead of the user, or behind.
-    tolerance = actuator.mechanics.backlash * (1 + actuator.faults.backlash) / 2 + 3 * noise_level(motor)
-    if "position_rad" in recording:
-        user = recording["position_rad"] / ratio
-        tolerance += 3 * noise_level(user)
-    else:
-        user = recording["command_rad"] / ratio
-        tolerance += float(np.ptp(motor - user)) / 4
-    distances = motor - user
-    distance = float(wrap(distances[0] + np.median(wrap(distances - distances[0]))))
-    return distance if abs(distance) > tolerance else 0.0
-
-
-FIRST_ROWS = 10
-"""Rows that the starting speed is taken from."""
-
-
-def _starting_speed(recording: Recording, ratio: float) -> float:
-    """Return the motor's speed [rad/s] at the first row, 0 where that is within three standard errors."""
-    t = recording["time_s"][:FIRST_ROWS] - recording["time_s"][0]
-    if "speed_rad_s" in recording:
-        column, order, scale = recording["speed_rad_s"], 0, 1.0
-    elif "position_rad" in recording:
-        column, order, scale = recording["position_rad"], 1, 1 / ratio
-    else:
-        return 0.0
-    coefficients, covariance = np.polyfit(t, column[:FIRST_ROWS], 2, cov=True)
-    speed, error = coefficients[-1 - order], np.sqrt(covariance[-1 - order, -1 - order])
-    return float(speed) * scale if abs(speed) > 3 * error else 0.0
-
-
-def noise_level(values: Array) -> float:
-    """Return the rms of the white noise on a smooth signal (n,), from its second differences."""
-    return float(np.sqrt(np.mean(np.diff(values, 2) ** 2) / 6))
+def has_signal(recording: Recording, name: str) -> bool:
+    """Return whether a channel was recorded, and is more than an idle column of one value."""
+    return name in recording and float(np.ptp(recording[name])) > 0

@@ -1,4 +1,4 @@
-"""Replaying a recording: the model follows the recorded command and load, and is held against the rest."""
+"""Replaying a recording: the model follows its command and load, and is compared with the other channels."""
 
 import json
 from collections.abc import Mapping
@@ -10,10 +10,10 @@ import numpy as np
 from emaphm.actuator import Actuator, Faults
 from emaphm.arrays import Array
 from emaphm.estimation.problem import Problem
-from emaphm.recording import Recording, check_plausible
+from emaphm.recording import Recording, check_plausible, with_equivalent_current
 from emaphm.recording.schema import SCHEMA
 from emaphm.simulation import model_named
-from emaphm.simulation.laws.commutation import wrap
+from emaphm.simulation.laws.angles import wrap
 from emaphm.text_table import format_table
 from emaphm.version import VERSION
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """A recording beside the model's `signals`, each (samples,), and the relative error of each channel.
+    """A recording, the model's `signals` for it, each (samples,), and the relative error of each channel.
 
     `relative_error` is rms(measured - model) / rms(measured), as a fraction.
     """
@@ -50,7 +50,7 @@ class Replay:
 
     def plot(self) -> "Figure":
         """Draw each channel, measured against model, with its residual."""
-        from emaphm.plotting.diagnosis import draw_replay
+        from emaphm.plotting.replay import draw_replay
 
         return draw_replay(self.recording, self.signals, self.actuator, self.relative_error)
 
@@ -73,11 +73,11 @@ def replay(
         The model is unknown.
     """
     check_plausible(recording, actuator)
+    recording = with_equivalent_current(recording, actuator)
     problem = Problem.of(recording, actuator, model_named(model))
     signals = problem.signals((faults or Faults()).vector)
     if actuator.electrical is None:
         del signals["voltage_V"]  # an ideal current loop has no voltage to speak of
-    recording = problem.recording
     shared = [name for name in SCHEMA if name in recording and name in signals]
     # A channel that is 0 throughout has nothing for an error to be relative to.
     errors = {

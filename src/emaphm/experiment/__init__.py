@@ -1,5 +1,6 @@
 """Design of a test before it is made: how well it will identify each fault, and a better excitation."""
 
-from emaphm.experiment.design import Design, design
+from emaphm.experiment.design import design
+from emaphm.experiment.result import Design
 
 __all__ = ["Design", "design"]

@@ -1,4 +1,4 @@
-"""The search for a chirp of which more is expected, and the choice among the best by simulated tests."""
+"""The search for a chirp of higher predicted precision, and the choice among the best by simulation."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,94 +8,109 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.errors import SignalError
-from emaphm.experiment.constraints import Limits
-from emaphm.experiment.excitation import Manoeuvre
-from emaphm.experiment.predicted_precision import Widths, expected
-from emaphm.experiment.simulated_tests import Proven, prove
-from emaphm.experiment.test_setup import Conditions
-from emaphm.optimizers.space_filling import space_filling
+from emaphm.experiment.constraints import Constraints
+from emaphm.experiment.excitation import Excitation
+from emaphm.experiment.predicted_precision import Precision, predicted_precision
+from emaphm.experiment.simulated_tests import SimulatedTests, simulate_tests
+from emaphm.experiment.test_setup import TestSetup
+from emaphm.optimizers import space_filling
 from emaphm.progress import Progress
-
-SHRINK = (1.0, 0.4, 0.15)
-"""Half the size of the box about the best chirp in each round of the search, as a share of the limits."""
-
-LEAST_SHARE = 0.1
-"""Least amplitude and last frequency tried, as shares of their limits."""
-
-FINALISTS = 4
-"""Best of the search, of which simulated tests choose one: what the models differ by no search foresees."""
-
-APART = 0.15
-"""Least distance of two finalists, in shares of the limits: their likes would do alike."""
+from emaphm.random_streams import child_seed
 
 FEWEST_TESTS = 4
-"""Below, a standard error over the tests is no measure of chance."""
+"""Simulated tests below which a standard error over them is no measure of chance."""
+
+
+@dataclass(frozen=True)
+class CandidateSearchSettings:
+    """How chirps are tried, in shares of the constraints: amplitude, first and last frequency.
+
+    `box_sizes` are half the size of the box around the best chirp in each round. No amplitude or last
+    frequency is below `least_share`. The `finalists` are the best of the search, `separation` apart at least;
+    simulated tests choose one of them, as no search of the averaged model foresees how the models differ.
+    """
+
+    box_sizes: tuple[float, ...] = (1.0, 0.4, 0.15)
+    least_share: float = 0.1
+    finalists: int = 4
+    separation: float = 0.15
+
+
+CANDIDATES = CandidateSearchSettings()
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
-    """A manoeuvre, the interval widths `expected` of it, and what simulated tests made of it, if any."""
+class PlannedTest:
+    """An excitation, its `predicted` precision, and the results of simulated tests, if there were any."""
 
-    manoeuvre: Manoeuvre
-    expected: Widths
-    proven: Proven | None = None
+    excitation: Excitation
+    predicted: Precision
+    simulated: SimulatedTests | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the plan for JSON."""
+        """Return the planned test for JSON."""
+        simulated = self.simulated
         return {
-            "manoeuvre": self.manoeuvre.to_dict(),
-            "expected": self.expected.half_widths,
-            "proven": None if self.proven is None else self.proven.widths.half_widths,
-            "median_error_percent": None if self.proven is None else self.proven.median_error,
+            "manoeuvre": self.excitation.to_dict(),
+            "expected": self.predicted.half_widths,
+            "proven": None if simulated is None else simulated.precision.half_widths,
+            "median_error_percent": None if simulated is None else simulated.median_error,
         }
 
 
-def search(
-    conditions: Conditions,
-    limits: Limits,
-    given: Plan,
+def search_candidates(
+    setup: TestSetup,
+    constraints: Constraints,
+    given: PlannedTest,
     faults: Array,
     candidates: int,
     seed: int,
     on_progress: Progress | None,
-) -> list[Plan]:
-    """Return up to `FINALISTS` chirps of which more is expected than of what was `given`, the best first."""
-    tried: list[tuple[float, Array, Plan]] = []
-    lower = np.array([LEAST_SHARE, 0.0, LEAST_SHARE])
-    rounds = np.array_split(np.arange(candidates), len(SHRINK))
-    for turn, (size, members) in enumerate(zip(SHRINK, rounds, strict=True)):
+) -> list[PlannedTest]:
+    """Return the finalists: chirps of higher predicted precision than the `given` test, the best first."""
+    tried: list[tuple[float, Array, PlannedTest]] = []
+    lower = np.array([CANDIDATES.least_share, 0.0, CANDIDATES.least_share])
+    rounds = np.array_split(np.arange(candidates), len(CANDIDATES.box_sizes))
+    for turn, (size, members) in enumerate(zip(CANDIDATES.box_sizes, rounds, strict=True)):
         if not members.size:
             continue
         middle = min(tried, key=lambda one: one[0])[1] if tried else np.ones(3)
         low, high = np.maximum(middle - size, lower), np.minimum(middle + size, 1.0)
-        for number, shares in zip(members, space_filling(members.size, low, high, seed + turn), strict=True):
-            plan = _plan(conditions, limits.chirp(shares), faults, seed)
-            if plan is not None:
-                tried.append((float(plan.expected.logarithms.mean()), shares, plan))
+        box_seed = child_seed(seed, "candidates", turn)
+        for number, shares in zip(members, space_filling(members.size, low, high, box_seed), strict=True):
+            planned = _planned(setup, constraints.chirp(shares), faults, seed)
+            if planned is not None:
+                tried.append((float(planned.predicted.logarithms.mean()), shares, planned))
             if on_progress is not None:
                 on_progress((number + 1) / candidates)
-    chosen: list[tuple[Array, Plan]] = []
-    for value, shares, plan in sorted(tried, key=lambda one: one[0]):
-        near = any(np.linalg.norm(shares - other) < APART for other, _ in chosen)
-        if value < given.expected.logarithms.mean() and not near and len(chosen) < FINALISTS:
-            chosen.append((shares, plan))
-    return [plan for _, plan in chosen]
+    chosen: list[tuple[Array, PlannedTest]] = []
+    for value, shares, planned in sorted(tried, key=lambda one: one[0]):
+        near = any(np.linalg.norm(shares - other) < CANDIDATES.separation for other, _ in chosen)
+        better = value < given.predicted.logarithms.mean()
+        if better and not near and len(chosen) < CANDIDATES.finalists:
+            chosen.append((shares, planned))
+    return [planned for _, planned in chosen]
 
 
-def choose(
-    conditions: Conditions, finalists: Sequence[Plan], tests: int, seed: int, on_progress: Progress | None
-) -> Plan | None:
-    """Return the finalist whose simulated tests, half of the `tests`, have the narrowest intervals."""
+def choose_finalist(
+    setup: TestSetup,
+    finalists: Sequence[PlannedTest],
+    tests: int,
+    seed: int,
+    on_progress: Progress | None,
+) -> PlannedTest | None:
+    """Return the finalist with the narrowest intervals in simulated tests, half as many as `tests`."""
     if len(finalists) < 2:
         return finalists[0] if finalists else None
     few = max(tests // 2, FEWEST_TESTS)
-    results = prove(conditions, [plan.manoeuvre for plan in finalists], few, seed, on_progress)
-    return finalists[int(np.argmin([one.widths.logarithms.mean() for one in results]))]
+    excitations = [planned.excitation for planned in finalists]
+    results = simulate_tests(setup, excitations, few, seed, on_progress)
+    return finalists[int(np.argmin([one.precision.logarithms.mean() for one in results]))]
 
 
-def _plan(conditions: Conditions, manoeuvre: Manoeuvre, faults: Array, seed: int) -> Plan | None:
-    """Return what to expect of `manoeuvre`, nothing where it is too small to move the actuator."""
+def _planned(setup: TestSetup, excitation: Excitation, faults: Array, seed: int) -> PlannedTest | None:
+    """Return the planned test of `excitation`, None where it is too small to move the actuator."""
     try:
-        return Plan(manoeuvre, expected(conditions, manoeuvre, faults, seed))
+        return PlannedTest(excitation, predicted_precision(setup, excitation, faults, seed))
     except SignalError:
         return None

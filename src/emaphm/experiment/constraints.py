@@ -1,4 +1,4 @@
-"""What a manoeuvre may do."""
+"""The constraints on an excitation: amplitude, frequency, duration."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -8,43 +8,43 @@ import numpy as np
 from emaphm.actuator import Chirp
 from emaphm.arrays import Array
 from emaphm.errors import SignalError
-from emaphm.estimation.bias_correction import LONGEST_S
-from emaphm.experiment.excitation import Manoeuvre
-from emaphm.experiment.test_setup import Conditions
+from emaphm.estimation.discrepancy import LONGEST_S
+from emaphm.experiment.excitation import Excitation
+from emaphm.experiment.test_setup import TestSetup
 
 
 @dataclass(frozen=True)
-class Limits:
-    """What a manoeuvre may do: largest amplitude [rad] at the user, frequency [Hz] and duration [s]."""
+class Constraints:
+    """Largest amplitude [rad] at the user, frequency [Hz] and duration [s]."""
 
     amplitude: float
     frequency: float
     duration: float
 
-    def chirp(self, shares: Array) -> Manoeuvre:
+    def chirp(self, shares: Array) -> Excitation:
         """Return the chirp of `shares` (3,) of the limits: amplitude, first and last frequency.
 
-        It lasts as long as it may: rows only add to what is known.
+        It lasts as long as it may: more rows only add information.
         """
         size, start, stop = (float(share) for share in shares)
         command = Chirp(size * self.amplitude, start * self.frequency, stop * self.frequency, self.duration)
-        return Manoeuvre(command, self.duration)
+        return Excitation(command, self.duration)
 
     @classmethod
     def of(
         cls,
-        conditions: Conditions,
-        given: Manoeuvre,
+        setup: TestSetup,
+        given: Excitation,
         amplitude: float | None,
         frequency: float | None,
         duration: float | None,
     ) -> Self:
-        """Return the limits, those of the `given` manoeuvre where left out.
+        """Return the constraints, those of the `given` excitation where left out.
 
         Raises
         ------
         SignalError
-            No manoeuvre can keep them, or the given one does not.
+            No excitation can keep them, or the given one does not.
         """
         own = {"amplitude": given.amplitude, "frequency": given.frequency_hz, "duration": given.duration}
         wanted = {"amplitude": amplitude, "frequency": frequency, "duration": duration}
@@ -58,20 +58,20 @@ class Limits:
                     "others (--candidates 0)"
                 )
             if not 0 < limit < np.inf:
-                raise SignalError(f"largest {name} of {limit:g} leaves no manoeuvre; give more than 0")
+                raise SignalError(f"largest {name} of {limit:g} leaves no excitation; give more than 0")
             if mine is not None and mine > limit:
                 raise SignalError(
-                    f"the given manoeuvre exceeds the largest {name}: {mine:g} is more than {limit:g}; make "
+                    f"the given excitation exceeds the largest {name}: {mine:g} is more than {limit:g}; make "
                     "it less, or allow more"
                 )
             limits[name] = limit
         found = cls(**limits)
-        found._check(conditions)
+        found._check(setup)
         return found
 
-    def _check(self, conditions: Conditions) -> None:
+    def _check(self, setup: TestSetup) -> None:
         """Refuse limits that the actuator or the recorder cannot follow."""
-        stops, rate = conditions.actuator.mechanics.end_stops, conditions.sample_rate
+        stops, rate = setup.actuator.mechanics.end_stops, setup.sample_rate
         if stops and self.amplitude > (reach := min(map(abs, stops))):
             raise SignalError(
                 f"amplitude {self.amplitude:g} is beyond the end stops {list(stops)}; give {reach:g} or less"

@@ -1,4 +1,4 @@
-"""A manoeuvre: what a test plays, and for how long."""
+"""The excitation of a test: a command, and for how long it is played."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +14,7 @@ PERIOD_ROWS = 200
 
 
 @dataclass(frozen=True)
-class Manoeuvre:
+class Excitation:
     """A `command` and the `duration` [s] that it is played for."""
 
     command: Command
@@ -35,7 +35,7 @@ class Manoeuvre:
         return abs(self.command.frequency_hz) if isinstance(self.command, Sine) else None
 
     def words(self, coordinates: str) -> str:
-        """Return what the manoeuvre is, in a few words; lengths in the unit of the `coordinates`."""
+        """Return what the excitation is, in a few words; lengths in the unit of the `coordinates`."""
         size = f"{self.amplitude:.4g} {unit_for('rad', coordinates)}"
         if isinstance(self.command, Chirp | DecayingChirp):
             kind = "chirp" if isinstance(self.command, Chirp) else "decaying chirp"
@@ -47,7 +47,7 @@ class Manoeuvre:
         return f"{what}, {self.duration:.3g} s"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the manoeuvre for JSON: its kind, what describes it, and how long it lasts."""
+        """Return the excitation for JSON: its kind, what describes it, and how long it lasts."""
         known = isinstance(self.command, Chirp | DecayingChirp | Sine | Step)
         described: dict[str, Any] = vars(self.command) if known else {}
         return described | {

@@ -1,7 +1,7 @@
-"""The conditions of a test that is planned: what is recorded, how well, and what may be the matter."""
+"""The set-up of a planned test: what is recorded, with which noise, and which faults may be there."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -9,14 +9,16 @@ import numpy as np
 from emaphm.actuator import NAMES, Actuator
 from emaphm.actuator.faults import HEALTHY
 from emaphm.arrays import Array
+from emaphm.diagnosis.diagnose import LEAST_MOTION
 from emaphm.errors import MethodError, SignalError, nearest
-from emaphm.estimation.methods import method_named
-from emaphm.estimation.objective import LEAST_MOTION, Fit
-from emaphm.estimation.search import fit_of
-from emaphm.experiment.excitation import Manoeuvre
-from emaphm.optimizers.space_filling import space_filling
+from emaphm.estimation.driving_signals import DrivingSignals
+from emaphm.estimation.objective import MapObjective, faults_objective
+from emaphm.estimation.problem import Problem
+from emaphm.experiment.excitation import Excitation
+from emaphm.optimizers import space_filling
+from emaphm.random_streams import child_seed
 from emaphm.recording import Recording, acquire, full_scales
-from emaphm.simulation import AVERAGED, OBSERVABLE, REFERENCE, Initial, Inputs, Model, Plant, observe_batch
+from emaphm.simulation import AVERAGED, OBSERVABLE, REFERENCE, Initial, Model, Plant, observe_batch
 
 CHANNELS = {
     "current": "current_A",
@@ -27,18 +29,20 @@ CHANNELS = {
 """What may be recorded, by the name that a user gives it."""
 
 CONVERTER_BITS = 12
-"""Resolution taken for the channels other than the current."""
+"""Resolution assumed for the channels other than the current."""
 
 LARGEST_SHORT = 0.7
-"""Up to here the averaged model is meant for shorts (PHYSICS.md section 5)."""
+"""Largest short that the averaged model is meant for (docs/physics.md, section 5)."""
 
 FEWEST_ROWS = 50
-"""Rows of the shortest manoeuvre: fewer tell next to nothing of ten unknowns."""
+"""Rows of the shortest excitation: fewer have next to no information on ten unknowns."""
 
 
 @dataclass(frozen=True, eq=False)
-class Conditions:
-    """Under which a test is made: `channels` by schema name, current first; `noise` of it [A rms]."""
+class TestSetup:
+    """What is recorded of a test: `channels` by schema name, the current first, and its `noise` [A rms]."""
+
+    __test__ = False  # no test case, whatever pytest makes of the name
 
     actuator: Actuator
     channels: tuple[str, ...]
@@ -55,7 +59,7 @@ class Conditions:
         sample_rate: float,
         workers: int | None = None,
     ) -> Self:
-        """Return the conditions, `channels` being names of `CHANNELS`.
+        """Return the set-up, `channels` being names of `CHANNELS`.
 
         Raises
         ------
@@ -67,7 +71,7 @@ class Conditions:
             if name not in CHANNELS:
                 raise MethodError(f"unknown channel '{name}'{nearest(name, CHANNELS)}")
         if "current" not in channels:
-            raise MethodError("the current is what faults are told from; put current among the channels")
+            raise MethodError("faults are identified from the current; put current among the channels")
         if "voltage" in channels and actuator.electrical is None:
             raise MethodError(
                 f"channel 'voltage' needs an [electrical] section, which actuator '{actuator.name}' lacks"
@@ -84,39 +88,48 @@ class Conditions:
         """The model that stands for the actuator: the reference model where the windings are described."""
         return AVERAGED if self.actuator.electrical is None else REFERENCE
 
-    def fit(self, manoeuvre: Manoeuvre) -> Fit:
-        """Return what a diagnosis would fit to a recording of `manoeuvre`, each channel at its noise.
+    def objective(self, excitation: Excitation) -> MapObjective:
+        """Return what a diagnosis would minimise on a recording of `excitation`, each channel at its noise.
 
         Raises
         ------
         SignalError
-            The manoeuvre is too short, or does not move the actuator.
+            The excitation is too short, or does not move the actuator.
         """
-        healthy = self._exact(manoeuvre, HEALTHY.vector[np.newaxis], AVERAGED)[0]
+        driving = self._driving(excitation)
+        healthy = self._signals(driving, HEALTHY.vector[np.newaxis], AVERAGED)[0]
         if np.ptp(healthy["position_rad"]) <= LEAST_MOTION * np.ptp(healthy["command_rad"]):
-            raise SignalError("the manoeuvre does not move the actuator; give it more amplitude or time")
-        shown = self._shown(healthy)
-        fit = fit_of(shown, self.actuator, method_named("hybrid"), AVERAGED, None, self.workers)
-        problem = replace(fit.problem, start=Initial()).weighted(self._noises(shown))
-        return replace(fit, problem=problem).against(self.noise)
+            raise SignalError("the excitation does not move the actuator; give it more amplitude or time")
+        problem = Problem(
+            self.actuator,
+            AVERAGED,
+            driving,
+            driving.inputs(AVERAGED.step),
+            Initial(),
+            {name: healthy[name] for name in ("command_rad", *self.channels)},
+            self.channels,
+            workers=self.workers,
+        )
+        weighted = problem.weighted(self._noises(healthy))
+        return faults_objective(weighted, None).scale_prior(self.noise)
 
-    def record(self, manoeuvre: Manoeuvre, faults: Array, seed: int) -> list[Recording]:
-        """Return what would be recorded of `manoeuvre` under `faults` (n, 8), as `truth` has it.
+    def record(self, excitation: Excitation, faults: Array, seed: int) -> list[Recording]:
+        """Return what would be recorded of `excitation` under `faults` (n, 8), by the model `truth`.
 
-        The current with its noise, the other channels as a converter rounds them. The same row of the same
-        fault vector has the same noise under every manoeuvre.
+        The current with its noise, the other channels with a converter's rounding. The same row of the same
+        fault vector has the same noise under every excitation.
         """
         recordings = []
-        for i, exact in enumerate(self._exact(manoeuvre, faults, self.truth)):
-            shown = self._shown(exact)
-            others = self._full_scales(shown)
+        for i, exact in enumerate(self._signals(self._driving(excitation), faults, self.truth)):
+            kept = {name: exact[name] for name in ("time_s", "command_rad", *self.channels)}
+            others = self._full_scales(exact)
             recordings.append(
                 acquire(
-                    shown,
+                    Recording(kept, self.actuator.channels.sampling, "simulated"),
                     noise={"current_A": self.noise},
                     adc_bits=CONVERTER_BITS if others else None,
                     full_scale=others,
-                    seed=seed + i,
+                    seed=child_seed(seed, "sensor noise", i),
                 )
             )
         return recordings
@@ -127,49 +140,38 @@ class Conditions:
         upper[2:5] = LARGEST_SHORT
         if count == 1:
             return HEALTHY.vector[np.newaxis]
-        others = space_filling(count - 1, np.zeros(len(NAMES)), upper, seed)
+        others = space_filling(count - 1, np.zeros(len(NAMES)), upper, child_seed(seed, "fault vectors"))
         return np.concatenate([HEALTHY.vector[np.newaxis], others])
 
-    def _exact(self, manoeuvre: Manoeuvre, faults: Array, model: Model) -> list[Recording]:
-        """Return noise-free recordings of every observable channel."""
-        samples = round(manoeuvre.duration * self.sample_rate)
+    def _driving(self, excitation: Excitation) -> DrivingSignals:
+        samples = round(excitation.duration * self.sample_rate)
         if samples < FEWEST_ROWS:
             raise SignalError(
-                f"{manoeuvre.duration:g} s at {self.sample_rate:g} Hz are {samples} rows; give time or rate "
+                f"{excitation.duration:g} s at {self.sample_rate:g} Hz are {samples} rows; give time or rate "
                 f"for {FEWEST_ROWS} or more"
             )
-        inputs = Inputs.of(
-            manoeuvre.command,
-            samples=samples,
-            interval=1 / self.sample_rate,
-            step=model.step,
-            sampling=self.actuator.channels.sampling,
+        return DrivingSignals(
+            excitation.command, 0.0, samples, 1 / self.sample_rate, self.actuator.channels.sampling
         )
-        known = {"time_s": inputs.time_s, "command_rad": inputs.rows(inputs.command)}
-        plant = Plant.of(self.actuator, faults)
-        signals = observe_batch(model, plant, inputs, workers=self.workers)
-        return [
-            Recording(known | dict(zip(OBSERVABLE, one, strict=True)), inputs.sampling, "simulated")
-            for one in signals
-        ]
 
-    def _shown(self, recording: Recording) -> Recording:
-        """Return `recording` with the channels that are recorded."""
-        kept = {name: recording[name] for name in ("time_s", "command_rad", *self.channels)}
-        return Recording(kept, recording.sampling, recording.source)
+    def _signals(self, driving: DrivingSignals, faults: Array, model: Model) -> list[dict[str, Array]]:
+        """Return every observable channel, noise-free, for each of `faults` (n, 8)."""
+        inputs = driving.inputs(model.step)
+        given = {"time_s": inputs.time_s, "command_rad": inputs.rows(inputs.command)}
+        signals = observe_batch(model, Plant.of(self.actuator, faults), inputs, workers=self.workers)
+        return [given | dict(zip(OBSERVABLE, one, strict=True)) for one in signals]
 
-    def _noises(self, recording: Recording) -> Array:
+    def _noises(self, signals: dict[str, Array]) -> Array:
         """Return the rms of each channel's noise (channels,): a converter's rounding but for the current."""
-        steps = [2 * scale / 2**CONVERTER_BITS for scale in self._full_scales(recording).values()]
+        steps = [2 * scale / 2**CONVERTER_BITS for scale in self._full_scales(signals).values()]
         return np.array([self.noise, *(step / 12**0.5 for step in steps)])
 
-    def _full_scales(self, recording: Recording) -> dict[str, float]:
+    def _full_scales(self, signals: dict[str, Array]) -> dict[str, float]:
         """Return half the range of each channel's converter but for the current's.
 
-        Where the description does not tell the range of a channel, twice its peak.
+        Where the description has no range for a channel, twice its peak.
         """
         described = full_scales(self.actuator)
         return {
-            name: described.get(name, 2 * float(np.max(np.abs(recording[name]))))
-            for name in self.channels[1:]
+            name: described.get(name, 2 * float(np.max(np.abs(signals[name])))) for name in self.channels[1:]
         }

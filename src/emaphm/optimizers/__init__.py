@@ -1,16 +1,14 @@
-"""Optimisers that evaluate a whole population in one call; a new one is listed in `OPTIMIZERS`."""
+"""Optimisers that evaluate a whole population in one call; ours are listed in `OPTIMIZERS`."""
 
 from typing import Any
 
-from emaphm.optimizers.base import Optimizer, Result, State, minimise
-from emaphm.optimizers.differential_evolution import (
-    DifferentialEvolution,
-    DifferentialEvolutionState,
-)
-from emaphm.optimizers.dragonfly import Dragonfly, DragonflyState
-from emaphm.optimizers.genetic import Genetic, GeneticState
-from emaphm.optimizers.grey_wolf import GreyWolf, GreyWolfState
-from emaphm.optimizers.particle_swarm import ParticleSwarm, ParticleSwarmState
+from emaphm.optimizers.base import Optimizer, State
+from emaphm.optimizers.differential_evolution import DifferentialEvolution
+from emaphm.optimizers.dragonfly import Dragonfly
+from emaphm.optimizers.genetic import Genetic
+from emaphm.optimizers.grey_wolf import GreyWolf
+from emaphm.optimizers.minimiser import BestSoFar, Fitness, Minimiser, OnPopulation, Result
+from emaphm.optimizers.particle_swarm import ParticleSwarm
 from emaphm.optimizers.random_search import RandomSearch
 from emaphm.optimizers.space_filling import space_filling
 
@@ -26,20 +24,18 @@ OPTIMIZERS: dict[str, type[Optimizer[Any]]] = {
 
 __all__ = [
     "OPTIMIZERS",
+    "BestSoFar",
     "DifferentialEvolution",
-    "DifferentialEvolutionState",
     "Dragonfly",
-    "DragonflyState",
+    "Fitness",
     "Genetic",
-    "GeneticState",
     "GreyWolf",
-    "GreyWolfState",
+    "Minimiser",
+    "OnPopulation",
     "Optimizer",
     "ParticleSwarm",
-    "ParticleSwarmState",
     "RandomSearch",
     "Result",
     "State",
-    "minimise",
     "space_filling",
 ]

@@ -1,29 +1,35 @@
-"""What every population-based optimiser is: frozen settings, a frozen state, and the steps between states.
+"""Base of our own optimisers: frozen settings, a frozen state, and the steps between states (ask and tell).
 
-The one who holds the state drives the search, so that a run can be stopped, saved, resumed and compared::
+The caller may hold the state, so that a search can be stopped, saved, resumed and compared::
 
     state = optimizer.init(seed)
     while not optimizer.finished(state):
         state = optimizer.tell(state, fitness(optimizer.ask(state)))
 """
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable
+from abc import abstractmethod
 from dataclasses import dataclass, replace
 from typing import Any, Generic, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from emaphm.errors import MethodError
-
-RANDOM_STREAM = 0x0971
-"""Spawn key of the optimisers: keeps their numbers apart from `default_rng(seed)`, used elsewhere."""
+from emaphm.arrays import Array
+from emaphm.optimizers.box import from_unit
+from emaphm.optimizers.minimiser import (
+    BestSoFar,
+    Fitness,
+    Minimiser,
+    OnPopulation,
+    Result,
+    checked_fitness,
+)
+from emaphm.random_streams import stream
 
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """All that changes during a run; may be pickled at any moment.
+    """All that changes during a search; may be pickled at any moment.
 
     `positions`, shape (n, d), are the points to evaluate next; `best_point`, shape (d,), is the best
     evaluated so far and `best_fitness` its fitness (inf, and any start point, before the first finite one);
@@ -34,8 +40,8 @@ class State:
     seed: int
     iteration: int
     evaluations: int
-    positions: NDArray[np.float64]
-    best_point: NDArray[np.float64]
+    positions: Array
+    best_point: Array
     best_fitness: float
 
 
@@ -43,55 +49,26 @@ S = TypeVar("S", bound=State)
 
 
 @dataclass(frozen=True, eq=False)
-class Optimizer(ABC, Generic[S]):
-    """Settings of a search for the least fitness in the box between `lower` and `upper`, shape (d,) each.
+class Optimizer(Minimiser, Generic[S]):
+    """A search in `iterations` steps, each of which evaluates `population` points; see `Minimiser`.
 
-    A subclass defines `init` and `_move`; each of `iterations` steps evaluates `population` points. The
-    defaults are the budget of the thesis (6.7).
-
-    Raises
-    ------
-    MethodError
-        A lower bound is not less than its upper bound, a bound is not finite, the shapes differ, the
-        population is below 2, the iterations are below 1, or one of these is no whole number.
+    A subclass defines `init` and `_move`, and takes all its random numbers from `_random`.
     """
-
-    lower: NDArray[np.float64]
-    upper: NDArray[np.float64]
-    population: int = 50
-    iterations: int = 200
-
-    def __post_init__(self) -> None:
-        lower, upper = checked_box(self.lower, self.upper)
-        object.__setattr__(self, "lower", lower)
-        object.__setattr__(self, "upper", upper)
-        for name in ("population", "iterations"):
-            if isinstance(getattr(self, name), bool) or not isinstance(getattr(self, name), int | np.integer):
-                raise MethodError(f"{name} must be a whole number, got {getattr(self, name)!r}")
-        if self.population < 2:
-            raise MethodError(f"population must be at least 2, got {self.population}")
-        if self.iterations < 1:
-            raise MethodError(f"iterations must be at least 1, got {self.iterations}")
 
     @abstractmethod
     def init(self, seed: int) -> S:
-        """Return the state before the first evaluation; `MethodError` for a negative seed."""
+        """Return the state before the first evaluation; `SignalError` for a negative seed."""
 
     @abstractmethod
-    def _move(self, state: S, fitness: NDArray[np.float64]) -> S:
+    def _move(self, state: S, fitness: Array) -> S:
         """Return `state` with new positions; its iteration and best already take in `fitness`, shape (n,)."""
 
-    @property
-    def budget(self) -> int:
-        """The most points that a whole run evaluates."""
-        return self.population * self.iterations
-
     def finished(self, state: S) -> bool:
-        """Return whether the run has come to its end."""
+        """Return whether the search is at its end."""
         return state.iteration >= self.iterations
 
-    def ask(self, state: S) -> NDArray[np.float64]:
-        """Return the points to evaluate, shape (n, d); a copy, the caller's to change."""
+    def ask(self, state: S) -> Array:
+        """Return the points to evaluate, shape (n, d): a copy that the caller may change."""
         return state.positions.copy()
 
     def tell(self, state: S, fitness: ArrayLike) -> S:
@@ -102,18 +79,27 @@ class Optimizer(ABC, Generic[S]):
         MethodError
             `fitness` has another shape.
         """
-        values, n = np.asarray(fitness, float), len(state.positions)
-        if values.shape != (n,):
-            raise MethodError(f"fitness has shape {values.shape}, expected ({n},): one value for each point")
-        values = np.where(np.isnan(values), np.inf, values)
+        n = len(state.positions)
+        values = checked_fitness(fitness, n)
         state = replace(state, iteration=state.iteration + 1, evaluations=state.evaluations + n)
         best = int(np.argmin(values))
         if values[best] < state.best_fitness:
             state = replace(state, best_point=state.positions[best], best_fitness=float(values[best]))
         return self._move(state, values)
 
-    def _start(self, kind: type[S], seed: int, positions: NDArray[np.float64], **more: Any) -> S:
-        """Return the state before anything is evaluated; `more` are the fields of its own kind."""
+    def minimise(self, fitness: Fitness, seed: int, on_population: OnPopulation | None = None) -> Result:
+        """Run the search to its end; see `Minimiser.minimise`."""
+        state = self.init(seed)
+        history = []
+        while not self.finished(state):
+            state = self.tell(state, fitness(self.ask(state)))
+            history.append(state.best_fitness)
+            if on_population is not None:
+                on_population(BestSoFar(state.evaluations, state.best_point, state.best_fitness))
+        return Result(state.best_point, state.best_fitness, state.evaluations, np.array(history))
+
+    def _start(self, kind: type[S], seed: int, positions: Array, **more: Any) -> S:
+        """Return a state before the first evaluation; `more` are the fields that `kind` adds to `State`."""
         return kind(
             seed=seed,
             iteration=0,
@@ -124,74 +110,12 @@ class Optimizer(ABC, Generic[S]):
             **more,
         )
 
-    def _scatter(self, rng: np.random.Generator) -> NDArray[np.float64]:
+    def _scatter(self, rng: np.random.Generator) -> Array:
         """Return points drawn uniformly from the box, shape (n, d)."""
         unit = rng.random((self.population, self.lower.size))
         return from_unit(unit, self.lower, self.upper)
 
-
-@dataclass(frozen=True, eq=False)
-class Result:
-    """What a search found: `point`, shape (d,), its `fitness`, and how it got there.
-
-    `evaluations` counts points; `history`, shape (iterations done,), is the best fitness after each.
-    """
-
-    point: NDArray[np.float64]
-    fitness: float
-    evaluations: int
-    history: NDArray[np.float64]
-
-
-def minimise(
-    optimizer: Optimizer[S],
-    fitness: Callable[[NDArray[np.float64]], ArrayLike],
-    seed: int,
-    on_iteration: Callable[[S], None] | None = None,
-) -> Result:
-    """Run `optimizer` to its end on `fitness`, which maps points (n, d) to values (n,) in one call.
-
-    `on_iteration` is called with the state after each iteration. Errors as in `Optimizer.init` and
-    `Optimizer.tell`.
-    """
-    state = optimizer.init(seed)
-    history = []
-    while not optimizer.finished(state):
-        state = optimizer.tell(state, fitness(optimizer.ask(state)))
-        history.append(state.best_fitness)
-        if on_iteration is not None:
-            on_iteration(state)
-    return Result(state.best_point, state.best_fitness, state.evaluations, np.array(history))
-
-
-def generator(seed: int, iteration: int) -> np.random.Generator:
-    """Return the random numbers of one iteration; `MethodError` for a negative seed."""
-    if seed < 0:
-        raise MethodError(f"seed must be at least 0, got {seed}")
-    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(RANDOM_STREAM, iteration)))
-
-
-def checked_box(lower: ArrayLike, upper: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return read-only copies of the bounds, (d,) each; `MethodError` unless finite and lower < upper."""
-    low, high = np.array(lower, float), np.array(upper, float)
-    if low.ndim != 1 or low.shape != high.shape or not low.size:
-        raise MethodError(
-            f"bounds must be two vectors of one length, got shapes {low.shape} and {high.shape}"
-        )
-    for i in range(low.size):
-        if not low[i] < high[i]:  # also refuses NaN
-            raise MethodError(
-                f"lower bound ({low[i]:g}) of component {i} must be less than upper bound ({high[i]:g})"
-            )
-        if not np.isfinite(high[i] - low[i]):
-            raise MethodError(f"bounds of component {i} must be finite, got {low[i]:g} and {high[i]:g}")
-    low.flags.writeable = False
-    high.flags.writeable = False
-    return low, high
-
-
-def from_unit(
-    unit: NDArray[np.float64], lower: NDArray[np.float64], upper: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return points (n, d) of the unit cube mapped to the box; clipped, as rounding may step past a bound."""
-    return np.clip(lower + (upper - lower) * unit, lower, upper)
+    @staticmethod
+    def _random(seed: int, iteration: int) -> np.random.Generator:
+        """Return the random numbers of one iteration, 0 for `init`; `SignalError` for a negative seed."""
+        return stream(seed, "optimizer", iteration)

@@ -1,16 +1,14 @@
 """Differential evolution, DE/rand/1/bin."""
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.arrays import Array
 from emaphm.errors import MethodError
-from emaphm.optimizers.base import Optimizer, State, generator
-
-LEAST_POPULATION = 4
-"""A vector and the three others that its trial is made of."""
+from emaphm.optimizers.base import Optimizer, State
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,15 +63,13 @@ class DifferentialEvolution(Optimizer[DifferentialEvolutionState]):
        global optimization", Springer, 2005.
     """
 
+    least_population: ClassVar[int] = 4  # a vector and the three others that its trial is made of
+
     scale: float = 0.5
     crossover: float = 0.9
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.population < LEAST_POPULATION:
-            raise MethodError(
-                f"population must be at least 4 to combine four different vectors, got {self.population}"
-            )
         if not 0 < self.scale <= 2:
             raise MethodError(f"scale must be above 0 and at most 2, got {self.scale:g}")
         if not 0 <= self.crossover <= 1:
@@ -81,7 +77,7 @@ class DifferentialEvolution(Optimizer[DifferentialEvolutionState]):
 
     def init(self, seed: int) -> DifferentialEvolutionState:
         """Return random vectors."""
-        positions = self._scatter(generator(seed, 0))
+        positions = self._scatter(self._random(seed, 0))
         return self._start(
             DifferentialEvolutionState,
             seed,
@@ -93,7 +89,7 @@ class DifferentialEvolution(Optimizer[DifferentialEvolutionState]):
     def _move(self, state: DifferentialEvolutionState, fitness: Array) -> DifferentialEvolutionState:
         accepted = fitness <= state.parents_fitness
         parents = np.where(accepted[:, None], state.positions, state.parents)
-        rng = generator(state.seed, state.iteration)
+        rng = self._random(state.seed, state.iteration)
         mutants = self._mutants(parents, rng)
         crossed = rng.random(parents.shape) < self.crossover
         crossed[np.arange(self.population), rng.integers(self.lower.size, size=self.population)] = True

@@ -5,11 +5,10 @@ from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
-from numba import njit
 
 from emaphm.arrays import Array
 from emaphm.errors import MethodError, nearest
-from emaphm.optimizers.base import Optimizer, State, generator
+from emaphm.optimizers.base import Optimizer, State
 
 Variant = Literal["thesis", "corrected"]
 Growth = Literal["linear", "quadratic"]
@@ -107,7 +106,7 @@ class Dragonfly(Optimizer[DragonflyState]):
 
     def init(self, seed: int) -> DragonflyState:
         """Return a random swarm; as in the listing, its steps too are drawn between the bounds."""
-        rng = generator(seed, 0)
+        rng = self._random(seed, 0)
         positions = self._scatter(rng)
         return self._start(
             DragonflyState,
@@ -120,8 +119,11 @@ class Dragonfly(Optimizer[DragonflyState]):
         )
 
     def _move(self, state: DragonflyState, fitness: Array) -> DragonflyState:
+        # With it comes Numba, whose import takes 0.1 s.
+        from emaphm.optimizers.dragonfly_flight import fly
+
         state = self._with_enemy(state, fitness)
-        rng = generator(state.seed, state.iteration)
+        rng = self._random(state.seed, state.iteration)
         progress = state.iteration / self.iterations
         my_c = max(0.0, self.weight * (1 - 2 * progress))
         s, a, c, f = 2 * rng.random(4) * (my_c, my_c, my_c, 1.0)
@@ -129,7 +131,7 @@ class Dragonfly(Optimizer[DragonflyState]):
         growth = 2 * progress if self.growth == "linear" else progress**2
         radius = (self.upper - self.lower) * (0.25 + growth)
         swarm = state.positions.copy(), state.velocities.copy(), state.neighbours.copy()
-        _fly(
+        fly(
             swarm,
             tuple(np.stack((self.lower, self.upper, radius, state.best_point, state.enemy_point))),
             (s, a, c, f, my_c, w),
@@ -152,70 +154,3 @@ def _levy_steps(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
     """Return one hundredth of Lévy-distributed steps [2]."""
     numerator = 0.01 * LEVY_SIGMA * rng.standard_normal(shape)
     return np.asarray(numerator / np.abs(rng.standard_normal(shape)) ** (1 / LEVY_BETA))
-
-
-@njit(cache=True)
-def _fly(
-    swarm: tuple[Array, Array, Array],
-    scene: tuple[Array, Array, Array, Array, Array],
-    weights: tuple[float, float, float, float, float, float],
-    chance: tuple[Array, Array],
-    thesis: bool,
-) -> None:
-    """Move each agent of `swarm` (positions, velocities, neighbours) in turn, in place."""
-    positions, velocities, neighbours = swarm
-    lower, upper, radius, food, enemy = scene
-    s, a, c, f, e, w = weights
-    dice, levy = chance
-    longest = (upper - lower) / 10
-    for i in range(positions.shape[0]):
-        x, v = positions[i], velocities[i]
-        if not thesis:
-            neighbours[:] = 0.0
-        count, S, A, C = _patterns(i, positions, velocities, neighbours, radius)
-        near_food = np.all(np.abs(x - food) <= radius)
-        if count < 2 and not near_food:
-            x += levy[i] * x
-            v[:] = 0.0
-        else:
-            if near_food:
-                pull = s * S + a * A + c * C + f * (food - x)
-                if np.all(np.abs(x - enemy) <= radius):
-                    pull += e * (enemy + x if thesis else enemy - x)
-            else:
-                pull = dice[i, 0] * A + dice[i, 1] * C + dice[i, 2] * S
-            v[:] = np.minimum(np.maximum(w * v + pull, -longest), longest)
-            x += v
-        x[:] = np.minimum(np.maximum(x, lower), upper)
-
-
-@njit(cache=True)
-def _patterns(
-    i: int, positions: Array, velocities: Array, neighbours: Array, radius: Array
-) -> tuple[int, Array, Array, Array]:
-    """List the neighbours of agent `i`; return their number and its S, A and C, shape (d,) each."""
-    x = positions[i]
-    count = 0
-    S, A, C = np.zeros_like(x), np.zeros_like(x), np.zeros_like(x)
-    for j in range(positions.shape[0]):
-        if _are_neighbours(x, positions[j], radius):
-            for k in range(x.size):
-                neighbours[count, k] = positions[j, k]
-                S[k] += x[k] - positions[j, k]
-                A[k] += velocities[j, k]
-            count += 1
-    if count < 2:
-        return count, np.zeros_like(x), velocities[i].copy(), C
-    for j in range(neighbours.shape[0]):
-        for k in range(x.size):
-            C[k] += neighbours[j, k]
-    return count, S, A / count, C / count - x
-
-
-@njit(cache=True)
-def _are_neighbours(x: Array, other: Array, radius: Array) -> bool:
-    for k in range(x.size):
-        distance = abs(x[k] - other[k])
-        if distance > radius[k] or distance == 0:
-            return False
-    return True

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from emaphm.arrays import Array
 from emaphm.errors import MethodError
-from emaphm.optimizers.base import Optimizer, State, generator
+from emaphm.optimizers.base import Optimizer, State
 
 NEAREST = 1e-14
 """Genes closer than this part of the box's width count as equal and are left as they are."""
@@ -80,7 +80,7 @@ class Genetic(Optimizer[GeneticState]):
 
     def init(self, seed: int) -> GeneticState:
         """Return a random population, which has yet to survive."""
-        positions = self._scatter(generator(seed, 0))
+        positions = self._scatter(self._random(seed, 0))
         return self._start(
             GeneticState,
             seed,
@@ -93,7 +93,7 @@ class Genetic(Optimizer[GeneticState]):
         both = np.concatenate((state.parents_fitness, fitness))
         best = np.argsort(both, kind="stable")[: self.population]
         parents = np.concatenate((state.parents, state.positions))[best]
-        rng = generator(state.seed, state.iteration)
+        rng = self._random(state.seed, state.iteration)
         children = self._cross(parents[_tournament(rng, self.population)], rng)[: self.population]
         self._mutate(children, rng)
         return replace(

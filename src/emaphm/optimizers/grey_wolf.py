@@ -2,12 +2,12 @@
 
 from bisect import bisect_left
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.errors import MethodError
-from emaphm.optimizers.base import Optimizer, State, generator
+from emaphm.optimizers.base import Optimizer, State
 
 LEADERS = 3
 """Alpha, beta and delta."""
@@ -60,14 +60,11 @@ class GreyWolf(Optimizer[GreyWolfState]):
        verification method", Knowledge-Based Systems 171, 2019.
     """
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.population < LEADERS:
-            raise MethodError(f"population must be at least 3 for three leaders, got {self.population}")
+    least_population: ClassVar[int] = LEADERS
 
     def init(self, seed: int) -> GreyWolfState:
         """Return a random pack without leaders."""
-        positions = self._scatter(generator(seed, 0))
+        positions = self._scatter(self._random(seed, 0))
         return self._start(
             GreyWolfState,
             seed,
@@ -79,7 +76,7 @@ class GreyWolf(Optimizer[GreyWolfState]):
     def _move(self, state: GreyWolfState, fitness: Array) -> GreyWolfState:
         leaders, leaders_fitness = _follow(state, fitness)
         a = 2 * (1 - (state.iteration - 1) / self.iterations)
-        r = generator(state.seed, state.iteration).random((2, *state.positions.shape[:1], *leaders.shape))
+        r = self._random(state.seed, state.iteration).random((2, *state.positions.shape[:1], *leaders.shape))
         about = leaders - a * (2 * r[0] - 1) * np.abs(2 * r[1] * leaders - state.positions[:, None])
         return replace(
             state,

@@ -7,7 +7,7 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.errors import MethodError
-from emaphm.optimizers.base import Optimizer, State, generator
+from emaphm.optimizers.base import Optimizer, State
 
 REBOUND = -0.5
 """Part of a velocity that is left after meeting a wall (Clerc, 2012)."""
@@ -82,7 +82,7 @@ class ParticleSwarm(Optimizer[ParticleSwarmState]):
 
     def init(self, seed: int) -> ParticleSwarmState:
         """Return a random swarm with random velocities."""
-        rng = generator(seed, 0)
+        rng = self._random(seed, 0)
         positions = self._scatter(rng)
         return self._start(
             ParticleSwarmState,
@@ -97,7 +97,7 @@ class ParticleSwarm(Optimizer[ParticleSwarmState]):
         better = fitness < state.own_fitness
         own_points = np.where(better[:, None], state.positions, state.own_points)
         longest = (self.upper - self.lower) / 2
-        r = generator(state.seed, state.iteration).random((2, *state.positions.shape))
+        r = self._random(state.seed, state.iteration).random((2, *state.positions.shape))
         own_pull = self.cognitive * r[0] * (own_points - state.positions)
         best_pull = self.social * r[1] * (state.best_point - state.positions)
         velocities = self.constriction * (state.velocities + own_pull + best_pull)

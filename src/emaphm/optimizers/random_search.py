@@ -2,10 +2,8 @@
 
 from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
-from emaphm.optimizers.base import Optimizer, State, generator
+from emaphm.arrays import Array
+from emaphm.optimizers.base import Optimizer, State
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +30,7 @@ class RandomSearch(Optimizer[State]):
 
     def init(self, seed: int) -> State:
         """Return the first random population."""
-        return self._start(State, seed, self._scatter(generator(seed, 0)))
+        return self._start(State, seed, self._scatter(self._random(seed, 0)))
 
-    def _move(self, state: State, fitness: NDArray[np.float64]) -> State:  # noqa: ARG002 - it learns nothing
-        return replace(state, positions=self._scatter(generator(state.seed, state.iteration)))
+    def _move(self, state: State, fitness: Array) -> State:  # noqa: ARG002 - it learns nothing
+        return replace(state, positions=self._scatter(self._random(state.seed, state.iteration)))

@@ -1,1 +1,1 @@
-"""Figures of results; each is drawn by the result it belongs to, on demand."""
+"""Figures of results, drawn when asked for: by `result.plot()`, or for a report."""

@@ -1,81 +1,82 @@
-"""The figure of a design: commands, and the half-widths that are expected of them and proven."""
+"""The figure of a test design: commands, and the interval half-widths that they are predicted to give."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from emaphm.actuator.quantity import unit_for
-from emaphm.diagnosis.verdict import WIDEST_HALF_INTERVAL
-from emaphm.experiment.candidate_search import Plan
-from emaphm.experiment.design import Design
-from emaphm.plotting.diagnosis import FAINT, LEGEND, MODELLED, RESIDUAL
+from emaphm.diagnosis.verdict import VERDICT
+from emaphm.plotting.style import (
+    BLUE,
+    FAINT,
+    LEGEND,
+    PAGE_WIDTH,
+    VERMILION,
+    Dashes,
+    figure_title,
+    log_axis,
+    new_figure,
+    style_axis,
+)
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-LOOKS = {"given": (RESIDUAL, "o", "--"), "found": (MODELLED, "s", "-")}
-"""Colour, marker and line: to be told apart in grey print, too."""
+    from emaphm.experiment.candidate_search import PlannedTest
+    from emaphm.experiment.result import Design
+
+GIVEN, FOUND = "given", "found"
+
+LOOKS: "Mapping[str, tuple[str, str, Dashes]]" = {GIVEN: (BLUE, "o", "--"), FOUND: (VERMILION, "s", "-")}
+"""Colour, marker and line; the last two differ in grey print, too."""
 
 POINTS = 2000
 """Of a command's line."""
 
-TEXT: dict[str, Any] = {"fontsize": 9}
 
-
-def draw_design(design: Design) -> "Figure":
-    """Draw the given manoeuvre and the one found, if any, above their half-widths by component."""
-    from matplotlib.figure import Figure
-
-    plans = {"given": design.given} | ({"found": design.found} if design.better else {})
-    figure = Figure(figsize=(8, 6.4), layout="constrained")
+def draw_design(design: "Design") -> "Figure":
+    """Draw the given excitation and the one found, if any, above their half-widths by component."""
+    plans = {GIVEN: design.given} | ({FOUND: design.found} if design.better else {})
+    actuator = design.setup.actuator
+    figure = new_figure(PAGE_WIDTH, 6.4)
     commands, widths = figure.subplots(2, 1, height_ratios=(1, 1.4))
-    coordinates = design.conditions.actuator.coordinates
-    _commands(commands, plans, coordinates)
+    _commands(commands, plans, actuator.coordinates)
     _widths(widths, plans)
-    for axis in (commands, widths):
-        axis.tick_params(which="both", labelsize=8)
-        axis.grid(alpha=0.3)
-        axis.spines[["top", "right"]].set_visible(False)
-    figure.suptitle(
-        f"Test of actuator {design.conditions.actuator.name}, recorded: "
-        f"{', '.join(design.conditions.channels)}",
-        fontsize=10,
-        parse_math=False,
-    )
+    figure_title(figure, f"Test of actuator {actuator.name}, recorded: {', '.join(design.setup.channels)}")
     return figure
 
 
-def _commands(axis: "Axes", plans: dict[str, Plan], coordinates: str) -> None:
+def _commands(axis: "Axes", plans: "Mapping[str, PlannedTest]", coordinates: str) -> None:
     for label, plan in plans.items():
-        manoeuvre = plan.manoeuvre
-        t = np.linspace(0.0, manoeuvre.duration, POINTS)
-        words = f"{label}: {manoeuvre.words(coordinates)}"
+        excitation = plan.excitation
+        t = np.linspace(0.0, excitation.duration, POINTS)
+        words = f"{label}: {excitation.words(coordinates)}"
         colour, _, line = LOOKS[label]
-        axis.plot(t, manoeuvre.command(t), line, color=colour, linewidth=1.2, label=words)
-    axis.set_xlabel("time [s]", **TEXT)
-    axis.set_ylabel(f"command [{unit_for('rad', coordinates)}]", **TEXT)
+        axis.plot(t, excitation.command(t), line, color=colour, linewidth=1.2, label=words)
+    style_axis(axis, "", "time [s]", f"command [{unit_for('rad', coordinates)}]")
     axis.legend(loc="lower left", bbox_to_anchor=(0, 1), borderaxespad=0.2, **LEGEND)
 
 
-def _widths(axis: "Axes", plans: dict[str, Plan]) -> None:
-    """Draw a row for each component: expected as open markers, proven as filled ones, a line between."""
-    names = list(plans["given"].expected.half_widths)
+def _widths(axis: "Axes", plans: "Mapping[str, PlannedTest]") -> None:
+    """Draw a row for each component: predicted as open markers, simulated as filled ones, a line between."""
+    names = list(plans[GIVEN].predicted.half_widths)
     rows = np.arange(len(names))
     shifts = np.linspace(-0.15, 0.15, len(plans)) if len(plans) > 1 else [0.0]
     for shift, (label, plan) in zip(shifts, plans.items(), strict=True):
         colour, marker, _ = LOOKS[label]
-        before = [plan.expected.half_widths[name] for name in names]
-        axis.plot(before, rows + shift, marker, color=colour, fillstyle="none", label=f"{label}, expected")
-        if plan.proven is not None:
-            after = [plan.proven.widths.half_widths[name] for name in names]
-            axis.plot(after, rows + shift, marker, color=colour, label=f"{label}, proven")
+        before = [plan.predicted.half_widths[name] for name in names]
+        axis.plot(before, rows + shift, marker, color=colour, fillstyle="none", label=f"{label}, predicted")
+        if plan.simulated is not None:
+            after = [plan.simulated.precision.half_widths[name] for name in names]
+            axis.plot(after, rows + shift, marker, color=colour, label=f"{label}, simulated")
             axis.hlines(rows + shift, before, after, color=colour, linewidth=1.2)
-    axis.axvline(
-        WIDEST_HALF_INTERVAL, color=FAINT, linestyle="--", linewidth=1, label="cannot be told beyond"
-    )
-    axis.set_yticks(rows, [name.replace("_", " ") for name in names])
+    limit = f"identifiable below {VERDICT.longest_interval / 2:g}"
+    axis.axvline(VERDICT.longest_interval / 2, color=FAINT, linestyle="--", linewidth=1, label=limit)
+    axis.set_yticks(rows, names)
     axis.set_ylim(len(names) - 0.5, -0.5)
-    axis.set_xscale("log")
-    axis.set_xlabel("half-width of the 95 % interval, as a share of the fault's range", **TEXT)
+    log_axis(axis, "x")
+    style_axis(axis, "", "half-width of the 95 % interval, as a fraction of the component's scale", "")
     axis.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=3, borderaxespad=0.2, **LEGEND)

@@ -1,4 +1,4 @@
-"""The figure of a sampled posterior: each component's distribution beside the normal one of its estimate."""
+"""The figure of a sampled posterior: the distribution of each component and its normal approximation."""
 
 from typing import TYPE_CHECKING
 
@@ -6,44 +6,73 @@ import numpy as np
 
 from emaphm.actuator import NAMES
 from emaphm.arrays import Array
-from emaphm.diagnosis.result import Diagnosis, Estimate
-from emaphm.plotting.diagnosis import FAINT, MODELLED, RESIDUAL, WIDTH
+from emaphm.plotting.style import (
+    FAINT,
+    MODEL,
+    PHONE_WIDTH,
+    RESIDUAL,
+    SMALL_TEXT,
+    TEXT,
+    legend_above,
+    new_figure,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from emaphm.diagnosis.result import Diagnosis
+    from emaphm.diagnosis.verdict import Estimate
+
+SAMPLED, NORMAL = RESIDUAL, MODEL
+"""Colours of the histogram and of the normal curve."""
+
 BINS = 40
+
+MOST_STEPS = 2
+"""Between the ticks of an axis: more numbers of four digits would overlap."""
 
 REACH = 1.5
 """Width of an axis, as a multiple of what the intervals cover."""
 
 
-def draw_marginals(diagnosis: Diagnosis) -> "Figure":
+def draw_posterior(diagnosis: "Diagnosis") -> "Figure":
     """Draw the distribution of each component in the posterior of `diagnosis`, which it must have."""
-    from matplotlib.figure import Figure
-
     posterior = diagnosis.posterior
     assert posterior is not None  # noqa: S101 - whoever draws it has it
-    figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
+    figure = new_figure(PHONE_WIDTH, 3.5)
     axes = figure.subplots(2, 4).ravel()
     for axis, name, values in zip(axes, NAMES, posterior.components.T, strict=True):
-        axis.set_title(name.replace("_", " "), loc="left", fontsize=8)
-        axis.tick_params(labelsize=7)
+        axis.set_title(name, loc="left", fontsize=TEXT)
+        axis.tick_params(labelsize=SMALL_TEXT)
         axis.set_yticks([])
         axis.spines[["top", "right", "left"]].set_visible(False)
-        axis.locator_params(axis="x", nbins=3)
+        axis.locator_params(axis="x", nbins=MOST_STEPS)
         if np.ptp(values) > 0:
-            _marginal(axis, values, diagnosis.components[name], posterior.interval95[name])
+            _distribution(axis, values, diagnosis.components[name], posterior.interval95[name])
         else:
             axis.set_xticks([])
-            axis.text(0.5, 0.5, "not sampled", transform=axis.transAxes, ha="center", fontsize=8, color=FAINT)
+            place = axis.transAxes
+            axis.text(0.5, 0.5, "not sampled", transform=place, ha="center", fontsize=TEXT, color=FAINT)
+    _legend(figure)
     return figure
 
 
-def _marginal(axis: "Axes", values: Array, estimate: Estimate, interval: tuple[float, float]) -> None:
+def _legend(figure: "Figure") -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    handles = {
+        "sampled": Patch(color=SAMPLED, alpha=0.4, linewidth=0),
+        "its 95 % interval": Line2D([], [], color=SAMPLED, linewidth=3),
+        "normal approximation": Line2D([], [], color=NORMAL, linewidth=1),
+    }
+    legend_above(figure, list(handles.values()), list(handles))
+
+
+def _distribution(axis: "Axes", values: Array, estimate: "Estimate", interval: tuple[float, float]) -> None:
     """Draw a histogram of `values` (n,), its 95 % `interval` below, and the estimate as a normal curve."""
-    # On the circle of a direction, an arc that runs past 1 is drawn whole, and the estimate beside it.
+    # On the circle of a direction, an arc that runs past 1 is drawn whole, the estimate in the same turn.
     past = interval[1] > 1 or estimate.interval95[0] < 0 or estimate.interval95[1] > 1
     around = np.concatenate([values - 1, values, values + 1]) if past else values
     turn = float(np.rint(sum(interval) / 2 - estimate.value)) if past else 0.0
@@ -57,14 +86,14 @@ def _marginal(axis: "Axes", values: Array, estimate: Estimate, interval: tuple[f
     first, last = (low - margin, high + margin) if past else (max(low - margin, 0), min(high + margin, 1))
     edges = np.linspace(first, last, BINS + 1)
     heights = np.histogram(around, edges)[0] / (values.size * (edges[1] - edges[0]))
-    axis.stairs(heights, edges, fill=True, color=RESIDUAL, alpha=0.4, linewidth=0)
+    axis.stairs(heights, edges, fill=True, color=SAMPLED, alpha=0.4, linewidth=0)
     most = float(np.max(heights))
     if estimate.identifiable:
         x = np.linspace(first, last, 200)
         z = (x - estimate.value - turn) / estimate.standard_error
         density = np.exp(-(z**2) / 2) / (estimate.standard_error * (2 * np.pi) ** 0.5)
-        axis.plot(x, density, color=MODELLED, linewidth=1)
+        axis.plot(x, density, color=NORMAL, linewidth=1)
         most = max(most, float(np.max(density)))
-    axis.plot(interval, [-0.06 * most] * 2, color=RESIDUAL, linewidth=3, solid_capstyle="butt")
+    axis.plot(interval, [-0.06 * most] * 2, color=SAMPLED, linewidth=3, solid_capstyle="butt")
     axis.set_xlim(first, last)
     axis.set_ylim(-0.12 * most, 1.05 * most)

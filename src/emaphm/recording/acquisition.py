@@ -7,6 +7,7 @@ import numpy as np
 from emaphm.actuator import Actuator
 from emaphm.arrays import Array
 from emaphm.errors import RecordingError, nearest
+from emaphm.random_streams import stream
 from emaphm.recording.recording import Recording
 from emaphm.recording.schema import PHASES, SCHEMA
 
@@ -60,11 +61,9 @@ def acquire(
     _check_noise(noise, recording)
     _check_converter(adc_bits, full_scale)
     columns: dict[str, Array] = dict(recording.channels)
-    children = dict(zip(SCHEMA, np.random.SeedSequence(seed).spawn(len(SCHEMA)), strict=True))
     for name, rms in noise.items():
-        columns[name] = columns[name] + np.random.default_rng(children[name]).normal(
-            0.0, rms, recording.samples
-        )
+        drawn = stream(seed, "sensor noise", name).normal(0.0, rms, recording.samples)
+        columns[name] = columns[name] + drawn
     if adc_bits is not None:
         for name in full_scale.keys() & columns.keys():
             columns[name] = _quantise(columns[name], adc_bits, full_scale[name])

@@ -23,8 +23,8 @@ def equivalent_current(
 
     - ``torque``: 1/2 sum s_i i_i
     - ``active``: 1/2 sum r_i i_i
-    - ``magnitude``: 1/2 sum |i_i| × sign(sum s_i i_i); the idle phase's ripple biases it (PHYSICS
-      section 3), so it is there for comparison with the thesis.
+    - ``magnitude``: 1/2 sum |i_i| × sign(sum s_i i_i); the idle phase's ripple biases it (`docs/physics.md`,
+      section 6), so it is there for comparison with the thesis.
 
     Parameters
     ----------
@@ -50,13 +50,9 @@ def equivalent_current(
     ----------
     Thesis sections 3.1.3 and 6.2.
     """
-    # Numba stands behind these; reading a file that has `current_A` does without.
-    from emaphm.simulation.laws.commutation import (
-        PHASE_SHIFT,
-        demand_sign,
-        trapezoid,
-        wrap,
-    )
+    # All of the simulation comes with these; reading a file that has `current_A` does without.
+    from emaphm.simulation.laws.angles import PHASE_SHIFT, wrap
+    from emaphm.simulation.laws.commutation import demand_sign, trapezoid
 
     currents, motor_angle = np.asarray(phases, float), np.asarray(angle, float)
     if currents.shape != (3, *motor_angle.shape):

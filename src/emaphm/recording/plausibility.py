@@ -81,6 +81,7 @@ def check_plausible(recording: Recording, actuator: Actuator) -> None:
         or _high_current(recording, actuator)
         or _low_current(recording, actuator)
         or _speed(recording, actuator)
+        or _low_speed(recording, actuator)
         or _voltage(recording, actuator)
         or _load(recording, actuator)
         or _temperature(recording)
@@ -183,6 +184,20 @@ def _speed(recording: Recording, actuator: Actuator) -> str | None:
     return (
         f"speed_rad_s reaches {reached:.4g} at row {row}, the speed limit is {limit:.4g}; it seems to be in "
         f"{unit}: convert it to {si} ({COUNTING})"
+    )
+
+
+def _low_speed(recording: Recording, actuator: Actuator) -> str | None:
+    if "speed_rad_s" not in recording or not _follows(recording):
+        return None
+    # Whoever covers a distance in a time is at least once as fast as on average.
+    needed = float(np.ptp(recording["position_rad"])) / (actuator.mechanics.gear_ratio * recording.duration_s)
+    reached, _ = _peak(recording, "speed_rad_s")
+    if reached >= FRICTION_SHARE * needed:
+        return None
+    return (
+        f"speed_rad_s stays below {reached:.4g}, yet the motion of the position takes {needed:.4g} on average; "
+        "give the motor's speed, and in its SI unit"
     )
 
 

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from emaphm.arrays import Array
+from emaphm.recording.akima import AkimaCurve
 from emaphm.recording.recording import Recording
 
 
@@ -16,13 +17,10 @@ def reconstructed(recording: Recording, name: str) -> Callable[[Array], Array]:
     midpoint there, h²/24 of its second derivative. A straight line between rows would cut the corners: of a
     15 Hz command at 1 kHz it loses 0.1 %.
     """
-    from scipy.interpolate import Akima1DInterpolator
-
     interval, values = recording.interval_s, recording[name]
-    t = np.arange(recording.samples) * interval
-    last = t[-1]
+    start, last = 0.0, (recording.samples - 1) * interval
     if recording.sampling == "mean":
         bent = np.pad(np.diff(values, 2), 1, mode="edge")
-        t, values, last = t + interval / 2, values - bent / 24, last + interval
-    curve = Akima1DInterpolator(t, values, extrapolate=True)
-    return lambda times: np.asarray(curve(np.clip(times, 0.0, last)), float)
+        start, values, last = interval / 2, values - bent / 24, last + interval
+    curve = AkimaCurve.through(values, start, interval)
+    return lambda times: curve(np.clip(times, 0.0, last))

@@ -32,7 +32,7 @@ class Recording:
         known ones are in `emaphm.recording.schema.SCHEMA`; others are kept as they are.
     sampling
         "mean" where row n is the mean over [t_n, t_n + interval), "instant" where it is the value at
-        t_n (PHYSICS section 3, Acquisition).
+        t_n (docs/physics.md, section 7).
     source
         File name or description, for error messages and titles.
 

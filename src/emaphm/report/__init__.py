@@ -1,4 +1,4 @@
-"""A diagnosis as one HTML page, to be kept, sent and printed."""
+"""Reports as pages: of a diagnosis (HTML), of a study (HTML, Markdown and CSV)."""
 
 from emaphm.report.write import write_report
 

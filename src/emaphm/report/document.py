@@ -1,12 +1,12 @@
-"""A document of headings, paragraphs, tables and figures, told as Markdown or as one HTML page."""
+"""A document of headings, paragraphs, tables and figures, written as Markdown or as one HTML page."""
 
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from emaphm.report.embed import svg_uri
+from emaphm.plotting.svg import svg_uri
 from emaphm.report.page import render
-from emaphm.study.analysis.tables import Table
+from emaphm.text_table import Table
 
 SPECIAL = re.compile(r"([\\`*_{}\[\]<>|~$&#]|^[-+=])")
 """What Markdown could take for markup: anywhere, or at the beginning of a line."""
@@ -47,7 +47,7 @@ class Facts:
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure as SVG, kept in the file `name` beside the Markdown; `words` stand in for it."""
+    """A figure as SVG, kept in the file `name` next to the Markdown; `words` describe it."""
 
     name: str
     words: str

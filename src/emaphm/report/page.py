@@ -1,10 +1,10 @@
-"""HTML pages from the templates beside this file."""
+"""HTML pages from the templates in this folder."""
 
 from typing import Any
 
 
 def render(template: str, **values: Any) -> str:
-    """Return the page of `template` with `values` put in; whatever is text in them shows as it is."""
+    """Return the page of `template` with `values` put in; text in them is escaped."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(

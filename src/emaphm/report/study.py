@@ -1,4 +1,4 @@
-"""The report of a study: Markdown, CSV and one HTML page, from the table of its finished runs."""
+"""The report of a study from its finished runs: Markdown, CSV and one HTML page."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -9,8 +9,8 @@ import polars as pl
 from emaphm.errors import OutputError
 from emaphm.output_files import written_whole
 from emaphm.plotting.study import draw_convergence, draw_costs, draw_errors, draw_ranks, draw_success
+from emaphm.plotting.svg import plain_style, svg
 from emaphm.report.document import Block, Document, Facts, Heading, Items, Paragraph, Picture
-from emaphm.report.embed import plain_style, svg
 from emaphm.report.study_wording import (
     CONVERGENCE,
     COSTS,
@@ -77,11 +77,11 @@ def write_study_report(
     runs
         The finished runs (`emaphm.study.store.SCHEMA`), of a study that need not be complete.
     title, description
-        What the study is called and asks.
+        Name of the study, and the question that it answers.
     total_runs
         Runs of the complete study.
     environment
-        What the runs were made with, item by item, e.g. the machine and versions.
+        Machine, versions and the like on which the runs were made, by name.
 
     Raises
     ------
@@ -153,7 +153,7 @@ def _document(
         blocks += [Heading(2, _capital(name))] if several else [Paragraph(f"All runs: {name}.")]
         blocks += _variant(of_variant, f"-{number}" if several else "", 3 if several else 2)
     blocks += [
-        Heading(2, "How to read this"),
+        Heading(2, "How to read this report"),
         Items((ERROR, INTERVAL, RANK, *((THESIS,) if _is_printed(runs) else ()))),
     ]
     blocks += [Heading(2, "How this was computed"), Facts({**environment, **_origin(runs, total_runs)})]
@@ -163,11 +163,11 @@ def _document(
 def _extent(runs: pl.DataFrame, total_runs: int) -> Iterator[Block]:
     counts = f"methods: {runs['method'].n_unique()}, cases: {runs['case'].n_unique()}"
     if runs.is_empty():
-        yield Paragraph(f"0 of {total_runs} runs are finished: there is nothing to tell yet.", warning=True)
+        yield Paragraph(f"0 of {total_runs} runs are finished: there are no results yet.", warning=True)
     elif runs.height < total_runs:
         yield Paragraph(
             f"The study is not complete: {runs.height} of {total_runs} runs are finished ({counts}). "
-            "All figures below are of these and may yet change.",
+            "All results below are of these runs and may change.",
             warning=True,
         )
     else:
@@ -175,27 +175,27 @@ def _extent(runs: pl.DataFrame, total_runs: int) -> Iterator[Block]:
 
 
 def _across(runs: pl.DataFrame) -> Iterator[Block]:
-    yield Heading(2, "All variants side by side")
+    yield Heading(2, "Comparison of the variants")
     for kind in _kinds(runs):
         table = variant_table(runs, kind)
         if table.rows:
             yield Paragraph(
-                f"Mean error in % over the cases with {kind} that every method has run in every variant."
+                f"Mean error in % over the cases with {kind} that every method has finished in every variant."
             )
             yield table
         else:
-            yield Paragraph(f"No case with {kind} has been run by every method in every variant yet.")
+            yield Paragraph(f"No case with {kind} is finished by every method in every variant yet.")
 
 
 def _variant(runs: pl.DataFrame, suffix: str, level: int) -> Iterator[Block]:
-    """Yield what there is to say of one variant; its figures' file names end in `suffix`."""
+    """Yield the results of one variant; the file names of its figures end in `suffix`."""
 
     def picture(name: str, words: str, figure: "Figure | None", caption: str) -> Iterator[Block]:
         if figure is not None:
             yield Picture(f"{name}{suffix}.svg", words, caption, svg(figure))
 
     hollow = HOLLOW if _is_printed(runs) else ""
-    yield Heading(level, "Result")
+    yield Heading(level, "Results")
     yield from _summaries(runs)
     yield from picture("costs", "Mean error against cost", draw_costs(runs), COSTS + hollow)
     yield Heading(level, "Error in each case")
@@ -203,11 +203,11 @@ def _variant(runs: pl.DataFrame, suffix: str, level: int) -> Iterator[Block]:
     yield from picture("errors", "Error in each case", draw_errors(runs), ERRORS + hollow)
     success = success_table(runs)
     if success.rows:
-        yield Heading(level, "How often a method succeeds")
-        yield Paragraph("Runs in % whose error is at most 1, 2 and 5 %.")
+        yield Heading(level, "Success rate")
+        yield Paragraph("Percentage of runs with an error of at most 1, 2 and 5 %.")
         yield success
-        yield from picture("success", "Share of runs that succeed", draw_success(runs), SUCCESS)
-    yield Heading(level, "How fast a method gets there")
+        yield from picture("success", "Percentage of runs that succeed", draw_success(runs), SUCCESS)
+    yield Heading(level, "Convergence")
     curves = draw_convergence(runs, FITNESS_UNITS.get(runs["fitness"][0], "arbitrary unit"))
     yield from picture("convergence", "Best error and fitness against evaluations", curves, CONVERGENCE)
     yield Heading(level, "Time of a run")
@@ -219,7 +219,7 @@ def _variant(runs: pl.DataFrame, suffix: str, level: int) -> Iterator[Block]:
         yield Paragraph(RELIABILITY + (RELIABILITY_THESIS if _is_printed(runs) else ""))
         yield coefficients
     if runs["method"].n_unique() > 1:
-        yield Heading(level, "Are the differences more than luck?")
+        yield Heading(level, "Are the differences significant?")
         yield Paragraph(_friedman(runs))
         yield rank_table(runs)
         yield from picture("ranks", "Mean ranks", draw_ranks(runs), RANKS)
@@ -232,8 +232,8 @@ def _summaries(runs: pl.DataFrame) -> Iterator[Block]:
     left_out = [case for case in runs.sort("index")["case"].unique(maintain_order=True) if case not in kept]
     if left_out:
         yield Paragraph(
-            f"Not every method has run {_listed(left_out)} yet: left out of all averages, so that these "
-            "compare methods and not cases.",
+            f"Not every method has finished {_listed(left_out)} yet. The averages leave these cases out, so "
+            "that all methods are compared on the same cases.",
             warning=True,
         )
     for kind in _kinds(runs):
@@ -245,11 +245,11 @@ def _summaries(runs: pl.DataFrame) -> Iterator[Block]:
 
 def _errors(runs: pl.DataFrame) -> Iterator[Block]:
     cases = runs["case"].n_unique()
-    told = (
+    extent = (
         f" The first {MOST_CASES} of {cases} cases; tables/errors.csv has all." if cases > MOST_CASES else ""
     )
-    thesis = ", beside the thesis's where it prints one (ours / thesis)" if _is_printed(runs) else ""
-    yield Paragraph(f"Mean error in % over the runs of a case{thesis}.{told}")
+    thesis = "; this study / thesis where the thesis prints a value" if _is_printed(runs) else ""
+    yield Paragraph(f"Mean error in % over the runs of a case{thesis}.{extent}")
     yield error_table(runs)
 
 
@@ -259,19 +259,19 @@ def _is_printed(runs: pl.DataFrame) -> bool:
 
 
 def _friedman(runs: pl.DataFrame) -> str:
-    """Return in words what Friedman's test says of one variant."""
+    """Return the result of Friedman's test on one variant, in words."""
     test = friedman(runs).row(0, named=True)
-    left_out = f"; {test['incomplete']} more lack a method and are left out" if test["incomplete"] else ""
-    basis = f"In {test['blocks']} runs every method began from the same case and seed{left_out}."
+    left_out = f" {test['incomplete']} further pairs lack a method." if test["incomplete"] else ""
+    basis = f"All methods have finished {test['blocks']} pairs of case and seed.{left_out}"
     if test["p"] is None:
-        lacking = "three methods" if test["methods"] < 3 else f"{FEWEST_BLOCKS} such runs"
-        return f"{basis} Too few for Friedman's test, which takes {lacking} or more."
-    verdict = "differ by more than luck" if test["p"] <= SIGNIFICANT else "cannot be told apart"
+        lacking = "three methods" if test["methods"] < 3 else f"{FEWEST_BLOCKS} such pairs"
+        return f"{basis} This is not enough for Friedman's test, which needs {lacking} or more."
+    verdict = "differ significantly" if test["p"] <= SIGNIFICANT else "do not differ significantly"
     p = p_value(test["p"])
     relation = "p < 0.001" if p.startswith("<") else f"p = {p}"
     return (
-        f"{basis} Ranked within each, the methods {verdict} (Friedman's test: χ² = {test['statistic']:.1f}, "
-        f"{relation})."
+        f"{basis} By their ranks within each, the methods {verdict} (Friedman's test: "
+        f"χ² = {test['statistic']:.1f}, {relation})."
     )
 
 
@@ -289,7 +289,7 @@ def _kinds(runs: pl.DataFrame) -> list[str]:
 
 
 def _could_differ(runs: pl.DataFrame) -> bool:
-    """Return whether a method that wins every run of some pair would be told apart from the other."""
+    """Return whether a method that wins every run of some pair would differ significantly from the other."""
     tests = pairs(runs).drop_nulls("p")
     return any(tests.height * 2 / 2.0**blocks <= SIGNIFICANT for blocks in tests["blocks"])
 

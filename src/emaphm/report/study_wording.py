@@ -1,80 +1,77 @@
-"""What the report of a study says beside its figures and tables."""
+"""What the report of a study says about its figures and tables."""
 
 from emaphm.study.analysis.ranks import SIGNIFICANT
 
 COSTS = (
-    "Mean error against what a run costs, in wall time and in evaluations (simulations of the model; a "
-    "correction's runs of the reference model count in the time alone). The best stand at the lower left."
+    "Mean error against the cost of one run: wall time, and evaluations (simulations of the model; runs of "
+    "the reference model for the bias correction count in the time only). Best is the lower left."
 )
 
-HOLLOW = " Hollow markers are the thesis's."
+HOLLOW = " Hollow markers: values printed in the thesis."
 
 ERRORS = (
-    "Error by case: a marker is the median of a method's runs, its line the middle half of them "
-    "(quartiles). Further left is better; a long line is a method that depends on luck."
+    "Error by case. Marker: median of a method's runs; line: from the lower to the upper quartile. Further "
+    "left is better; a long line means that the result depends on the random numbers of the run."
 )
 
 SUCCESS = (
-    "Share of runs within 1, 2 and 5 % of error, dark to light. The dark end is what counts: runs "
-    "whose faults can be taken at their word."
+    "Percentage of runs with an error of at most 1, 2 and 5 %, from dark to light. The longer the dark bar, "
+    "the more runs give the faults accurately."
 )
 
 CONVERGENCE = (
-    "Error (above) and fitness (below) of the best point so far against the evaluations spent: the "
-    "median run, shaded its quartiles; a marker ends each method. A method without populations is its "
-    "final marker alone. Where the fitness still falls and the error does not, the model's bias is "
-    "what is left."
+    "Error (above) and fitness (below) of the best candidate so far, against evaluations: median and "
+    "quartiles of the runs. A marker ends each method; one without populations has its final marker only. "
+    "Where the fitness still falls but the error does not, the remaining error is the bias of the model."
 )
 
 RANKS = (
-    "Mean rank of each method, best above: 1 would be the least error in every run. A black bar at the "
-    f"right joins methods that the pairwise tests below cannot tell apart (p > {SIGNIFICANT:g})."
+    "Mean rank of each method, best at the top; rank 1: least error in every run. A black bar at the right "
+    f"joins methods that do not differ significantly in the pairwise tests below (p > {SIGNIFICANT:g})."
 )
 
 TIME = (
-    "Mean wall time of one run in seconds, while others ran beside it: for comparing methods within "
-    "this study; alone on the machine a run may be faster."
+    "Mean wall time of one run in seconds, measured while other runs used the same machine: it compares "
+    "methods within this study. A run alone on the machine may be faster."
 )
 
 TIME_THESIS = (
-    " Ours / thesis. The thesis doubled its dragonfly's times, which had half the iterations, but for low K "
-    "and the multiple faults."
+    " Shown as this study / thesis. The thesis doubled the times of its dragonfly runs, which had half the "
+    "iterations, except for low K and the multiple faults."
 )
 
 PAIRS = (
-    "p-value of each pair: how likely chance alone makes a difference as large (Wilcoxon's signed-rank "
-    f"test, corrected for the number of pairs after Holm). {SIGNIFICANT:g} or less counts as a "
-    "difference, in favour of the method with the lower mean rank."
+    "p-value of each pair of methods: the probability of a difference at least this large by chance "
+    "(Wilcoxon's signed-rank test with Holm's correction for the number of pairs). A difference is "
+    f"significant if p is {SIGNIFICANT:g} or less; the method with the lower mean rank is then better."
 )
 
-HOPELESS = " With so few runs for so many pairs, not even a method that wins every run could be told apart."
+HOPELESS = " With so few runs no difference can be significant, even for a method that always wins."
 
 RELIABILITY = (
-    "RC = 1 - t err / Σ t err, with t the mean time and err the mean error over the single faults "
-    "(thesis 6.4): 100 % is the best, and it depends on who takes part."
+    "RC = 1 - t err / Σ t err, with the mean time t and the mean error err over the single faults "
+    "(thesis 6.4). 100 % is best. The value depends on which methods are compared."
 )
 
 RELIABILITY_THESIS = (
-    " The thesis's printed row does not follow from its own times and errors; what does follow stands "
-    "beside it."
+    " The printed values of the thesis do not follow from its own times and errors; the recomputed ones do."
 )
 
 ERROR = (
-    "The error is 100 times the root of the summed squared differences between the true and the found "
-    "components, each on its scale from 0 to 1; the direction counts as much as there is eccentricity."
+    "Error: 100 times the root of the summed squared differences between true and estimated components, each "
+    "on its scale from 0 to 1; the direction is weighted with the eccentricity."
 )
 
 INTERVAL = (
-    "The 95 % interval is that of the mean over further runs of these same cases (bootstrap within "
-    "each case); it says nothing of other cases."
+    "95 % interval: of the mean over further runs of the same cases (bootstrap within each case). It does "
+    "not cover other cases."
 )
 
 RANK = (
-    "The tests compare runs of the same case and seed. They tell whether methods differ on these "
-    "cases, not on all that an actuator may suffer."
+    "Tests: they compare runs of the same case and seed. They show whether methods differ on these cases, "
+    "not on all possible faults."
 )
 
 THESIS = (
-    "The thesis's figures were made with its own models, its own recordings and its own machine: they "
-    "show what was reached then, and are no run of this study."
+    "Thesis: its values come from its own models, recordings and computer. They are no runs of this study."
 )

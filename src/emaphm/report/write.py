@@ -1,18 +1,23 @@
 """Writing the report of a diagnosis."""
 
 from pathlib import Path, PureWindowsPath
+from typing import TYPE_CHECKING
 
 from emaphm.actuator import Faults
 from emaphm.actuator.toml import write_toml
 from emaphm.diagnosis.error_metric import error_percent
 from emaphm.diagnosis.result import Diagnosis
-from emaphm.diagnosis.verdict import HEALTHY_MARGIN, HIDDEN
+from emaphm.diagnosis.verdict import VERDICT
 from emaphm.output_files import check_writable, written_whole
-from emaphm.plotting.diagnosis import draw_faults, draw_fit, draw_residual
-from emaphm.plotting.posterior import draw_marginals
-from emaphm.report.embed import data_uri, plain_style
+from emaphm.plotting.diagnosis import draw_fit, draw_residual
+from emaphm.plotting.fault_intervals import draw_faults
+from emaphm.plotting.posterior import draw_posterior
+from emaphm.plotting.svg import plain_style, svg, svg_uri
 from emaphm.report.page import render
-from emaphm.report.wording import computation, headline, table, untold
+from emaphm.report.wording import component_table, computation, headline, inconclusive
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 TEMPLATE = "diagnosis.html.jinja"
 
@@ -29,15 +34,14 @@ def write_report(
     path
         An .html or .htm file.
     truth
-        The true faults, told and drawn beside those found where they are known.
+        The true faults, shown next to the estimates, where they are known.
     force
         Whether an existing file may be replaced.
 
     Raises
     ------
     OutputError
-        See `emaphm.recording.check_writable`; also if the operating system refuses half-way, nothing
-        being left then.
+        See `emaphm.output_files.check_writable`; also if writing fails. No file is left then.
     """
     check_writable(path, force=force, endings=(".html", ".htm"))
     page = _page(diagnosis, truth)
@@ -49,12 +53,12 @@ def write_report(
 def _page(diagnosis: Diagnosis, truth: Faults | None) -> str:
     with plain_style():
         figures = {
-            "faults": data_uri(draw_faults(diagnosis, truth)),
-            "fit": data_uri(draw_fit(diagnosis)),
-            "residual": data_uri(draw_residual(diagnosis)),
+            "faults": _embedded(draw_faults(diagnosis, truth)),
+            "fit": _embedded(draw_fit(diagnosis)),
+            "residual": _embedded(draw_residual(diagnosis)),
         }
         if diagnosis.posterior:
-            figures["marginals"] = data_uri(draw_marginals(diagnosis))
+            figures["posterior"] = _embedded(draw_posterior(diagnosis))
     error = None if truth is None else float(error_percent(truth.vector, diagnosis.faults.vector))
     return render(
         TEMPLATE,
@@ -62,13 +66,17 @@ def _page(diagnosis: Diagnosis, truth: Faults | None) -> str:
         # Cut at either system's separator: a diagnosis may be reported on another machine.
         name=PureWindowsPath(diagnosis.recording).name or diagnosis.recording,
         headline=headline(diagnosis),
-        rows=table(diagnosis, truth),
+        table=component_table(diagnosis, truth),
         error=error,
         figures=figures,
-        untold=untold(diagnosis),
+        inconclusive=inconclusive(diagnosis),
         notes=diagnosis.notes(),
         computation=computation(diagnosis),
         actuator=write_toml(diagnosis.actuator),
-        margin=HEALTHY_MARGIN,
-        hidden=HIDDEN,
+        margin=VERDICT.healthy_margin,
+        hidden=VERDICT.hidden_fault,
     )
+
+
+def _embedded(figure: "Figure") -> str:
+    return svg_uri(svg(figure))

@@ -1,7 +1,7 @@
 """How the actuator moves: the laws, the reference, monitor and averaged models, and running them."""
 
 from emaphm.simulation.engine.inputs import Inputs
-from emaphm.simulation.engine.kernels import OBSERVABLE, Initial, Model
+from emaphm.simulation.engine.model import OBSERVABLE, Initial, Model
 from emaphm.simulation.engine.plant import Plant
 from emaphm.simulation.engine.running import observe_batch, run, run_batch, simulate_batch
 from emaphm.simulation.models.averaged import AVERAGED

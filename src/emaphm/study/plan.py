@@ -18,7 +18,7 @@ from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.actuator.parameters import Section
 from emaphm.actuator.toml import validation_message
 from emaphm.errors import StudyError, nearest
-from emaphm.estimation.bias_correction import MOST_TURNS
+from emaphm.estimation.bias_correction import MAX_CORRECTIONS
 from emaphm.estimation.methods import Method, method_named
 from emaphm.estimation.search import check_fitness
 from emaphm.recording.equivalent_current import Form
@@ -73,7 +73,7 @@ class Contestant(BaseModel):
 
     method: str
     label: Label
-    turns: Annotated[int, Field(ge=0, le=20)] = MOST_TURNS
+    turns: Annotated[int, Field(ge=0, le=20)] = MAX_CORRECTIONS
     nuisances: tuple[str, ...] = ()
 
     @model_validator(mode="before")
@@ -102,7 +102,7 @@ class Contestant(BaseModel):
         if method.optimizer is not None:
             optimizer = method.optimizer(np.zeros(len(NAMES)), np.ones(len(NAMES)))
             settings = [f"{optimizer.population} × {optimizer.iterations}", *settings]
-        if method.refines:
+        if method.least_squares:
             settings.append(f"up to {self.turns} corrections")
         return f"{self.label}: {', '.join([method.name, *settings])}"
 
@@ -185,7 +185,7 @@ class Plan(Section):
         for model, fitness, contestant in itertools.product(self.models, self.fitnesses, self.methods):
             method, switches = contestant.chosen(), model_named(model).switches
             check_fitness(method, fitness)
-            if method.refines and switches:
+            if method.least_squares and switches:
                 raise StudyError(
                     f"method '{contestant.method}' needs derivatives, which drown in the {model} model's "
                     "switching; leave out one of the two"

@@ -9,8 +9,9 @@ import numpy as np
 
 from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.arrays import Array
+from emaphm.diagnosis.diagnose import objective_for
 from emaphm.diagnosis.error_metric import error_percent
-from emaphm.estimation.search import fit_of, search
+from emaphm.estimation.search import search
 from emaphm.recording import Recording, acquire
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import model_named
@@ -64,17 +65,19 @@ def perform(actuator: Actuator, manoeuvre: Manoeuvre, task: Task) -> dict[str, A
     began = time.perf_counter()
     # One thread a run: a study keeps the cores busy with runs side by side.
     method = task.contestant.chosen()
-    fit = fit_of(recording, actuator, method, model_named(task.model), task.contestant.nuisances, workers=1)
+    model = model_named(task.model)
+    objective = objective_for(recording, actuator, method, model, task.contestant.nuisances, workers=1)
     found = search(
-        fit,
+        objective,
         method,
         fitness=task.fitness,
-        turns=task.contestant.turns,
+        max_corrections=task.contestant.turns,
         seed=task.seed,
         on_population=note,
     )
     seconds = time.perf_counter() - began
-    faults = fit.space.faults(found.point)
+    faults = objective.space.faults(found.point)
+    evaluations_spent, reference_runs = objective.problem.runs.of(model)
     return {
         "index": task.index,
         "case": task.case,
@@ -88,9 +91,9 @@ def perform(actuator: Actuator, manoeuvre: Manoeuvre, task: Task) -> dict[str, A
         "truth": list(task.truth),
         "found": faults.tolist(),
         "error_percent": float(error_percent(task.truth, faults)),
-        "fitness_value": found.fitness,
-        "evaluations": found.evaluations,
-        "reference_runs": found.reference_runs,
+        "fitness_value": found.cost,
+        "evaluations": evaluations_spent,
+        "reference_runs": reference_runs,
         "seconds": seconds,
         "curve_evaluations": evaluations,
         "curve_fitness": fitnesses,

@@ -1,67 +1,14 @@
-"""Optimisers of other libraries in the form of ours; a library is imported when its optimiser is made."""
+"""Optimisers of other libraries, called as our own are; a library is imported when its optimiser is made."""
 
-from collections.abc import Callable
-from typing import Any
-
-from emaphm.errors import MethodError, nearest
+from emaphm.optimizers.adapters.by_name import PEERS, is_peer, peer, peer_names
 from emaphm.optimizers.adapters.cma_es import CmaEs
-from emaphm.optimizers.adapters.driven import Driven, DrivenState, library
 from emaphm.optimizers.adapters.l_shade import LShade
-from emaphm.optimizers.adapters.pymoo_algorithms import (
-    PREFIX,
-    Pymoo,
-    check_algorithm,
-    usable_algorithms,
-)
+from emaphm.optimizers.adapters.pymoo_algorithms import Pymoo
 from emaphm.optimizers.adapters.scipy_de import ScipyDE
-
-PEERS: dict[str, type[Driven]] = {"cma-es": CmaEs, "l-shade": LShade, "scipy-de": ScipyDE}
-"""The optimisers of one name each; those of pymoo are ``pymoo-`` and a name of theirs."""
-
-
-def is_peer(name: str) -> bool:
-    """Return whether `name` asks for another library's optimiser; one of pymoo's may yet be unknown."""
-    return name in PEERS or name.startswith(PREFIX)
-
-
-def peer(name: str) -> Callable[..., Driven]:
-    """Return what makes the optimiser `name` from `lower`, `upper`, `population` and `iterations`.
-
-    Raises
-    ------
-    MethodError
-        The name is unknown; also when the optimiser is made, if its library is not installed.
-    """
-    if name in PEERS:
-        return PEERS[name]
-    if not name.startswith(PREFIX):
-        raise MethodError(f"unknown method '{name}'{nearest(name, PEERS)}")
-    algorithm = name.removeprefix(PREFIX)
-    check_algorithm(algorithm)
-
-    def make(**settings: Any) -> Pymoo:
-        return Pymoo(algorithm=algorithm, **settings)
-
-    return make
-
-
-def peer_names() -> tuple[str, ...]:
-    """Return the names of `PEERS` and, if pymoo is installed, of its algorithms that can be used.
-
-    The first call takes seconds, in which each algorithm is tried.
-    """
-    try:
-        library("pymoo", "pymoo")
-    except MethodError:
-        return tuple(PEERS)
-    return (*PEERS, *(PREFIX + name for name in usable_algorithms()))
-
 
 __all__ = [
     "PEERS",
     "CmaEs",
-    "Driven",
-    "DrivenState",
     "LShade",
     "Pymoo",
     "ScipyDE",

@@ -5,14 +5,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.errors import MethodError
-from emaphm.optimizers.adapters.driven import Driven, Evaluate, library
+from emaphm.optimizers.adapters.library import import_library
+from emaphm.optimizers.adapters.library_fitness import LibraryFitness
+from emaphm.optimizers.minimiser import Fitness, Minimiser, OnPopulation, Result
+from emaphm.random_streams import stream
 
 SIGMA = 0.25
 """First standard deviation, in widths of the box: the library's advice is about a quarter."""
 
 
 @dataclass(frozen=True, eq=False)
-class CmaEs(Driven):
+class CmaEs(Minimiser):
     """Covariance matrix adaptation evolution strategy [1], restarted with twice the population [2].
 
     The first start is the middle of the box, each later one a random point. Bounds, ends of a descent and
@@ -21,14 +24,15 @@ class CmaEs(Driven):
     Parameters
     ----------
     lower, upper, iterations
-        As in `Optimizer`.
+        As in `Minimiser`.
     population
         Of the first descent.
 
     Raises
     ------
     MethodError
-        As in `Driven`; or the box has one component, with which the library fails.
+        As in `Minimiser`; or the library is not installed, or the box has one component, with which the
+        library fails.
 
     References
     ----------
@@ -38,27 +42,29 @@ class CmaEs(Driven):
        IEEE Congress on Evolutionary Computation, 2005.
     """
 
-    method = "cma-es"
-
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.lower.size < 2:
-            raise MethodError(f"method '{self.method}' needs at least 2 components to search in, got 1")
-        library(self.method, "cma")
+            raise MethodError("method 'cma-es' needs at least 2 components to search in, got 1")
+        import_library("cma-es", "cma")
 
-    def _drive(self, evaluate: Evaluate, rng: np.random.Generator) -> None:
-        cma = library(self.method, "cma")
+    def minimise(self, fitness: Fitness, seed: int, on_population: OnPopulation | None = None) -> Result:
+        """Run the library until the budget is spent; see `Minimiser.minimise`."""
+        cma = import_library("cma-es", "cma")
+        rng = stream(seed, "optimizer")
         start, population = np.full(self.lower.size, 0.5), self.population
-        while True:
-            options = {
-                "bounds": [0, 1],
-                "popsize": population,
-                "randn": lambda *shape: rng.standard_normal(shape),
-                "seed": np.nan,  # leaves numpy's global numbers alone
-                "verbose": -10,  # -9 would still look for orders in a file of the working directory
-            }
-            descent = cma.CMAEvolutionStrategy(start, SIGMA, options)
-            while not descent.stop():
-                points = descent.ask()
-                descent.tell(points, evaluate(np.array(points)))
-            start, population = rng.random(self.lower.size), 2 * population
+        with LibraryFitness(self, fitness, on_population) as evaluate:
+            while True:
+                options = {
+                    "bounds": [0, 1],
+                    "popsize": population,
+                    "randn": lambda *shape: rng.standard_normal(shape),
+                    "seed": np.nan,  # leaves numpy's global numbers alone
+                    "verbose": -10,  # -9 would still look for orders in a file of the working directory
+                }
+                descent = cma.CMAEvolutionStrategy(start, SIGMA, options)
+                while not descent.stop():
+                    points = descent.ask()
+                    descent.tell(points, evaluate(np.array(points)))
+                start, population = rng.random(self.lower.size), 2 * population
+        return evaluate.result()

@@ -1,30 +1,35 @@
 """L-SHADE by the library `minionpy`."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from emaphm.optimizers.adapters.driven import Driven, Evaluate, library
+from emaphm.optimizers.adapters.library import import_library
+from emaphm.optimizers.adapters.library_fitness import LibraryFitness
+from emaphm.optimizers.minimiser import Fitness, Minimiser, OnPopulation, Result
+from emaphm.random_streams import child_seed
 
 
 @dataclass(frozen=True, eq=False)
-class LShade(Driven):
+class LShade(Minimiser):
     """Differential evolution that learns F and CR from its successes and shrinks its population [1].
 
-    Settings are the library's defaults. They are those of [1] but that a component outside the bounds is
-    drawn anew, not set halfway, and that a population closer together than 1e-8 of the box is an end.
+    Settings are the library's defaults. They are those of [1] with two exceptions: a component outside the
+    bounds is drawn anew, not set halfway, and a population closer together than 1e-8 of the box is an end.
+    The library has one generator a thread: a fitness must not start another search of this kind.
 
     Parameters
     ----------
     lower, upper, iterations
-        As in `Optimizer`.
+        As in `Minimiser`.
     population
         The first; it falls linearly to 4 as the budget is spent. 18 times the dimensions in [1].
 
     Raises
     ------
     MethodError
-        As in `Driven`.
+        As in `Minimiser`; or the library is not installed.
 
     References
     ----------
@@ -32,26 +37,25 @@ class LShade(Driven):
        size reduction", IEEE Congress on Evolutionary Computation, 2014.
     """
 
-    method = "l-shade"
-    least_population = 4
+    least_population: ClassVar[int] = 4
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        library(self.method, "minionpy")
+        import_library("l-shade", "minionpy")
 
-    def _drive(self, evaluate: Evaluate, rng: np.random.Generator) -> None:
-        def fitness(points: list[list[float]]) -> list[float]:
-            values: list[float] = evaluate(np.array(points)).tolist()
-            return values
-
-        search = library(self.method, "minionpy.algorithms").LSHADE(
-            fitness,
-            bounds=[(0.0, 1.0)] * self.lower.size,
-            maxevals=self.budget,
-            seed=int(rng.integers(2**31)),
-            options={"population_size": self.population},
-        )
-        try:
-            search.optimize()
-        finally:
-            del search.optimizer  # a cycle through compiled code, which is never collected
+    def minimise(self, fitness: Fitness, seed: int, on_population: OnPopulation | None = None) -> Result:
+        """Run the library; see `Minimiser.minimise`."""
+        algorithms = import_library("l-shade", "minionpy.algorithms")
+        with LibraryFitness(self, fitness, on_population) as evaluate:
+            search = algorithms.LSHADE(
+                lambda points: evaluate(np.array(points)).tolist(),
+                bounds=[(0.0, 1.0)] * self.lower.size,
+                maxevals=self.budget,
+                seed=child_seed(seed, "optimizer"),
+                options={"population_size": self.population},
+            )
+            try:
+                search.optimize()
+            finally:
+                del search.optimizer  # a cycle through compiled code, which is never collected
+        return evaluate.result()

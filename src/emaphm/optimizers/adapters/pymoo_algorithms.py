@@ -1,12 +1,13 @@
-"""Every algorithm of pymoo for one objective that can search a box and repeats itself from a seed."""
+"""Every algorithm of pymoo for one objective that searches a box and repeats its search from a seed."""
 
 import pkgutil
 import re
-import threading
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -14,25 +15,28 @@ from numpy.typing import NDArray
 
 from emaphm.arrays import Array
 from emaphm.errors import MethodError, nearest
-from emaphm.optimizers.adapters.driven import Driven, Evaluate, library
+from emaphm.optimizers.adapters.library import import_library
+from emaphm.optimizers.adapters.library_fitness import LibraryFitness
+from emaphm.optimizers.minimiser import Fitness, Minimiser, OnPopulation, Result
+from emaphm.random_streams import child_seed
 
 PREFIX = "pymoo-"
 
 PACKAGE = "pymoo.algorithms.soo.nonconvex"
 
 TRIAL_POINTS = 200
-"""Points of a trial, beside two populations. DIRECT and pattern search, whose numbers pymoo 0.6 draws from
-no seed, part from themselves within 80."""
+"""Points of a trial in addition to two populations. DIRECT and pattern search, whose numbers pymoo 0.6 draws
+from no seed, differ between two runs within 80 points."""
 
 
 @dataclass(frozen=True, eq=False)
-class Pymoo(Driven):
+class Pymoo(Minimiser):
     """An algorithm of pymoo for one objective [1], with pymoo's defaults but for its end, the budget.
 
     Parameters
     ----------
     lower, upper, iterations
-        As in `Optimizer`.
+        As in `Minimiser`.
     population
         Algorithms without a size of the population to set, such as Nelder and Mead's, keep their own.
     algorithm
@@ -41,8 +45,9 @@ class Pymoo(Driven):
     Raises
     ------
     MethodError
-        As in `Driven`; or pymoo has no such algorithm, or this one cannot work with these settings, or
-        searches other things than real numbers, or does not repeat its search from a seed.
+        As in `Minimiser`; or pymoo is not installed or has no such algorithm, or this one cannot work with
+        these settings, or searches other things than real numbers, or does not repeat its search from a
+        seed.
 
     References
     ----------
@@ -51,27 +56,25 @@ class Pymoo(Driven):
 
     algorithm: str = field(kw_only=True)
 
-    @property
-    def method(self) -> str:
-        """Name on the command line."""
-        return PREFIX + self.algorithm
-
     def __post_init__(self) -> None:
         super().__post_init__()
         check_algorithm(self.algorithm)
         flaw = _flaw(self.algorithm, self.lower.size, self.population)
         if flaw is not None:
-            raise MethodError(f"method '{self.method}' cannot be used: {flaw}; choose another")
+            raise MethodError(f"method '{PREFIX + self.algorithm}' cannot be used: {flaw}; choose another")
 
-    def _drive(self, evaluate: Evaluate, rng: np.random.Generator) -> None:
-        library(self.method, "pymoo")
-        seed = int(rng.integers(1, 2**31))  # 0 is the time of day to some
-        _minimise(self.algorithm, evaluate, self.lower.size, self.population, self.budget, seed)
+    def minimise(self, fitness: Fitness, seed: int, on_population: OnPopulation | None = None) -> Result:
+        """Run pymoo's algorithm; see `Minimiser.minimise`."""
+        import_library(PREFIX + self.algorithm, "pymoo")
+        own_seed = max(1, child_seed(seed, "optimizer"))  # 0 stands for the time of day in some algorithms
+        with LibraryFitness(self, fitness, on_population) as evaluate:
+            _run(self.algorithm, evaluate, self.lower.size, self.population, self.budget, own_seed)
+        return evaluate.result()
 
 
 def check_algorithm(algorithm: str) -> None:
     """Refuse, by `MethodError`, a name that is none of pymoo's algorithms, and any if pymoo is missing."""
-    library(PREFIX + algorithm, "pymoo")
+    import_library(PREFIX + algorithm, "pymoo")
     known = pymoo_algorithms()
     if algorithm not in known:
         hint = nearest(PREFIX + algorithm, [PREFIX + name for name in known])
@@ -95,7 +98,7 @@ def pymoo_algorithms() -> dict[str, Any]:
 
 
 def usable_algorithms() -> tuple[str, ...]:
-    """Return the names of the algorithms that pass a trial; takes seconds when first called."""
+    """Return the names of the algorithms that pass a trial; the first call takes seconds."""
     return tuple(name for name in pymoo_algorithms() if _flaw(name, 8, 50) is None)
 
 
@@ -131,56 +134,65 @@ def _trial(algorithm: str, dimensions: int, population: int) -> list[NDArray[Any
         return np.asarray(np.sum((points - 0.3) ** 2, axis=1))
 
     with suppress(_TrialOverError):
-        _minimise(algorithm, sphere, dimensions, population, budget, seed=1)
+        _run(algorithm, sphere, dimensions, population, budget, seed=1)
     return asked
 
 
-def _minimise(
-    algorithm: str, evaluate: Evaluate, dimensions: int, population: int, budget: int, seed: int
+def _run(
+    algorithm: str,
+    fitness: Callable[[Array], Array],
+    dimensions: int,
+    population: int,
+    budget: int,
+    seed: int,
 ) -> None:
+    """Run pymoo on `fitness` in the unit cube."""
     numbers = _GlobalNumbers(seed)
 
-    def fitness(points: Array) -> Array:
-        numbers.give_back()
-        values = evaluate(points)
-        numbers.take()  # not after an exception, which ends the search
-        return values
+    def evaluate(points: Array, out: dict[str, Array]) -> None:
+        with numbers.callers():
+            out["F"] = fitness(points)
 
     problem = import_module("pymoo.core.problem").Problem(n_var=dimensions, xl=0.0, xu=1.0)
-    # The method that pymoo leaves to its users to define.
-    problem._evaluate = lambda points, out: out.update(F=fitness(points))  # noqa: SLF001
-    numbers.take()
-    try:
+    problem._evaluate = evaluate  # noqa: SLF001 - the method that pymoo leaves to its users to define
+    with numbers.of_search():
         search = pymoo_algorithms()[algorithm](pop_size=population)
         search.setup(problem, termination=("n_eval", budget), seed=seed)
         search.run()
-    finally:
-        numbers.give_back()
 
 
 class _GlobalNumbers:
-    """Numpy's global generator, lent to pymoo while it runs and put back whenever it halts.
+    """Numpy's global generator, which some algorithms of pymoo seed and draw from.
 
-    Some of its algorithms seed and draw from it. One may have it at a time, so that searches do not
-    disturb each other; while one has it, other threads should not use it.
+    It has the search's numbers while pymoo runs, and the caller's in the fitness and after the end. One
+    search at a time has it, so that searches in several threads do not disturb each other.
     """
 
-    _only_one = threading.Lock()
+    _only_one = Lock()
 
     def __init__(self, seed: int) -> None:
-        self._ours: Any = np.random.RandomState(seed).get_state()
-        self._lent = False
+        self._other: Any = np.random.RandomState(seed).get_state()
 
-    def take(self) -> None:
-        self._only_one.acquire()
-        self._lent = True
-        self._callers = np.random.get_state()  # noqa: NPY002
-        np.random.set_state(self._ours)  # noqa: NPY002
+    @contextmanager
+    def of_search(self) -> Iterator[None]:
+        with self._only_one:
+            self._swap()
+            try:
+                yield
+            finally:
+                self._swap()
 
-    def give_back(self) -> None:
-        if not self._lent:
-            return
-        self._ours = np.random.get_state()  # noqa: NPY002
-        np.random.set_state(self._callers)  # noqa: NPY002
-        self._lent = False
+    @contextmanager
+    def callers(self) -> Iterator[None]:
+        self._swap()
         self._only_one.release()
+        try:
+            yield
+        finally:
+            self._only_one.acquire()
+            self._swap()
+
+    def _swap(self) -> None:
+        present = np.random.get_state()  # noqa: NPY002
+        np.random.set_state(self._other)  # noqa: NPY002
+        self._other = present

@@ -1,53 +1,58 @@
 """Differential evolution by SciPy."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.optimizers.adapters.driven import Driven, Evaluate
+from emaphm.optimizers.adapters.library_fitness import LibraryFitness
+from emaphm.optimizers.minimiser import Fitness, Minimiser, OnPopulation, Result
+from emaphm.random_streams import stream
 
 
 @dataclass(frozen=True, eq=False)
-class ScipyDE(Driven):
+class ScipyDE(Minimiser):
     """`scipy.optimize.differential_evolution`, a whole generation in one call and without its final polish.
 
     All else is SciPy's default: best/1/bin with F drawn from [0.5, 1] in each generation, CR = 0.7, a Latin
-    hypercube to start from, and an end where the fitness of the population spreads by less than 1 % of
-    its mean.
+    hypercube to start from, and an end where the standard deviation of the population's fitness is less than
+    1 % of its mean.
 
     Parameters
     ----------
     lower, upper, iterations
-        As in `Optimizer`.
+        As in `Minimiser`.
     population
         Number of agents, not SciPy's multiple of the dimensions.
 
     Raises
     ------
     MethodError
-        As in `Driven`.
+        As in `Minimiser`.
     """
 
-    method = "scipy-de"
-    least_population = 5
+    least_population: ClassVar[int] = 5
 
-    def _drive(self, evaluate: Evaluate, rng: np.random.Generator) -> None:
+    def minimise(self, fitness: Fitness, seed: int, on_population: OnPopulation | None = None) -> Result:
+        """Run SciPy; see `Minimiser.minimise`."""
         from scipy.optimize import Bounds, differential_evolution
         from scipy.stats import qmc
 
-        def fitness(columns: Array, *_: Any) -> Any:
-            return evaluate(columns.T)
+        d, rng = self.lower.size, stream(seed, "optimizer")
+        with LibraryFitness(self, fitness, on_population) as evaluate:
 
-        d = self.lower.size
-        differential_evolution(
-            fitness,
-            bounds=Bounds(np.zeros(d), np.ones(d)),
-            init=qmc.LatinHypercube(d, seed=rng).random(self.population),
-            maxiter=self.iterations,
-            seed=rng,
-            vectorized=True,
-            updating="deferred",
-            polish=False,
-        )
+            def of_columns(columns: Array, *_: Any) -> Any:
+                return evaluate(columns.T)
+
+            differential_evolution(
+                of_columns,
+                bounds=Bounds(np.zeros(d), np.ones(d)),
+                init=qmc.LatinHypercube(d, seed=rng).random(self.population),
+                maxiter=self.iterations,
+                seed=rng,
+                vectorized=True,
+                updating="deferred",
+                polish=False,
+            )
+        return evaluate.result()

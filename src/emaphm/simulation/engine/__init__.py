@@ -1,1 +1,1 @@
-"""What advances a model: kernels, plants, inputs, running."""
+"""Running a model: its inputs, plants, kernels and threads."""

@@ -9,6 +9,7 @@ import numpy as np
 from emaphm.actuator import Command, Load
 from emaphm.arrays import Array
 from emaphm.errors import SignalError
+from emaphm.random_streams import stream
 
 Sampling = Literal["mean", "instant"]
 
@@ -66,12 +67,12 @@ class Inputs:
                 f"a run needs samples ({samples}), interval ({interval:g} s) and step ({step:g} s) above 0"
             )
         if not 0 <= noise < math.inf:
-            raise SignalError(f"noise on the reference current, {noise:g} A, is no rms; give 0 or more")
+            raise SignalError(f"noise on the reference current, {noise:g} A, is not an rms; give 0 or more")
         substeps = max(1, math.ceil(interval / step * (1 - 1e-9)))
         steps = samples * substeps
         t = np.asarray(np.arange(steps) * (interval / substeps))
         zero = np.broadcast_to(0.0, steps)
-        rng = np.random.default_rng(seed)
+        rng = stream(seed, "controller noise")
         return cls(
             command=_checked("command", command(t), steps),
             load=_checked("load", load(t) if callable(load) else np.broadcast_to(float(load), steps), steps),
@@ -106,5 +107,5 @@ def _checked(what: str, values: Any, steps: int) -> Array:
     if np.shape(values) != (steps,):
         raise SignalError(f"the {what} gave {np.shape(values)} values for {steps} times; give one for each")
     if not np.all(np.isfinite(values)):
-        raise SignalError(f"the {what} is not finite everywhere; mend its values")
+        raise SignalError(f"the {what} is not finite everywhere; correct its values")
     return np.asarray(values, float)

@@ -1,8 +1,7 @@
-"""What a batch simulates: physical quantities of `n` actuators side by side, faults applied."""
+"""The actuators of a batch: their physical quantities side by side, faults applied."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
-from typing import Self
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,7 +13,7 @@ from emaphm.arrays import Array
 from emaphm.errors import FaultError, MethodError
 
 NO_LIMIT = 1e30
-"""Stands for an absent limit; the kernels are compiled on the understanding that nothing is infinite."""
+"""Value of an absent limit; the kernels are compiled to assume that nothing is infinite."""
 
 NEVER_ZERO = (
     "inertia",
@@ -76,8 +75,8 @@ class Plant:
         faults
             Normalised fault vectors, shape (n, 8).
         totals
-            Physical parameters to set instead of the actuator's, by their names in `TOTALS`; each of
-            shape (n,) or a scalar. Friction faults multiply them.
+            Parameters to set instead of the actuator's, by their names in `TOTALS`;
+            each of shape (n,) or a scalar. Friction faults multiply them.
 
         Raises
         ------
@@ -108,22 +107,6 @@ class Plant:
     def count(self) -> int:
         """The number of actuators, n."""
         return int(self.inertia.size)
-
-    def part(self, first: int, last: int) -> Self:
-        """Return the plants from `first` up to, not including, `last`."""
-        return replace(self, **{f.name: getattr(self, f.name)[..., first:last] for f in fields(self)})
-
-    def padded(self, multiple: int) -> Self:
-        """Return the plants with the last repeated until their number is a multiple of `multiple`."""
-        extra = -self.count % multiple
-        columns = {f.name: getattr(self, f.name) for f in fields(self)}
-        return replace(
-            self,
-            **{
-                name: np.concatenate([column, np.repeat(column[..., -1:], extra, axis=-1)], axis=-1)
-                for name, column in columns.items()
-            },
-        )
 
 
 def _healthy(actuator: Actuator, n: int) -> Plant:
@@ -158,8 +141,8 @@ def _healthy(actuator: Actuator, n: int) -> Plant:
         "hysteresis": e.hysteresis if e else 0.0,
         "pole_pairs": e.pole_pairs if e else 1,
     }
-    columns = {name: np.full(n, float(value)) for name, value in scalars.items()}
-    return Plant(**columns, turns=np.ones((3, n)), z=np.zeros((2, n)))
+    columns = np.repeat(np.array(list(scalars.values()), float)[:, np.newaxis], n, axis=1)
+    return Plant(**dict(zip(scalars, columns, strict=True)), turns=np.ones((3, n)), z=np.zeros((2, n)))
 
 
 def _with_totals(plant: Plant, actuator: Actuator, totals: Mapping[str, ArrayLike]) -> Plant:

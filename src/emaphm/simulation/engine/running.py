@@ -1,8 +1,11 @@
 """Running a model: one actuator with every signal, or many with their equivalent currents."""
 
+import math
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,8 +14,15 @@ from emaphm.actuator import Actuator
 from emaphm.arrays import Array
 from emaphm.errors import MethodError
 from emaphm.simulation.engine.inputs import Inputs
-from emaphm.simulation.engine.kernels import LANES, OBSERVABLE, Initial, Model, kernel
+from emaphm.simulation.engine.kernel_cache import Kernel, kernel
+from emaphm.simulation.engine.model import OBSERVABLE, Initial, Model
 from emaphm.simulation.engine.plant import Plant
+
+LANES = 16
+"""Actuators that a batch kernel advances together: two AVX-512 registers, four of AVX2."""
+
+CACHE_LINE = 64
+"""Bytes; also those of the widest vector."""
 
 WORTH_A_THREAD = 200_000
 """Group-steps (about 10 ms) below which starting threads costs more than it gains."""
@@ -29,10 +39,12 @@ def run(model: Model, plant: Plant, inputs: Inputs, start: Initial = Initial()) 
     """
     if plant.count != 1:
         raise MethodError(f"a single run takes one actuator, got {plant.count}; use run_batch")
-    out = np.empty((len(model.channels), inputs.samples, 1))
-    _advance(model, plant, inputs, start, out)
+    channels = len(model.channels)
+    out = _output(1, 1, channels, inputs.samples)[0]
+    for block in _blocks(model, plant, inputs, start, 1, channels):
+        _advance(kernel(model, 1, channels), block, out, inputs)
     _check_finite(model, out)
-    return {name: out[i, :, 0] for i, name in enumerate(model.channels)}
+    return {name: out[0, i] for i, name in enumerate(model.channels)}
 
 
 def run_batch(
@@ -75,28 +87,23 @@ def _batch(
 ) -> Array:
     rows = [OBSERVABLE.index(name) for name in names]
     channels = 1 if rows == [0] else len(OBSERVABLE)
-    padded = plant.padded(LANES)
-    out = np.empty((padded.count // LANES, channels, inputs.samples, LANES))
-    groups = [padded.part(first, first + LANES) for first in range(0, padded.count, LANES)]
-    workers = min(workers or os.cpu_count() or 1, len(groups))
-    if len(groups) * inputs.command.size < WORTH_A_THREAD:
+    advance = kernel(model, LANES, channels)  # compile once, before the threads
+    blocks = _blocks(model, plant, inputs, start, LANES, channels)
+    groups = len(blocks)
+    out = _output(groups, LANES, channels, inputs.samples)
+    if groups * inputs.command.size < WORTH_A_THREAD:
         workers = 1
-
-    def advance(i: int) -> None:
-        _advance(model, groups[i], inputs, start, out[i])
-
+    workers = min(workers or os.cpu_count() or 1, groups)
     if workers <= 1:
-        for i in range(len(groups)):
-            advance(i)
+        for block, group in zip(blocks, out, strict=True):
+            _advance(advance, block, group, inputs)
     else:
-        kernel(model, LANES, channels)  # compile once, before the threads
         with ThreadPoolExecutor(workers) as pool:
-            list(pool.map(advance, range(len(groups))))
-    _check_finite(model, out)
-    by_actuator = np.empty((padded.count // LANES, LANES, len(rows), inputs.samples))
-    for i, row in enumerate(rows):
-        by_actuator[:, :, i] = out[:, row].transpose(0, 2, 1)
-    return by_actuator.reshape(padded.count, len(rows), inputs.samples)[: plant.count]
+            list(pool.map(partial(_advance, advance, inputs=inputs), blocks, out))
+    by_actuator = out.reshape(groups * LANES, channels, inputs.samples)[: plant.count]
+    chosen = by_actuator if rows == list(range(channels)) else by_actuator[:, rows]
+    _check_finite(model, chosen)
+    return chosen
 
 
 def simulate_batch(
@@ -112,27 +119,73 @@ def simulate_batch(
     return run_batch(model, Plant.of(actuator, faults), inputs, start, workers=workers)
 
 
-def _advance(model: Model, plant: Plant, inputs: Inputs, start: Initial, out: Array) -> None:
+@dataclass(frozen=True, eq=False)
+class _Block:
+    """State, with the sums of the channels, and parameters of a group of actuators, each (rows × lanes,)."""
+
+    state: Array
+    parameters: Array
+
+
+def _blocks(
+    model: Model, plant: Plant, inputs: Inputs, start: Initial, lanes: int, channels: int
+) -> list[_Block]:
+    """Return the plants in groups of `lanes`, the last one filled up with copies of the last plant."""
     if model.switches and not plant.has_windings:
         raise MethodError(
             f"the {model.name} model switches the windings' voltage, which needs an [electrical] section; "
             "add one to the actuator, or use the averaged model"
         )
-    step = inputs.step
-    x = model.initial_state(plant, inputs, start).ravel()
-    p = model.parameters(plant, step).ravel()
-    advance = kernel(model, plant.count, len(out))
+    state = model.initial_state(plant, inputs, start)
+    parameters = model.parameters(plant, inputs.step)
+    variables = len(state) + channels
+    rows = np.concatenate([state, np.zeros((channels, plant.count)), parameters])
+    groups = -(-plant.count // lanes)
+    padded = rows[:, np.minimum(np.arange(groups * lanes), plant.count - 1)]
+    blocks = _aligned((groups, len(rows), lanes))
+    blocks[:] = padded.reshape(len(rows), groups, lanes).transpose(1, 0, 2)
+    return [_Block(block[:variables].reshape(-1), block[variables:].reshape(-1)) for block in blocks]
+
+
+def _aligned(shape: tuple[int, ...]) -> Array:
+    """Return an array that starts on a cache line.
+
+    A vector that spans two lines takes two accesses; kernels are 5 % faster without (measured).
+    """
+    size = math.prod(shape)
+    memory = np.empty(size + CACHE_LINE // 8)
+    first = -memory.ctypes.data % CACHE_LINE // 8
+    return memory[first : first + size].reshape(shape)
+
+
+def _output(groups: int, lanes: int, channels: int, samples: int) -> Array:
+    """Return an array (groups, lanes, channels, samples) for kernels to write a column at a time.
+
+    Its rows are an odd number of cache lines apart, so that a column's entries fall into different sets of
+    the processor's cache; 2560 samples one after another would take the averaged model twice the time.
+    """
+    lines = -(-samples * 8 // CACHE_LINE) | 1
+    return _aligned((groups, lanes, channels, lines * CACHE_LINE // 8))[..., :samples]
+
+
+def _advance(advance: Kernel, block: _Block, out: Array, inputs: Inputs) -> None:
+    command = np.ascontiguousarray(inputs.command)
+    load, noise = inputs.load, inputs.noise
     advance(
-        x,
-        p,
-        inputs.command,
-        inputs.load,
-        inputs.noise,
-        step,
+        block.state.ctypes.data,
+        block.parameters.ctypes.data,
+        command.ctypes.data,
+        load.ctypes.data,
+        load.strides[0] // load.itemsize,
+        noise.ctypes.data,
+        noise.strides[0] // noise.itemsize,
+        inputs.step,
+        inputs.samples,
         inputs.substeps,
         inputs.window,
         float(inputs.sampling == "mean"),
-        out,
+        out.ctypes.data,
+        out.strides[-2] // out.itemsize,
     )
 
 

@@ -1,1 +1,1 @@
-"""The laws of physics, one a file: pure functions of scalars or arrays."""
+"""The laws of physics, one subject a file: pure functions of scalars or arrays, for Python and kernels."""

@@ -1,7 +1,4 @@
-"""Trapezoidal commutation of a three-phase BLDC motor (thesis 2.2, 3.1.3).
-
-Electrical angles are wrapped to [-pi, pi). Phase i (0, 1, 2) sees the angle shifted by -2 pi i / 3.
-"""
+"""Trapezoidal commutation of a three-phase BLDC motor: the shapes of back-EMF and current over the angle."""
 
 from typing import Any
 
@@ -9,27 +6,29 @@ import numpy as np
 
 from emaphm.simulation.laws.inline import law, select
 
-PHASE_SHIFT = 2 * np.pi / 3
 RAMP = np.pi / 6
-
-
-@law
-def wrap_once(angle: Any) -> Any:
-    """Return an angle [rad] in [-3 pi, 3 pi) turned into [-pi, pi)."""
-    angle = select(angle >= np.pi, angle - 2 * np.pi, angle)
-    return select(angle < -np.pi, angle + 2 * np.pi, angle)
-
-
-def wrap(angle: Any) -> Any:
-    """Return any angle [rad] turned into [-pi, pi)."""
-    return np.mod(np.asarray(angle, float) + np.pi, 2 * np.pi) - np.pi
+"""Half the width of a trapezoid's ramp: 30 degrees electrical [rad]."""
 
 
 @law
 def trapezoid(angle: Any) -> Any:
-    """Return the unit trapezoid s of a wrapped electrical angle [rad].
+    """Return the unit trapezoid: the shape of a phase's back-EMF, and of its torque per ampere.
 
-    It rises through 0 at 0 deg, is +1 from 30 to 150 deg, and odd.
+    It rises through 0 at 0 deg, is +1 from 30 to 150 deg, falls through 0 at 180 deg, and is odd:
+
+        s(u) = sgn(u) min(min(|u|, π - |u|) / (π/6), 1)
+
+    Parameters
+    ----------
+    angle : u, electrical angle as the phase sees it, in [-π, π) [rad]
+
+    Returns
+    -------
+    s, in [-1, 1] [-].
+
+    References
+    ----------
+    [1] Thesis, sections 2.2 and 3.1.3.
     """
     magnitude = np.abs(angle)
     from_zero = np.minimum(magnitude, np.pi - magnitude)
@@ -38,22 +37,52 @@ def trapezoid(angle: Any) -> Any:
 
 @law
 def demand_sign(angle: Any) -> Any:
-    """Return r, the share of the reference current asked of a phase: the sign of a flat, 0 on a ramp."""
+    """Return what share of the reference current a phase is asked for.
+
+        r(u) = sgn(u)   (π/6 ≤ |u| ≤ 5π/6: the flats of the trapezoid)
+        r(u) = 0        elsewhere: the phase idles
+
+    Parameters
+    ----------
+    angle : u, electrical angle as the phase sees it, in [-π, π) [rad]
+
+    Returns
+    -------
+    r, one of -1, 0, +1 [-].
+
+    References
+    ----------
+    [1] Thesis, section 3.1.3, Fig. 3.5.
+    """
     magnitude = np.abs(angle)
     from_zero = np.minimum(magnitude, np.pi - magnitude)
     return select(from_zero >= RAMP, np.copysign(1.0, angle), 0.0)
 
 
 @law
-def idle_phase(angle: Any) -> Any:
-    """Return three weights, 1 for the phase that idles at a wrapped electrical angle [rad], else 0.
+def of_idle_phase(angle: Any, of_a: Any, of_b: Any, of_c: Any) -> Any:
+    """Return the one of three values that belongs to the phase that idles.
 
-    It is the phase nearest to a zero of its trapezoid; exactly one weight is 1 at any angle.
+    The idle phase is the one whose trapezoid is nearest to a zero. With v = θ_e modulo π, in [0, π):
+
+        a   (v ≤ π/6 or v ≥ 5π/6)
+        c   (π/6 < v ≤ π/2)
+        b   (π/2 < v < 5π/6)
+
+    Parameters
+    ----------
+    angle : θ_e, electrical angle, in [-π, π) [rad]
+    of_a, of_b, of_c : what is returned while a, b or c idles, that is while the other two conduct
+
+    Returns
+    -------
+    One of the three values.
+
+    References
+    ----------
+    [1] Thesis, section 4.4: f(θ).
     """
-    a = np.abs(angle)
-    b = np.abs(wrap_once(angle - PHASE_SHIFT))
-    c = np.abs(wrap_once(angle + PHASE_SHIFT))
-    a, b, c = np.minimum(a, np.pi - a), np.minimum(b, np.pi - b), np.minimum(c, np.pi - c)
-    idle_a = select((a <= b) & (a <= c), 1.0, 0.0)
-    idle_b = select(b <= c, 1.0 - idle_a, 0.0)
-    return idle_a, idle_b, 1.0 - idle_a - idle_b
+    magnitude = np.abs(angle)
+    from_zero = np.minimum(magnitude, np.pi - magnitude)
+    half_turn = select(angle < 0.0, angle + np.pi, angle)
+    return select(from_zero <= RAMP, of_a, select(half_turn > np.pi / 2, of_b, of_c))

@@ -1,4 +1,4 @@
-"""Static rotor eccentricity: how the flux linked by a phase varies with the rotor's angle (thesis 4.5)."""
+"""Static rotor eccentricity: how the flux linked by a phase varies with the rotor's angle."""
 
 from typing import Any
 
@@ -11,9 +11,29 @@ SQRT3_2 = float(np.sqrt(3) / 2)
 
 @law
 def gap_factors(cos: Any, sin: Any, z_cos: Any, z_sin: Any) -> Any:
-    """Return g_i = 1 + Z cos(theta + phi + 2 pi i / 3) for the phases i = 0, 1, 2.
+    """Return by what factor eccentricity multiplies each phase's torque and back-EMF constant.
 
-    `cos`, `sin` of the mechanical angle theta; (z_cos, z_sin) = Z (cos phi, sin phi).
+    The air gap varies once per mechanical turn, g = g₀ (1 + ζ cos θ), and each phase sees it a third of a
+    turn from the next:
+
+        g_i = 1 + Z cos(θ + φ + 2π (i - 1) / 3),   i = 1, 2, 3 for the phases a, b, c
+
+    Parameters
+    ----------
+    cos, sin : of θ, the rotor's mechanical angle [-]
+    z_cos, z_sin : Z cos φ and Z sin φ, amplitude and direction of the eccentricity, 0 ≤ Z < 1 [-]
+
+    Returns
+    -------
+    g_1, g_2, g_3, factors on k_i [-]. Their mean is 1.
+
+    Notes
+    -----
+    First order in Z. Torque and back-EMF take the same factor, so power is conserved.
+
+    References
+    ----------
+    [1] Thesis, section 4.5, Fig. 4.8 to 4.10.
     """
     along = cos * z_cos - sin * z_sin
     across = sin * z_cos + cos * z_sin
@@ -26,10 +46,30 @@ def gap_factors(cos: Any, sin: Any, z_cos: Any, z_sin: Any) -> Any:
 
 @law
 def printed_factor(cos: Any, sin: Any, z_cos: Any, z_sin: Any) -> Any:
-    """Return the thesis's printed factor for the monitor model, one period per electrical turn.
+    """Return the factor that the thesis prints for its monitor model: one period per electrical turn.
 
-    1 - Z (cos(u - phi) + saw(cos(6 u - pi)) sin(u - pi)) with `cos`, `sin` of the electrical angle u and
-    saw the sawtooth of period 2 pi that rises from -1 at 0.
+        g = 1 - Z (cos(u - φ) + saw(cos(6u - π)) sin(u - π))
+
+    with saw(x) = x/π - sgn x the sawtooth of period 2π that rises from -1 at 0; for x = 0, saw = -1. It is
+    evaluated without a trigonometric function: cos(6u - π) = -(4t³ - 3t), t = cos 2u = 2 cos²u - 1.
+
+    Parameters
+    ----------
+    cos, sin : of u = P θ, the electrical angle [-]
+    z_cos, z_sin : Z cos φ and Z sin φ [-]
+
+    Returns
+    -------
+    g, factor on the torque and back-EMF constant of the equivalent winding [-].
+
+    Notes
+    -----
+    Kept for comparison with the thesis. It disagrees with `gap_factors`, and with its own derivation of
+    one period per mechanical turn.
+
+    References
+    ----------
+    [1] Thesis, section 4.5, Fig. 4.11 and 4.12.
     """
     twice = 2.0 * cos * cos - 1.0
     argument = -(4.0 * twice * twice * twice - 3.0 * twice)

@@ -1,4 +1,4 @@
-"""Dry friction after Borello: one speed update that sticks, breaks away and stops exactly (thesis 4.2)."""
+"""Dry friction after Borello: one speed update that sticks, breaks away and stops exactly."""
 
 from typing import Any
 
@@ -9,11 +9,37 @@ from emaphm.simulation.laws.inline import law, select
 
 @law
 def speed_after(speed: Any, active: Any, static: Any, dynamic: Any, step_per_inertia: Any) -> Any:
-    """Return the speed [rad/s] after a step under the torque `active` [N·m] and dry friction.
+    """Advance the shaft's speed by one step under dry friction with sticking.
 
-    Standing still, friction balances `active` up to `static` [N·m] and breaks away against `dynamic`;
-    moving, it is `dynamic` against the motion. A step in which the speed would change sign ends at 0,
-    so that the next one decides afresh whether it sticks. `step_per_inertia` = dt / J [s/(kg·m²)].
+    In motion, friction opposes the speed with f_d. At rest it balances the active torque up to f_s; beyond,
+    the shaft breaks away against f_d. A step that would reverse the speed ends at rest, so that the next
+    one decides afresh whether the shaft sticks:
+
+        ω⁺ = ω + (τ - τ_f) Δt / J,   τ_f = f_d sgn ω   (ω ≠ 0)
+                                     τ_f = τ           (ω = 0, |τ| ≤ f_s)
+                                     τ_f = f_d sgn τ   (ω = 0, |τ| > f_s)
+        ω⁺ = 0 where ω ω⁺ < 0
+
+    Parameters
+    ----------
+    speed : ω, motor shaft, before the step [rad/s]
+    active : τ, motor torque less load less viscous friction, at the motor shaft [N·m]
+    static : f_s ≥ f_d, largest friction torque at rest [N·m]
+    dynamic : f_d ≥ 0, friction torque in motion [N·m]
+    step_per_inertia : Δt / J [s/(kg·m²)]
+
+    Returns
+    -------
+    ω⁺, shaft speed after the step [rad/s].
+
+    Notes
+    -----
+    First order in Δt; sticking and stopping are exact. No Stribeck curve between f_s and f_d, and no
+    presliding displacement.
+
+    References
+    ----------
+    [1] L. Borello, M. D. L. Dalla Vedova: dry friction in servomechanisms; thesis, section 4.2, Fig. 4.2.
     """
     still = speed == 0.0
     against = np.copysign(dynamic, select(still, active, speed))

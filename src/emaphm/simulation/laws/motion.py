@@ -1,11 +1,10 @@
-"""Motion of the shaft: from torque to speed, angle and the user's side of the gap."""
+"""Motion of the shaft: from torque to speed, angle and the user's side of the gap, between end stops."""
 
 from typing import Any
 
 from emaphm.simulation.laws.backlash import follow
-from emaphm.simulation.laws.controller import clip
 from emaphm.simulation.laws.friction import speed_after
-from emaphm.simulation.laws.inline import law, select
+from emaphm.simulation.laws.inline import clip, law, select
 
 
 @law
@@ -23,22 +22,44 @@ def move(
     step: Any,
     step_per_inertia: Any,
 ) -> Any:
-    """Return speed [rad/s], motor angle [rad] and user-side angle [rad] after `step` [s].
+    """Advance speed, motor angle and user-side angle by one step.
 
-    `torque` [N·m] is the motor's less the load. The speed is updated first, the angle with the new
-    speed, then the backlash. The stops hold the user's side: an angle that would pass one by more than
-    the gap ends there at speed 0, for as long as the torque pushes outward.
+    The speed first, the angle with the new speed (semi-implicit Euler), then the backlash:
+
+        ω⁺ = speed_after(ω, T - C ω, f_s, f_d, Δt / J)
+        θ' = θ + ω⁺ Δt,   θ⁺ = min(max(θ', θ_low - b), θ_high + b)
+        ω⁺ = 0 where θ⁺ ≠ θ'
+        θ_u⁺ = follow(θ_u, θ⁺, b)
+
+    The stops hold the user's side. A shaft at a stop has speed 0 for as long as the torque pushes outward.
+
+    Parameters
+    ----------
+    speed : ω, motor shaft [rad/s]
+    angle : θ, motor shaft [rad]
+    output : θ_u, user's side of the gap, referred to the motor [rad]
+    torque : T, the motor's less the load, at the motor shaft [N·m]
+    viscous : C ≥ 0, viscous friction coefficient [N·m·s/rad]
+    static, dynamic : f_s ≥ f_d ≥ 0, dry friction at rest and in motion [N·m]
+    half_gap : b ≥ 0, half the backlash [rad]
+    low_stop, high_stop : θ_low < θ_high, stops of the user, referred to the motor [rad]
+    step : Δt [s]
+    step_per_inertia : Δt / J, J of motor and user together [s/(kg·m²)]
+
+    Returns
+    -------
+    ω⁺ [rad/s], θ⁺ [rad], θ_u⁺ [rad].
+
+    Notes
+    -----
+    First order in Δt. Viscous friction is taken explicitly: stable for Δt < 2 J / C. Motor and user are one
+    inertia, also inside the gap; the shaft is rigid, and stops take no rebound.
+
+    References
+    ----------
+    [1] Thesis, section 3.1, Fig. 3.13, and sections 4.2, 4.3.
     """
     free = speed_after(speed, torque - viscous * speed, static, dynamic, step_per_inertia)
     reached = angle + free * step
     held = clip(reached, low_stop - half_gap, high_stop + half_gap)
     return select(held == reached, free, 0.0), held, follow(output, held, half_gap)
-
-
-@law
-def turn(cos: Any, sin: Any, angle: Any) -> Any:
-    """Return (cos, sin) turned by a small `angle` [rad]; the error is angle⁶ / 720 a step."""
-    square = angle * angle
-    by_cos = 1.0 - square * (0.5 - square * (1 / 24))
-    by_sin = angle * (1.0 - square * (1 / 6 - square * (1 / 120)))
-    return cos * by_cos - sin * by_sin, sin * by_cos + cos * by_sin

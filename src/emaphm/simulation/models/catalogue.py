@@ -1,7 +1,7 @@
 """The models by name."""
 
 from emaphm.errors import MethodError, nearest
-from emaphm.simulation.engine.kernels import Model
+from emaphm.simulation.engine.model import Model
 from emaphm.simulation.models.averaged import AVERAGED
 from emaphm.simulation.models.monitor import monitor
 from emaphm.simulation.models.reference import REFERENCE

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.errors import MethodError, nearest
-from emaphm.simulation.engine.kernels import Model
+from emaphm.simulation.engine.model import Model
 from emaphm.simulation.engine.plant import Plant
 from emaphm.simulation.models import single_winding
 from emaphm.simulation.models.single_winding import CHANNELS, initial_state

@@ -6,7 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.simulation.engine.inputs import Inputs
-from emaphm.simulation.engine.kernels import (
+from emaphm.simulation.engine.model import OBSERVABLE, Initial, Layout, Model
+from emaphm.simulation.engine.plant import Plant
+from emaphm.simulation.engine.rows import (
     ANGLE,
     CONTROL_AND_MOTION,
     COS,
@@ -21,11 +23,10 @@ from emaphm.simulation.engine.kernels import (
     GEAR_RATIO,
     HALF_GAP,
     HIGH_STOP,
-    HINGE,
     INTEGRAL,
     INTEGRATING,
+    LOAD_STIFFNESS,
     LOW_STOP,
-    OBSERVABLE,
     OFFSET,
     OUTPUT,
     POLE_PAIRS,
@@ -40,20 +41,19 @@ from emaphm.simulation.engine.kernels import (
     TORQUE_LIMIT,
     TORQUE_SHARE,
     VISCOUS,
-    Initial,
-    Layout,
-    Model,
     control_and_motion,
     moving_state,
 )
-from emaphm.simulation.engine.plant import Plant
-from emaphm.simulation.laws.commutation import PHASE_SHIFT, demand_sign, trapezoid, wrap_once
-from emaphm.simulation.laws.controller import clip, current_demand, speed_error
+from emaphm.simulation.laws.angles import phase_angles, turn, wrap_once
+from emaphm.simulation.laws.commutation import demand_sign, trapezoid
 from emaphm.simulation.laws.eccentricity import gap_factors
+from emaphm.simulation.laws.inline import clip
 from emaphm.simulation.laws.inverter import switch
 from emaphm.simulation.laws.lag import approach
-from emaphm.simulation.laws.motion import move, turn
-from emaphm.simulation.laws.windings import star_slopes
+from emaphm.simulation.laws.motion import move
+from emaphm.simulation.laws.position_loop import speed_error
+from emaphm.simulation.laws.speed_loop import current_demand
+from emaphm.simulation.laws.star_windings import star_slopes
 
 CHANNELS = (
     "current_A",
@@ -74,6 +74,7 @@ CHANNELS = (
 )
 
 CURRENT_A, CURRENT_B, CURRENT_C, LEG_A, LEG_B, LEG_C = range(CURRENT, CURRENT + 6)
+SUMS = CURRENT + 6
 (
     HYSTERESIS,
     HALF_SUPPLY,
@@ -83,22 +84,25 @@ CURRENT_A, CURRENT_B, CURRENT_C, LEG_A, LEG_B, LEG_C = range(CURRENT, CURRENT + 
     STEP_PER_HENRY_A,
     STEP_PER_HENRY_B,
     STEP_PER_HENRY_C,
+    HENRIES_PER_STEP,
     FLUX_A,
     FLUX_B,
     FLUX_C,
     Z_COS,
     Z_SIN,
-) = range(len(CONTROL_AND_MOTION), len(CONTROL_AND_MOTION) + 13)
+) = range(len(CONTROL_AND_MOTION), len(CONTROL_AND_MOTION) + 14)
 
 
 def parameters(plant: Plant, step: float) -> NDArray[np.float64]:
     """Return the kernel's parameters, shape (rows, n), for `plant` at `step` [s]."""
+    per_henry = step / (plant.inductance / 2 * plant.turns**2)
     return np.concatenate(
         [
             control_and_motion(plant, step),
             [plant.hysteresis, plant.supply / 2],
             plant.resistance / 2 * plant.turns,
-            step / (plant.inductance / 2 * plant.turns**2),
+            per_henry,
+            [1 / per_henry.sum(axis=0)],
             plant.torque_constant / 2 * plant.turns,
             plant.z,
         ]
@@ -113,10 +117,10 @@ def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> NDArray[np.fl
 
 
 def build(layout: Layout) -> Any:
-    """Return the kernel's Python function; see `kernels` for its arguments.
+    """Return the kernel's Python function; `compilation` has its arguments.
 
-    The order within a step is that of PHYSICS.md section 3: commutation, switching and back-EMF from the
-    state at the step's start, currents by explicit Euler, torque from the new currents, then the motion.
+    The order within a step is that of docs/physics.md, section 3: commutation, switching and back-EMF from
+    the state at the step's start, currents by explicit Euler, torque from the new currents, then the motion.
     """
 
     def kernel(
@@ -124,8 +128,11 @@ def build(layout: Layout) -> Any:
         p: Any,
         command: Any,
         load: Any,
+        load_stride: Any,
         noise: Any,
+        noise_stride: Any,
         step: Any,
+        samples: Any,
         substeps: Any,
         window: Any,
         carried: Any,
@@ -133,12 +140,17 @@ def build(layout: Layout) -> Any:
     ) -> None:
         lanes, channels = layout[0], layout[1]
         observed, traced = channels > 1, channels > len(OBSERVABLE)
-        total = np.empty(channels * lanes)
-        for sample in range(out.shape[1]):
-            total[:] = 0.0
+        first, last = SUMS * lanes, (SUMS + channels) * lanes
+        for sample in range(samples):
+            for i in range(first, last):
+                x[i] = 0.0
             for substep in range(substeps):
                 now = sample * substeps + substep
-                commanded, loaded, disturbed = command[now], load[now], noise[now]
+                commanded, loaded, disturbed = (
+                    command[now],
+                    load[now * load_stride],
+                    noise[now * noise_stride],
+                )
                 weight = 1.0 if substep < window else 0.0
                 for lane in range(lanes):
                     speed = x[SPEED * lanes + lane]
@@ -167,14 +179,13 @@ def build(layout: Layout) -> Any:
                         p[CURRENT_LIMIT * lanes + lane],
                     )
 
-                    angle_b = wrap_once(electrical - PHASE_SHIFT)
-                    angle_c = wrap_once(electrical + PHASE_SHIFT)
+                    angle_a, angle_b, angle_c = phase_angles(electrical)
                     active_a, active_b, active_c = (
-                        demand_sign(electrical),
+                        demand_sign(angle_a),
                         demand_sign(angle_b),
                         demand_sign(angle_c),
                     )
-                    shape_a, shape_b, shape_c = trapezoid(electrical), trapezoid(angle_b), trapezoid(angle_c)
+                    shape_a, shape_b, shape_c = trapezoid(angle_a), trapezoid(angle_b), trapezoid(angle_c)
                     current_a = x[CURRENT_A * lanes + lane]
                     current_b = x[CURRENT_B * lanes + lane]
                     current_c = x[CURRENT_C * lanes + lane]
@@ -197,6 +208,7 @@ def build(layout: Layout) -> Any:
                         p[STEP_PER_HENRY_A * lanes + lane],
                         p[STEP_PER_HENRY_B * lanes + lane],
                         p[STEP_PER_HENRY_C * lanes + lane],
+                        p[HENRIES_PER_STEP * lanes + lane],
                     )
                     current_a += rise_a
                     current_b += rise_b
@@ -211,7 +223,10 @@ def build(layout: Layout) -> Any:
                         speed,
                         angle,
                         output,
-                        torque - loaded - p[OFFSET * lanes + lane] - p[HINGE * lanes + lane] * output,
+                        torque
+                        - loaded
+                        - p[OFFSET * lanes + lane]
+                        - p[LOAD_STIFFNESS * lanes + lane] * output,
                         p[VISCOUS * lanes + lane],
                         p[STATIC * lanes + lane],
                         p[COULOMB * lanes + lane],
@@ -240,31 +255,31 @@ def build(layout: Layout) -> Any:
                     x[INTEGRAL * lanes + lane] = integral + error * step
                     x[ERROR * lanes + lane] = error
 
-                    total[lane] += (
+                    x[first + lane] += (
                         weight * 0.5 * (shape_a * current_a + shape_b * current_b + shape_c * current_c)
                     )
                     if observed:
                         across = active_a * leg_a + active_b * leg_b + active_c * leg_c
-                        total[lanes + lane] += weight * across * half_supply
-                        total[2 * lanes + lane] += weight * tau * (output + carried * (followed - output))
-                        total[3 * lanes + lane] += weight * (speed + carried * (moved - speed))
+                        x[first + lanes + lane] += weight * across * half_supply
+                        x[first + 2 * lanes + lane] += weight * tau * (output + carried * (followed - output))
+                        x[first + 3 * lanes + lane] += weight * (speed + carried * (moved - speed))
                     if traced:
                         along = active_a * current_a + active_b * current_b + active_c * current_c
                         size = np.abs(current_a) + np.abs(current_b) + np.abs(current_c)
-                        total[4 * lanes + lane] += weight * (angle + carried * turned)
-                        total[5 * lanes + lane] += weight * torque
-                        total[6 * lanes + lane] += weight * reference
-                        total[7 * lanes + lane] += weight * current_a
-                        total[8 * lanes + lane] += weight * current_b
-                        total[9 * lanes + lane] += weight * current_c
-                        total[10 * lanes + lane] += weight * 0.5 * along
-                        total[11 * lanes + lane] += weight * 0.5 * np.copysign(size, torque)
-                        total[12 * lanes + lane] += weight * leg_a * half_supply
-                        total[13 * lanes + lane] += weight * leg_b * half_supply
-                        total[14 * lanes + lane] += weight * leg_c * half_supply
+                        x[first + 4 * lanes + lane] += weight * (angle + carried * turned)
+                        x[first + 5 * lanes + lane] += weight * torque
+                        x[first + 6 * lanes + lane] += weight * reference
+                        x[first + 7 * lanes + lane] += weight * current_a
+                        x[first + 8 * lanes + lane] += weight * current_b
+                        x[first + 9 * lanes + lane] += weight * current_c
+                        x[first + 10 * lanes + lane] += weight * 0.5 * along
+                        x[first + 11 * lanes + lane] += weight * 0.5 * np.copysign(size, torque)
+                        x[first + 12 * lanes + lane] += weight * leg_a * half_supply
+                        x[first + 13 * lanes + lane] += weight * leg_b * half_supply
+                        x[first + 14 * lanes + lane] += weight * leg_c * half_supply
             for i in range(channels):
                 for lane in range(lanes):
-                    out[i, sample, lane] = total[i * lanes + lane] / window
+                    out[lane, i, sample] = x[first + i * lanes + lane] / window
 
     return kernel
 

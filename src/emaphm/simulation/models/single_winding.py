@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.simulation.engine.inputs import Inputs
-from emaphm.simulation.engine.kernels import (
+from emaphm.simulation.engine.model import OBSERVABLE, Initial, Layout
+from emaphm.simulation.engine.plant import Plant
+from emaphm.simulation.engine.rows import (
     ANGLE,
     CONTROL_AND_MOTION,
     COS,
@@ -25,11 +27,10 @@ from emaphm.simulation.engine.kernels import (
     GEAR_RATIO,
     HALF_GAP,
     HIGH_STOP,
-    HINGE,
     INTEGRAL,
     INTEGRATING,
+    LOAD_STIFFNESS,
     LOW_STOP,
-    OBSERVABLE,
     OFFSET,
     OUTPUT,
     POLE_PAIRS,
@@ -44,19 +45,18 @@ from emaphm.simulation.engine.kernels import (
     TORQUE_LIMIT,
     TORQUE_SHARE,
     VISCOUS,
-    Initial,
-    Layout,
     control_and_motion,
     moving_state,
 )
-from emaphm.simulation.engine.plant import Plant
-from emaphm.simulation.laws.commutation import idle_phase, wrap_once
-from emaphm.simulation.laws.controller import clip, current_demand, speed_error
+from emaphm.simulation.laws.angles import turn, wrap_once
+from emaphm.simulation.laws.commutation import of_idle_phase
 from emaphm.simulation.laws.eccentricity import gap_factors, printed_factor
-from emaphm.simulation.laws.inline import select
+from emaphm.simulation.laws.equivalent_winding import winding_current
+from emaphm.simulation.laws.inline import clip, select
 from emaphm.simulation.laws.lag import approach
-from emaphm.simulation.laws.motion import move, turn
-from emaphm.simulation.laws.windings import winding_current
+from emaphm.simulation.laws.motion import move
+from emaphm.simulation.laws.position_loop import speed_error
+from emaphm.simulation.laws.speed_loop import current_demand
 
 CHANNELS = (
     "current_A",
@@ -68,6 +68,7 @@ CHANNELS = (
     "reference_current_A",
 )
 
+SUMS = CURRENT + 1
 (
     SUPPLY,
     CONDUCTANCE_A,
@@ -115,7 +116,7 @@ def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> NDArray[np.fl
 
 
 def build(layout: Layout, *, averaged: bool, printed_eccentricity: bool) -> Any:
-    """Return the kernel's Python function; see `kernels` for its arguments.
+    """Return the kernel's Python function; `compilation` has its arguments.
 
     `averaged`: the current follows its reference as far as the supply can force it within a step;
     otherwise the full supply is switched by the sign of the current error. `printed_eccentricity`: the
@@ -127,8 +128,11 @@ def build(layout: Layout, *, averaged: bool, printed_eccentricity: bool) -> Any:
         p: Any,
         command: Any,
         load: Any,
+        load_stride: Any,
         _noise: Any,
+        _noise_stride: Any,
         step: Any,
+        samples: Any,
         substeps: Any,
         window: Any,
         carried: Any,
@@ -136,12 +140,13 @@ def build(layout: Layout, *, averaged: bool, printed_eccentricity: bool) -> Any:
     ) -> None:
         lanes, channels = layout[0], layout[1]
         observed, traced = channels > 1, channels > len(OBSERVABLE)
-        total = np.empty(channels * lanes)
-        for sample in range(out.shape[1]):
-            total[:] = 0.0
+        first, last = SUMS * lanes, (SUMS + channels) * lanes
+        for sample in range(samples):
+            for i in range(first, last):
+                x[i] = 0.0
             for substep in range(substeps):
                 now = sample * substeps + substep
-                commanded, loaded = command[now], load[now]
+                commanded, loaded = command[now], load[now * load_stride]
                 weight = 1.0 if substep < window else 0.0
                 for lane in range(lanes):
                     speed = x[SPEED * lanes + lane]
@@ -177,21 +182,21 @@ def build(layout: Layout, *, averaged: bool, printed_eccentricity: bool) -> Any:
                         gap_b, gap_c = gap_a, gap_a
                     else:
                         gap_a, gap_b, gap_c = gap_factors(cos, sin, z_cos, z_sin)
-                    idle_a, idle_b, idle_c = idle_phase(electrical)
-                    flux = (
-                        (1.0 - idle_a) * gap_a * p[FLUX_A * lanes + lane]
-                        + (1.0 - idle_b) * gap_b * p[FLUX_B * lanes + lane]
-                        + (1.0 - idle_c) * gap_c * p[FLUX_C * lanes + lane]
+                    flux_a = gap_a * p[FLUX_A * lanes + lane]
+                    flux_b = gap_b * p[FLUX_B * lanes + lane]
+                    flux_c = gap_c * p[FLUX_C * lanes + lane]
+                    flux = of_idle_phase(electrical, flux_b + flux_c, flux_c + flux_a, flux_a + flux_b)
+                    conductance = of_idle_phase(
+                        electrical,
+                        p[CONDUCTANCE_A * lanes + lane],
+                        p[CONDUCTANCE_B * lanes + lane],
+                        p[CONDUCTANCE_C * lanes + lane],
                     )
-                    conductance = (
-                        idle_a * p[CONDUCTANCE_A * lanes + lane]
-                        + idle_b * p[CONDUCTANCE_B * lanes + lane]
-                        + idle_c * p[CONDUCTANCE_C * lanes + lane]
-                    )
-                    decay = (
-                        idle_a * p[DECAY_A * lanes + lane]
-                        + idle_b * p[DECAY_B * lanes + lane]
-                        + idle_c * p[DECAY_C * lanes + lane]
+                    decay = of_idle_phase(
+                        electrical,
+                        p[DECAY_A * lanes + lane],
+                        p[DECAY_B * lanes + lane],
+                        p[DECAY_C * lanes + lane],
                     )
 
                     before = x[CURRENT * lanes + lane]
@@ -212,7 +217,10 @@ def build(layout: Layout, *, averaged: bool, printed_eccentricity: bool) -> Any:
                         speed,
                         angle,
                         output,
-                        torque - loaded - p[OFFSET * lanes + lane] - p[HINGE * lanes + lane] * output,
+                        torque
+                        - loaded
+                        - p[OFFSET * lanes + lane]
+                        - p[LOAD_STIFFNESS * lanes + lane] * output,
                         p[VISCOUS * lanes + lane],
                         p[STATIC * lanes + lane],
                         p[COULOMB * lanes + lane],
@@ -234,19 +242,19 @@ def build(layout: Layout, *, averaged: bool, printed_eccentricity: bool) -> Any:
                     x[INTEGRAL * lanes + lane] = integral + error * step
                     x[ERROR * lanes + lane] = error
 
-                    total[lane] += weight * current
+                    x[first + lane] += weight * current
                     if observed:
                         # The constant voltage that takes the winding from `before` to `current`.
                         voltage = back_emf + (current - decay * before) / ((1.0 - decay) * conductance)
-                        total[lanes + lane] += weight * voltage
-                        total[2 * lanes + lane] += weight * tau * (output + carried * (followed - output))
-                        total[3 * lanes + lane] += weight * (speed + carried * (moved - speed))
+                        x[first + lanes + lane] += weight * voltage
+                        x[first + 2 * lanes + lane] += weight * tau * (output + carried * (followed - output))
+                        x[first + 3 * lanes + lane] += weight * (speed + carried * (moved - speed))
                     if traced:
-                        total[4 * lanes + lane] += weight * (angle + carried * turned)
-                        total[5 * lanes + lane] += weight * torque
-                        total[6 * lanes + lane] += weight * reference
+                        x[first + 4 * lanes + lane] += weight * (angle + carried * turned)
+                        x[first + 5 * lanes + lane] += weight * torque
+                        x[first + 6 * lanes + lane] += weight * reference
             for i in range(channels):
                 for lane in range(lanes):
-                    out[i, sample, lane] = total[i * lanes + lane] / window
+                    out[lane, i, sample] = x[first + i * lanes + lane] / window
 
     return kernel

@@ -1,7 +1,6 @@
 """Tables of a study as text: errors and times as the thesis lays them out, success, ranks, variants."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import polars as pl
@@ -15,22 +14,13 @@ from emaphm.study.analysis.statistics import (
     by_method,
     reliability,
 )
+from emaphm.text_table import NOTHING, Table
 
 MOST_CASES = 24
 """Cases that a page tells and draws one by one; a study may have hundreds."""
 
-NOTHING = "–"
-
 TOO_FEW = "too few"
 """Stands in for a p-value where there are too few runs for a test."""
-
-
-@dataclass(frozen=True)
-class Table:
-    """Rows of text under a header; the first cell of a row names it."""
-
-    header: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
 
 
 def summary_table(runs: pl.DataFrame, kind: str) -> Table:

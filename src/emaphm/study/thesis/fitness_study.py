@@ -8,23 +8,19 @@ optimiser can mend: it lies in what the optimiser is given to minimise.
 
 from collections.abc import Iterator
 from itertools import product
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any
 
 import numpy as np
 import polars as pl
 
 from emaphm.actuator import NAMES, Actuator, Chirp
 from emaphm.errors import MethodError, nearest
-from emaphm.estimation.cost_functions import FITNESSES
+from emaphm.estimation.cost_functions import COST_FUNCTIONS
 from emaphm.estimation.problem import Problem
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import AVERAGED, monitor
 from emaphm.study.task import CURRENTS
 from emaphm.study.thesis import published
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 MODELS = {
     "averaged": AVERAGED,
@@ -78,7 +74,7 @@ def _rows(actuator: Actuator, command: Chirp) -> Iterator[dict[str, Any]]:
         scanned[:, component] = GRID
         for model_name, model in MODELS.items():
             modelled = Problem.of(recording, actuator, model).currents(scanned)
-            for (form, channel), (fitness_name, fitness) in product(CURRENTS.items(), FITNESSES.items()):
+            for (form, channel), (fitness_name, fitness) in product(CURRENTS.items(), COST_FUNCTIONS.items()):
                 scan = fitness(recording[channel], modelled, recording.interval_s)
                 least, true = int(np.argmin(scan)), int(GRID.searchsorted(truth))
                 yield {
@@ -129,7 +125,9 @@ def fitness_table(study: pl.DataFrame, fitness: str = "thesis") -> str:
         *(f"{name}: bias, points" for name in names),
     )
     lines = [header, ("---", "---", *["---:"] * (len(header) - 2))]
-    states = _of(study, fitness).group_by("fault", "level", maintain_order=True)
+    if fitness not in COST_FUNCTIONS:
+        raise MethodError(f"unknown fitness '{fitness}'{nearest(fitness, COST_FUNCTIONS)}")
+    states = study.filter(pl.col("fitness") == fitness).group_by("fault", "level", maintain_order=True)
     for (fault, level), rows in states:
         found = {(row["model"], row["equivalent"]): row for row in rows.iter_rows(named=True)}
         one = found[SET_UPS[0]]
@@ -144,74 +142,3 @@ def fitness_table(study: pl.DataFrame, fitness: str = "thesis") -> str:
             )
         )
     return "\n".join(f"| {' | '.join(cells)} |" for cells in lines) + "\n"
-
-
-def _of(study: pl.DataFrame, fitness: str) -> pl.DataFrame:
-    if fitness not in FITNESSES:
-        raise MethodError(f"unknown fitness '{fitness}'{nearest(fitness, FITNESSES)}")
-    return study.filter(pl.col("fitness") == fitness)
-
-
-COLOURS = {"torque": "#0072b2", "magnitude": "#d55e00"}
-"""Told apart by the colour-blind (Okabe and Ito 2008), and in grey print by their lightness."""
-
-DASHES: dict[str, Literal["-", "--"]] = {"low": "-", "high": "--"}
-
-
-def draw_scans(study: pl.DataFrame, model: str = "averaged") -> "Figure":
-    """Draw the mean squared difference along the scans of a `fitness_study`: a panel for each fault.
-
-    For the low and the high state, and the torque and the magnitude current; a dot where it is least, a
-    vertical line at the truth.
-
-    Raises
-    ------
-    MethodError
-        There is no such model in the study.
-    """
-    from matplotlib.figure import Figure
-
-    if model not in MODELS:
-        raise MethodError(f"unknown model '{model}'{nearest(model, MODELS)}")
-    shown = _of(study, "least_squares").filter(
-        pl.col("model") == model,
-        pl.col("equivalent").is_in(list(COLOURS)),
-        pl.col("level").is_in(list(DASHES)),
-    )
-    figure = Figure(figsize=(8, 7.5), layout="constrained")
-    axes = figure.subplots(3, 2, sharey=True)
-    for axis, ((fault,), rows) in zip(axes.flat, shown.group_by("fault", maintain_order=True), strict=True):
-        _scans(axis, rows)
-        axis.set_title(str(fault), loc="left", fontsize=9)
-    for axis in axes[-1]:
-        axis.set_xlabel("normalised component, all others true", fontsize=8)
-    for axis in axes[:, 0]:
-        axis.set_ylabel("mean squared difference [A²]", fontsize=8)
-    _legend(figure)
-    return figure
-
-
-def _scans(axis: "Axes", rows: pl.DataFrame) -> None:
-    for row in rows.iter_rows(named=True):
-        colour, dashes = COLOURS[row["equivalent"]], DASHES[row["level"]]
-        axis.axvline(row["truth"], color="0.6", linestyle=dashes, linewidth=1)
-        axis.semilogy(GRID, row["scan"], color=colour, linestyle=dashes, linewidth=1.3)
-        axis.plot(row["argmin"], row["least"], "o", color=colour, markersize=5)
-    axis.margins(x=0)
-    axis.set_xlim(-0.02, 1.02)
-    axis.tick_params(which="both", labelsize=8)
-    axis.grid(alpha=0.3)
-    axis.spines[["top", "right"]].set_visible(False)
-
-
-def _legend(figure: "Figure") -> None:
-    from matplotlib.lines import Line2D
-
-    handles = [
-        Line2D([], [], color=colour, linestyle=dashes, label=f"{form} current, {level}")
-        for form, colour in COLOURS.items()
-        for level, dashes in DASHES.items()
-    ]
-    handles.append(Line2D([], [], color="0.3", marker="o", linestyle="", markersize=5, label="least"))
-    handles.append(Line2D([], [], color="0.6", linewidth=1, label="truth"))
-    figure.legend(handles=handles, loc="outside upper center", ncols=3, frameon=False, fontsize=8)

@@ -1,4 +1,4 @@
-"""Figures as text that an HTML page can hold."""
+"""Figures as SVG, the same bytes on every machine and whatever the user's matplotlib settings."""
 
 import base64
 import io
@@ -21,7 +21,7 @@ def plain_style() -> Iterator[None]:
 
 
 def svg(figure: "Figure") -> bytes:
-    """Return `figure` as SVG, which is sharp at any size and without a date."""
+    """Return `figure` as SVG, which is sharp at any size and has no date in it."""
     buffer = io.BytesIO()
     with warnings.catch_warnings():
         # A name may hold letters that the font lacks: they show as boxes, and nobody can do more about it.
@@ -31,10 +31,5 @@ def svg(figure: "Figure") -> bytes:
 
 
 def svg_uri(picture: bytes) -> str:
-    """Return an SVG as a data URI."""
+    """Return an SVG as a data URI, as an HTML page can hold it."""
     return "data:image/svg+xml;base64," + base64.b64encode(picture).decode("ascii")
-
-
-def data_uri(figure: "Figure") -> str:
-    """Return `figure` as a data URI of its SVG."""
-    return svg_uri(svg(figure))

@@ -1,4 +1,4 @@
-"""Whether the walkers that sample a posterior can be relied on."""
+"""Whether the chains that sample a posterior have converged."""
 
 from dataclasses import dataclass
 from typing import Any, Self
@@ -9,15 +9,15 @@ from emaphm.arrays import Array
 from emaphm.errors import MethodError
 
 ENOUGH = 50
-"""Autocorrelation times in a chain from which on they can be relied on themselves (`emcee`'s own advice)."""
+"""Autocorrelation times in a chain from which their own estimate is reliable (`emcee`'s advice)."""
 
 MOST_R_HAT = 1.05
 """A chain of `ENOUGH` autocorrelation times is expected at 1.02: its halves have 25 each."""
 
 
 @dataclass(frozen=True, eq=False)
-class Convergence:
-    """Whether the walkers can be relied on.
+class McmcDiagnostics:
+    """Whether the chains have converged, and how many samples they are worth.
 
     `autocorrelation_time` (d,) [steps], `effective_samples` (d,) and `r_hat` (d,), of the split chains of all
     walkers (Gelman et al. 2013), are those of each estimator coordinate; `acceptance` is the share of
@@ -60,8 +60,8 @@ class Convergence:
             )
         return (
             f"has NOT converged in {self.steps} steps (R-hat up to {np.max(self.r_hat):.2f}, "
-            f"{100 * self.acceptance:.0f} % of proposals accepted): do not rely on it; record more channels, "
-            "or leave out nuisances that are known to be absent"
+            f"{100 * self.acceptance:.0f} % of proposals accepted): do not use it; record more channels, "
+            "or exclude nuisances that are known to be absent"
         )
 
 

@@ -1,0 +1,24 @@
+"""The estimate of a parameter that is no fault."""
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class NuisanceEstimate:
+    """A parameter estimated with the faults: a value and its standard error in `unit`.
+
+    `known` is false where the channels have next to no information on it, so that its prior is all there is.
+    """
+
+    value: float
+    standard_error: float
+    unit: str
+    known: bool
+
+    def __str__(self) -> str:
+        """Return the value with its standard error and unit."""
+        unit = "" if self.unit == "-" else f" {self.unit}"
+        # Both to the second digit of the error.
+        digits = max(0, 1 - math.floor(math.log10(max(self.standard_error, 1e-12))))
+        return f"{self.value:+.{digits}f} ± {self.standard_error:.{digits}f}{unit}"

@@ -1,0 +1,79 @@
+"""A diagnosis in words: the rows of its table, and the notes that go with it."""
+
+from collections.abc import Mapping, Sequence
+
+from emaphm.actuator import Actuator, Faults
+from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
+from emaphm.diagnosis.verdict import Estimate
+from emaphm.diagnosis.wording import physical_text
+from emaphm.estimation.collinearity import CollinearSet
+from emaphm.estimation.nuisances import BASELINE
+
+STANDS_STILL = (
+    "The actuator does NOT move: the command is constant, or the actuator is jammed, too weak or switched "
+    "off. A recording at rest has almost no information on its faults."
+)
+NOT_EXPLAINED = (
+    "The residual is larger than noise and model error explain: either something else than these faults "
+    "acts, or the search failed. Check the residual before you use the result."
+)
+
+
+def fault_rows(
+    components: Mapping[str, Estimate], faults: Faults, actuator: Actuator, truth: Faults | None
+) -> list[tuple[str, ...]]:
+    """Return rows of text: component, truth if given, value, interval, verdict, meaning or reason."""
+    meanings = physical_text(faults, actuator)
+    rows = []
+    for name, estimate in components.items():
+        low, high = estimate.interval95
+        row = [
+            name,
+            f"{estimate.value:.4f}" if estimate.identifiable else "-",
+            "-" if (low, high) == (0.0, 1.0) else f"{low:.4f} to {high:.4f}",
+            estimate.verdict,
+            estimate.reason or meanings[name],
+        ]
+        if truth is not None:
+            row.insert(1, f"{getattr(truth, name):.4f}")
+        rows.append(tuple(row))
+    return rows
+
+
+def notes(
+    nuisances: Mapping[str, NuisanceEstimate],
+    selected: Sequence[str],
+    collinear_sets: Sequence[CollinearSet],
+    channels: Sequence[str],
+    *,
+    moves: bool,
+    explained: bool,
+) -> list[str]:
+    """Return lines on motion, residual, nuisances, collinear sets and the unit's baseline.
+
+    The arguments are those fields of `Diagnosis`.
+    """
+    unit = {name: estimate for name, estimate in nuisances.items() if name.startswith(BASELINE)}
+    known = {name: estimate for name, estimate in nuisances.items() if estimate.known and name not in unit}
+    collinear = {name for one in collinear_sets for name in one.members}
+    unknown = [name for name in nuisances if name not in known.keys() | unit.keys() | collinear]
+    lines = [STANDS_STILL] if not moves else []
+    lines += [NOT_EXPLAINED] if not explained else []
+    if known:
+        values = ", ".join(f"{name} {estimate}" for name, estimate in known.items())
+        lines.append(f"Estimated with the faults: {values}.")
+    if selected:
+        lines.append(
+            f"Also estimated, because it deviates significantly from the description: {', '.join(selected)}. "
+            "If this persists, correct the actuator's file; taken as known, it would read as faults."
+        )
+    lines += [f"Known only in combination: {one}" for one in collinear_sets]
+    if unknown:
+        lines.append(
+            f"Not identifiable from {', '.join(channels)}: {', '.join(unknown)}. The intervals include "
+            "the prior uncertainty. Record more channels, or the quantity itself."
+        )
+    if unit:
+        values = ", ".join(f"{name.removeprefix(BASELINE)} {e}" for name, e in unit.items())
+        lines.append(f"Deviation from the calibrated baseline (relative, if without a unit): {values}.")
+    return lines

@@ -1,0 +1,84 @@
+"""What separates the fitted model from the reference model at a point: the model's discrepancy.
+
+The only place where the two are compared. The reference model's switching is chaotic: two runs that differ by
+nothing that matters have another ripple. The discrepancy is therefore the mean over several runs about each
+point, with a standard error.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from emaphm.arrays import Array
+from emaphm.estimation.objective import MapObjective
+from emaphm.estimation.problem import Problem
+from emaphm.simulation import REFERENCE
+
+REFERENCE_RUNS = 16
+"""Runs of the reference model in a comparison, shared by its points: its kernel advances as many at once."""
+
+RUN_SEPARATION = 1e-5
+"""Standard deviation of the runs about a point, in coordinates: the switching differs, nothing else does."""
+
+LONGEST_S = 30.0
+"""Recordings up to here are compared [s]: beyond, the reference model's steps would fill gigabytes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Discrepancy:
+    """The reference model's outputs less the fitted model's at a point.
+
+    `mean` and `standard_error`, (rows,), are weighted as the objective's outputs; `switching_variance` [A²]
+    is the variance that chaotic switching makes of the current in one run.
+    """
+
+    mean: Array
+    standard_error: Array
+    switching_variance: float
+
+    def rescaled(self, objective: MapObjective, before: MapObjective) -> "Discrepancy":
+        """Return the discrepancy as `objective` weights the rows, given as `before` does."""
+        return Discrepancy(
+            objective.rescaled(self.mean, before),
+            objective.rescaled(self.standard_error, before),
+            self.switching_variance,
+        )
+
+
+def has_reference(problem: Problem) -> bool:
+    """Return whether the reference model can run: windings described, the recording not too long."""
+    return problem.actuator.electrical is not None and problem.duration_s <= LONGEST_S
+
+
+def discrepancies(
+    objective: MapObjective,
+    points: Array,
+    outputs: Array,
+    reference: Problem,
+    rng: np.random.Generator,
+) -> list[Discrepancy]:
+    """Return the discrepancy at each of `points` (n, d), whose `outputs` (n, rows) are known.
+
+    `reference` is the problem of the reference model, from `reference_problem`; `rng` separates its runs.
+    """
+    n, d = points.shape
+    repeats = REFERENCE_RUNS // n
+    separation = rng.normal(0.0, RUN_SEPARATION, (n, repeats, d))
+    near = objective.space.project(points[:, np.newaxis] + separation).reshape(-1, d)
+    weighted = MapObjective(reference.like(objective.problem), objective.space, objective.prior_weight)
+    runs = weighted.outputs(near).reshape(n, repeats, -1)
+    variance = runs.var(axis=1, ddof=1)
+    samples = objective.problem.samples
+    return [
+        Discrepancy(
+            runs[i].mean(axis=0) - outputs[i],
+            (variance[i] / repeats) ** 0.5,
+            float(variance[i, :samples].mean()),
+        )
+        for i in range(n)
+    ]
+
+
+def reference_problem(objective: MapObjective) -> Problem:
+    """Return the objective's problem for the reference model; made once, it has a million steps."""
+    return objective.problem.by(REFERENCE)

@@ -1,0 +1,60 @@
+"""The information that outputs have on parameters, from Jacobians with errors.
+
+The kinks of stick-slip make errors of Jacobians, and the square of an error looks like information: of a
+parameter without effect it may be all there is. Products of Jacobians taken about different points have no
+such bias.
+"""
+
+import numpy as np
+
+from emaphm.arrays import Array
+
+
+def information(jacobians: Array) -> Array:
+    """Return the normal matrix (d, d) of `jacobians` (n, d, rows), free of the bias of their errors.
+
+    The mean of J_i J_jᵀ over all pairs i ≠ j, made positive semidefinite; of one Jacobian (n = 1), its own
+    product. Divided by the variance of white residuals it is Fisher's information.
+    """
+    return _positive(_mean_over_pairs(_products(jacobians)))
+
+
+def information_lower_bound(jacobians: Array) -> Array:
+    """Return the `information` (d, d) less its own standard error.
+
+    Free of bias, the information is still of either sign by chance where the data have none. A standard
+    error is subtracted along each of its axes, by the jackknife over the n replicates (Efron and Tibshirani
+    1993, ch. 11); with two or fewer there is no error to estimate, and nothing is subtracted.
+    """
+    products, count = _products(jacobians), len(jacobians)
+    values, axes = np.linalg.eigh(_positive(_mean_over_pairs(products)))
+    if count > 2:
+        along = np.einsum("da,idje,ea->aij", axes, products, axes, optimize=True)
+        squares = np.diagonal(along, axis1=1, axis2=2)
+        total = along.sum(axis=(1, 2)) - squares.sum(axis=1)
+        # Without one replicate, all pairs that it is part of are gone.
+        without = total[:, np.newaxis] - 2 * (along.sum(axis=2) - squares)
+        means = without / ((count - 1) * (count - 2))
+        values = values - np.sqrt((count - 1) * np.var(means, axis=1))
+    return np.asarray(axes * np.maximum(values, 0.0) @ axes.T)
+
+
+def _products(jacobians: Array) -> Array:
+    """Return J_i J_jᵀ of all pairs, shape (n, d, n, d)."""
+    n, d, rows = jacobians.shape
+    flat = jacobians.reshape(n * d, rows)
+    return np.asarray((flat @ flat.T).reshape(n, d, n, d))
+
+
+def _mean_over_pairs(products: Array) -> Array:
+    count = len(products)
+    squares: Array = np.einsum("idie->de", products)
+    if count == 1:
+        return squares
+    return np.asarray((products.sum(axis=(0, 2)) - squares) / (count * (count - 1)))
+
+
+def _positive(matrix: Array) -> Array:
+    """Return the symmetric positive semidefinite matrix nearest to `matrix` (d, d)."""
+    values, axes = np.linalg.eigh((matrix + matrix.T) / 2)
+    return np.asarray(axes * np.maximum(values, 0.0) @ axes.T)

@@ -1,0 +1,68 @@
+"""Where a recorded manoeuvre starts: the motor's angle and speed, and the rotor's electrical zero."""
+
+import numpy as np
+
+from emaphm.actuator import Actuator
+from emaphm.estimation.noise_level import noise_level
+from emaphm.recording import Recording, reconstructed
+from emaphm.simulation import Initial
+from emaphm.simulation.laws.angles import wrap
+
+SIGNIFICANT = 3.0
+"""Standard errors by which a position or speed must differ from its default to be taken instead."""
+
+FIRST_ROWS = 10
+"""Rows that the starting speed is estimated from."""
+
+
+def initial_state(recording: Recording, actuator: Actuator) -> Initial:
+    """Return where the recorded manoeuvre starts.
+
+    The user stands where it was recorded, or on the command where its position was not recorded or
+    differs by no more than the sensor's noise; the backlash gap is centred. Without a position the motor's
+    angle stands in for it.
+    """
+    ratio = actuator.mechanics.gear_ratio
+    # At the first instant: a row that is a mean stands for half an interval later.
+    position = float(reconstructed(recording, "command_rad")(np.zeros(1))[0])
+    if "position_rad" in recording:
+        measured = recording["position_rad"]
+        if abs(measured[0] - position) > SIGNIFICANT * noise_level(measured):
+            position = float(measured[0])
+    angle = position / ratio
+    offset = _rotor_offset(recording, actuator) if "angle_rad" in recording else 0.0
+    if "angle_rad" in recording and "position_rad" not in recording:
+        angle += float(wrap(recording["angle_rad"][0] - offset - angle))
+    return Initial(angle, _starting_speed(recording, ratio), offset)
+
+
+def _rotor_offset(recording: Recording, actuator: Actuator) -> float:
+    """Return the motor's angle less the user's [rad], 0 where backlash, noise or lag explain the distance."""
+    ratio = actuator.mechanics.gear_ratio
+    motor = np.unwrap(recording["angle_rad"])
+    # The gap lets the motor be half its width ahead of the user, or behind.
+    tolerance = actuator.mechanics.backlash * (1 + actuator.faults.backlash) / 2
+    tolerance += SIGNIFICANT * noise_level(motor)
+    if "position_rad" in recording:
+        user = recording["position_rad"] / ratio
+        tolerance += SIGNIFICANT * noise_level(user)
+    else:
+        user = recording["command_rad"] / ratio
+        tolerance += float(np.ptp(motor - user)) / 4
+    distances = motor - user
+    distance = float(wrap(distances[0] + np.median(wrap(distances - distances[0]))))
+    return distance if abs(distance) > tolerance else 0.0
+
+
+def _starting_speed(recording: Recording, ratio: float) -> float:
+    """Return the motor's speed [rad/s] at the first row, 0 where that is not significant."""
+    t = recording["time_s"][:FIRST_ROWS] - recording["time_s"][0]
+    if "speed_rad_s" in recording:
+        column, order, scale = recording["speed_rad_s"], 0, 1.0
+    elif "position_rad" in recording:
+        column, order, scale = recording["position_rad"], 1, 1 / ratio
+    else:
+        return 0.0
+    coefficients, covariance = np.polyfit(t, column[:FIRST_ROWS], 2, cov=True)
+    speed, error = coefficients[-1 - order], np.sqrt(covariance[-1 - order, -1 - order])
+    return float(speed) * scale if abs(speed) > SIGNIFICANT * error else 0.0

@@ -1,0 +1,36 @@
+"""The variance of a sum of correlated terms."""
+
+import numpy as np
+
+from emaphm.arrays import Array
+from emaphm.quantiles import normal_quantile, student_t_quantile
+
+COSINES = 0.4
+"""Cosine transforms used, as a multiple of the samples to the power 2/3 (Lazarus et al. 2018)."""
+
+
+def long_run_covariance(scores: Array) -> Array:
+    """Return the covariance (d, d) of the sums over `scores` (d, samples), correlated or not.
+
+    From their cosine transforms of lowest frequency, which are uncorrelated and have all of that covariance
+    (Müller 2007; Lazarus, Lewis, Stock and Watson 2018). It is larger by the square of the ratio of Student's
+    t with as many degrees of freedom to the normal quantile, so that normal intervals have their coverage.
+    """
+    samples = scores.shape[1]
+    count = max(1, int(COSINES * samples ** (2 / 3)))
+    transforms = _cosine_transforms(scores, count)
+    inflation = student_t_quantile(count, 0.975) / normal_quantile(0.975)
+    return np.asarray(inflation**2 * samples / count * transforms @ transforms.T)
+
+
+def _cosine_transforms(rows: Array, count: int) -> Array:
+    """Return the orthonormal cosine transforms 1 to `count` (at most half the samples) of `rows` (d, n).
+
+    y_k = √(2/n) Σ x_i cos(π k (2 i + 1) / (2 n)), from the Fourier transform of the even samples followed by
+    the odd ones in reverse (Makhoul 1980).
+    """
+    samples = rows.shape[1]
+    reordered = np.concatenate([rows[:, ::2], rows[:, 1::2][:, ::-1]], axis=1)
+    k = np.arange(1, count + 1)
+    turned = np.fft.rfft(reordered, axis=1)[:, k] * np.exp(-0.5j * np.pi * k / samples)
+    return np.asarray(np.sqrt(2 / samples) * turned.real)

@@ -1,0 +1,51 @@
+"""Repeated searches, where one leaves more than noise and switching explain."""
+
+import numpy as np
+
+from emaphm.estimation.bias_correction import correct_bias
+from emaphm.estimation.methods import Method
+from emaphm.estimation.multistart import multistart
+from emaphm.estimation.objective import MapObjective
+from emaphm.estimation.search_result import SearchResult
+from emaphm.progress import Progress, subprogress
+from emaphm.random_streams import child_seed
+
+MAX_RESTARTS = 3
+"""Most further searches. A normalised residual above 1 was found in no search that succeeded (120 of 120
+random recordings), and in every one that ended in a false minimum (1.2 to 145)."""
+
+SAME_POINT = 0.02
+"""Difference of every coordinate below which two searches have ended at the same point."""
+
+
+def search_with_restarts(
+    objective: MapObjective, method: Method, max_corrections: int, seed: int, on_progress: Progress | None
+) -> SearchResult:
+    """Return the best of several searches, each a global search and its bias correction.
+
+    Restart at most `MAX_RESTARTS` times while the residual exceeds noise and switching; stop once two
+    searches agree.
+    """
+    result = _search(objective, method, max_corrections, seed, on_progress)
+    for restart in range(MAX_RESTARTS):
+        if result.normalised_residual <= 1:
+            break
+        other = _search(objective, method, max_corrections, child_seed(seed, "restart", restart))
+        agree = bool(np.all(np.abs(other.point - result.point) < SAME_POINT))
+        if other.residual_variance < result.residual_variance:
+            result = other
+        if agree:
+            break
+    return result
+
+
+def _search(
+    objective: MapObjective,
+    method: Method,
+    max_corrections: int,
+    seed: int,
+    on_progress: Progress | None = None,
+) -> SearchResult:
+    """Return where the global search and the corrections after it end."""
+    refined = multistart(objective, seed, method.optimizer, subprogress(on_progress, 0.0, 0.4))
+    return correct_bias(objective, refined.points, max_corrections, seed, subprogress(on_progress, 0.4, 1.0))

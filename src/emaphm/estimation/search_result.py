@@ -1,0 +1,142 @@
+"""Where a search ended: one type for all methods."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+
+from emaphm.arrays import Array
+from emaphm.estimation.discrepancy import Discrepancy
+from emaphm.estimation.noise_level import noise_level
+from emaphm.estimation.objective import MapObjective
+
+DEFAULT_SCATTER = 2e-4
+"""Default standard error of the optimiser's end point, used where its scatter was not measured: kinks of
+stick-slip hold a descent so far from the optimum, in the unit of a coordinate."""
+
+
+@dataclass(frozen=True, eq=False)
+class SearchResult:
+    """An estimate, what the models have there, and whether the search has converged.
+
+    Attributes
+    ----------
+    objective
+        What was minimised in the end, with its final weights.
+    point
+        The estimate in the objective's coordinates, (d,).
+    known_outputs
+        The fitted model's outputs there, (rows,); None where the search did not need them.
+    correction
+        What was added to the outputs while the estimate was searched, (rows,); 0 without correction.
+    discrepancy
+        What should be added at the estimate itself; None where the reference model was not asked.
+    scatter
+        Covariance (d, d) of the optimiser's end points, which adds to that of the data.
+    converged
+        Whether the reference model has seen no better point nearby.
+    population_cost
+        The value that a population method minimised, in the unit of its cost function; None otherwise.
+    """
+
+    objective: MapObjective
+    point: Array
+    known_outputs: Array | None
+    correction: Array
+    discrepancy: Discrepancy | None
+    scatter: Array
+    converged: bool = False
+    population_cost: float | None = None
+
+    @classmethod
+    def at(
+        cls,
+        objective: MapObjective,
+        point: Array,
+        *,
+        outputs: Array | None = None,
+        correction: Array | None = None,
+        discrepancy: Discrepancy | None = None,
+        population_cost: float | None = None,
+    ) -> Self:
+        """Return the result at `point` (d,), with the default scatter; not converged."""
+        if correction is None:
+            correction = np.zeros_like(objective.target)
+        scatter = default_scatter(point.size)
+        return cls(
+            objective, point, outputs, correction, discrepancy, scatter, population_cost=population_cost
+        )
+
+    @cached_property
+    def outputs(self) -> Array:
+        """The fitted model's outputs at the estimate, (rows,)."""
+        if self.known_outputs is None:
+            return np.asarray(self.objective.outputs(self.point[np.newaxis])[0])
+        return self.known_outputs
+
+    @property
+    def outputs_correction(self) -> Array:
+        """What is best added to the outputs at the estimate, (rows,): the discrepancy where it is known."""
+        return self.correction if self.discrepancy is None else self.discrepancy.mean
+
+    @property
+    def residual(self) -> Array:
+        """Measured less modelled, (rows,): corrected by the discrepancy where it is known."""
+        return self.objective.target - self.outputs - self.outputs_correction
+
+    @property
+    def fitted_residual(self) -> Array:
+        """Measured less modelled, (rows,), with the correction that the estimate was searched with."""
+        return self.objective.target - self.outputs - self.correction
+
+    @property
+    def remaining_bias(self) -> Array:
+        """What a further correction would still change of the outputs, (rows,); 0 where not known."""
+        return self.outputs_correction - self.correction
+
+    @property
+    def cost(self) -> float:
+        """The mean squared residual of the current [A²], or a population method's own cost."""
+        if self.population_cost is not None:
+            return self.population_cost
+        return float(np.mean(self.fitted_residual[: self.objective.problem.samples] ** 2))
+
+    @property
+    def misfit(self) -> float:
+        """The mean squared `residual` less the share of the discrepancy's standard error, 0 at least."""
+        error = 0.0 if self.discrepancy is None else float(np.mean(self.discrepancy.standard_error**2))
+        return max(float(np.mean(self.residual**2)) - error, 0.0)
+
+    @property
+    def residual_variance(self) -> float:
+        """The mean squared `residual` of the current [A²]."""
+        return float(np.mean(self.residual[: self.objective.problem.samples] ** 2))
+
+    @property
+    def normalised_residual(self) -> float:
+        """The rms residual of the current over that of noise and switching: 1 or less at the truth."""
+        switching = 0.0 if self.discrepancy is None else self.discrepancy.switching_variance
+        expected = noise_level(self.objective.problem.recorded) ** 2 + switching
+        return float(np.sqrt(self.residual_variance / max(expected, np.finfo(float).tiny)))
+
+    def reweighted(self) -> Self:
+        """Return the result with its channels weighted by its residuals."""
+        return self.weighted_as(self.objective.reweighted(self.residual))
+
+    def weighted_as(self, objective: MapObjective) -> Self:
+        """Return the same result with its rows weighted as `objective` weights them."""
+        before = self.objective
+        discrepancy = self.discrepancy and self.discrepancy.rescaled(objective, before)
+        return replace(
+            self,
+            objective=objective,
+            known_outputs=objective.rescaled(self.outputs, before),
+            correction=objective.rescaled(self.correction, before),
+            discrepancy=discrepancy,
+        )
+
+
+def default_scatter(dimensions: int) -> Array:
+    """Return the scatter covariance (d, d) of a search whose scatter was not measured."""
+    return DEFAULT_SCATTER**2 * np.eye(dimensions)

@@ -1,0 +1,139 @@
+"""The result of a design: the given test, the better one if there is one, and the evidence."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from emaphm.actuator import NAMES
+from emaphm.experiment.candidate_search import PlannedTest
+from emaphm.experiment.predicted_precision import Precision
+from emaphm.experiment.simulated_tests import SIGNIFICANT, Gain
+from emaphm.experiment.test_setup import TestSetup
+from emaphm.text_table import format_table
+from emaphm.version import VERSION
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """The test `given`, the better one `found` (the given one where there is none), and the evidence.
+
+    `candidates` chirps were tried, and `tests` simulated for the given test and each finalist;
+    `gain` compares the best of these with the given test, None where none was predicted to be better.
+    """
+
+    setup: TestSetup
+    given: PlannedTest
+    found: PlannedTest
+    gain: Gain | None
+    candidates: int
+    tests: int
+    seed: int
+
+    @property
+    def better(self) -> bool:
+        """Whether a better test than the given one was found."""
+        return self.found is not self.given
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what `emaphm design --json` prints."""
+        gain = self.gain
+        return {
+            "given": self.given.to_dict(),
+            "found": self.found.to_dict(),
+            "better": self.better,
+            "gain": None if gain is None else vars(gain),
+            "proven_by": self.setup.truth.name if self.tests else None,
+            "candidates": self.candidates,
+            "tests": self.tests,
+            "channels": list(self.setup.channels),
+            "noise_A": self.setup.noise,
+            "sample_rate_hz": self.setup.sample_rate,
+            "actuator": self.setup.actuator.name,
+            "seed": self.seed,
+            "version": VERSION,
+        }
+
+    def write_command(self, path: str | Path) -> None:
+        """Write the command found to a CSV file, as `emaphm simulate --command` plays it."""
+        self.found.excitation.write(path, self.setup.sample_rate)
+
+    def plot(self) -> "Figure":
+        """Draw the commands and their half-widths, given and found."""
+        from emaphm.plotting.design import draw_design
+
+        return draw_design(self)
+
+    def __str__(self) -> str:
+        """Return the excitations, a table of half-widths, and how sure it is that the one found is better."""
+        coordinates = self.setup.actuator.coordinates
+        tests = {"given": self.given} | ({"found": self.found} if self.better else {})
+        lines = [f"{label}: {test.excitation.words(coordinates)}" for label, test in tests.items()]
+        columns = []
+        for label, test in tests.items():
+            columns.append((f"{label}, predicted", test.predicted))
+            if test.simulated is not None:
+                columns.append((f"{label}, simulated", test.simulated.precision))
+        rows = [(name, *(_width(precision, name) for _, precision in columns)) for name in NAMES]
+        table = format_table(("95 % interval ±", *(label for label, _ in columns)), rows)
+        return "\n".join([*lines, "", table, "", *self.notes()])
+
+    def notes(self) -> list[str]:
+        """Return lines: what the table shows, the evidence, and whether anything better was found."""
+        setup = self.setup
+        shown = (
+            f"Medians over faults that fill their range; recorded: {', '.join(setup.channels)}; current "
+            f"noise "
+            f"{setup.noise:.3g} A rms; {setup.sample_rate:g} Hz."
+        )
+        given, found = self.given.simulated, self.found.simulated
+        if given is None or found is None:
+            return [shown, "Not confirmed by simulated tests: none were asked for.", self._conclusion()]
+        evidence = (
+            f"Confirmed by diagnoses of {self.tests} tests simulated by the {setup.truth.name} model; "
+            f"median error of the given test {given.median_error:.2f} %"
+        )
+        evidence += f", of the one found {found.median_error:.2f} %." if self.better else "."
+        lines = [shown, evidence]
+        if setup.actuator.electrical is None:
+            lines.append(
+                "Without [electrical] there is no reference model: the fitted model also stands for the "
+                "actuator, "
+                "and its own errors are in no figure here."
+            )
+        return [*lines, self._conclusion()]
+
+    def _conclusion(self) -> str:
+        """Return whether a better test was found, and how sure that is."""
+        if not self.candidates:
+            return "No better test was searched for."
+        searched = f"{self.candidates} chirps within the limits"
+        if self.gain is None:
+            return f"Nothing better was found: none of {searched} has a higher predicted precision."
+        widths = _change(self.gain.narrower, self.gain.narrower_error, "narrower", "wider")
+        errors = _change(self.gain.nearer, self.gain.nearer_error, "smaller", "larger")
+        if self.better:
+            return f"Found among {searched}: intervals {widths}, errors {errors} (standard errors)."
+        return (
+            f"Nothing better was found: the best of {searched} has intervals {widths} and errors {errors} "
+            f"(standard errors); intervals narrower by {SIGNIFICANT:g} standard errors, and no larger "
+            f"errors, "
+            "would be better."
+        )
+
+
+def _change(logarithm: float, error: float, less: str, more: str) -> str:
+    """Return in words how much something has shrunk, `logarithm` being that of the ratio."""
+    ratio = float(np.exp(-logarithm))
+    word = less if logarithm > 0 else more
+    return f"{word} by {100 * abs(1 - ratio):.0f} ± {100 * ratio * error:.0f} %"
+
+
+def _width(precision: Precision, name: str) -> str:
+    if name not in precision.half_widths:
+        return "not shown"
+    return f"{precision.half_widths[name]:.4f}" if precision.identifies(name) else "cannot tell"

@@ -1,0 +1,26 @@
+"""Importing a library that need not be installed."""
+
+from importlib import import_module
+from typing import Any
+
+from emaphm.errors import MethodError
+
+
+def import_library(method: str, module: str) -> Any:
+    """Return a module of the library that `method` needs.
+
+    Raises
+    ------
+    MethodError
+        The library is not installed.
+    """
+    name = module.partition(".")[0]
+    try:
+        import_module(name)
+    except ModuleNotFoundError as error:
+        if error.name != name:  # it is there, but something that it needs is not
+            raise
+        raise MethodError(
+            f"method '{method}' needs the library '{name}'; install it with: pip install 'emaphm[peers]'"
+        ) from None
+    return import_module(module)

@@ -1,0 +1,92 @@
+"""The fault components on their scale from 0 to 1, with their 95 % intervals."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from emaphm.actuator import NAMES, Faults
+from emaphm.actuator.faults import HEALTHY
+from emaphm.plotting.style import (
+    BLACK,
+    BLUE,
+    FAINT,
+    LEGEND,
+    PHONE_WIDTH,
+    TEXT,
+    VERMILION,
+    new_figure,
+    style_axis,
+)
+from emaphm.text_table import NOTHING
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure, FigureBase
+
+    from emaphm.diagnosis.result import Diagnosis
+    from emaphm.diagnosis.verdict import Estimate
+
+VERDICTS = {"healthy": (BLUE, "o"), "degraded": (VERMILION, "s")}
+"""Colour and marker of a verdict."""
+
+INCONCLUSIVE = (FAINT, "d")
+"""Colour and marker where the recording does not decide."""
+
+WHOLE_SCALE = (0.0, 1.0)
+"""The interval of a component on which the recording has no information."""
+
+TRUE_VALUE, HEALTHY_VALUE = "D", "|"
+"""Markers."""
+
+
+def draw_faults(diagnosis: "Diagnosis", truth: Faults | None = None) -> "Figure":
+    """Draw the eight components with their intervals and healthy values, the truth as open markers."""
+    figure = new_figure(PHONE_WIDTH, 3.2)
+    draw_fault_intervals(figure, diagnosis, truth)
+    return figure
+
+
+def draw_fault_intervals(figure: "FigureBase", diagnosis: "Diagnosis", truth: Faults | None) -> None:
+    """Draw the components on `figure`, which may be part of another."""
+    axis = figure.subplots()
+    for row, (name, estimate) in enumerate(diagnosis.components.items()):
+        _component(axis, row, estimate)
+        is_phase = name == "eccentricity_phase"  # no direction is healthy, nor true without eccentricity
+        if not is_phase:
+            axis.plot(getattr(HEALTHY, name), row, HEALTHY_VALUE, color=BLACK, markersize=12)
+        if truth and not (is_phase and truth.eccentricity == 0):
+            axis.plot(getattr(truth, name), row, TRUE_VALUE, color=BLACK, markersize=8, fillstyle="none")
+    axis.set_xlim(-0.03, 1.03)
+    axis.set_ylim(len(NAMES) - 0.5, -0.5)
+    axis.set_yticks(range(len(NAMES)), NAMES)
+    style_axis(axis, xlabel="normalised value and 95 % interval")
+    for tick, estimate in zip(axis.get_yticklabels(), diagnosis.components.values(), strict=True):
+        tick.set_color(BLACK if estimate.identifiable else FAINT)
+    _legend(figure, axis, with_truth=truth is not None)
+
+
+def _component(axis: "Axes", row: int, estimate: "Estimate") -> None:
+    """Draw one component's interval and value, and write them at the right of the axis."""
+    colour, marker = VERDICTS.get(estimate.verdict, INCONCLUSIVE)
+    low, high = estimate.interval95
+    # A direction's interval may run past 0 or 1, where the circle closes: it comes in at the other end.
+    for turn in (-1, 0, 1):
+        ends = np.clip([low + turn, high + turn], 0, 1)
+        if ends[0] < ends[1]:
+            axis.plot(ends, [row, row], color=colour, linewidth=3, alpha=0.5, solid_capstyle="butt")
+    ends_text = f"({low:.3f} to {high:.3f})"
+    text = "not identifiable" if (low, high) == WHOLE_SCALE else f"{NOTHING}  {ends_text}"
+    if estimate.identifiable:
+        text = f"{estimate.value:.3f}  {ends_text}"
+        axis.plot(estimate.value, row, marker, color=colour, markersize=5)
+    shade = BLACK if estimate.identifiable else FAINT
+    axis.text(1.02, row, text, transform=axis.get_yaxis_transform(), va="center", fontsize=TEXT, color=shade)
+
+
+def _legend(figure: "FigureBase", axis: "Axes", *, with_truth: bool) -> None:
+    for verdict, (colour, marker) in (VERDICTS | {"cannot tell": INCONCLUSIVE}).items():
+        axis.plot([], [], marker, color=colour, markersize=5, label=verdict)
+    axis.plot([], [], HEALTHY_VALUE, color=BLACK, markersize=12, label="healthy value")
+    if with_truth:
+        axis.plot([], [], TRUE_VALUE, color=BLACK, markersize=8, fillstyle="none", label="true value")
+    figure.legend(loc="outside upper center", ncols=5, **LEGEND)

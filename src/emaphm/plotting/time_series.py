@@ -1,0 +1,53 @@
+"""Signals over time: recorded against modelled, thinned to what a page can show."""
+
+from pathlib import PurePath
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emaphm.actuator import Actuator
+from emaphm.arrays import Array
+from emaphm.plotting.style import MODEL, RECORDED, figure_title
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MOST_BINS = 700
+"""Pairs of points in a line: about one a pixel at the width of a page."""
+
+LONGEST_NAME = 60
+
+
+def draw_line(
+    axis: "Axes", time: Array, values: Array, colour: str, label: str = "", width: float = 1
+) -> None:
+    """Draw `values` (n,) over `time` (n,) with all their peaks, in at most 2 `MOST_BINS` + 2 points."""
+    rows = _extremes(values)
+    axis.plot(time[rows], values[rows], color=colour, linewidth=width, label=label)
+    axis.margins(x=0)
+
+
+def draw_recorded_and_model(axis: "Axes", time: Array, recorded: Array, modelled: Array) -> None:
+    """Draw a recorded signal and the model's, (n,) each."""
+    # The recorded line is the wider one: it shows on both sides of a model that is right.
+    draw_line(axis, time, recorded, RECORDED, "recorded", width=2.5)
+    draw_line(axis, time, modelled, MODEL, "model")
+
+
+def title_with_recording(figure: "Figure", source: str, actuator: Actuator) -> None:
+    """Write the recording's name and the actuator's above the figure; a long name loses its beginning."""
+    name = PurePath(source).name
+    short = name if len(name) <= LONGEST_NAME else f"…{name[1 - LONGEST_NAME :]}"
+    figure_title(figure, f"{short}, actuator {actuator.name}")
+
+
+def _extremes(values: Array) -> NDArray[np.intp]:
+    """Return the rows that a line must pass through to look like all of `values` (n,)."""
+    if values.size <= 2 * MOST_BINS:
+        return np.arange(values.size)
+    bins = np.array_split(np.arange(values.size), MOST_BINS)
+    least = [rows[np.argmin(values[rows])] for rows in bins]
+    most = [rows[np.argmax(values[rows])] for rows in bins]
+    return np.unique([0, *least, *most, values.size - 1])

@@ -1,0 +1,138 @@
+"""From a kernel in Python to machine code: Numba translates and vectorises, LLVM emits an object file.
+
+A kernel advances `lanes` actuators together and records means over sample intervals. Its arguments:
+
+x : float64 (rows × lanes,), the state row by row, then a row of sums for each channel; updated in place
+p : float64 (rows × lanes,), the parameters row by row
+command, load, noise : float64, one value a step, shared by all lanes: `load[i × load_stride]` at step i
+load_stride, noise_stride : 1, or 0 where one value holds at every step
+step : integration step [s]
+samples : rows of the output
+substeps : steps in a sample interval
+window : steps at the start of each interval that its mean is taken over
+carried : 0 or 1, whether motion is recorded as at the start of a step or as it has led to
+out : float64 (lanes, channels, row), its first `samples` columns filled with the means
+
+LLVM turns the innermost loop, over lanes, into vector instructions where the number of lanes is known
+when compiling, all lanes are in one flat array, and the loop has neither branches nor calls left. Laws
+take scalars for that reason: a function that is handed `x` or `p` itself makes the kernels ten times slower
+(measured), which is why the kernels repeat how their common rows are read and written.
+"""
+
+from typing import Any
+
+import llvmlite.binding as llvm
+
+from emaphm.simulation.engine.model import ENTRY, Layout, Model
+from emaphm.simulation.laws.inline import LAWS, select
+
+REGISTERED: set[Any] = set()
+"""Functions that Numba has been given to inline."""
+
+NUMBA_OPTIONS: Any = {"fastmath": True, "error_model": "numpy"}
+
+
+def compiled(model: Model, layout: Layout) -> bytes:
+    """Return the kernel of `model` as an object file for this machine, its function named `ENTRY`.
+
+    It has the C arguments (pointers are to float64; integers of 64 bits): x, p, command, load, load_stride,
+    noise, noise_stride, step, samples, substeps, window, carried, out, row.
+    """
+    # Numba takes 0.25 s to get ready, more than a whole diagnosis; a kernel that is cached does without.
+    import numba
+    from numba import types
+    from numba.extending import overload, register_jitable
+
+    if not REGISTERED:
+        overload(select)(_select_scalar)
+        REGISTERED.add(select)
+    for law in LAWS:
+        if law not in REGISTERED:
+            register_jitable(law)
+            REGISTERED.add(law)
+    lanes, channels = layout
+    carray: Any = numba.carray  # type: ignore[attr-defined]
+    kernel = numba.njit(**NUMBA_OPTIONS)(model.build(layout))
+
+    def advance(
+        x: Any,
+        p: Any,
+        command: Any,
+        load: Any,
+        load_stride: Any,
+        noise: Any,
+        noise_stride: Any,
+        step: Any,
+        samples: Any,
+        substeps: Any,
+        window: Any,
+        carried: Any,
+        out: Any,
+        row: Any,
+    ) -> None:
+        # The lengths of flat arrays do not matter: a kernel checks no index.
+        kernel(
+            carray(x, 1),
+            carray(p, 1),
+            carray(command, 1),
+            carray(load, 1),
+            load_stride,
+            carray(noise, 1),
+            noise_stride,
+            step,
+            samples,
+            substeps,
+            window,
+            carried,
+            carray(out, (lanes, channels, row)),
+        )
+
+    array: Any = types.CPointer(types.float64)  # type: ignore[no-untyped-call]
+    integer, real = types.int64, types.float64
+    signature = types.void(
+        *(array, array, array, array, integer, array, integer, real),
+        *(integer, integer, integer, real, array, integer),
+    )
+    translated = numba.cfunc(signature, **NUMBA_OPTIONS)(advance)
+    return _object_file(translated.inspect_llvm(), translated.native_name)
+
+
+def _select_scalar(condition: Any, chosen: Any, other: Any) -> Any:  # noqa: ARG001
+    def implementation(condition: Any, chosen: Any, other: Any) -> Any:
+        return chosen if condition else other
+
+    return implementation
+
+
+def _object_file(text: str, name: str) -> bytes:
+    """Return the object file of the LLVM module in `text`, less everything that function `name` does not use.
+
+    No kernel raises an error. Once LLVM has seen that, nothing is left of Numba's way to raise one, and
+    with it no reference to Numba or Python: the object file can be used without either.
+    """
+    module = llvm.parse_assembly(text)
+    entry = module.get_function(name)
+    for value in (*module.functions, *module.global_variables):
+        if not value.is_declaration and value.name != name:
+            value.linkage = "internal"
+    entry.name = ENTRY
+    llvm.initialize_native_asmprinter()
+    target = llvm.Target.from_default_triple().create_target_machine(
+        cpu=llvm.get_host_cpu_name(),
+        features=llvm.get_host_cpu_features().flatten(),
+        opt=3,
+        reloc="pic",
+        codemodel="small",
+        jit=True,
+    )
+    passes = llvm.create_new_module_pass_manager()
+    passes.add_ipsccp_pass()
+    passes.add_global_opt_pass()
+    passes.add_simplify_cfg_pass()
+    passes.add_dead_arg_elimination_pass()
+    passes.add_global_dead_code_eliminate_pass()
+    passes.run(module, llvm.create_pass_builder(target, llvm.create_pipeline_tuning_options(speed_level=3)))
+    missing = [f.name for f in module.functions if f.is_declaration and not f.name.startswith("llvm.")]
+    if missing:
+        raise RuntimeError(f"a kernel cannot use {', '.join(missing)}: it runs without Numba and Python")
+    return bytes(target.emit_object(module))

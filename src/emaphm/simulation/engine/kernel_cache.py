@@ -1,0 +1,129 @@
+"""Kernels ready to be called: loaded from disk, or compiled and then kept there.
+
+Numba's own cache would do, were it not that using it takes Numba's import and set-up, 0.25 s in each process.
+"""
+
+import ctypes
+import hashlib
+import marshal
+import os
+import re
+import sys
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, cast
+
+from emaphm.simulation.engine.model import ENTRY, Layout, Model
+
+Kernel = Callable[..., None]
+"""Takes the C arguments of `compilation.compiled`, pointers as integers; other threads may run meanwhile."""
+
+DIGEST = 32
+"""Bytes of a digest."""
+
+ARRAY, INTEGER, REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
+FUNCTION = ctypes.CFUNCTYPE(
+    None,
+    *(ARRAY, ARRAY, ARRAY, ARRAY, INTEGER, ARRAY, INTEGER, REAL),
+    *(INTEGER, INTEGER, INTEGER, REAL, ARRAY, INTEGER),
+)
+
+
+@cache
+def kernel(model: Model, lanes: int, channels: int) -> Kernel:
+    """Return the kernel of `model` that advances `lanes` actuators and records the first `channels`."""
+    revision = _revision(model)
+    path = _folder() / f"{_file_name(model)}-{lanes}-{channels}.{_machine()[:12]}.kernel"
+    code = _read(path, revision)
+    if code is None:
+        from emaphm.simulation.engine.compilation import compiled
+
+        code = compiled(model, Layout(lanes, channels))
+        _write(path, revision, code)
+    return _loaded(code)
+
+
+def _loaded(code: bytes) -> Kernel:
+    """Return the function `ENTRY` of an object file."""
+    import llvmlite.binding as llvm
+
+    llvm.initialize_native_target()
+    linker = llvm.create_lljit_compiler(use_jit_link=True)
+    library = llvm.JITLibraryBuilder().add_object_img(code).add_current_process().export_symbol(ENTRY)
+    tracker = library.link(linker, ENTRY)
+    function: Any = FUNCTION(tracker[ENTRY])
+    function.code = tracker, linker  # what they own goes when they go
+    return cast("Kernel", function)
+
+
+def _file_name(model: Model) -> str:
+    return re.sub(r"\W+", "-", model.name).strip("-")
+
+
+@cache
+def _machine() -> str:
+    """Return a digest of the processor that code is compiled for."""
+    import llvmlite.binding as llvm
+
+    processor = f"{sys.platform} {llvm.get_host_cpu_name()} {llvm.get_host_cpu_features().flatten()}"
+    return hashlib.sha256(processor.encode()).hexdigest()
+
+
+@cache
+def _sources() -> bytes:
+    """Return a digest of what every kernel is made of and by: the simulation's source, Numba and LLVM."""
+    import llvmlite
+
+    digest = hashlib.sha256(f"{llvmlite.__version__} {sys.version_info[:2]}".encode())
+    numba = find_spec("numba")
+    version = [Path(numba.origin).with_name("_version.py")] if numba and numba.origin else []
+    for source in (*version, *sorted(Path(__file__).parents[1].glob("*/*.py"))):
+        digest.update(source.read_bytes())
+    return digest.digest()
+
+
+def _revision(model: Model) -> bytes:
+    """Return a digest of what the kernel of `model` is made of, which may be built outside of the package."""
+    build: Any = model.build
+    function, options = getattr(build, "func", build), getattr(build, "keywords", {})
+    digest = hashlib.sha256(_sources() + repr((function.__qualname__, options)).encode())
+    source = Path(function.__code__.co_filename)
+    digest.update(source.read_bytes() if source.is_file() else marshal.dumps(function.__code__))
+    return digest.digest()
+
+
+@cache
+def _folder() -> Path:
+    """Return where kernels are kept: Numba's folder if set, else by the source, else the user's cache."""
+    if "NUMBA_CACHE_DIR" in os.environ:
+        return Path(os.environ["NUMBA_CACHE_DIR"])
+    local = Path(__file__).parent / "__pycache__"
+    if os.access(local if local.exists() else local.parent, os.W_OK):
+        return local
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "emaphm"
+
+
+def _read(path: Path, revision: bytes) -> bytes | None:
+    """Return the code kept at `path`, None where there is none of this `revision`, or it is damaged."""
+    try:
+        content = path.read_bytes()
+    except OSError:
+        return None
+    kept, checksum, code = content[:DIGEST], content[DIGEST : 2 * DIGEST], content[2 * DIGEST :]
+    return code if kept == revision and checksum == hashlib.sha256(code).digest() else None
+
+
+def _write(path: Path, revision: bytes, code: bytes) -> None:
+    """Keep `code` at `path`, whole or not at all; what cannot be kept is compiled anew next time."""
+    part = path.with_name(f"{path.name}.{os.getpid()}-{threading.get_ident()}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part.write_bytes(revision + hashlib.sha256(code).digest() + code)
+        part.replace(path)
+    except OSError:
+        with suppress(OSError):
+            part.unlink(missing_ok=True)

@@ -1,0 +1,132 @@
+"""The rooms of the package: imports point one way, no two files import each other, and none is too large."""
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import emaphm
+
+ROOT = Path(emaphm.__file__).parent
+
+ORDER = (
+    ("errors", "arrays", "version", "progress", "text_table"),
+    ("random_streams", "output_files"),
+    ("optimizers", "execution", "actuator"),
+    ("simulation",),
+    ("recording",),
+    ("simulated_recording",),
+    ("estimation",),
+    ("diagnosis",),
+    ("calibration", "experiment"),
+    ("study",),
+    ("plotting",),
+    ("report",),
+    ("demo",),
+    ("cli",),
+)
+"""Rooms from the lowest; one imports from those before it, and from itself."""
+
+LEVEL = {room: level for level, rooms in enumerate(ORDER) for room in rooms}
+
+MOST_LINES = 2500
+"""Of a sub-package."""
+
+
+def module_name(path: Path) -> str:
+    parts = path.relative_to(ROOT.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+MODULES = {module_name(path): path for path in ROOT.rglob("*.py")}
+
+
+def imported(tree: ast.AST, *, when_called: bool) -> Iterator[str]:
+    """Yield the modules of the package that `tree` imports as it is loaded, or also when it is called.
+
+    Imports for type checkers alone are left out: they are no dependency of the running program.
+    """
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test):
+            continue
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda) and not when_called:
+            continue
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("emaphm"):
+            for alias in node.names:
+                below = f"{node.module}.{alias.name}"
+                yield below if below in MODULES else node.module
+        elif isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names if alias.name in MODULES)
+        else:
+            yield from imported(node, when_called=when_called)
+
+
+def room(module: str) -> str:
+    return module.split(".")[1] if "." in module else ""
+
+
+LOADED = {
+    name: set(imported(ast.parse(path.read_text(encoding="utf-8")), when_called=False)) - {name}
+    for name, path in MODULES.items()
+}
+CALLED = {
+    name: set(imported(ast.parse(path.read_text(encoding="utf-8")), when_called=True)) - {name}
+    for name, path in MODULES.items()
+}
+
+
+def test_every_file_stands_in_a_room_of_the_order() -> None:
+    assert {room(name) for name in MODULES} - {""} == set(LEVEL)
+
+
+@pytest.mark.parametrize("name", sorted(MODULES))
+def test_imports_point_one_way(name: str) -> None:
+    if room(name):
+        upwards = {other for other in LOADED[name] if LEVEL.get(room(other), -1) > LEVEL[room(name)]}
+        beside = {
+            other
+            for other in LOADED[name]
+            if LEVEL.get(room(other)) == LEVEL[room(name)] and room(other) != room(name)
+        }
+        peers = ("progress", "text_table", "arrays", "errors")
+        assert not upwards
+        assert not {other for other in beside if room(other) not in peers}
+
+
+def test_when_called_a_result_may_reach_down_to_its_drawer_only() -> None:
+    for name in MODULES:
+        for other in CALLED[name] - LOADED[name]:
+            if room(name) and LEVEL[room(other)] > LEVEL[room(name)]:
+                assert room(other) == "plotting", f"{name} imports {other}"
+
+
+def test_no_circles() -> None:
+    done: set[str] = set()
+
+    def visit(name: str, path: tuple[str, ...]) -> None:
+        assert name not in path, " imports ".join((*path[path.index(name) :], name))
+        if name in done:
+            return
+        for other in LOADED[name]:
+            visit(other, (*path, name))
+        done.add(name)
+
+    for name in MODULES:
+        visit(name, ())
+
+
+def test_no_sub_package_is_too_large() -> None:
+    lines: dict[str, int] = {}
+    for name, path in MODULES.items():
+        package = name.rpartition(".")[0] if path.name != "__init__.py" else name
+        lines[package] = lines.get(package, 0) + len(path.read_text(encoding="utf-8").splitlines())
+    assert {package: count for package, count in lines.items() if count > MOST_LINES} == {}
+
+
+def test_the_science_knows_no_figure_library() -> None:
+    for name, path in MODULES.items():
+        if LEVEL.get(room(name), 99) < LEVEL["plotting"]:
+            tree = ast.parse(path.read_text(encoding="utf-8"))
+            names = {a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names}
+            assert not {one for one in names if one.startswith("matplotlib")}, name
