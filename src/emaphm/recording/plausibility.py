@@ -196,8 +196,8 @@ def _low_speed(recording: Recording, actuator: Actuator) -> str | None:
     if reached >= FRICTION_SHARE * needed:
         return None
     return (
-        f"speed_rad_s stays below {reached:.4g}, yet the motion of the position takes {needed:.4g} on average; "
-        "give the motor's speed, and in its SI unit"
+        f"speed_rad_s stays below {reached:.4g}, yet the motion of the position takes {needed:.4g} on "
+        "average; give the motor's speed, and in its SI unit"
     )
 
 
