@@ -3,7 +3,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
-.PHONY: demo test lint bench study docs clean
+.PHONY: demo test lint bench fuzz study docs clean
 
 demo: $(INSTALLED)  ## simulate a faulty actuator, diagnose it, write demo/report.html
 	$(BIN)/emaphm demo --force
@@ -18,6 +18,9 @@ lint: $(INSTALLED)  ## check style and types
 
 bench: $(INSTALLED)  ## measure speed, as ratios to the manoeuvre's own time
 	$(BIN)/python -m pytest bench -p no:xdist --benchmark-columns=min,median,rounds
+
+fuzz: $(INSTALLED)  ## spoil inputs of every kind for ten minutes
+	$(BIN)/python -m tests.fuzz --minutes 10
 
 STUDIES := accuracy limits thesis forms monitor hybrids
 

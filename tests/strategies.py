@@ -10,6 +10,7 @@ from emaphm.estimation.nuisances import NAMES as NUISANCES
 UNIT = st.floats(0.0, 1.0)
 POSITIVE = st.floats(1e-9, 1e9)
 NOT_NEGATIVE = st.just(0.0) | POSITIVE
+SIGNED = NOT_NEGATIVE | POSITIVE.map(lambda value: -value)
 
 
 def fault_vectors() -> st.SearchStrategy[NDArray[np.float64]]:
@@ -26,7 +27,7 @@ def faults() -> st.SearchStrategy[Faults]:
 def actuators(draw: st.DrawFn) -> Actuator:
     """Draw valid actuators, rotary and linear, with and without each optional part."""
     static = draw(NOT_NEGATIVE), draw(NOT_NEGATIVE)
-    share = draw(UNIT)
+    share = draw(st.just(0.0) | st.floats(1e-3, 1.0))
     mechanics = {
         "inertia_motor": draw(POSITIVE),
         "inertia_user": draw(NOT_NEGATIVE),
@@ -37,8 +38,8 @@ def actuators(draw: st.DrawFn) -> Actuator:
         "dynamic_friction_motor": share * static[0],
         "dynamic_friction_user": share * static[1],
         "backlash": draw(NOT_NEGATIVE),
-        "offset": draw(st.floats(-1e9, 1e9)),
-        "hinge": draw(st.floats(-1e9, 1e9)),
+        "offset": draw(SIGNED),
+        "hinge": draw(SIGNED),
         "gear_ratio": draw(POSITIVE),
         "end_stops": draw(st.none() | st.tuples(POSITIVE.map(lambda stop: -stop), POSITIVE)),
     }

@@ -9,9 +9,11 @@ True
 """
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
 
+TYPE_CHECKING = False  # `typing` would be the slowest import of the command's first milliseconds
 if TYPE_CHECKING:
+    from typing import Any
+
     from emaphm.actuator import (
         Actuator,
         Chirp,
@@ -77,7 +79,7 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> "Any":
     """Import a public name on first use: the command line answers --help without loading a compiler."""
     if name == "__version__":
         return import_module("emaphm.version").VERSION

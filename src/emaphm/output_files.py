@@ -4,7 +4,6 @@ import os
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from uuid import uuid4
 
 from emaphm.errors import OutputError
 
@@ -31,12 +30,13 @@ def check_writable(path: str | Path, *, force: bool = False, endings: Collection
     try:
         complaint = _refusal(path, force, endings)
         if complaint is None:
-            # Permission bits do not tell (root, read-only and network file systems): only trying does.
-            probe = _beside(path)
+            # Permission bits are no proof (root, read-only and network file systems): only trying is.
+            probe = _temporary(path)
             probe.touch(exist_ok=False)
             probe.unlink()
-    except OSError as error:
-        complaint = f"cannot be written there ({error.strerror}); give another name or folder"
+    except (OSError, ValueError) as error:  # a null character in the name is a ValueError
+        reason = getattr(error, "strerror", None) or error
+        complaint = f"cannot be written there ({reason}); give another name or folder"
     if complaint:
         raise OutputError(f"{path}: {complaint}")
 
@@ -70,7 +70,7 @@ def written_whole(path: str | Path) -> Iterator[Path]:
     """
     # Resolved, so that a symbolic link stays one and its target is replaced.
     path = Path(path).resolve()
-    temporary = _beside(path)
+    temporary = _temporary(path)
     try:
         yield temporary
         temporary.replace(path)
@@ -82,6 +82,6 @@ def written_whole(path: str | Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-def _beside(path: Path) -> Path:
+def _temporary(path: Path) -> Path:
     # In the same folder, hence the same file system: only there is a rename atomic.
-    return path.parent / f".{uuid4().hex}.tmp"
+    return path.parent / f".{os.urandom(16).hex()}.tmp"

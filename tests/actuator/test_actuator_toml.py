@@ -1,5 +1,6 @@
 """An actuator's TOML: what goes out comes back, and what is wrong in it is named in one line."""
 
+import errno
 import tomllib
 from pathlib import Path
 
@@ -7,7 +8,7 @@ import pytest
 from hypothesis import given
 
 from emaphm.actuator import Actuator
-from emaphm.errors import ActuatorError
+from emaphm.errors import ActuatorError, OutputError
 from strategies import actuators
 
 
@@ -162,7 +163,19 @@ def test_a_binary_file_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_directory_is_refused(tmp_path: Path) -> None:
-    assert "cannot be read" in complaint_about(tmp_path)
+    assert "is a folder" in complaint_about(tmp_path)
+
+
+def test_a_full_disk_is_reported_of_the_file_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device", "hidden")
+
+    monkeypatch.setattr(Path, "write_text", full)
+    with pytest.raises(OutputError, match=r"out\.toml: cannot be written \(No space left on device\)"):
+        Actuator.thesis().to_toml(tmp_path / "out.toml")
+    assert not list(tmp_path.iterdir())
 
 
 def test_one_end_stop_is_not_enough(tmp_path: Path) -> None:

@@ -49,6 +49,12 @@ BAD_ARGUMENTS = {
     "replay good.csv --seed -1": ("--seed -1", "give 0 or more"),
     "simulate out.csv --seed abc": ("--seed", '"abc"', "int"),
     "simulate out.csv --seed nan": ("--seed", '"nan"', "int"),
+    # Not rounded: another seed would give other numbers.
+    "simulate out.csv --seed 1.5": ("--seed", '"1.5"', "whole number"),
+    "simulate out.csv --adc-bits 12.5": ("--adc-bits", '"12.5"', "whole number"),
+    "design --tests 1.5": ("--tests", '"1.5"', "whole number"),
+    "replay a\0b.csv": ("null character", "leave it out"),
+    "simulate a\0b.csv": ("null character", "leave it out"),
     # the manoeuvre
     "simulate out.csv --duration 0": ("duration", "0"),
     "simulate out.csv --duration -1": ("duration", "-1"),

@@ -70,7 +70,25 @@ BAD_DESCRIPTIONS: dict[str, tuple[str | bytes, tuple[str, ...]]] = {
         ("'channels.sampling'", "'mean' or 'instant'", "got 'means'"),
     ),
     "no-table.toml": ("name = 1\ncontroller = 3\n", ("got 1", "more)")),
+    "denormal.toml": (
+        files.thesis_with("inertia_motor = 1.3e-05", "inertia_motor = 5e-324"),
+        ("'mechanics.inertia_motor'", "from 1e-15 to 1e+15", "got 5e-324"),
+    ),
+    "huge.toml": (
+        files.thesis_with("resistance = 2.13", "resistance = 1e300"),
+        ("'electrical.resistance'", "from 1e-15 to 1e+15"),
+    ),
+    "stops-huge.toml": (
+        files.thesis_with("[-0.5236", "[-1e300"),
+        ("'mechanics.end_stops'", "from 1e-15 to 1e+15"),
+    ),
     # files
+    "brackets.toml": ("a = " + "[" * 5000, ("not valid TOML", "nested too deeply")),
+    "digits.toml": (
+        files.thesis_with("pole_pairs = 2", f"pole_pairs = {'9' * 10_000}"),
+        ("too many digits",),
+    ),
+    "large.toml": ("#" * 5_000_000, ("5 MiB", "4 MiB are read at most")),
     "syntax.toml": (
         files.thesis_with("[motor]", "[motor"),
         ("not valid TOML", "line 14", "correct the syntax"),
@@ -105,7 +123,7 @@ def test_bad_descriptions_are_refused_in_one_line(refused: Refusal, desk: Path, 
     [
         ("thsis", ("no such actuator file", "TOML")),
         ("absent.toml", ("no such actuator file",)),
-        ("folder.toml", ("cannot be read",)),
+        ("folder.toml", ("is a folder",)),
         ("negative.toml", ("'mechanics.inertia_motor'",)),
     ],
 )

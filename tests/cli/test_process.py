@@ -17,6 +17,8 @@ from .conftest import Emaphm
 
 HEAVY = ("numba", "scipy", "polars", "matplotlib", "pydantic", "numpy", "jinja2")
 
+ON_POSIX = pytest.mark.skipif(sys.platform == "win32", reason="needs a POSIX shell and signals")
+
 ON_A_TERMINAL = pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
 
 Start = Callable[..., "subprocess.Popen[bytes]"]
@@ -143,17 +145,82 @@ def test_a_reader_that_left_is_no_mishap(start: Start, line: str, unbuffered: st
     assert (code, err) == (0, "")
 
 
+@pytest.mark.parametrize("line", ["--help", "diagnose --help", "--version"])
+def test_a_reader_of_help_that_left_is_no_mishap(start: Start, line: str) -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    process = start(*line.split(), stdout=writing)
+    os.close(writing)
+    code, _, err = ended(process)
+    assert (code, err) == (0, "")
+
+
+@ON_POSIX
+@pytest.mark.parametrize(
+    ("closed", "line", "code", "said"),
+    [
+        (">&-", "--help", 2, "stdout is closed"),
+        # Noticed before the work: the file is never looked for.
+        (">&-", "diagnose absent.csv", 2, "stdout is closed"),
+        ("2>&-", "replay good.csv", 0, ""),
+        ("2>&-", "replay absent.csv", 2, ""),
+        (">&- 2>&-", "replay good.csv", 2, ""),
+        ("<&-", "replay good.csv", 0, ""),
+        ("1</dev/null", "--version", 2, "stdout cannot be written: it is not open for writing"),
+    ],
+)
+def test_closed_streams_have_an_exit_code(desk: Path, closed: str, line: str, code: int, said: str) -> None:
+    done = subprocess.run(  # noqa: S603 - the arguments are this file's
+        ["/bin/sh", "-c", f'exec "$0" -m emaphm.cli {line} {closed}', sys.executable],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=desk,
+        env=environment(),
+    )
+    assert done.returncode == code
+    assert "Traceback" not in done.stderr
+    assert len(done.stderr.splitlines()) == bool(said)
+    assert said in done.stderr
+
+
+@ON_POSIX
+@pytest.mark.parametrize("module", ["signal", "cyclopts", "rich.console"])
+def test_an_early_interruption_shows_no_traceback(desk: Path, module: str) -> None:
+    # The interruption comes at a certain import, whatever the speed of the machine.
+    code = f"""
+import os, signal, sys
+class Interrupting:
+    def find_spec(self, name, *_):
+        if name == {module!r}:
+            os.kill(os.getpid(), signal.SIGINT)
+if {module!r} == "signal":
+    del sys.modules["signal"]
+sys.meta_path.insert(0, Interrupting())
+from emaphm.cli import main
+sys.argv = ["emaphm", "--help"]
+sys.exit(main())
+"""
+    done = subprocess.run(  # noqa: S603 - the arguments are this file's
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=desk, env=environment()
+    )
+    assert done.returncode in {-signal.SIGINT, 130}  # a shell gives 130 for both
+    assert done.stdout == ""
+    assert done.stderr in {"", "emaphm: interrupted\n"}
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a limit on the size of files")
-def test_a_disk_that_fills_up_leaves_nothing_behind(emaphm: Emaphm, desk: Path) -> None:
+@pytest.mark.parametrize("name", ["out.csv", "out.parquet"])
+def test_a_disk_that_fills_up_leaves_nothing_behind(emaphm: Emaphm, desk: Path, name: str) -> None:
     # The kernel's own cache on disk is larger than the limit, and must be there before.
     assert emaphm("simulate", "warm.csv", "--model", "averaged").code == 0
     (desk / "warm.csv").unlink()
     limited = (
-        "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000));"
+        "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, 50_000));"
         "from emaphm.cli import main; sys.exit(main(sys.argv[1:]))"
     )
     done = subprocess.run(  # noqa: S603 - the arguments are this file's
-        [sys.executable, "-c", limited, "simulate", "out.csv", "--model", "averaged"],
+        [sys.executable, "-c", limited, "simulate", name, "--model", "averaged"],
         capture_output=True,
         text=True,
         check=False,
@@ -162,7 +229,7 @@ def test_a_disk_that_fills_up_leaves_nothing_behind(emaphm: Emaphm, desk: Path) 
     )
     assert (done.returncode, done.stdout) == (2, "")
     assert len(done.stderr.splitlines()) == 1
-    assert "out.csv: cannot be written (File too large" in done.stderr
+    assert f"{name}: cannot be written (File too large" in done.stderr
     assert {path.name for path in desk.iterdir()} == {"good.csv", "good.toml"}
 
 

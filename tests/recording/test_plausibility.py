@@ -36,6 +36,29 @@ WRONG = {
         ["current_A reaches", "current limit is 22.5", "milliamperes"],
     ),
     "current in kA": (_scaled({"current_A": 1e-3}), ["current_A stays below", "kiloamperes"]),
+    "dead current sensor": (_scaled({"current_A": 0.0}), ["current_A is 0 throughout", "check the sensor"]),
+    "voltage in mV": (
+        lambda columns: {**columns, "voltage_V": 24e3 * np.sign(columns["current_A"])},
+        ["voltage_V reaches 2.4e+04 at row 1,", "supply is 48", "millivolts"],
+    ),
+    "one absurd voltage": (
+        lambda columns: {**columns, "voltage_V": np.where(np.arange(2500) == 41, 1e308, 24.0)},
+        ["voltage_V reaches 1e+308 at row 42,", "convert it to V"],
+    ),
+    "voltage of nothing": (
+        lambda columns: {**columns, "voltage_V": 1e-300 * columns["current_A"]},
+        ["voltage_V reaches only", "no sensor resolves", "leave the column out"],
+    ),
+    "an absurd angle": (
+        lambda columns: {**columns, "angle_rad": np.where(np.arange(2500) == 41, -1e300, 24.0)},
+        ["angle_rad reaches 1e+300 at row 42,", "correct that value"],
+    ),
+    "load at the user": (
+        lambda columns: {**columns, "load_Nm": np.full(2500, -500.0)},
+        ["load_Nm reaches 500 at row 1,", "the motor holds 1.692", "refer it to the motor shaft"],
+    ),
+    "temperature in mK": (_scaled({"temperature_K": 1e3}), ["temperature_K reaches", "convert it to K"]),
+    "speed far too small": (_scaled({"speed_rad_s": 1e-4}), ["speed_rad_s stays below", "on average"]),
     "speed far too large": (_scaled({"speed_rad_s": 1e3}), ["speed_rad_s reaches", "rpm"]),
     "Celsius": (
         lambda columns: {**columns, "temperature_K": columns["temperature_K"] - 273.15},
@@ -58,6 +81,20 @@ def test_wrong_unit_is_named(
     assert text.startswith("rig 3: ")
     for part in expected:
         assert part in text
+
+
+@pytest.mark.parametrize(
+    ("rows", "interval", "piece"),
+    [(200_001, 1e-4, "has 200,001 rows"), (60_000, 0.01, "takes 600 s, a model is fitted to 500 s")],
+)
+def test_a_long_recording_is_refused_with_the_way_out(
+    thesis: Actuator, refusal: Refusal, rows: int, interval: float, piece: str
+) -> None:
+    ones = np.ones(rows)
+    long = Recording({"time_s": interval * np.arange(rows), "command_rad": 1e-3 * ones, "current_A": ones})
+    text = refusal(lambda: check_plausible(long, thesis))
+    assert piece in text
+    assert "cut one manoeuvre out of it" in text
 
 
 def test_row_of_a_spike_is_named(columns: Columns, thesis: Actuator, refusal: Refusal) -> None:

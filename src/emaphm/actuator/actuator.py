@@ -1,7 +1,6 @@
 """The actuator as a whole, and its TOML."""
 
 import math
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -19,7 +18,9 @@ from emaphm.actuator.parameters import (
     Section,
 )
 from emaphm.actuator.toml import validation_message, write_toml
-from emaphm.errors import ActuatorError, OutputError
+from emaphm.errors import ActuatorError
+from emaphm.input_files import read_toml
+from emaphm.output_files import written_whole
 
 PRESETS = ("thesis",)
 
@@ -100,17 +101,7 @@ class Actuator(Section):
             names the file, the key and the remedy.
         """
         path = Path(path)
-        try:
-            text = path.read_text(encoding="utf-8-sig")
-        except FileNotFoundError:
-            raise ActuatorError(f"{path}: no such actuator file; give the path of its TOML") from None
-        except (OSError, UnicodeDecodeError) as error:
-            raise ActuatorError(f"{path}: cannot be read as a TOML text file ({error})") from None
-        try:
-            values = tomllib.loads(text)
-        except tomllib.TOMLDecodeError as error:
-            raise ActuatorError(f"{path}: not valid TOML: {error}; correct the syntax there") from None
-        return cls.from_dict(values, where=str(path))
+        return cls.from_dict(read_toml(path, "actuator file", ActuatorError), where=str(path))
 
     @classmethod
     def from_dict(cls, values: dict[str, Any], *, where: str = "actuator") -> Self:
@@ -133,7 +124,5 @@ class Actuator(Section):
         OutputError
             The file cannot be written there.
         """
-        try:
-            Path(path).write_text(write_toml(self, comments), encoding="utf-8")
-        except OSError as error:
-            raise OutputError(f"{path}: cannot be written ({error.strerror}); give another path") from None
+        with written_whole(path) as temporary:
+            temporary.write_text(write_toml(self, comments), encoding="utf-8")

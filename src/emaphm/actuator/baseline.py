@@ -5,7 +5,7 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
-from emaphm.actuator.parameters import Section
+from emaphm.actuator.parameters import LARGEST, SMALLEST, Section
 from emaphm.actuator.quantity import quantity
 from emaphm.errors import nearest
 
@@ -92,9 +92,12 @@ class Baseline(Section):
             raise ValueError(
                 f"must have a row and a column for each of {count} names, has {len(rows)} rows of {sizes}"
             )
+        wide = [value for row in rows for value in row if abs(value) > LARGEST]
+        if wide:
+            raise ValueError(f"must have values of {LARGEST:g} at most, has {wide[0]:g}")
         # Each in units of its own deviation: they may be of very different sizes.
         deviations = np.sqrt(np.maximum(np.diag(rows), 0.0))
-        unit = np.where(deviations > 0, deviations, 1.0)
+        unit = np.where(deviations > SMALLEST, deviations, 1.0)
         matrix = np.array(rows) / np.outer(unit, unit)
         uneven = np.argwhere(np.abs(matrix - matrix.T) > ROUNDING)
         if uneven.size:

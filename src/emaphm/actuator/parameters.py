@@ -4,20 +4,34 @@ Symbols and values follow the thesis (Tab. 3.1). A linear actuator uses the same
 in place of rad, N·m, kg·m²; everything mechanical is referred to the motor shaft.
 """
 
-from typing import Literal, Self
+from typing import Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from emaphm.actuator.quantity import quantity
 
 THESIS = "thesis Tab. 3.1"
 CHOSEN = "chosen, not in the thesis"
 
+SMALLEST, LARGEST = 1e-15, 1e15
+"""Magnitudes that a quantity may have unless it is 0, in its SI unit: no actuator comes near, and products
+and ratios of what lies within stay finite."""
+
 
 class Section(BaseModel):
     """Frozen, and closed to unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    @field_validator("*")
+    @classmethod
+    def _of_sensible_magnitude(cls, value: Any) -> Any:
+        for number in value if isinstance(value, tuple) else (value,):
+            if isinstance(number, float) and number and not SMALLEST <= abs(number) <= LARGEST:
+                raise ValueError(
+                    f"must be 0 or of a magnitude from {SMALLEST:g} to {LARGEST:g}, in its SI unit"
+                )
+        return value
 
 
 class Controller(Section):
@@ -67,7 +81,7 @@ class Electrical(Section):
     supply: float = quantity("supply voltage, V_dc", "V", THESIS, gt=0)
     resistance: float = quantity("resistance line to line, R_s", "ohm", THESIS, gt=0)
     inductance: float = quantity("inductance line to line, L_s", "H", THESIS, gt=0)
-    pole_pairs: int = quantity("pole pairs, P", "-", THESIS, ge=1)
+    pole_pairs: int = quantity("pole pairs, P", "-", THESIS, ge=1, le=1000)
     hysteresis: float = quantity(
         "current hysteresis: comparators switch at plus and minus, hb", "A", THESIS, gt=0
     )

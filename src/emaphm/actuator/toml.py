@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import tomlkit
 from pydantic import BaseModel, ValidationError
 
 from emaphm.actuator.quantity import unit_for
@@ -17,6 +16,8 @@ LONGEST_QUOTED = 200
 
 def write_toml(actuator: BaseModel, comments: str = "") -> str:
     """Return `actuator` as TOML text, every quantity followed by its meaning and unit."""
+    import tomlkit
+
     document = tomlkit.document()
     for line in comments.splitlines():
         document.add(tomlkit.comment(line))
@@ -34,6 +35,8 @@ def write_toml(actuator: BaseModel, comments: str = "") -> str:
 
 
 def _table(section: type[BaseModel], values: dict[str, Any], coordinates: str) -> Any:
+    import tomlkit
+
     table = tomlkit.table()
     for name, value in values.items():
         item = tomlkit.item(value)

@@ -1,5 +1,8 @@
 """The command line: it parses, calls the library, and prints."""
 
-from emaphm.cli.main import app, main
+try:
+    from emaphm.cli.entry import main
+except KeyboardInterrupt:  # from now on `main` deals with it
+    raise SystemExit(130) from None
 
-__all__ = ["app", "main"]
+__all__ = ["main"]

@@ -2,6 +2,6 @@
 
 import sys
 
-from emaphm.cli import main
+from emaphm.cli.entry import main
 
 sys.exit(main())

@@ -21,8 +21,13 @@ from emaphm.cli.options import (
     command_named,
     described_actuator,
     names_in,
+    whole_number,
 )
 from emaphm.cli.output import draw, progress, show
+from emaphm.errors import MethodError, SignalError
+
+MOST_CANDIDATES, MOST_TESTS = 10_000, 1_000
+"""Work that is begun: a candidate takes some milliseconds, a test some tenths of a second."""
 
 
 def design(
@@ -49,11 +54,18 @@ def design(
     noise: Annotated[float, Parameter(help="Noise of the current's sensor, rms [A].")] = 0.05,
     sample_rate: SampleRate = 5000.0,
     candidates: Annotated[
-        int, Parameter(help="Chirps to try in search of a better one; 0 to tell of the given one only.")
+        int,
+        Parameter(
+            converter=whole_number,
+            help="Chirps to try in search of a better one; 0 to tell of the given one only.",
+        ),
     ] = 48,
     tests: Annotated[
         int,
-        Parameter(help="Simulated tests that prove the given manoeuvre and the best found; 0 for no proof."),
+        Parameter(
+            converter=whole_number,
+            help="Simulated tests that prove the given manoeuvre and the best found; 0 for no proof.",
+        ),
     ] = 12,
     out: Annotated[
         Path | None,
@@ -76,6 +88,12 @@ def design(
     check_output(out, (".csv",), force=force)
     check_output(figure, FIGURES, force=force)
     described = described_actuator(actuator)
+    _check_size(sample_rate * max(duration, max_duration or 0.0), candidates, tests)
+    if noise > described.controller.current_limit:
+        raise SignalError(
+            f"--noise {noise:g} A exceeds the current limit of {described.controller.current_limit:g} A; "
+            "give the rms of the sensor's noise"
+        )
     with progress("designing", as_json) as advance:
         result = plan(
             described,
@@ -99,3 +117,19 @@ def design(
         text += f"\n\nCommand written to {out}; it lasts {result.found.excitation.duration:g} s."
     draw(result, figure)
     show(result.to_dict(), text, as_json)
+
+
+def _check_size(rows: float, candidates: int, tests: int) -> None:
+    """Refuse what would take more memory or time than there is."""
+    from emaphm.recording.plausibility import MOST_ROWS
+
+    if rows > MOST_ROWS:
+        raise SignalError(
+            f"--sample-rate and the duration make {rows:.3g} rows, {MOST_ROWS:,} are possible; sample slower"
+        )
+    for option, number, most in (
+        ("--candidates", candidates, MOST_CANDIDATES),
+        ("--tests", tests, MOST_TESTS),
+    ):
+        if number > most:
+            raise MethodError(f"{option} {number} would take too long; give {most:,} or fewer")

@@ -9,13 +9,33 @@ from cyclopts import App, CycloptsError
 
 from emaphm.cli import study, verbs
 from emaphm.cli.design import design
+from emaphm.cli.entry import INTERRUPTED
 from emaphm.errors import EmaphmError
-from emaphm.version import VERSION
+
+UNWRITABLE = {
+    errno.ENOSPC: "no space is left for it",
+    errno.EDQUOT: "the disk quota is used up",
+    errno.EFBIG: "it would be larger than files may be",
+    errno.EBADF: "it is not open for writing",
+    errno.EIO: "the device fails",
+}
+"""What may happen to stdout, and is no defect of ours."""
+
+LONGEST_LINE = 1200
+"""Longest complaint; a longer one quotes an argument or a name that nobody would read."""
+
+
+def _version() -> str:
+    from emaphm.version import VERSION
+
+    return VERSION
+
 
 app = App(
     name="emaphm",
     help="Faults of an electromechanical actuator, identified from a recording.",
-    version=VERSION,
+    version=_version,
+    help_format="plaintext",  # a parser of Markdown takes longer to import than all else of --help
     suppress_keyboard_interrupt=False,
 )
 for verb in (verbs.demo, verbs.simulate, verbs.diagnose, verbs.calibrate, verbs.replay, design):
@@ -23,30 +43,55 @@ for verb in (verbs.demo, verbs.simulate, verbs.diagnose, verbs.calibrate, verbs.
 app.command(study.app)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run the command line; return 0 when done, 2 for what the user can mend, 1 for a defect of ours."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")  # a terminal without × or · is no reason to fail
+def run(arguments: list[str]) -> int:
+    """Run a command line; return 0 when done, 2 for what the user can correct, 130 when interrupted."""
     try:
+        return _run(arguments)
+    except KeyboardInterrupt as error:
+        _say(": ".join(["interrupted", *map(str, error.args)]))
+        return INTERRUPTED
+
+
+def _run(arguments: list[str]) -> int:
+    if not _prepare_streams():
+        return _complain("stdout is closed, nothing could be answered; redirect it, to /dev/null at least")
+    try:
+        for argument in arguments:
+            if "\0" in argument:
+                return _complain(f"argument {argument!r} holds a null character; leave it out")
         app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
         sys.stdout.flush()
     except EmaphmError as error:
         return _complain(str(error))
     except CycloptsError as error:
         return _complain(f"{' '.join(str(error).split())} See emaphm --help.")
-    except KeyboardInterrupt as error:
-        print(": ".join(["emaphm: interrupted", *error.args]), file=sys.stderr)
-        return 130
-    except BrokenPipeError:
-        # The reader of a pipe left early (`emaphm … | head`): nothing more can be said to it.
+    except (BrokenPipeError, SystemExit):
+        # The reader of a pipe left early (`emaphm … | head`): nothing more can be said to it. What prints
+        # --help makes a SystemExit of it.
         _discard_stdout()
     except OSError as error:
-        if error.errno != errno.ENOSPC:
+        if error.errno not in UNWRITABLE or error.filename is not None:
             raise
         _discard_stdout()
-        return _complain("no space is left for the output; free some, or write elsewhere")
+        return _complain(f"stdout cannot be written: {UNWRITABLE[error.errno]}; write elsewhere")
     return 0
+
+
+def _prepare_streams() -> bool:
+    """Make the streams fit for any text; return whether there is a stdout to answer on."""
+    has_stdout = sys.stdout is not None
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            # Else the next file that is opened would get this number, and what is meant for the stream.
+            os.open(os.devnull, os.O_RDWR)
+    if sys.stderr is None:
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123, SIM115 - open until the end
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal without × or · is no reason to fail
+    return has_stdout
 
 
 def _discard_stdout() -> None:
@@ -56,5 +101,14 @@ def _discard_stdout() -> None:
 
 def _complain(text: str) -> int:
     line = "".join(c if c.isprintable() else " " for c in text)  # names may hold anything
-    print(f"emaphm: {line}", file=sys.stderr)
+    if len(line) > LONGEST_LINE:
+        line = f"{line[: LONGEST_LINE // 2]} … {line[-LONGEST_LINE // 2 :]}"
+    _say(line)
     return 2
+
+
+def _say(line: str) -> None:
+    try:
+        print(f"emaphm: {line}", file=sys.stderr, flush=True)
+    except OSError:  # nobody reads it (`2>&1 | true`); the exit code says enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())

@@ -9,14 +9,28 @@ from cyclopts import Parameter
 from emaphm.errors import FaultError, SignalError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
+
+    from cyclopts import Token
 
     from emaphm.actuator import Actuator, Command, Faults, Load
+
+
+def whole_number(_: Any, tokens: "Sequence[Token]") -> int:
+    """Return a whole number; 1.5 is refused, where the usual conversion would round it."""
+    try:
+        return int(tokens[0].value)
+    except ValueError:
+        raise ValueError(f'unable to convert "{tokens[0].value}" into int; give a whole number.') from None
+
 
 AsJson = Annotated[
     bool, Parameter(name="--json", negative="", help="Print one JSON object and nothing else.")
 ]
-Seed = Annotated[int, Parameter(help="Source of all randomness; the same seed gives the same numbers.")]
+Seed = Annotated[
+    int,
+    Parameter(converter=whole_number, help="Source of all randomness; the same seed gives the same numbers."),
+]
 Force = Annotated[bool, Parameter(negative="", help="Replace existing output files.")]
 ActuatorFile = Annotated[
     str, Parameter(help="TOML description of the actuator, or 'thesis' for the built-in one.")

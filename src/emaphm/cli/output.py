@@ -1,6 +1,7 @@
 """How verbs answer: text or JSON on stdout, progress on stderr, figures in files."""
 
 import json
+import math
 import sys
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,7 +13,18 @@ if TYPE_CHECKING:
 
 def show(values: dict[str, Any], text: str, as_json: bool) -> None:
     """Print the answer, as JSON or as text."""
-    print(json.dumps(values) if as_json else text)
+    print(json.dumps(_finite(values), allow_nan=False) if as_json else text)
+
+
+def _finite(value: Any) -> Any:
+    """Return a JSON value with null for numbers that are not finite: JSON has no name for them."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(item) for item in value]
+    return value
 
 
 def draw(result: Any, figure: Path | None) -> None:

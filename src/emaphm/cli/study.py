@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, Parameter
 
-from emaphm.cli.options import AsJson
+from emaphm.cli.options import AsJson, whole_number
 from emaphm.cli.output import counter, show
 
 if TYPE_CHECKING:
@@ -21,7 +21,9 @@ def run(
     out: Annotated[
         Path, Parameter(name=("--out", "-o"), help="Folder for the results, new or of this plan.")
     ],
-    workers: Annotated[int | None, Parameter(help="Runs side by side; one a core if left out.")] = None,
+    workers: Annotated[
+        int | None, Parameter(converter=whole_number, help="Runs side by side; one a core if left out.")
+    ] = None,
     scheduler: Annotated[
         str | None, Parameter(help="Address of a Dask scheduler to run on, e.g. tcp://10.0.0.1:8786.")
     ] = None,

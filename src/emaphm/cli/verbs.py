@@ -28,10 +28,10 @@ from emaphm.cli.options import (
     load_named,
     names_in,
     recording_of,
+    whole_number,
 )
 from emaphm.cli.output import draw, progress, show
 from emaphm.errors import SignalError
-from emaphm.version import VERSION
 
 
 def demo(
@@ -59,7 +59,9 @@ def simulate(
     frequency: Frequency = None,
     fault: FaultList = (),
     noise: Annotated[float, Parameter(help="Sensor noise on the currents, rms [A].")] = 0.0,
-    adc_bits: Annotated[int | None, Parameter(help="Resolution of the sensors' converters.")] = None,
+    adc_bits: Annotated[
+        int | None, Parameter(converter=whole_number, help="Resolution of the sensors' converters.")
+    ] = None,
     duration: Duration = 0.5,
     sample_rate: SampleRate = 5000.0,
     load: Annotated[
@@ -75,6 +77,7 @@ def simulate(
     from emaphm.output_files import check_writable
     from emaphm.recording import write_recording
     from emaphm.recording.io.write import ENDINGS
+    from emaphm.version import VERSION
 
     check_seed(seed)
     check_writable(out, force=force, endings=ENDINGS)
@@ -148,13 +151,14 @@ def diagnose(
     as_json: AsJson = False,
 ) -> None:
     """Say which faults explain a recording, and how sure that is."""
-    from emaphm.diagnosis import diagnose as identify
-    from emaphm.estimation.bias_correction import MAX_CORRECTIONS
-
     check_seed(seed)
     check_output(report, (".html",), force=force)
     described = described_actuator(actuator)
     recorded = recording_of(recording, described)
+    # Not before: what cannot be read is refused without waiting for a compiler to be loaded.
+    from emaphm.diagnosis import diagnose as identify
+    from emaphm.estimation.bias_correction import MAX_CORRECTIONS
+
     with progress("diagnosing", as_json) as advance:
         diagnosis = identify(
             recorded,
@@ -204,16 +208,15 @@ def calibrate(
 
     The calibrated description's [baseline] is the prior of later diagnoses.
     """
-    from emaphm.calibration import calibrate as estimate
-    from emaphm.estimation.bias_correction import MAX_CORRECTIONS
-    from emaphm.output_files import written_whole
-
     check_seed(seed)
     check_output(out, (".toml",), force=force)
     check_output(figure, FIGURES, force=force)
     described = described_actuator(actuator)
     recorded = [recording_of(path, described) for path in recording]
     names = names_in(free)
+    from emaphm.calibration import calibrate as estimate
+    from emaphm.estimation.bias_correction import MAX_CORRECTIONS
+
     with progress("calibrating", as_json) as advance:
         result = estimate(
             recorded,
@@ -226,8 +229,7 @@ def calibrate(
         )
     files = ", ".join(path.name for path in recording)
     comments = f"Calibrated on {files}: {', '.join(names)}; the rest as in '{described.name}'.\n{result}"
-    with written_whole(out) as temporary:
-        result.actuator.to_toml(temporary, comments=comments)
+    result.actuator.to_toml(out, comments=comments)
     text = f"{result}\n\nCalibrated description written to {out}"
     draw(result, figure)
     show(result.to_dict(), text, as_json)
@@ -245,11 +247,12 @@ def replay(
     as_json: AsJson = False,
 ) -> None:
     """Run a model on a recording's command and load, and compare it channel by channel."""
-    from emaphm.estimation import replay as rerun
-
     check_seed(seed)
     check_output(figure, FIGURES, force=force)
     described, faults = described_actuator(actuator), fault_vector(fault)
-    result = rerun(recording_of(recording, described), described, faults=faults, model=model)
+    recorded = recording_of(recording, described)
+    from emaphm.estimation import replay as rerun
+
+    result = rerun(recorded, described, faults=faults, model=model)
     draw(result, figure)
     show(result.to_dict(), str(result), as_json)

@@ -1,4 +1,4 @@
-"""Wrong units, found by judging a recording against the limits of its actuator.
+"""Wrong units and useless channels, found by judging a recording against the limits of its actuator.
 
 Each rule leaves room for any healthy or faulty actuator and fires only on orders of magnitude.
 """
@@ -11,8 +11,21 @@ from emaphm.actuator import Actuator
 from emaphm.arrays import Array
 from emaphm.errors import RecordingError
 from emaphm.recording.checks import COUNTING
+from emaphm.recording.io.limits import WAY_OUT
 from emaphm.recording.recording import Recording
-from emaphm.recording.schema import PHASES
+from emaphm.recording.schema import PHASES, SCHEMA
+
+MOST_ROWS = 200_000
+"""Longest recording that models are fitted to [rows]: 40 s at 5 kHz. A row takes up to 12 kB and 0.5 ms of a
+diagnosis, hence 2 GB and two minutes in all (``/usr/bin/time -v emaphm diagnose`` of simulated recordings of
+10,000 to 500,000 rows)."""
+
+LONGEST_S = 500.0
+"""Longest duration that models are fitted to [s]: their own steps take memory and time whatever the rows."""
+
+SMALLEST, LARGEST = 1e-15, 1e15
+"""Magnitudes that a channel may have, in its SI unit: no sensor of an actuator gives anything near, and
+squares and products of what lies within stay finite and above 0."""
 
 LONGEST_INTERVAL_S = 0.02
 """Slower rows show no current loop at all; milliseconds taken for seconds look like this."""
@@ -33,6 +46,9 @@ FOLLOWS = 0.5
 FRICTION_SHARE = 0.05
 """A moving motor draws at least this share of what carries its friction; in kA it would seem less."""
 
+HOTTEST_K = 1000.0
+"""Copper and magnets of no motor survive it."""
+
 COLDEST_K = 150.0
 """No actuator works below; Celsius taken for kelvin looks like this."""
 
@@ -41,7 +57,7 @@ LINEAR_UNITS = {"millimetres": 1e3, "micrometres": 1e6}
 
 
 def check_plausible(recording: Recording, actuator: Actuator) -> None:
-    """Refuse a recording whose units are wrong by orders of magnitude.
+    """Refuse a recording whose units are wrong by orders of magnitude, or that no model can be fitted to.
 
     Parameters
     ----------
@@ -53,19 +69,34 @@ def check_plausible(recording: Recording, actuator: Actuator) -> None:
     Raises
     ------
     RecordingError
-        A channel is far outside what the actuator can do; the message names the likely cause.
+        A channel is far outside what the actuator can do, the current is 0 throughout, or the recording is
+        too long; the message names the likely cause and the remedy.
     """
     complaint = (
-        _interval(recording)
+        _length(recording)
+        or _interval(recording)
         or _motion(recording, actuator)
         or _end_stops(recording, actuator)
+        or _no_current(recording)
         or _high_current(recording, actuator)
         or _low_current(recording, actuator)
         or _speed(recording, actuator)
+        or _low_speed(recording, actuator)
+        or _voltage(recording, actuator)
+        or _load(recording, actuator)
         or _temperature(recording)
+        or _magnitude(recording)
     )
     if complaint:
         raise RecordingError(f"{recording.source}: {complaint}")
+
+
+def _length(recording: Recording) -> str | None:
+    if recording.samples > MOST_ROWS:
+        return f"has {recording.samples:,} rows, a model is fitted to {MOST_ROWS:,} at most; {WAY_OUT}"
+    if recording.duration_s > LONGEST_S and recording.interval_s <= LONGEST_INTERVAL_S:
+        return f"takes {recording.duration_s:,.0f} s, a model is fitted to {LONGEST_S:g} s at most; {WAY_OUT}"
+    return None
 
 
 def _interval(recording: Recording) -> str | None:
@@ -112,6 +143,12 @@ def _motion(recording: Recording, actuator: Actuator) -> str | None:
     )
 
 
+def _no_current(recording: Recording) -> str | None:
+    if "current_A" not in recording or np.any(recording["current_A"]):
+        return None
+    return "current_A is 0 throughout: nothing was measured; check the sensor and its channel"
+
+
 def _high_current(recording: Recording, actuator: Actuator) -> str | None:
     limit = actuator.controller.current_limit
     for name in (*PHASES, "current_A"):
@@ -150,9 +187,52 @@ def _speed(recording: Recording, actuator: Actuator) -> str | None:
     )
 
 
+def _low_speed(recording: Recording, actuator: Actuator) -> str | None:
+    if "speed_rad_s" not in recording or not _follows(recording):
+        return None
+    # Whoever covers a distance in a time is at least once as fast as on average.
+    needed = float(np.ptp(recording["position_rad"])) / (actuator.mechanics.gear_ratio * recording.duration_s)
+    reached, _ = _peak(recording, "speed_rad_s")
+    if reached >= FRICTION_SHARE * needed:
+        return None
+    return (
+        f"speed_rad_s stays below {reached:.4g}, yet the motion of the position takes {needed:.4g} on "
+        "average; give the motor's speed, and in its SI unit"
+    )
+
+
+def _voltage(recording: Recording, actuator: Actuator) -> str | None:
+    reached, row = _peak(recording, "voltage_V")
+    if actuator.electrical is None or reached <= BEYOND_LIMIT * actuator.electrical.supply:
+        return None
+    return (
+        f"voltage_V reaches {reached:.4g} at row {row}, the supply is {actuator.electrical.supply:.4g}; it "
+        f"seems to be in millivolts or raw counts: convert it to V ({COUNTING})"
+    )
+
+
+def _load(recording: Recording, actuator: Actuator) -> str | None:
+    # At the current limit the motor can hold no more than this.
+    held = actuator.motor.torque_constant * actuator.controller.current_limit
+    reached, row = _peak(recording, "load_Nm")
+    if reached <= BEYOND_LIMIT * held:
+        return None
+    unit = "N" if actuator.coordinates == "linear" else "N·m"
+    return (
+        f"load_Nm reaches {reached:.4g} at row {row}, the motor holds {held:.4g} at its current limit; it "
+        f"seems to be the load at the user: refer it to the motor shaft, in {unit} ({COUNTING})"
+    )
+
+
 def _temperature(recording: Recording) -> str | None:
     if "temperature_K" not in recording:
         return None
+    reached, row = _peak(recording, "temperature_K")
+    if reached > HOTTEST_K:
+        return (
+            f"temperature_K reaches {reached:.4g} at row {row}, which no motor survives: convert it to K "
+            f"({COUNTING})"
+        )
     row = int(np.argmin(recording["temperature_K"]))
     coldest = recording["temperature_K"][row]
     if coldest >= COLDEST_K:
@@ -161,6 +241,22 @@ def _temperature(recording: Recording) -> str | None:
         f"temperature_K is {coldest:.4g} at row {row + 1}; it seems to be in degrees Celsius: add 273.15 "
         f"({COUNTING})"
     )
+
+
+def _magnitude(recording: Recording) -> str | None:
+    for name in filter(recording.__contains__, SCHEMA):
+        reached, row = _peak(recording, name)
+        if reached > LARGEST:
+            return (
+                f"{name} reaches {reached:.4g} at row {row}, which no sensor gives; correct that value, or "
+                f"convert the column to {SCHEMA[name].unit} ({COUNTING})"
+            )
+        if 0 < reached < SMALLEST:
+            return (
+                f"{name} reaches only {reached:.4g}, at row {row}, which no sensor resolves; convert it to "
+                f"{SCHEMA[name].unit}, or leave the column out ({COUNTING})"
+            )
+    return None
 
 
 def _peak(recording: Recording, name: str) -> tuple[float, int]:

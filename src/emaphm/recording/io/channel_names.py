@@ -3,11 +3,11 @@
 from emaphm.actuator.parameters import Channels
 from emaphm.errors import RecordingError, nearest
 from emaphm.recording.checks import NEEDED, missing_columns
-from emaphm.recording.io.table import Table
+from emaphm.recording.io.file_columns import FileColumns
 from emaphm.recording.schema import SCHEMA
 
 
-def names_in_file(table: Table, channels: Channels, source: str) -> dict[str, str]:
+def names_in_file(columns: FileColumns, channels: Channels, source: str) -> dict[str, str]:
     """Return the name in the file of each schema column that it holds.
 
     A column is known by the name that `channels` gives it, else by its schema name. A file without
@@ -16,7 +16,7 @@ def names_in_file(table: Table, channels: Channels, source: str) -> dict[str, st
 
     Parameters
     ----------
-    table
+    columns
         What the file holds.
     channels
         Names under which the rig stores its channels.
@@ -29,7 +29,7 @@ def names_in_file(table: Table, channels: Channels, source: str) -> dict[str, st
         A name set in `channels`, or a needed column, is not in the file; or it is there without
         being a column of numbers.
     """
-    held = [*table.numeric, *table.unusable]
+    held = [*columns.numeric, *columns.unusable]
     given: dict[str, str] = channels.model_dump(include=set(SCHEMA))
     foreign = {name: there for name, there in given.items() if there != name}
     is_foreign = any(there in held for there in foreign.values())
@@ -45,9 +45,9 @@ def names_in_file(table: Table, channels: Channels, source: str) -> dict[str, st
         free = [name for name in held if name not in names.values()]
         raise RecordingError(f"{source}: {_missing(missing[0], given[missing[0]], free, held)}")
     for name, there in names.items():
-        if there in table.unusable:
+        if there in columns.unusable:
             label = f"'{there}'" if there == name else f"'{there}' ({name})"
-            raise RecordingError(f"{source}: column {label} {table.unusable[there]}")
+            raise RecordingError(f"{source}: column {label} {columns.unusable[there]}")
     return names
 
 

@@ -2,53 +2,76 @@
 
 import csv
 import io
-from collections import Counter
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from emaphm.errors import RecordingError
+from emaphm.input_files import read_bytes
 from emaphm.recording.checks import COUNTING
-from emaphm.recording.io.table import Table, excerpt, reason, tidy
+from emaphm.recording.io.file_columns import FileColumns, check_names, excerpt, reason, tidy
+from emaphm.recording.io.limits import ReadLimits
 
 if TYPE_CHECKING:
     import polars as pl
 
 FOREIGN_SEPARATORS = {";": "';'", "\t": "tabs", "|": "'|'"}
 
+COMPRESSED = {b"\x1f\x8b": "gzip", b"\x28\xb5\x2f\xfd": "zstd", b"PK\x03\x04": "zip"}
+"""How compressed files begin; some programs leave the ending .csv on them."""
 
-def read_csv(content: bytes, source: str) -> Table:
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+
+
+def read_csv(path: Path, limits: ReadLimits) -> FileColumns:
     """Read the columns of a CSV file.
+
+    A file may have been cut short within its last number. If its last line has no line end, the last value
+    is taken for whole only if it is quoted, or has at least as many characters as the longest value of its
+    column: a part of a number is shorter. Else its column is unusable.
 
     Parameters
     ----------
-    content
-        The file's bytes.
-    source
-        Its name, for errors.
+    path
+        The file.
+    limits
+        Sizes beyond which it is refused.
 
     Raises
     ------
     RecordingError
-        It is no CSV text, its rows differ in length, or two columns have the same name.
+        It is too large, compressed, or no CSV text, its rows differ in length, or two columns have the same
+        name.
     """
     import polars as pl
 
+    source = str(path)
+    content = read_bytes(path, limits.file_bytes, RecordingError)
+    for start, name in COMPRESSED.items():
+        if content.startswith(start):
+            raise RecordingError(f"{source}: is compressed ({name}); unpack it first")
+    ends_in_line = content[-1:].isspace()
     # Files often begin or end with blank lines, which polars takes for rows.
-    content = content.strip()
+    content = content.removeprefix(BYTE_ORDER_MARK).strip()
+    # Quoted line breaks count as rows here, which only a file near the limit could be refused for.
+    limits.check(content.count(b"\n"), content.partition(b"\n")[0].count(b",") + 1, source)
     try:
-        # As text, so that a value that is no number can be shown with its row.
-        rows = pl.read_csv(content, has_header=False, infer_schema=False)
-    except pl.exceptions.PolarsError as error:
+        # As text, so that a value that is no number can be shown with its row. With a mark before it polars
+        # does not take text that begins with "x^" for compressed.
+        rows = pl.read_csv(BYTE_ORDER_MARK + content, has_header=False, infer_schema=False)
+    except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
         complaint = _uneven_row(content) or (
             f"not a readable CSV file ({reason(error)}); export it again as comma-separated UTF-8 text"
         )
         raise RecordingError(f"{source}: {complaint}") from None
     names = _column_names(rows.row(0), source)
-    table = Table({}, {})
+    columns = FileColumns({}, {})
     for name, column in zip(names, rows.slice(1).get_columns(), strict=True):
         if name:
-            _add(table, name, column)
-    return table
+            _add(columns, name, column)
+    if not ends_in_line:
+        _check_last_value(columns, names, rows, content)
+    return columns
 
 
 def _column_names(header: Sequence[str | None], source: str) -> list[str]:
@@ -59,36 +82,51 @@ def _column_names(header: Sequence[str | None], source: str) -> list[str]:
                 "and points in numbers"
             )
     names = [tidy(name) for name in header]
-    for name, count in Counter(names).items():
-        if name and count > 1:
-            raise RecordingError(
-                f"{source}: the header has {count} columns named '{name}'; rename or drop all but one"
-            )
+    check_names(names, source)
     return names
 
 
-def _add(table: Table, name: str, column: "pl.Series") -> None:
+def _add(columns: FileColumns, name: str, column: "pl.Series") -> None:
     text = column.str.strip_chars()
     numbers = text.cast(float, strict=False)
     wrong = (numbers.is_null() & text.is_not_null() & (text != "")).arg_true()
     if len(wrong):
         row = int(wrong[0])
-        table.unusable[name] = (
-            f"holds {excerpt(text[row])} at row {row + 1}, which is no number; mend or drop it ({COUNTING})"
+        columns.unusable[name] = (
+            f"holds {excerpt(text[row])} at row {row + 1}, which is no number; correct or drop it "
+            f"({COUNTING})"
         )
     else:
-        table.numeric[name] = numbers.to_numpy()
+        columns.numeric[name] = numbers.to_numpy()
+
+
+def _check_last_value(columns: FileColumns, names: list[str], rows: "pl.DataFrame", content: bytes) -> None:
+    """Make the column unusable whose last value may have been cut; see `read_csv`."""
+    last = content.rpartition(b"\n")[2]
+    cells = last.count(b",") + 1
+    if len(rows) < 2 or cells > len(names) or last.endswith((b'"', b",")):
+        return
+    name, value = names[cells - 1], last.rpartition(b",")[2].strip()
+    before = rows.get_column(rows.columns[cells - 1]).slice(1, len(rows) - 2)
+    longest = int(before.str.strip_chars().str.len_bytes().max() or 0)  # type: ignore[arg-type] # an integer
+    if len(value) >= longest and cells == len(names):
+        return
+    columns.numeric.pop(name, None)
+    columns.unusable[name] = (
+        f"ends with {excerpt(value.decode(errors='replace'))} and no line end at row {len(rows) - 1}: the "
+        f"file may be cut short; copy it again, or add a line end if that value is whole ({COUNTING})"
+    )
 
 
 def _uneven_row(content: bytes) -> str | None:
-    """Say which row has more values than the header, for polars does not."""
+    """Return which row has more values than the header, which polars does not say."""
     try:
         lines = csv.reader(io.StringIO(content.decode("utf-8"), newline=""))
         columns = len(next(lines))
         for number, line in enumerate(lines, start=1):
             if len(line) > columns:
                 return (
-                    f"row {number} has {len(line)} values where the header names {columns} columns; mend "
+                    f"row {number} has {len(line)} values where the header names {columns} columns; correct "
                     f"that row, and use points as the decimal sign ({COUNTING})"
                 )
     except (UnicodeDecodeError, csv.Error, StopIteration):

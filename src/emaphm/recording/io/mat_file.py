@@ -1,99 +1,73 @@
-"""MATLAB .mat files: versions 4 to 7 through SciPy, 7.3 (which is HDF5) through h5py."""
+"""MATLAB .mat files of all versions: which reader takes one, and which of its variables are columns."""
 
-import importlib
-import io
-import warnings
-from typing import Any
+import importlib.util
+from pathlib import Path
 
 import numpy as np
 
 from emaphm.errors import RecordingError
-from emaphm.recording.io.table import Table, reason
+from emaphm.input_files import read_bytes
+from emaphm.recording.io.file_columns import FileColumns, check_names
+from emaphm.recording.io.foreign_columns import shape_complaint
+from emaphm.recording.io.isolation import isolated_columns
+from emaphm.recording.io.limits import ReadLimits
+from emaphm.recording.io.mat_binary import MatError, Variable, read_version_4, read_version_5
 
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 HDF5_OFFSETS = (0, 512)
 """Where the signature stands: MATLAB puts a header of its own before it."""
 
+BYTE_ORDERS = {b"IM": "<", b"MI": ">"}
+"""The last two bytes of the header of version 5, as NumPy writes the byte order."""
 
-def read_mat(content: bytes, source: str) -> Table:
+
+def read_mat(path: Path, limits: ReadLimits) -> FileColumns:
     """Read the variables of a .mat file that are vectors of numbers.
 
     Parameters
     ----------
-    content
-        The file's bytes.
-    source
-        Its name, for errors.
+    path
+        The file.
+    limits
+        Sizes beyond which it is refused.
 
     Raises
     ------
     RecordingError
-        It is no .mat file, is damaged, has a variable twice, or needs h5py, which is not installed.
+        It is too large, is no .mat file, is damaged, has a variable twice, or needs h5py, which is not
+        installed.
     """
-    is_hdf5 = any(content.startswith(HDF5_SIGNATURE, offset) for offset in HDF5_OFFSETS)
-    variables = _load_hdf5(content, source) if is_hdf5 else _load(content, source)
-    table = Table({}, {})
-    for name, value in variables.items():
-        complaint = _complaint(value)
+    source = str(path)
+    content = read_bytes(path, limits.file_bytes, RecordingError)
+    if any(content.startswith(HDF5_SIGNATURE, offset) for offset in HDF5_OFFSETS):
+        return _read_hdf5(path, limits)
+    variables = _variables(content, limits, source)
+    check_names([variable.name for variable in variables], source)
+    limits.check(0, len(variables), source)
+    columns = FileColumns({}, {})
+    for variable in variables:
+        complaint = variable.complaint or shape_complaint(variable.shape)
         if complaint:
-            table.unusable[name] = complaint
-        else:
-            table.numeric[name] = np.asarray(value, float).ravel()
-    return table
+            columns.unusable[variable.name] = complaint
+            continue
+        limits.check(max(variable.shape), 1, source)
+        columns.numeric[variable.name] = np.asarray(variable.values, float)
+    return columns
 
 
-def _load(content: bytes, source: str) -> dict[str, Any]:
-    from scipy.io import loadmat
-    from scipy.io.matlab import MatReadWarning
-
+def _variables(content: bytes, limits: ReadLimits, source: str) -> list[Variable]:
+    order = BYTE_ORDERS.get(content[126:128])
     try:
-        with warnings.catch_warnings():
-            # SciPy warns of a variable that is there twice, and would take the later one.
-            warnings.simplefilter("error", MatReadWarning)
-            variables = loadmat(io.BytesIO(content))  # type: ignore[arg-type] # its stubs forget file objects
-    except MatReadWarning as warning:
-        what = reason(warning).partition(" in stream")[0]
-        raise RecordingError(f"{source}: {what}; save each variable once") from None
-    except Exception as error:  # noqa: BLE001 - SciPy's parser fails in any way on foreign bytes
-        raise _unreadable(error, source) from None
-    return {name: value for name, value in variables.items() if not name.startswith("__")}
-
-
-def _load_hdf5(content: bytes, source: str) -> dict[str, Any]:
-    try:
-        h5py: Any = importlib.import_module("h5py")
-    except ImportError:
+        return read_version_5(content, order, 8 * limits.numbers) if order else read_version_4(content)
+    except MatError as error:
         raise RecordingError(
-            f"{source}: a MATLAB 7.3 file needs h5py: pip install h5py; or save it with -v7 in MATLAB"
+            f"{source}: not a readable .mat file ({error}); it may be cut short: copy or save it again"
         ) from None
-    try:
-        with h5py.File(io.BytesIO(content), "r") as file:
-            return {name: _hdf5_value(item) for name, item in file.items() if not name.startswith("#")}
-    except (OSError, RuntimeError, KeyError, ValueError) as error:
-        raise _unreadable(error, source) from None
 
 
-def _hdf5_value(item: Any) -> Any:
-    # Text is stored as numbers there, and only this attribute tells.
-    is_text = item.attrs.get("MATLAB_class") in {b"char", "char"}
-    return item[()] if hasattr(item, "shape") and not is_text else None
-
-
-def _unreadable(error: Exception, source: str) -> RecordingError:
-    return RecordingError(
-        f"{source}: not a readable .mat file ({reason(error)}); it may be cut short: copy or save it again"
-    )
-
-
-def _complaint(value: Any) -> str | None:
-    if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiu":
-        kind = (
-            "a struct" if getattr(value, "dtype", None) is not None and value.dtype.names else "not numeric"
+def _read_hdf5(path: Path, limits: ReadLimits) -> FileColumns:
+    if importlib.util.find_spec("h5py") is None:
+        raise RecordingError(
+            f"{path}: a MATLAB 7.3 file needs h5py: pip install h5py; or save it with -v7 in MATLAB"
         )
-        return f"is {kind}; save it as a vector of real numbers under this name"
-    if value.size == 1:
-        return "is a single number; save one value for each sample"
-    if value.size == 0 or value.size != max(value.shape):
-        shape = " × ".join(map(str, value.shape))
-        return f"is an array of {shape}; save it as a vector, one value for each sample"
-    return None
+    return isolated_columns("hdf5", path, limits)

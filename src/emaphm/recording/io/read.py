@@ -1,21 +1,23 @@
-"""Reading a recording from a file: CSV, Parquet or MATLAB .mat, told apart by the file's ending."""
+"""Reading a recording from a file: CSV, Parquet or MATLAB .mat, by the file's ending."""
 
 from collections.abc import Callable
 from pathlib import Path
 
 from emaphm.actuator import Actuator, Sampled
 from emaphm.errors import RecordingError, SignalError, nearest
+from emaphm.input_files import checked_size
 from emaphm.recording.checks import check
 from emaphm.recording.equivalent_current import with_equivalent_current
 from emaphm.recording.io.channel_names import names_in_file
 from emaphm.recording.io.csv_file import read_csv
+from emaphm.recording.io.file_columns import FileColumns
+from emaphm.recording.io.limits import ReadLimits
 from emaphm.recording.io.mat_file import read_mat
 from emaphm.recording.io.parquet_file import read_parquet
-from emaphm.recording.io.table import Table
 from emaphm.recording.recording import Recording
 from emaphm.recording.schema import SCHEMA
 
-READERS: dict[str, Callable[[bytes, str], Table]] = {
+READERS: dict[str, Callable[[Path, ReadLimits], FileColumns]] = {
     ".csv": read_csv,
     ".parquet": read_parquet,
     ".mat": read_mat,
@@ -23,7 +25,12 @@ READERS: dict[str, Callable[[bytes, str], Table]] = {
 """How each kind of file is read; the endings in lower case."""
 
 
-def read_recording(path: str | Path, actuator: Actuator) -> Recording:
+def read_recording(
+    path: str | Path,
+    actuator: Actuator,
+    *,
+    limits: ReadLimits = ReadLimits(),  # noqa: B008 - frozen
+) -> Recording:
     """Read a recording of `actuator` from a file.
 
     Columns are found by the names in ``actuator.channels``, else by their schema names. Columns of
@@ -36,27 +43,30 @@ def read_recording(path: str | Path, actuator: Actuator) -> Recording:
         A .csv, .parquet or .mat file; capitals do not matter.
     actuator
         Gives the names of the channels, how they were sampled, and the pole pairs.
+    limits
+        Sizes beyond which a file is refused before it is read.
 
     Raises
     ------
     RecordingError
-        The file cannot be read, lacks a column, or breaks a rule of `emaphm.recording.checks.check`.
+        The file is too large, cannot be read, lacks a column, or breaks a rule of
+        `emaphm.recording.checks.check`.
     """
     path = Path(path)
     source = str(path)
-    table = _read_table(path)
-    names = names_in_file(table, actuator.channels, source)
-    columns = {name: table.numeric[there] for name, there in names.items()}
+    held = _columns(path, limits)
+    names = names_in_file(held, actuator.channels, source)
+    columns = {name: held.numeric[there] for name, there in names.items()}
     check(columns, source, names)
     taken = {*names.values(), *SCHEMA}
-    for name, values in table.numeric.items():
+    for name, values in held.numeric.items():
         if name not in taken and values.shape == columns["time_s"].shape:
             columns[name] = values
     return with_equivalent_current(Recording(columns, actuator.channels.sampling, source), actuator)
 
 
 def read_signal(path: str | Path, name: str) -> Sampled:
-    """Read one signal, such as a command to play, from the columns `time_s` and `name` of a file.
+    """Read one signal, such as a command to follow, from the columns `time_s` and `name` of a file.
 
     Raises
     ------
@@ -66,38 +76,23 @@ def read_signal(path: str | Path, name: str) -> Sampled:
         The values are not finite or the times do not increase.
     """
     path = Path(path)
-    table = _read_table(path)
+    held = _columns(path, ReadLimits())
     for needed in ("time_s", name):
-        if needed not in table.numeric:
-            absent = f"is missing{nearest(needed, table.numeric)}; the file needs time_s and {name}"
-            raise RecordingError(f"{path}: column '{needed}' {table.unusable.get(needed, absent)}")
+        if needed not in held.numeric:
+            absent = f"is missing{nearest(needed, held.numeric)}; the file needs time_s and {name}"
+            raise RecordingError(f"{path}: column '{needed}' {held.unusable.get(needed, absent)}")
     try:
-        return Sampled(table.numeric["time_s"], table.numeric[name])
+        return Sampled(held.numeric["time_s"], held.numeric[name])
     except SignalError as error:
         raise SignalError(f"{path}: {error}") from None
 
 
-def _read_table(path: Path) -> Table:
-    try:
-        read = _reader(path)
-        content = path.read_bytes()
-    except FileNotFoundError:
-        raise RecordingError(f"{path}: no such file; check the path") from None
-    except OSError as error:
-        raise RecordingError(
-            f"{path}: cannot be read ({error.strerror}); check the path and its permissions"
-        ) from None
-    if not content:
+def _columns(path: Path, limits: ReadLimits) -> FileColumns:
+    if not checked_size(path, limits.file_bytes, RecordingError):
         raise RecordingError(f"{path}: the file is empty; record or copy it again")
-    return read(content, str(path))
-
-
-def _reader(path: Path) -> Callable[[bytes, str], Table]:
-    if path.is_dir():
-        raise RecordingError(f"{path}: is a folder; give a file in it")
     read = READERS.get(path.suffix.lower())
     if read:
-        return read
+        return read(path, limits)
     ending = f"unknown file ending '{path.suffix}'" if path.suffix else "the name has no ending"
     raise RecordingError(
         f"{path}: {ending}; a recording ends in {', '.join(READERS)}: convert or rename the file"

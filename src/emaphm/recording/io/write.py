@@ -1,5 +1,6 @@
 """Writing a recording to CSV or Parquet, told apart by the file's ending."""
 
+import io
 from pathlib import Path
 
 from emaphm.output_files import check_writable, written_whole
@@ -28,8 +29,11 @@ def write_recording(recording: Recording, path: str | Path, *, force: bool = Fal
     """
     check_writable(path, force=force, endings=ENDINGS)
     frame = recording.to_frame()
+    # Through memory: where the disk is full, polars has errors of its own for each format.
+    content = io.BytesIO()
+    if Path(path).suffix.lower() == ".csv":
+        frame.write_csv(content)
+    else:
+        frame.write_parquet(content)
     with written_whole(path) as temporary:
-        if Path(path).suffix.lower() == ".csv":
-            frame.write_csv(temporary)
-        else:
-            frame.write_parquet(temporary)
+        temporary.write_bytes(content.getbuffer())

@@ -1,21 +1,32 @@
 """What a file holds, before its columns are given their names in the schema."""
 
+from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
+from emaphm.arrays import Array
+from emaphm.errors import RecordingError
 
 
 @dataclass(frozen=True)
-class Table:
+class FileColumns:
     """Columns of a file by the names they have there.
 
     `numeric` holds arrays of shape (n,), NaN where a value is absent; `unusable` says of each other
     column why it is none, in words that continue "column 'x' …" and end with the remedy.
     """
 
-    numeric: dict[str, NDArray[np.float64]]
+    numeric: dict[str, Array]
     unusable: dict[str, str]
+
+
+def check_names(names: Iterable[str], source: str) -> None:
+    """Raise `RecordingError` where two columns have the same name; nameless ones may be several."""
+    for name, count in Counter(names).items():
+        if name and count > 1:
+            raise RecordingError(
+                f"{source}: the file has {count} columns named '{name}'; rename or drop all but one"
+            )
 
 
 def reason(error: BaseException) -> str:

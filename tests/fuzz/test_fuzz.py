@@ -1,0 +1,15 @@
+"""A short run of the fuzzer with every test run; ``make fuzz`` is the long one."""
+
+import pytest
+
+from .classes import CLASSES
+from .run import fuzz
+
+PROCESS = [name for name, (_, weight) in CLASSES.items() if weight == 1]
+"""Classes that start a process a case."""
+
+
+@pytest.mark.parametrize("name", CLASSES)
+def test_spoilt_inputs_are_refused_in_one_line_or_read(name: str) -> None:
+    report = fuzz(0, cases=2 if name in PROCESS else 8, names=[name])
+    assert not report.complaints, report.complaints[0][2]
