@@ -11,8 +11,8 @@ import emaphm
 ROOT = Path(emaphm.__file__).parent
 
 ORDER = (
-    ("errors", "arrays", "version", "progress", "text_table"),
-    ("random_streams", "output_files"),
+    ("errors", "arrays", "version", "progress", "text_table", "quantiles"),
+    ("random_streams", "output_files", "input_files"),
     ("optimizers", "execution", "actuator"),
     ("simulation",),
     ("recording",),

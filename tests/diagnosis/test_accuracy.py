@@ -53,8 +53,9 @@ def of_noisy() -> Diagnoses:
     return diagnosed(reference_recordings(NOISY_FAULTS, noise=0.05))
 
 
-# Published: 0.24 / 0.79 % with, 0.70 / 1.63 % without correction.
-@pytest.mark.parametrize(("most", "mean", "worst"), [(MAX_CORRECTIONS, 0.4, 1.2), (0, 1.0, 2.2)])
+# Published: 0.24 / 0.79 % with, 0.70 / 1.63 % without correction. From eight other search seeds, without:
+# 0.8 to 1.2 % and 1.6 to 3.4 %.
+@pytest.mark.parametrize(("most", "mean", "worst"), [(MAX_CORRECTIONS, 0.4, 1.2), (0, 1.5, 4.0)])
 def test_single_faults_are_estimated_as_published(
     of_singles: Diagnoses, most: int, mean: float, worst: float
 ) -> None:

@@ -9,9 +9,9 @@ so the covariance is that of the next recording's parameters, not that of the me
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtri, stdtrit
 
 from emaphm.arrays import Array
+from emaphm.quantiles import normal_quantile, student_t_quantile
 
 LEAST_FREEDOM = 0.5
 """Degrees of freedom of the scatter below which there is nothing to compare."""
@@ -53,7 +53,7 @@ def random_effects(estimates: Array, covariances: Array, prior_deviation: Array)
         terms = np.einsum("ij,njk,nk->ni", covariance, precisions, away)
         scatter = count * count / (count - 1) * terms.T @ terms * (1 - 1 / ratio)
         # A variance of few values is itself uncertain: the normal as wide as their Student's t.
-        scatter *= (stdtrit(count - 1, 0.975) / ndtri(0.975)) ** 2
+        scatter *= (student_t_quantile(count - 1, 0.975) / float(normal_quantile(0.975))) ** 2
         precisions = np.array([np.linalg.solve(np.eye(p) + one @ scatter, one) for one in precisions])
         mean, covariance = _weighted(estimates, precisions, prior)
         covariance = covariance + scatter

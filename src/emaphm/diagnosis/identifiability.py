@@ -37,7 +37,9 @@ def identifiability(result: SearchResult, seed: int) -> Identifiability:
     """
     objective, space = result.objective, result.objective.space
     rows = objective.channel_rows
-    jacobians = jacobians_at(objective, result.point, stream(seed, "Jacobians of the covariance"))
+    jacobians = result.jacobians
+    if jacobians is None:
+        jacobians = jacobians_at(objective, result.point, stream(seed, "Jacobians of the covariance"))
     residual, bias = result.fitted_residual[:rows], result.remaining_bias[:rows]
     local = local_covariance(objective, result.point, residual, jacobians, bias)
     covariance = local.covariance + result.scatter

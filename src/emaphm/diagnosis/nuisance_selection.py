@@ -70,7 +70,8 @@ def select_nuisances(
     """Return the result with the significant nuisances estimated too, and their names."""
     names: tuple[str, ...] = ()
     while True:
-        for candidate in _candidates(result, names, seed):
+        result, candidates = _candidates(result, names, seed)
+        for candidate in candidates:
             child = child_seed(seed, "nuisance selection", candidate.name)
             tried = correct_bias(candidate.objective, candidate.point[np.newaxis], max_corrections, child)
             if _significant(tried, result, candidate.name, child):
@@ -91,16 +92,18 @@ def _significant(tried: SearchResult, before: SearchResult, name: str, seed: int
     return significant and bool(abs(value) > least)
 
 
-def _candidates(result: SearchResult, names: tuple[str, ...], seed: int) -> list[_Candidate]:
+def _candidates(
+    result: SearchResult, names: tuple[str, ...], seed: int
+) -> tuple[SearchResult, list[_Candidate]]:
     """Return the nuisances worth trying, of those neither estimated nor known; the most promising first.
 
-    `names` were selected before, and are estimated in `result`.
+    `names` were selected before, and are estimated in `result`, which is returned with its Jacobians.
     """
     objective = result.objective
     problem = objective.problem
     others = objective.space.nuisances.others(problem.actuator, tuple(problem.measured))
     if not others:
-        return []
+        return result, []
     wide, start = _with_nuisances(result, names, others)
     jacobians = jacobians_at(wide, start, stream(seed, "Jacobians of the score test", *names))
     candidates = []
@@ -118,7 +121,9 @@ def _candidates(result: SearchResult, names: tuple[str, ...], seed: int) -> list
             candidate = _refit_with(name, extended, point + local.step, result, seed)
             if candidate.share < SELECTION.tried_share:
                 candidates.append(candidate)
-    return sorted(candidates, key=lambda candidate: candidate.share)
+    own = [i for i, name in enumerate(wide.space.coordinates) if name in objective.space.coordinates]
+    known = replace(result, jacobians=jacobians[:, own])
+    return known, sorted(candidates, key=lambda candidate: candidate.share)
 
 
 def _refit_with(

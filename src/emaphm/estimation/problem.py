@@ -145,8 +145,9 @@ class Problem:
 
 
 def rms(values: Array) -> float:
-    """Return the root mean square of `values`."""
-    return float(np.sqrt(np.mean(values**2)))
+    """Return the root mean square of `values`, however small or large they are."""
+    peak = float(np.max(np.abs(values)))
+    return peak * float(np.sqrt(np.mean((values / peak) ** 2))) if peak > 0 else 0.0
 
 
 def comparable_channels(actuator: Actuator) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from emaphm.actuator import Actuator, Faults
 from emaphm.arrays import Array
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.problem import Problem, rms
 from emaphm.recording import Recording, check_plausible, with_equivalent_current
 from emaphm.recording.schema import SCHEMA
 from emaphm.simulation import model_named
@@ -93,5 +93,4 @@ def relative_error(name: str, measured: Array, modelled: Array) -> float:
     difference = measured - modelled
     if name == "angle_rad":
         difference = wrap(difference)
-    size = float(np.sqrt(np.mean(measured**2)))
-    return float(np.sqrt(np.mean(difference**2))) / size
+    return rms(difference) / rms(measured)

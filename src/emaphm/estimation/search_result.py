@@ -36,6 +36,8 @@ class SearchResult:
         Covariance (d, d) of the optimiser's end points, which adds to that of the data.
     converged
         Whether the reference model has seen no better point nearby.
+    jacobians
+        Replicated Jacobians (n, d, channel rows) at the estimate, where they are known already.
     population_cost
         The value that a population method minimised, in the unit of its cost function; None otherwise.
     """
@@ -47,6 +49,7 @@ class SearchResult:
     discrepancy: Discrepancy | None
     scatter: Array
     converged: bool = False
+    jacobians: Array | None = None
     population_cost: float | None = None
 
     @classmethod
@@ -134,6 +137,7 @@ class SearchResult:
             known_outputs=objective.rescaled(self.outputs, before),
             correction=objective.rescaled(self.correction, before),
             discrepancy=discrepancy,
+            jacobians=None,
         )
 
 
