@@ -1,11 +1,11 @@
-"""Errors that the user can mend: each says what is wrong, where, and what to do."""
+"""Errors that the user can correct: each says what is wrong, where, and what to do."""
 
 from collections.abc import Iterable
 from difflib import get_close_matches
 
 
 class EmaphmError(ValueError):
-    """Base of every error that the user can mend; its text is one line."""
+    """Base of every error that the user can correct; its text is one line."""
 
 
 class ActuatorError(EmaphmError):

@@ -167,7 +167,7 @@ def test_without_windings_the_fitted_model_proves_and_that_is_said(linear: Desig
     assert linear.to_dict()["proven_by"] == "averaged"
     assert "no reference model" in str(linear)
     assert set(linear.given.predicted.half_widths) == {"friction", "gain"}
-    assert str(linear).count("not shown") >= 6  # the other components
+    assert str(linear).count("not in this actuator") >= 6  # the other components
     proven = linear.given.simulated
     assert proven is not None
     for name, half in linear.given.predicted.half_widths.items():

@@ -52,7 +52,7 @@ def _table(section: type[BaseModel], values: dict[str, Any], coordinates: str) -
 
 def validation_message(error: ValidationError, root: type[BaseModel]) -> str:
     """Return the first of pydantic's complaints as one line: the key, what is wrong, the remedy."""
-    # A misspelt key also counts as a missing one: name the misspelling, which is what to mend.
+    # A misspelt key also counts as a missing one: name the misspelling, which is what to correct.
     first, *others = sorted(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
     path = [str(part) for part in first["loc"]]
     key = ".".join(path) or "description"

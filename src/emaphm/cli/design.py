@@ -1,4 +1,4 @@
-"""The verb that plans a test: what a manoeuvre is expected to tell, and a better one."""
+"""The verb that plans a test: the precision that a manoeuvre will give, and a better one."""
 
 from pathlib import Path
 from typing import Annotated
@@ -57,7 +57,7 @@ def design(
         int,
         Parameter(
             converter=whole_number,
-            help="Chirps to try in search of a better one; 0 to tell of the given one only.",
+            help="Chirps to try in search of a better one; 0 to report on the given one only.",
         ),
     ] = 48,
     tests: Annotated[
@@ -80,7 +80,7 @@ def design(
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Say before a test how well its manoeuvre will tell each fault, and find a better manoeuvre."""
+    """Say before a test how well its manoeuvre will identify each fault, and find a better manoeuvre."""
     from emaphm.experiment import design as plan
     from emaphm.output_files import written_whole
 

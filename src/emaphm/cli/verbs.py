@@ -41,7 +41,7 @@ def demo(
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Simulate a faulty actuator with sensor noise, diagnose it, and print found beside true."""
+    """Simulate a faulty actuator with noisy sensors, diagnose it, print the estimates with the true values."""
     from emaphm.demo import run_demo
 
     check_seed(seed)
@@ -138,7 +138,7 @@ def diagnose(
         Parameter(
             help="What is estimated with the faults, with commas between: load, hinge, temperature, supply, "
             "inertia, current_offset, current_scale; or 'none'. As the TOML says if left out, and what "
-            "stands out besides."
+            "deviates significantly."
         ),
     ] = None,
     posterior: Annotated[
@@ -196,7 +196,7 @@ def calibrate(
         Parameter(
             help="What is unknown of each recording, with commas between: load, hinge, temperature, supply, "
             "inertia, current_offset, current_scale; or 'none'. As the TOML says if left out, less what a "
-            "free parameter cannot be told from."
+            "free parameter cannot be separated from."
         ),
     ] = None,
     figure: FigureFile = None,

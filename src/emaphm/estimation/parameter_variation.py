@@ -68,7 +68,7 @@ class ParameterVariation:
         kept = variances > LEAST_DEVIATION**2
         if not kept.any():
             return cls((), np.zeros((0, 0)), np.zeros(0), np.zeros(0))
-        # What calibration could not tell is no farther off than any description.
+        # What calibration could not identify is no farther off than any description.
         priors = np.minimum(np.sqrt(variances[kept]), math.log(START_FACTOR))
         widest = np.minimum(4 * priors, math.log(WIDEST_FACTOR))
         return cls(names, size[:, np.newaxis] * directions[:, kept], priors, widest)

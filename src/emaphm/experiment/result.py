@@ -135,5 +135,5 @@ def _change(logarithm: float, error: float, less: str, more: str) -> str:
 
 def _width(precision: Precision, name: str) -> str:
     if name not in precision.half_widths:
-        return "not shown"
-    return f"{precision.half_widths[name]:.4f}" if precision.identifies(name) else "cannot tell"
+        return "not in this actuator"
+    return f"{precision.half_widths[name]:.4f}" if precision.identifies(name) else "not identifiable"

@@ -71,7 +71,7 @@ def acquire(
 
 
 def full_scales(actuator: Actuator) -> dict[str, float]:
-    """Return a sensible full scale for each channel whose range the actuator's description tells.
+    """Return a sensible full scale for each channel whose range the actuator's description implies.
 
     Twice the current and torque limits, 1.2 times the others: speed limit, end stops, supply.
     """

@@ -1,4 +1,4 @@
-"""A smooth curve through equally spaced points, that does not overshoot beside a jump (Akima 1970).
+"""A smooth curve through equally spaced points, that does not overshoot next to a jump (Akima 1970).
 
 SciPy has one too, but its import takes 0.1 s, a good part of a whole diagnosis from the command line.
 """

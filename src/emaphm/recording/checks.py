@@ -9,7 +9,7 @@ from emaphm.errors import RecordingError, nearest
 from emaphm.recording.schema import PHASES, SCHEMA
 
 FEWEST_SAMPLES = 50
-"""Fewer rows than this cannot tell eight faults apart."""
+"""Fewer rows than this cannot identify eight faults."""
 
 STEP_TOLERANCE = 0.01
 """Largest deviation of one time step from the sample interval, as a fraction of it."""
@@ -100,7 +100,7 @@ def _not_finite(columns: Mapping[str, Array], labels: Mapping[str, str]) -> str 
             more = f" (and {bad.size - 1} more)" if bad.size > 1 else ""
             return (
                 f"row {bad[0] + 1} of column {labels[name]} is empty or not a finite number{more}; "
-                f"mend that value, or cut the recording there ({COUNTING})"
+                f"correct that value, or cut the recording there ({COUNTING})"
             )
     return None
 

@@ -12,7 +12,7 @@ from emaphm.recording.recording import Recording
 def reconstructed(recording: Recording, name: str) -> Callable[[Array], Array]:
     """Return a recorded channel as a function of the time since the first row [s].
 
-    A smooth curve through the rows (Akima 1970), which does not overshoot beside a jump as splines do. Where
+    A smooth curve through the rows (Akima 1970), which does not overshoot next to a jump as splines do. Where
     rows are means, through the interval midpoints, by what a mean over an interval h falls short of a curve's
     midpoint there, h²/24 of its second derivative. A straight line between rows would cut the corners: of a
     15 Hz command at 1 kHz it loses 0.1 %.

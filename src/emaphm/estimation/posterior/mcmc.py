@@ -89,7 +89,7 @@ def check_posterior(model: Model) -> None:
     Raises
     ------
     MethodError
-        `emcee` is not installed, or the model switches: its density would be as rough as that chaos.
+        `emcee` is not installed, or the model switches: its density would be as rough as its switching.
     """
     library()
     if model.switches:

@@ -51,7 +51,7 @@ def looks(methods: Sequence[str]) -> dict[str, Look]:
 
 
 def label_of(name: str) -> str:
-    """Return a name that fits beside an axis and is no formula."""
+    """Return a name that fits next to an axis and is no formula."""
     return no_formula(shortened(name, LONGEST_NAME))
 
 

@@ -1,4 +1,4 @@
-"""Writing a recording to CSV or Parquet, told apart by the file's ending."""
+"""Writing a recording to CSV or Parquet, by the file's ending."""
 
 import io
 from pathlib import Path

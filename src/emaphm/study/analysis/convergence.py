@@ -1,4 +1,4 @@
-"""How far each method had come after so many evaluations, over all runs."""
+"""How far each method has come, by number of evaluations, over all runs."""
 
 from collections.abc import Sequence
 
