@@ -41,7 +41,7 @@ def demo(
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Simulate a faulty actuator with noisy sensors, diagnose it, print the estimates with the true values."""
+    """Simulate a faulty actuator with noisy sensors, diagnose it, and print estimates with true values."""
     from emaphm.demo import run_demo
 
     check_seed(seed)
