@@ -9,7 +9,7 @@ demo: $(INSTALLED)  ## simulate a faulty actuator, diagnose it, write demo/repor
 	$(BIN)/emaphm demo --force
 
 test: $(INSTALLED)  ## run the tests
-	$(BIN)/python -m pytest -n auto
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto
 
 lint: $(INSTALLED)  ## check style and types
 	$(BIN)/ruff check .

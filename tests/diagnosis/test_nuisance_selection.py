@@ -11,7 +11,7 @@ from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 
 SHOWN = ("time_s", "command_rad", "current_A", "voltage_V")
-FAULTS = [Faults(), *(Faults.from_vector(vector) for vector in drawn(3, seed=5))]
+FAULTS = [Faults(), *(Faults.from_vector(vector) for vector in drawn(2, seed=5))]
 
 
 def recorded(actuator: Actuator, faults: Faults, seed: int = 0) -> Recording:
