@@ -1,0 +1,69 @@
+"""Streams of random numbers: the same for the same name, and without common numbers for different ones."""
+
+import ast
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import emaphm
+from cases import THESIS, drawn, reference_recordings
+from emaphm.errors import SignalError
+from emaphm.estimation.bias_correction import correct_bias
+from emaphm.estimation.objective import MapObjective
+from emaphm.estimation.parameter_space import ParameterSpace
+from emaphm.estimation.problem import Problem
+from emaphm.random_streams import child_seed, stream
+
+NAME = st.lists(st.one_of(st.text(max_size=8), st.integers(0, 2**40)), min_size=1, max_size=3).map(tuple)
+
+
+@given(seed=st.integers(0, 2**64), name=NAME)
+def test_the_same_name_gives_the_same_numbers(seed: int, name: tuple[str | int, ...]) -> None:
+    np.testing.assert_array_equal(stream(seed, *name).random(5), stream(seed, *name).random(5))
+    assert 0 <= child_seed(seed, *name) < 2**31
+
+
+@given(seed=st.integers(0, 2**64), names=st.lists(NAME, min_size=2, max_size=4, unique=True))
+def test_different_names_share_no_numbers(seed: int, names: list[tuple[str | int, ...]]) -> None:
+    drawn_by = [set(stream(seed, *name).random(200)) for name in names]
+    for one, other in combinations(drawn_by, 2):
+        assert not one & other  # of 2**53 values a common one would be no chance
+
+
+def test_neither_do_names_that_only_look_alike() -> None:
+    alike = [("a", "b"), ("ab",), ("a", 1), ("a1",), ("a", "1"), ("a", 1, 1), ("a", 11)]
+    assert len({stream(0, *name).random() for name in alike}) == len(alike)
+    assert stream(0, "a").random() != stream(1, "a").random()
+    assert stream(0, "a").random() != np.random.default_rng(0).random()
+
+
+def test_a_negative_seed_is_refused() -> None:
+    with pytest.raises(SignalError, match="seed -3 is negative; give 0 or more"):
+        stream(-3, "a")
+
+
+def test_the_bias_correction_follows_its_seed() -> None:
+    truth = drawn(1, seed=7)
+    problem = Problem.of(reference_recordings(truth, noise=0.05)[0], THESIS)
+    objective = MapObjective.of(problem, ParameterSpace.of(THESIS))
+    start = objective.space.points(truth)
+    ends = [correct_bias(objective, start, 1, seed).point for seed in (0, 0, 1)]
+    np.testing.assert_array_equal(ends[0], ends[1])
+    assert not np.array_equal(ends[0], ends[2])
+
+
+def test_no_numbers_are_drawn_but_from_streams() -> None:
+    # Cases of a study's plan are drawn from the plan's own seed, as they are published.
+    exempt = {"random_streams.py", "study/cases.py", "study/record.py", "study/analysis/statistics.py"}
+    root = Path(emaphm.__file__).parent
+    found = {
+        path.relative_to(root).as_posix()
+        for path in root.rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Attribute) and node.attr in ("default_rng", "SeedSequence")
+    }
+    assert found <= exempt
