@@ -17,6 +17,7 @@ DECIDING = (
     "estimation",
     "diagnosis",
     "arrays.py",
+    "quantiles.py",
     "random_streams.py",
     "simulated_recording.py",
     "study/task.py",
@@ -25,7 +26,7 @@ DECIDING = (
 )
 """The rooms and files whose code decides what a trial finds. Cases, rigs and methods are in the plan."""
 
-NOT_DECIDING = ("recording/io", "actuator/toml.py", "diagnosis/wording.py")
+NOT_DECIDING = ("recording/io", "actuator/toml.py", "diagnosis/text.py", "diagnosis/wording.py")
 """Parts of these rooms that read files or put words: a study does not pass through them."""
 
 LIBRARIES = ("numpy", "scipy", "numba", "cma", "minionpy", "pymoo")
