@@ -12,9 +12,9 @@ from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.arrays import Array
 from emaphm.diagnosis import Estimate
 from emaphm.diagnosis.verdict import estimates, is_explained
-from emaphm.estimation.collinearity import CollinearSet
 from emaphm.estimation.noise_level import noise_level
 from emaphm.estimation.parameter_space import PRIOR_DEVIATION, ParameterSpace
+from emaphm.estimation.uncertainty.collinearity import CollinearSet
 from strategies import fault_vectors
 
 SPACE = ParameterSpace.of(THESIS)

@@ -6,7 +6,12 @@ import pytest
 from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.arrays import Array
 from emaphm.diagnosis import diagnose
-from emaphm.estimation.collinearity import CollinearSet, collinear_coordinates, listed, resolving_channels
+from emaphm.estimation.uncertainty.collinearity import (
+    CollinearSet,
+    collinear_coordinates,
+    listed,
+    resolving_channels,
+)
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 

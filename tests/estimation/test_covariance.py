@@ -8,8 +8,8 @@ from hypothesis.extra.numpy import arrays
 from scipy.signal import lfilter
 
 from emaphm.arrays import Array
-from emaphm.estimation.covariance import LEAST_SCORE_VARIANCE, sandwich_covariance
-from emaphm.estimation.long_run_variance import long_run_covariance
+from emaphm.estimation.uncertainty.covariance import LEAST_SCORE_VARIANCE, sandwich_covariance
+from emaphm.estimation.uncertainty.long_run_variance import long_run_covariance
 
 SAMPLES = 2500
 TIME = np.arange(SAMPLES) / 5000

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.fft import dct
 
-from emaphm.estimation.long_run_variance import _cosine_transforms, long_run_covariance
+from emaphm.estimation.uncertainty.long_run_variance import _cosine_transforms, long_run_covariance
 
 
 @pytest.mark.parametrize("samples", [2, 5, 6, 2500, 2501])

@@ -13,12 +13,12 @@ from emaphm.errors import MethodError
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.discrepancy import has_reference
 from emaphm.estimation.levenberg_marquardt import LeastSquaresResult, LeastSquaresSettings, least_squares
-from emaphm.estimation.local_covariance import jacobians_at, local_covariance
 from emaphm.estimation.nuisances import MAGNETS, MAGNETS_DEVIATION, NuisanceSet
 from emaphm.estimation.objective import MapObjective, healthy_objective
 from emaphm.estimation.parameter_variation import START_FACTOR, WIDEST_FACTOR, ParameterVariation, sizes
 from emaphm.estimation.problem import Problem, has_signal
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.uncertainty.local_covariance import jacobians_at, local_covariance
 from emaphm.optimizers import space_filling
 from emaphm.progress import Progress, subprogress
 from emaphm.random_streams import child_seed, stream

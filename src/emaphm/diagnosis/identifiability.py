@@ -6,14 +6,14 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.diagnosis.verdict import VERDICT, Z95
-from emaphm.estimation.collinearity import CollinearSet, collinear_coordinates, resolving_channels
-from emaphm.estimation.fisher_information import information_lower_bound
-from emaphm.estimation.local_covariance import jacobians_at, local_covariance
 from emaphm.estimation.nuisances import BASELINE, KNOWN_BY
 from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective
 from emaphm.estimation.parameter_space import PRIOR_DEVIATION
 from emaphm.estimation.problem import comparable_channels, rms
 from emaphm.estimation.search_result import DEFAULT_SCATTER, SearchResult
+from emaphm.estimation.uncertainty.collinearity import CollinearSet, collinear_coordinates, resolving_channels
+from emaphm.estimation.uncertainty.fisher_information import information_lower_bound
+from emaphm.estimation.uncertainty.local_covariance import jacobians_at, local_covariance
 from emaphm.random_streams import stream
 
 UNRECORDED_NOISE = 0.03

@@ -13,12 +13,12 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.estimation.bias_correction import correct_bias
-from emaphm.estimation.local_covariance import jacobians_at, local_covariance
 from emaphm.estimation.multistart import local_search, with_descents
 from emaphm.estimation.nuisances import PRIORS_PER_UNIT, NuisanceSet, with_wider_priors
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.search_result import SearchResult, default_scatter
+from emaphm.estimation.uncertainty.local_covariance import jacobians_at, local_covariance
 from emaphm.random_streams import child_seed, stream
 
 

@@ -13,7 +13,7 @@ from emaphm.arrays import Array
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.diagnosis.text import fault_rows, notes
 from emaphm.diagnosis.verdict import Estimate
-from emaphm.estimation.collinearity import CollinearSet
+from emaphm.estimation.uncertainty.collinearity import CollinearSet
 from emaphm.text_table import format_table
 
 if TYPE_CHECKING:

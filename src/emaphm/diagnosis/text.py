@@ -6,8 +6,8 @@ from emaphm.actuator import Actuator, Faults
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.diagnosis.verdict import Estimate
 from emaphm.diagnosis.wording import physical_text
-from emaphm.estimation.collinearity import CollinearSet
 from emaphm.estimation.nuisances import BASELINE
+from emaphm.estimation.uncertainty.collinearity import CollinearSet
 
 STANDS_STILL = (
     "The actuator does NOT move: the command is constant, or the actuator is jammed, too weak or switched "

@@ -9,9 +9,9 @@ import numpy as np
 from emaphm.actuator import NAMES
 from emaphm.actuator.faults import HEALTHY
 from emaphm.arrays import Array
-from emaphm.estimation.collinearity import CollinearSet
 from emaphm.estimation.noise_level import noise_level
 from emaphm.estimation.parameter_space import PRIOR_DEVIATION, ParameterSpace
+from emaphm.estimation.uncertainty.collinearity import CollinearSet
 
 Verdict = Literal["healthy", "degraded", "cannot tell"]
 

@@ -8,10 +8,10 @@ from emaphm.arrays import Array
 from emaphm.diagnosis.verdict import VERDICT, Z95, estimates
 from emaphm.estimation.bias_correction import BIAS_CORRECTION
 from emaphm.estimation.discrepancy import REFERENCE_RUNS, RUN_SEPARATION, has_reference, reference_problem
-from emaphm.estimation.local_covariance import jacobians_at, local_covariance
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.search_result import default_scatter
+from emaphm.estimation.uncertainty.local_covariance import jacobians_at, local_covariance
 from emaphm.experiment.excitation import Excitation
 from emaphm.experiment.test_setup import TestSetup
 from emaphm.random_streams import stream

@@ -2,10 +2,10 @@
 
 Before the recording, the faults are uniform over their box and the eccentricity over its disk; the nuisances
 have their normal priors. The likelihood is normal. White residuals would make it far too narrow: those of a
-good fit are correlated over milliseconds (see `emaphm.estimation.covariance`). Its covariance of the residual
-is therefore one under which least squares are efficient (Kruskal 1968), and have the covariance C (d, d) of
-the estimate (Müller 2013: the sandwich as the posterior's covariance). With r the residual, G (d, rows) the
-derivatives at the estimate, I = G Gᵀ, and W = C⁻¹ less the precision of the priors in it,
+good fit are correlated over milliseconds (see `emaphm.estimation.uncertainty.covariance`). Its covariance of
+the residual is therefore one under which least squares are efficient (Kruskal 1968), and have the covariance
+C (d, d) of the estimate (Müller 2013: the sandwich as the posterior's covariance). With r the residual, G
+(d, rows) the derivatives at the estimate, I = G Gᵀ, and W = C⁻¹ less the precision of the priors in it,
 
     log L = -½ Δᵀ W Δ - ½ ω |r - GᵀΔ|²,    Δ = I⁻¹ G r,    ω = tr(W C) / tr(I C),
 
@@ -22,10 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.arrays import Array
-from emaphm.estimation.fisher_information import information
-from emaphm.estimation.local_covariance import jacobians_at
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.parameter_space import ParameterSpace
+from emaphm.estimation.uncertainty.fisher_information import information
+from emaphm.estimation.uncertainty.local_covariance import jacobians_at
 
 
 @dataclass(frozen=True, eq=False)

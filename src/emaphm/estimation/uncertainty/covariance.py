@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.estimation.fisher_information import information_lower_bound
-from emaphm.estimation.long_run_variance import long_run_covariance
+from emaphm.estimation.uncertainty.fisher_information import information_lower_bound
+from emaphm.estimation.uncertainty.long_run_variance import long_run_covariance
 
 LEAST_SCORE_VARIANCE = 1e-3
 """Least covariance of the scores, relative to that of white residuals: no fit is that much better."""

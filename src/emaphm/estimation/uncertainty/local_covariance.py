@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.estimation.covariance import sandwich_covariance
 from emaphm.estimation.finite_differences import replicated_jacobians
 from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective
+from emaphm.estimation.uncertainty.covariance import sandwich_covariance
 
 JACOBIAN_STEP = 1e-2
 """Step of the differences, in the unit of a coordinate: it bridges the kinks of stick-slip."""

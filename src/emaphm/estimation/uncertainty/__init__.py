@@ -1,0 +1,1 @@
+"""How well an estimate is known: information, covariance, and what is identifiable only in combination."""
