@@ -57,7 +57,7 @@ def comment_of(key: str, text: str) -> str:
         ("position_gain", "1/s", "1/s"),
     ],
 )
-def test_each_value_stands_beside_its_unit(key: str, rotary: str, linear: str, tmp_path: Path) -> None:
+def test_each_value_has_its_unit(key: str, rotary: str, linear: str, tmp_path: Path) -> None:
     thesis = Actuator.thesis()
     for actuator, unit in (
         (thesis, rotary),

@@ -112,7 +112,7 @@ def test_the_baseline_is_what_calibration_knows(calibrated: Calibration) -> None
     assert rows[3, 4] / np.sqrt(rows[3, 3] * rows[4, 4]) < -0.8
 
 
-def test_what_was_unknown_of_each_day_is_told(calibrated: Calibration) -> None:
+def test_the_nuisances_of_each_day_are_reported(calibrated: Calibration) -> None:
     loads = [day["load"] for day in calibrated.nuisances]
     # Of a friction of 0.08 N·m that is known to some percent.
     np.testing.assert_allclose(loads, [0.1, -0.05, 0.02], atol=0.01)
@@ -124,8 +124,8 @@ def test_what_was_unknown_of_each_day_is_told(calibrated: Calibration) -> None:
     assert [one["recording"] for one in calibrated.to_dict()["recordings"]] == ["day 1", "day 2", "day 3"]
 
 
-def test_a_recording_that_cannot_tell_does_not_spoil_the_others(healthy: list[Recording]) -> None:
-    # The current alone tells moments in proportion to the torque constant, and no resistance.
+def test_an_uninformative_recording_does_not_spoil_the_others(healthy: list[Recording]) -> None:
+    # The current alone has information on torques in proportion to the torque constant, and no resistance.
     poor = of_a_day(UNIT, load=0.1, temperature_rise_K=20.0, channels=("current_A",), seed=5)
     two = calibrate(healthy[:2], THESIS, FREE, workers=1)
     three = calibrate([*healthy[:2], poor], THESIS, FREE, workers=1)
@@ -235,10 +235,10 @@ def test_friction_is_known_no_better_than_its_baseline() -> None:
     exact = diagnose(recording, frictionless, nuisances=(), workers=1)
     assert exact.components["friction"].standard_error < 0.01
     assert loose.components["friction"].standard_error == pytest.approx(0.025 * 1.6, rel=0.15)
-    told = loose.nuisances["baseline coulomb"]
-    assert told.standard_error == pytest.approx(0.05, rel=0.15)
-    assert not told.known
-    # One number for what cannot be told apart.
+    deviation = loose.nuisances["baseline coulomb"]
+    assert deviation.standard_error == pytest.approx(0.05, rel=0.15)
+    assert not deviation.known
+    # One number for two collinear parameters.
     covariance = loose.covariance[np.ix_([0, -1], [0, -1])]
     assert abs(covariance[0, 1]) / np.sqrt(covariance[0, 0] * covariance[1, 1]) > 0.95
     assert loose.coordinates[-1] == "baseline 1"
@@ -259,7 +259,7 @@ def test_a_calibrated_unit_is_diagnosed_where_its_description_misleads(
     assert np.all(np.abs(diagnosed.faults.vector - truth)[seen] < 4 * np.array(errors)[seen])
 
 
-def test_deviations_are_told_in_text_and_json(diagnosed: Diagnosis) -> None:
+def test_deviations_are_reported_in_text_and_json(diagnosed: Diagnosis) -> None:
     text = str(diagnosed)
     assert "Deviation from the calibrated baseline (relative, if without a unit): inertia " in text
     names = [BASELINE + name for name in FREE]

@@ -133,7 +133,7 @@ def test_everything_else_stays(instants: Recording) -> None:
     assert found.actuator.controller == guess.controller
 
 
-def test_a_gentle_manoeuvre_does_not_tell_the_resistance() -> None:
+def test_a_gentle_manoeuvre_does_not_identify_the_resistance() -> None:
     # The current loop follows its reference whatever the resistance, short of the supply's limit.
     gentle = current_of(simulate(THESIS, Chirp(amplitude=2e-3, stop_hz=4), noise=0.05))
     found = calibrate(gentle, THESIS, ["inertia", "coulomb", "resistance"])
@@ -145,7 +145,7 @@ def test_a_gentle_manoeuvre_does_not_tell_the_resistance() -> None:
     assert "not identifiable" in str(found)
 
 
-def test_a_scale_that_no_current_can_tell_is_not_identifiable() -> None:
+def test_a_scale_that_no_current_shows_is_not_identifiable() -> None:
     # Torque constant, inertia and friction times one factor give the same current, to the last bits.
     recording = current_of(simulate(THESIS, Chirp()))
     found = calibrate(recording, THESIS, ["torque_constant", "inertia", "coulomb", "viscous"])

@@ -36,7 +36,7 @@ def test_two_numbers_are_weighted_by_their_precision() -> None:
     assert both.birge_ratio == pytest.approx(0.01 / np.hypot(0.01, 0.02), rel=1e-3)
 
 
-def test_what_one_does_not_tell_the_other_does() -> None:
+def test_recordings_complement_each_other() -> None:
     tells_sum = np.linalg.inv(1e4 * np.array([[1.0, 1.0], [1.0, 1.0]]) + np.eye(2) / 9.0)
     tells_first = np.linalg.inv(np.diag([1e4, 0.0]) + np.eye(2) / 9.0)
     # Where an estimate does not tell, it may be anywhere: here 5 off along the difference, 7 in the second.
@@ -48,7 +48,7 @@ def test_what_one_does_not_tell_the_other_does() -> None:
     assert both.birge_ratio is None
 
 
-def test_what_none_tells_keeps_the_prior_once() -> None:
+def test_what_none_identifies_keeps_the_prior_once() -> None:
     blind = np.linalg.inv(np.diag([1e4, 0.0]) + np.eye(2) / 9.0)
     three = random_effects(np.tile([0.1, 0.0], (3, 1)), np.array([blind] * 3), WEAK)
     assert three.covariance[1, 1] == pytest.approx(9.0)
@@ -75,7 +75,7 @@ def test_the_next_recording_is_where_the_covariance_says(count: int, between: fl
     assert between > 0 or coverage.max() < 0.985
 
 
-def test_scatter_is_told_in_multiples_of_the_errors() -> None:
+def test_scatter_is_in_multiples_of_the_errors() -> None:
     within = np.diag([1e-4, 1e-4])
     away = np.array([[0.03, 0.0], [-0.03, 0.0], [0.0, 0.03], [0.0, -0.03]])
     ratio = random_effects(away, np.array([with_prior(within)] * 4), WEAK).birge_ratio

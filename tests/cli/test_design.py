@@ -35,7 +35,7 @@ PROMISED = {
 }
 
 
-def test_design_tells_of_the_thesiss_chirp(emaphm: Emaphm) -> None:
+def test_design_reports_on_the_thesiss_chirp(emaphm: Emaphm) -> None:
     said = parsed(emaphm, "design", *SOON, "--seed", "4")
     assert said.keys() == PROMISED
     assert (said["actuator"], said["seed"], said["version"]) == ("thesis", 4, VERSION)

@@ -73,7 +73,7 @@ def test_simulate_writes_what_it_says(emaphm: Emaphm, desk: Path) -> None:
     assert (said["seed"], said["version"]) == (3, VERSION)
 
 
-def test_simulate_tells_people_where_the_recording_is(emaphm: Emaphm, desk: Path) -> None:
+def test_simulate_says_where_the_recording_is(emaphm: Emaphm, desk: Path) -> None:
     code, out, err = emaphm("simulate", "out.csv", "--model", "averaged")
     assert (code, err) == (0, "")
     for piece in ("2500 rows", "5000 Hz", "current_A", "written to out.csv"):

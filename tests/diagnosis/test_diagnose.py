@@ -146,20 +146,20 @@ def test_evaluations_are_the_runs_of_the_averaged_model(
 
 @pytest.mark.parametrize("method", [*METHODS, "random+lsq", "pymoo-ga"])
 def test_progress_only_grows(method: str, mixed: Recording) -> None:
-    told: list[float] = []
-    diagnose(mixed, THESIS, method=method, max_corrections=0, on_progress=told.append)
-    assert len(told) > 5
-    assert all(0 <= one <= two <= 1 for one, two in itertools.pairwise(told))
+    reported: list[float] = []
+    diagnose(mixed, THESIS, method=method, max_corrections=0, on_progress=reported.append)
+    assert len(reported) > 5
+    assert all(0 <= one <= two <= 1 for one, two in itertools.pairwise(reported))
 
 
-# What is estimated besides.
+# Nuisances.
 
 
 def with_channels(recording: Recording, *names: str) -> Recording:
     return Recording({name: recording[name] for name in ("time_s", "command_rad", *names)})
 
 
-def test_heat_is_told_by_the_voltage_and_named_where_there_is_none() -> None:
+def test_heat_is_identified_by_the_voltage_and_collinear_without() -> None:
     whole = simulate(THESIS, Chirp(), faults=MIXED, load=0.1, noise=0.05)
     blind = diagnose(with_channels(whole, "current_A"), THESIS)
     assert blind.channels == ("current_A",)
@@ -181,7 +181,7 @@ def test_heat_is_told_by_the_voltage_and_named_where_there_is_none() -> None:
     assert seeing.to_dict()["nuisances"]["load"]["unit"] == "N·m"
 
 
-def test_nothing_is_estimated_besides_where_nothing_is_asked_for(mixed: Recording) -> None:
+def test_no_nuisance_is_estimated_where_none_is_asked_for(mixed: Recording) -> None:
     found = diagnose(mixed, THESIS, nuisances=(), max_corrections=0)
     assert found.nuisances == {}
     assert found.notes() == []

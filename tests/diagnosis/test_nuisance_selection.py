@@ -32,7 +32,7 @@ def of_heavy() -> list[tuple[Faults, Recording, Diagnosis]]:
     return [(faults, recording, diagnose(recording, THESIS)) for faults, recording in recordings]
 
 
-def test_ten_percent_of_inertia_are_mostly_found_though_nobody_asked(
+def test_ten_percent_of_inertia_are_mostly_selected(
     of_heavy: list[tuple[Faults, Recording, Diagnosis]],
 ) -> None:
     found = [diagnosis for _, _, diagnosis in of_heavy if "inertia" in diagnosis.selected]
@@ -62,7 +62,7 @@ def test_nothing_is_suspected_of_the_actuator_as_described(case: int) -> None:
     assert tuple(found.nuisances) == THESIS.nuisances.estimated
 
 
-def test_what_every_actuator_may_be_off_is_not_beyond_doubt() -> None:
+def test_a_deviation_that_every_actuator_may_have_is_not_selected() -> None:
     # Without noise on four channels, a thousandth of scale stands out of the standard errors.
     whole = simulate(THESIS, Chirp())
     assert diagnose(whole, THESIS).selected == ()
@@ -76,14 +76,14 @@ def test_an_offset_of_the_current_sensors_is_found() -> None:
     assert found.nuisances["current_offset"].value == pytest.approx(0.1, abs=0.03)
 
 
-def test_what_cannot_be_told_is_not_suspected() -> None:
+def test_what_is_not_identifiable_is_not_selected() -> None:
     # From the current alone, inertia looks like friction and shorts.
     whole = recorded(heavier(0.1), FAULTS[1])
     alone = Recording({name: whole[name] for name in SHOWN[:3]})
     assert "inertia" not in diagnose(alone, THESIS).selected
 
 
-def test_suspicion_does_not_depend_on_the_number_of_threads() -> None:
+def test_the_selection_does_not_depend_on_the_number_of_threads() -> None:
     recording = recorded(heavier(-0.08), FAULTS[2])
     one, two = (diagnose(recording, THESIS, workers=workers) for workers in (1, 2))
     assert one.selected == two.selected == ("inertia",)

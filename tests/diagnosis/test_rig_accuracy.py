@@ -85,7 +85,7 @@ def test_from_the_current_alone_shorts_are_as_uncertain_as_the_heat_makes_them(
     assert inside.mean() > 0.5
     wider = short_errors(by_current) / short_errors(with_voltage)
     assert np.median(wider) >= 3.0
-    # A load is an offset of the current: that much the current tells by itself.
+    # A load is an offset of the current: that much the current shows by itself.
     for d in by_current:
         assert d.nuisances["load"].value == pytest.approx(LOAD, abs=0.01)
 

@@ -106,14 +106,14 @@ def test_where_the_prior_is_nearly_all_there_is_the_search_may_have_ended_anywhe
     # Half an interval is 0.0588: from 0 to 0.0988, 0.1008, and then 0.0193 and 0.0212 to more.
     [(0.04, "healthy"), (0.042, "cannot tell"), (0.078, "cannot tell"), (0.08, "degraded")],
 )
-def test_health_is_not_told_where_a_fault_that_matters_may_hide(value: float, verdict: str) -> None:
+def test_health_is_not_claimed_where_a_relevant_fault_may_hide(value: float, verdict: str) -> None:
     friction = judged(0.03, friction=value)["friction"]
     assert friction.verdict == verdict
     assert friction.identifiable
     assert ("relevant faults" in friction.reason) == (verdict == "cannot tell")
 
 
-def test_a_member_of_a_group_is_told_with_the_others() -> None:
+def test_the_reason_of_a_collinear_component_names_the_others() -> None:
     group = CollinearSet(("friction", "short_a", "load"), ("current_A",))
     point = SPACE.points(Faults(friction=0.1, short_a=0.5).vector)
     found = estimates(SPACE, point, np.eye(8) * 0.05**2, [group])
@@ -124,7 +124,7 @@ def test_a_member_of_a_group_is_told_with_the_others() -> None:
     assert found["friction"].reason == "only its combined effect with short_a and load is identifiable"
 
 
-def test_of_what_an_actuator_cannot_show_nothing_is_told_for_a_reason() -> None:
+def test_what_an_actuator_cannot_show_has_a_reason() -> None:
     ideal = Actuator.from_dict(THESIS.model_dump() | {"electrical": None})
     space = ParameterSpace.of(ideal)
     found = estimates(space, space.points(HEALTHY), np.eye(space.dimensions) * 1e-6)

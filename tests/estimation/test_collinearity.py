@@ -55,7 +55,7 @@ def test_a_sum_that_is_hardly_worse_known_than_its_parts_is_no_group() -> None:
     assert members(seen((1, 1), (0.5, -0.5))) == []
 
 
-def test_the_difference_tells_a_sum_apart_and_a_third_thing_does_not() -> None:
+def test_information_on_the_difference_resolves_a_sum() -> None:
     covariance = seen((1, 1, 0), (0, 0, 1))
     more = {"difference": np.array([[1.0, -1, 0], [-1, 1, 0], [0, 0, 0]]) / 0.01**2}
     more["third"] = np.diag([0.0, 0, 1]) / 0.01**2

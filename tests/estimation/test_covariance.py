@@ -80,7 +80,7 @@ def test_the_white_formula_would_be_too_small_for_correlated_residuals() -> None
     residuals = autoregressive(0.9)
     actual = errors_of_estimates(residuals).std(axis=0)
     naive = np.sqrt(np.diag(np.linalg.inv(DERIVATIVES @ DERIVATIVES.T)))
-    # sqrt((1 + 0.9) / (1 - 0.9)) = 4.36 for regressors that are slow beside the residual.
+    # sqrt((1 + 0.9) / (1 - 0.9)) = 4.36 for regressors that are slow compared with the residual.
     assert np.all(actual / naive > 3.5)
     assert np.all(typical_errors(residuals) / naive > 3.0)
 
@@ -94,7 +94,7 @@ def test_a_component_without_effect_keeps_its_prior() -> None:
     np.testing.assert_allclose(found[:3, :3], covariance(DERIVATIVES, white, np.ones(3)))
 
 
-def test_two_components_that_cannot_be_told_apart_share_the_prior() -> None:
+def test_two_collinear_components_share_the_prior() -> None:
     derivatives = np.concatenate([DERIVATIVES, DERIVATIVES[:1]])
     white = np.random.default_rng(2).normal(0, 0.1, SAMPLES)
     found = covariance(derivatives, white, np.full(4, 0.29))
@@ -136,7 +136,7 @@ def test_positive_definite_whatever_the_residual(residual: Array, derivatives: A
     assert np.linalg.eigvalsh(found)[0] > 0
 
 
-def test_a_perfect_fit_leaves_only_what_the_data_do_not_tell() -> None:
+def test_a_perfect_fit_leaves_the_prior_of_what_has_no_effect() -> None:
     derivatives = np.concatenate([DERIVATIVES, np.zeros((1, SAMPLES))])
     found = covariance(derivatives, np.zeros(SAMPLES), np.full(4, 0.29))
     np.testing.assert_allclose(found, np.diag([0, 0, 0, 0.29**2]), atol=1e-12)

@@ -77,7 +77,7 @@ def test_the_channel_with_the_larger_residual_counts_less() -> None:
     np.testing.assert_allclose(other.rescaled(one.target, one), other.target, rtol=1e-12)
 
 
-def test_what_is_estimated_besides_by_default_by_name_and_where_it_is_known() -> None:
+def test_nuisances_by_default_by_name_and_where_they_are_known() -> None:
     assert NuisanceSet.of(THESIS, None, ()).names == ("load", "temperature")
     assert NuisanceSet.of(THESIS, None, ("load_Nm",)).names == ("temperature",)
     assert NuisanceSet.of(THESIS, None, ("temperature_K",)).names == ("load",)
@@ -96,7 +96,7 @@ def test_an_idle_column_is_not_compared() -> None:
     assert Problem.of(recording, THESIS, channels=None).channels == ("current_A",)
 
 
-def test_load_and_heat_are_told_from_faults_by_current_and_voltage() -> None:
+def test_current_and_voltage_separate_load_and_heat_from_faults() -> None:
     recording = rig(0.15, 40.0, "current_A", "voltage_V")
     found = diagnose(recording, THESIS)
     # The bounds over random cases: 2 % in the median, 6 % for 95 of 100.
@@ -109,7 +109,7 @@ def test_load_and_heat_are_told_from_faults_by_current_and_voltage() -> None:
     assert not blind.explained
 
 
-def test_from_the_current_alone_the_shorts_are_as_doubtful_as_the_heat() -> None:
+def test_from_the_current_alone_the_shorts_are_as_uncertain_as_the_heat() -> None:
     recording = rig(0.0, 40.0, "current_A")
     found = diagnose(recording, THESIS)
     seeing = diagnose(rig(0.0, 40.0, "current_A", "voltage_V"), THESIS)

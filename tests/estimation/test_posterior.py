@@ -63,16 +63,16 @@ class Linear:
         return np.asarray(points @ self.derivatives)
 
 
-def sampled(optimum: Array, told: Array, seed: int = 0) -> Posterior:
-    """Return the posterior where the recording alone has the inverse covariance `told` (d, d)."""
+def sampled(optimum: Array, information: Array, seed: int = 0) -> Posterior:
+    """Return the posterior where the recording alone has the inverse covariance `information` (d, d)."""
     derivatives = np.random.default_rng(0).normal(size=(D, 60))
     one = cast("MapObjective", Linear(derivatives, optimum))
-    return sample(one, SPACE.project(optimum), np.zeros(60), covariance_of(told), seed)
+    return sample(one, SPACE.project(optimum), np.zeros(60), covariance_of(information), seed)
 
 
-def covariance_of(told: Array) -> Array:
+def covariance_of(information: Array) -> Array:
     """Return the covariance of an estimate, which every coordinate's normal prior is part of."""
-    return np.asarray(np.linalg.inv(told + np.diag([12.0] * (D - 1) + [PRIORS_PER_UNIT**2])), float)
+    return np.asarray(np.linalg.inv(information + np.diag([12.0] * (D - 1) + [PRIORS_PER_UNIT**2])), float)
 
 
 def informed(deviations: Array, seed: int = 3) -> Array:
@@ -87,17 +87,17 @@ def effective(posterior: Posterior) -> float:
 
 @pytest.fixture(scope="module")
 def normal() -> tuple[Array, Posterior]:
-    told = informed(np.array([0.01, 0.02, 0.03, 0.02, 0.01, 0.02, 0.01, 0.004, 0.15]))
-    return told, sampled(MIDDLE, told)
+    information = informed(np.array([0.01, 0.02, 0.03, 0.02, 0.01, 0.02, 0.01, 0.004, 0.15]))
+    return information, sampled(MIDDLE, information)
 
 
 def test_mean_and_covariance_are_those_of_the_closed_form(normal: tuple[Array, Posterior]) -> None:
-    told, posterior = normal
+    information, posterior = normal
     assert posterior.diagnostics.converged
     # The faults' priors are even; the load's is normal about 0.
-    precision = told + np.diag([0.0] * (D - 1) + [PRIORS_PER_UNIT**2])
+    precision = information + np.diag([0.0] * (D - 1) + [PRIORS_PER_UNIT**2])
     covariance = np.linalg.inv(precision)
-    mean = np.linalg.solve(precision, told @ MIDDLE)
+    mean = np.linalg.solve(precision, information @ MIDDLE)
     deviations, count = np.sqrt(np.diag(covariance)), effective(posterior)
     off = (posterior.samples.mean(axis=0) - mean) / deviations * np.sqrt(count)
     assert np.all(np.abs(off) < FAR)
@@ -108,24 +108,24 @@ def test_mean_and_covariance_are_those_of_the_closed_form(normal: tuple[Array, P
 
 
 def test_same_seed_same_bits_and_another_seed_others(normal: tuple[Array, Posterior]) -> None:
-    told, posterior = normal
-    np.testing.assert_array_equal(sampled(MIDDLE, told).samples, posterior.samples)
-    assert not np.array_equal(sampled(MIDDLE, told, seed=1).samples, posterior.samples)
+    information, posterior = normal
+    np.testing.assert_array_equal(sampled(MIDDLE, information).samples, posterior.samples)
+    assert not np.array_equal(sampled(MIDDLE, information, seed=1).samples, posterior.samples)
 
 
 def test_a_correction_moves_the_optimum_by_what_it_explains() -> None:
-    told = informed(np.full(D, 0.02))
+    information = informed(np.full(D, 0.02))
     one = Linear(np.random.default_rng(0).normal(size=(D, 60)), MIDDLE)
     shift = np.full(D, 0.01)
-    moved = sample(cast("MapObjective", one), MIDDLE, -shift @ one.derivatives, covariance_of(told), 0)
-    straight = sampled(MIDDLE + shift, told)
+    moved = sample(cast("MapObjective", one), MIDDLE, -shift @ one.derivatives, covariance_of(information), 0)
+    straight = sampled(MIDDLE + shift, information)
     count = min(effective(moved), effective(straight)) / 2
     deviations = straight.samples.std(axis=0)
     off = (moved.samples.mean(axis=0) - straight.samples.mean(axis=0)) / deviations * np.sqrt(count)
     assert np.all(np.abs(off) < FAR)
 
 
-def test_beside_a_bound_it_is_the_truncated_normal() -> None:
+def test_at_a_bound_it_is_the_truncated_normal() -> None:
     deviations = np.full(D, 0.02)
     optimum = MIDDLE.copy()
     # Beyond a bound, on it, half a deviation within, beyond the other bound.
@@ -162,12 +162,12 @@ def polar(optimum: Array, block: Array) -> tuple[Array, Array, Array]:
     "optimum", [(0.0, 0.0), (0.02, 0.01), (-0.08, 0.005)], ids=["none", "small", "clear"]
 )
 def test_an_eccentricity_is_that_of_numerical_integration(optimum: tuple[float, float]) -> None:
-    told = np.diag(np.full(D, 0.02) ** -2)
+    information = np.diag(np.full(D, 0.02) ** -2)
     block = np.asarray(np.linalg.inv(0.02**2 * np.array([[1.0, 0.3], [0.3, 0.7]])), float)
-    told[X : Y + 1, X : Y + 1] = block
+    information[X : Y + 1, X : Y + 1] = block
     centre = MIDDLE.copy()
     centre[X : Y + 1] = optimum
-    posterior = sampled(centre, told)
+    posterior = sampled(centre, information)
     count = effective(posterior)
     radii, turns, density = polar(np.array(optimum), block)
     # The mass within the interval is 95 % to its own sampling error, in the numerical density too.
@@ -179,7 +179,7 @@ def test_an_eccentricity_is_that_of_numerical_integration(optimum: tuple[float, 
     around = density.sum(axis=0)
     shortest = np.searchsorted(np.cumsum(np.sort(around)[::-1]), 0.95) / around.size
     low, high = posterior.interval95["eccentricity_phase"]
-    if shortest > 0.92:  # well beyond where an arc is told as the whole circle
+    if shortest > 0.92:  # well beyond where an arc is reported as the whole circle
         assert (low, high) == (0.0, 1.0)
     else:
         held = around[(turns - low) % 1 <= high - low].sum()
@@ -207,7 +207,7 @@ def test_intervals_are_the_shortest_and_keep_a_bound() -> None:
     )
 
 
-def test_what_nothing_is_known_of_is_told_as_the_whole_scale() -> None:
+def test_without_information_the_interval_is_the_whole_range() -> None:
     even = np.random.default_rng(0).random(10_000)
     assert shortest_interval(even) == (0.0, 1.0)
     assert shortest_interval(np.sqrt(even), power=2) == (0.0, 1.0)  # an even disk's radii
@@ -264,7 +264,7 @@ def test_walkers_apart_or_at_rest_have_not_converged() -> None:
 
 
 def test_sampling_ends_at_its_cap_and_says_so() -> None:
-    told: list[float] = []
+    information: list[float] = []
     one = cast("MapObjective", Linear(np.random.default_rng(0).normal(size=(D, 60)), MIDDLE))
     cut = sample(
         one,
@@ -272,13 +272,13 @@ def test_sampling_ends_at_its_cap_and_says_so() -> None:
         np.zeros(60),
         np.eye(D) * 1e-4,
         0,
-        told.append,
+        information.append,
         McmcSettings(first_check=60, most_steps=60),
     )
     assert not cut.diagnostics.converged
     assert cut.diagnostics.steps == 60
-    assert told == sorted(told)
-    assert told[-1] == 1.0
+    assert information == sorted(information)
+    assert information[-1] == 1.0
     assert any("NOT converged" in line for line in cut.notes(cut.interval95))
 
 
@@ -310,7 +310,7 @@ def test_where_faults_are_strong_both_agree(diagnosed: Diagnosis) -> None:
     assert posterior.median["short_c"] > 0.0
 
 
-def test_a_diagnosis_tells_its_posterior_in_text_and_json(diagnosed: Diagnosis) -> None:
+def test_a_diagnosis_reports_its_posterior_in_text_and_json(diagnosed: Diagnosis) -> None:
     posterior = diagnosed.posterior
     assert posterior is not None
     read = json.loads(diagnosed.to_json(), parse_constant=pytest.fail)["posterior"]
@@ -340,7 +340,7 @@ def test_the_number_of_workers_changes_no_bit(monkeypatch: pytest.MonkeyPatch) -
     np.testing.assert_array_equal(alone.samples, together.samples)
 
 
-def test_what_differs_is_told_and_nothing_else() -> None:
+def test_what_differs_is_reported_and_nothing_else() -> None:
     posterior = sampled(MIDDLE, informed(np.full(D, 0.02)))
     assert posterior.differing(posterior.interval95) == ()
     low, high = posterior.interval95["friction"]

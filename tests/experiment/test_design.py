@@ -1,4 +1,4 @@
-"""A test planned before it is made: what is expected of a manoeuvre, and whether a better one is better."""
+"""A test planned before it is made: the predicted precision, and whether a better manoeuvre is better."""
 
 import json
 from collections.abc import Callable
@@ -29,7 +29,7 @@ SHORT = 0.3
 """Duration [s] of the poor manoeuvre: it is as poor as in half a second, and sooner simulated."""
 
 
-def told(
+def precision_of(
     manoeuvre: Excitation = THESIS_CHIRP,
     actuator: Actuator = THESIS,
     *,
@@ -38,7 +38,7 @@ def told(
     sample_rate: float = 5000.0,
     count: int = 4,
 ) -> Precision:
-    """Return what is expected of `manoeuvre` under `count` fault vectors."""
+    """Return the predicted precision of `manoeuvre` under `count` fault vectors."""
     conditions = TestSetup.of(actuator, channels, noise, sample_rate, workers=1)
     return predicted_precision(conditions, manoeuvre, conditions.faults(count, seed=3), seed=3)
 
@@ -72,7 +72,7 @@ def test_expected_intervals_are_those_of_diagnoses_of_reference_recordings() -> 
 
 
 def test_voltage_narrows_the_intervals() -> None:
-    alone, both = told(), told(channels=("current", "voltage"))
+    alone, both = precision_of(), precision_of(channels=("current", "voltage"))
     assert both.logarithms.mean() < alone.logarithms.mean()
     # Heat and a short look alike from the current alone; voltage separates them (docs/physics.md, section 6).
     for name in ("short_a", "short_b", "short_c"):
@@ -87,8 +87,8 @@ def test_intervals_are_as_wide_as_noise_and_rows_demand(
 ) -> None:
     # White noise and nothing else: in proportion to its rms, and to the root of the rows' distance.
     manoeuvre = Excitation(Chirp(stop_hz=3.0), 0.5)
-    base = told(manoeuvre, EMPS, noise=0.2, count=48)
-    other = told(manoeuvre, EMPS, noise=noise, sample_rate=sample_rate, count=48)
+    base = precision_of(manoeuvre, EMPS, noise=0.2, count=48)
+    other = precision_of(manoeuvre, EMPS, noise=noise, sample_rate=sample_rate, count=48)
     # The gain shows in a few percent of the rows alone, and from one draw of noise its width is known to a
     # third: the ratio of 48 to 7 %, and less where friction, which shows in all, has its share in the mean.
     found = np.exp(np.mean(other.logarithms - base.logarithms))
@@ -179,7 +179,7 @@ def test_the_same_seed_finds_the_same(linear: Design) -> None:
     assert again.to_dict() == linear.to_dict()
 
 
-def test_without_a_search_the_given_manoeuvre_is_told_of() -> None:
+def test_without_a_search_the_given_manoeuvre_is_reported() -> None:
     result = design(EMPS, Step(), candidates=0, tests=0)
     assert not result.better
     assert (result.gain, result.given.simulated) == (None, None)

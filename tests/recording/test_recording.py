@@ -74,7 +74,7 @@ def test_frame_holds_every_column(columns: Columns) -> None:
     np.testing.assert_array_equal(frame["current_A"].to_numpy(), columns["current_A"])
 
 
-def test_repr_tells_source_size_rate_and_ranges(columns: Columns) -> None:
+def test_repr_has_source_size_rate_and_ranges(columns: Columns) -> None:
     text = repr(Recording(columns, source="rig 3"))
     assert "rig 3" in text
     assert "2500 rows (interval means) at 5000 Hz, 0.5 s" in text

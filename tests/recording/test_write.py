@@ -86,7 +86,7 @@ def test_failure_half_way_leaves_the_old_file_and_no_other(tmp_path: Path) -> No
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_refusal_of_the_system_half_way_is_told(tmp_path: Path, refusal: Refusal) -> None:
+def test_refusal_of_the_system_half_way_is_reported(tmp_path: Path, refusal: Refusal) -> None:
     path = tmp_path / "rec.csv"
 
     def fail() -> None:

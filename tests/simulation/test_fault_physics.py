@@ -151,7 +151,7 @@ def test_line_voltage_gives_back_k_and_r() -> None:
     assert resistance == pytest.approx(R_S, rel=3e-2)
 
 
-def test_line_voltage_tells_heat_from_shorts() -> None:
+def test_line_voltage_separates_heat_from_shorts() -> None:
     # Copper 75 K warmer, magnets weaker; or a quarter of all turns shorted.
     hot = altered(electrical={"resistance": 1.3 * R_S}, motor={"torque_constant": 0.95 * K})
     hot_k, hot_r = regression(REFERENCE, Faults(), hot)

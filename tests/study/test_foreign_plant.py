@@ -60,7 +60,7 @@ def test_it_is_sampled_as_the_reference_model_is(rate: float) -> None:
 
 
 @pytest.mark.parametrize("name", EACH)
-def test_each_feature_tells_it_from_the_reference_model(name: str) -> None:
+def test_each_feature_makes_it_differ_from_the_reference_model(name: str) -> None:
     foreign = simulate(THESIS, CHIRP, EACH[name], faults=MIXED)["current_A"]
     # Halving the reference model's step makes 0.1 A (docs/physics.md, section 3); the lag is the mildest.
     assert rms(foreign - simulated_recording.simulate(THESIS, CHIRP, faults=MIXED)["current_A"]) > 0.1

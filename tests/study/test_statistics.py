@@ -213,7 +213,7 @@ def test_incomplete_blocks_are_counted_and_left_out(runs: pl.DataFrame) -> None:
     assert _one(pairs(lacking), method="GA", other="DE")["blocks"] == 99
 
 
-def test_a_dominated_method_ranks_last_and_is_told_apart() -> None:
+def test_a_dominated_method_ranks_last_and_differs_significantly() -> None:
     rng = np.random.default_rng(0)
     good = rng.uniform(1, 2, (2, 20))
     bad = good.max(axis=0) + rng.uniform(1, 2, 20)  # no two differences are equal: the test is exact
@@ -231,7 +231,7 @@ def test_a_dominated_method_ranks_last_and_is_told_apart() -> None:
             assert row["p_holm"] > 0.05
 
 
-def test_identical_methods_are_not_told_apart() -> None:
+def test_identical_methods_do_not_differ() -> None:
     same = [1.0, 2.0, 0.0, 4.0, 5.0, 6.0, 7.0]
     runs = _with_errors({"GA": same, "PSO": same, "DE": same})
     assert friedman(runs).row(0, named=True)["p"] == 1.0

@@ -152,7 +152,7 @@ def test_success_bars_are_as_long_as_their_share(runs: pl.DataFrame) -> None:
             assert bar.get_width() == pytest.approx(100 * np.mean(errors <= limit))
 
 
-def test_ranks_are_sorted_and_bars_join_what_is_not_told_apart() -> None:
+def test_ranks_are_sorted_and_bars_join_what_does_not_differ() -> None:
     rng = np.random.default_rng(1)
     runs = study(("GA", "PSO", "hybrid"), ("low F",), 30)
     near = rng.uniform(5, 6, 30)
