@@ -68,7 +68,7 @@ BAD = {
         ["'current_A'", "(2500, 1)", "one value a row"],
     ),
     "too short": (_first_rows(49), ["49 rows", "at least 50", "longer"]),
-    "not a number": (_with_value("current_A", 17, np.nan), ["row 17", "'current_A'", "mend", "header"]),
+    "not a number": (_with_value("current_A", 17, np.nan), ["row 17", "'current_A'", "correct", "header"]),
     "infinite": (
         _with_value("temperature_K", 1, np.inf),
         ["row 1 ", "'temperature_K'", "cut the recording"],

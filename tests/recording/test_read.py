@@ -299,7 +299,7 @@ BAD = {
     **{f"binary {end}": (_raw(f"rec.{end}", NOISE), ["not a readable", "again"]) for end in ENDINGS},
     **{f"text as {end}": (_raw(f"rec.{end}", b"a,b\n1,2\n" * 99), ["not a readable"]) for end in ENDINGS[1:]},
     **{f"cut {end}": (_cut(end, 0.6), ["not a readable", "cut short"]) for end in ENDINGS[1:]},
-    "cut csv": (_csv_text(lambda lines: [*lines[:99], lines[99][:30]]), ["row 99 ", "is empty", "mend"]),
+    "cut csv": (_csv_text(lambda lines: [*lines[:99], lines[99][:30]]), ["row 99 ", "is empty", "correct"]),
     "blank csv": (_raw("rec.csv", b"\n \n\n"), ["not a readable CSV"]),
     "header alone": (_csv_text(lambda lines: lines[:1]), ["too short: 0 rows"]),
     "no column": (
