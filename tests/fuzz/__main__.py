@@ -16,6 +16,7 @@ def _keep(report: Report, folder: Path) -> None:
         place = folder / f"{number:03d}-{name.replace(': ', '-').replace(' ', '-')}"
         place.mkdir(parents=True, exist_ok=True)
         for file, content in case.files.items():
+            (place / file).parent.mkdir(exist_ok=True)
             (place / file).write_bytes(content)
         (place / "complaint.txt").write_text(f"{case.arguments!r}\n{complaint}\n", "utf-8", "replace")
 

@@ -3,14 +3,20 @@
 A new kind of input is a function here and a line in `CLASSES`.
 """
 
+import contextlib
 import gzip
 import io
+import json
+import sqlite3
+import tempfile
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.util import find_spec
+from pathlib import Path
 from random import Random
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -19,6 +25,7 @@ import scipy.io
 from emaphm.actuator import Actuator
 from emaphm.actuator.toml import write_toml
 from emaphm.arrays import Array
+from emaphm.study import Plan, run_study
 
 from . import spoil
 
@@ -259,6 +266,77 @@ def signals(random: Random) -> Case:
     )
 
 
+STUDY = """\
+name = "small"
+runs = 1
+
+[manoeuvre]
+duration = 0.05
+
+[cases]
+worn = { friction = 0.3 }
+loose = { backlash = 0.4, gain = 0.7 }
+
+[[methods]]
+method = "dragonfly"
+label = "few"
+population = 4
+iterations = 3
+"""
+"""A plan that is done in a moment."""
+
+STUDY_LINE = ("study", "run", "mine.toml", "--out", "study", "--workers", "1", "--json")
+
+
+@cache
+def study_files() -> dict[str, bytes]:
+    """Return the files of the finished study, by their place in its folder."""
+    with tempfile.TemporaryDirectory(prefix="emaphm-fuzz-study-") as folder:
+        run_study(Plan.from_toml_text(STUDY), folder, workers=1)
+        return {name: Path(folder, name).read_bytes() for name in ("plan.json", "results.sqlite")}
+
+
+def study_bytes(random: Random) -> Case:
+    """Return the folder of a finished study in which one file is damaged."""
+    files = study_files()
+    name = random.choice(list(files))
+    return _study(files | {name: random.choice(spoil.BYTEWISE)(files[name], random)})
+
+
+def study_plan(random: Random) -> Case:
+    """Return the folder of a finished study in whose plan one value is odd."""
+    plan = json.loads(study_files()["plan.json"])
+    place: Any = plan
+    while True:
+        keys = list(place) if isinstance(place, dict) else list(range(len(place)))
+        key = random.choice(keys)
+        if not isinstance(place[key], dict | list) or not place[key] or random.random() < 0.2:
+            break
+        place = place[key]
+    place[key] = random.choice((None, [], {}, -1, 0, 1e308, "x" * 5000, [[[]]], {"a": {"b": []}}, True, "\0"))
+    return _study(study_files() | {"plan.json": json.dumps(plan).encode()})
+
+
+def study_results(random: Random) -> Case:
+    """Return the folder of a finished study in whose results one value is odd."""
+    odd = random.choice((None, "", "null", "[]", "{}", "[[]]", '{"found": null}', -1, 1e308, b"\0", "nan"))
+    column = random.choice(("key", "result", "wall_seconds", "cpu_seconds", "digest"))
+    with tempfile.TemporaryDirectory(prefix="emaphm-fuzz-study-") as folder:
+        path = Path(folder, "results.sqlite")
+        path.write_bytes(study_files()["results.sqlite"])
+        with contextlib.closing(sqlite3.connect(path)) as connection:
+            limit = random.choice(("WHERE rowid = 1", "WHERE rowid = 2"))
+            with contextlib.suppress(sqlite3.IntegrityError):
+                connection.execute(f"UPDATE results SET {column} = ? {limit}", (odd,))  # noqa: S608 - ours
+            connection.commit()
+        return _study(study_files() | {"results.sqlite": path.read_bytes()})
+
+
+def _study(files: dict[str, bytes]) -> Case:
+    inside = {f"study/{name}": content for name, content in files.items()}
+    return Case(STUDY_LINE, {"mine.toml": STUDY.encode()} | inside)
+
+
 CLASSES: dict[str, tuple[Callable[[Random], Case], int]] = {
     "csv: bytes": (_bytewise("csv", "rec.csv"), 4),
     "csv: cut": (csv_cut, 4),
@@ -277,6 +355,9 @@ CLASSES: dict[str, tuple[Callable[[Random], Case], int]] = {
     "toml: sections": (toml_channels, 4),
     "arguments": (arguments, 6),
     "signals": (signals, 2),
+    "study: bytes": (study_bytes, 2),
+    "study: plan": (study_plan, 2),
+    "study: results": (study_results, 2),
 }
 """How a case of each class is made, and how often: those that start a process are rarer."""
 

@@ -73,6 +73,7 @@ def run(case: Case, folder: Path) -> tuple[int, str | None]:
     folder.mkdir()
     files = {"good.csv": good("csv"), "good.toml": THESIS.encode()} | case.files
     for name, content in files.items():
+        (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_bytes(content)
     out, err = io.StringIO(), io.StringIO()
     start = time.monotonic()
