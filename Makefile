@@ -35,7 +35,7 @@ docs: $(INSTALLED)  ## draw the figures of the README and the examples
 	$(BIN)/python examples/emps/emps.py --figure docs/emps.svg
 
 clean:  ## remove what the other targets made
-	rm -rf $(VENV) demo studies
+	rm -rf $(VENV) demo studies fuzz
 
 $(INSTALLED): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
