@@ -89,5 +89,6 @@ def values(column: Array, random: Random) -> Array:
         case 5:
             np.random.default_rng(random.randrange(2**32)).shuffle(spoilt)
         case _:
-            spoilt = np.round(spoilt, random.randrange(-1, 4))
+            with np.errstate(over="ignore"):
+                spoilt = np.round(spoilt, random.randrange(-1, 4))
     return spoilt
