@@ -99,6 +99,13 @@ def test_a_command_or_load_that_is_not_finite_is_refused(value: float) -> None:
         inputs(load=lambda t: t + value)
 
 
+def test_a_command_or_load_beyond_any_actuator_is_refused() -> None:
+    with pytest.raises(SignalError, match=r"the command reaches 1e\+308, beyond any actuator"):
+        inputs(command=lambda t: np.full(t.shape, -1e308))
+    with pytest.raises(SignalError, match=r"the load reaches 1e\+16, beyond any actuator"):
+        inputs(load=1e16)
+
+
 @pytest.mark.parametrize(
     "changes", [{"samples": 0}, {"samples": -3}, {"interval": 0.0}, {"interval": -1.0}, {"interval": np.nan}]
 )

@@ -13,6 +13,9 @@ from emaphm.random_streams import stream
 
 Sampling = Literal["mean", "instant"]
 
+LARGEST_SIGNAL = 1e15
+"""Largest command [rad] or load [N·m]: beyond, products of it leave the range of floating-point numbers."""
+
 
 @dataclass(frozen=True)
 class Inputs:
@@ -108,4 +111,7 @@ def _checked(what: str, values: Any, steps: int) -> Array:
         raise SignalError(f"the {what} gave {np.shape(values)} values for {steps} times; give one for each")
     if not np.all(np.isfinite(values)):
         raise SignalError(f"the {what} is not finite everywhere; correct its values")
+    largest = float(np.max(np.abs(values)))
+    if largest > LARGEST_SIGNAL:
+        raise SignalError(f"the {what} reaches {largest:.4g}, beyond any actuator; give it in its SI unit")
     return np.asarray(values, float)
