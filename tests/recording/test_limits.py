@@ -32,6 +32,16 @@ def _parquet(path: Path, columns: Columns) -> None:
     pl.DataFrame(columns).write_parquet(path)
 
 
+def _write(path: Path, columns: Columns) -> None:
+    """Write a file of the kind that its ending says; a .mat file is packed."""
+    if path.suffix == ".csv":
+        path.write_bytes(_csv(columns))
+    elif path.suffix == ".parquet":
+        _parquet(path, columns)
+    else:
+        scipy.io.savemat(path, columns, do_compression=True)
+
+
 # Sizes
 
 
@@ -41,12 +51,7 @@ def test_a_file_of_too_many_rows_is_refused_with_the_way_out(
 ) -> None:
     # All but equal values pack well: the size of the file says little of what it holds.
     path, columns = tmp_path / f"rec.{ending}", {"time_s": np.zeros(1001), "current_A": np.zeros(1001)}
-    if ending == "csv":
-        path.write_bytes(_csv(columns))
-    elif ending == "parquet":
-        _parquet(path, columns)
-    else:
-        scipy.io.savemat(path, columns, do_compression=True)
+    _write(path, columns)
     text = refusal(lambda: read_recording(path, thesis, limits=SMALL))
     for piece in (str(path), "1,001 rows", "1,000 are read at most", "cut one manoeuvre", "head -n"):
         assert piece in text
@@ -57,7 +62,7 @@ def test_a_file_of_too_many_columns_is_refused(
     tmp_path: Path, thesis: Actuator, refusal: Refusal, ending: str
 ) -> None:
     path, columns = tmp_path / f"rec.{ending}", {f"c{i}": np.zeros(2) for i in range(21)}
-    path.write_bytes(_csv(columns)) if ending == "csv" else _parquet(path, columns)
+    _write(path, columns)
     assert "21 columns" in refusal(lambda: read_recording(path, thesis, limits=SMALL))
 
 
@@ -66,7 +71,7 @@ def test_a_file_of_too_many_numbers_is_refused(
     tmp_path: Path, thesis: Actuator, refusal: Refusal, ending: str
 ) -> None:
     path, columns = tmp_path / f"rec.{ending}", {f"c{i}": np.zeros(900) for i in range(6)}
-    path.write_bytes(_csv(columns)) if ending == "csv" else _parquet(path, columns)
+    _write(path, columns)
     assert "5,000 numbers are read at most" in refusal(lambda: read_recording(path, thesis, limits=SMALL))
 
 

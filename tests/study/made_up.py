@@ -6,7 +6,7 @@ from typing import Any
 import polars as pl
 
 from emaphm.study import Plan
-from emaphm.study.store import SCHEMA
+from emaphm.study.store import SCHEMA, identity
 from emaphm.study.trials import Trial, trials_of
 
 HEALTHY = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.5]
@@ -16,19 +16,7 @@ def row(trial: Trial, **values: Any) -> dict[str, Any]:
     """Return a made-up result: a small error, each interval holding the truth, each fault called degraded."""
     verdicts = ["degraded" if v != h else "healthy" for v, h in zip(trial.truth, HEALTHY, strict=True)]
     return {
-        "index": trial.index,
-        "group": trial.group,
-        "rig": trial.rig.label if trial.rig else "",
-        "case": trial.case,
-        "case_kind": trial.case_kind,
-        "method": trial.contestant.label,
-        "model": trial.model,
-        "fitness": trial.fitness,
-        "equivalent": trial.equivalent,
-        "noise_A": trial.noise_A,
-        "run": trial.run,
-        "seed": trial.seed,
-        "truth": list(trial.truth),
+        **identity(trial),
         "found": list(trial.truth),
         "fitness_value": 1e-3,
         "evaluations": 1000,

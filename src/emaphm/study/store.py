@@ -211,7 +211,8 @@ def name_of(trial: Trial) -> str:
     return ", ".join((*rig, trial.case, trial.contestant.label, f"run {trial.run}"))
 
 
-def _row(trial: Trial, outcome: Outcome) -> dict[str, Any]:
+def identity(trial: Trial) -> dict[str, Any]:
+    """Return the columns `IDENTITY` of a trial's row."""
     return {
         "index": trial.index,
         "group": trial.group,
@@ -226,6 +227,12 @@ def _row(trial: Trial, outcome: Outcome) -> dict[str, Any]:
         "run": trial.run,
         "seed": trial.seed,
         "truth": list(trial.truth),
+    }
+
+
+def _row(trial: Trial, outcome: Outcome) -> dict[str, Any]:
+    return {
+        **identity(trial),
         **outcome.result,
         "error_percent": float(error_percent(trial.truth, outcome.result["found"])),
         "wall_seconds": outcome.wall_seconds,
