@@ -59,6 +59,16 @@ def _refusal(path: Path, force: bool, endings: Collection[str]) -> str | None:  
     return None
 
 
+def make_folder(folder: Path) -> None:
+    """Make a folder for results, and those above it, where they are missing; `OutputError` if refused."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(
+            f"{folder}: this folder cannot be made ({error.strerror or error}); give another place"
+        ) from None
+
+
 @contextmanager
 def written_whole(path: str | Path) -> Iterator[Path]:
     """Yield the path of a new file, which takes the place of `path` once the block has ended well.

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import polars as pl
 
-from emaphm.errors import OutputError
-from emaphm.output_files import written_whole
+from emaphm.output_files import make_folder, written_whole
 from emaphm.plotting.study import draw_convergence, draw_costs, draw_errors, draw_ranks, draw_success
 from emaphm.plotting.svg import plain_style, svg
 from emaphm.report.document import Block, Document, Facts, Heading, Items, Paragraph, Picture
@@ -101,20 +100,11 @@ def write_study_report(
     paths = []
     for name, content in contents.items():
         path = folder / name
-        _make_folder(path.parent)
+        make_folder(path.parent)
         with written_whole(path) as temporary:
             temporary.write_bytes(content)
         paths.append(path)
     return paths
-
-
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(
-            f"{folder}: this folder cannot be made ({error.strerror or error}); give another place"
-        ) from None
 
 
 def tables(runs: pl.DataFrame) -> dict[str, pl.DataFrame]:

@@ -2,8 +2,7 @@
 
 from pathlib import Path
 
-from emaphm.errors import OutputError
-from emaphm.output_files import written_whole
+from emaphm.output_files import make_folder, written_whole
 from emaphm.report.accuracy_page import accuracy_page
 from emaphm.report.limits_page import limits_page
 from emaphm.study.store import Store
@@ -30,12 +29,7 @@ def write_study_page(store: Store, folder: str | Path) -> list[Path]:
         **{folder / str(plan.page) / f"{name}.svg": content for name, content in figures.items()},
     }
     for path, content in contents.items():
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise OutputError(
-                f"{path.parent}: this folder cannot be made ({error.strerror or error}); give another place"
-            ) from None
+        make_folder(path.parent)
         with written_whole(path) as temporary:
             temporary.write_bytes(content)
     return list(contents)
