@@ -6,7 +6,8 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
 
-from emaphm.actuator.baseline import LINEAR, PARTS, Baseline
+from emaphm.actuator.baseline import MOST_HARMONICS, PARTS, SIGNED, Baseline
+from emaphm.actuator.law_sections import Drive, DriveKind, Friction, RippleHarmonic, Transmission, Weight
 from emaphm.actuator.parameters import (
     Channels,
     Controller,
@@ -29,7 +30,8 @@ class Actuator(Section):
     """Description of an electromechanical actuator: parameters, fault scales, channel names.
 
     Frozen and validated. SI units; with ``coordinates = "linear"`` the same fields hold m and N
-    where they name rad and N·m. Without `electrical` the current loop is ideal.
+    where they name rad and N·m. Without `electrical` the current loop is ideal. `friction`, `transmission`,
+    `weight` and `ripple` hold optional laws.
 
     Source: thesis Tab. 3.1 for the structure and for `Actuator.thesis`.
     """
@@ -40,23 +42,68 @@ class Actuator(Section):
     motor: Motor
     mechanics: Mechanics
     electrical: Electrical | None = None
+    drive: Drive | None = None
+    friction: Friction | None = None
+    transmission: Transmission | None = None
+    weight: Weight | None = None
+    ripple: tuple[RippleHarmonic, ...] = Field(
+        default=(), strict=False, max_length=MOST_HARMONICS, description="harmonics of the torque ripple"
+    )
     faults: FaultScales = FaultScales()
     nuisances: Nuisances = Nuisances()
     channels: Channels = Channels()
     baseline: Baseline | None = None
 
     @model_validator(mode="after")
+    def _drive_with_what_it_needs(self) -> Self:
+        e, kind = self.electrical, self.drive_kind
+        if kind == "current" and e is not None:
+            raise ValueError("'drive.kind' = \"current\" has an ideal current loop; take out [electrical]")
+        if kind != "current" and e is None:
+            raise ValueError(f"'drive.kind' = \"{kind}\" needs an [electrical] section; add it")
+        if kind == "hysteresis" and e is not None and e.hysteresis is None:
+            raise ValueError("'electrical.hysteresis' is missing; a drive of kind \"hysteresis\" needs it")
+        if self.drive and self.drive.current_lag is not None and kind in ("current", "voltage"):
+            raise ValueError(
+                f"'drive.current_lag': a drive of kind \"{kind}\" senses no current; take it out"
+            )
+        if self.weight and self.coordinates == "linear":
+            raise ValueError("'weight' turns with a rotary actuator; a linear one has mechanics.offset")
+        if self.transmission and not (self.mechanics.inertia_motor > 0 and self.mechanics.inertia_user > 0):
+            raise ValueError(
+                "[transmission] joins two inertias: give mechanics.inertia_motor and inertia_user above 0"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _baseline_of_what_is_described(self) -> Self:
         for name in self.baseline.names if self.baseline else ():
-            place, *fields = PARTS[name]
-            section = getattr(self, place)
-            if section is None:
-                raise ValueError(f"'baseline.names': '{name}' needs an [{place}] section; add it")
-            if name not in LINEAR and not sum(getattr(section, field) for field in fields) > 0:
+            values = described_parts(self, name)
+            if values is None:
+                raise ValueError(f"'baseline.names': '{name}' needs [{PARTS[name][0]}] with it; add it")
+            if name not in SIGNED and not sum(values) > 0:
                 raise ValueError(
-                    f"'baseline.names': '{name}' is 0 in [{place}]: nothing is relative to it; leave it out"
+                    f"'baseline.names': '{name}' is 0 in [{PARTS[name][0]}]: nothing is relative to it; "
+                    "leave it out"
                 )
         return self
+
+    @property
+    def drive_kind(self) -> DriveKind:
+        """How the windings are fed; what the drive is where there is no [drive] section."""
+        if self.drive is not None:
+            return self.drive.kind
+        return "hysteresis" if self.electrical is not None else "current"
+
+    @property
+    def three_phases(self) -> bool:
+        """Whether the motor has three phases, which can be shorted, and a rotor between them."""
+        return self.drive_kind in ("hysteresis", "six-step", "foc")
+
+    @property
+    def drive_constant(self) -> float:
+        """Torque per ampere that the drive assumes [N·m/A]."""
+        return self.controller.torque_constant or self.motor.torque_constant
 
     @classmethod
     def thesis(cls) -> Self:
@@ -126,3 +173,16 @@ class Actuator(Section):
         """
         with written_whole(path) as temporary:
             temporary.write_text(write_toml(self, comments), encoding="utf-8")
+
+
+def described_parts(actuator: Actuator, name: str) -> tuple[float, ...] | None:
+    """Return the described values that the lumped parameter `name` is the sum of, None where absent."""
+    section, *fields = PARTS[name]
+    if section == "ripple":
+        place, field = int(fields[0]) - 1, fields[1]
+        return (getattr(actuator.ripple[place], field),) if place < len(actuator.ripple) else None
+    described = getattr(actuator, section)
+    if described is None:
+        return None
+    values = [getattr(described, field) for field in fields]
+    return None if any(value is None for value in values) else tuple(values)

@@ -9,6 +9,9 @@ from emaphm.actuator.parameters import LARGEST, SMALLEST, Section
 from emaphm.actuator.quantity import quantity
 from emaphm.errors import nearest
 
+MOST_HARMONICS = 8
+"""Harmonics of the torque ripple that an actuator may have."""
+
 LUMPED_PARAMETERS = {
     "inertia": "kg·m²",
     "viscous": "N·m·s/rad",
@@ -16,36 +19,101 @@ LUMPED_PARAMETERS = {
     "static": "N·m",
     "offset": "N·m",
     "hinge": "N·m/rad",
+    "backlash": "rad",
     "position_gain": "1/s",
+    "position_integral_gain": "1/s",
+    "position_derivative_gain": "s",
     "speed_gain": "N·m·s/rad",
+    "integral_gain": "N·m/rad",
+    "derivative_gain": "N·m·s²/rad",
+    "speed_feedforward": "-",
+    "speed_feedback": "-",
     "speed_lag": "s",
     "torque_constant": "N·m/A",
     "torque_lag": "s",
     "resistance": "ohm",
     "inductance": "H",
     "supply": "V",
+    "current_gain": "V/A",
+    "current_integral_gain": "V/(A·s)",
+    "source_resistance": "ohm",
+    "current_lag": "s",
+    "stribeck_speed": "rad/s",
+    "load_motor": "-",
+    "load_external": "-",
+    "stribeck_load_motor": "-",
+    "stribeck_load_external": "-",
+    "coulomb_asymmetry": "-",
+    "viscous_asymmetry": "-",
+    "quadratic": "N·m·s²/rad²",
+    "transition_speed": "rad/s",
+    "viscous_temperature": "1/K",
+    "stiffness": "N·m/rad",
+    "damping": "N·m·s/rad",
+    "gravity": "N·m",
+    "gravity_angle": "rad",
+    **{f"ripple{i + 1}_{part}": "N·m" for i in range(MOST_HARMONICS) for part in ("cos", "sin")},
 }
 """Names and units: coulomb is dynamic friction, offset a constant load, hinge the load stiffness."""
 
-PARTS = {
+SUMS = {
     "inertia": ("mechanics", "inertia_motor", "inertia_user"),
     "viscous": ("mechanics", "viscous_motor", "viscous_user"),
     "coulomb": ("mechanics", "dynamic_friction_motor", "dynamic_friction_user"),
     "static": ("mechanics", "static_friction_motor", "static_friction_user"),
-    "offset": ("mechanics", "offset"),
-    "hinge": ("mechanics", "hinge"),
-    "position_gain": ("controller", "position_gain"),
-    "speed_gain": ("controller", "speed_gain"),
-    "speed_lag": ("controller", "speed_lag"),
-    "torque_constant": ("motor", "torque_constant"),
-    "torque_lag": ("motor", "torque_lag"),
-    "resistance": ("electrical", "resistance"),
-    "inductance": ("electrical", "inductance"),
-    "supply": ("electrical", "supply"),
 }
-"""Where each parameter stands in the description: its section, then the fields that it is the sum of."""
 
-LINEAR = ("offset",)
+SECTIONS = {
+    "mechanics": ("offset", "hinge", "backlash"),
+    "controller": (
+        "position_gain",
+        "position_integral_gain",
+        "position_derivative_gain",
+        "speed_gain",
+        "integral_gain",
+        "derivative_gain",
+        "speed_feedforward",
+        "speed_feedback",
+        "speed_lag",
+    ),
+    "motor": ("torque_constant", "torque_lag"),
+    "electrical": ("resistance", "inductance", "supply"),
+    "drive": ("current_gain", "current_integral_gain", "source_resistance", "current_lag"),
+    "friction": (
+        "stribeck_speed",
+        "load_motor",
+        "load_external",
+        "stribeck_load_motor",
+        "stribeck_load_external",
+        "coulomb_asymmetry",
+        "viscous_asymmetry",
+        "quadratic",
+        "transition_speed",
+        "viscous_temperature",
+    ),
+    "transmission": ("stiffness", "damping"),
+    "weight": ("gravity", "gravity_angle"),
+}
+
+PARTS: dict[str, tuple[str, ...]] = {
+    **SUMS,
+    **{name: (section, name) for section, names in SECTIONS.items() for name in names},
+    **{
+        name: ("ripple", *name.removeprefix("ripple").split("_"))
+        for name in LUMPED_PARAMETERS
+        if "ripple" in name
+    },
+}
+"""Where each parameter stands in the description: its section, then the fields that it is the sum of; of a
+harmonic of the ripple its place in the list and its field."""
+
+SIGNED = (
+    "offset",
+    "coulomb_asymmetry",
+    "viscous_asymmetry",
+    "gravity_angle",
+    *(name for name in LUMPED_PARAMETERS if name.startswith("ripple")),
+)
 """Parameters of either sign: their covariance is in their own unit, that of the others relative."""
 
 ROUNDING = 1e-9
@@ -58,13 +126,13 @@ class Baseline(Section):
     """How well one unit's parameters are known after its calibration: the prior of later diagnoses.
 
     Deviations of the lumped parameters `names` from the description are normal about 0 with `covariance`,
-    (names, names): relative (of the logarithm) for positive parameters, in its own unit for the offset. They
-    were estimated from `recordings`.
+    (names, names): relative (of the logarithm) for positive parameters, in its own unit for those of either
+    sign. They were estimated from `recordings`.
     """
 
     names: tuple[str, ...] = Field(description="calibrated parameters", min_length=1)
     covariance: tuple[tuple[Number, ...], ...] = quantity(
-        "covariance of their deviations, of the logarithm; of an offset in its own unit",
+        "covariance of their deviations, of the logarithm; in its own unit for those of either sign",
         "-",
         "calibration",
         strict=False,

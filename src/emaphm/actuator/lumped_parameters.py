@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from emaphm.actuator.actuator import Actuator
+from emaphm.actuator.actuator import Actuator, described_parts
 from emaphm.actuator.baseline import LUMPED_PARAMETERS, PARTS
 from emaphm.errors import MethodError, nearest
 
@@ -19,12 +19,23 @@ __all__ = [
 ]
 
 
+OPTIONAL = ("drive", "friction", "transmission", "weight", "ripple")
+"""Sections whose values are laws of their own: one that is not described is not there."""
+
+
 def check_lumped_parameters(actuator: Actuator, names: Mapping[str, Any] | tuple[str, ...]) -> None:
     """Raise `MethodError` for a name that is unknown or that `actuator` has no section for."""
     for name in names:
         if name not in LUMPED_PARAMETERS:
             raise MethodError(f"unknown parameter '{name}'{nearest(name, LUMPED_PARAMETERS)}")
-        if PARTS[name][0] == "electrical" and actuator.electrical is None:
+        section = PARTS[name][0]
+        if section in OPTIONAL and described_parts(actuator, name) is None:
+            key = "[[ripple]]" if section == "ripple" else f"{name} in [{section}]"
+            raise MethodError(
+                f"parameter '{name}' needs {key}, which actuator '{actuator.name}' lacks; add it, or leave "
+                "the parameter out"
+            )
+        if section == "electrical" and actuator.electrical is None:
             raise MethodError(
                 f"parameter '{name}' needs an [electrical] section, which actuator '{actuator.name}' lacks; "
                 "add one or leave the parameter out"
@@ -34,11 +45,7 @@ def check_lumped_parameters(actuator: Actuator, names: Mapping[str, Any] | tuple
 def lumped_parameters(actuator: Actuator, names: tuple[str, ...]) -> dict[str, float]:
     """Return the described values of the named parameters, in the units of `LUMPED_PARAMETERS`."""
     check_lumped_parameters(actuator, names)
-    values = {}
-    for name in names:
-        section, *fields = PARTS[name]
-        values[name] = float(sum(getattr(getattr(actuator, section), field) for field in fields))
-    return values
+    return {name: float(sum(described_parts(actuator, name) or ())) for name in names}
 
 
 def static_follows(actuator: Actuator, values: Mapping[str, Any]) -> dict[str, Any]:
@@ -69,6 +76,9 @@ def with_lumped_parameters(
     description = actuator.model_dump()
     for parameter, value in static_follows(actuator, values).items():
         section, first, *others = PARTS[parameter]
+        if section == "ripple":
+            description["ripple"][int(first) - 1][others[0]] = float(value)
+            continue
         fields = description[section]
         present = fields[first] + sum(fields[field] for field in others)
         for field in (first, *others):

@@ -35,7 +35,11 @@ class Section(BaseModel):
 
 
 class Controller(Section):
-    """Position loop (P) around a speed loop (PID) around a current loop, each with its limit."""
+    """Position loop (P, PI or PID) around a speed loop (PID) around a current loop, each with its limit.
+
+    Where the drive is driven by voltage, the speed loop's output is the duty cycle, limited to ±1, and its
+    gains have s/rad and 1/rad for N·m·s/rad and N·m/rad.
+    """
 
     position_gain: float = quantity(
         "speed demand per position error at the user, G_prop", "1/s", THESIS, gt=0
@@ -47,7 +51,30 @@ class Controller(Section):
         "limit of the speed demand; none where left out", "rad/s", "thesis 3.1.2", default=None, gt=0
     )
     current_limit: float = quantity("limit of the current demand, I_max", "A", THESIS, gt=0)
-    torque_constant: float = quantity("torque per ampere that the drive assumes, k_t", "N·m/A", THESIS, gt=0)
+    torque_constant: float | None = quantity(
+        "torque per ampere that the drive assumes, k_t; the motor's where left out",
+        "N·m/A",
+        THESIS,
+        default=None,
+        gt=0,
+    )
+    position_integral_gain: float = quantity(
+        "position loop, integral: 1 / T_i, relative to position_gain", "1/s", CHOSEN, default=0.0, ge=0
+    )
+    position_derivative_gain: float = quantity(
+        "position loop, derivative: T_d, relative to position_gain", "s", CHOSEN, default=0.0, ge=0
+    )
+    speed_feedforward: float = quantity(
+        "share of the command's rate that is added to the speed demand", "-", CHOSEN, default=0.0, ge=0, le=2
+    )
+    speed_feedback: float = quantity(
+        "share of the motor's speed that the speed loop compares; 0 for a drive without one",
+        "-",
+        CHOSEN,
+        default=1.0,
+        ge=0,
+        le=1,
+    )
     speed_lag: float = quantity(
         "time constant of the speed feedback: differencing, filtering, sampling",
         "s",
@@ -81,9 +108,13 @@ class Electrical(Section):
     supply: float = quantity("supply voltage, V_dc", "V", THESIS, gt=0)
     resistance: float = quantity("resistance line to line, R_s", "ohm", THESIS, gt=0)
     inductance: float = quantity("inductance line to line, L_s", "H", THESIS, gt=0)
-    pole_pairs: int = quantity("pole pairs, P", "-", THESIS, ge=1, le=1000)
-    hysteresis: float = quantity(
-        "current hysteresis: comparators switch at plus and minus, hb", "A", THESIS, gt=0
+    pole_pairs: int = quantity("pole pairs, P", "-", THESIS, default=1, ge=1, le=1000)
+    hysteresis: float | None = quantity(
+        "current hysteresis: comparators switch at plus and minus, hb; none where the drive has none",
+        "A",
+        THESIS,
+        default=None,
+        gt=0,
     )
     temperature: float = quantity(
         "of windings and magnets where resistance and torque constant hold", "K", CHOSEN, default=293.15, gt=0
@@ -118,6 +149,7 @@ class Mechanics(Section):
         default=0.0,
     )
     gear_ratio: float = quantity("user motion per motor motion, tau", "-", CHOSEN, gt=0)
+    screw_ratio: float = quantity("turns of the screw per turn of the motor", "-", CHOSEN, default=1.0, gt=0)
     end_stops: tuple[float, float] | None = quantity(
         "end stops at the user, lower and upper; none where left out",
         "rad",

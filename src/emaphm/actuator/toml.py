@@ -24,6 +24,10 @@ def write_toml(actuator: BaseModel, comments: str = "") -> str:
     values = actuator.model_dump(mode="json", exclude_none=True)
     coordinates = values["coordinates"]
     for name, value in values.items():
+        if isinstance(value, list):
+            if value:
+                document.add(name, _tables(getattr(actuator, name), value, coordinates))
+            continue
         if not isinstance(value, dict):
             document.add(name, value)
             continue
@@ -32,6 +36,15 @@ def write_toml(actuator: BaseModel, comments: str = "") -> str:
         if kept:
             document.add(name, _table(type(section), kept, coordinates))
     return tomlkit.dumps(document)
+
+
+def _tables(sections: tuple[BaseModel, ...], values: list[dict[str, Any]], coordinates: str) -> Any:
+    import tomlkit
+
+    tables = tomlkit.aot()
+    for section, value in zip(sections, values, strict=True):
+        tables.append(_table(type(section), value, coordinates))
+    return tables
 
 
 def _table(section: type[BaseModel], values: dict[str, Any], coordinates: str) -> Any:

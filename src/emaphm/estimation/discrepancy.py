@@ -46,8 +46,8 @@ class Discrepancy:
 
 
 def has_reference(problem: Problem) -> bool:
-    """Return whether the reference model can run: windings described, the recording not too long."""
-    return problem.actuator.electrical is not None and problem.duration_s <= LONGEST_S
+    """Return whether the reference model can run: it knows the drive, the recording is not too long."""
+    return problem.actuator.drive_kind in REFERENCE.forms and problem.duration_s <= LONGEST_S
 
 
 def discrepancies(

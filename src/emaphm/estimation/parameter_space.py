@@ -52,8 +52,12 @@ class ParameterSpace(Box):
             fixed["friction"] = "the healthy friction is zero, so its fault scales nothing"
         if actuator.mechanics.backlash == 0:
             fixed["backlash"] = "the healthy backlash is zero, so its fault scales nothing"
-        if actuator.electrical is None:
-            reason = "needs an electrical description, which the actuator lacks"
+        if not actuator.three_phases:
+            reason = (
+                "needs an electrical description, which the actuator lacks"
+                if actuator.electrical is None
+                else "needs a motor of three phases"
+            )
             fixed |= dict.fromkeys((*SHORTS, *ECCENTRICITY), reason)
         columns = tuple(i for i, name in enumerate(NAMES) if name not in fixed)
         lower, upper = np.zeros(len(NAMES)), np.ones(len(NAMES))

@@ -10,7 +10,7 @@ from typing import Self
 import numpy as np
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.baseline import LINEAR
+from emaphm.actuator.baseline import SIGNED
 from emaphm.actuator.lumped_parameters import LUMPED_PARAMETERS, lumped_parameters
 from emaphm.actuator.quantity import unit_for
 from emaphm.arrays import Array
@@ -49,7 +49,7 @@ class ParameterVariation:
             A name is unknown or needs a section that the actuator lacks, or its value is 0.
         """
         for name, value in lumped_parameters(actuator, names).items():
-            if value <= 0 and name not in LINEAR:
+            if value <= 0 and name not in SIGNED:
                 raise MethodError(
                     f"parameter '{name}' is {value:g} in actuator '{actuator.name}', so its size is unknown; "
                     "give an estimate there to start from"
@@ -76,20 +76,26 @@ class ParameterVariation:
 
 def sizes(actuator: Actuator, names: tuple[str, ...]) -> Array:
     """Return the deviation of each of `names` that is as much as 1 of a logarithm, shape (names,)."""
-    # An offset has a sign; it is measured in units of what friction alone takes.
+    # What has a sign is measured in units of what it adds to: torques in units of what friction alone takes.
     friction = (
         actuator.mechanics.dynamic_friction
         or actuator.controller.current_limit * actuator.motor.torque_constant
     )
-    return np.array([friction if name in LINEAR else 1.0 for name in names])
+    return np.array([_size(name, friction) for name in names])
+
+
+def _size(name: str, friction: float) -> float:
+    if name not in SIGNED:
+        return 1.0
+    return {"coulomb_asymmetry": 0.25, "viscous_asymmetry": 0.25, "gravity_angle": 0.25}.get(name, friction)
 
 
 def varied(actuator: Actuator, name: str, variation: Array) -> Array:
     """Return the lumped parameter `name` at a `variation` from the description, of its shape."""
     described = lumped_parameters(actuator, (name,))[name]
-    return np.asarray(described + variation if name in LINEAR else described * np.exp(variation))
+    return np.asarray(described + variation if name in SIGNED else described * np.exp(variation))
 
 
 def variation_unit(name: str, coordinates: str) -> str:
     """Return the unit of a deviation of the total `name`."""
-    return unit_for(LUMPED_PARAMETERS[name], coordinates) if name in LINEAR else "-"
+    return unit_for(LUMPED_PARAMETERS[name], coordinates) if name in SIGNED else "-"

@@ -86,7 +86,7 @@ class TestSetup:
     @property
     def truth(self) -> Model:
         """The model that stands for the actuator: the reference model where the windings are described."""
-        return AVERAGED if self.actuator.electrical is None else REFERENCE
+        return REFERENCE if self.actuator.drive_kind in REFERENCE.forms else AVERAGED
 
     def objective(self, excitation: Excitation) -> MapObjective:
         """Return what a diagnosis would minimise on a recording of `excitation`, each channel at its noise.

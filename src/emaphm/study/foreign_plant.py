@@ -105,7 +105,7 @@ def simulate(
 
 def _parameters(actuator: Actuator, faults: Faults, features: ForeignFeatures, step: float) -> _Parameters:
     c, e, m, motor = actuator.controller, actuator.electrical, actuator.mechanics, actuator.motor
-    if e is None or c.speed_limit is None or motor.torque_limit is None:
+    if e is None or e.hysteresis is None or c.speed_limit is None or motor.torque_limit is None:
         raise StudyError(
             f"actuator '{actuator.name}': the foreign plant needs its electrical description and its limits "
             "of speed and torque; add them, or leave out 'foreign'"
@@ -119,7 +119,7 @@ def _parameters(actuator: Actuator, faults: Faults, features: ForeignFeatures, s
         speed_limit=c.speed_limit,
         speed_gain=c.speed_gain,
         current_limit=c.current_limit,
-        drive_constant=c.torque_constant,
+        drive_constant=actuator.drive_constant,
         band=e.hysteresis,
         half_supply=e.supply / 2,
         pole_pairs=float(e.pole_pairs),

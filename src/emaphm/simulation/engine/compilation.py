@@ -4,8 +4,8 @@ A kernel advances `lanes` actuators together and records means over sample inter
 
 x : float64 (rows × lanes,), the state row by row, then a row of sums for each channel; updated in place
 p : float64 (rows × lanes,), the parameters row by row
-command, load, noise : float64, one value a step, shared by all lanes: `load[i × load_stride]` at step i
-load_stride, noise_stride : 1, or 0 where one value holds at every step
+command, load, noise, enabled : float64, a value a step for all lanes: `load[i × load_stride]` at step i
+load_stride, noise_stride, enabled_stride : 1, or 0 where one value holds at every step
 step : integration step [s]
 samples : rows of the output
 substeps : steps in a sample interval
@@ -14,9 +14,7 @@ carried : 0 or 1, whether motion is recorded as at the start of a step or as it 
 out : float64 (lanes, channels, row), its first `samples` columns filled with the means
 
 LLVM turns the innermost loop, over lanes, into vector instructions where the number of lanes is known
-when compiling, all lanes are in one flat array, and the loop has neither branches nor calls left. Laws
-take scalars for that reason: a function that is handed `x` or `p` itself makes the kernels ten times slower
-(measured), which is why the kernels repeat how their common rows are read and written.
+when compiling, all lanes are in one flat array, and the loop has neither branches nor calls left.
 """
 
 from typing import Any
@@ -24,6 +22,7 @@ from typing import Any
 import llvmlite.binding as llvm
 
 from emaphm.simulation.engine.model import ENTRY, Layout, Model
+from emaphm.simulation.engine.step_loop import step_loop
 from emaphm.simulation.laws.inline import LAWS, select
 
 REGISTERED: set[Any] = set()
@@ -36,7 +35,7 @@ def compiled(model: Model, layout: Layout) -> bytes:
     """Return the kernel of `model` as an object file for this machine, its function named `ENTRY`.
 
     It has the C arguments (pointers are to float64; integers of 64 bits): x, p, command, load, load_stride,
-    noise, noise_stride, step, samples, substeps, window, carried, out, row.
+    noise, noise_stride, enabled, enabled_stride, step, samples, substeps, window, carried, out, row.
     """
     # Numba takes 0.25 s to get ready, more than a whole diagnosis; a kernel that is cached does without.
     import numba
@@ -46,13 +45,16 @@ def compiled(model: Model, layout: Layout) -> bytes:
     if not REGISTERED:
         overload(select)(_select_scalar)
         REGISTERED.add(select)
-    for law in LAWS:
+    lanes, channels, structure = layout
+    form = model.form(structure)
+    advance_one = form.advance(structure)
+    for law in (*LAWS, advance_one):
         if law not in REGISTERED:
-            register_jitable(law)
+            register_jitable(forceinline=True)(law)
             REGISTERED.add(law)
-    lanes, channels = layout
     carray: Any = numba.carray  # type: ignore[attr-defined]
-    kernel = numba.njit(**NUMBA_OPTIONS)(model.build(layout))
+    state, parameters = form.state_names(structure), form.parameter_names(structure)
+    kernel = numba.njit(**NUMBA_OPTIONS)(step_loop(advance_one, state, parameters, lanes, channels))
 
     def advance(
         x: Any,
@@ -62,6 +64,8 @@ def compiled(model: Model, layout: Layout) -> bytes:
         load_stride: Any,
         noise: Any,
         noise_stride: Any,
+        enabled: Any,
+        enabled_stride: Any,
         step: Any,
         samples: Any,
         substeps: Any,
@@ -79,6 +83,8 @@ def compiled(model: Model, layout: Layout) -> bytes:
             load_stride,
             carray(noise, 1),
             noise_stride,
+            carray(enabled, 1),
+            enabled_stride,
             step,
             samples,
             substeps,
@@ -90,7 +96,7 @@ def compiled(model: Model, layout: Layout) -> bytes:
     array: Any = types.CPointer(types.float64)  # type: ignore[no-untyped-call]
     integer, real = types.int64, types.float64
     signature = types.void(
-        *(array, array, array, array, integer, array, integer, real),
+        *(array, array, array, array, integer, array, integer, array, integer, real),
         *(integer, integer, integer, real, array, integer),
     )
     translated = numba.cfunc(signature, **NUMBA_OPTIONS)(advance)

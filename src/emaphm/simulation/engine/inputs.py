@@ -19,7 +19,7 @@ LARGEST_SIGNAL = 1e15
 
 @dataclass(frozen=True)
 class Inputs:
-    """Command [rad], load [N·m] and noise on the reference current [A], a value a step.
+    """Command [rad], load [N·m], noise on the reference current [A], and the drive on or off, a value a step.
 
     Each has shape (samples × substeps,); `interval` [s] is a sample's; `sampling` says whether a row of
     output is the mean over its interval or the value at its start.
@@ -31,6 +31,7 @@ class Inputs:
     samples: int
     substeps: int
     interval: float
+    enabled: Array
     sampling: Sampling = "mean"
 
     @classmethod
@@ -44,6 +45,7 @@ class Inputs:
         step: float,
         sampling: Sampling = "mean",
         noise: float = 0.0,
+        enabled: Command | None = None,
         seed: int = 0,
     ) -> Self:
         """Evaluate the inputs at every step.
@@ -58,6 +60,9 @@ class Inputs:
             Longest integration step [s]; the largest one that divides `interval` is taken.
         noise
             White noise on the reference current, rms [A] at each step (thesis 4.1), made from `seed`.
+        enabled
+            Function of time [s], 1 where the drive is switched on and 0 where the motor is without current;
+            on throughout where left out.
 
         Raises
         ------
@@ -83,6 +88,9 @@ class Inputs:
             samples=samples,
             substeps=substeps,
             interval=interval,
+            enabled=np.broadcast_to(1.0, steps)
+            if enabled is None
+            else _checked("enabling", enabled(t), steps),
             sampling=sampling,
         )
 

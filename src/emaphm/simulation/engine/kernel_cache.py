@@ -28,21 +28,21 @@ DIGEST = 32
 ARRAY, INTEGER, REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 FUNCTION = ctypes.CFUNCTYPE(
     None,
-    *(ARRAY, ARRAY, ARRAY, ARRAY, INTEGER, ARRAY, INTEGER, REAL),
+    *(ARRAY, ARRAY, ARRAY, ARRAY, INTEGER, ARRAY, INTEGER, ARRAY, INTEGER, REAL),
     *(INTEGER, INTEGER, INTEGER, REAL, ARRAY, INTEGER),
 )
 
 
 @cache
-def kernel(model: Model, lanes: int, channels: int) -> Kernel:
-    """Return the kernel of `model` that advances `lanes` actuators and records the first `channels`."""
-    revision = _revision(model)
-    path = _folder() / f"{_file_name(model)}-{lanes}-{channels}.{_machine()[:12]}.kernel"
+def kernel(model: Model, layout: Layout) -> Kernel:
+    """Return the kernel of `model` that is compiled for `layout`."""
+    revision = _revision(model, layout)
+    path = _folder() / f"{_file_name(model, layout)}.{_machine()[:12]}.kernel"
     code = _read(path, revision)
     if code is None:
         from emaphm.simulation.engine.compilation import compiled
 
-        code = compiled(model, Layout(lanes, channels))
+        code = compiled(model, layout)
         _write(path, revision, code)
     return _loaded(code)
 
@@ -60,8 +60,10 @@ def _loaded(code: bytes) -> Kernel:
     return cast("Kernel", function)
 
 
-def _file_name(model: Model) -> str:
-    return re.sub(r"\W+", "-", model.name).strip("-")
+def _file_name(model: Model, layout: Layout) -> str:
+    name = re.sub(r"\W+", "-", model.name).strip("-")
+    structure = hashlib.sha256(repr(layout.structure).encode()).hexdigest()[:8]
+    return f"{name}-{layout.structure.drive}-{structure}-{layout.lanes}-{layout.channels}"
 
 
 @cache
@@ -86,13 +88,14 @@ def _sources() -> bytes:
     return digest.digest()
 
 
-def _revision(model: Model) -> bytes:
+def _revision(model: Model, layout: Layout) -> bytes:
     """Return a digest of what the kernel of `model` is made of, which may be built outside of the package."""
-    build: Any = model.build
-    function, options = getattr(build, "func", build), getattr(build, "keywords", {})
-    digest = hashlib.sha256(_sources() + repr((function.__qualname__, options)).encode())
-    source = Path(function.__code__.co_filename)
-    digest.update(source.read_bytes() if source.is_file() else marshal.dumps(function.__code__))
+    build: Any = model.form(layout.structure).advance
+    cells = [cell.cell_contents for cell in build.__closure__ or ()]
+    options = [value for value in cells if isinstance(value, str | bool)]
+    digest = hashlib.sha256(_sources() + repr((build.__qualname__, options, layout)).encode())
+    source = Path(build.__code__.co_filename)
+    digest.update(source.read_bytes() if source.is_file() else marshal.dumps(build.__code__))
     return digest.digest()
 
 

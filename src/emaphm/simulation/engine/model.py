@@ -1,15 +1,17 @@
 """What a model of the actuator is, to those who run it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from emaphm.arrays import Array
+from emaphm.errors import MethodError
 from emaphm.simulation.engine.inputs import Inputs
 from emaphm.simulation.engine.plant import Plant
+from emaphm.simulation.engine.structure import Structure
 
 OBSERVABLE = ("current_A", "voltage_V", "position_rad", "speed_rad_s")
-"""The first channels of every model: what a rig may record and a fit compare."""
+"""The first channels of every form of a model: what a rig may record and a fit compare."""
 
 ENTRY = "advance"
 """Name of the function in the object file of every kernel."""
@@ -21,7 +23,9 @@ class Layout(NamedTuple):
     lanes: int
     """Actuators that it advances together."""
     channels: int
-    """How many of the model's channels are recorded, from the first on: 1, those of `OBSERVABLE`, or all."""
+    """How many of the model's channels are recorded, from the first on: 1, the observable ones, or all."""
+    structure: Structure = Structure()
+    """Drive and optional laws."""
 
 
 @dataclass(frozen=True)
@@ -38,32 +42,67 @@ class Initial:
 
 
 @dataclass(frozen=True, eq=False)
+class Form:
+    """A model's form for one kind of drive.
+
+    Attributes
+    ----------
+    channels
+        What a single run records. A batch records the first, or those that are `observable`.
+    observable
+        The first of the channels: those that a rig may record and a fit compare.
+    parameters
+        From plants (n) and the step [s] to the kernel's parameters by name, (n,) each.
+    initial_state
+        From plants (n), inputs and the start to the kernel's state by name, (n,) each; it may name more than
+        the kernel has.
+    state_names, parameter_names
+        From a structure to the kernel's rows, in their order.
+    advance
+        From a structure to the step of one actuator, as `step_loop` takes it.
+    """
+
+    channels: tuple[str, ...]
+    observable: tuple[str, ...]
+    parameters: Callable[[Plant, float], Mapping[str, Array]]
+    initial_state: Callable[[Plant, Inputs, Initial], Mapping[str, Array]]
+    state_names: Callable[[Structure], tuple[str, ...]]
+    parameter_names: Callable[[Structure], tuple[str, ...]]
+    advance: Callable[[Structure], Callable[..., Any]]
+
+
+@dataclass(frozen=True, eq=False)
 class Model:
-    """A model of the actuator: how to build its kernel, parameters and initial state.
+    """A model of the actuator: its form for each kind of drive.
 
     Two models are equal only if they are one: kernels are looked up by it in every run.
 
     Attributes
     ----------
     step
-        Integration step [s].
-    channels
-        What a single run records. A batch records the first, the equivalent current, or `OBSERVABLE`.
+        Longest integration step [s].
+    forms
+        By kind of drive; a drive that is missing is one that the model does not know.
     switches
-        Whether it switches the supply voltage, which takes windings.
-    parameters
-        From plants (n) and the step [s] to the kernel's parameters, shape (rows, n).
-    initial_state
-        From plants (n), inputs and the start to the kernel's state, shape (rows, n).
-    build
-        From a layout to the kernel as a Python function that Numba can compile; `compilation` has its
-        arguments.
+        Whether it switches the supply voltage, so that its outputs have no useful derivatives.
     """
 
     name: str
     step: float
-    channels: tuple[str, ...]
-    switches: bool
-    parameters: Callable[[Plant, float], Array]
-    initial_state: Callable[[Plant, Inputs, Initial], Array]
-    build: Callable[[Layout], Callable[..., None]]
+    forms: Mapping[str, Form]
+    switches: bool = False
+
+    def form(self, structure: Structure) -> Form:
+        """Return the form for the drive of `structure`.
+
+        Raises
+        ------
+        MethodError
+            The model has none for that drive.
+        """
+        if structure.drive not in self.forms:
+            raise MethodError(
+                f"the {self.name} model has no drive of kind '{structure.drive}'; it has "
+                f"{', '.join(self.forms)}: describe the drive, or use the averaged model"
+            )
+        return self.forms[structure.drive]

@@ -2,15 +2,19 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from emaphm.actuator import Actuator
+from emaphm.actuator.baseline import SECTIONS
+from emaphm.actuator.baseline import SIGNED as OF_EITHER_SIGN
 from emaphm.actuator.faults import NAMES, SHORTEST_WINDING
 from emaphm.actuator.lumped_parameters import check_lumped_parameters, static_follows
 from emaphm.arrays import Array
 from emaphm.errors import FaultError, MethodError
+from emaphm.simulation.engine.structure import Ripple, Structure
 
 NO_LIMIT = 1e30
 """Value of an absent limit; the kernels are compiled to assume that nothing is infinite."""
@@ -23,9 +27,12 @@ NEVER_ZERO = (
     "resistance",
     "inductance",
     "supply",
+    "stiffness",
+    "stribeck_speed",
+    "transition_speed",
 )
 
-SIGNED = ("offset", "hinge")
+SIGNED = (*OF_EITHER_SIGN, "hinge")
 
 
 @dataclass(frozen=True)
@@ -34,7 +41,8 @@ class Plant:
 
     Friction, backlash and position gain have their faults applied; the windings are described by the
     healthy line-to-line values and `turns` (3, n), the fraction of healthy turns in each phase;
-    `z` (2, n) is Z (cos phi, sin phi).
+    `z` (2, n) is Z (cos phi, sin phi); `ripples` (2 harmonics, n) the amplitudes of each harmonic with cosine
+    and sine. `structure` says which of the optional laws are there; the values of the others do not matter.
     """
 
     inertia: Array
@@ -65,6 +73,36 @@ class Plant:
     pole_pairs: Array
     turns: Array
     z: Array
+    structure: Structure
+    position_integral_gain: Array
+    position_derivative_gain: Array
+    speed_feedforward: Array
+    speed_feedback: Array
+    current_gain: Array
+    current_integral_gain: Array
+    pwm_frequency: Array
+    source_resistance: Array
+    current_lag: Array
+    stribeck_speed: Array
+    load_motor: Array
+    load_external: Array
+    stribeck_load_motor: Array
+    stribeck_load_external: Array
+    coulomb_asymmetry: Array
+    viscous_asymmetry: Array
+    quadratic: Array
+    transition_speed: Array
+    viscous_temperature: Array
+    stiffness: Array
+    damping: Array
+    user_share_of_inertia: Array
+    user_share_of_viscous: Array
+    user_share_of_static: Array
+    user_share_of_coulomb: Array
+    gravity: Array
+    gravity_angle: Array
+    screw_ratio: Array
+    ripples: Array
 
     @staticmethod
     def of(
@@ -106,8 +144,8 @@ class Plant:
 
     @property
     def has_windings(self) -> bool:
-        """Whether the windings are described; without them the current loop is ideal."""
-        return bool(self.hysteresis[0] > 0)
+        """Whether three windings are described and switched."""
+        return self.structure.drive in ("hysteresis", "six-step", "foc")
 
     @property
     def count(self) -> int:
@@ -135,7 +173,7 @@ def _healthy(actuator: Actuator, n: int) -> Plant:
         "derivative_gain": c.derivative_gain,
         "speed_limit": c.speed_limit or NO_LIMIT,
         "current_limit": c.current_limit,
-        "drive_constant": c.torque_constant,
+        "drive_constant": actuator.drive_constant,
         "speed_lag": c.speed_lag,
         "torque_constant": motor.torque_constant,
         "torque_limit": motor.torque_limit or NO_LIMIT,
@@ -144,18 +182,72 @@ def _healthy(actuator: Actuator, n: int) -> Plant:
         "supply": e.supply if e else 1e12,
         "resistance": e.resistance if e else 1.0,
         "inductance": e.inductance if e else 1e-12,
-        "hysteresis": e.hysteresis if e else 0.0,
+        "hysteresis": (e.hysteresis or 0.0) if e else 0.0,
         "pole_pairs": e.pole_pairs if e else 1,
+        "position_integral_gain": c.position_integral_gain,
+        "position_derivative_gain": c.position_derivative_gain,
+        "speed_feedforward": c.speed_feedforward,
+        "speed_feedback": c.speed_feedback,
+        "pwm_frequency": (actuator.drive.pwm_frequency or 0.0) if actuator.drive else 0.0,
+        "user_share_of_inertia": m.inertia_user / m.inertia,
+        "user_share_of_viscous": m.viscous_user / m.viscous if m.viscous else 0.0,
+        "user_share_of_static": m.static_friction_user / m.static_friction if m.static_friction else 0.0,
+        "user_share_of_coulomb": m.dynamic_friction_user / m.dynamic_friction if m.dynamic_friction else 0.0,
+        "screw_ratio": m.screw_ratio,
+        **_of_optional_laws(actuator),
     }
     columns = np.repeat(np.array(list(scalars.values()), float)[:, np.newaxis], n, axis=1)
-    return Plant(**dict(zip(scalars, columns, strict=True)), turns=np.ones((3, n)), z=np.zeros((2, n)))
+    amplitudes = [value for one in actuator.ripple for value in (one.cos, one.sin)]
+    return Plant(
+        **dict(zip(scalars, columns, strict=True)),
+        turns=np.ones((3, n)),
+        z=np.zeros((2, n)),
+        ripples=np.repeat(np.array(amplitudes)[:, np.newaxis], n, axis=1),
+        structure=structure_of(actuator),
+    )
+
+
+def _of_optional_laws(actuator: Actuator) -> dict[str, float]:
+    """Return the values of all optional laws, 0 where they are not described."""
+    values = {}
+    for section in ("drive", "friction", "transmission", "weight"):
+        described = getattr(actuator, section)
+        for name in SECTIONS[section]:
+            values[name] = (getattr(described, name) or 0.0) if described is not None else 0.0
+    return values
+
+
+def structure_of(actuator: Actuator) -> Structure:
+    """Return which laws `actuator` has: those whose values are described."""
+    c, friction, drive = actuator.controller, actuator.friction, actuator.drive
+
+    def described(*names: str) -> bool:
+        return friction is not None and any(getattr(friction, name) is not None for name in names)
+
+    return Structure(
+        drive=actuator.drive_kind,
+        position_pid=bool(c.position_integral_gain or c.position_derivative_gain or c.speed_feedforward)
+        or c.speed_feedback != 1,
+        stribeck=described("stribeck_speed"),
+        load_dependent=described(
+            "load_motor", "load_external", "stribeck_load_motor", "stribeck_load_external"
+        ),
+        directional=described("coulomb_asymmetry", "viscous_asymmetry"),
+        quadratic=described("quadratic"),
+        transition=described("transition_speed"),
+        compliance=actuator.transmission is not None,
+        gravity=actuator.weight is not None,
+        source=drive is not None and drive.source_resistance is not None,
+        current_lag=drive is not None and drive.current_lag is not None,
+        ripples=tuple(Ripple(one.order, one.of == "screw") for one in actuator.ripple),
+    )
 
 
 def _with_lumped_parameters(
     plant: Plant, actuator: Actuator, lumped_parameters: Mapping[str, ArrayLike]
 ) -> Plant:
     check_lumped_parameters(actuator, lumped_parameters)
-    set_to = {}
+    set_to: dict[str, Any] = {}
     for name, values in static_follows(actuator, lumped_parameters).items():
         column = np.asarray(values, float)
         if column.shape not in {(), (plant.count,)}:
@@ -167,9 +259,18 @@ def _with_lumped_parameters(
         if name in NEVER_ZERO and np.any(column == 0):
             raise MethodError(f"parameter '{name}' must be greater than 0; correct its value")
         set_to[name] = np.broadcast_to(column, (plant.count,))
-    changed = replace(plant, **set_to)
+    ripples = {name: set_to.pop(name) for name in list(set_to) if name.startswith("ripple")}
+    changed = replace(plant, **set_to, ripples=_with_ripples(plant.ripples, ripples))
     # Friction larger than what it has to balance would push a standing shaft.
     return replace(changed, static=np.maximum(changed.static, changed.coulomb))
+
+
+def _with_ripples(present: Array, set_to: Mapping[str, Array]) -> Array:
+    changed = present.copy()
+    for name, values in set_to.items():
+        place, part = name.removeprefix("ripple").split("_")
+        changed[2 * (int(place) - 1) + (part == "sin")] = values
+    return changed
 
 
 def _with_faults(plant: Plant, actuator: Actuator, k: Array) -> Plant:
@@ -180,6 +281,10 @@ def _with_faults(plant: Plant, actuator: Actuator, k: Array) -> Plant:
         plant,
         coulomb=plant.coulomb * friction,
         static=plant.static * friction,
+        load_motor=plant.load_motor * friction,
+        load_external=plant.load_external * friction,
+        stribeck_load_motor=plant.stribeck_load_motor * friction,
+        stribeck_load_external=plant.stribeck_load_external * friction,
         backlash=plant.backlash * (1 + scales.backlash * k[:, 1]),
         turns=np.maximum(1 - k[:, 2:5].T, SHORTEST_WINDING),
         z=scales.eccentricity * k[:, 5] * np.stack([np.cos(phase), np.sin(phase)]),

@@ -15,7 +15,7 @@ from emaphm.arrays import Array
 from emaphm.errors import MethodError
 from emaphm.simulation.engine.inputs import Inputs
 from emaphm.simulation.engine.kernel_cache import Kernel, kernel
-from emaphm.simulation.engine.model import OBSERVABLE, Initial, Model
+from emaphm.simulation.engine.model import OBSERVABLE, Initial, Layout, Model
 from emaphm.simulation.engine.plant import Plant
 
 LANES = 16
@@ -39,12 +39,13 @@ def run(model: Model, plant: Plant, inputs: Inputs, start: Initial = Initial()) 
     """
     if plant.count != 1:
         raise MethodError(f"a single run takes one actuator, got {plant.count}; use run_batch")
-    channels = len(model.channels)
-    out = _output(1, 1, channels, inputs.samples)[0]
-    for block in _blocks(model, plant, inputs, start, 1, channels):
-        _advance(kernel(model, 1, channels), block, out, inputs)
+    names = model.form(plant.structure).channels
+    layout = Layout(1, len(names), plant.structure)
+    out = _output(1, 1, len(names), inputs.samples)[0]
+    for block in _blocks(model, plant, inputs, start, layout):
+        _advance(kernel(model, layout), block, out, inputs)
     _check_finite(model, out)
-    return {name: out[0, i] for i, name in enumerate(model.channels)}
+    return {name: out[0, i] for i, name in enumerate(names)}
 
 
 def run_batch(
@@ -78,17 +79,19 @@ def observe_batch(
     channels: Sequence[str] = OBSERVABLE,
     workers: int | None = None,
 ) -> Array:
-    """Return `channels`, some of `OBSERVABLE`, of all actuators in `plant`: (n, channels, samples)."""
+    """Return `channels`, of the model's observable ones, of all actuators: (n, channels, samples)."""
     return _batch(model, plant, inputs, start, channels, workers)
 
 
 def _batch(
     model: Model, plant: Plant, inputs: Inputs, start: Initial, names: Sequence[str], workers: int | None
 ) -> Array:
-    rows = [OBSERVABLE.index(name) for name in names]
-    channels = 1 if rows == [0] else len(OBSERVABLE)
-    advance = kernel(model, LANES, channels)  # compile once, before the threads
-    blocks = _blocks(model, plant, inputs, start, LANES, channels)
+    observable = model.form(plant.structure).observable
+    rows = [observable.index(name) for name in names]
+    channels = 1 if rows == [0] else len(observable)
+    layout = Layout(LANES, channels, plant.structure)
+    advance = kernel(model, layout)  # compile once, before the threads
+    blocks = _blocks(model, plant, inputs, start, layout)
     groups = len(blocks)
     out = _output(groups, LANES, channels, inputs.samples)
     if groups * inputs.command.size < WORTH_A_THREAD:
@@ -127,19 +130,17 @@ class _Block:
     parameters: Array
 
 
-def _blocks(
-    model: Model, plant: Plant, inputs: Inputs, start: Initial, lanes: int, channels: int
-) -> list[_Block]:
-    """Return the plants in groups of `lanes`, the last one filled up with copies of the last plant."""
-    if model.switches and not plant.has_windings:
-        raise MethodError(
-            f"the {model.name} model switches the windings' voltage, which needs an [electrical] section; "
-            "add one to the actuator, or use the averaged model"
-        )
-    state = model.initial_state(plant, inputs, start)
-    parameters = model.parameters(plant, inputs.step)
-    variables = len(state) + channels
-    rows = np.concatenate([state, np.zeros((channels, plant.count)), parameters])
+def _blocks(model: Model, plant: Plant, inputs: Inputs, start: Initial, layout: Layout) -> list[_Block]:
+    """Return the plants in groups of lanes, the last one filled up with copies of the last plant."""
+    form = model.form(layout.structure)
+    state = form.initial_state(plant, inputs, start)
+    parameters = form.parameters(plant, inputs.step)
+    of_state, of_parameters = form.state_names(layout.structure), form.parameter_names(layout.structure)
+    variables = len(of_state) + layout.channels
+    rows = np.zeros((variables + len(of_parameters), plant.count))
+    rows[: len(of_state)] = [state[name] for name in of_state]
+    rows[variables:] = [parameters[name] for name in of_parameters]
+    lanes = layout.lanes
     groups = -(-plant.count // lanes)
     padded = rows[:, np.minimum(np.arange(groups * lanes), plant.count - 1)]
     blocks = _aligned((groups, len(rows), lanes))
@@ -170,7 +171,7 @@ def _output(groups: int, lanes: int, channels: int, samples: int) -> Array:
 
 def _advance(advance: Kernel, block: _Block, out: Array, inputs: Inputs) -> None:
     command = np.ascontiguousarray(inputs.command)
-    load, noise = inputs.load, inputs.noise
+    load, noise, enabled = inputs.load, inputs.noise, inputs.enabled
     advance(
         block.state.ctypes.data,
         block.parameters.ctypes.data,
@@ -179,6 +180,8 @@ def _advance(advance: Kernel, block: _Block, out: Array, inputs: Inputs) -> None
         load.strides[0] // load.itemsize,
         noise.ctypes.data,
         noise.strides[0] // noise.itemsize,
+        enabled.ctypes.data,
+        enabled.strides[0] // enabled.itemsize,
         inputs.step,
         inputs.samples,
         inputs.substeps,

@@ -35,7 +35,7 @@ def speed_after(speed: Any, active: Any, static: Any, dynamic: Any, step_per_ine
     Notes
     -----
     First order in Δt; sticking and stopping are exact. No Stribeck curve between f_s and f_d, and no
-    presliding displacement.
+    presliding displacement: `stribeck_factor` and `speed_through_standstill` have them.
 
     References
     ----------
@@ -46,3 +46,46 @@ def speed_after(speed: Any, active: Any, static: Any, dynamic: Any, step_per_ine
     friction = select(still & (np.abs(active) <= static), active, against)
     following = speed + (active - friction) * step_per_inertia
     return select(speed * following < 0.0, 0.0, following)
+
+
+@law
+def dry_level(static: Any, dynamic: Any, transmitted: Any, at_low_speed: Any, stribeck: Any) -> Any:
+    """Return the level of dry friction, which the friction torque has in motion.
+
+        f = f_d + f_l + s (f_s - f_d + f_ls)
+
+    Parameters
+    ----------
+    static, dynamic : f_s ≥ f_d, dry friction at rest and at speed, of the unloaded shaft [N·m]
+    transmitted : f_l, what the transmitted torque adds (`transmitted_friction`) [N·m]
+    at_low_speed : f_ls, what it adds at low speed beyond that [N·m]
+    stribeck : s, share of the low-speed friction that is left (`stribeck_factor`) [-]
+
+    Returns
+    -------
+    f, level of dry friction [N·m].
+
+    References
+    ----------
+    [1] M. Duclusaud, G. Passault, V. Padois, O. Ly: Extended friction models for the physics simulation of
+        servo actuators. arXiv 2410.08650, 2024: models M4 to M6.
+    """
+    return dynamic + transmitted + stribeck * (static - dynamic + at_low_speed)
+
+
+@law
+def directional(speed: Any, asymmetry: Any) -> Any:
+    """Return by what factor friction is larger in one direction than on average.
+
+        1 + a sgn ω
+
+    Parameters
+    ----------
+    speed : ω, or any quantity of its sign [rad/s]
+    asymmetry : a, in (-1, 1): friction is (1 + a) / (1 - a) times as large forward as backward [-]
+
+    Returns
+    -------
+    The factor [-].
+    """
+    return 1.0 + np.copysign(asymmetry, asymmetry * speed)

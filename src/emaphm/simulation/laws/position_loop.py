@@ -32,3 +32,47 @@ def speed_error(command: Any, position: Any, measured: Any, gain: Any, limit: An
     [1] Thesis, section 3.1.2, Fig. 3.3.
     """
     return clip(gain * (command - position), -limit, limit) - measured
+
+
+@law
+def pid_speed_error(
+    error: Any,
+    integral: Any,
+    difference: Any,
+    rate: Any,
+    measured: Any,
+    gain: Any,
+    integrating: Any,
+    derivative: Any,
+    feedforward: Any,
+    feedback: Any,
+    limit: Any,
+) -> Any:
+    """Return the speed demand of a PID position loop with feed-forward, less the measured speed.
+
+        e = clip(G_prop (ε + ∫ε dt / T_i + T_d dε/dt) + k_ff θ̇_cmd / τ, -ω_max, ω_max) - β ω_meas
+
+    Parameters
+    ----------
+    error : ε, position error of the user [rad]
+    integral : ∫ε dt up to the step before [rad·s]
+    difference : ε less its value a step before [rad]
+    rate : θ̇_cmd / τ, rate of the command, as a motor speed [rad/s]
+    measured : ω_meas, motor speed as the drive measures it [rad/s]
+    gain : G_prop [1/s]
+    integrating : 1 / T_i [1/s]
+    derivative : T_d / Δt [-]
+    feedforward : k_ff, 1 where the command's whole rate is fed forward [-]
+    feedback : β, 1 for a speed loop around the motor, 0 for a drive without one [-]
+    limit : ω_max, largest speed demand [rad/s]
+
+    Returns
+    -------
+    e, input of the speed loop [rad/s].
+
+    Notes
+    -----
+    The integral has no anti-windup. A gain fault multiplies G_prop, and with it all three parts.
+    """
+    demand = gain * (error + integrating * integral + derivative * difference) + feedforward * rate
+    return clip(demand, -limit, limit) - feedback * measured

@@ -1,17 +1,14 @@
 """The averaged model, which identification runs: no ripple, so its step may be 50 µs."""
 
-from functools import partial
-
 import numpy as np
-from numpy.typing import NDArray
 
+from emaphm.arrays import Array
 from emaphm.simulation.engine.model import Model
 from emaphm.simulation.engine.plant import Plant
 from emaphm.simulation.models import single_winding
-from emaphm.simulation.models.single_winding import CHANNELS, initial_state
 
 
-def parameters(plant: Plant, step: float) -> NDArray[np.float64]:
+def parameters(plant: Plant, step: float) -> dict[str, Array]:
     """Return the kernel's parameters with the faults resolved by phase: a short is located.
 
     R = (R_s / 2)(N_i + N_j), L = (L_s / 2)(N_i² + N_j²), k = (k_e / 2)(N_i g_i + N_j g_j) for the
@@ -28,10 +25,9 @@ def parameters(plant: Plant, step: float) -> NDArray[np.float64]:
 AVERAGED = Model(
     "averaged",
     5e-5,
-    CHANNELS,
-    False,
-    parameters,
-    initial_state,
-    partial(single_winding.build, averaged=True, printed_eccentricity=False),
+    {
+        drive: single_winding.form(parameters, drive)
+        for drive in ("hysteresis", "current", "voltage", "six-step")
+    },
 )
 """The averaged model at its step of 50 µs."""

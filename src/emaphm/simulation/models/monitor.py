@@ -1,25 +1,24 @@
 """The thesis's monitor model: one phase, switched by the sign of the current error (thesis 3.2, 4.4, 4.5)."""
 
-from functools import cache, partial
+from functools import cache
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from emaphm.arrays import Array
 from emaphm.errors import MethodError, nearest
 from emaphm.simulation.engine.model import Model
 from emaphm.simulation.engine.plant import Plant
 from emaphm.simulation.models import single_winding
-from emaphm.simulation.models.single_winding import CHANNELS, initial_state
 
 
-def printed_shorts(plant: Plant, step: float) -> NDArray[np.float64]:
+def printed_shorts(plant: Plant, step: float) -> dict[str, Array]:
     """Return the kernel's parameters with N = (N_a + N_b + N_c) / 3 at any angle: R N, L N², k N."""
     mean = np.broadcast_to(plant.turns.mean(axis=0), plant.turns.shape)
     return single_winding.parameters(plant, step, mean, mean**2, mean)
 
 
-def modulated_shorts(plant: Plant, step: float) -> NDArray[np.float64]:
+def modulated_shorts(plant: Plant, step: float) -> dict[str, Array]:
     """Return the kernel's parameters with N the mean of the two conducting phases: f(theta) of thesis 4.4."""
     turns = plant.turns
     pairs = np.stack([turns[1] + turns[2], turns[2] + turns[0], turns[0] + turns[1]]) / 2
@@ -52,9 +51,13 @@ def monitor(
     return Model(
         "monitor" if default else f"monitor ({shorts} shorts, {eccentricity} eccentricity)",
         1e-5,
-        CHANNELS,
-        True,
-        SHORTS[shorts],
-        initial_state,
-        partial(single_winding.build, averaged=False, printed_eccentricity=eccentricity == "printed"),
+        {
+            "hysteresis": single_winding.form(
+                SHORTS[shorts],
+                "hysteresis",
+                averaged=False,
+                printed_eccentricity=eccentricity == "printed",
+            )
+        },
+        switches=True,
     )

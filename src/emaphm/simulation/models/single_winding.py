@@ -1,260 +1,317 @@
-"""The kernel of the models with one equivalent winding: the monitor model and the averaged model.
+"""The models with one equivalent winding: the monitor model, and the averaged model of all drives but one.
 
 The two conducting phases of the rotor's sector are one winding. Its rows come from three pairs of
-phases, each named by the phase that idles: pair a is b with c, and so on.
+phases, each named by the phase that idles: pair a is b with c, and so on. A DC motor has one winding.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from emaphm.arrays import Array
 from emaphm.simulation.engine.inputs import Inputs
-from emaphm.simulation.engine.model import OBSERVABLE, Initial, Layout
+from emaphm.simulation.engine.model import OBSERVABLE, Form, Initial
 from emaphm.simulation.engine.plant import Plant
-from emaphm.simulation.engine.rows import (
-    ANGLE,
-    CONTROL_AND_MOTION,
-    COS,
-    COULOMB,
-    CURRENT,
-    CURRENT_LIMIT,
-    DERIVATIVE,
-    ELECTRICAL,
-    ERROR,
-    FEEDBACK,
-    FEEDBACK_SHARE,
-    GEAR_RATIO,
-    HALF_GAP,
-    HIGH_STOP,
-    INTEGRAL,
-    INTEGRATING,
-    LOAD_STIFFNESS,
-    LOW_STOP,
-    OFFSET,
-    OUTPUT,
-    POLE_PAIRS,
-    POSITION_GAIN,
-    PROPORTIONAL,
-    SIN,
-    SPEED,
-    SPEED_LIMIT,
-    STATIC,
-    STEP_PER_INERTIA,
-    TORQUE,
-    TORQUE_LIMIT,
-    TORQUE_SHARE,
-    VISCOUS,
-    control_and_motion,
-    moving_state,
-)
-from emaphm.simulation.laws.angles import turn, wrap_once
+from emaphm.simulation.engine.structure import Structure
 from emaphm.simulation.laws.commutation import of_idle_phase
+from emaphm.simulation.laws.current_control import limited_pi
 from emaphm.simulation.laws.eccentricity import gap_factors, printed_factor
 from emaphm.simulation.laws.equivalent_winding import winding_current
-from emaphm.simulation.laws.inline import clip, select
-from emaphm.simulation.laws.lag import approach
-from emaphm.simulation.laws.motion import move
-from emaphm.simulation.laws.position_loop import speed_error
-from emaphm.simulation.laws.speed_loop import current_demand
+from emaphm.simulation.laws.inline import clip, law, select
+from emaphm.simulation.laws.lag import approach, share_of_step
+from emaphm.simulation.laws.supply_source import sagging_supply
+from emaphm.simulation.models import control, motion
 
-CHANNELS = (
-    "current_A",
-    "voltage_V",
-    "position_rad",
-    "speed_rad_s",
-    "angle_rad",
-    "torque_Nm",
-    "reference_current_A",
+CHANNELS = (*OBSERVABLE, "angle_rad", "torque_Nm", "reference_current_A")
+BY_VOLTAGE = (*OBSERVABLE, "duty", "angle_rad", "torque_Nm")
+
+PARAMETERS = (
+    "supply",
+    "conductance_a",
+    "conductance_b",
+    "conductance_c",
+    "decay_a",
+    "decay_b",
+    "decay_c",
+    "flux_a",
+    "flux_b",
+    "flux_c",
+    "z_cos",
+    "z_sin",
+    "source_resistance",
+    "current_lag",
+    "sensed_share",
+    "inductance_a",
+    "inductance_b",
+    "inductance_c",
+    "current_gain",
+    "current_integral_gain",
 )
-
-SUMS = CURRENT + 1
-(
-    SUPPLY,
-    CONDUCTANCE_A,
-    CONDUCTANCE_B,
-    CONDUCTANCE_C,
-    DECAY_A,
-    DECAY_B,
-    DECAY_C,
-    FLUX_A,
-    FLUX_B,
-    FLUX_C,
-    Z_COS,
-    Z_SIN,
-) = range(len(CONTROL_AND_MOTION), len(CONTROL_AND_MOTION) + 12)
 
 
 def parameters(
-    plant: Plant,
-    step: float,
-    pair_turns: NDArray[np.float64],
-    pair_squares: NDArray[np.float64],
-    phase_turns: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Return the kernel's parameters, shape (rows, n), for `plant` at `step` [s].
+    plant: Plant, step: float, pair_turns: Array, pair_squares: Array, phase_turns: Array
+) -> dict[str, Array]:
+    """Return the kernel's parameters for `plant` at `step` [s], (n,) each.
 
     `pair_turns` (3, n) scales each pair's resistance, `pair_squares` (3, n) its inductance, and
     `phase_turns` (3, n) each phase's share of the torque constant, all 1 when healthy.
     """
-    resistance = plant.resistance * pair_turns
-    return np.concatenate(
-        [
-            control_and_motion(plant, step),
-            [plant.supply],
-            1 / resistance,
-            np.exp(-step * resistance / (plant.inductance * pair_squares)),
-            plant.torque_constant / 2 * phase_turns,
-            plant.z,
-        ]
+    resistance, inductance = plant.resistance * pair_turns, plant.inductance * pair_squares
+    decay = np.exp(-step * resistance / inductance)
+    rows = {"supply": plant.supply, "z_cos": plant.z[0], "z_sin": plant.z[1]}
+    for i, phase in enumerate("abc"):
+        rows |= {
+            f"conductance_{phase}": 1 / resistance[i],
+            f"decay_{phase}": decay[i],
+            f"flux_{phase}": plant.torque_constant / 2 * phase_turns[i],
+            f"inductance_{phase}": inductance[i],
+        }
+    rows |= {
+        "source_resistance": plant.source_resistance,
+        "current_lag": plant.current_lag,
+        "sensed_share": share_of_step(plant.current_lag, step),
+        "current_gain": plant.current_gain,
+        "current_integral_gain": plant.current_integral_gain,
+    }
+    return control.parameters(plant, step) | motion.parameters(plant, step) | rows
+
+
+def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Array]:
+    """Return the kernel's state at `start`, (n,) each, without current."""
+    own = dict.fromkeys(
+        ("torque", "current", "bus_current", "sensed", "current_integral"), np.zeros(plant.count)
+    )
+    return control.initial_state(plant, inputs, start) | motion.initial_state(plant, start) | own
+
+
+OWN_STATE = ("torque", "current", "bus_current", "sensed", "current_integral")
+"""What the winding and its drive may add to the state."""
+
+
+def state_names(structure: Structure) -> tuple[str, ...]:
+    """Return the kernel's state."""
+    return (
+        *control.state_names(structure),
+        *motion.state_names(structure),
+        "torque",
+        "current",
+        *(("bus_current",) if structure.source else ()),
+        *(("sensed",) if structure.current_lag else ()),
+        *(("current_integral",) if structure.drive == "six-step" else ()),
     )
 
 
-def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> NDArray[np.float64]:
-    """Return the kernel's state at `start`, shape (rows, n), without current."""
-    return moving_state(plant, inputs, start, currents=1)
+def parameter_names(structure: Structure) -> tuple[str, ...]:
+    """Return the kernel's parameters."""
+    return (*control.PARAMETERS, *motion.parameter_names(structure), *PARAMETERS)
 
 
-def build(layout: Layout, *, averaged: bool, printed_eccentricity: bool) -> Any:
-    """Return the kernel's Python function; `compilation` has its arguments.
+def form(
+    of_plant: Callable[[Plant, float], dict[str, Array]],
+    drive: str,
+    *,
+    averaged: bool = True,
+    printed_eccentricity: bool = False,
+) -> Form:
+    """Return the form of a model with one winding for a kind of `drive`.
 
     `averaged`: the current follows its reference as far as the supply can force it within a step;
     otherwise the full supply is switched by the sign of the current error. `printed_eccentricity`: the
     thesis's factor for the monitor model instead of the reference model's.
     """
 
-    def kernel(
-        x: Any,
-        p: Any,
-        command: Any,
-        load: Any,
-        load_stride: Any,
-        _noise: Any,
-        _noise_stride: Any,
-        step: Any,
-        samples: Any,
-        substeps: Any,
-        window: Any,
-        carried: Any,
-        out: Any,
-    ) -> None:
-        lanes, channels = layout[0], layout[1]
-        observed, traced = channels > 1, channels > len(OBSERVABLE)
-        first, last = SUMS * lanes, (SUMS + channels) * lanes
-        for sample in range(samples):
-            for i in range(first, last):
-                x[i] = 0.0
-            for substep in range(substeps):
-                now = sample * substeps + substep
-                commanded, loaded = command[now], load[now * load_stride]
-                weight = 1.0 if substep < window else 0.0
-                for lane in range(lanes):
-                    speed = x[SPEED * lanes + lane]
-                    angle = x[ANGLE * lanes + lane]
-                    electrical = x[ELECTRICAL * lanes + lane]
-                    cos, sin = x[COS * lanes + lane], x[SIN * lanes + lane]
-                    integral = x[INTEGRAL * lanes + lane]
-                    tau = p[GEAR_RATIO * lanes + lane]
-                    pole_pairs = p[POLE_PAIRS * lanes + lane]
+    def advance(structure: Structure) -> Callable[..., Any]:
+        if drive == "voltage":
+            return _advance_by_voltage(structure)
+        return _advance(structure, _current(structure) if averaged else _switched, printed_eccentricity)
 
-                    measured = approach(x[FEEDBACK * lanes + lane], speed, p[FEEDBACK_SHARE * lanes + lane])
-                    output = x[OUTPUT * lanes + lane]
-                    error = speed_error(
-                        commanded,
-                        tau * output,
-                        measured,
-                        p[POSITION_GAIN * lanes + lane],
-                        p[SPEED_LIMIT * lanes + lane],
-                    )
-                    reference = current_demand(
-                        error,
-                        integral,
-                        error - x[ERROR * lanes + lane],
-                        p[PROPORTIONAL * lanes + lane],
-                        p[INTEGRATING * lanes + lane],
-                        p[DERIVATIVE * lanes + lane],
-                        p[CURRENT_LIMIT * lanes + lane],
-                    )
+    by_voltage = drive == "voltage"
+    return Form(
+        BY_VOLTAGE if by_voltage else CHANNELS,
+        BY_VOLTAGE[:5] if by_voltage else OBSERVABLE,
+        of_plant,
+        initial_state,
+        state_names,
+        parameter_names,
+        advance,
+    )
 
-                    z_cos, z_sin = p[Z_COS * lanes + lane], p[Z_SIN * lanes + lane]
-                    if printed_eccentricity:
-                        gap_a = printed_factor(np.cos(electrical), np.sin(electrical), z_cos, z_sin)
-                        gap_b, gap_c = gap_a, gap_a
-                    else:
-                        gap_a, gap_b, gap_c = gap_factors(cos, sin, z_cos, z_sin)
-                    flux_a = gap_a * p[FLUX_A * lanes + lane]
-                    flux_b = gap_b * p[FLUX_B * lanes + lane]
-                    flux_c = gap_c * p[FLUX_C * lanes + lane]
-                    flux = of_idle_phase(electrical, flux_b + flux_c, flux_c + flux_a, flux_a + flux_b)
-                    conductance = of_idle_phase(
-                        electrical,
-                        p[CONDUCTANCE_A * lanes + lane],
-                        p[CONDUCTANCE_B * lanes + lane],
-                        p[CONDUCTANCE_C * lanes + lane],
-                    )
-                    decay = of_idle_phase(
-                        electrical,
-                        p[DECAY_A * lanes + lane],
-                        p[DECAY_B * lanes + lane],
-                        p[DECAY_C * lanes + lane],
-                    )
 
-                    before = x[CURRENT * lanes + lane]
-                    supply = p[SUPPLY * lanes + lane]
-                    back_emf = flux * speed
-                    if averaged:
-                        lowest = winding_current(before, -supply - back_emf, conductance, decay)
-                        highest = winding_current(before, supply - back_emf, conductance, decay)
-                        current = clip(reference, lowest, highest)
-                    else:
-                        side = select(reference > before, 1.0, select(reference < before, -1.0, 0.0))
-                        current = winding_current(before, side * supply - back_emf, conductance, decay)
-                    limit = p[TORQUE_LIMIT * lanes + lane]
-                    produced = clip(flux * current, -limit, limit)
-                    torque = approach(x[TORQUE * lanes + lane], produced, p[TORQUE_SHARE * lanes + lane])
+def _advance(
+    structure: Structure, current_after: Callable[..., Any], printed_eccentricity: bool
+) -> Callable[..., Any]:
+    """Return the step of an actuator whose drive controls the current of the conducting pair."""
+    demand_of, moved = control.control(structure), motion.motion(structure)
+    gaps = _printed_gaps if printed_eccentricity else _gaps
+    supply_of, bus_after = (_sagging, _drawn) if structure.source else (_stiff, _nothing_drawn)
 
-                    moved, reached, followed = move(
-                        speed,
-                        angle,
-                        output,
-                        torque
-                        - loaded
-                        - p[OFFSET * lanes + lane]
-                        - p[LOAD_STIFFNESS * lanes + lane] * output,
-                        p[VISCOUS * lanes + lane],
-                        p[STATIC * lanes + lane],
-                        p[COULOMB * lanes + lane],
-                        p[HALF_GAP * lanes + lane],
-                        p[LOW_STOP * lanes + lane],
-                        p[HIGH_STOP * lanes + lane],
-                        step,
-                        p[STEP_PER_INERTIA * lanes + lane],
-                    )
-                    turned = reached - angle
-                    x[CURRENT * lanes + lane] = current
-                    x[SPEED * lanes + lane] = moved
-                    x[FEEDBACK * lanes + lane] = measured
-                    x[TORQUE * lanes + lane] = torque
-                    x[ANGLE * lanes + lane] = reached
-                    x[OUTPUT * lanes + lane] = followed
-                    x[ELECTRICAL * lanes + lane] = wrap_once(electrical + pole_pairs * turned)
-                    x[COS * lanes + lane], x[SIN * lanes + lane] = turn(cos, sin, turned)
-                    x[INTEGRAL * lanes + lane] = integral + error * step
-                    x[ERROR * lanes + lane] = error
+    def advance(s: Any, p: Any, u: Any) -> Any:
+        reference, controlled = demand_of(s, p, u)
+        gap_a, gap_b, gap_c = gaps(s, p)
+        flux_a, flux_b, flux_c = gap_a * p.flux_a, gap_b * p.flux_b, gap_c * p.flux_c
+        angle = s.electrical
+        flux = of_idle_phase(angle, flux_b + flux_c, flux_c + flux_a, flux_a + flux_b)
+        conductance = of_idle_phase(angle, p.conductance_a, p.conductance_b, p.conductance_c)
+        decay = of_idle_phase(angle, p.decay_a, p.decay_b, p.decay_c)
+        supply, back_emf = supply_of(s, p), flux * s.speed
+        current, sensed, own = current_after(s, p, u, reference, supply, back_emf, conductance, decay)
+        current = u.enabled * current
+        produced = clip(flux * current, -p.torque_limit, p.torque_limit)
+        torque = approach(s.torque, produced, p.torque_share)
+        following = moved(s, p, u, torque)
+        # The constant voltage that takes the winding from its current before to that after.
+        voltage = back_emf + (current - decay * s.current) / ((1.0 - decay) * conductance)
+        outputs = (
+            sensed,
+            voltage,
+            p.gear_ratio * (s.output + u.carried * (following[2] - s.output)),
+            s.speed + u.carried * (following[0] - s.speed),
+            s.angle + u.carried * (following[1] - s.angle),
+            torque,
+            reference,
+        )
+        drive = (torque, current)
+        return controlled + following + drive + bus_after(voltage, current, supply) + own, outputs
 
-                    x[first + lane] += weight * current
-                    if observed:
-                        # The constant voltage that takes the winding from `before` to `current`.
-                        voltage = back_emf + (current - decay * before) / ((1.0 - decay) * conductance)
-                        x[first + lanes + lane] += weight * voltage
-                        x[first + 2 * lanes + lane] += weight * tau * (output + carried * (followed - output))
-                        x[first + 3 * lanes + lane] += weight * (speed + carried * (moved - speed))
-                    if traced:
-                        x[first + 4 * lanes + lane] += weight * (angle + carried * turned)
-                        x[first + 5 * lanes + lane] += weight * torque
-                        x[first + 6 * lanes + lane] += weight * reference
-            for i in range(channels):
-                for lane in range(lanes):
-                    out[lane, i, sample] = x[first + i * lanes + lane] / window
+    return advance
 
-    return kernel
+
+def _advance_by_voltage(structure: Structure) -> Callable[..., Any]:
+    """Return the step of a DC motor whose drive sets the duty cycle; without current where it is off."""
+    demand_of, moved = control.control(structure), motion.motion(structure)
+    supply_of, bus_after = (_sagging, _drawn) if structure.source else (_stiff, _nothing_drawn)
+
+    def advance(s: Any, p: Any, u: Any) -> Any:
+        duty, controlled = demand_of(s, p, u)
+        duty = u.enabled * duty
+        flux, supply = p.flux_a + p.flux_b, supply_of(s, p)
+        voltage = duty * supply
+        current = u.enabled * winding_current(s.current, voltage - flux * s.speed, p.conductance_a, p.decay_a)
+        produced = clip(flux * current, -p.torque_limit, p.torque_limit)
+        torque = approach(s.torque, produced, p.torque_share)
+        following = moved(s, p, u, torque)
+        outputs = (
+            current,
+            voltage,
+            p.gear_ratio * (s.output + u.carried * (following[2] - s.output)),
+            s.speed + u.carried * (following[0] - s.speed),
+            duty,
+            s.angle + u.carried * (following[1] - s.angle),
+            torque,
+        )
+        return controlled + following + (torque, current) + bus_after(voltage, current, supply), outputs
+
+    return advance
+
+
+@law
+def _gaps(s: Any, p: Any) -> Any:
+    return gap_factors(s.cos, s.sin, p.z_cos, p.z_sin)
+
+
+@law
+def _printed_gaps(s: Any, p: Any) -> Any:
+    gap = printed_factor(np.cos(s.electrical), np.sin(s.electrical), p.z_cos, p.z_sin)
+    return gap, gap, gap
+
+
+@law
+def _stiff(s: Any, p: Any) -> Any:  # noqa: ARG001
+    return p.supply
+
+
+@law
+def _sagging(s: Any, p: Any) -> Any:
+    return sagging_supply(p.supply, p.source_resistance, s.bus_current)
+
+
+@law
+def _nothing_drawn(voltage: Any, current: Any, supply: Any) -> Any:  # noqa: ARG001
+    return ()
+
+
+@law
+def _drawn(voltage: Any, current: Any, supply: Any) -> Any:
+    # The inverter passes on the winding's power without loss.
+    return (voltage * current / supply,)
+
+
+def _current(structure: Structure) -> Callable[..., Any]:
+    """Return how the averaged current loop changes the current, and what the sensor shows."""
+    if structure.drive == "six-step":
+        return _controlled_lagging if structure.current_lag else _controlled
+    return _following_lagging if structure.current_lag else _following
+
+
+@law
+def _switched(
+    s: Any,
+    p: Any,  # noqa: ARG001
+    u: Any,  # noqa: ARG001
+    reference: Any,
+    supply: Any,
+    back_emf: Any,
+    conductance: Any,
+    decay: Any,
+) -> Any:
+    side = select(reference > s.current, 1.0, select(reference < s.current, -1.0, 0.0))
+    current = winding_current(s.current, side * supply - back_emf, conductance, decay)
+    return current, current, ()
+
+
+@law
+def _following(
+    s: Any,
+    p: Any,  # noqa: ARG001
+    u: Any,  # noqa: ARG001
+    reference: Any,
+    supply: Any,
+    back_emf: Any,
+    conductance: Any,
+    decay: Any,
+) -> Any:
+    lowest = winding_current(s.current, -supply - back_emf, conductance, decay)
+    highest = winding_current(s.current, supply - back_emf, conductance, decay)
+    current = clip(reference, lowest, highest)
+    return current, current, ()
+
+
+@law
+def _following_lagging(
+    s: Any, p: Any, u: Any, reference: Any, supply: Any, back_emf: Any, conductance: Any, decay: Any
+) -> Any:
+    # Each comparator reverses a lag too late. The current falls faster against the back-EMF than it rises, so
+    # that its mean stays below the reference by lag × (e + R i) / L.
+    inductance = of_idle_phase(s.electrical, p.inductance_a, p.inductance_b, p.inductance_c)
+    shown = reference - p.current_lag / inductance * (back_emf + s.current / conductance)
+    target = shown + (1.0 / p.sensed_share - 1.0) * (shown - s.sensed)
+    lowest = winding_current(s.current, -supply - back_emf, conductance, decay)
+    highest = winding_current(s.current, supply - back_emf, conductance, decay)
+    current = clip(target, lowest, highest)
+    sensed = u.enabled * approach(s.sensed, current, p.sensed_share)
+    return current, sensed, (sensed,)
+
+
+@law
+def _controlled(
+    s: Any, p: Any, u: Any, reference: Any, supply: Any, back_emf: Any, conductance: Any, decay: Any
+) -> Any:
+    voltage, integral = limited_pi(
+        reference - s.current, s.current_integral, p.current_gain, p.current_integral_gain, supply, u.step
+    )
+    current = winding_current(s.current, voltage - back_emf, conductance, decay)
+    return current, current, (u.enabled * integral,)
+
+
+@law
+def _controlled_lagging(
+    s: Any, p: Any, u: Any, reference: Any, supply: Any, back_emf: Any, conductance: Any, decay: Any
+) -> Any:
+    voltage, integral = limited_pi(
+        reference - s.sensed, s.current_integral, p.current_gain, p.current_integral_gain, supply, u.step
+    )
+    current = winding_current(s.current, voltage - back_emf, conductance, decay)
+    sensed = u.enabled * approach(s.sensed, current, p.sensed_share)
+    return current, sensed, (sensed, u.enabled * integral)

@@ -1,0 +1,147 @@
+"""The optional sections of an actuator: laws of friction, transmission and load beside the thesis's.
+
+A law whose values are left out is not there, and takes no time in a simulation. All values at the motor shaft
+unless said; forms and sources: `emaphm.simulation.laws`.
+"""
+
+from typing import Literal, Self
+
+from pydantic import model_validator
+
+from emaphm.actuator.parameters import CHOSEN, Section
+from emaphm.actuator.quantity import quantity
+
+BAM = "arXiv 2410.08650"
+
+
+class Friction(Section):
+    """What dry and viscous friction have beside their static, dynamic and viscous values in [mechanics]."""
+
+    stribeck_speed: float | None = quantity(
+        "speed over which static friction falls to dynamic friction",
+        "rad/s",
+        "Armstrong 1994",
+        default=None,
+        gt=0,
+    )
+    load_motor: float | None = quantity(
+        "friction per torque of the motor, K_m", "-", BAM, default=None, ge=0, lt=1
+    )
+    load_external: float | None = quantity(
+        "friction per external torque, K_e", "-", BAM, default=None, ge=0, le=10
+    )
+    stribeck_load_motor: float | None = quantity(
+        "the same at low speed, beyond K_m", "-", BAM, default=None, ge=0, lt=1
+    )
+    stribeck_load_external: float | None = quantity(
+        "the same at low speed, beyond K_e", "-", BAM, default=None, ge=0, le=10
+    )
+    coulomb_asymmetry: float | None = quantity(
+        "dry friction forward × (1 + a), backward × (1 - a)",
+        "-",
+        "Janot 2019",
+        default=None,
+        gt=-1,
+        lt=1,
+    )
+    viscous_asymmetry: float | None = quantity(
+        "viscous friction forward × (1 + a), backward × (1 - a)",
+        "-",
+        "Janot 2019",
+        default=None,
+        gt=-1,
+        lt=1,
+    )
+    quadratic: float | None = quantity("friction per speed squared", "N·m·s²/rad²", BAM, default=None, ge=0)
+    transition_speed: float | None = quantity(
+        "speed over which dry friction passes through standstill; it sticks where left out",
+        "rad/s",
+        CHOSEN,
+        default=None,
+        gt=0,
+    )
+    viscous_temperature: float | None = quantity(
+        "fall of viscous friction with temperature, exp(-β ΔT)", "1/K", CHOSEN, default=None, ge=0, le=1
+    )
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        low_speed = self.stribeck_load_motor is not None or self.stribeck_load_external is not None
+        if low_speed and self.stribeck_speed is None:
+            raise ValueError(
+                "stribeck_load_motor and stribeck_load_external act at low speed: give stribeck_speed too"
+            )
+        return self
+
+
+class Transmission(Section):
+    """A shaft that gives, between the inertias of motor and user; rigid where the section is left out."""
+
+    stiffness: float = quantity("of shaft and gear, the backlash in series", "N·m/rad", CHOSEN, gt=0)
+    damping: float = quantity("in parallel to the stiffness", "N·m·s/rad", CHOSEN, default=0.0, ge=0)
+
+
+class Weight(Section):
+    """A weight that turns with the user. Positive load opposes positive motion."""
+
+    gravity: float = quantity("largest torque of the weight, m g l × gear ratio", "N·m", CHOSEN, ge=0)
+    gravity_angle: float = quantity(
+        "position of the user, with its sign turned, where the weight hangs straight down",
+        "rad",
+        CHOSEN,
+        default=0.0,
+    )
+
+
+class RippleHarmonic(Section):
+    """One harmonic of the torque ripple: cos × cos nθ + sin × sin nθ is added to the motor's torque."""
+
+    order: int = quantity("periods per turn, n", "-", CHOSEN, ge=1, le=200)
+    of: Literal["motor", "screw"] = "motor"
+    cos: float = quantity("amplitude with the cosine", "N·m", CHOSEN, default=0.0)
+    sin: float = quantity("amplitude with the sine", "N·m", CHOSEN, default=0.0)
+
+
+DriveKind = Literal["hysteresis", "current", "voltage", "six-step", "foc"]
+
+
+class Drive(Section):
+    """How the windings are fed.
+
+    hysteresis: three-phase BLDC motor, a comparator a phase (thesis); six-step: the same motor with PI
+    current control and PWM; foc: three-phase motor with sinusoidal back-EMF, PI control of the currents in d
+    and q, and PWM; voltage: DC motor, the speed loop demands a duty cycle; current: an ideal current loop.
+    """
+
+    kind: DriveKind
+    current_gain: float | None = quantity("current control, proportional", "V/A", CHOSEN, default=None, gt=0)
+    current_integral_gain: float | None = quantity(
+        "current control, integral", "V/(A·s)", CHOSEN, default=None, ge=0
+    )
+    pwm_frequency: float | None = quantity(
+        "of the pulse-width modulation; the currents are controlled once a period",
+        "Hz",
+        CHOSEN,
+        default=None,
+        ge=1e3,
+        le=2e5,
+    )
+    source_resistance: float | None = quantity(
+        "of the supply and its leads", "ohm", CHOSEN, default=None, ge=0
+    )
+    current_lag: float | None = quantity(
+        "time constant of the current sensors, for the drive as for the recorder",
+        "s",
+        CHOSEN,
+        default=None,
+        ge=0,
+        le=1e-3,
+    )
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        if self.kind in ("six-step", "foc"):
+            for name in ("current_gain", "current_integral_gain", "pwm_frequency"):
+                if getattr(self, name) is None:
+                    raise ValueError(f"a drive of kind '{self.kind}' needs {name}; add it")
+        return self

@@ -1,0 +1,248 @@
+"""The optional laws by name: what each adds to an actuator, and which manoeuvre shows it."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from emaphm.actuator.actuator import Actuator
+from emaphm.actuator.baseline import MOST_HARMONICS
+from emaphm.errors import MethodError, nearest
+
+Sections = dict[str, dict[str, Any] | list[dict[str, Any]]]
+
+
+@dataclass(frozen=True)
+class Law:
+    """An optional law of an actuator.
+
+    Attributes
+    ----------
+    name
+        As `--laws` takes it.
+    parameters
+        The lumped parameters that it brings, free in a calibration.
+    also_free
+        Lumped parameters of the description that it gives a meaning of their own.
+    needs
+        Laws without which it does not act.
+    excited_by
+        The manoeuvre that shows its parameters.
+    start
+        From an actuator and a typical motor speed [rad/s] to the values to start a search from, by section.
+    """
+
+    name: str
+    parameters: tuple[str, ...]
+    excited_by: str
+    start: Callable[[Actuator, float], Sections]
+    also_free: tuple[str, ...] = ()
+    needs: tuple[str, ...] = ()
+
+    def is_in(self, actuator: Actuator) -> bool:
+        """Return whether `actuator` has the law already."""
+        return all(
+            _described(actuator, section, key)
+            for section, values in self.start(actuator, 1.0).items()
+            for key in (values if isinstance(values, dict) else {"": None})
+        )
+
+    def reason_against(self, actuator: Actuator) -> str:
+        """Return why `actuator` cannot have the law; nothing if it can."""
+        return _REASONS.get(self.name, _always)(actuator)
+
+    def added_to(self, actuator: Actuator, speed: float | None = None) -> Actuator:
+        """Return `actuator` with the law and those that it needs, at values to start a search from.
+
+        Parameters
+        ----------
+        speed
+            Typical speed of the motor [rad/s], such as its rms; from the drive's limit where left out.
+
+        Raises
+        ------
+        MethodError
+            The actuator cannot have the law.
+        """
+        reason = self.reason_against(actuator)
+        if reason:
+            raise MethodError(f"actuator '{actuator.name}' cannot have law '{self.name}': {reason}")
+        for needed in self.needs:
+            actuator = law_named(needed).added_to(actuator, speed)
+        typical = speed or typical_speed(actuator)
+        description = actuator.model_dump(exclude_none=True)
+        for section, values in self.start(actuator, typical).items():
+            if isinstance(values, list):
+                description.setdefault(section, [])
+                description[section] = [*description[section], *values]
+            else:
+                description[section] = values | description.get(section, {})
+        return Actuator.from_dict(description, where=actuator.name)
+
+
+def typical_speed(actuator: Actuator) -> float:
+    """Return a motor speed [rad/s] that the actuator reaches in use: a quarter of its largest."""
+    limits = [actuator.controller.speed_limit or math.inf]
+    if actuator.electrical is not None:
+        limits.append(actuator.electrical.supply / actuator.motor.torque_constant)
+    largest = min(limits)
+    return largest / 4 if math.isfinite(largest) else 1.0
+
+
+def _described(actuator: Actuator, section: str, key: str) -> bool:
+    described = getattr(actuator, section)
+    return bool(described) if section == "ripple" else getattr(described, key, None) is not None
+
+
+def _dry(actuator: Actuator) -> float:
+    """Return a torque of the size of dry friction [N·m]."""
+    m = actuator.mechanics
+    largest = actuator.controller.current_limit * actuator.motor.torque_constant
+    return m.dynamic_friction or m.static_friction or 0.02 * largest
+
+
+def _stribeck(actuator: Actuator, speed: float) -> Sections:
+    m = actuator.mechanics
+    sections: Sections = {"friction": {"stribeck_speed": 0.05 * speed}}
+    if m.static_friction <= m.dynamic_friction:
+        more = 1.3 * _dry(actuator) / max(m.static_friction, 1e-300)
+        sections["mechanics"] = {
+            "static_friction_motor": m.static_friction_motor * more or 1.3 * _dry(actuator),
+            "static_friction_user": m.static_friction_user * more,
+        }
+    return sections
+
+
+def _compliance(actuator: Actuator, speed: float) -> Sections:  # noqa: ARG001
+    m = actuator.mechanics
+    # Motor and user swing at 500 Hz, damped to a twentieth of the critical.
+    reduced = m.inertia_motor * m.inertia_user / m.inertia
+    natural = 2 * math.pi * 500
+    return {"transmission": {"stiffness": natural**2 * reduced, "damping": 0.1 * natural * reduced}}
+
+
+def _cogging(actuator: Actuator, speed: float) -> Sections:  # noqa: ARG001
+    poles = 2 * actuator.electrical.pole_pairs if actuator.electrical else 2
+    orders = [1, 2, *([poles] if poles > 2 else []), 3 * poles, 6 * poles]
+    return {"ripple": [{"order": order, "of": "motor"} for order in orders[:MOST_HARMONICS]]}
+
+
+def _drive(actuator: Actuator, **values: float) -> Sections:
+    return {"drive": {"kind": actuator.drive_kind, **values}}
+
+
+_ALL = (
+    Law(
+        "load-dependent",
+        ("load_motor", "load_external"),
+        "a manoeuvre under a load that changes, such as lifting and lowering a weight",
+        lambda actuator, speed: {"friction": {"load_motor": 0.05, "load_external": 0.05}},  # noqa: ARG005
+    ),
+    Law(
+        "stribeck",
+        ("stribeck_speed",),
+        "slow reversals: a sinusoid or ramp at low speed",
+        _stribeck,
+        also_free=("static",),
+    ),
+    Law(
+        "stribeck-load",
+        ("stribeck_load_motor", "stribeck_load_external"),
+        "slow reversals under a load that changes",
+        lambda actuator, speed: {  # noqa: ARG005
+            "friction": {"stribeck_load_motor": 0.02, "stribeck_load_external": 0.02}
+        },
+        needs=("stribeck",),
+    ),
+    Law(
+        "directional",
+        ("coulomb_asymmetry", "viscous_asymmetry"),
+        "the same motion forward and backward, without a change of the load",
+        lambda actuator, speed: {"friction": {"coulomb_asymmetry": 0.0, "viscous_asymmetry": 0.0}},  # noqa: ARG005
+    ),
+    Law(
+        "quadratic",
+        ("quadratic",),
+        "several speeds up to the largest",
+        lambda actuator, speed: {"friction": {"quadratic": 0.2 * _dry(actuator) / speed**2}},
+    ),
+    Law(
+        "transition",
+        ("transition_speed",),
+        "slow reversals and starts from rest",
+        lambda actuator, speed: {"friction": {"transition_speed": 0.005 * speed}},  # noqa: ARG005
+    ),
+    Law(
+        "viscous-temperature",
+        ("viscous_temperature",),
+        "recordings at temperatures at least 20 K apart, with the temperature recorded",
+        lambda actuator, speed: {"friction": {"viscous_temperature": 0.01}},  # noqa: ARG005
+    ),
+    Law(
+        "compliance",
+        ("stiffness", "damping"),
+        "a fast reversal or step, with the position recorded",
+        _compliance,
+    ),
+    Law(
+        "gravity",
+        ("gravity", "gravity_angle"),
+        "slow motion over a large part of a turn",
+        lambda actuator, speed: {"weight": {"gravity": _dry(actuator)}},  # noqa: ARG005
+    ),
+    Law(
+        "cogging",
+        tuple(f"ripple{i + 1}_{part}" for i in range(MOST_HARMONICS) for part in ("cos", "sin")),
+        "slow motion over at least one turn of the motor, with its angle recorded",
+        _cogging,
+    ),
+    Law(
+        "sensor-lag",
+        ("current_lag",),
+        "fast changes of the current, sampled at 5 kHz or more",
+        lambda actuator, speed: _drive(actuator, current_lag=5e-6),  # noqa: ARG005
+    ),
+    Law(
+        "source-resistance",
+        ("source_resistance",),
+        "large currents with the line or supply voltage recorded",
+        lambda actuator, speed: _drive(  # noqa: ARG005
+            actuator, source_resistance=0.05 * actuator.electrical.resistance if actuator.electrical else 0.0
+        ),
+    ),
+)
+
+LAWS: Mapping[str, Law] = {law.name: law for law in _ALL}
+"""The optional laws by name, in the order in which a calibration tries them."""
+
+
+def law_named(name: str) -> Law:
+    """Return the law of that name; `MethodError` with the nearest name if there is none."""
+    if name not in LAWS:
+        raise MethodError(f"unknown law '{name}'{nearest(name, LAWS)}")
+    return LAWS[name]
+
+
+def laws_of(actuator: Actuator) -> tuple[str, ...]:
+    """Return the names of the optional laws that `actuator` has."""
+    return tuple(name for name, law in LAWS.items() if law.is_in(actuator))
+
+
+def _always(actuator: Actuator) -> str:  # noqa: ARG001
+    return ""
+
+
+_REASONS: Mapping[str, Callable[[Actuator], str]] = {
+    "compliance": lambda actuator: (
+        ""
+        if actuator.mechanics.inertia_motor > 0 and actuator.mechanics.inertia_user > 0
+        else "a shaft is between two inertias; give inertia_motor and inertia_user above 0"
+    ),
+    "gravity": lambda actuator: (
+        "a weight turns with a rotary actuator" if actuator.coordinates == "linear" else ""
+    ),
+    "sensor-lag": lambda actuator: "" if actuator.three_phases else "its drive senses no current",
+    "source-resistance": lambda actuator: (
+        "" if actuator.electrical is not None else "it has no [electrical] section"
+    ),
+}

@@ -1,0 +1,32 @@
+"""What a kernel is compiled for: the kind of drive, and the optional laws that the actuator has."""
+
+from typing import NamedTuple
+
+
+class Ripple(NamedTuple):
+    """A harmonic of the torque: `order` per turn of the motor, or of the screw where `screw`."""
+
+    order: int
+    screw: bool = False
+
+
+class Structure(NamedTuple):
+    """Kind of drive and optional laws; a law that is False takes no time in a kernel."""
+
+    drive: str = "hysteresis"
+    position_pid: bool = False
+    stribeck: bool = False
+    load_dependent: bool = False
+    directional: bool = False
+    quadratic: bool = False
+    transition: bool = False
+    compliance: bool = False
+    gravity: bool = False
+    source: bool = False
+    current_lag: bool = False
+    ripples: tuple[Ripple, ...] = ()
+
+    @property
+    def smooth_friction(self) -> bool:
+        """Whether friction has more to it than a static and a dynamic level."""
+        return self.stribeck or self.load_dependent or self.directional or self.quadratic or self.transition

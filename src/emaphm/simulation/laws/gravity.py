@@ -1,0 +1,26 @@
+"""The torque of a weight on an arm."""
+
+from typing import Any
+
+from emaphm.simulation.laws.inline import law
+
+
+@law
+def gravity_load(cos: Any, sin: Any, along: Any, across: Any) -> Any:
+    """Return the load torque of a weight that turns with the user.
+
+        τ_l = M sin(θ_u + θ_0) = (M cos θ_0) sin θ_u + (M sin θ_0) cos θ_u,   M = m g l τ
+
+    Positive load opposes positive motion: at θ_u + θ_0 = 0 the weight hangs straight down, and from there
+    either motion lifts it.
+
+    Parameters
+    ----------
+    cos, sin : of θ_u, position of the user [-]
+    along, across : M cos θ_0, M sin θ_0, of mass m, arm l, gear ratio τ [N·m at the motor]
+
+    Returns
+    -------
+    τ_l, load torque at the motor [N·m].
+    """
+    return along * sin + across * cos

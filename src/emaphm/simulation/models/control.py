@@ -1,0 +1,127 @@
+"""The controller that all models share: from the command to what the drive is asked for."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from emaphm.arrays import Array
+from emaphm.simulation.engine.inputs import Inputs
+from emaphm.simulation.engine.model import Initial
+from emaphm.simulation.engine.plant import NO_LIMIT, Plant
+from emaphm.simulation.engine.structure import Structure
+from emaphm.simulation.laws.inline import law
+from emaphm.simulation.laws.lag import approach, share_of_step
+from emaphm.simulation.laws.position_loop import pid_speed_error, speed_error
+from emaphm.simulation.laws.speed_loop import current_demand
+
+PARAMETERS = (
+    "position_gain",
+    "speed_limit",
+    "proportional",
+    "integrating",
+    "derivative",
+    "demand_limit",
+    "feedback_share",
+    "position_integrating",
+    "position_derivative",
+    "speed_feedforward",
+    "speed_feedback",
+)
+
+
+def state_names(structure: Structure) -> tuple[str, ...]:
+    """Return the state of the controller."""
+    of_position = ("position_integral", "position_error") if structure.position_pid else ()
+    return ("feedback", "integral", "error", *of_position)
+
+
+def parameters(plant: Plant, step: float) -> dict[str, Array]:
+    """Return the controller's parameters, (n,) each.
+
+    The speed loop demands a current; where the drive is driven by voltage, a duty cycle.
+    """
+    by_voltage = plant.structure.drive == "voltage"
+    unit = np.ones(plant.count) if by_voltage else plant.drive_constant
+    return {
+        "position_gain": plant.position_gain,
+        "speed_limit": plant.speed_limit,
+        "proportional": plant.speed_gain / unit,
+        "integrating": plant.integral_gain / unit,
+        "derivative": plant.derivative_gain / unit / step,
+        "demand_limit": np.ones(plant.count) if by_voltage else plant.current_limit,
+        "feedback_share": share_of_step(plant.speed_lag, step),
+        "position_integrating": plant.position_integral_gain,
+        "position_derivative": plant.position_derivative_gain / step,
+        "speed_feedforward": plant.speed_feedforward,
+        "speed_feedback": plant.speed_feedback,
+    }
+
+
+def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Array]:
+    """Return the controller's state at `start`, (n,) each: nothing integrated yet."""
+    off = inputs.command[0] - plant.gear_ratio * start.angle
+    zero = np.zeros(plant.count)
+    if plant.structure.position_pid:
+        error = plant.position_gain * off - plant.speed_feedback * start.speed
+        error = np.clip(error, -NO_LIMIT, NO_LIMIT)
+    else:
+        error = speed_error(off, 0.0, start.speed, plant.position_gain, plant.speed_limit)
+    return {
+        "feedback": zero + start.speed,
+        "integral": zero,
+        "error": zero + error,
+        "position_integral": zero,
+        "position_error": zero + off,
+    }
+
+
+def control(structure: Structure) -> Callable[..., Any]:
+    """Return the law of the controller: from (state, parameters, inputs) to the demand and its next state."""
+    return _pid if structure.position_pid else _proportional
+
+
+@law
+def _proportional(s: Any, p: Any, u: Any) -> Any:
+    measured = approach(s.feedback, s.speed, p.feedback_share)
+    error = speed_error(u.command, p.gear_ratio * s.output, measured, p.position_gain, p.speed_limit)
+    demand = current_demand(
+        error,
+        s.integral,
+        error - s.error,
+        p.proportional,
+        p.integrating,
+        p.derivative,
+        p.demand_limit,
+    )
+    return demand, (measured, u.enabled * (s.integral + error * u.step), error)
+
+
+@law
+def _pid(s: Any, p: Any, u: Any) -> Any:
+    measured = approach(s.feedback, s.speed, p.feedback_share)
+    off = u.command - p.gear_ratio * s.output
+    error = pid_speed_error(
+        off,
+        s.position_integral,
+        off - s.position_error,
+        u.command_rate / p.gear_ratio,
+        measured,
+        p.position_gain,
+        p.position_integrating,
+        p.position_derivative,
+        p.speed_feedforward,
+        p.speed_feedback,
+        p.speed_limit,
+    )
+    demand = current_demand(
+        error,
+        s.integral,
+        error - s.error,
+        p.proportional,
+        p.integrating,
+        p.derivative,
+        p.demand_limit,
+    )
+    integrals = (u.enabled * (s.integral + error * u.step), error)
+    return demand, (measured, *integrals, u.enabled * (s.position_integral + off * u.step), off)

@@ -1,0 +1,360 @@
+"""The motion that all models share: from the motor's torque to speeds, angles and directions."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from emaphm.arrays import Array
+from emaphm.errors import MethodError
+from emaphm.simulation.engine.model import Initial
+from emaphm.simulation.engine.plant import Plant
+from emaphm.simulation.engine.structure import Structure
+from emaphm.simulation.laws.angles import turn, wrap, wrap_once
+from emaphm.simulation.laws.backlash import follow
+from emaphm.simulation.laws.cogging import harmonic, ripple_torque
+from emaphm.simulation.laws.compliant_shaft import shaft_torque
+from emaphm.simulation.laws.friction import directional, dry_level, speed_after
+from emaphm.simulation.laws.gravity import gravity_load
+from emaphm.simulation.laws.inline import clip, law, select
+from emaphm.simulation.laws.lag import share_of_step
+from emaphm.simulation.laws.load_friction import transmitted_friction
+from emaphm.simulation.laws.standstill import speed_against, speed_through_standstill
+from emaphm.simulation.laws.stribeck import stribeck_factor
+
+BEYOND_STOP = 0.1
+"""Start beyond an end stop [rad at the motor] that is still attributed to a sensor."""
+
+SLOWEST_STRIBECK = 1e-6
+"""Least speed over which friction falls [rad/s]: at rest it is static, in motion dynamic."""
+
+
+def state_names(structure: Structure) -> tuple[str, ...]:
+    """Return the state of the motion."""
+    return (
+        "speed",
+        "angle",
+        "output",
+        "electrical",
+        "cos",
+        "sin",
+        *(("user_speed",) if structure.compliance else ()),
+        *(("user_cos", "user_sin") if structure.gravity else ()),
+        *(("screw_cos", "screw_sin") if any(one.screw for one in structure.ripples) else ()),
+    )
+
+
+def parameter_names(structure: Structure) -> tuple[str, ...]:
+    """Return the parameters of the motion."""
+    ripples = range(1, len(structure.ripples) + 1)
+    return (*PARAMETERS, *(f"ripple{i}_{part}" for i in ripples for part in ("cos", "sin")))
+
+
+PARAMETERS = (
+    "torque_share",
+    "gear_ratio",
+    "torque_limit",
+    "offset",
+    "load_stiffness",
+    "viscous",
+    "static",
+    "coulomb",
+    "half_gap",
+    "low_stop",
+    "high_stop",
+    "step_per_inertia",
+    "pole_pairs",
+    "inverse_stribeck",
+    "inverse_transition",
+    "load_motor",
+    "load_external",
+    "stribeck_load_motor",
+    "stribeck_load_external",
+    "coulomb_asymmetry",
+    "viscous_asymmetry",
+    "quadratic",
+    "stiffness",
+    "damping",
+    "motor_step_per_inertia",
+    "user_step_per_inertia",
+    "user_viscous",
+    "user_static",
+    "user_coulomb",
+    "gravity_along",
+    "gravity_across",
+    "screw_ratio",
+)
+
+
+def parameters(plant: Plant, step: float) -> dict[str, Array]:
+    """Return the parameters of the motion, (n,) each."""
+    structure = plant.structure
+    rows = {
+        "torque_share": share_of_step(plant.torque_lag, step),
+        "gear_ratio": plant.gear_ratio,
+        "torque_limit": plant.torque_limit,
+        "offset": plant.offset,
+        "load_stiffness": plant.hinge * plant.gear_ratio,
+        "viscous": plant.viscous,
+        "static": plant.static,
+        "coulomb": plant.coulomb,
+        "half_gap": plant.backlash / 2,
+        "low_stop": plant.low_stop,
+        "high_stop": plant.high_stop,
+        "step_per_inertia": step / plant.inertia,
+        "pole_pairs": plant.pole_pairs,
+    }
+    zero = np.zeros(plant.count)
+    if structure.smooth_friction:
+        rows |= {
+            "inverse_stribeck": 1 / np.maximum(plant.stribeck_speed, SLOWEST_STRIBECK),
+            "inverse_transition": 1 / np.maximum(plant.transition_speed, SLOWEST_STRIBECK),
+            "load_motor": plant.load_motor,
+            "load_external": plant.load_external,
+            "stribeck_load_motor": plant.stribeck_load_motor,
+            "stribeck_load_external": plant.stribeck_load_external,
+            "coulomb_asymmetry": plant.coulomb_asymmetry,
+            "viscous_asymmetry": plant.viscous_asymmetry,
+            "quadratic": plant.quadratic,
+        }
+    if structure.compliance:
+        of_user = plant.user_share_of_inertia * plant.inertia
+        rows |= {
+            "stiffness": plant.stiffness,
+            "damping": plant.damping,
+            "motor_step_per_inertia": step / (plant.inertia - of_user),
+            "user_step_per_inertia": step / of_user,
+            "user_viscous": plant.user_share_of_viscous * plant.viscous,
+            "user_static": plant.user_share_of_static * plant.static,
+            "user_coulomb": plant.user_share_of_coulomb * plant.coulomb,
+        }
+    if structure.gravity:
+        rows |= {
+            "gravity_along": plant.gravity * np.cos(plant.gravity_angle),
+            "gravity_across": plant.gravity * np.sin(plant.gravity_angle),
+        }
+    rows |= {"screw_ratio": plant.screw_ratio}
+    for i in range(len(structure.ripples)):
+        rows[f"ripple{i + 1}_cos"], rows[f"ripple{i + 1}_sin"] = plant.ripples[2 * i : 2 * i + 2]
+    return dict.fromkeys(parameter_names(structure), zero) | rows
+
+
+def initial_state(plant: Plant, start: Initial) -> dict[str, Array]:
+    """Return the state of the motion at `start`, (n,) each.
+
+    Raises
+    ------
+    MethodError
+        It starts beyond the end stops.
+    """
+    beyond = np.maximum(start.angle - plant.high_stop, plant.low_stop - start.angle) - plant.backlash / 2
+    if np.any(beyond > BEYOND_STOP):
+        raise MethodError(
+            f"the run starts at {start.angle * plant.gear_ratio[0]:.4g}, beyond the actuator's end stops; "
+            "correct end_stops or the position"
+        )
+    rotor = start.angle + start.rotor_offset
+    one = np.ones(plant.count)
+    user, screw = plant.gear_ratio * start.angle, plant.screw_ratio * rotor
+    return {
+        "speed": one * start.speed,
+        "angle": one * start.angle,
+        "output": one * start.angle,
+        "electrical": wrap(plant.pole_pairs * rotor),
+        "cos": one * np.cos(rotor),
+        "sin": one * np.sin(rotor),
+        "user_speed": one * start.speed,
+        "user_cos": np.cos(user),
+        "user_sin": np.sin(user),
+        "screw_cos": np.cos(screw),
+        "screw_sin": np.sin(screw),
+    }
+
+
+def motion(structure: Structure) -> Callable[..., Any]:
+    """Return the law of the motion: from (state, parameters, inputs, motor torque) to its next state."""
+    ripple = _ripple(structure)
+    move = _compliant(structure) if structure.compliance else _rigid(structure)
+    weight, turn_user = (_weight, _turn_user) if structure.gravity else (_no_weight, _nothing)
+    turn_screw = _turn_screw if any(one.screw for one in structure.ripples) else _nothing
+
+    @law
+    def moved(s: Any, p: Any, u: Any, torque: Any) -> Any:
+        external = u.load + p.offset + p.load_stiffness * s.output + weight(s, p)
+        speed, angle, output, user = move(s, p, u.step, torque + ripple(s, p), external)
+        turned = angle - s.angle
+        cos, sin = turn(s.cos, s.sin, turned)
+        electrical = wrap_once(s.electrical + p.pole_pairs * turned)
+        rotor = (speed, angle, output, electrical, cos, sin)
+        return rotor + user + turn_user(s, p, output - s.output) + turn_screw(s, p, turned)
+
+    return moved
+
+
+@law
+def _nothing(s: Any, p: Any, turned: Any) -> Any:  # noqa: ARG001
+    return ()
+
+
+@law
+def _no_weight(s: Any, p: Any) -> Any:  # noqa: ARG001
+    return 0.0
+
+
+@law
+def _weight(s: Any, p: Any) -> Any:
+    return gravity_load(s.user_cos, s.user_sin, p.gravity_along, p.gravity_across)
+
+
+@law
+def _turn_user(s: Any, p: Any, turned: Any) -> Any:
+    return turn(s.user_cos, s.user_sin, p.gear_ratio * turned)
+
+
+@law
+def _turn_screw(s: Any, p: Any, turned: Any) -> Any:
+    return turn(s.screw_cos, s.screw_sin, p.screw_ratio * turned)
+
+
+def _ripple(structure: Structure) -> Callable[..., Any]:
+    """Return the sum of the torque's harmonics, of state and parameters."""
+    total: Callable[..., Any] = _no_weight
+    for i, one in enumerate(structure.ripples, 1):
+        total = _with_harmonic(total, harmonic(one.order), i, one.screw)
+    return total
+
+
+def _with_harmonic(
+    before: Callable[..., Any], of_order: Callable[..., Any], i: int, screw: bool
+) -> Callable[..., Any]:
+    along, across = f"ripple{i}_cos", f"ripple{i}_sin"
+
+    @law
+    def total(s: Any, p: Any) -> Any:
+        cos, sin = of_order(s.screw_cos, s.screw_sin) if screw else of_order(s.cos, s.sin)
+        return before(s, p) + ripple_torque(cos, sin, getattr(p, along), getattr(p, across))
+
+    return total
+
+
+def _rigid(structure: Structure) -> Callable[..., Any]:
+    """Return how motor and user move as one inertia, the backlash kinematic.
+
+        ω⁺ from the friction law; θ' = θ + ω⁺ Δt, θ⁺ = min(max(θ', θ_low - b), θ_high + b)
+        ω⁺ = 0 where θ⁺ ≠ θ';  θ_u⁺ = follow(θ_u, θ⁺, b)
+
+    The stops hold the user's side. A shaft at a stop has speed 0 for as long as the torque pushes outward.
+    """
+    speed_of = _friction(structure)
+
+    @law
+    def rigid(s: Any, p: Any, step: Any, torque: Any, external: Any) -> Any:
+        free = speed_of(p, s.speed, torque, external, p.viscous, p.static, p.coulomb, p.step_per_inertia)
+        reached = s.angle + free * step
+        held = clip(reached, p.low_stop - p.half_gap, p.high_stop + p.half_gap)
+        return select(held == reached, free, 0.0), held, follow(s.output, held, p.half_gap), ()
+
+    return rigid
+
+
+def _compliant(structure: Structure) -> Callable[..., Any]:
+    """Return how motor and user move as two inertias, each with its own friction, with the shaft between.
+
+    Speeds first, by the shaft's torque at the step's start, then the angles by the new speeds (semi-implicit
+    Euler). What depends on the transmitted torque, direction or speed squared is the motor's friction.
+    """
+    speed_of = _friction(structure)
+    user_friction = structure._replace(load_dependent=False, directional=False, quadratic=False)
+    user_speed_of = _friction(user_friction)
+
+    @law
+    def compliant(s: Any, p: Any, step: Any, torque: Any, external: Any) -> Any:
+        passed = shaft_torque(s.angle - s.output, s.speed - s.user_speed, p.half_gap, p.stiffness, p.damping)
+        speed = speed_of(
+            p,
+            s.speed,
+            torque,
+            passed,
+            p.viscous - p.user_viscous,
+            p.static - p.user_static,
+            p.coulomb - p.user_coulomb,
+            p.motor_step_per_inertia,
+        )
+        free = user_speed_of(
+            p,
+            s.user_speed,
+            passed,
+            external,
+            p.user_viscous,
+            p.user_static,
+            p.user_coulomb,
+            p.user_step_per_inertia,
+        )
+        reached = s.output + free * step
+        held = clip(reached, p.low_stop, p.high_stop)
+        return speed, s.angle + speed * step, held, (select(held == reached, free, 0.0),)
+
+    return compliant
+
+
+def _friction(structure: Structure) -> Callable[..., Any]:
+    """Return the friction law, Borello's where the actuator has no optional one: the speed after a step.
+
+    A function of parameters, speed, motor torque, external torque (which opposes positive motion), viscous
+    coefficient, static and dynamic friction, and step per inertia.
+    """
+    if not structure.smooth_friction:
+        return _borello
+    load, stribeck, transition = structure.load_dependent, structure.stribeck, structure.transition
+    unequal, quadratic = structure.directional, structure.quadratic
+
+    @law
+    def speed_of(
+        p: Any,
+        speed: Any,
+        torque: Any,
+        external: Any,
+        viscous: Any,
+        static: Any,
+        dynamic: Any,
+        step_per_inertia: Any,
+    ) -> Any:
+        drag = viscous * speed
+        if unequal:
+            drag = drag * directional(speed, p.viscous_asymmetry)
+        if quadratic:
+            drag = drag + p.quadratic * speed * np.abs(speed)
+        free = speed + (torque - external - drag) * step_per_inertia
+        transmitted, at_low_speed = 0.0, 0.0
+        if load:
+            transmitted = transmitted_friction(torque, -external, p.load_motor, p.load_external)
+            at_low_speed = transmitted_friction(
+                torque, -external, p.stribeck_load_motor, p.stribeck_load_external
+            )
+        factor = select(speed == 0.0, 1.0, 0.0)
+        if stribeck:
+            factor = stribeck_factor(speed, p.inverse_stribeck)
+        # A shaft that turns back passes standstill, where friction is static.
+        factor = select(speed * free < 0.0, 1.0, factor)
+        level = dry_level(static, dynamic, transmitted, at_low_speed, factor)
+        if unequal:
+            level = level * directional(free, p.coulomb_asymmetry)
+        if transition:
+            return speed_through_standstill(free, level * step_per_inertia, p.inverse_transition)
+        return speed_against(free, level * step_per_inertia)
+
+    return speed_of
+
+
+@law
+def _borello(
+    p: Any,  # noqa: ARG001
+    speed: Any,
+    torque: Any,
+    external: Any,
+    viscous: Any,
+    static: Any,
+    dynamic: Any,
+    step_per_inertia: Any,
+) -> Any:
+    return speed_after(speed, torque - external - viscous * speed, static, dynamic, step_per_inertia)
