@@ -76,7 +76,7 @@ def correct_bias(
     """
     reference = reference_problem(objective)
     none = np.zeros_like(objective.target)
-    starts = _compared(objective, none, points, reference, stream(seed, "reference runs", "starts"))
+    starts = compared(objective, none, points, reference, stream(seed, "reference runs", "starts"))
     current = min(starts, key=lambda one: one.residual_variance)
     idle, equal, jacobians = 0, list[SearchResult](), None
     for iteration in range(max_corrections):
@@ -86,12 +86,12 @@ def correct_bias(
             current, correction, jacobians if idle else None, iteration, seed, settings
         )
         rng = stream(seed, "reference runs", iteration)
-        compared = _compared(current.objective, correction, candidates, reference, rng)
-        misfits = np.array([one.misfit for one in compared])
+        outcomes = compared(current.objective, correction, candidates, reference, rng)
+        misfits = np.array([one.misfit for one in outcomes])
         farthest = int(np.flatnonzero(misfits <= settings.equal_misfits * misfits.min())[-1])
         idle = 0 if misfits[farthest] < settings.progress * current.misfit else idle + 1
         if misfits[farthest] <= settings.equal_misfits * current.misfit:
-            current = compared[farthest]
+            current = outcomes[farthest]
             equal = [*equal, current] if idle else []
         if idle == settings.patience:
             current = replace(current, converged=True)
@@ -117,7 +117,7 @@ def with_discrepancy(result: SearchResult, seed: int) -> SearchResult:
     return replace(result, discrepancy=known[0])
 
 
-def _compared(
+def compared(
     objective: MapObjective, correction: Array, points: Array, reference: Problem, rng: np.random.Generator
 ) -> list[SearchResult]:
     """Return results at `points` (n, d), found under a `correction` (rows,), with their discrepancies."""
@@ -156,13 +156,13 @@ def _candidates(
     )
     if before is not None:
         jacobians = np.concatenate([objective.rescaled(before.values, before.objective), jacobians])
-    step = _gauss_newton(objective, point, objective.residual(point, correction), jacobians)
+    step = gauss_newton(objective, point, objective.residual(point, correction), jacobians)
     step *= min(1.0, settings.longest_step / max(float(np.linalg.norm(step)), settings.longest_step))
     shares = np.array(settings.step_shares)[:, np.newaxis]
     return space.project(point + shares * step), _Jacobians(objective, jacobians)
 
 
-def _gauss_newton(objective: MapObjective, point: Array, residual: Array, jacobians: Array) -> Array:
+def gauss_newton(objective: MapObjective, point: Array, residual: Array, jacobians: Array) -> Array:
     """Return the step (d,) to the optimum of a linear model, by the mean of the Jacobians."""
     gradient = jacobians.mean(axis=0) @ residual
     cost = float(np.mean(residual**2))

@@ -6,6 +6,7 @@ from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.methods import Method
 from emaphm.estimation.multistart import multistart
 from emaphm.estimation.objective import MapObjective
+from emaphm.estimation.reference_refinement import refine_by_reference
 from emaphm.estimation.search_result import SearchResult
 from emaphm.progress import Progress, subprogress
 from emaphm.random_streams import child_seed
@@ -48,4 +49,7 @@ def _search(
 ) -> SearchResult:
     """Return where the global search and the corrections after it end."""
     refined = multistart(objective, seed, method.optimizer, subprogress(on_progress, 0.0, 0.4))
-    return correct_bias(objective, refined.points, max_corrections, seed, subprogress(on_progress, 0.4, 1.0))
+    corrected = correct_bias(
+        objective, refined.points, max_corrections, seed, subprogress(on_progress, 0.4, 1.0)
+    )
+    return refine_by_reference(corrected, seed)

@@ -120,8 +120,19 @@ class SearchResult:
     def normalised_residual(self) -> float:
         """The rms residual of the current over that of noise and switching: 1 or less at the truth."""
         switching = 0.0 if self.discrepancy is None else self.discrepancy.switching_variance
-        expected = noise_level(self.objective.problem.recorded) ** 2 + switching
+        expected = self.noise_level**2 + switching
         return float(np.sqrt(self.residual_variance / max(expected, np.finfo(float).tiny)))
+
+    @property
+    def noise_level(self) -> float:
+        """The rms of the white noise on the measured current [A].
+
+        From the current itself or from the residual, whichever shows less: a fast oscillation of the current
+        passes for noise, and so does one that the model has and the current has not.
+        """
+        problem = self.objective.problem
+        residual = self.residual[: problem.samples] / problem.weights[0]
+        return min(noise_level(problem.recorded), noise_level(residual))
 
     def reweighted(self) -> Self:
         """Return the result with its channels weighted by its residuals."""
