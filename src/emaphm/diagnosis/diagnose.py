@@ -10,6 +10,7 @@ from emaphm.actuator import Actuator
 from emaphm.arrays import Array
 from emaphm.diagnosis.identifiability import identifiability
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
+from emaphm.diagnosis.law_selection import select_laws
 from emaphm.diagnosis.nuisance_selection import select_nuisances
 from emaphm.diagnosis.result import Diagnosis
 from emaphm.diagnosis.verdict import VERDICT, estimates, is_explained
@@ -102,7 +103,9 @@ def diagnose(
         on_progress=subprogress(on_progress, 0.0, SEARCH_SHARE if posterior else 1.0),
     )
     selected: tuple[str, ...] = ()
+    laws: tuple[str, ...] = ()
     if nuisances is None and chosen.least_squares and result.discrepancy is not None:
+        result, laws = select_laws(result, chosen, max_corrections, seed)
         result, selected = select_nuisances(result, max_corrections, seed)
     result = with_discrepancy(result, seed)
     diagnosis = _conclude(result, recording, selected, chosen.name, fitness, seed)

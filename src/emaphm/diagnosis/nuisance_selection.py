@@ -169,6 +169,8 @@ def _with_nuisances(
     actuator, measured = objective.problem.actuator, tuple(objective.problem.measured)
     chosen = (*objective.space.nuisances.chosen, *more)
     wider = with_wider_priors(actuator, (*names, *more), SELECTION.widening)
-    space = ParameterSpace.of(actuator, NuisanceSet.of(wider, chosen, measured))
+    space = ParameterSpace.of(
+        actuator, NuisanceSet.of(wider, chosen, measured, objective.space.nuisances.unit)
+    )
     values = dict(zip(objective.space.coordinates, result.point, strict=True))
     return replace(objective, space=space), np.array([values.get(name, 0.0) for name in space.coordinates])

@@ -132,6 +132,14 @@ class NuisanceSet:
         )
 
     @property
+    def unit(self) -> ParameterVariation:
+        """How the unit's parameters may deviate, as given to `of`."""
+        first = len(self.chosen)
+        return ParameterVariation(
+            self.parameters, self.meaning[first:, first:], self.priors[first:], self.widest[first:]
+        )
+
+    @property
     def prior_deviations(self) -> Array:
         """The standard deviation of each quantity before the data, in its own unit, (quantities,)."""
         return self.standard_errors(np.diag(self.priors**2))

@@ -4,7 +4,7 @@ A deviation is relative (of the logarithm) for what is positive, in its own unit
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -56,6 +56,24 @@ class ParameterVariation:
                 )
         widest = np.full(len(names), math.log(WIDEST_FACTOR))
         return cls(names, np.diag(sizes(actuator, names)), widest, widest)
+
+    @classmethod
+    def suspected(cls, actuator: Actuator, names: tuple[str, ...]) -> Self:
+        """Return `names` as coordinates of their own, within a factor of 3 or so of the description."""
+        free = cls.free(actuator, names)
+        return replace(free, priors=np.full(len(names), math.log(START_FACTOR)))
+
+    def beside(self, other: Self) -> Self:
+        """Return the parameters of both, which have none in common."""
+        rows, columns = self.axes.shape
+        axes = np.zeros((rows + other.axes.shape[0], columns + other.axes.shape[1]))
+        axes[:rows, :columns], axes[rows:, columns:] = self.axes, other.axes
+        return type(self)(
+            (*self.parameters, *other.parameters),
+            axes,
+            np.concatenate([self.priors, other.priors]),
+            np.concatenate([self.widest, other.widest]),
+        )
 
     @classmethod
     def of_baseline(cls, actuator: Actuator) -> Self:

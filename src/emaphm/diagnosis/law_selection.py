@@ -1,0 +1,150 @@
+"""Laws that the actuator shows although its description lacks them: tried where a recording is not explained.
+
+A friction curve or a compliant shaft that nobody named is explained, as far as it can be, by faults: several
+at once, and large. Each law of the library is therefore given to the actuator in turn, its parameters free,
+and the whole search repeated. The law that leaves the smallest residual is kept, if it leaves clearly less.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from emaphm.actuator import Actuator
+from emaphm.actuator.actuator import described_parts
+from emaphm.actuator.laws import LAWS, Law
+from emaphm.arrays import Array
+from emaphm.estimation.bias_correction import correct_bias
+from emaphm.estimation.methods import Method
+from emaphm.estimation.multistart import local_search, multistart
+from emaphm.estimation.nuisances import NuisanceSet
+from emaphm.estimation.objective import MapObjective
+from emaphm.estimation.parameter_space import ParameterSpace
+from emaphm.estimation.parameter_variation import ParameterVariation
+from emaphm.estimation.reference_refinement import refine_by_reference
+from emaphm.estimation.search_result import SearchResult
+from emaphm.random_streams import child_seed, stream
+
+SUSPECTS = (
+    "stribeck",
+    "transition",
+    "sensor-lag",
+    "compliance",
+    "load-dependent",
+    "directional",
+    "quadratic",
+    "source-resistance",
+    "cogging",
+)
+"""The laws that are tried, in this order."""
+
+
+@dataclass(frozen=True)
+class LawSelectionSettings:
+    """When laws are tried, and which are kept; `make study` (limits, plants) measures them.
+
+    Tried while the normalised residual is above `residual`: of recordings that the described actuator made it
+    is below. All laws are fitted by the averaged model, from afar and from the estimate; the `corrected` best of
+    each also with a correction of their own. One is kept
+    that leaves less than `share` of the mean squared residual; `most` laws at most.
+    """
+
+    residual: float = 1.0
+    corrected: int = 2
+    share: float = 0.95
+    most: int = 4
+
+
+LAW_SELECTION = LawSelectionSettings()
+
+
+def select_laws(
+    result: SearchResult, method: Method, max_corrections: int, seed: int
+) -> tuple[SearchResult, tuple[str, ...]]:
+    """Return the result with the laws that explain what it does not, and their names."""
+    names: tuple[str, ...] = ()
+    while result.normalised_residual > LAW_SELECTION.residual and len(names) < LAW_SELECTION.most:
+        tried = [
+            _fitted(result, LAWS[name], method, child_seed(seed, "law selection", name))
+            for name in SUSPECTS
+            if _possible(result.objective.problem.actuator, LAWS[name])
+        ]
+        outcomes = {one.law: _corrected(one, max_corrections, seed) for one in _promising(tried)}
+        if not outcomes:
+            break
+        law = min(outcomes, key=lambda name: outcomes[name].residual_variance)
+        if outcomes[law].residual_variance > LAW_SELECTION.share * result.residual_variance:
+            break
+        result, names = outcomes[law], (*names, law)
+    return result, names
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """Where the averaged model with a `law` fits best: points (n, d) of the objective.
+
+    `far` is the least cost [A²] of a new global search, `near` that of descents from the estimate without the
+    law, under its correction: the first shows a law that has led the estimate astray, the second a small one.
+    """
+
+    law: str
+    objective: MapObjective
+    points: Array
+    far: float
+    near: float
+
+
+def _promising(fits: list[_Fit]) -> list[_Fit]:
+    """Return those that are best far from the estimate, or near it."""
+    count = LAW_SELECTION.corrected
+    far = sorted(fits, key=lambda one: one.far)[:count]
+    near = sorted(fits, key=lambda one: one.near)[:count]
+    return [one for one in fits if one in far or one in near]
+
+
+def _possible(actuator: Actuator, law: Law) -> bool:
+    return not law.is_in(actuator) and not law.reason_against(actuator)
+
+
+def _fitted(result: SearchResult, law: Law, method: Method, seed: int) -> _Fit:
+    """Return where the averaged model fits best once its actuator has the law."""
+    objective = with_law(result.objective, law)
+    found = multistart(objective, seed, method.optimizer)
+    values = dict(zip(result.objective.space.coordinates, result.point, strict=True))
+    start = np.array([values.get(name, 0.0) for name in objective.space.coordinates])
+    correction = np.zeros_like(objective.target)
+    rows = objective.channel_rows
+    correction[:rows] = result.outputs_correction[:rows]
+    near = local_search(objective, start, correction, stream(seed, "local search")).best
+    return _Fit(
+        law.name,
+        objective,
+        np.vstack([near, found.points]),
+        min(_current_cost(objective, point, 0.0) for point in found.points),
+        _current_cost(objective, near, correction),
+    )
+
+
+def _current_cost(objective: MapObjective, point: Array, correction: Array | float) -> float:
+    """Return the mean squared residual of the current [A²] at `point` (d,)."""
+    residual = objective.residual(point, correction)[: objective.problem.samples]
+    return float(np.mean(residual**2)) / float(objective.problem.weights[0]) ** 2
+
+
+def _corrected(fit: _Fit, max_corrections: int, seed: int) -> SearchResult:
+    child = child_seed(seed, "law selection, corrected", fit.law)
+    return refine_by_reference(correct_bias(fit.objective, fit.points, max_corrections, child), child)
+
+
+def with_law(objective: MapObjective, law: Law) -> MapObjective:
+    """Return the objective of the actuator with `law`, its parameters free beside the faults and nuisances."""
+    problem, nuisances = objective.problem, objective.space.nuisances
+    actuator = law.added_to(problem.actuator)
+    free = tuple(name for name in (*law.parameters, *law.also_free) if name not in nuisances.parameters)
+    free = tuple(name for name in free if described_parts(actuator, name) is not None)
+    unit = nuisances.unit.beside(ParameterVariation.suspected(actuator, free))
+    chosen = NuisanceSet.of(actuator, nuisances.chosen, tuple(problem.measured), unit)
+    return replace(
+        objective,
+        problem=replace(problem, actuator=actuator),
+        space=ParameterSpace.of(actuator, chosen),
+    )
