@@ -1,0 +1,124 @@
+"""Measured motion: what goes into inverse dynamics, and the channel that it is compared with."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emaphm.actuator import Actuator
+from emaphm.arrays import Array
+from emaphm.errors import RecordingError
+from emaphm.estimation.inverse_dynamics.filtering import FilterFrequencies, first_order_lag, low_pass
+from emaphm.recording import Recording, with_equivalent_current
+
+STILL_SPEED = 0.01
+"""Speed below which a shaft counts as still, relative to the rms speed, where its noise is lower."""
+
+STILL_NOISE = 3.0
+"""Speed below which a shaft counts as still, relative to the rms of the speed's noise."""
+
+RESPONSES = ("current_A", "voltage_V")
+"""Channels that inverse dynamics explains, the better one first: the current is the torque."""
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """The measured motion of one recording, all columns of shape (n,).
+
+    `position` [rad] is the user's; `angle` [rad], `speed` [rad/s] and `acceleration` [rad/s²] are the
+    motor's, through the low-pass of `frequencies`. `load` [N·m] is what was recorded of it. `response` is
+    the channel `channel` as the torque follows it: a current [A] behind the torque's lag, or a voltage [V].
+    `still_speed` [rad/s] is the speed below which the shaft counts as still, `moving` whether it was faster.
+    """
+
+    source: str
+    interval: float
+    time: Array
+    position: Array
+    angle: Array
+    speed: Array
+    acceleration: Array
+    load: Array
+    channel: str
+    response: Array
+    frequencies: FilterFrequencies
+    still_speed: float
+    moving: NDArray[np.bool_]
+
+    @classmethod
+    def of(
+        cls,
+        recording: Recording,
+        actuator: Actuator,
+        *,
+        position_hz: float | None = None,
+        regression_hz: float | None = None,
+        still_speed: float | None = None,
+    ) -> Self:
+        """Return the motion of a `recording`.
+
+        Speed and acceleration are central differences of the motor's angle, or of the user's position
+        divided by the gear ratio where that alone was recorded: a recorded speed often has a lag of its own.
+        A current passes the lag with which the torque follows it.
+
+        Raises
+        ------
+        RecordingError
+            There is neither a position nor an angle, or neither a current nor a voltage; or nothing moves.
+        """
+        ratio, interval = actuator.mechanics.gear_ratio, recording.interval_s
+        if "angle_rad" in recording:
+            angle = np.unwrap(recording["angle_rad"])
+            position = recording["position_rad"] if "position_rad" in recording else angle * ratio
+        elif "position_rad" in recording:
+            position = recording["position_rad"]
+            angle = position / ratio
+        else:
+            raise RecordingError(
+                f"{recording.source}: inverse dynamics needs the measured motion; record 'position_rad' or "
+                "'angle_rad', or simulate from the command"
+            )
+        frequencies = FilterFrequencies.of(
+            angle, interval, position_hz=position_hz, regression_hz=regression_hz
+        )
+        smooth = low_pass(angle, frequencies.position_hz, interval)
+        speed = np.gradient(smooth, interval)
+        rms = float(np.sqrt(np.mean(speed**2)))
+        if still_speed is None:
+            still_speed = max(STILL_SPEED * rms, STILL_NOISE * frequencies.speed_noise)
+        moving = np.abs(speed) >= still_speed
+        if not moving.any():
+            raise RecordingError(
+                f"{recording.source}: the shaft never moves faster than {still_speed:.3g}, where noise ends; "
+                "record a manoeuvre with more motion"
+            )
+        channel, response = _response(recording, actuator)
+        return cls(
+            source=recording.source,
+            interval=interval,
+            time=recording["time_s"],
+            position=low_pass(position, frequencies.position_hz, interval),
+            angle=smooth,
+            speed=speed,
+            acceleration=np.gradient(speed, interval),
+            load=recording["load_Nm"] if "load_Nm" in recording else np.zeros(recording.samples),
+            channel=channel,
+            response=response,
+            frequencies=frequencies,
+            still_speed=still_speed,
+            moving=moving,
+        )
+
+
+def _response(recording: Recording, actuator: Actuator) -> tuple[str, Array]:
+    """Return the name of the best channel that shows the torque, and its column (n,)."""
+    if "current_A" in recording or ("angle_rad" in recording and "current_a_A" in recording):
+        current = with_equivalent_current(recording, actuator)["current_A"]
+        return "current_A", first_order_lag(current, actuator.motor.torque_lag, recording.interval_s)
+    if "voltage_V" in recording and actuator.electrical is not None:
+        return "voltage_V", recording["voltage_V"]
+    raise RecordingError(
+        f"{recording.source}: nothing shows the torque; record 'current_A', or 'voltage_V' with [electrical] "
+        "in the actuator's TOML"
+    )

@@ -1,0 +1,120 @@
+"""The inverse dynamics of a shaft: the motor's torque that the measured motion requires."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from emaphm.arrays import Array
+from emaphm.estimation.inverse_dynamics.motion import Motion
+
+UNITS = {
+    "inertia": "kg·m²",
+    "viscous": "N·m·s/rad",
+    "viscous_asymmetry": "-",
+    "coulomb": "N·m",
+    "static": "N·m",
+    "coulomb_asymmetry": "-",
+    "load_motor": "-",
+    "load_external": "-",
+    "stribeck_load_motor": "-",
+    "stribeck_load_external": "-",
+    "quadratic": "N·m·s²/rad²",
+    "offset": "N·m",
+    "hinge": "N·m/rad",
+    "gravity": "N·m",
+    "gravity_angle": "rad",
+    "stribeck_speed": "rad/s",
+    "transition_speed": "rad/s",
+    "torque_constant": "N·m/A",
+    "resistance": "ohm",
+}
+"""Parameters of inverse dynamics, beside `ripple1_cos`, `ripple1_sin` and so on [N·m]."""
+
+Values = Mapping[str, float]
+
+
+def required_torque(
+    motion: Motion, measured: Array, values: Values, ripple_orders: Sequence[float] = ()
+) -> Array:
+    """Return the motor's torque that the measured motion requires, by the balance at the rigid shaft.
+
+        τ_m = J α + C (1 + γ_v sgn ω) ω + Q ω |ω| + level σ + τ_load - Σ (a_n cos nφ + b_n sin nφ)
+        level = (1 + γ_c sgn ω) [F_c + |l_m τ - l_e τ_e| + s (F_s - F_c + |l'_m τ - l'_e τ_e|)]
+        τ_load = τ_0 + K θ + G sin(θ + θ_0) + recorded load,   τ_e = -τ_load
+        s = exp(-(ω / ω_s)²), 0 without a Stribeck speed;   σ = sgn ω, tanh(ω / ω_0) with a transition speed
+
+    Linear in J, C, Q, F_c, F_s, τ_0, K, G, a_n, b_n, and in l_m and l_e where the other one is 0.
+
+    Parameters
+    ----------
+    motion
+        ω [rad/s], α [rad/s²] and φ [rad] of the motor, θ [rad] of the user, as measured.
+    measured
+        τ, the motor's torque as measured, shape (n,) [N·m]; only load-dependent friction uses it.
+    values
+        Parameters by the names and in the units of `UNITS`: inertia J, viscous C, viscous_asymmetry γ_v,
+        quadratic Q, coulomb F_c, static F_s, coulomb_asymmetry γ_c, load_motor l_m, load_external l_e,
+        stribeck_load_motor l'_m, stribeck_load_external l'_e, stribeck_speed ω_s, transition_speed ω_0,
+        offset τ_0, hinge K, gravity G, gravity_angle θ_0, ripple1_cos a_1, ripple1_sin b_1. One left out is 0.
+    ripple_orders
+        n, periods of each ripple in a turn of the motor.
+
+    Returns
+    -------
+    τ_m, shape (n,) [N·m].
+
+    Notes
+    -----
+    A shaft at rest is outside its range: friction then balances any torque up to the static one, and the
+    motion does not say which. Backlash and a compliant shaft are left out.
+
+    References
+    ----------
+    [1] M. Gautier, W. Khalil: exciting trajectories for the identification of base inertial parameters of
+        robots, Int. J. Robotics Research 11(4), 1992.
+    [2] J. Swevers, W. Verdonck, J. De Schutter: dynamic model identification for industrial robots, IEEE
+        Control Systems Magazine 27(5), 2007.
+    [3] M. Duclusaud et al.: extended friction models for the physics simulation of servo actuators,
+        arXiv 2410.08650, 2024: load-dependent friction.
+    """
+
+    def v(name: str) -> float:
+        return values.get(name, 0.0)
+
+    w, theta = motion.speed, motion.position
+    sign = np.sign(w)
+    load = v("offset") + v("hinge") * theta + v("gravity") * np.sin(theta + v("gravity_angle")) + motion.load
+    level = v("coulomb") + np.abs(v("load_motor") * measured + v("load_external") * load)
+    if v("stribeck_speed") > 0:
+        loaded = np.abs(v("stribeck_load_motor") * measured + v("stribeck_load_external") * load)
+        level = level + np.exp(-((w / v("stribeck_speed")) ** 2)) * (v("static") - v("coulomb") + loaded)
+    through = np.tanh(w / v("transition_speed")) if v("transition_speed") > 0 else sign
+    torque = v("inertia") * motion.acceleration + load
+    torque += v("viscous") * (1 + v("viscous_asymmetry") * sign) * w + v("quadratic") * w * np.abs(w)
+    torque += (1 + v("coulomb_asymmetry") * sign) * level * through
+    for i, order in enumerate(ripple_orders, start=1):
+        torque -= v(f"ripple{i}_cos") * np.cos(order * motion.angle)
+        torque -= v(f"ripple{i}_sin") * np.sin(order * motion.angle)
+    return np.asarray(torque)
+
+
+def response(motion: Motion, torque: Array, values: Values) -> Array:
+    """Return the recorded channel, a current [A] or voltage [V], for a motor's `torque` (n,) [N·m].
+
+        i = τ / k,   u = k ω + R τ / k
+
+    k is the torque constant [N·m/A] and, by conservation of power, that of the back-EMF; R the resistance
+    [ohm]. A winding's own time constant is left out: its current follows within a millisecond or so.
+    """
+    current = torque / values["torque_constant"]
+    if motion.channel == "current_A":
+        return current
+    return np.asarray(values["torque_constant"] * motion.speed + values["resistance"] * current)
+
+
+def measured_torque(motion: Motion, values: Values) -> Array:
+    """Return the motor's torque (n,) [N·m] that the recorded channel shows: `response`, solved for it."""
+    k = values["torque_constant"]
+    if motion.channel == "current_A":
+        return k * motion.response
+    return np.asarray((motion.response - k * motion.speed) * k / values["resistance"])
