@@ -138,19 +138,22 @@ class RowThinning:
     kept: NDArray[np.intp]
 
     @classmethod
-    def of(cls, usable: NDArray[np.bool_], cutoff_hz: float, interval: float) -> Self:
-        """Return the thinning of a recording whose rows are `usable` (n,) or not.
+    def of(cls, moving: NDArray[np.bool_], cutoff_hz: float, interval: float) -> Self:
+        """Return the thinning of a recording whose shaft is `moving` (n,) or not.
 
-        A thinned row is left out where all rows within a quarter period of the cutoff are unusable: the
-        low-pass mixes what is nearer, and a reversal that passes in less is no standstill.
+        A standstill of half a period of the cutoff or longer is left out, with a quarter period on either
+        side, into which the low-pass carries it. A reversal passes faster.
         """
         quarter = max(1, round(0.25 / (cutoff_hz * interval)))
+        edges = np.flatnonzero(np.diff(np.concatenate([[True], moving, [True]])))
+        usable = np.ones(moving.size, bool)
+        for first, after in edges.reshape(-1, 2):
+            if after - first >= 2 * quarter:
+                usable[max(first - quarter, 0) : after + quarter] = False
         factor = max(1, int(1 / (ROWS_PER_CUTOFF * cutoff_hz * interval)))
-        margin = min(4 * quarter, usable.size // 4)
-        rows = np.arange(margin, usable.size - margin, factor)
-        counts = np.concatenate([[0], np.cumsum(usable)])
-        near = counts[np.minimum(rows + quarter + 1, usable.size)] - counts[np.maximum(rows - quarter, 0)]
-        return cls(cutoff_hz, interval, rows[near > 0])
+        margin = min(4 * quarter, moving.size // 4)
+        rows = np.arange(margin, moving.size - margin, factor)
+        return cls(cutoff_hz, interval, rows[usable[rows]])
 
     def __call__(self, values: Array) -> Array:
         """Return `values` (…, n) through the low-pass, at the rows kept."""

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator
 from emaphm.arrays import Array
-from emaphm.errors import RecordingError
+from emaphm.errors import MethodError, RecordingError, nearest
 from emaphm.estimation.inverse_dynamics.filtering import FilterFrequencies, first_order_lag, low_pass
 from emaphm.recording import Recording, with_equivalent_current
 
@@ -55,6 +55,7 @@ class Motion:
         position_hz: float | None = None,
         regression_hz: float | None = None,
         still_speed: float | None = None,
+        channel: str | None = None,
     ) -> Self:
         """Return the motion of a `recording`.
 
@@ -87,13 +88,13 @@ class Motion:
         rms = float(np.sqrt(np.mean(speed**2)))
         if still_speed is None:
             still_speed = max(STILL_SPEED * rms, STILL_NOISE * frequencies.speed_noise)
-        moving = np.abs(speed) >= still_speed
+        moving = np.abs(speed) > still_speed
         if not moving.any():
             raise RecordingError(
                 f"{recording.source}: the shaft never moves faster than {still_speed:.3g}, where noise ends; "
                 "record a manoeuvre with more motion"
             )
-        channel, response = _response(recording, actuator)
+        channel = channel or _best_channel(recording, actuator)
         return cls(
             source=recording.source,
             interval=interval,
@@ -104,21 +105,35 @@ class Motion:
             acceleration=np.gradient(speed, interval),
             load=recording["load_Nm"] if "load_Nm" in recording else np.zeros(recording.samples),
             channel=channel,
-            response=response,
+            response=_response(recording, actuator, channel),
             frequencies=frequencies,
             still_speed=still_speed,
             moving=moving,
         )
 
 
-def _response(recording: Recording, actuator: Actuator) -> tuple[str, Array]:
-    """Return the name of the best channel that shows the torque, and its column (n,)."""
+def _best_channel(recording: Recording, actuator: Actuator) -> str:
+    """Return the name of the channel that shows the torque best."""
     if "current_A" in recording or ("angle_rad" in recording and "current_a_A" in recording):
-        current = with_equivalent_current(recording, actuator)["current_A"]
-        return "current_A", first_order_lag(current, actuator.motor.torque_lag, recording.interval_s)
+        return "current_A"
     if "voltage_V" in recording and actuator.electrical is not None:
-        return "voltage_V", recording["voltage_V"]
+        return "voltage_V"
     raise RecordingError(
         f"{recording.source}: nothing shows the torque; record 'current_A', or 'voltage_V' with [electrical] "
         "in the actuator's TOML"
     )
+
+
+def _response(recording: Recording, actuator: Actuator, channel: str) -> Array:
+    """Return the `channel` of a recording as the torque follows it, (n,)."""
+    if channel not in RESPONSES:
+        raise MethodError(f"'{channel}' does not show the torque{nearest(channel, RESPONSES)}")
+    if channel == "voltage_V":
+        if actuator.electrical is None:
+            raise MethodError(
+                "a voltage shows the torque where the resistance is known; add [electrical] to "
+                f"'{actuator.name}'"
+            )
+        return recording["voltage_V"]
+    current = with_equivalent_current(recording, actuator)["current_A"]
+    return first_order_lag(current, actuator.motor.torque_lag, recording.interval_s)

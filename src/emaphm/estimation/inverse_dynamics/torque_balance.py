@@ -55,7 +55,7 @@ def required_torque(
         Parameters by the names and in the units of `UNITS`: inertia J, viscous C, viscous_asymmetry γ_v,
         quadratic Q, coulomb F_c, static F_s, coulomb_asymmetry γ_c, load_motor l_m, load_external l_e,
         stribeck_load_motor l'_m, stribeck_load_external l'_e, stribeck_speed ω_s, transition_speed ω_0,
-        offset τ_0, hinge K, gravity G, gravity_angle θ_0, ripple1_cos a_1, ripple1_sin b_1. One left out is 0.
+        offset τ_0, hinge K, gravity G, gravity_angle θ_0, ripple1_cos a_1, ripple1_sin b_1; 0 where left out.
     ripple_orders
         n, periods of each ripple in a turn of the motor.
 
