@@ -54,63 +54,65 @@ class ControllerCheck:
     @property
     def contradicts(self) -> bool:
         """Whether the described gains, or the form of the control law, contradict the recording."""
-        if self.position_gain is None or self.speed_gain is None:
+        found = (self.position_gain, self.speed_gain)
+        deviations = [
+            (abs(one.value - described) - SIGNIFICANT * one.standard_error) / described
+            for one, described in zip(found, self.described, strict=True)
+            if one is not None
+        ]
+        if not deviations:
             return self.relative_error > OTHER_LAW
-        deviations = (
-            (abs(found.value - described) - SIGNIFICANT * found.standard_error) / described
-            for found, described in zip((self.position_gain, self.speed_gain), self.described, strict=True)
-        )
         return max(deviations) > GAIN_TOLERANCE or (self.best_error or 0.0) > OTHER_LAW
 
 
 def controller_check(recording: Recording, actuator: Actuator) -> ControllerCheck:
-    """Return how well the described controller explains a recording's current, and the gains that would.
+    """Return how well the described controller explains a recording, and the gains that would.
 
-        τ_d = GAP (v_d - ω_f) + GAI ∫(v_d - ω_f) dt,   v_d = clip(G_prop (θ_cmd - θ), ±ω_max)
-        i_d = clip(τ_d / k_t, ±I_max)
+        e = clip(G_prop (ε + ∫ε dt / T_i + T_d dε/dt) + k_ff θ̇_cmd / τ, ±ω_max) - β ω_f,   ε = θ_cmd - θ
+        y = clip((GAP e + GAI ∫e dt) / k_t, ±y_max)
 
-    from the recorded command, position and speed; ω_f lags by the described time constant. Both currents
-    pass the low-pass that the position's noise asks for, since the gains multiply that noise. The gains that
-    fit best are those of a regression of the current's torque on the position error, the speed and, where the
-    description has an integral gain, their integrals, in rows without a limit.
+    from the recorded command, position and speed; ω_f lags by the described time constant. y is the recorded
+    current, or the duty cycle where the drive is driven by voltage (k_t = 1, y_max = 1). Both sides pass the
+    low-pass that the position's noise asks for, since the gains multiply that noise. The gains that fit best
+    are those of a regression in rows without a limit, all but G_prop and GAP as described; without speed
+    feedback and feed-forward only their product shows, and GAP is taken as described.
 
     Raises
     ------
     RecordingError
-        There is no command, position or current.
+        There is no command, no position, or neither a current nor, of a drive by voltage, a duty cycle.
     """
     for name in ("command_rad", "position_rad"):
         if name not in recording:
             raise RecordingError(
                 f"{recording.source}: no column '{name}', without which the controller cannot be checked"
             )
-    current = with_equivalent_current(recording, actuator)["current_A"]
     c, interval = actuator.controller, recording.interval_s
-    error = recording["command_rad"] - recording["position_rad"]
-    speed = first_order_lag(_motor_speed(recording, actuator), c.speed_lag, interval)
-    limit = np.inf if c.speed_limit is None else c.speed_limit
-    demand = np.clip(c.position_gain * error, -limit, limit)
-    torque = c.speed_gain * (demand - speed)
-    if c.integral_gain:
-        torque = torque + c.integral_gain * interval * np.cumsum(demand - speed)
-    predicted = np.clip(torque / c.torque_constant, -c.current_limit, c.current_limit)
+    measured, unit, largest = _output(recording, actuator)
     cutoff = FilterFrequencies.of(recording["position_rad"], interval).regression_hz
 
     def smooth(values: Array) -> Array:
         return low_pass(values, cutoff, interval)
 
-    target = smooth(current)
-    relative_error = _relative(target, smooth(predicted))
-    free = (np.abs(demand) < LIMITED * limit) & (np.abs(current) < LIMITED * c.current_limit)
-    columns = [error, -speed]
+    by_position, by_speed = _loop_inputs(recording, actuator)
+    limit = np.inf if c.speed_limit is None else c.speed_limit
+    rate = c.speed_feedforward * _rate(recording["command_rad"], interval) / actuator.mechanics.gear_ratio
+    demand = np.clip(c.position_gain * by_position + rate, -limit, limit)
+    error = demand + by_speed
+    output = (c.speed_gain * error + c.integral_gain * interval * np.cumsum(error)) / unit
+    target = smooth(measured)
+    relative_error = _relative(target, smooth(np.clip(output, -largest, largest)))
+    free = (np.abs(demand) < LIMITED * limit) & (np.abs(measured) < LIMITED * largest)
+    columns = [by_position, by_speed + rate]
     if c.integral_gain:
-        columns += [interval * np.cumsum(error), -interval * np.cumsum(speed)]
-    regressors = np.stack([smooth(one)[free] for one in columns])
-    gains = _regressed(regressors, c.torque_constant * target[free])
+        columns += [interval * np.cumsum(column) for column in columns]
+    shown = [column for column in columns if np.any(column)]
+    regressors = np.stack([smooth(column)[free] for column in shown])
     described = (c.position_gain, c.speed_gain)
+    gains = _regressed(regressors, unit * target[free], None if np.any(columns[1]) else c.speed_gain)
     if gains is None:
         return ControllerCheck(relative_error, None, None, None, described)
-    best = _relative(c.torque_constant * target[free], gains.product @ regressors)
+    best = _relative(unit * target[free], gains.product @ regressors)
     return ControllerCheck(relative_error, best, *gains.estimates, described)
 
 
@@ -119,27 +121,61 @@ def controller_contradicts(recording: Recording, actuator: Actuator) -> bool:
     return controller_check(recording, actuator).contradicts
 
 
+def _output(recording: Recording, actuator: Actuator) -> tuple[Array, float, float]:
+    """Return what the controller asked for (n,), the torque for 1 of it as it assumes, and its limit."""
+    if actuator.drive_kind != "voltage":
+        current = with_equivalent_current(recording, actuator)["current_A"]
+        return current, actuator.drive_constant, actuator.controller.current_limit
+    if "duty" not in recording:
+        raise RecordingError(
+            f"{recording.source}: no column 'duty', without which a drive by voltage cannot be checked"
+        )
+    return recording["duty"], 1.0, 1.0
+
+
+def _loop_inputs(recording: Recording, actuator: Actuator) -> tuple[Array, Array]:
+    """Return what the position gain multiplies [rad], and the speed fed back with its sign turned [rad/s]."""
+    c, interval = actuator.controller, recording.interval_s
+    error = recording["command_rad"] - recording["position_rad"]
+    by_position = (
+        error
+        + c.position_integral_gain * interval * np.cumsum(error)
+        + c.position_derivative_gain * _rate(error, interval)
+    )
+    speed = first_order_lag(_motor_speed(recording, actuator), c.speed_lag, interval)
+    return by_position, -c.speed_feedback * speed
+
+
 @dataclass(frozen=True, eq=False)
 class _Gains:
     """The regression's coefficients, and the position and speed gain that they amount to."""
 
     product: Array
-    estimates: tuple[Estimate, Estimate]
+    estimates: tuple[Estimate, Estimate | None]
 
 
-def _regressed(regressors: Array, torque: Array) -> _Gains | None:
-    """Return the gains for `regressors` (p, rows) of a `torque` (rows,) [N·m], None where hidden."""
-    size = np.sqrt(np.mean(regressors**2, axis=1)) if torque.size > LEAST_ROWS else np.zeros(1)
+def _regressed(regressors: Array, torque: Array, speed_gain: float | None) -> _Gains | None:
+    """Return the gains for `regressors` (p, rows) of a `torque` (rows,) [N·m], None where hidden.
+
+    A `speed_gain` that is given is held.
+    """
+    if torque.size < LEAST_ROWS:
+        return None
+    size = np.sqrt(np.mean(regressors**2, axis=1))
     if not np.all(size > 0) or np.linalg.cond(regressors.T / size) > MOST_CONDITION:
         return None
     product = np.asarray(np.linalg.lstsq(regressors.T, torque, rcond=None)[0], np.float64)
-    if not (product[0] > 0 and product[1] > 0):
-        return None
     covariance = sandwich_covariance(
         regressors[np.newaxis], torque - product @ regressors, np.full(product.size, np.inf)
     ).covariance
-    ratio = product[0] / product[1]
     along = np.zeros(product.size)
+    if speed_gain is not None:
+        along[0] = 1 / speed_gain
+        error = float(np.sqrt(along @ covariance @ along))
+        return _Gains(product, (Estimate(float(product[0] / speed_gain), error, "1/s"), None))
+    if not (product[0] > 0 and product[1] > 0):
+        return None
+    ratio = product[0] / product[1]
     along[:2] = 1 / product[1], -ratio / product[1]
     return _Gains(
         product,
@@ -150,13 +186,17 @@ def _regressed(regressors: Array, torque: Array) -> _Gains | None:
     )
 
 
+def _rate(values: Array, interval: float) -> Array:
+    return np.asarray(np.gradient(values, interval))
+
+
 def _motor_speed(recording: Recording, actuator: Actuator) -> Array:
     """Return the motor's speed (n,) [rad/s]: as recorded, else by differences of its angle or position."""
     if "speed_rad_s" in recording:
         return recording["speed_rad_s"]
     if "angle_rad" in recording:
-        return np.gradient(np.unwrap(recording["angle_rad"]), recording.interval_s)
-    return np.gradient(recording["position_rad"], recording.interval_s) / actuator.mechanics.gear_ratio
+        return _rate(np.unwrap(recording["angle_rad"]), recording.interval_s)
+    return _rate(recording["position_rad"], recording.interval_s) / actuator.mechanics.gear_ratio
 
 
 def _relative(measured: Array, predicted: Array) -> float:

@@ -11,7 +11,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.lumped_parameters import LUMPED_PARAMETERS, PARTS, lumped_parameters
+from emaphm.actuator.actuator import described_parts
+from emaphm.actuator.baseline import LUMPED_PARAMETERS
+from emaphm.actuator.quantity import unit_for
 from emaphm.arrays import Array
 from emaphm.errors import MethodError, nearest
 from emaphm.estimation.inverse_dynamics.motion import Motion
@@ -20,10 +22,9 @@ from emaphm.estimation.inverse_dynamics.result import (
     Estimate,
     ForceReplay,
     InverseDynamicsResult,
-    parameter_unit,
 )
 from emaphm.estimation.inverse_dynamics.search import minimised
-from emaphm.estimation.inverse_dynamics.torque_balance import UNITS, Values, measured_torque
+from emaphm.estimation.inverse_dynamics.torque_balance import NAMES, Values, measured_torque
 from emaphm.estimation.uncertainty.collinearity import CollinearSet, collinear_coordinates, listed
 from emaphm.estimation.uncertainty.covariance import sandwich_covariance
 from emaphm.recording import Recording
@@ -42,7 +43,6 @@ def inverse_dynamics(
     *,
     known: Sequence[Mapping[str, float]] | None = None,
     per_recording: Sequence[str] = (),
-    ripple_orders: Sequence[float] = (),
     channel: str | None = None,
     position_hz: float | None = None,
     regression_hz: float | None = None,
@@ -65,17 +65,16 @@ def inverse_dynamics(
     actuator
         Parameters that are not free keep its values; static friction keeps its ratio to Coulomb friction.
     free
-        Names from `emaphm.estimation.inverse_dynamics.torque_balance.UNITS`.
+        Names from `emaphm.estimation.inverse_dynamics.torque_balance.NAMES`, of laws that the description has
+        or lacks, and of the harmonics of its torque ripple.
     known
         For each recording, values that hold in it instead of the actuator's or of a common estimate.
     per_recording
         Free parameters that have a value of their own in each recording; of the torque constant, in each
         but the first, which keeps the actuator's.
-    ripple_orders
-        Periods in a turn of the motor of the ripples 1, 2, and so on.
     channel
-        "current_A" or "voltage_V", what the motion is compared with; the current where it was recorded and
-        this is left out.
+        "current_A", "voltage_V" or "duty", what the motion is compared with; the first one that was recorded
+        where left out.
     position_hz, regression_hz
         Cutoff frequencies of the low-passes; chosen from each recording where left out.
     still_speed
@@ -111,7 +110,8 @@ def inverse_dynamics(
     given = (recordings,) if isinstance(recordings, Recording) else tuple(recordings)
     names = tuple(dict.fromkeys(free))
     own = [dict(one) for one in known] if known is not None else [{} for _ in given]
-    _check(given, names, own, per_recording, ripple_orders)
+    described = described_values(actuator)
+    _check(given, names, own, per_recording, described)
     motions = [
         Motion.of(
             one,
@@ -123,8 +123,10 @@ def inverse_dynamics(
         )
         for one in given
     ]
-    described = described_values(actuator)
-    problem = InverseProblem.of(motions, described, names, own, tuple(per_recording), tuple(ripple_orders))
+    orders = tuple(
+        one.order * (actuator.mechanics.screw_ratio if one.of == "screw" else 1.0) for one in actuator.ripple
+    )
+    problem = InverseProblem.of(motions, described, names, own, tuple(per_recording), orders)
     found = minimised(problem)
     problem = problem.reweighted(found.point)
     found = minimised(problem, found.point)
@@ -138,11 +140,12 @@ def inverse_dynamics(
 
 def described_values(actuator: Actuator) -> dict[str, float]:
     """Return the actuator's values of the parameters that inverse dynamics knows, and that it has."""
-    return {
-        name: lumped_parameters(actuator, (name,))[name]
-        for name in LUMPED_PARAMETERS
-        if (name in UNITS or name.startswith("ripple")) and getattr(actuator, PARTS[name][0]) is not None
-    }
+    found = {}
+    for name in (*NAMES, *(name for name in LUMPED_PARAMETERS if name.startswith("ripple"))):
+        parts = described_parts(actuator, name)
+        if parts is not None:
+            found[name] = float(sum(parts))
+    return found
 
 
 def _check(
@@ -150,18 +153,17 @@ def _check(
     names: tuple[str, ...],
     known: Sequence[Values],
     per_recording: Sequence[str],
-    ripple_orders: Sequence[float],
+    described: Values,
 ) -> None:
     if not recordings:
         raise MethodError("no recording for inverse dynamics; give one or several")
     if not names:
-        raise MethodError(f"no parameter is free; name some of {', '.join(UNITS)}")
+        raise MethodError(f"no parameter is free; name some of {', '.join(NAMES)}")
     if len(known) != len(recordings):
         raise MethodError(
             f"known values of {len(known)} recordings for {len(recordings)}; give one set for each"
         )
-    ripples = [f"ripple{i + 1}_{part}" for i in range(len(ripple_orders)) for part in ("cos", "sin")]
-    possible = (*UNITS, *ripples)
+    possible = tuple(dict.fromkeys((*NAMES, *described)))
     for name in (*names, *per_recording, *(name for one in known for name in one)):
         if name not in possible:
             raise MethodError(f"inverse dynamics does not know '{name}'{nearest(name, possible)}")
@@ -199,12 +201,11 @@ def _result(
 ) -> InverseDynamicsResult:
     shared = [k for k, (_, recording) in enumerate(problem.keys) if recording is None]
     errors = np.sqrt(np.diag(covariance))
-    parameters = {
-        problem.keys[k][0]: Estimate(
-            float(point[k]), float(errors[k]), parameter_unit(problem.keys[k][0], actuator.coordinates)
-        )
-        for k in shared
-    }
+    parameters = {}
+    for k in shared:
+        name = problem.keys[k][0]
+        unit = unit_for(LUMPED_PARAMETERS[name], actuator.coordinates)
+        parameters[name] = Estimate(float(point[k]), float(errors[k]), unit)
     channels = tuple(dict.fromkeys(motion.channel for motion in problem.motions))
     collinear = tuple(
         CollinearSet(tuple(problem.labels[k] for k in members), channels)

@@ -18,8 +18,8 @@ STILL_SPEED = 0.01
 STILL_NOISE = 3.0
 """Speed below which a shaft counts as still, relative to the rms of the speed's noise."""
 
-RESPONSES = ("current_A", "voltage_V")
-"""Channels that inverse dynamics explains, the better one first: the current is the torque."""
+RESPONSES = ("current_A", "voltage_V", "duty")
+"""Channels that inverse dynamics explains, the best one first: the current is the torque."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +29,8 @@ class Motion:
     `position` [rad] is the user's; `angle` [rad], `speed` [rad/s] and `acceleration` [rad/s²] are the
     motor's, through the low-pass of `frequencies`. `load` [N·m] is what was recorded of it. `response` is
     the channel `channel` as the torque follows it: a current [A] behind the torque's lag, or a voltage [V].
-    `still_speed` [rad/s] is the speed below which the shaft counts as still, `moving` whether it was faster.
+    `still_speed` [rad/s] is the speed below which the shaft counts as still, `moving` whether it was faster
+    while the drive was on.
     """
 
     source: str
@@ -89,6 +90,8 @@ class Motion:
         if still_speed is None:
             still_speed = max(STILL_SPEED * rms, STILL_NOISE * frequencies.speed_noise)
         moving = np.abs(speed) > still_speed
+        if "enabled" in recording:
+            moving &= recording["enabled"] > 0
         if not moving.any():
             raise RecordingError(
                 f"{recording.source}: the shaft never moves faster than {still_speed:.3g}, where noise ends; "
@@ -116,24 +119,27 @@ def _best_channel(recording: Recording, actuator: Actuator) -> str:
     """Return the name of the channel that shows the torque best."""
     if "current_A" in recording or ("angle_rad" in recording and "current_a_A" in recording):
         return "current_A"
-    if "voltage_V" in recording and actuator.electrical is not None:
-        return "voltage_V"
+    for name in RESPONSES[1:]:
+        if name in recording and actuator.electrical is not None:
+            return name
     raise RecordingError(
-        f"{recording.source}: nothing shows the torque; record 'current_A', or 'voltage_V' with [electrical] "
-        "in the actuator's TOML"
+        f"{recording.source}: nothing shows the torque; record 'current_A', or 'voltage_V' or 'duty' with "
+        "[electrical] in the actuator's TOML"
     )
 
 
 def _response(recording: Recording, actuator: Actuator, channel: str) -> Array:
-    """Return the `channel` of a recording as the torque follows it, (n,)."""
+    """Return the `channel` of a recording as the torque follows it, (n,): a current [A] or a voltage [V]."""
     if channel not in RESPONSES:
         raise MethodError(f"'{channel}' does not show the torque{nearest(channel, RESPONSES)}")
+    if channel == "current_A":
+        current = with_equivalent_current(recording, actuator)["current_A"]
+        return first_order_lag(current, actuator.motor.torque_lag, recording.interval_s)
+    if actuator.electrical is None:
+        raise MethodError(
+            f"a voltage shows the torque where the resistance is known; add [electrical] to '{actuator.name}'"
+        )
     if channel == "voltage_V":
-        if actuator.electrical is None:
-            raise MethodError(
-                "a voltage shows the torque where the resistance is known; add [electrical] to "
-                f"'{actuator.name}'"
-            )
         return recording["voltage_V"]
-    current = with_equivalent_current(recording, actuator)["current_A"]
-    return first_order_lag(current, actuator.motor.torque_lag, recording.interval_s)
+    supply = recording.channels.get("supply_V", actuator.electrical.supply)
+    return np.asarray(recording["duty"] * supply)

@@ -6,13 +6,15 @@ from dataclasses import dataclass
 from typing import Any
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.lumped_parameters import LUMPED_PARAMETERS, with_lumped_parameters
-from emaphm.actuator.quantity import unit_for
+from emaphm.actuator.actuator import described_parts
+from emaphm.actuator.lumped_parameters import PARTS, with_lumped_parameters
 from emaphm.arrays import Array
 from emaphm.estimation.inverse_dynamics.filtering import FilterFrequencies
-from emaphm.estimation.inverse_dynamics.torque_balance import UNITS
 from emaphm.estimation.uncertainty.collinearity import CollinearSet
 from emaphm.text_table import format_table
+
+LAWS = ("friction", "weight")
+"""Sections that a parameter which is not described is added to."""
 
 
 @dataclass(frozen=True)
@@ -76,16 +78,14 @@ class InverseDynamicsResult:
 
     @property
     def identified(self) -> Actuator:
-        """The actuator with the estimated values.
+        """The actuator with the estimated values, such as a simulated fit may start from.
 
         Raises
         ------
         ActuatorError
             A value is impossible, such as an inertia that is not positive.
-        MethodError
-            A parameter has no place in the description.
         """
-        return with_lumped_parameters(self.actuator, self.values)
+        return with_parameters(self.actuator, self.values)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result without its series, for JSON."""
@@ -141,6 +141,10 @@ class InverseDynamicsResult:
         return "\n\n".join([table, format_table(header, recordings), *notes])
 
 
-def parameter_unit(name: str, coordinates: str) -> str:
-    """Return the unit of a parameter of inverse dynamics."""
-    return unit_for(UNITS.get(name) or LUMPED_PARAMETERS.get(name, "N·m"), coordinates)
+def with_parameters(actuator: Actuator, values: Mapping[str, float]) -> Actuator:
+    """Return `actuator` with lumped parameters, and with the laws that these belong to."""
+    description = actuator.model_dump(exclude_none=True)
+    for name, value in values.items():
+        if described_parts(actuator, name) is None and PARTS[name][0] in LAWS:
+            description.setdefault(PARTS[name][0], {})[name] = value
+    return with_lumped_parameters(Actuator.from_dict(description, where=actuator.name), values)

@@ -12,6 +12,9 @@ from emaphm.estimation.inverse_dynamics.problem import InverseProblem
 LINEAR = ("inertia", "viscous", "quadratic", "coulomb", "static", "offset", "hinge", "gravity")
 """Parameters that the torque balance is linear in, beside the torque ripple's."""
 
+NOT_NEGATIVE = ("inertia", "viscous", "quadratic", "coulomb", "static", "gravity")
+"""Linear parameters that have one sign."""
+
 LOADS = ("load_motor", "load_external", "stribeck_load_motor", "stribeck_load_external")
 """Parameters that it is not linear in, by the absolute value of a sum; and none is negative."""
 
@@ -20,6 +23,9 @@ SPEEDS = ("stribeck_speed", "transition_speed")
 
 SPEED_STARTS = (0.01, 0.05, 0.25)
 """Where the search for them starts, relative to the rms speed."""
+
+ANGLE_STARTS = (-2.1, 0.0, 2.1)
+"""Where the search for the angle of a weight starts, a third of a turn apart [rad]."""
 
 LOAD_START = 0.1
 """Load-dependent friction that a search begins at, where the description has none [-]."""
@@ -81,7 +87,8 @@ def minimised(problem: InverseProblem, start: Array | None = None) -> Minimum:
             x_scale="jac",
         ).x
     width = upper - lower
-    near = np.isfinite(width) & (np.minimum(best - lower, upper - best) < AT_BOUND * width)
+    distance = np.minimum(best - lower, upper - best)
+    near = np.where(np.isfinite(width), distance < AT_BOUND * width, distance <= 0)
     return Minimum(best, problem.jacobian(best), tuple(np.array(problem.labels)[near]))
 
 
@@ -96,13 +103,13 @@ def _projected(
     from scipy.optimize import least_squares
 
     if linear.all():
-        return _solved(problem, start, linear)
+        return _solved(problem, start, linear, lower, upper)
     logarithmic = np.array([name in POSITIVE for name, _ in problem.keys])[~linear]
 
     def point_of(searched: Array) -> Array:
         point = start.copy()
         point[~linear] = np.where(logarithmic, np.exp(searched), searched)
-        return _solved(problem, point, linear)
+        return _solved(problem, point, linear, lower, upper)
 
     def searched_of(values: Array) -> Array:
         outer = values[~linear]
@@ -121,31 +128,40 @@ def _projected(
     return np.clip(point_of(found.x), lower, upper)
 
 
-def _solved(problem: InverseProblem, point: Array, linear: NDArray[np.bool_]) -> Array:
-    """Return `point` (p,) with its `linear` parameters by least squares, given the others."""
+def _solved(
+    problem: InverseProblem, point: Array, linear: NDArray[np.bool_], lower: Array, upper: Array
+) -> Array:
+    """Return `point` (p,) with its `linear` parameters by least squares within bounds, given the others."""
+    from scipy.optimize import lsq_linear
+
     if not linear.any():
         return point
     columns = problem.jacobian(point, linear)
     size = np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
-    step = np.linalg.lstsq(columns / size, problem.residual(point), rcond=None)[0] / size
+    target = problem.residual(point) + columns @ point[linear]
+    found = lsq_linear(columns / size, target, (lower[linear] * size, upper[linear] * size), method="bvls")
     solved = point.copy()
-    solved[linear] += step
+    solved[linear] = found.x / size
     return solved
 
 
 def _starts(problem: InverseProblem) -> list[Array]:
-    """Return where the search begins: several speeds of the laws that have one, else the description."""
+    """Return where the search begins: at several speeds and angles where they are free, else as described."""
     start = problem.start
     names = [name for name, _ in problem.keys]
     for k, name in enumerate(names):
         if name in LOADS and start[k] == 0:
             start[k] = LOAD_START
     speed = np.sqrt(np.mean([np.mean(motion.speed**2) for motion in problem.motions]))
-    places = [k for k, name in enumerate(names) if name in SPEEDS]
+    options = {
+        k: tuple(share * speed for share in SPEED_STARTS) if name in SPEEDS else ANGLE_STARTS
+        for k, name in enumerate(names)
+        if name in (*SPEEDS, "gravity_angle")
+    }
     starts = []
-    for shares in itertools.product(SPEED_STARTS, repeat=len(places)):
+    for values in itertools.product(*options.values()):
         one = start.copy()
-        one[places] = np.array(shares) * speed
+        one[list(options)] = values
         starts.append(one)
     return starts
 
@@ -161,6 +177,8 @@ def _bounds(problem: InverseProblem) -> tuple[Array, Array]:
             lower[k], upper[k] = slowest, fastest
         elif name in LOADS:
             lower[k], upper[k] = LOAD_BOUNDS
+        elif name in NOT_NEGATIVE:
+            lower[k] = 0.0
         elif name.endswith("_asymmetry"):
             lower[k], upper[k] = -LARGEST_ASYMMETRY, LARGEST_ASYMMETRY
         elif name in POSITIVE:

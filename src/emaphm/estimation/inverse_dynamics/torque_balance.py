@@ -7,28 +7,28 @@ import numpy as np
 from emaphm.arrays import Array
 from emaphm.estimation.inverse_dynamics.motion import Motion
 
-UNITS = {
-    "inertia": "kg·m²",
-    "viscous": "N·m·s/rad",
-    "viscous_asymmetry": "-",
-    "coulomb": "N·m",
-    "static": "N·m",
-    "coulomb_asymmetry": "-",
-    "load_motor": "-",
-    "load_external": "-",
-    "stribeck_load_motor": "-",
-    "stribeck_load_external": "-",
-    "quadratic": "N·m·s²/rad²",
-    "offset": "N·m",
-    "hinge": "N·m/rad",
-    "gravity": "N·m",
-    "gravity_angle": "rad",
-    "stribeck_speed": "rad/s",
-    "transition_speed": "rad/s",
-    "torque_constant": "N·m/A",
-    "resistance": "ohm",
-}
-"""Parameters of inverse dynamics, beside `ripple1_cos`, `ripple1_sin` and so on [N·m]."""
+NAMES = (
+    "inertia",
+    "viscous",
+    "viscous_asymmetry",
+    "coulomb",
+    "static",
+    "coulomb_asymmetry",
+    "load_motor",
+    "load_external",
+    "stribeck_load_motor",
+    "stribeck_load_external",
+    "quadratic",
+    "offset",
+    "hinge",
+    "gravity",
+    "gravity_angle",
+    "stribeck_speed",
+    "transition_speed",
+    "torque_constant",
+    "resistance",
+)
+"""Lumped parameters that inverse dynamics can estimate, beside the torque ripple's."""
 
 Values = Mapping[str, float]
 
@@ -52,12 +52,12 @@ def required_torque(
     measured
         τ, the motor's torque as measured, shape (n,) [N·m]; only load-dependent friction uses it.
     values
-        Parameters by the names and in the units of `UNITS`: inertia J, viscous C, viscous_asymmetry γ_v,
+        Lumped parameters by name, in their units: inertia J, viscous C, viscous_asymmetry γ_v,
         quadratic Q, coulomb F_c, static F_s, coulomb_asymmetry γ_c, load_motor l_m, load_external l_e,
         stribeck_load_motor l'_m, stribeck_load_external l'_e, stribeck_speed ω_s, transition_speed ω_0,
         offset τ_0, hinge K, gravity G, gravity_angle θ_0, ripple1_cos a_1, ripple1_sin b_1; 0 where left out.
     ripple_orders
-        n, periods of each ripple in a turn of the motor.
+        n, periods of each harmonic of the torque ripple in a turn of the motor.
 
     Returns
     -------
