@@ -165,9 +165,10 @@ def _regressed(regressors: Array, torque: Array, speed_gain: float | None) -> _G
     if not np.all(size > 0) or np.linalg.cond(regressors.T / size) > MOST_CONDITION:
         return None
     product = np.asarray(np.linalg.lstsq(regressors.T, torque, rcond=None)[0], np.float64)
-    covariance = sandwich_covariance(
-        regressors[np.newaxis], torque - product @ regressors, np.full(product.size, np.inf)
-    ).covariance
+    scaled = (regressors / size[:, np.newaxis])[np.newaxis]
+    residual = torque - product @ regressors
+    covariance = sandwich_covariance(scaled, residual, np.full(product.size, np.inf)).covariance
+    covariance = covariance / np.outer(size, size)
     along = np.zeros(product.size)
     if speed_gain is not None:
         along[0] = 1 / speed_gain

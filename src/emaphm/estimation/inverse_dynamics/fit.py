@@ -2,8 +2,7 @@
 
 Given the few parameters that the torque balance is not linear in, the others follow from linear least
 squares; a search over the few has the projected residual as its objective (Golub and Pereyra 1973). A last
-Gauss-Newton search over all of them, which also lets the external torque in load-dependent friction follow
-the load, ends at the optimum.
+Gauss-Newton search over all of them ends at the optimum.
 """
 
 from collections.abc import Mapping, Sequence
@@ -132,9 +131,11 @@ def inverse_dynamics(
     found = minimised(problem, found.point)
     _refuse_singular(problem, found.jacobian)
     residual = problem.residual(found.point)
-    covariance = sandwich_covariance(
-        found.jacobian.T[np.newaxis], residual, np.full(found.point.size, np.inf)
-    ).covariance
+    # In units of what each parameter moves, so that the inverse is not spoilt by theirs.
+    size = np.linalg.norm(found.jacobian, axis=0)
+    scaled = (found.jacobian / size).T[np.newaxis]
+    covariance = sandwich_covariance(scaled, residual, np.full(found.point.size, np.inf)).covariance
+    covariance = covariance / np.outer(size, size)
     return _result(problem, found.point, covariance, residual, found.at_bound, actuator)
 
 

@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.arrays import Array
-from emaphm.estimation.inverse_dynamics.filtering import RowThinning, low_pass
+from emaphm.estimation.inverse_dynamics.filtering import RowThinning
 from emaphm.estimation.inverse_dynamics.motion import Motion
 from emaphm.estimation.inverse_dynamics.torque_balance import (
     Values,
-    measured_torque,
     required_torque,
     response,
 )
@@ -22,6 +21,9 @@ Key = tuple[str, int | None]
 
 DIFFERENCE = 1e-3
 """Step of the central differences, relative to a parameter's scale: exact where the model is linear."""
+
+LEAST_SHARE = 1e-3
+"""Least size of a parameter that its step follows, relative to its description."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,12 +107,7 @@ class InverseProblem:
 
     def torque(self, point: Array, recording: int) -> Array:
         """Return the motor's torque that the motion of a recording requires, every row (n,) [N·m]."""
-        motion, values = self.motions[recording], self.values(point, recording)
-        measured = measured_torque(motion, values)
-        if any(values.get(name) for name in ("load_motor", "stribeck_load_motor")):
-            # Its noise must not make friction: the absolute value would not average it out.
-            measured = low_pass(measured, motion.frequencies.regression_hz, motion.interval)
-        return required_torque(motion, measured, values, self.ripple_orders)
+        return required_torque(self.motions[recording], self.values(point, recording), self.ripple_orders)
 
     def predicted(self, point: Array, recording: int) -> Array:
         """Return the recorded channel at `point` (p,) in the regression's rows of a recording."""
@@ -132,10 +129,10 @@ class InverseProblem:
 
         By central differences at `point` (p,): exact for the parameters that the balance is linear in.
         """
-        found = []
+        found, start = [], self.start
         for k in range(point.size) if chosen is None else np.flatnonzero(chosen):
             step = np.zeros(point.size)
-            step[k] = DIFFERENCE * (abs(point[k]) or abs(self.start[k]) or 1.0)
+            step[k] = DIFFERENCE * (max(abs(point[k]), LEAST_SHARE * abs(start[k])) or 1.0)
             found.append((self.residual(point - step) - self.residual(point + step)) / (2 * step[k]))
         return np.stack(found, axis=1)
 

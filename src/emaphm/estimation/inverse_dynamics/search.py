@@ -8,15 +8,13 @@ from numpy.typing import NDArray
 
 from emaphm.arrays import Array
 from emaphm.estimation.inverse_dynamics.problem import InverseProblem
+from emaphm.estimation.inverse_dynamics.torque_balance import LOADS
 
 LINEAR = ("inertia", "viscous", "quadratic", "coulomb", "static", "offset", "hinge", "gravity")
 """Parameters that the torque balance is linear in, beside the torque ripple's."""
 
 NOT_NEGATIVE = ("inertia", "viscous", "quadratic", "coulomb", "static", "gravity")
 """Linear parameters that have one sign."""
-
-LOADS = ("load_motor", "load_external", "stribeck_load_motor", "stribeck_load_external")
-"""Parameters that it is not linear in, by the absolute value of a sum; and none is negative."""
 
 SPEEDS = ("stribeck_speed", "transition_speed")
 """Parameters that the search starts at several values of."""
@@ -33,9 +31,11 @@ LOAD_START = 0.1
 POSITIVE = (*SPEEDS, "torque_constant", "resistance")
 """Parameters that are searched in their logarithm."""
 
-LOAD_BOUNDS = (1e-6, 2.0)
-"""Load-dependent friction that a search may reach: at 1, no torque moves the shaft; at 0, an absolute value
-has no derivative [-]."""
+LEAST_LOAD = 1e-6
+"""Least load-dependent friction of a search [-]: at 0, an absolute value has no derivative."""
+
+MOST_LOAD = {"motor": 0.45, "external": 10.0}
+"""Largest, by what it follows [-]: if 1 of the motor's torque were lost, nothing would move; it has two."""
 
 WIDEST = 100.0
 """Factor by which a torque constant or resistance may differ from its description."""
@@ -89,7 +89,11 @@ def minimised(problem: InverseProblem, start: Array | None = None) -> Minimum:
     width = upper - lower
     distance = np.minimum(best - lower, upper - best)
     near = np.where(np.isfinite(width), distance < AT_BOUND * width, distance <= 0)
-    return Minimum(best, problem.jacobian(best), tuple(np.array(problem.labels)[near]))
+    return Minimum(
+        best,
+        problem.jacobian(best),
+        tuple(label for label, at in zip(problem.labels, near, strict=True) if at),
+    )
 
 
 def _is_linear(name: str) -> bool:
@@ -176,7 +180,7 @@ def _bounds(problem: InverseProblem) -> tuple[Array, Array]:
         if name in SPEEDS:
             lower[k], upper[k] = slowest, fastest
         elif name in LOADS:
-            lower[k], upper[k] = LOAD_BOUNDS
+            lower[k], upper[k] = LEAST_LOAD, MOST_LOAD[name.rpartition("_")[2]]
         elif name in NOT_NEGATIVE:
             lower[k] = 0.0
         elif name.endswith("_asymmetry"):
