@@ -46,6 +46,12 @@ STILL_SHARE = 0.1
 SEARCH_STEP = 1e-3
 """Step of the outer search's differences, relative."""
 
+SEARCHES = 2
+"""Outer searches, from the starts with the least projected residual."""
+
+SEARCH_TOLERANCE = 1e-4
+"""Relative change of the objective or the parameters at which an outer search ends."""
+
 MOST_STEPS = 30
 """Steps of an outer search; the last search over all parameters goes on from there."""
 
@@ -71,9 +77,15 @@ def minimised(problem: InverseProblem, start: Array | None = None) -> Minimum:
 
     linear = np.array([_is_linear(name) for name, _ in problem.keys])
     lower, upper = _bounds(problem)
-    candidates = _starts(problem) if start is None else [start]
-    projected = [_projected(problem, one, linear, lower, upper) for one in candidates]
-    best = min(projected, key=lambda point: float(np.sum(problem.residual(point) ** 2)))
+    if start is None:
+        screened = sorted(
+            (_solved(problem, one, linear, lower, upper) for one in _starts(problem)),
+            key=lambda point: float(np.sum(problem.residual(point) ** 2)),
+        )
+        projected = [_projected(problem, one, linear, lower, upper) for one in screened[:SEARCHES]]
+        best = min(projected, key=lambda point: float(np.sum(problem.residual(point) ** 2)))
+    else:
+        best = _solved(problem, start, linear, lower, upper)
 
     def downhill(point: Array) -> Array:
         return -problem.jacobian(point)
@@ -128,6 +140,8 @@ def _projected(
         bounds=(searched_of(lower), searched_of(upper)),
         diff_step=np.full(int(np.sum(~linear)), SEARCH_STEP),
         max_nfev=MOST_STEPS,
+        ftol=SEARCH_TOLERANCE,
+        xtol=SEARCH_TOLERANCE,
     )
     return np.clip(point_of(found.x), lower, upper)
 
