@@ -17,11 +17,7 @@ from emaphm.arrays import Array
 from emaphm.errors import MethodError, nearest
 from emaphm.estimation.inverse_dynamics.motion import Motion
 from emaphm.estimation.inverse_dynamics.problem import InverseProblem
-from emaphm.estimation.inverse_dynamics.result import (
-    Estimate,
-    ForceReplay,
-    InverseDynamicsResult,
-)
+from emaphm.estimation.inverse_dynamics.result import Estimate, ForceReplay, InverseDynamicsResult
 from emaphm.estimation.inverse_dynamics.search import minimised
 from emaphm.estimation.inverse_dynamics.torque_balance import NAMES, Values, measured_torque
 from emaphm.estimation.uncertainty.collinearity import CollinearSet, collinear_coordinates, listed
