@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.baseline import Baseline
+from emaphm.actuator.baseline import SIGNED, Baseline
 from emaphm.actuator.lumped_parameters import (
     LUMPED_PARAMETERS,
     check_lumped_parameters,
@@ -132,7 +132,7 @@ def _parameters(
     return {
         name: Parameter(
             value,
-            float(error * (factor if name == "offset" else value)),
+            float(error * (factor if name in SIGNED else value)),
             unit_for(LUMPED_PARAMETERS[name], coordinates),
             identifiable=bool(error < LARGEST_ERROR),
         )

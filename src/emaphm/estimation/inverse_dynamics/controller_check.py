@@ -1,0 +1,204 @@
+"""Whether the controller that is described is the one that was at work in a recording."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from emaphm.actuator import Actuator
+from emaphm.arrays import Array
+from emaphm.errors import RecordingError
+from emaphm.estimation.inverse_dynamics.filtering import FilterFrequencies, first_order_lag, low_pass
+from emaphm.estimation.inverse_dynamics.result import Estimate
+from emaphm.estimation.uncertainty.covariance import sandwich_covariance
+from emaphm.recording import Recording, with_equivalent_current
+
+GAIN_TOLERANCE = 0.1
+"""Relative deviation of a gain from its description that is no contradiction: a lag of half a millisecond
+that the description leaves out moves the estimate by 4.5 % (`examples/emps`)."""
+
+SIGNIFICANT = 3.0
+"""Standard errors beyond the tolerance from which on a deviation counts."""
+
+OTHER_LAW = 0.25
+"""Relative error of the current with the best gains from which on the control law itself is another one."""
+
+LEAST_ROWS = 20
+"""Rows without a limit below which the gains are not estimated."""
+
+MOST_CONDITION = 1e6
+"""Condition number of the scaled regressors beyond which they act alike."""
+
+LIMITED = 0.98
+"""Share of a limit from which on a demand counts as limited: such rows do not show the gains."""
+
+
+@dataclass(frozen=True)
+class ControllerCheck:
+    """The described control law against a recording.
+
+    `relative_error` is rms(recorded - predicted) / rms(recorded) of the current by the described gains,
+    `best_error` by the `position_gain` and `speed_gain` that fit it best. These three are None where the
+    recording does not show the gains, or shows ones of the wrong sign. `described` are the described gains,
+    position first.
+
+    The current is a small difference of two large terms, so that a gain 1 % off may make `relative_error`
+    1: the contradiction is judged by the gains.
+    """
+
+    relative_error: float
+    best_error: float | None
+    position_gain: Estimate | None
+    speed_gain: Estimate | None
+    described: tuple[float, float]
+
+    @property
+    def contradicts(self) -> bool:
+        """Whether the described gains, or the form of the control law, contradict the recording."""
+        found = (self.position_gain, self.speed_gain)
+        deviations = [
+            (abs(one.value - described) - SIGNIFICANT * one.standard_error) / described
+            for one, described in zip(found, self.described, strict=True)
+            if one is not None
+        ]
+        if not deviations:
+            return self.relative_error > OTHER_LAW
+        return max(deviations) > GAIN_TOLERANCE or (self.best_error or 0.0) > OTHER_LAW
+
+
+def controller_check(recording: Recording, actuator: Actuator) -> ControllerCheck:
+    """Return how well the described controller explains a recording, and the gains that would.
+
+        e = clip(G_prop (ε + ∫ε dt / T_i + T_d dε/dt) + k_ff θ̇_cmd / τ, ±ω_max) - β ω_f,   ε = θ_cmd - θ
+        y = clip((GAP e + GAI ∫e dt) / k_t, ±y_max)
+
+    from the recorded command, position and speed; ω_f lags by the described time constant. y is the recorded
+    current, or the duty cycle where the drive is driven by voltage (k_t = 1, y_max = 1). Both sides pass the
+    low-pass that the position's noise asks for, since the gains multiply that noise. The gains that fit best
+    are those of a regression in rows without a limit, all but G_prop and GAP as described; without speed
+    feedback and feed-forward only their product shows, and GAP is taken as described.
+
+    Raises
+    ------
+    RecordingError
+        There is no command, no position, or neither a current nor, of a drive by voltage, a duty cycle.
+    """
+    for name in ("command_rad", "position_rad"):
+        if name not in recording:
+            raise RecordingError(
+                f"{recording.source}: no column '{name}', without which the controller cannot be checked"
+            )
+    c, interval = actuator.controller, recording.interval_s
+    measured, unit, largest = _output(recording, actuator)
+    cutoff = FilterFrequencies.of(recording["position_rad"], interval).regression_hz
+
+    def smooth(values: Array) -> Array:
+        return low_pass(values, cutoff, interval)
+
+    by_position, by_speed = _loop_inputs(recording, actuator)
+    limit = np.inf if c.speed_limit is None else c.speed_limit
+    rate = c.speed_feedforward * _rate(recording["command_rad"], interval) / actuator.mechanics.gear_ratio
+    demand = np.clip(c.position_gain * by_position + rate, -limit, limit)
+    error = demand + by_speed
+    output = (c.speed_gain * error + c.integral_gain * interval * np.cumsum(error)) / unit
+    target = smooth(measured)
+    relative_error = _relative(target, smooth(np.clip(output, -largest, largest)))
+    free = (np.abs(demand) < LIMITED * limit) & (np.abs(measured) < LIMITED * largest)
+    columns = [by_position, by_speed + rate]
+    if c.integral_gain:
+        columns += [interval * np.cumsum(column) for column in columns]
+    shown = [column for column in columns if np.any(column)]
+    regressors = np.stack([smooth(column)[free] for column in shown])
+    described = (c.position_gain, c.speed_gain)
+    gains = _regressed(regressors, unit * target[free], None if np.any(columns[1]) else c.speed_gain)
+    if gains is None:
+        return ControllerCheck(relative_error, None, None, None, described)
+    best = _relative(unit * target[free], gains.product @ regressors)
+    return ControllerCheck(relative_error, best, *gains.estimates, described)
+
+
+def controller_contradicts(recording: Recording, actuator: Actuator) -> bool:
+    """Return whether the described gains contradict the recording, by `controller_check`."""
+    return controller_check(recording, actuator).contradicts
+
+
+def _output(recording: Recording, actuator: Actuator) -> tuple[Array, float, float]:
+    """Return what the controller asked for (n,), the torque for 1 of it as it assumes, and its limit."""
+    if actuator.drive_kind != "voltage":
+        current = with_equivalent_current(recording, actuator)["current_A"]
+        return current, actuator.drive_constant, actuator.controller.current_limit
+    if "duty" not in recording:
+        raise RecordingError(
+            f"{recording.source}: no column 'duty', without which a drive by voltage cannot be checked"
+        )
+    return recording["duty"], 1.0, 1.0
+
+
+def _loop_inputs(recording: Recording, actuator: Actuator) -> tuple[Array, Array]:
+    """Return what the position gain multiplies [rad], and the speed fed back with its sign turned [rad/s]."""
+    c, interval = actuator.controller, recording.interval_s
+    error = recording["command_rad"] - recording["position_rad"]
+    by_position = (
+        error
+        + c.position_integral_gain * interval * np.cumsum(error)
+        + c.position_derivative_gain * _rate(error, interval)
+    )
+    speed = first_order_lag(_motor_speed(recording, actuator), c.speed_lag, interval)
+    return by_position, -c.speed_feedback * speed
+
+
+@dataclass(frozen=True, eq=False)
+class _Gains:
+    """The regression's coefficients, and the position and speed gain that they amount to."""
+
+    product: Array
+    estimates: tuple[Estimate, Estimate | None]
+
+
+def _regressed(regressors: Array, torque: Array, speed_gain: float | None) -> _Gains | None:
+    """Return the gains for `regressors` (p, rows) of a `torque` (rows,) [N·m], None where hidden.
+
+    A `speed_gain` that is given is held.
+    """
+    if torque.size < LEAST_ROWS:
+        return None
+    size = np.sqrt(np.mean(regressors**2, axis=1))
+    if not np.all(size > 0) or np.linalg.cond(regressors.T / size) > MOST_CONDITION:
+        return None
+    product = np.asarray(np.linalg.lstsq(regressors.T, torque, rcond=None)[0], np.float64)
+    scaled = (regressors / size[:, np.newaxis])[np.newaxis]
+    residual = torque - product @ regressors
+    covariance = sandwich_covariance(scaled, residual, np.full(product.size, np.inf)).covariance
+    covariance = covariance / np.outer(size, size)
+    along = np.zeros(product.size)
+    if speed_gain is not None:
+        along[0] = 1 / speed_gain
+        error = float(np.sqrt(along @ covariance @ along))
+        return _Gains(product, (Estimate(float(product[0] / speed_gain), error, "1/s"), None))
+    if not (product[0] > 0 and product[1] > 0):
+        return None
+    ratio = product[0] / product[1]
+    along[:2] = 1 / product[1], -ratio / product[1]
+    return _Gains(
+        product,
+        (
+            Estimate(float(ratio), float(np.sqrt(along @ covariance @ along)), "1/s"),
+            Estimate(float(product[1]), float(np.sqrt(covariance[1, 1])), "N·m·s/rad"),
+        ),
+    )
+
+
+def _rate(values: Array, interval: float) -> Array:
+    return np.asarray(np.gradient(values, interval))
+
+
+def _motor_speed(recording: Recording, actuator: Actuator) -> Array:
+    """Return the motor's speed (n,) [rad/s]: as recorded, else by differences of its angle or position."""
+    if "speed_rad_s" in recording:
+        return recording["speed_rad_s"]
+    if "angle_rad" in recording:
+        return _rate(np.unwrap(recording["angle_rad"]), recording.interval_s)
+    return _rate(recording["position_rad"], recording.interval_s) / actuator.mechanics.gear_ratio
+
+
+def _relative(measured: Array, predicted: Array) -> float:
+    return float(np.linalg.norm(measured - predicted) / np.linalg.norm(measured))

@@ -1,0 +1,150 @@
+"""The result of inverse dynamics: parameters with standard errors, and each recording in force."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from emaphm.actuator import Actuator
+from emaphm.actuator.actuator import described_parts
+from emaphm.actuator.lumped_parameters import PARTS, with_lumped_parameters
+from emaphm.arrays import Array
+from emaphm.estimation.inverse_dynamics.filtering import FilterFrequencies
+from emaphm.estimation.uncertainty.collinearity import CollinearSet
+from emaphm.text_table import format_table
+
+LAWS = ("friction", "weight")
+"""Sections that a parameter which is not described is added to."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter with its standard error, both in `unit`."""
+
+    value: float
+    standard_error: float
+    unit: str
+
+
+@dataclass(frozen=True, eq=False)
+class ForceReplay:
+    """One recording against the torque that its measured motion requires.
+
+    `time` [s], `measured` and `predicted` torque of the motor [N·m] are of shape (rows,), the rows of the
+    regression; `relative_error` is rms(measured - predicted) / rms(measured) of the `channel` that was
+    compared. `values` are the parameters that were estimated or known of this recording alone. `still_rows`
+    is the number of recorded rows below the speed `still_speed` [rad/s].
+    """
+
+    source: str
+    channel: str
+    frequencies: FilterFrequencies
+    still_speed: float
+    still_rows: int
+    time: Array
+    measured: Array
+    predicted: Array
+    relative_error: float
+    values: Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class InverseDynamicsResult:
+    """Parameters that explain the torque of measured motion, all recordings in one fit.
+
+    `covariance` (p, p) is that of the shared `parameters` in their order and units. `relative_error` is that
+    of all rows of the regression. `collinear` are sets of which only a combination is known, `at_bound`
+    searched parameters that ended at the bound of their search: the recordings do not show them.
+    """
+
+    parameters: Mapping[str, Estimate]
+    covariance: Array
+    residual: Array
+    relative_error: float
+    replays: tuple[ForceReplay, ...]
+    collinear: tuple[CollinearSet, ...]
+    at_bound: tuple[str, ...]
+    actuator: Actuator
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The estimated values by name."""
+        return {name: one.value for name, one in self.parameters.items()}
+
+    @property
+    def standard_errors(self) -> dict[str, float]:
+        """The standard errors by name, which admit that residuals are correlated."""
+        return {name: one.standard_error for name, one in self.parameters.items()}
+
+    @property
+    def identified(self) -> Actuator:
+        """The actuator with the estimated values, such as a simulated fit may start from.
+
+        Raises
+        ------
+        ActuatorError
+            A value is impossible, such as an inertia that is not positive.
+        """
+        return with_parameters(self.actuator, self.values)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result without its series, for JSON."""
+        return {
+            "parameters": {
+                name: {"value": p.value, "standard_error": p.standard_error, "unit": p.unit}
+                for name, p in self.parameters.items()
+            },
+            "relative_error": self.relative_error,
+            "collinear": [list(one.members) for one in self.collinear],
+            "at_bound": list(self.at_bound),
+            "recordings": [
+                {
+                    "recording": one.source,
+                    "channel": one.channel,
+                    "relative_error": one.relative_error,
+                    "position_hz": one.frequencies.position_hz,
+                    "regression_hz": one.frequencies.regression_hz,
+                    "rows": one.time.size,
+                    "still_rows": one.still_rows,
+                    "values": dict(one.values),
+                }
+                for one in self.replays
+            ],
+        }
+
+    def to_json(self) -> str:
+        """Return the result without its series as JSON."""
+        return json.dumps(self.to_dict(), indent=2)
+
+    def __str__(self) -> str:
+        """Return tables of the parameters and of the recordings, and what is not known."""
+        rows = [
+            (name, f"{p.value:.6g}", f"{p.standard_error:.2g}", p.unit) for name, p in self.parameters.items()
+        ]
+        table = format_table(("parameter", "value", "std. error", "unit"), rows)
+        recordings = [
+            (
+                one.source,
+                one.channel,
+                f"{100 * one.relative_error:.4g} %",
+                f"{one.frequencies.position_hz:.3g} Hz",
+                f"{one.frequencies.regression_hz:.3g} Hz",
+            )
+            for one in self.replays
+        ]
+        header = ("recording", "channel", "relative error", "position to", "regression to")
+        notes = [str(one) for one in self.collinear]
+        notes += [
+            f"'{name}' ended at the bound of its search: the recordings do not show it."
+            for name in self.at_bound
+        ]
+        return "\n\n".join([table, format_table(header, recordings), *notes])
+
+
+def with_parameters(actuator: Actuator, values: Mapping[str, float]) -> Actuator:
+    """Return `actuator` with lumped parameters, and with the laws that these belong to."""
+    description = actuator.model_dump(exclude_none=True)
+    for name, value in values.items():
+        if described_parts(actuator, name) is None and PARTS[name][0] in LAWS:
+            description.setdefault(PARTS[name][0], {})[name] = value
+    return with_lumped_parameters(Actuator.from_dict(description, where=actuator.name), values)

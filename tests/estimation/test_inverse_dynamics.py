@@ -1,0 +1,472 @@
+"""Inverse dynamics against machines whose equation of motion `scipy.integrate.solve_ivp` solves."""
+
+import json
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import pytest
+from scipy.integrate import cumulative_trapezoid, solve_ivp
+from scipy.signal import butter, lfilter, sosfreqz
+
+from emaphm.actuator import Actuator, Chirp, Faults
+from emaphm.actuator.lumped_parameters import with_lumped_parameters
+from emaphm.arrays import Array
+from emaphm.errors import MethodError, RecordingError
+from emaphm.estimation.inverse_dynamics import (
+    InverseDynamicsResult,
+    controller_check,
+    controller_contradicts,
+    inverse_dynamics,
+)
+from emaphm.estimation.inverse_dynamics.filtering import (
+    FilterFrequencies,
+    RowThinning,
+    first_order_lag,
+    low_pass,
+)
+from emaphm.estimation.inverse_dynamics.result import with_parameters
+from emaphm.recording import Recording
+from emaphm.simulated_recording import simulate
+
+RATE, DURATION = 1000.0, 10.0
+INERTIA, VISCOUS, COULOMB = 0.8, 1.5, 2.0
+TORQUE_CONSTANT = 0.5
+
+Torque = Callable[[float, float], float]
+"""Load at the user's position [rad], with friction at the speed [rad/s]: [N·m]."""
+
+ACTUATOR = Actuator.from_dict(
+    {
+        "name": "bench",
+        "controller": {
+            "position_gain": 30.0,
+            "speed_gain": 40.0,
+            "current_limit": 1e4,
+            "torque_constant": TORQUE_CONSTANT,
+        },
+        "motor": {"torque_constant": TORQUE_CONSTANT},
+        "mechanics": {
+            "inertia_motor": 0.3,
+            "viscous_motor": 0.2,
+            "static_friction_motor": 0.5,
+            "dynamic_friction_motor": 0.5,
+            "gear_ratio": 1.0,
+        },
+    }
+)
+
+
+def friction(speed: float) -> float:
+    return VISCOUS * speed + COULOMB * float(np.tanh(speed / 1e-4))
+
+
+def machine(
+    resisting: Callable[[float, float, float], float],
+    *,
+    inertia: float = INERTIA,
+    amplitude: float = 1.0,
+    speed_gain: float = 40.0,
+) -> Recording:
+    """Return a recording of J dω/dt = τ - resisting(θ, ω, τ) under position and speed control."""
+
+    def command(t: float) -> float:
+        return amplitude * float(np.sin(2 * np.pi * 0.5 * t) + 0.4 * np.sin(2 * np.pi * 1.3 * t + 1))
+
+    def torque(t: float, state: Array) -> float:
+        return float(speed_gain * (30.0 * (command(t) - state[0]) - state[1]))
+
+    def motion(t: float, state: Array) -> tuple[float, float]:
+        driving = torque(t, state)
+        return state[1], (driving - resisting(state[0], state[1], driving)) / inertia
+
+    time = np.arange(0, DURATION, 1 / RATE)
+    start = (command(0.0), 0.0)
+    solved = solve_ivp(
+        motion, (0, DURATION), start, t_eval=time, method="LSODA", rtol=1e-8, atol=1e-9, max_step=1e-3
+    )
+    driving = np.array([torque(t, state) for t, state in zip(time, solved.y.T, strict=True)])
+    return Recording(
+        {
+            "time_s": time,
+            "command_rad": np.array([command(t) for t in time]),
+            "position_rad": solved.y[0],
+            "current_A": driving / TORQUE_CONSTANT,
+        },
+        "instant",
+    )
+
+
+@pytest.fixture(scope="module")
+def plain() -> Recording:
+    """Return a recording of a mass on a spring with viscous and Coulomb friction."""
+    return machine(lambda position, speed, _: friction(speed) + 3.0 * position + 0.7)
+
+
+def check_values(found: Mapping[str, float], truth: Mapping[str, float], tolerance: float) -> None:
+    for name, value in truth.items():
+        assert found[name] == pytest.approx(
+            value, rel=tolerance, abs=min(0.3, abs(value)) * tolerance or tolerance
+        ), name
+
+
+def check(result: InverseDynamicsResult, truth: Mapping[str, float], tolerance: float) -> None:
+    check_values(result.values, truth, tolerance)
+
+
+SPRING = {"inertia": INERTIA, "viscous": VISCOUS, "coulomb": COULOMB, "offset": 0.7, "hinge": 3.0}
+
+
+def test_a_mass_on_a_spring_is_found_from_its_motion(plain: Recording) -> None:
+    # Friction changes sign within a row, the low-pass sees it over several: half a percent.
+    found = inverse_dynamics(plain, ACTUATOR, list(SPRING))
+    check(found, SPRING, 0.005)
+    assert found.relative_error < 0.01
+    assert found.collinear == ()
+    replay = found.replays[0]
+    assert replay.channel == "current_A"
+    residual = replay.measured - replay.predicted
+    assert np.linalg.norm(residual) / np.linalg.norm(replay.measured) == pytest.approx(found.relative_error)
+
+
+def test_the_controller_is_not_needed(plain: Recording) -> None:
+    other = with_lumped_parameters(ACTUATOR, {"position_gain": 200.0, "speed_gain": 5.0})
+    known = inverse_dynamics(plain, ACTUATOR, list(SPRING))
+    assert inverse_dynamics(plain, other, list(SPRING)).values == known.values
+
+
+def test_the_description_that_it_starts_from_does_not_matter(plain: Recording) -> None:
+    far = with_lumped_parameters(ACTUATOR, {"inertia": 20.0, "viscous": 90.0, "coulomb": 60.0})
+    check(inverse_dynamics(plain, far, list(SPRING)), SPRING, 0.005)
+
+
+@pytest.mark.parametrize(("noise", "tolerance"), [(1e-5, 0.005), (1e-4, 0.005), (1e-3, 0.02)])
+def test_noise_of_the_position_makes_no_bias(plain: Recording, noise: float, tolerance: float) -> None:
+    rng = np.random.default_rng(0)
+    values = []
+    for _ in range(5):
+        position = plain["position_rad"] + noise * rng.standard_normal(plain.samples)
+        noisy = Recording({**plain.channels, "position_rad": position}, "instant")
+        values.append(inverse_dynamics(noisy, ACTUATOR, list(SPRING)).values)
+    check_values({name: float(np.mean([one[name] for one in values])) for name in SPRING}, SPRING, tolerance)
+
+
+def test_standard_errors_admit_correlated_residuals(plain: Recording) -> None:
+    rng = np.random.default_rng(0)
+    deviations = []
+    for _ in range(30):
+        # A drift of some 0.1 s, as of friction along a screw: white errors would seem three times as sure.
+        white = rng.standard_normal(plain.samples)
+        drift = 0.5 * lfilter([np.sqrt(1 - 0.99**2)], [1, -0.99], white)
+        noisy = Recording({**plain.channels, "current_A": plain["current_A"] + drift}, "instant")
+        found = inverse_dynamics(noisy, ACTUATOR, list(SPRING))
+        deviations.append(
+            [(found.values[name] - SPRING[name]) / found.standard_errors[name] for name in SPRING]
+        )
+    # The rms of 150 deviations, correlated in part, is within a quarter of 1; less where errors are wide.
+    assert 0.6 < np.sqrt(np.mean(np.square(deviations))) < 1.3
+
+
+def test_a_lone_reversal_is_no_standstill_but_sticking_is_left_out() -> None:
+    moving = np.ones(1000, bool)
+    moving[400:402] = False
+    assert (
+        RowThinning.of(moving, 20.0, 1e-3).kept.size
+        == RowThinning.of(np.ones(1000, bool), 20.0, 1e-3).kept.size
+    )
+    moving[400:700] = False
+    kept = RowThinning.of(moving, 20.0, 1e-3).kept
+    assert not np.any((kept > 390) & (kept < 710))
+    assert np.any(kept < 400)
+    assert np.any(kept > 700)
+
+
+def test_sticking_does_not_bias_friction() -> None:
+    rows = 6000
+    time = np.arange(rows) / RATE
+    moving = (time // 1.5) % 2 == 0
+    speed = np.where(moving, np.sin(2 * np.pi * 2 * time / 1.5) ** 2 * np.sin(2 * np.pi * time / 1.5), 0.0)
+    position = cumulative_trapezoid(speed, dx=1 / RATE, initial=0)
+    torque = INERTIA * np.gradient(speed, 1 / RATE) + VISCOUS * speed + COULOMB * np.sign(speed)
+    torque = np.where(moving, torque, 1.3)  # held by static friction
+    recording = Recording(
+        {
+            "time_s": time,
+            "command_rad": position,
+            "position_rad": position,
+            "current_A": torque / TORQUE_CONSTANT,
+        },
+        "instant",
+    )
+    truth = {"inertia": INERTIA, "viscous": VISCOUS, "coulomb": COULOMB}
+    found = inverse_dynamics(recording, ACTUATOR, [*truth, "offset"])
+    check(found, {**truth, "offset": 0.0}, 0.05)
+    assert found.replays[0].still_rows > 2900
+
+
+def test_friction_that_differs_by_direction() -> None:
+    def unequal(_: float, speed: float, __: float) -> float:
+        sign = float(np.tanh(speed / 1e-4))
+        return VISCOUS * (1 + 0.2 * sign) * speed + COULOMB * (1 - 0.1 * sign) * sign
+
+    recording = machine(unequal)
+    truth = {
+        "inertia": INERTIA,
+        "viscous": VISCOUS,
+        "viscous_asymmetry": 0.2,
+        "coulomb": COULOMB,
+        "coulomb_asymmetry": -0.1,
+    }
+    check(inverse_dynamics(recording, ACTUATOR, list(truth)), truth, 0.01)
+
+
+def test_a_constant_load_and_unequal_coulomb_friction_act_alike(plain: Recording) -> None:
+    with pytest.raises(MethodError, match="offset and coulomb_asymmetry act alike"):
+        inverse_dynamics(plain, ACTUATOR, ["inertia", "viscous", "coulomb", "offset", "coulomb_asymmetry"])
+
+
+def test_gravity_of_a_pendulum_and_its_angle() -> None:
+    recording = machine(lambda position, speed, _: friction(speed) + 4.0 * np.sin(position + 0.3))
+    truth = {"inertia": INERTIA, "viscous": VISCOUS, "coulomb": COULOMB, "gravity": 4.0, "gravity_angle": 0.3}
+    check(inverse_dynamics(recording, ACTUATOR, list(truth)), truth, 0.01)
+
+
+def test_quadratic_friction_and_torque_ripple() -> None:
+    recording = machine(
+        lambda position, speed, _: (
+            friction(speed)
+            + 0.3 * speed * abs(speed)
+            - 0.4 * np.cos(7 * position)
+            - 0.2 * np.sin(7 * position)
+        )
+    )
+    truth = {
+        "inertia": INERTIA,
+        "viscous": VISCOUS,
+        "coulomb": COULOMB,
+        "quadratic": 0.3,
+        "ripple1_cos": 0.4,
+        "ripple1_sin": 0.2,
+    }
+    cogging = Actuator.from_dict({**ACTUATOR.model_dump(exclude_none=True), "ripple": [{"order": 7}]})
+    found = inverse_dynamics(recording, cogging, list(truth))
+    check(found, truth, 0.02)
+    assert found.identified.ripple[0].cos == found.values["ripple1_cos"]
+
+
+def test_a_stribeck_curve_and_its_speed() -> None:
+    def stribeck(_: float, speed: float, __: float) -> float:
+        level = COULOMB + 1.5 * np.exp(-((speed / 0.5) ** 2))
+        return float(VISCOUS * speed + level * np.tanh(speed / 1e-4))
+
+    truth = {"inertia": INERTIA, "viscous": VISCOUS, "coulomb": COULOMB, "static": 3.5, "stribeck_speed": 0.5}
+    found = inverse_dynamics(machine(stribeck, speed_gain=80.0), ACTUATOR, list(truth))
+    # Few rows lie on the curve's slope, and the low-pass rounds its peak at each reversal.
+    check(found, truth, 0.03)
+    assert found.at_bound == ()
+
+
+def test_friction_that_passes_smoothly_through_standstill() -> None:
+    recording = machine(lambda _, speed, __: VISCOUS * speed + COULOMB * float(np.tanh(speed / 0.3)))
+    truth = {"inertia": INERTIA, "viscous": VISCOUS, "coulomb": COULOMB, "transition_speed": 0.3}
+    check(inverse_dynamics(recording, ACTUATOR, list(truth)), truth, 0.01)
+
+
+def test_friction_that_grows_with_motor_and_external_torque() -> None:
+    def loaded(position: float, speed: float, torque: float) -> float:
+        load = 4.0 * np.sin(position)
+        level = COULOMB + abs(0.2 * torque + 0.3 * load)
+        return float(VISCOUS * speed + load + level * np.tanh(speed / 1e-4))
+
+    truth = {
+        "inertia": INERTIA,
+        "viscous": VISCOUS,
+        "coulomb": COULOMB,
+        "gravity": 4.0,
+        "load_motor": 0.2,
+        "load_external": 0.3,
+    }
+    check(inverse_dynamics(machine(loaded), ACTUATOR, list(truth)), truth, 0.03)
+
+
+def test_all_recordings_go_into_one_fit_with_what_is_known_of_each() -> None:
+    # Two known masses on the same machine; the torque constant of the second day is 10 % lower.
+    light = machine(lambda _, speed, __: friction(speed) + 0.5)
+    heavy = machine(lambda _, speed, __: friction(speed) - 0.2, inertia=1.6)
+    weak = Recording({**heavy.channels, "current_A": heavy["current_A"] / 0.9}, "instant", "weak")
+    found = inverse_dynamics(
+        [light, weak],
+        ACTUATOR,
+        ["viscous", "coulomb", "offset", "torque_constant"],
+        known=[{"inertia": INERTIA}, {"inertia": 1.6}],
+        per_recording=["offset", "torque_constant"],
+    )
+    check(found, {"viscous": VISCOUS, "coulomb": COULOMB}, 0.01)
+    assert found.replays[0].values["offset"] == pytest.approx(0.5, abs=0.01)
+    assert found.replays[1].values["offset"] == pytest.approx(-0.2, abs=0.01)
+    assert found.replays[1].values["torque_constant"] == pytest.approx(0.9 * TORQUE_CONSTANT, rel=0.01)
+    assert found.covariance.shape == (2, 2)
+
+
+def test_a_torque_constant_is_found_beside_a_known_inertia(plain: Recording) -> None:
+    known = with_lumped_parameters(ACTUATOR, {"inertia": INERTIA, "torque_constant": 2.0})
+    free = ["viscous", "coulomb", "offset", "hinge", "torque_constant"]
+    check(inverse_dynamics(plain, known, free), {"torque_constant": TORQUE_CONSTANT, "hinge": 3.0}, 0.01)
+    with pytest.raises(MethodError, match="act alike"):
+        inverse_dynamics(plain, known, ["inertia", *free])
+
+
+def test_a_voltage_stands_in_for_the_current(plain: Recording) -> None:
+    resistance = 2.0
+    speed = np.gradient(plain["position_rad"], 1 / RATE)
+    voltage = TORQUE_CONSTANT * speed + resistance * plain["current_A"]
+    channels = {name: plain[name] for name in ("time_s", "command_rad", "position_rad", "current_A")}
+    recording = Recording({**channels, "voltage_V": voltage}, "instant")
+    electrical = Actuator.thesis().electrical
+    assert electrical is not None
+    driven = ACTUATOR.model_copy(
+        update={"electrical": electrical.model_copy(update={"resistance": resistance})}
+    )
+    found = inverse_dynamics(recording, driven, list(SPRING), channel="voltage_V")
+    assert found.replays[0].channel == "voltage_V"
+    check(found, SPRING, 0.01)
+
+
+def test_parameters_of_the_reference_model() -> None:
+    actuator = Actuator.thesis()
+    m = actuator.mechanics
+    recording = simulate(actuator, Chirp(), faults=Faults(gain=0.3))
+    found = inverse_dynamics(recording, actuator, ["inertia", "viscous", "coulomb"])
+    assert found.values["inertia"] == pytest.approx(m.inertia, rel=0.01)
+    assert found.values["coulomb"] == pytest.approx(m.dynamic_friction, rel=0.01)
+    assert abs(found.values["viscous"] - m.viscous) < 3 * found.standard_errors["viscous"]
+
+
+def test_the_result_is_an_actuator_a_table_and_json(plain: Recording) -> None:
+    found = inverse_dynamics(plain, ACTUATOR, list(SPRING))
+    assert found.identified.mechanics.inertia == pytest.approx(found.values["inertia"])
+    assert found.identified.mechanics.hinge == pytest.approx(found.values["hinge"])
+    answer = json.loads(found.to_json())
+    assert answer["recordings"][0]["regression_hz"] == found.replays[0].frequencies.regression_hz
+    assert "inertia" in str(found)
+    assert "Hz" in str(found)
+
+
+@pytest.mark.parametrize(
+    ("free", "message"),
+    [
+        ([], "no parameter is free"),
+        (["inertja"], "did you mean 'inertia'"),
+        (["inertia", "stribeck_load_motor"], "no recording shows stribeck_load_motor"),
+    ],
+)
+def test_what_cannot_be_estimated_is_refused(plain: Recording, free: list[str], message: str) -> None:
+    with pytest.raises(MethodError, match=message):
+        inverse_dynamics(plain, ACTUATOR, free)
+
+
+def test_recordings_that_do_not_do_are_refused(plain: Recording) -> None:
+    with pytest.raises(MethodError, match="no recording"):
+        inverse_dynamics([], ACTUATOR, ["inertia"])
+    bare = {name: plain[name] for name in ("time_s", "command_rad", "current_A")}
+    with pytest.raises(RecordingError, match="record 'position_rad'"):
+        inverse_dynamics(Recording(bare), ACTUATOR, ["inertia"])
+    still = Recording({**plain.channels, "position_rad": np.zeros(plain.samples)})
+    with pytest.raises(RecordingError, match="never moves"):
+        inverse_dynamics(still, ACTUATOR, ["inertia"])
+    with pytest.raises(MethodError, match="half the sample rate"):
+        inverse_dynamics(plain, ACTUATOR, ["inertia"], position_hz=900.0)
+    with pytest.raises(MethodError, match="known values of 1 recordings for 2"):
+        inverse_dynamics([plain, plain], ACTUATOR, ["inertia"], known=[{}])
+
+
+def test_the_low_pass_is_a_butterworth_twice() -> None:
+    time = np.arange(4000) / RATE
+    for frequency in (5.0, 10.0, 20.0, 40.0):
+        wave = np.sin(2 * np.pi * frequency * time)
+        passed = low_pass(wave, 20.0, 1 / RATE)[1000:3000]
+        _, gain = sosfreqz(butter(4, 20.0, fs=RATE, output="sos"), [frequency], fs=RATE)
+        # Twice the magnitude, no phase.
+        assert passed == pytest.approx(abs(gain[0]) ** 2 * wave[1000:3000], abs=1e-3)
+
+
+def test_the_lag_is_exact_for_straight_lines() -> None:
+    time = np.arange(50).astype(np.float64) * 1e-3
+    lag = 3e-3
+    expected = 2.0 * (time - lag * (1 - np.exp(-time / lag)))
+    assert first_order_lag(2.0 * time, lag, 1e-3) == pytest.approx(expected, abs=1e-12)
+    assert first_order_lag(time, 0.0, 1e-3) is time
+
+
+def test_the_cutoff_follows_the_noise() -> None:
+    time = np.arange(20_000) / RATE
+    rng = np.random.default_rng(0)
+    cutoffs = []
+    for noise in (1e-3, 3e-3, 1e-2):
+        white = noise * rng.standard_normal(time.size)
+        # A triangle: its spectrum falls with the fourth power of the frequency.
+        found = FilterFrequencies.of(np.arcsin(np.sin(2 * np.pi * time)) + white, 1 / RATE)
+        cutoffs.append(found.position_hz)
+        measured = np.gradient(low_pass(white, found.position_hz, 1 / RATE), 1 / RATE)[2000:-2000]
+        assert found.speed_noise == pytest.approx(np.std(measured), rel=0.25)
+    assert cutoffs == sorted(cutoffs, reverse=True)
+    assert cutoffs[0] > cutoffs[-1]
+
+
+def test_the_controller_at_work_is_recognised(plain: Recording) -> None:
+    check = controller_check(plain, ACTUATOR)
+    assert not check.contradicts
+    assert check.position_gain is not None
+    assert check.speed_gain is not None
+    assert check.position_gain.value == pytest.approx(30.0, rel=0.01)
+    assert check.speed_gain.value == pytest.approx(40.0, rel=0.01)
+    assert check.relative_error < 0.05
+
+
+@pytest.mark.parametrize("gains", [{"position_gain": 36.0}, {"speed_gain": 20.0}])
+def test_gains_that_contradict_a_recording_are_noticed(plain: Recording, gains: dict[str, float]) -> None:
+    assert controller_contradicts(plain, with_lumped_parameters(ACTUATOR, gains))
+
+
+def test_faults_that_are_no_gain_do_not_contradict_the_controller() -> None:
+    actuator = Actuator.thesis()
+    for faults in (Faults(), Faults(friction=0.8), Faults(backlash=0.8), Faults(short_a=0.5)):
+        assert not controller_contradicts(simulate(actuator, Chirp(), faults=faults), actuator)
+    assert controller_contradicts(simulate(actuator, Chirp(), faults=Faults(gain=0.25)), actuator)
+
+
+LAWS: dict[str, dict[str, float]] = {
+    "gravity": {"gravity": 0.1, "gravity_angle": 0.4},
+    "load": {"offset": 0.05, "hinge": 0.04},
+    "ripple": {"ripple1_cos": 0.03, "ripple1_sin": 0.02},
+    "directional": {"coulomb_asymmetry": 0.2},
+    "transition": {"transition_speed": 5.0},
+    "quadratic": {"quadratic": 1e-5},
+    "load-dependent Stribeck": {
+        "gravity": 0.2,
+        "gravity_angle": 0.4,
+        "load_motor": 0.1,
+        "load_external": 0.2,
+        "static": 0.17,
+        "stribeck_speed": 10.0,
+        "stribeck_load_motor": 0.1,
+        "stribeck_load_external": 0.3,
+    },
+}
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_the_reference_models_laws_are_found(law: str) -> None:
+    # Signs and forms of every law are those of the simulation, whose drive switches three phases.
+    thesis = Actuator.thesis().model_dump(exclude_none=True)
+    thesis["mechanics"] |= {"gear_ratio": 0.1, "end_stops": None, "backlash": 0.0}
+    thesis["controller"] |= {"position_gain": 2000.0}
+    bare = Actuator.from_dict({**thesis, **({"ripple": [{"order": 4}]} if law == "ripple" else {})})
+    actuator = with_parameters(bare, LAWS[law])
+    recording = simulate(actuator, Chirp(amplitude=1.0, stop_hz=3.0, duration=2.0), duration=2.0)
+    found = inverse_dynamics(recording, bare, ["inertia", "coulomb", *LAWS[law]])
+    assert found.relative_error < 0.01
+    assert found.values["inertia"] == pytest.approx(actuator.mechanics.inertia, rel=0.01)
+    assert found.values["coulomb"] == pytest.approx(actuator.mechanics.dynamic_friction, rel=0.01)
+    # Friction through standstill is a rational curve within 2.4 % of the hyperbolic tangent.
+    check_values(found.values, LAWS[law], 0.04)
+    assert found.at_bound == ()
