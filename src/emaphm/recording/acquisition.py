@@ -67,7 +67,7 @@ def acquire(
     if adc_bits is not None:
         for name in full_scale.keys() & columns.keys():
             columns[name] = _quantise(columns[name], adc_bits, full_scale[name])
-    return Recording(columns, recording.sampling, recording.source)
+    return recording.with_channels(columns)
 
 
 def full_scales(actuator: Actuator) -> dict[str, float]:
