@@ -276,7 +276,7 @@ def test_a_recorded_load_is_a_known_input() -> None:
 def test_a_batch_of_currents_is_what_the_single_runs_record(shorted: Recording) -> None:
     problem = Problem.of(shorted, THESIS)
     faults = np.stack([HEALTHY, SHORT.vector])
-    batch = problem.currents(faults)
+    batch = problem.predict_primary(faults)
     assert batch.shape == (2, shorted.samples)
     for row, k in zip(batch, faults, strict=True):
         # Vector and scalar instructions may round differently; the averaged model is not chaotic.
