@@ -236,7 +236,8 @@ def calibrate(
 
 
 def replay(
-    *recording: RecordingFile,
+    recording: RecordingFile,
+    *further: RecordingFile,
     actuator: ActuatorFile = "thesis",
     model: Annotated[str, Parameter(help="averaged, monitor or reference.")] = "averaged",
     fault: FaultList = (),
@@ -253,7 +254,7 @@ def replay(
     check_output(series, (".csv", ".parquet"), force=force)
     check_output(figure, FIGURES, force=force)
     described, faults = described_actuator(actuator), fault_vector(fault)
-    recorded = [recording_of(path, described) for path in recording]
+    recorded = [recording_of(path, described) for path in (recording, *further)]
     from emaphm.estimation.replay import replay_all, write_series
 
     result = replay_all(recorded, described, faults=faults, model=model)
