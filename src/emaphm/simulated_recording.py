@@ -12,7 +12,7 @@ from emaphm.errors import MethodError, RecordingError, SignalError
 from emaphm.random_streams import stream
 from emaphm.recording import Recording, acquire, full_scales
 from emaphm.recording.acquisition import check_bits
-from emaphm.recording.schema import PHASES
+from emaphm.recording.schema import CURRENTS
 from emaphm.simulation import REFERENCE, Inputs, Model, Plant, model_named, run
 from emaphm.simulation.laws.sensors import rounded, sensed
 
@@ -94,7 +94,7 @@ def simulate(
     exact = Recording(rows, sampling, f"simulated ({model} model)")
     if not noise and adc_bits is None:
         return exact
-    currents = [name for name in (*PHASES, "current_A") if name in exact]
+    currents = [name for name in CURRENTS if name in exact]
     ranges = full_scales(actuator) if adc_bits is not None else None
     return acquire(
         exact, noise=dict.fromkeys(currents, noise), adc_bits=adc_bits, full_scale=ranges, seed=seed

@@ -282,17 +282,11 @@ def test_a_jittering_clock_is_noted(emaphm: Emaphm, desk: Path) -> None:
     moves = np.random.default_rng(0).uniform(-0.05, 0.05, 200)
     jittered = files.columns() | {"time_s": files.columns()["time_s"] + 1e-3 * moves}
     (desk / "jitter.csv").write_bytes(files.csv(jittered))
-    for verb in (
-        ("replay",),
-        ("diagnose", "--no-correction"),
-        ("calibrate", "--free=inertia", "-o=out.toml"),
-    ):
-        (note,) = parsed(
-            emaphm, verb[0], "jitter.csv", *verb[1:], *(["--force"] if verb[0] == "calibrate" else [])
-        )["notes"]
-        assert "resampled to 1000 Hz" in note or "resampled to 1e+03 Hz" in note
-        out = emaphm(verb[0], "jitter.csv", *verb[1:], *(["--force"] if verb[0] == "calibrate" else [])).out
-        assert note in out
+    calibration = ("calibrate", "--free=inertia", "-o=out.toml", "--force", "--no-correction")
+    for verb, *options in (("replay",), ("diagnose", "--no-correction"), calibration):
+        (note,) = parsed(emaphm, verb, "jitter.csv", *options)["notes"]
+        assert "resampled to 1000 Hz" in note
+        assert note in emaphm(verb, "jitter.csv", *options).out
 
 
 def test_an_unconnected_sensor_leaves_json_valid(emaphm: Emaphm, desk: Path) -> None:

@@ -30,7 +30,7 @@ from emaphm.version import VERSION
 SEARCH_SHARE = 0.1
 """Share of the time that the search takes where the posterior is sampled after it."""
 
-CURRENTS = ("current_A", "current_q_A")
+TORQUE_CURRENTS = ("current_A", "current_q_A")
 """Channels that show a motor's torque: one of them is compared in every diagnosis."""
 
 LEAST_MOTION = 0.01
@@ -160,7 +160,7 @@ def objective_for(
 
 def _check_current(problem: Problem, recording: Recording) -> None:
     """Refuse a recording without a current: windings and magnets show in nothing else well enough."""
-    if problem.primary in CURRENTS:
+    if problem.primary in TORQUE_CURRENTS:
         return
     others = [name for name in recording if name not in SCHEMA]
     hint = nearest("current_A", others) if others else ""

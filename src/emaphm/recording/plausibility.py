@@ -13,7 +13,7 @@ from emaphm.errors import RecordingError
 from emaphm.recording.checks import COUNTING
 from emaphm.recording.io.limits import WAY_OUT
 from emaphm.recording.recording import Recording
-from emaphm.recording.schema import PHASES, SCHEMA
+from emaphm.recording.schema import CURRENTS, SCHEMA
 
 MOST_ROWS = 200_000
 """Longest recording that models are fitted to [rows]: 40 s at 5 kHz. A row takes up to 12 kB and 0.5 ms of a
@@ -156,7 +156,7 @@ def _no_current(recording: Recording) -> str | None:
 
 def _high_current(recording: Recording, actuator: Actuator) -> str | None:
     limit = actuator.controller.current_limit
-    for name in (*PHASES, "current_A", "current_d_A", "current_q_A"):
+    for name in CURRENTS:
         reached, row = _peak(recording, name)
         if reached > BEYOND_LIMIT * limit:
             return (

@@ -41,6 +41,9 @@ SCHEMA: Mapping[str, Channel] = MappingProxyType(
 PHASES = ("current_a_A", "current_b_A", "current_c_A")
 """The phase currents; with `angle_rad` they stand in for a missing `current_A`."""
 
+CURRENTS = (*PHASES, "current_A", "current_d_A", "current_q_A")
+"""All currents of the motor."""
+
 RESPONSES = (
     "current_A",
     "current_q_A",
