@@ -138,7 +138,7 @@ def test_evaluations_are_the_runs_of_the_averaged_model(
 
         return counted_run
 
-    for name in ("run", "run_batch", "observe_batch"):
+    for name in ("run", "observe_batch"):
         monkeypatch.setattr(problem, name, counting(getattr(problem, name)))
     reported = diagnose(mixed, THESIS, max_corrections=turns).evaluations
     assert reported == counted

@@ -122,6 +122,15 @@ def test_a_recorded_supply_is_a_smooth_curve_and_a_switch_is_held() -> None:
     assert Problem.of(recorded(), THESIS).driving.enabled is None
 
 
+def test_a_switched_off_drive_has_no_torque() -> None:
+    enabled = np.where(np.arange(ROWS) < 120, 1.0, 0.0)
+    swing = 5e-3 * np.sin(2 * np.pi * 15 * TIME)
+    problem = Problem.of(recorded("instant", command_rad=swing, enabled=enabled), THESIS)
+    torque = problem.signals(HEALTHY)["torque_Nm"]
+    assert np.abs(torque[:120]).max() > 0.1
+    np.testing.assert_array_equal(torque[120:], 0.0)
+
+
 # What is compared.
 
 

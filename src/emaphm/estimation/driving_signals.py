@@ -47,4 +47,5 @@ class DrivingSignals:
             interval=self.interval,
             step=step,
             sampling=self.sampling,
+            enabled=self.enabled,
         )

@@ -19,15 +19,14 @@ from emaphm.recording import Recording, with_equivalent_current
 from emaphm.recording.schema import RESPONSES
 from emaphm.simulation import (
     AVERAGED,
-    OBSERVABLE,
     Initial,
     Inputs,
     Model,
     Plant,
     observe_batch,
     run,
-    run_batch,
 )
+from emaphm.simulation.engine.plant import structure_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,14 +155,10 @@ class Problem:
     ) -> Array:
         plant = Plant.of(self.actuator, faults, parameters)
         self.runs.add(self.model, plant.count)
-        if channels == observable(self.model)[:1]:
-            # A kernel for the first channel alone is faster.
-            run = run_batch(self.model, plant, self.inputs, self.start, workers=self.workers)[:, np.newaxis]
-        else:
-            run = observe_batch(
-                self.model, plant, self.inputs, self.start, channels=channels, workers=self.workers
-            )
-        return all_as_described(run, channels, self.actuator, self.inputs.interval)
+        exact = observe_batch(
+            self.model, plant, self.inputs, self.start, channels=channels, workers=self.workers
+        )
+        return all_as_described(exact, channels, self.actuator, self.inputs.interval)
 
     def signals(
         self, faults: ArrayLike, parameters: Mapping[str, ArrayLike] | None = None
@@ -182,14 +177,16 @@ def rms(values: Array) -> float:
     return peak * float(np.sqrt(np.mean((values / peak) ** 2))) if peak > 0 else 0.0
 
 
-def observable(model: Model) -> tuple[str, ...]:  # noqa: ARG001 - every model has the same ones
-    """Return the channels that a batch of a model observes, the one that its fastest kernel has first."""
-    return OBSERVABLE
-
-
 def comparable_channels(actuator: Actuator, model: Model = AVERAGED) -> tuple[str, ...]:
-    """Return the channels that a model of `actuator` has to compare: no voltage without its windings."""
-    return tuple(name for name in observable(model) if name != "voltage_V" or actuator.electrical is not None)
+    """Return the channels that a model of `actuator` has to compare: no voltage without its windings.
+
+    Raises
+    ------
+    MethodError
+        The model does not know the actuator's drive.
+    """
+    observable = model.form(structure_of(actuator)).observable
+    return tuple(name for name in observable if name != "voltage_V" or actuator.electrical is not None)
 
 
 def compared_channels(recording: Recording, actuator: Actuator, model: Model = AVERAGED) -> tuple[str, ...]:
@@ -200,7 +197,7 @@ def compared_channels(recording: Recording, actuator: Actuator, model: Model = A
     Raises
     ------
     MethodError
-        The model has none of the recorded channels.
+        The model has none of the recorded channels, or does not know the actuator's drive.
     """
     comparable = comparable_channels(actuator, model)
     recorded = [name for name in comparable if name in recording]
