@@ -6,11 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator, Command, Faults, Load
+from emaphm.actuator.sensors import IDEAL
+from emaphm.arrays import Array
 from emaphm.errors import MethodError, RecordingError, SignalError
+from emaphm.random_streams import stream
 from emaphm.recording import Recording, acquire, full_scales
 from emaphm.recording.acquisition import check_bits
-from emaphm.recording.schema import PHASES
+from emaphm.recording.schema import CURRENTS
 from emaphm.simulation import REFERENCE, Inputs, Model, Plant, model_named, run
+from emaphm.simulation.laws.sensors import rounded, sensed
 
 MOST_STEPS = 300_000_000
 """Longest run: five minutes of manoeuvre at the reference model's step, some 10 GB of inputs."""
@@ -38,6 +42,8 @@ def simulate(
     seed: int = 0,
 ) -> Recording:
     """Return the recording of `actuator` following `command` from rest at 0, every signal included.
+
+    Signals are as the described sensors show them; what `noise` and `adc_bits` add comes after.
 
     Parameters
     ----------
@@ -79,7 +85,7 @@ def simulate(
         noise=controller_noise,
         seed=seed,
     )
-    signals = run(chosen, Plant.of(actuator, faults.vector), inputs)
+    signals = _sensed(run(chosen, Plant.of(actuator, faults.vector), inputs), actuator, inputs.interval, seed)
     if actuator.electrical is None:
         del signals["voltage_V"]  # an ideal current loop has no voltage to speak of
     rows = {"time_s": inputs.time_s, "command_rad": _rows(command, inputs), **signals}
@@ -88,11 +94,24 @@ def simulate(
     exact = Recording(rows, sampling, f"simulated ({model} model)")
     if not noise and adc_bits is None:
         return exact
-    currents = [name for name in (*PHASES, "current_A") if name in exact]
+    currents = [name for name in CURRENTS if name in exact]
     ranges = full_scales(actuator) if adc_bits is not None else None
     return acquire(
         exact, noise=dict.fromkeys(currents, noise), adc_bits=adc_bits, full_scale=ranges, seed=seed
     )
+
+
+def _sensed(signals: dict[str, Array], actuator: Actuator, interval: float, seed: int) -> dict[str, Array]:
+    """Return the signals, (samples,) each, as the actuator's sensors show them, with noise and rounding."""
+    shown = {}
+    for name, signal in signals.items():
+        sensor = actuator.sensors.of(name)
+        if sensor == IDEAL:
+            shown[name] = signal
+            continue
+        noise = stream(seed, "noise of the sensor", name).normal(0.0, sensor.noise, signal.size)
+        shown[name] = rounded(sensed(signal, sensor, interval, noise), sensor.resolution)
+    return shown
 
 
 def _check(

@@ -14,7 +14,7 @@ from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_par
 from emaphm.calibration import Calibration, calibrate
 from emaphm.errors import MethodError, RecordingError
 from emaphm.estimation.parameter_variation import WIDEST_FACTOR
-from emaphm.recording import Recording
+from emaphm.recording import Recording, acquire
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import AVERAGED
 
@@ -85,6 +85,29 @@ def test_a_unit_recorded_by_the_reference_model_is_found_again(
     # 0.2 mN·m·s/rad is some 5 % of the current at the chirp's speeds.
     assert found.parameters["viscous"].value == pytest.approx(TRUE["viscous"], rel=0.1)
     assert found.parameters["offset"].value == pytest.approx(TRUE["offset"], rel=0.05)
+
+
+def test_a_servo_is_found_again_from_its_position_alone() -> None:
+    # Of a weak position loop: one that follows its command to the noise of its sensor says nothing of itself.
+    servo = with_lumped_parameters(UNIT, {"position_gain": 1e4})
+    whole = simulate(servo, Chirp(), model="averaged", sampling="instant", sample_rate=1 / AVERAGED.step)
+    kept = {name: whole[name] for name in ("time_s", "command_rad", "position_rad")}
+    recording = acquire(Recording(kept, "instant"), noise={"position_rad": 1e-6}, seed=0)
+    start = with_lumped_parameters(servo, {name: 1.3 * TRUE[name] for name in FREE[:3]})
+    found = calibrate(recording, start, FREE[:3], nuisances=[], max_corrections=0)
+    assert all(abs(deviations(found)[name]) < 4 for name in FREE[:3])
+    assert found.parameters["inertia"].value == pytest.approx(TRUE["inertia"], rel=0.02)
+    assert found.parameters["coulomb"].value == pytest.approx(TRUE["coulomb"], rel=0.02)
+    (replayed,) = found.replays
+    assert list(replayed.relative_error) == ["position_rad"]
+    assert replayed.rms_error["position_rad"] == pytest.approx(1e-6, rel=0.05)
+
+
+def test_notes_on_the_recordings_are_kept(instants: Recording) -> None:
+    noted = Recording(instants.channels, instants.sampling, "monday", ["cut at 3 s"])
+    found = calibrate(noted, misdescribed((1, 1, 1)), ["inertia"], max_corrections=0)
+    assert json.loads(found.to_json())["notes"] == ["monday: cut at 3 s"]
+    assert "monday: cut at 3 s." in str(found)
 
 
 def test_standard_errors_are_how_much_estimates_scatter() -> None:

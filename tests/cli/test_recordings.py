@@ -8,6 +8,7 @@ import pytest
 from . import files
 from .conftest import Emaphm, Refusal
 
+NO_RESPONSE = ("current_A", "position_rad", "speed_rad_s")
 GOOD = files.csv(files.columns())
 UNREADABLE_CSV = ("not a readable CSV file", "comma-separated UTF-8")
 UNREADABLE_PARQUET = ("not a readable Parquet file", "copy or export it again")
@@ -16,8 +17,8 @@ UNREADABLE_MAT = ("not a readable .mat file", "copy or save it again")
 BAD_RECORDINGS: dict[str, tuple[bytes, tuple[str, ...]]] = {
     # columns
     "missing.csv": (
-        files.csv(files.without("current_A")),
-        ("no column 'current_A'", "time_s, command_rad, position_rad, speed_rad_s", "[channels]"),
+        files.csv(files.without(*NO_RESPONSE)),
+        ("no column 'current_A'", "the file has: time_s, command_rad", "[channels]"),
     ),
     "no-time.csv": (files.csv(files.without("time_s")), ("no column 'time_s'", "[channels]")),
     "misspelt.csv": (
@@ -29,12 +30,12 @@ BAD_RECORDINGS: dict[str, tuple[bytes, tuple[str, ...]]] = {
         ("no column 'command_rad'", "did you mean 'Command_Rad'?"),
     ),
     "one-phase.csv": (
-        files.csv(files.renamed("current_A", "current_b_A")),
+        files.csv(files.without(*NO_RESPONSE) | {"current_b_A": files.columns()["current_A"]}),
         ("no column 'current_a_A'", "three phase currents with angle_rad"),
     ),
     "no-angle.csv": (
         files.csv(
-            files.without("current_A")
+            files.without(*NO_RESPONSE)
             | {f"current_{phase}_A": files.columns()["current_A"] for phase in "abc"}
         ),
         ("no column 'angle_rad'", "three phase currents with angle_rad"),
@@ -76,7 +77,10 @@ BAD_RECORDINGS: dict[str, tuple[bytes, tuple[str, ...]]] = {
     ),
     "struct.mat": (files.mat({"rig": files.columns()}), ("no column 'time_s'", "rig")),
     # time
-    "jitter.csv": (files.csv(files.with_value("time_s", 42, 0.0413)), ("not uniform", "row 42", "0.001 s")),
+    "gap.csv": (
+        files.csv(files.columns() | {"time_s": np.delete(np.arange(201) / 1e3, 41)}),
+        ("not uniform", "row 42", "0.002 s", "0.001 s"),
+    ),
     "decreasing.csv": (
         files.csv(files.with_value("time_s", 42, 0.0)),
         ("does not increase", "row 42", "'time_s'"),

@@ -247,6 +247,48 @@ def test_figures_are_what_their_names_say(emaphm: Emaphm, desk: Path, ending: st
     assert (desk / f"figure.{ending}").read_bytes().startswith(magic)
 
 
+def test_replay_judges_several_recordings_and_writes_their_signals(emaphm: Emaphm, desk: Path) -> None:
+    (desk / "servo.csv").write_bytes(files.csv(files.without("current_A", "speed_rad_s")))
+    told = parsed(emaphm, "replay", "good.csv", "servo.csv", "--series", "series.csv")
+    assert [one["recording"] for one in told["recordings"]] == ["good.csv", "servo.csv"]
+    assert told["recordings"][0] == parsed(emaphm, "replay", "good.csv")
+    assert told["recordings"][1]["rms_error"].keys() == {"position_rad"}
+    assert told["mean_absolute_error"]["position_rad"] <= told["rms_error"]["position_rad"]
+    table = pl.read_csv(desk / "series.csv")
+    assert len(table) == 400
+    assert {"recording", "time_s", "position_rad", "position_rad_model", "current_A_model"} <= set(
+        table.columns
+    )
+    assert "exists already" in emaphm("replay", "good.csv", "--series", "series.csv").err
+    text = emaphm("replay", "good.csv", "servo.csv", "--series", "series.csv", "--force").out
+    for piece in (
+        "good.csv\n",
+        "All 2 recordings",
+        "mean abs. error",
+        "rad",
+        "Signals written to series.csv",
+    ):
+        assert piece in text
+
+
+def test_replay_warns_of_a_model_that_is_nothing_like(emaphm: Emaphm, desk: Path) -> None:
+    (desk / "reversed.csv").write_bytes(files.csv(files.scaled(position_rad=-1)))
+    warnings = parsed(emaphm, "replay", "reversed.csv")["warnings"]
+    assert any(warning.startswith("position_rad is off by") for warning in warnings)
+    assert "Warning: position_rad" in emaphm("replay", "reversed.csv").out
+
+
+def test_a_jittering_clock_is_noted(emaphm: Emaphm, desk: Path) -> None:
+    moves = np.random.default_rng(0).uniform(-0.05, 0.05, 200)
+    jittered = files.columns() | {"time_s": files.columns()["time_s"] + 1e-3 * moves}
+    (desk / "jitter.csv").write_bytes(files.csv(jittered))
+    calibration = ("calibrate", "--free=inertia", "-o=out.toml", "--force", "--no-correction")
+    for verb, *options in (("replay",), ("diagnose", "--no-correction"), calibration):
+        (note,) = parsed(emaphm, verb, "jitter.csv", *options)["notes"]
+        assert "resampled to 1000 Hz" in note
+        assert note in emaphm(verb, "jitter.csv", *options).out
+
+
 def test_an_unconnected_sensor_leaves_json_valid(emaphm: Emaphm, desk: Path) -> None:
     (desk / "still.csv").write_bytes(files.csv(files.scaled(speed_rad_s=0)))
     # Its relative error would be a division by zero.

@@ -138,7 +138,7 @@ def test_evaluations_are_the_runs_of_the_averaged_model(
 
         return counted_run
 
-    for name in ("run", "run_batch", "observe_batch"):
+    for name in ("run", "observe_batch"):
         monkeypatch.setattr(problem, name, counting(getattr(problem, name)))
     reported = diagnose(mixed, THESIS, max_corrections=turns).evaluations
     assert reported == counted
@@ -207,7 +207,9 @@ def test_a_swarm_finds_a_single_fault(method: str, fitness: str) -> None:
     # has errors up to 100 %), but nine tenths of what no fault at all leaves are explained.
     assert found.faults.friction == pytest.approx(0.5, abs=0.1)
     problem = Problem.of(recording, THESIS)
-    (healthy,) = COST_FUNCTIONS[fitness](problem.recorded, problem.currents(HEALTHY), problem.inputs.interval)
+    (healthy,) = COST_FUNCTIONS[fitness](
+        problem.recorded, problem.predict_primary(HEALTHY), problem.inputs.interval
+    )
     assert found.fitness < 0.1 * healthy
     again = diagnose(recording, THESIS, method=method, fitness=fitness)
     assert without_seconds(again) == without_seconds(found)

@@ -201,7 +201,7 @@ STRUCTURE = np.sqrt(2) * np.sin(2 * np.pi * 23 * TIME)
 @pytest.mark.parametrize("noise", [0.0, 0.01, 0.1, 0.5, 2.0])
 def test_noise_of_any_size_is_explained(noise: float) -> None:
     white = np.random.default_rng(0).normal(0, noise, CURRENT.size)
-    assert is_explained(CURRENT + white, white, corrected=True)
+    assert is_explained(CURRENT + white, white, noise_level(CURRENT + white), corrected=True)
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.01])
@@ -209,13 +209,25 @@ def test_noise_of_any_size_is_explained(noise: float) -> None:
 def test_a_misfit_of_some_percent_is_the_limit(noise: float, corrected: bool, limit: float) -> None:
     white = np.random.default_rng(0).normal(0, noise, CURRENT.size)
     rms = np.sqrt(np.mean(CURRENT**2))
-    assert is_explained(CURRENT + white, white + 0.9 * limit * rms * STRUCTURE, corrected=corrected)
-    assert not is_explained(CURRENT + white, white + 1.3 * limit * rms * STRUCTURE, corrected=corrected)
+    assert is_explained(
+        CURRENT + white,
+        white + 0.9 * limit * rms * STRUCTURE,
+        noise_level(CURRENT + white),
+        corrected=corrected,
+    )
+    assert not is_explained(
+        CURRENT + white,
+        white + 1.3 * limit * rms * STRUCTURE,
+        noise_level(CURRENT + white),
+        corrected=corrected,
+    )
 
 
 def test_structure_twice_as_large_as_the_noise_is_not_explained() -> None:
     white = np.random.default_rng(0).normal(0, 0.5, CURRENT.size)
-    assert not is_explained(CURRENT + white, white + 1.0 * STRUCTURE, corrected=False)
+    assert not is_explained(
+        CURRENT + white, white + 1.0 * STRUCTURE, noise_level(CURRENT + white), corrected=False
+    )
 
 
 @given(noise=st.floats(1e-3, 1.0), seed=st.integers(0, 50))

@@ -11,6 +11,7 @@ from cases import HEALTHY, INTERVAL, THESIS
 from emaphm.actuator import Chirp, Faults, Sampled
 from emaphm.arrays import Array
 from emaphm.diagnosis import diagnose, error_percent
+from emaphm.errors import MethodError
 from emaphm.estimation.initial_state import initial_state
 from emaphm.estimation.problem import Problem
 from emaphm.recording import Recording, acquire
@@ -104,6 +105,80 @@ def test_a_recorded_load_drives_the_model_as_the_command_does() -> None:
     errors = np.abs(problem.inputs.load - load(steps_of(problem)))
     assert errors.max() < INTERVAL**2 * 0.05 * 40**2 / 6 / 50
     assert not np.any(Problem.of(recorded(), THESIS).inputs.load)
+
+
+def test_a_recorded_supply_is_a_smooth_curve_and_a_switch_is_held() -> None:
+    def supply(t: Array) -> Array:
+        return np.asarray(7.3 - 0.3 * np.sin(20 * t) ** 2)
+
+    enabled = np.where(np.arange(ROWS) < 120, 1.0, 0.0)
+    driving = Problem.of(recorded(supply_V=interval_means(supply), enabled=enabled), THESIS).driving
+    assert driving.supply is not None
+    assert driving.enabled is not None
+    t = steps_of(Problem.of(recorded(), THESIS))
+    # As for the command: beyond the curvature, 0.3 × 2 × 20² V/s² at most.
+    assert np.abs(driving.supply(t) - supply(t)).max() < INTERVAL**2 * 240 / 6 / 10
+    np.testing.assert_array_equal(driving.enabled(t), np.repeat(enabled, t.size // ROWS))
+    assert Problem.of(recorded(), THESIS).driving.enabled is None
+
+
+def test_a_switched_off_drive_has_no_torque() -> None:
+    enabled = np.where(np.arange(ROWS) < 120, 1.0, 0.0)
+    swing = 5e-3 * np.sin(2 * np.pi * 15 * TIME)
+    problem = Problem.of(recorded("instant", command_rad=swing, enabled=enabled), THESIS)
+    torque = problem.signals(HEALTHY)["torque_Nm"]
+    assert np.abs(torque[:120]).max() > 0.1
+    np.testing.assert_array_equal(torque[120:], 0.0)
+
+
+# What is compared.
+
+
+def test_the_current_is_primary_where_there_is_one() -> None:
+    sine = np.sin(30 * TIME)
+    both = Problem.of(recorded(position_rad=1e-3 * sine, voltage_V=sine), THESIS, channels=None)
+    assert both.channels == ("current_A", "voltage_V", "position_rad")
+    assert (both.primary, both.recorded.tolist()) == ("current_A", sine.tolist())
+    assert Problem.of(recorded(position_rad=sine), THESIS).channels == ("current_A",)
+
+
+def test_else_the_first_channel_that_varies_is() -> None:
+    columns = {"time_s": TIME, "command_rad": np.full(ROWS, 1e-3), "position_rad": 1e-3 * np.sin(30 * TIME)}
+    idle = Recording(columns | {"voltage_V": np.zeros(ROWS)})
+    problem = Problem.of(idle, THESIS, channels=None)
+    assert problem.channels == ("position_rad",)
+    np.testing.assert_array_equal(problem.recorded, idle["position_rad"])
+    # Without a supply to it a voltage is of no model.
+    ideal = THESIS.model_copy(update={"electrical": None})
+    moving = Recording(columns | {"voltage_V": np.sin(30 * TIME)})
+    assert Problem.of(moving, THESIS, channels=None).channels == ("voltage_V", "position_rad")
+    assert Problem.of(moving, ideal, channels=None).channels == ("position_rad",)
+    # A jammed actuator has nothing that varies, and is compared all the same.
+    jammed = Recording(columns | {"position_rad": np.zeros(ROWS)})
+    assert Problem.of(jammed, THESIS, channels=None).channels == ("position_rad",)
+
+
+@pytest.mark.parametrize("name", ["current_A", "voltage_V", "position_rad", "speed_rad_s"])
+def test_the_primary_channel_alone_is_that_of_all(shorted: Recording, name: str) -> None:
+    problem = Problem.of(shorted, THESIS, channels=None)
+    alone = Problem.of(shorted, THESIS, channels=(name,)).predict_primary(SHORT.vector)
+    np.testing.assert_array_equal(alone, problem.predict(SHORT.vector)[:, problem.channels.index(name)])
+
+
+@pytest.mark.parametrize("method", ["hybrid", "random"])
+def test_a_diagnosis_of_all_faults_needs_a_current(shorted: Recording, method: str) -> None:
+    names = ("time_s", "command_rad", "position_rad", "speed_rad_s")
+    columns = {name: shorted[name] for name in names} | {"Current_A": shorted["current_A"]}
+    with pytest.raises(MethodError) as caught:
+        diagnose(Recording(columns, source="rig 3"), THESIS, method=method)
+    for piece in (
+        "rig 3",
+        "needs a current",
+        "position_rad",
+        "did you mean 'Current_A'?",
+        "record current_A",
+    ):
+        assert piece in str(caught.value)
 
 
 # Where a manoeuvre starts.
@@ -276,7 +351,7 @@ def test_a_recorded_load_is_a_known_input() -> None:
 def test_a_batch_of_currents_is_what_the_single_runs_record(shorted: Recording) -> None:
     problem = Problem.of(shorted, THESIS)
     faults = np.stack([HEALTHY, SHORT.vector])
-    batch = problem.currents(faults)
+    batch = problem.predict_primary(faults)
     assert batch.shape == (2, shorted.samples)
     for row, k in zip(batch, faults, strict=True):
         # Vector and scalar instructions may round differently; the averaged model is not chaotic.

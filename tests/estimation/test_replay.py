@@ -1,8 +1,10 @@
 """A replay holds the model against every channel of a recording, each by its relative error."""
 
 import json
+from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -14,8 +16,9 @@ from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.arrays import Array
 from emaphm.errors import MethodError, RecordingError
-from emaphm.estimation import replay
-from emaphm.estimation.replay import relative_error
+from emaphm.estimation import replay, replay_all
+from emaphm.estimation.replay import relative_error, write_series
+from emaphm.estimation.replay.errors import ChannelError
 from emaphm.recording import Recording
 from emaphm.recording.schema import SCHEMA
 from emaphm.simulated_recording import simulate
@@ -149,3 +152,108 @@ def test_a_recording_in_foreign_units_is_refused(healthy: Recording) -> None:
     milliamperes = Recording(dict(healthy.channels) | {"current_A": 1e3 * healthy["current_A"]})
     with pytest.raises(RecordingError, match="milliamperes"):
         replay(milliamperes, THESIS)
+
+
+def test_errors_in_units_by_hand() -> None:
+    # Differences 1, 0, 2, -2.
+    measured, modelled = np.array([3.0, 3.0, 5.0, -1.0]), np.array([2.0, 3.0, 3.0, 1.0])
+    one = ChannelError.of("position_rad", [(measured, modelled)])
+    assert (one.mean_absolute, one.rms) == pytest.approx((1.25, 1.5))
+    # Of two recordings, over all rows: differences 1, 0, 2, -2 and 0, 0.
+    both = ChannelError.of("position_rad", [(measured, modelled), (np.zeros(2), np.zeros(2))])
+    assert (both.mean_absolute, both.rms) == pytest.approx((5 / 6, np.sqrt(9 / 6)))
+    assert ChannelError.of("position_rad", [(np.zeros(2), np.ones(2))]).relative is None
+
+
+def test_errors_in_units_stand_beside_the_relative_one(healthy: Recording) -> None:
+    found = replay(healthy, THESIS)
+    told = found.to_dict()
+    assert told["mean_absolute_error"].keys() == told["rms_error"].keys() == told["relative_error"].keys()
+    for name, error in found.rms_error.items():
+        difference = healthy[name] - found.signals[name]
+        assert error == pytest.approx(np.sqrt(np.mean(difference**2)))
+        assert found.mean_absolute_error[name] == pytest.approx(np.mean(np.abs(difference)))
+        line = next(line for line in str(found).splitlines() if line.startswith(name))
+        assert f"{found.mean_absolute_error[name]:.4g}" in line
+        assert f"{error:.4g}" in line
+        assert SCHEMA[name].unit in line
+    assert told["warnings"] == told["notes"] == []
+
+
+def test_a_channel_that_is_zero_throughout_has_an_error_in_its_unit(healthy: Recording) -> None:
+    jammed = replay(Recording(dict(healthy.channels) | {"speed_rad_s": np.zeros(healthy.samples)}), THESIS)
+    assert jammed.rms_error["speed_rad_s"] > 0
+    assert "speed_rad_s" not in jammed.relative_error
+
+
+def test_a_model_that_is_nothing_like_the_recording_is_warned_of(healthy: Recording) -> None:
+    reversed_sign = Recording(dict(healthy.channels) | {"position_rad": -healthy["position_rad"]})
+    found = replay(reversed_sign, THESIS)
+    (warning,) = found.warnings
+    for piece in ("position_rad is off by", "%", "unit", "sign", "[channels]"):
+        assert piece in warning
+    assert f"Warning: {warning}." in str(found)
+    assert found.to_dict()["warnings"] == [warning]
+
+
+@pytest.mark.parametrize("name", ["position_rad", "speed_rad_s", "voltage_V"])
+def test_one_channel_is_enough(healthy: Recording, name: str) -> None:
+    recording = Recording({kept: healthy[kept] for kept in ("time_s", "command_rad", name)})
+    found = replay(recording, THESIS)
+    assert list(found.relative_error) == [name]
+    whole = replay(healthy, THESIS)
+    assert found.relative_error[name] == pytest.approx(whole.relative_error[name], rel=0.05)
+
+
+def test_a_channel_that_no_model_has_is_not_enough(healthy: Recording) -> None:
+    given = {name: healthy[name] for name in ("time_s", "command_rad")}
+    with pytest.raises(MethodError, match=r"\(duty\) the averaged model .* record one of current_A"):
+        replay(Recording(given | {"duty": healthy["voltage_V"] / 48}), THESIS)
+
+
+def test_notes_on_the_recording_are_kept(healthy: Recording) -> None:
+    moves = np.random.default_rng(0).uniform(-0.05, 0.05, healthy.samples)
+    jittered = dict(healthy.channels) | {"time_s": healthy["time_s"] + INTERVAL * moves}
+    found = replay(Recording(jittered), THESIS)
+    (note,) = found.to_dict()["notes"]
+    assert "resampled" in note
+    assert f"Note: {note}." in str(found)
+    # Its values were not moved with the clock, which makes them wrong by the jitter times their slope.
+    assert found.relative_error["position_rad"] < 5e-3
+
+
+def test_several_recordings_are_judged_together(healthy: Recording, shorted: Recording) -> None:
+    found = replay_all([healthy, shorted], THESIS)
+    told = found.to_dict()
+    assert told["recordings"] == [replay(one, THESIS).to_dict() for one in (healthy, shorted)]
+    singles = [one["rms_error"]["current_A"] for one in told["recordings"]]
+    assert told["rms_error"]["current_A"] == pytest.approx(np.sqrt(np.mean(np.square(singles))))
+    assert min(singles) < told["rms_error"]["current_A"] < max(singles)
+    text = str(found)
+    assert text.count("mean abs. error") == 3
+    assert "All 2 recordings" in text
+    json.loads(found.to_json())
+    assert replay_all([healthy], THESIS).to_dict() == replay(healthy, THESIS).to_dict()
+    with pytest.raises(MethodError, match="no recording"):
+        replay_all([], THESIS)
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_signals_are_written_side_by_side(healthy: Recording, tmp_path: Path, ending: str) -> None:
+    path = tmp_path / f"series.{ending}"
+    found = replay(healthy, THESIS)
+    write_series([found], path)
+    table = pl.read_csv(path) if ending == "csv" else pl.read_parquet(path)
+    assert table.columns[:4] == ["time_s", "command_rad", "position_rad", "position_rad_model"]
+    for name in found.errors:
+        np.testing.assert_array_equal(table[name], healthy[name])
+        np.testing.assert_array_equal(table[f"{name}_model"], found.signals[name])
+
+
+def test_signals_of_several_recordings_are_told_apart(healthy: Recording, tmp_path: Path) -> None:
+    bare = Recording({name: healthy[name] for name in ("time_s", "command_rad", "current_A")}, source="bare")
+    write_series(replay_all([healthy, bare], THESIS).replays, tmp_path / "series.csv")
+    table = pl.read_csv(tmp_path / "series.csv")
+    assert table["recording"].unique().sort().to_list() == sorted([healthy.source, "bare"])
+    rows = table.filter(pl.col("recording") == "bare")
+    assert rows["position_rad_model"].null_count() == healthy.samples == rows["current_A"].len()

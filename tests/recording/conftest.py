@@ -75,11 +75,22 @@ def refusal() -> Refusal:
     return message
 
 
+def _measured(*parts: str) -> Path:
+    """Return the path of measured data; tests that want it are skipped where it is absent."""
+    beside = Path(__file__).resolve().parents[3] / "shared" / "data"
+    path = Path(os.environ.get("EMAPHM_DATA", beside)).joinpath(*parts)
+    if not path.exists():
+        pytest.skip(f"the measured data are not at {path}; set EMAPHM_DATA to the folder that holds them")
+    return path
+
+
 @pytest.fixture
 def emps_file() -> Path:
-    """Return the path of the measured EMPS data; tests that want it are skipped where it is absent."""
-    beside = Path(__file__).resolve().parents[3] / "shared" / "data"
-    path = Path(os.environ.get("EMAPHM_DATA", beside)) / "emps" / "DATA_EMPS.mat"
-    if not path.is_file():
-        pytest.skip(f"the EMPS data are not at {path}; set EMAPHM_DATA to the folder that holds them")
-    return path
+    """Return the path of the measured EMPS data."""
+    return _measured("emps", "DATA_EMPS.mat")
+
+
+@pytest.fixture
+def xl330_folder() -> Path:
+    """Return the folder of the logs of a real servo."""
+    return _measured("xl330")

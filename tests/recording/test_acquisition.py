@@ -105,6 +105,8 @@ def test_full_scales_leave_room_above_the_limits(thesis: Actuator, emps: Actuato
         "current_b_A",
         "current_c_A",
         "current_A",
+        "current_d_A",
+        "current_q_A",
         "temperature_K",
     }
 

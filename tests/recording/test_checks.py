@@ -35,13 +35,26 @@ def _late_from(row: int, by: float) -> Callable[[Columns], Columns]:
     return change
 
 
+def _with_jitter(largest: float) -> Callable[[Columns], Columns]:
+    """Move every time stamp by up to `largest`, as a fraction of the interval."""
+
+    def change(columns: Columns) -> Columns:
+        moves = np.random.default_rng(0).uniform(-largest, largest, columns["time_s"].size)
+        return {**columns, "time_s": columns["time_s"] + 2e-4 * moves}
+
+    return change
+
+
 def _first_rows(rows: int) -> Callable[[Columns], Columns]:
     return lambda columns: {name: values[:rows] for name, values in columns.items()}
 
 
+NO_RESPONSE = ("current_A", "position_rad", "speed_rad_s")
+
+
 def _phases_instead(*kept: str) -> Callable[[Columns], Columns]:
     def change(columns: Columns) -> Columns:
-        rest = _without("current_A")(columns)
+        rest = _without(*NO_RESPONSE)(columns)
         return {**rest, **dict.fromkeys(kept, columns["current_A"])}
 
     return change
@@ -50,7 +63,10 @@ def _phases_instead(*kept: str) -> Callable[[Columns], Columns]:
 BAD = {
     "no time": (_without("time_s"), ["'time_s' is missing", "a recording needs"]),
     "no command": (_without("command_rad"), ["'command_rad' is missing"]),
-    "no current": (_without("current_A"), ["'current_A' is missing", "three phase currents"]),
+    "no response": (
+        _without(*NO_RESPONSE),
+        ["'current_A' is missing", "three phase currents", "position_rad", "duty"],
+    ),
     "two phases": (
         _phases_instead("current_a_A", "current_b_A", "angle_rad"),
         ["'current_c_A' is missing"],
@@ -79,7 +95,8 @@ BAD = {
         ["row 3 ", "does not increase"],
     ),
     "gap": (_late_from(1200, 0.5), ["row 1200 ", "'time_s'", "0.5002 s", "0.0002 s", "resample"]),
-    "step 2 % long": (_late_from(2, 0.02 * 2e-4), ["row 2 ", "not uniform"]),
+    "lost row": (_late_from(1200, 2e-4), ["row 1200 ", "not uniform", "0.0004 s"]),
+    "no clock to speak of": (_with_jitter(0.45), ["not uniform", "'time_s'", "resample"]),
     "nothing commanded": (
         lambda columns: {**columns, "command_rad": 0 * columns["command_rad"]},
         ["nothing was commanded", "'command_rad'", "must move"],
@@ -107,6 +124,15 @@ def test_a_gap_is_blamed_on_its_row_even_when_it_outweighs_the_rest(
 def test_errors_use_the_names_of_the_file(columns: Columns, refusal: Refusal) -> None:
     bad = _with_value("current_A", 17, np.nan)(columns)
     assert "'vir' (current_A)" in refusal(lambda: check(bad, "rig.mat", {"current_A": "vir"}))
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["current_A", "voltage_V", "position_rad", "speed_rad_s", "duty", "current_q_A", "voltage_d_V"],
+)
+def test_one_response_is_enough(columns: Columns, name: str) -> None:
+    given = {"time_s": columns["time_s"], "command_rad": columns["command_rad"]}
+    assert Recording({**given, name: columns["current_A"]}).names == ("time_s", "command_rad", name)
 
 
 @pytest.mark.parametrize("rows", [50, 51])

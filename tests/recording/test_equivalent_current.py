@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from emaphm.actuator import Actuator
-from emaphm.recording import equivalent_current, read_recording
-from emaphm.recording.equivalent_current import Form
+from emaphm.recording import Recording, equivalent_current, read_recording
+from emaphm.recording.equivalent_current import Form, with_equivalent_current
 
 from .conftest import Columns, Refusal
 
@@ -99,6 +99,28 @@ def test_reader_makes_it_from_the_phases(columns: Columns, tmp_path: Path, thesi
     recording = read_recording(_phase_csv(columns, tmp_path), thesis)
     np.testing.assert_allclose(recording["current_A"], 3.0)
     assert "current_b_A" in recording
+
+
+def test_phases_that_make_none_are_noted_where_another_channel_is_there(
+    columns: Columns, thesis: Actuator
+) -> None:
+    given = {name: columns[name] for name in ("time_s", "command_rad", "position_rad")}
+    recording = Recording(given | {"current_a_A": columns["current_A"]})
+    noted = with_equivalent_current(recording, thesis)
+    assert noted.names == recording.names
+    (note,) = noted.notes
+    assert "not compared: no current_b_A, current_c_A, angle_rad" in note
+    # Asked again, it is not said twice.
+    assert with_equivalent_current(noted, thesis).notes == noted.notes
+
+
+def test_without_pole_pairs_the_other_channels_are_left(columns: Columns, thesis: Actuator) -> None:
+    ideal = thesis.model_copy(update={"electrical": None})
+    phases = dict.fromkeys(("current_a_A", "current_b_A", "current_c_A"), columns["current_A"])
+    given = {name: columns[name] for name in ("time_s", "command_rad", "position_rad")}
+    recording = Recording({**given, **phases, "angle_rad": 500 * columns["position_rad"]})
+    (note,) = with_equivalent_current(recording, ideal).notes
+    assert "pole pairs" in note
 
 
 def test_reader_needs_pole_pairs_for_it(

@@ -102,6 +102,26 @@ def test_row_of_a_spike_is_named(columns: Columns, thesis: Actuator, refusal: Re
     assert "at row 123," in refusal(lambda: check_plausible(Recording(columns), thesis))
 
 
+@pytest.mark.parametrize(
+    ("name", "level", "expected"),
+    [
+        ("duty", 100.0, ["duty reaches 100", "percent or raw counts", "divide it"]),
+        ("supply_V", 48e3, ["supply_V reaches", "millivolts", "convert it to V"]),
+        ("voltage_q_V", 48e3, ["voltage_q_V reaches", "convert it to V"]),
+        ("current_q_A", 2e3, ["current_q_A reaches", "milliamperes", "convert it to A"]),
+        ("enabled", 255.0, ["enabled is 255 at row 1;", "1 where the drive is switched on"]),
+    ],
+)
+def test_further_channels_of_a_drive_are_judged(
+    columns: Columns, thesis: Actuator, refusal: Refusal, name: str, level: float, expected: list[str]
+) -> None:
+    bad = Recording({**columns, name: np.full(2500, level)})
+    text = refusal(lambda: check_plausible(bad, thesis))
+    for part in expected:
+        assert part in text
+    check_plausible(Recording({**columns, name: np.ones(2500)}), thesis)
+
+
 def test_phase_currents_are_judged_too(columns: Columns, thesis: Actuator, refusal: Refusal) -> None:
     bad = Recording({**columns, "current_b_A": 1e3 * columns["current_A"]})
     assert "current_b_A reaches" in refusal(lambda: check_plausible(bad, thesis))

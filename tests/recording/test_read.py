@@ -263,9 +263,9 @@ def _folder(_: Columns, folder: Path) -> Path:
     return path
 
 
-def _without(name: str, ending: str) -> Callable[[Columns, Path], Path]:
+def _without(names: tuple[str, ...], ending: str) -> Callable[[Columns, Path], Path]:
     return lambda columns, folder: _save(
-        {key: values for key, values in columns.items() if key != name}, folder / f"rec.{ending}"
+        {key: values for key, values in columns.items() if key not in names}, folder / f"rec.{ending}"
     )
 
 
@@ -307,7 +307,10 @@ BAD = {
         ["no column 'time_s'", "[channels]", 'time_s = "that name"'],
     ),
     **{
-        f"no current {end}": (_without("current_A", end), ["no column 'current_A'", "[channels]"])
+        f"no response {end}": (
+            _without(("current_A", "position_rad", "speed_rad_s"), end),
+            ["no column 'current_A'", "position_rad, speed_rad_s", "[channels]"],
+        )
         for end in ENDINGS
     },
     "misspelt": (

@@ -41,9 +41,10 @@ def test_integer_columns_become_floats(columns: Columns) -> None:
 
 @pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda r: pickle.loads(pickle.dumps(r))])  # noqa: S301 - our own bytes
 def test_copies_are_equal_and_read_only(columns: Columns, duplicate: type) -> None:
-    recording = Recording(columns, "instant", "rig 3")
+    recording = Recording(columns, "instant", "rig 3", ("cut at 3 s",))
     other = duplicate(recording)
     assert (other.sampling, other.source, other.names) == ("instant", "rig 3", recording.names)
+    assert other.notes == ("cut at 3 s",)
     for name in recording:
         np.testing.assert_array_equal(other[name], recording[name])
         assert not other[name].flags.writeable

@@ -18,6 +18,7 @@ from emaphm.actuator.parameters import (
     Nuisances,
     Section,
 )
+from emaphm.actuator.sensors import Sensors
 from emaphm.actuator.toml import validation_message, write_toml
 from emaphm.errors import ActuatorError
 from emaphm.input_files import read_toml
@@ -52,6 +53,7 @@ class Actuator(Section):
     faults: FaultScales = FaultScales()
     nuisances: Nuisances = Nuisances()
     channels: Channels = Channels()
+    sensors: Sensors = Sensors()
     baseline: Baseline | None = None
 
     @model_validator(mode="after")

@@ -7,7 +7,7 @@ from pydantic import BaseModel, ValidationError
 from emaphm.actuator.quantity import unit_for
 from emaphm.errors import nearest
 
-QUIET = ("channels", "nuisances")
+QUIET = ("channels", "nuisances", "sensors")
 """Sections of which only what differs from the defaults is written."""
 
 LONGEST_QUOTED = 200
@@ -52,6 +52,9 @@ def _table(section: type[BaseModel], values: dict[str, Any], coordinates: str) -
 
     table = tomlkit.table()
     for name, value in values.items():
+        if isinstance(value, dict):
+            table.add(name, _table(_section_at(section, [name]), value, coordinates))
+            continue
         item = tomlkit.item(value)
         if isinstance(value, list) and any(isinstance(row, list) for row in value):
             item.multiline(True)

@@ -76,6 +76,9 @@ class Calibration:
             "evaluations": self.evaluations,
             "seconds": round(self.seconds, 3),
             "seed": self.seed,
+            "notes": [
+                f"{one.recording.source}: {note}" for one in self.replays for note in one.recording.notes
+            ],
             "actuator": self.actuator.name,
             "version": VERSION,
         }
@@ -106,8 +109,9 @@ class Calibration:
         return "\n\n".join([table, *self.notes(), format_table(("channel", title), errors)])
 
     def notes(self) -> list[str]:
-        """Return a line on the nuisances of each recording, and one on the scatter between the recordings."""
-        lines = [
+        """Return what was done to the recordings, the nuisances of each, and the scatter between them."""
+        lines = [f"{one.recording.source}: {note}." for one in self.replays for note in one.recording.notes]
+        lines += [
             f"Estimated with the parameters in {one.recording.source}: "
             + ", ".join(f"{name} {value:+.3g}" for name, value in values.items())
             + "."

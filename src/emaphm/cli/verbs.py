@@ -237,22 +237,29 @@ def calibrate(
 
 def replay(
     recording: RecordingFile,
-    *,
+    *further: RecordingFile,
     actuator: ActuatorFile = "thesis",
     model: Annotated[str, Parameter(help="averaged, monitor or reference.")] = "averaged",
     fault: FaultList = (),
+    series: Annotated[
+        Path | None, Parameter(help="Write time and each channel, measured and modelled: .csv or .parquet.")
+    ] = None,
     figure: FigureFile = None,
     seed: Seed = 0,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Run a model on a recording's command and load, and compare it channel by channel."""
+    """Run a model on the command and load of recordings, and compare it channel by channel."""
     check_seed(seed)
+    check_output(series, (".csv", ".parquet"), force=force)
     check_output(figure, FIGURES, force=force)
     described, faults = described_actuator(actuator), fault_vector(fault)
-    recorded = recording_of(recording, described)
-    from emaphm.estimation import replay as rerun
+    recorded = [recording_of(path, described) for path in (recording, *further)]
+    from emaphm.estimation.replay import replay_all, write_series
 
-    result = rerun(recorded, described, faults=faults, model=model)
+    result = replay_all(recorded, described, faults=faults, model=model)
+    if series:
+        write_series(result.replays, series, force=force)
     draw(result, figure)
-    show(result.to_dict(), str(result), as_json)
+    text = str(result) + (f"\nSignals written to {series}" if series else "")
+    show(result.to_dict(), text, as_json)

@@ -14,7 +14,7 @@ from emaphm.diagnosis.law_selection import select_laws
 from emaphm.diagnosis.nuisance_selection import select_nuisances
 from emaphm.diagnosis.result import Diagnosis
 from emaphm.diagnosis.verdict import VERDICT, estimates, is_explained
-from emaphm.errors import MethodError
+from emaphm.errors import MethodError, nearest
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS, with_discrepancy
 from emaphm.estimation.methods import Method, method_named
 from emaphm.estimation.nuisances import unit_of
@@ -24,11 +24,15 @@ from emaphm.estimation.search import check_fitness, search
 from emaphm.estimation.search_result import SearchResult
 from emaphm.progress import Progress, subprogress
 from emaphm.recording import Recording, check_plausible
+from emaphm.recording.schema import SCHEMA
 from emaphm.simulation import Model, model_named
 from emaphm.version import VERSION
 
 SEARCH_SHARE = 0.1
 """Share of the time that the search takes where the posterior is sampled after it."""
+
+TORQUE_CURRENTS = ("current_A", "current_q_A")
+"""Channels that show a motor's torque: one of them is compared in every diagnosis."""
 
 LEAST_MOTION = 0.01
 """Share of the command's range that the position covers at least where a manoeuvre moves the actuator."""
@@ -83,7 +87,8 @@ def diagnose(
     RecordingError
         The recording cannot be of this actuator, by orders of magnitude.
     MethodError
-        A name is unknown, or fitness or model do not go with the method, or the model not with a posterior.
+        The recording has no current that the model can be compared in; a name is unknown, or fitness or
+        model do not go with the method, or the model not with a posterior.
     """
     began = time.perf_counter()
     chosen = method_named(method)
@@ -144,14 +149,29 @@ def objective_for(
         A nuisance is unknown, or needs the electrical description that the actuator lacks; or the method
         estimates none.
     """
+    problem = Problem.of(recording, actuator, model, workers, None if method.least_squares else ())
+    _check_current(problem, recording)
     if method.least_squares:
-        return faults_objective(Problem.of(recording, actuator, model, workers, None), nuisances)
+        return faults_objective(problem, nuisances)
     if nuisances:
         raise MethodError(
             f"method '{method.name}' estimates faults alone; leave out nuisance '{nuisances[0]}', or use "
             f"'{method.name}+lsq'"
         )
-    return faults_only_objective(Problem.of(recording, actuator, model, workers))
+    return faults_only_objective(problem)
+
+
+def _check_current(problem: Problem, recording: Recording) -> None:
+    """Refuse a recording without a current: windings and magnets show in nothing else well enough."""
+    if problem.primary in TORQUE_CURRENTS:
+        return
+    others = [name for name in recording if name not in SCHEMA]
+    hint = nearest("current_A", others) if others else ""
+    raise MethodError(
+        f"{recording.source}: a diagnosis of all faults needs a current, and there is only "
+        f"{', '.join(problem.channels)}{hint}; record current_A, or the three phases with angle_rad, or "
+        "name it under [channels] in the actuator's TOML (replay and calibrate do without)"
+    )
 
 
 def _conclude(
@@ -175,7 +195,9 @@ def _conclude(
         fitness_name=fitness,
         fitness=result.cost,
         residual_rms_A=float(np.sqrt(np.mean(residual**2))),
-        explained=is_explained(problem.recorded, residual, corrected=bool(result.correction.any())),
+        explained=is_explained(
+            problem.recorded, residual, problem.noise, corrected=bool(result.correction.any())
+        ),
         evaluations=0,
         reference_runs=0,
         seconds=0.0,
@@ -187,6 +209,7 @@ def _conclude(
         recorded=problem.recorded,
         modelled=problem.recorded - residual,
         channels=problem.channels,
+        recording_notes=recording.notes,
         nuisances=_nuisance_estimates(objective, result.point, known.covariance),
         collinear_sets=known.collinear_sets,
         selected=selected,

@@ -86,7 +86,8 @@ def further_information(result: SearchResult, seed: int) -> dict[str, Array]:
     objective = result.objective
     information = _of_known_nuisances(objective)
     measured = objective.problem.channels
-    missing = tuple(name for name in comparable_channels(objective.problem.actuator) if name not in measured)
+    comparable = comparable_channels(objective.problem.actuator, objective.problem.model)
+    missing = tuple(name for name in comparable if name not in measured)
     if not missing:
         return information
     other = MapObjective(objective.problem.observing(missing), objective.space, objective.prior_weight)

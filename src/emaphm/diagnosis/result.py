@@ -56,6 +56,8 @@ class Diagnosis:
         False where the actuator stood still.
     posterior
         Samples of it, where asked for.
+    recording_notes
+        What was done to the recording's channels.
     """
 
     components: Mapping[str, Estimate]
@@ -83,6 +85,7 @@ class Diagnosis:
     selected: tuple[str, ...] = ()
     moves: bool = True
     posterior: "Posterior | None" = None
+    recording_notes: tuple[str, ...] = ()
 
     @property
     def faults(self) -> Faults:
@@ -116,6 +119,7 @@ class Diagnosis:
             },
             "suspected": list(self.selected),
             "moves": self.moves,
+            "notes": list(self.recording_notes),
             "groups": [
                 {"members": list(one.members), "remedies": list(one.resolving)} for one in self.collinear_sets
             ],
@@ -167,7 +171,8 @@ class Diagnosis:
             moves=self.moves,
             explained=self.explained,
         )
-        return [*lines, *(self.posterior.notes(self.interval) if self.posterior else [])]
+        of_recording = [f"{self.recording}: {note}." for note in self.recording_notes]
+        return [*of_recording, *lines, *(self.posterior.notes(self.interval) if self.posterior else [])]
 
     def summary(self) -> str:
         """Return one line: how well the model explains the recording, and what it took."""

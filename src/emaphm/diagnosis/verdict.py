@@ -9,7 +9,6 @@ import numpy as np
 from emaphm.actuator import NAMES
 from emaphm.actuator.faults import HEALTHY
 from emaphm.arrays import Array
-from emaphm.estimation.noise_level import noise_level
 from emaphm.estimation.parameter_space import PRIOR_DEVIATION, ParameterSpace
 from emaphm.estimation.uncertainty.collinearity import CollinearSet
 
@@ -161,8 +160,11 @@ def _eccentricity(
     return {"eccentricity": size, "eccentricity_phase": angle}
 
 
-def is_explained(recorded: Array, residual: Array, *, corrected: bool) -> bool:
-    """Return whether `residual` (samples,) of the `recorded` current is no more than `EXPLAINED` allows."""
+def is_explained(recorded: Array, residual: Array, noise: float, *, corrected: bool) -> bool:
+    """Return whether `residual` (samples,) of the `recorded` current is no more than `EXPLAINED` allows.
+
+    `noise` is the rms of the white noise on the recording.
+    """
     allowed = EXPLAINED[corrected]
-    variance = (allowed.noise * noise_level(recorded)) ** 2 + allowed.model**2 * float(np.mean(recorded**2))
+    variance = (allowed.noise * noise) ** 2 + allowed.model**2 * float(np.mean(recorded**2))
     return bool(np.mean(residual**2) <= variance)

@@ -1,4 +1,4 @@
-"""Fitness: how far a simulated equivalent current is from the recorded one (thesis 6.2)."""
+"""Fitness: how far a simulated signal is from the recorded one; the equivalent current in thesis 6.2."""
 
 from collections.abc import Callable
 from typing import TypeAlias
@@ -8,7 +8,7 @@ import numpy as np
 from emaphm.arrays import Array
 
 CostFunction: TypeAlias = Callable[[Array, Array, float], Array]
-"""Maps recorded (samples,) and simulated (n, samples) currents [A], interval [s], to fitness (n,)."""
+"""Maps recorded (samples,) and simulated (n, samples) signals, interval [s], to fitness (n,)."""
 
 
 def least_squares(recorded: Array, simulated: Array, interval: float) -> Array:  # noqa: ARG001

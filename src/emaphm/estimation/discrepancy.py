@@ -28,8 +28,8 @@ LONGEST_S = 30.0
 class Discrepancy:
     """The reference model's outputs less the fitted model's at a point.
 
-    `mean` and `standard_error`, (rows,), are weighted as the objective's outputs; `switching_variance` [A²]
-    is the variance that chaotic switching makes of the current in one run.
+    `mean` and `standard_error`, (rows,), are weighted as the objective's outputs; `switching_variance`
+    is the variance that chaotic switching makes of the primary channel in one run, in the square of its unit.
     """
 
     mean: Array

@@ -1,19 +1,20 @@
-"""What drives a model: the command and the load, from a recording or from a planned test."""
+"""What drives a model: command, load, supply and switch, from a recording or from a planned test."""
 
 from dataclasses import dataclass
 from typing import Self
 
 from emaphm.actuator import Command, Load
-from emaphm.recording import Recording, reconstructed
+from emaphm.recording import Recording, held, reconstructed
 from emaphm.simulation import Inputs
 from emaphm.simulation.engine.inputs import Sampling
 
 
 @dataclass(frozen=True, eq=False)
 class DrivingSignals:
-    """Command and load as functions of time, and the rows that the outputs are compared in.
+    """What drives a model as functions of time [s], and the rows that the outputs are compared in.
 
-    `command` [rad] at the user, `load` [N·m] at the motor; `samples` rows, `interval` [s] apart.
+    `command` [rad] at the user, `load` [N·m] at the motor; `samples` rows, `interval` [s] apart. `supply` [V]
+    and `enabled` (0 where the drive is switched off, else 1) are None where they were not recorded.
     """
 
     command: Command
@@ -21,16 +22,20 @@ class DrivingSignals:
     samples: int
     interval: float
     sampling: Sampling
+    supply: Command | None = None
+    enabled: Command | None = None
 
     @classmethod
     def of(cls, recording: Recording) -> Self:
-        """Return the recorded command, and the load if recorded, as smooth curves behind the rows."""
+        """Return the recorded command, load and supply as smooth curves behind the rows, the switch held."""
         return cls(
             reconstructed(recording, "command_rad"),
             reconstructed(recording, "load_Nm") if "load_Nm" in recording else 0.0,
             recording.samples,
             recording.interval_s,
             recording.sampling,
+            reconstructed(recording, "supply_V") if "supply_V" in recording else None,
+            held(recording, "enabled") if "enabled" in recording else None,
         )
 
     def inputs(self, step: float) -> Inputs:
@@ -42,4 +47,5 @@ class DrivingSignals:
             interval=self.interval,
             step=step,
             sampling=self.sampling,
+            enabled=self.enabled,
         )

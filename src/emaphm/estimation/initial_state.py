@@ -4,6 +4,7 @@ import numpy as np
 
 from emaphm.actuator import Actuator
 from emaphm.estimation.noise_level import noise_level
+from emaphm.estimation.sensor_model import true_values
 from emaphm.recording import Recording, reconstructed
 from emaphm.simulation import Initial
 from emaphm.simulation.laws.angles import wrap
@@ -26,14 +27,14 @@ def initial_state(recording: Recording, actuator: Actuator) -> Initial:
     # At the first instant: a row that is a mean stands for half an interval later.
     position = float(reconstructed(recording, "command_rad")(np.zeros(1))[0])
     if "position_rad" in recording:
-        measured = recording["position_rad"]
+        measured = true_values(recording["position_rad"], "position_rad", actuator)
         if abs(measured[0] - position) > SIGNIFICANT * noise_level(measured):
             position = float(measured[0])
     angle = position / ratio
     offset = _rotor_offset(recording, actuator) if "angle_rad" in recording else 0.0
     if "angle_rad" in recording and "position_rad" not in recording:
         angle += float(wrap(recording["angle_rad"][0] - offset - angle))
-    return Initial(angle, _starting_speed(recording, ratio), offset)
+    return Initial(angle, _starting_speed(recording, actuator), offset)
 
 
 def _rotor_offset(recording: Recording, actuator: Actuator) -> float:
@@ -44,7 +45,7 @@ def _rotor_offset(recording: Recording, actuator: Actuator) -> float:
     tolerance = actuator.mechanics.backlash * (1 + actuator.faults.backlash) / 2
     tolerance += SIGNIFICANT * noise_level(motor)
     if "position_rad" in recording:
-        user = recording["position_rad"] / ratio
+        user = true_values(recording["position_rad"], "position_rad", actuator) / ratio
         tolerance += SIGNIFICANT * noise_level(user)
     else:
         user = recording["command_rad"] / ratio
@@ -54,15 +55,16 @@ def _rotor_offset(recording: Recording, actuator: Actuator) -> float:
     return distance if abs(distance) > tolerance else 0.0
 
 
-def _starting_speed(recording: Recording, ratio: float) -> float:
+def _starting_speed(recording: Recording, actuator: Actuator) -> float:
     """Return the motor's speed [rad/s] at the first row, 0 where that is not significant."""
     t = recording["time_s"][:FIRST_ROWS] - recording["time_s"][0]
-    if "speed_rad_s" in recording:
-        column, order, scale = recording["speed_rad_s"], 0, 1.0
+    if "speed_rad_s" in recording and not actuator.sensors.speed_rad_s.unsigned:
+        name, order, scale = "speed_rad_s", 0, 1.0
     elif "position_rad" in recording:
-        column, order, scale = recording["position_rad"], 1, 1 / ratio
+        name, order, scale = "position_rad", 1, 1 / actuator.mechanics.gear_ratio
     else:
         return 0.0
-    coefficients, covariance = np.polyfit(t, column[:FIRST_ROWS], 2, cov=True)
+    column = true_values(recording[name][:FIRST_ROWS], name, actuator)
+    coefficients, covariance = np.polyfit(t, column, 2, cov=True)
     speed, error = coefficients[-1 - order], np.sqrt(covariance[-1 - order, -1 - order])
     return float(speed) * scale if abs(speed) > SIGNIFICANT * error else 0.0

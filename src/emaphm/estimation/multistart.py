@@ -28,7 +28,7 @@ between them. The least gain of an iteration is what switching makes of a misfit
 class MultistartSettings:
     """How starts are chosen and refined; `emaphm study run hybrids` compares.
 
-    `smooth_starts` of the points are best with the currents through a low-pass, `sharp_starts` without:
+    `smooth_starts` of the points are best with the signals through a low-pass, `sharp_starts` without:
     where it is not needed, it ends a little farther off. Two starts are `start_separation` apart at least: a
     population gathers, and one start from each gathering is enough.
     """
@@ -107,7 +107,7 @@ def with_descents(count: int) -> LocalSearchSettings:
 def _global_stage(
     objective: MapObjective, seed: int, optimizer: Callable[..., Any] | None
 ) -> tuple[Array, Array, Array]:
-    """Return all points tried (n, d), and their costs (n,) by the smoothed and by the full current."""
+    """Return all points tried (n, d), and their costs (n,) by the smoothed and the full primary channel."""
     d = objective.space.dimensions
     lower, upper = np.zeros(d), np.ones(d)
     points: list[Array] = []
@@ -116,7 +116,7 @@ def _global_stage(
 
     def cost(unit: Array) -> Array:
         points.append(objective.space.prior_transform(unit))
-        residuals = objective.problem.recorded - objective.currents(points[-1])
+        residuals = objective.problem.recorded - objective.primary_outputs(points[-1])
         sharp.append(np.mean(residuals**2, axis=1))
         smooth.append(np.mean(low_pass(objective, residuals) ** 2, axis=1))
         return smooth[-1]

@@ -14,7 +14,7 @@ from emaphm.estimation.nuisances import NO_NUISANCES, NuisanceSet
 from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.parameter_variation import ParameterVariation
 from emaphm.estimation.problem import Problem, rms
-from emaphm.estimation.sensor_model import as_sensed
+from emaphm.estimation.sensor_model import described_noise, with_unknown_errors
 from emaphm.simulation import Model
 
 CORRELATED_ROWS = 20
@@ -24,15 +24,16 @@ LEAST_RESIDUAL = 1e-4
 """Least residual of a channel, relative to its rms, that its weight is computed from."""
 
 FIRST_RESIDUAL = 0.1
-"""Residual of the current assumed before the first search, relative to its rms."""
+"""Residual of the primary channel assumed before the first search, relative to its rms."""
 
 
 @dataclass(frozen=True, eq=False)
 class MapObjective:
     """A problem, the space that its explanation is sought in, and the weight of the priors.
 
-    `prior_weight` [A] is the residual that a nuisance one prior standard deviation off is worth. The rows of
-    `outputs` are the weighted channels end to end, then one row for each nuisance coordinate.
+    `prior_weight` is the residual of the primary channel, in its unit, that a nuisance one prior standard
+    deviation off is worth. The rows of `outputs` are the weighted channels end to end, then one row for each
+    nuisance coordinate.
     """
 
     problem: Problem
@@ -45,7 +46,7 @@ class MapObjective:
         return cls(problem, space, 0.0).scale_prior(FIRST_RESIDUAL * rms(problem.recorded))
 
     def scale_prior(self, residual_rms: float) -> Self:
-        """Return the objective with priors weighed against a residual of the current of that rms [A]."""
+        """Return the objective with priors weighed against a residual of the primary channel of that rms."""
         return replace(self, prior_weight=float(residual_rms) * CORRELATED_ROWS**0.5)
 
     def reweighted(self, residual: Array) -> Self:
@@ -57,7 +58,11 @@ class MapObjective:
         sizes = np.sqrt(np.mean(by_channel**2, axis=1)) / self.problem.weights
         # A perfect channel would leave the others without weight; no model is right to 0.01 %.
         measured = np.array([rms(self.problem.measured[name]) for name in self.problem.channels])
-        sizes = np.maximum(sizes, LEAST_RESIDUAL * measured)
+        # Nor is a residual less than what its sensor is described to add.
+        noise = np.array(
+            [described_noise(name, self.problem.actuator) or 0.0 for name in self.problem.channels]
+        )
+        sizes = np.maximum(sizes, np.maximum(LEAST_RESIDUAL * measured, noise))
         return replace(self, problem=self.problem.weighted(sizes)).scale_prior(sizes[0])
 
     def rescaled(self, rows: Array, other: Self) -> Array:
@@ -80,7 +85,7 @@ class MapObjective:
     def outputs(self, points: Array) -> Array:
         """Return the model's channels as sensed and weighted, and the nuisances, at `points` (n, d)."""
         predicted = self.problem.predict(self.space.faults(points), self.lumped_parameters(points))
-        sensed = as_sensed(predicted, self.problem.channels, self.space.nuisance_values(points))
+        sensed = with_unknown_errors(predicted, self.problem.channels, self.space.nuisance_values(points))
         rows: Array = np.empty((len(points), self.channel_rows + len(self.space.nuisances.names)))
         channels = rows[:, : self.channel_rows].reshape(sensed.shape)
         np.multiply(sensed, self.problem.weights[:, np.newaxis], out=channels)
@@ -92,11 +97,11 @@ class MapObjective:
         """Return the target less the outputs at `point` (d,) and less a `correction` of them, (rows,)."""
         return np.asarray(self.target - self.outputs(point[np.newaxis])[0] - correction)
 
-    def currents(self, points: Array) -> Array:
-        """Return the model's equivalent current at `points` (n, d), as sensed [A], shape (n, samples)."""
-        currents = self.problem.currents(self.space.faults(points), self.lumped_parameters(points))
-        as_sensed(currents[:, np.newaxis], ("current_A",), self.space.nuisance_values(points))
-        return currents
+    def primary_outputs(self, points: Array) -> Array:
+        """Return the model's primary channel at `points` (n, d), as sensed, shape (n, samples)."""
+        signals = self.problem.predict_primary(self.space.faults(points), self.lumped_parameters(points))
+        nuisances = self.space.nuisance_values(points)
+        return with_unknown_errors(signals[:, np.newaxis], (self.problem.primary,), nuisances)[:, 0]
 
     def lumped_parameters(self, points: Array) -> dict[str, Array]:
         """Return the lumped parameters at `points` (n, d) that are not the description's."""

@@ -1,4 +1,4 @@
-"""A population method alone, as in the thesis: it minimises a cost function of the current."""
+"""A population method alone, as in the thesis: it minimises a cost function of the primary channel."""
 
 from collections.abc import Callable
 from typing import TypeAlias
@@ -36,8 +36,8 @@ def population_search(
     cost_function = COST_FUNCTIONS[fitness]
 
     def cost(unit: Array) -> Array:
-        currents = objective.currents(space.prior_transform(unit))
-        return cost_function(problem.recorded, currents, problem.inputs.interval)
+        signals = objective.primary_outputs(space.prior_transform(unit))
+        return cost_function(problem.recorded, signals, problem.inputs.interval)
 
     def report(best_so_far: BestSoFar) -> None:
         if on_progress is not None:

@@ -9,30 +9,34 @@ from numpy.typing import ArrayLike
 
 from emaphm.actuator import Actuator
 from emaphm.arrays import Array
+from emaphm.errors import MethodError
 from emaphm.estimation.driving_signals import DrivingSignals
 from emaphm.estimation.initial_state import initial_state
+from emaphm.estimation.noise_level import noise_level
 from emaphm.estimation.run_counts import RunCounts
+from emaphm.estimation.sensor_model import all_as_described, as_described, described_noise
 from emaphm.recording import Recording, with_equivalent_current
+from emaphm.recording.schema import RESPONSES
 from emaphm.simulation import (
     AVERAGED,
-    OBSERVABLE,
     Initial,
     Inputs,
     Model,
     Plant,
     observe_batch,
     run,
-    run_batch,
 )
+from emaphm.simulation.engine.plant import structure_of
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
     """An actuator, the model that is to reproduce its signals, and what these signals are.
 
-    `measured` are the signals by channel, each (samples,); `channels` those that are compared, of
-    `OBSERVABLE`, the equivalent current first. `weights`, (channels,), are what a residual of each counts,
-    in A of the current's residual. `temperature_rise_K` is what is known of it, above nominal. `runs` counts
+    `measured` are the signals by channel, each (samples,); `channels` those that are compared, of what the
+    model has to observe. The first one is primary: the equivalent current where there is one. `weights`,
+    (channels,), are what a residual of each counts, in the unit of the primary channel's residual.
+    `temperature_rise_K` is what is known of it, above nominal. `runs` counts
     the simulations.
     """
 
@@ -55,14 +59,23 @@ class Problem:
         actuator: Actuator,
         model: Model = AVERAGED,
         workers: int | None = None,
-        channels: tuple[str, ...] | None = ("current_A",),
+        channels: tuple[str, ...] | None = (),
     ) -> Self:
         """Return the problem of reproducing `recording` by `model` of `actuator`.
 
-        `channels` are compared; where None, all that were recorded, vary and that the model has.
+        `channels` are compared; where empty, the primary one alone; where None, all that were recorded, vary
+        and that the model has.
+
+        Raises
+        ------
+        MethodError
+            The model has none of the recorded channels.
         """
         recording = with_equivalent_current(recording, actuator)
         driving = DrivingSignals.of(recording)
+        compared = compared_channels(recording, actuator, model)
+        if channels is not None:
+            compared = channels or compared[:1]
         rise = 0.0
         if "temperature_K" in recording and actuator.electrical is not None:
             rise = float(np.mean(recording["temperature_K"])) - actuator.electrical.temperature
@@ -73,7 +86,7 @@ class Problem:
             driving.inputs(model.step),
             initial_state(recording, actuator),
             recording.channels,
-            channels or compared_channels(recording, actuator),
+            compared,
             temperature_rise_K=rise,
             workers=workers,
         )
@@ -108,9 +121,20 @@ class Problem:
         return self.inputs.samples * self.inputs.interval
 
     @property
+    def primary(self) -> str:
+        """The channel that a search without least squares compares, and whose residual is judged."""
+        return self.channels[0]
+
+    @property
     def recorded(self) -> Array:
-        """The measured equivalent current [A], shape (samples,)."""
-        return self.measured["current_A"]
+        """The measured primary channel, in its unit, shape (samples,)."""
+        return self.measured[self.primary]
+
+    @property
+    def noise(self) -> float:
+        """The rms of the white noise on the primary channel: as its sensor is described, else as measured."""
+        described = described_noise(self.primary, self.actuator)
+        return noise_level(self.recorded) if described is None else described
 
     @property
     def observed(self) -> Array:
@@ -118,30 +142,33 @@ class Problem:
         weighted = zip(self.channels, self.weights, strict=True)
         return np.concatenate([weight * self.measured[name] for name, weight in weighted])
 
-    def currents(self, faults: ArrayLike, parameters: Mapping[str, ArrayLike] | None = None) -> Array:
-        """Return the model's currents [A] for faults (n, 8) and lumped parameters, shape (n, samples)."""
-        plant = Plant.of(self.actuator, faults, parameters)
-        self.runs.add(self.model, plant.count)
-        return run_batch(self.model, plant, self.inputs, self.start, workers=self.workers)
+    def predict_primary(self, faults: ArrayLike, parameters: Mapping[str, ArrayLike] | None = None) -> Array:
+        """Return the model's primary channel for faults (n, 8) and lumped parameters, shape (n, samples)."""
+        return self._observe(faults, parameters, self.channels[:1])[:, 0]
 
     def predict(self, faults: ArrayLike, parameters: Mapping[str, ArrayLike] | None = None) -> Array:
-        """Return what the model has for the channels, unweighted, shape (n, channels, samples)."""
-        if self.channels == OBSERVABLE[:1]:
-            return self.currents(faults, parameters)[:, np.newaxis]
+        """Return what the sensors show of the model, unweighted, shape (n, channels, samples)."""
+        return self._observe(faults, parameters, self.channels)
+
+    def _observe(
+        self, faults: ArrayLike, parameters: Mapping[str, ArrayLike] | None, channels: tuple[str, ...]
+    ) -> Array:
         plant = Plant.of(self.actuator, faults, parameters)
         self.runs.add(self.model, plant.count)
-        return observe_batch(
-            self.model, plant, self.inputs, self.start, channels=self.channels, workers=self.workers
+        exact = observe_batch(
+            self.model, plant, self.inputs, self.start, channels=channels, workers=self.workers
         )
+        return all_as_described(exact, channels, self.actuator, self.inputs.interval)
 
     def signals(
         self, faults: ArrayLike, parameters: Mapping[str, ArrayLike] | None = None
     ) -> dict[str, Array]:
-        """Return every channel of the model for one fault vector (8,), each of shape (samples,)."""
+        """Return every channel of the model for one fault vector (8,) as sensed, each of shape (samples,)."""
         signals = run(self.model, Plant.of(self.actuator, faults, parameters), self.inputs, self.start)
         self.runs.add(self.model, 1)
         signals["angle_rad"] += self.start.rotor_offset
-        return signals
+        interval = self.inputs.interval
+        return {name: as_described(signals[name], name, self.actuator, interval) for name in signals}
 
 
 def rms(values: Array) -> float:
@@ -150,16 +177,39 @@ def rms(values: Array) -> float:
     return peak * float(np.sqrt(np.mean((values / peak) ** 2))) if peak > 0 else 0.0
 
 
-def comparable_channels(actuator: Actuator) -> tuple[str, ...]:
-    """Return the channels that a model of `actuator` has to compare: no voltage without its windings."""
-    return tuple(name for name in OBSERVABLE if name != "voltage_V" or actuator.electrical is not None)
+def comparable_channels(actuator: Actuator, model: Model = AVERAGED) -> tuple[str, ...]:
+    """Return the channels that a model of `actuator` has to compare: no voltage without its windings.
+
+    Raises
+    ------
+    MethodError
+        The model does not know the actuator's drive.
+    """
+    observable = model.form(structure_of(actuator)).observable
+    return tuple(name for name in observable if name != "voltage_V" or actuator.electrical is not None)
 
 
-def compared_channels(recording: Recording, actuator: Actuator) -> tuple[str, ...]:
-    """Return the channels of `recording` that a model of `actuator` is compared in, the current first."""
-    return tuple(
-        name for name in comparable_channels(actuator) if name == "current_A" or has_signal(recording, name)
-    )
+def compared_channels(recording: Recording, actuator: Actuator, model: Model = AVERAGED) -> tuple[str, ...]:
+    """Return the channels of `recording` that a model of `actuator` is compared in, the primary one first.
+
+    The equivalent current is primary where it was recorded, else the first channel that varies.
+
+    Raises
+    ------
+    MethodError
+        The model has none of the recorded channels, or does not know the actuator's drive.
+    """
+    comparable = comparable_channels(actuator, model)
+    recorded = [name for name in comparable if name in recording]
+    if not recorded:
+        held = ", ".join(name for name in RESPONSES if name in recording)
+        raise MethodError(
+            f"{recording.source}: of what it holds ({held}) the {model.name} model of actuator "
+            f"'{actuator.name}' has nothing to compare; record one of {', '.join(comparable)}"
+        )
+    varying = [name for name in recorded if name == "current_A" or has_signal(recording, name)]
+    chosen = varying or recorded[:1]
+    return tuple(sorted(chosen, key=lambda name: name != "current_A"))
 
 
 def has_signal(recording: Recording, name: str) -> bool:

@@ -10,6 +10,7 @@ from emaphm.arrays import Array
 from emaphm.estimation.discrepancy import Discrepancy
 from emaphm.estimation.noise_level import noise_level
 from emaphm.estimation.objective import MapObjective
+from emaphm.estimation.sensor_model import described_noise
 
 DEFAULT_SCATTER = 2e-4
 """Default standard error of the optimiser's end point, used where its scatter was not measured: kinks of
@@ -100,7 +101,7 @@ class SearchResult:
 
     @property
     def cost(self) -> float:
-        """The mean squared residual of the current [A²], or a population method's own cost."""
+        """The mean squared residual of the primary channel, or a population method's own cost."""
         if self.population_cost is not None:
             return self.population_cost
         return float(np.mean(self.fitted_residual[: self.objective.problem.samples] ** 2))
@@ -113,26 +114,29 @@ class SearchResult:
 
     @property
     def residual_variance(self) -> float:
-        """The mean squared `residual` of the current [A²]."""
+        """The mean squared `residual` of the primary channel."""
         return float(np.mean(self.residual[: self.objective.problem.samples] ** 2))
 
     @property
     def normalised_residual(self) -> float:
-        """The rms residual of the current over that of noise and switching: 1 or less at the truth."""
+        """The rms residual of the primary channel over that of noise and switching: 1 or less if right."""
         switching = 0.0 if self.discrepancy is None else self.discrepancy.switching_variance
         expected = self.noise_level**2 + switching
         return float(np.sqrt(self.residual_variance / max(expected, np.finfo(float).tiny)))
 
     @property
     def noise_level(self) -> float:
-        """The rms of the white noise on the measured current [A].
+        """The rms of the white noise on the measured primary channel, in its unit.
 
-        From the current itself or from the residual, whichever shows less: a fast oscillation of the current
-        passes for noise, and so does one that the model has and the current has not.
+        As its sensor is described. Else from the channel itself or from the residual, whichever shows less: a
+        fast oscillation of a current passes for noise, and so does one that the model has and the current has
+        not.
         """
         problem = self.objective.problem
+        if described_noise(problem.primary, problem.actuator) is not None:
+            return problem.noise
         residual = self.residual[: problem.samples] / problem.weights[0]
-        return min(noise_level(problem.recorded), noise_level(residual))
+        return min(problem.noise, noise_level(residual))
 
     def reweighted(self) -> Self:
         """Return the result with its channels weighted by its residuals."""

@@ -14,6 +14,7 @@ from emaphm.errors import MethodError, SignalError, nearest
 from emaphm.estimation.driving_signals import DrivingSignals
 from emaphm.estimation.objective import MapObjective, faults_objective
 from emaphm.estimation.problem import Problem
+from emaphm.estimation.sensor_model import all_as_described
 from emaphm.experiment.excitation import Excitation
 from emaphm.optimizers import space_filling
 from emaphm.random_streams import child_seed
@@ -158,7 +159,8 @@ class TestSetup:
         """Return every observable channel, noise-free, for each of `faults` (n, 8)."""
         inputs = driving.inputs(model.step)
         given = {"time_s": inputs.time_s, "command_rad": inputs.rows(inputs.command)}
-        signals = observe_batch(model, Plant.of(self.actuator, faults), inputs, workers=self.workers)
+        exact = observe_batch(model, Plant.of(self.actuator, faults), inputs, workers=self.workers)
+        signals = all_as_described(exact, OBSERVABLE, self.actuator, inputs.interval)
         return [given | dict(zip(OBSERVABLE, one, strict=True)) for one in signals]
 
     def _noises(self, signals: dict[str, Array]) -> Array:

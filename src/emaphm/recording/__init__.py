@@ -6,7 +6,7 @@ from emaphm.recording.equivalent_current import equivalent_current, with_equival
 from emaphm.recording.io.read import read_recording, read_signal
 from emaphm.recording.io.write import write_recording
 from emaphm.recording.plausibility import check_plausible
-from emaphm.recording.reconstruction import reconstructed
+from emaphm.recording.reconstruction import held, reconstructed
 from emaphm.recording.recording import Recording
 
 __all__ = [
@@ -16,6 +16,7 @@ __all__ = [
     "check_writable",
     "equivalent_current",
     "full_scales",
+    "held",
     "read_recording",
     "read_signal",
     "reconstructed",

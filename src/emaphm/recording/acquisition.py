@@ -9,9 +9,9 @@ from emaphm.arrays import Array
 from emaphm.errors import RecordingError, nearest
 from emaphm.random_streams import stream
 from emaphm.recording.recording import Recording
-from emaphm.recording.schema import PHASES, SCHEMA
+from emaphm.recording.schema import CURRENTS, SCHEMA
 
-EXACT = ("time_s", "command_rad")
+EXACT = ("time_s", "command_rad", "enabled")
 """Channels that the rig makes itself and therefore knows."""
 
 SENSED = tuple(name for name in SCHEMA if name not in EXACT)
@@ -67,7 +67,7 @@ def acquire(
     if adc_bits is not None:
         for name in full_scale.keys() & columns.keys():
             columns[name] = _quantise(columns[name], adc_bits, full_scale[name])
-    return Recording(columns, recording.sampling, recording.source)
+    return recording.with_channels(columns)
 
 
 def full_scales(actuator: Actuator) -> dict[str, float]:
@@ -76,7 +76,7 @@ def full_scales(actuator: Actuator) -> dict[str, float]:
     Twice the current and torque limits, 1.2 times the others: speed limit, end stops, supply.
     """
     controller, motor, mechanics = actuator.controller, actuator.motor, actuator.mechanics
-    scales = dict.fromkeys((*PHASES, "current_A"), 2 * controller.current_limit)
+    scales = dict.fromkeys(CURRENTS, 2 * controller.current_limit)
     scales["temperature_K"] = HOTTEST_K
     if mechanics.end_stops:
         scales["position_rad"] = 1.2 * max(map(abs, mechanics.end_stops))
@@ -84,7 +84,8 @@ def full_scales(actuator: Actuator) -> dict[str, float]:
     if controller.speed_limit is not None:
         scales["speed_rad_s"] = 1.2 * controller.speed_limit
     if actuator.electrical:
-        scales["voltage_V"] = 1.2 * actuator.electrical.supply
+        voltages = ("voltage_V", "voltage_d_V", "voltage_q_V", "supply_V")
+        scales |= dict.fromkeys(voltages, 1.2 * actuator.electrical.supply)
     if motor.torque_limit is not None:
         scales["load_Nm"] = 2 * motor.torque_limit
     return scales

@@ -6,15 +6,25 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.errors import RecordingError, nearest
-from emaphm.recording.schema import PHASES, SCHEMA
+from emaphm.recording.schema import PHASES, RESPONSES, SCHEMA
 
 FEWEST_SAMPLES = 50
 """Fewer rows than this cannot identify eight faults."""
 
 STEP_TOLERANCE = 0.01
-"""Largest deviation of one time step from the sample interval, as a fraction of it."""
+"""Largest deviation of one time step from the sample interval, as a fraction of it, that counts as none."""
 
-NEEDED = "time_s, command_rad, and current_A or the three phase currents with angle_rad"
+MOST_JITTER = 0.25
+"""Largest rms deviation of the time steps from the sample interval, as a fraction of it, that rows are
+resampled with. Beyond, the rate of the rows says little of what they can resolve."""
+
+GAP = 1.75
+"""A time step of so many sample intervals is a lost row, whose values no interpolation can know."""
+
+NEEDED = (
+    "time_s, command_rad, and one or more of current_A (or the three phase currents with angle_rad), "
+    + ", ".join(name for name in RESPONSES if name != "current_A")
+)
 
 COUNTING = "rows count from 1, the header not included"
 
@@ -36,7 +46,7 @@ def check(columns: Mapping[str, Array], source: str, labels: Mapping[str, str] |
     ------
     RecordingError
         A needed column is missing, lengths differ, there are fewer than 50 rows, a value is not
-        finite, time does not increase in uniform steps, or nothing was commanded.
+        finite, time does not increase or leaves a gap or jitters too much, or nothing was commanded.
     """
     labels = {name: _label(name, labels or {}) for name in columns}
     complaint = (
@@ -53,10 +63,11 @@ def check(columns: Mapping[str, Array], source: str, labels: Mapping[str, str] |
 def missing_columns(present: Collection[str]) -> tuple[str, ...]:
     """Return the needed columns that are not among `present`.
 
-    Where some phase currents are there, the others and the angle count as missing, else `current_A`.
+    Where none of `RESPONSES` is there but some phase currents are, the others and the angle count as missing,
+    else `current_A`.
     """
     missing = [name for name in ("time_s", "command_rad") if name not in present]
-    if "current_A" not in present:
+    if not any(name in present for name in RESPONSES):
         has_phases = any(name in present for name in PHASES)
         current = (*PHASES, "angle_rad") if has_phases else ("current_A",)
         missing += [name for name in current if name not in present]
@@ -115,17 +126,28 @@ def _time_steps(time: Array, label: str) -> str | None:
             f"time does not increase at row {row} of column {label} ({time[row - 2]:.9g} s, then "
             f"{time[row - 1]:.9g} s); sort the rows and drop repeated ones ({COUNTING})"
         )
-    # The median, so that one gap does not make every healthy row look wrong.
+    if is_uniform(time):
+        return None
+    with np.errstate(over="ignore", invalid="ignore"):
+        # Relative to the mean: a gap exceeds it however long it is.
+        relative = steps / steps.mean()
+        jitter = float(np.sqrt(np.mean((relative - 1) ** 2)))
+    gaps = np.flatnonzero(~(relative < GAP))
+    if not gaps.size and jitter <= MOST_JITTER:
+        return None
+    row = int(gaps[0] if gaps.size else np.argmax(np.abs(relative - 1))) + 2
+    return (
+        f"sampling is not uniform: row {row} of column {label} comes {steps[row - 2]:.6g} s after "
+        f"the one before it, where {np.median(steps):.6g} s is usual; cut the recording there, resample "
+        f"to a constant rate, or store more digits of time ({COUNTING})"
+    )
+
+
+def is_uniform(time: Array) -> bool:
+    """Return whether all steps of `time` (n,) are within `STEP_TOLERANCE` of their median."""
+    steps = np.diff(time)
     interval = np.median(steps)
-    uneven = np.flatnonzero(np.abs(steps - interval) > STEP_TOLERANCE * interval)
-    if uneven.size:
-        row = uneven[0] + 2
-        return (
-            f"sampling is not uniform: row {row} of column {label} comes {steps[row - 2]:.6g} s after "
-            f"the one before it, where {interval:.6g} s is usual; resample to a constant rate, or store more "
-            f"digits of time ({COUNTING})"
-        )
-    return None
+    return bool(np.all(np.abs(steps - interval) <= STEP_TOLERANCE * interval))
 
 
 def _nothing_commanded(command: Array, label: str) -> str | None:

@@ -8,9 +8,12 @@ from numpy.typing import ArrayLike, NDArray
 from emaphm.actuator import Actuator
 from emaphm.errors import RecordingError, nearest
 from emaphm.recording.recording import Recording
-from emaphm.recording.schema import PHASES
+from emaphm.recording.schema import PHASES, RESPONSES
 
 Form = Literal["torque", "active", "magnitude"]
+
+NOT_COMPARED = "the phase currents are not compared"
+"""How the note begins on phases that no equivalent current can be made of."""
 
 
 def equivalent_current(
@@ -74,13 +77,27 @@ def equivalent_current(
 def with_equivalent_current(recording: Recording, actuator: Actuator) -> Recording:
     """Return `recording` with `current_A`, made from its phase currents and `angle_rad` where it is absent.
 
+    Where it cannot be made, but other channels can be compared with a model, a note says why.
+
     Raises
     ------
     RecordingError
-        It is absent, and the actuator has no electrical description to give the pole pairs.
+        Only the phases could be compared, and the actuator has no electrical description to give the pole
+        pairs.
     """
-    if "current_A" in recording:
+    phases_recorded = [name for name in PHASES if name in recording]
+    if "current_A" in recording or not phases_recorded:
         return recording
+    missing = [name for name in (*PHASES, "angle_rad") if name not in recording]
+    others = any(name in recording for name in RESPONSES)
+    if missing:
+        why = f"no {', '.join(missing)}"
+        return recording.with_channels(
+            recording.channels, [f"{NOT_COMPARED}: {why} to make current_A of them"]
+        )
+    if actuator.electrical is None and others:
+        why = "the actuator's description has no pole pairs"
+        return recording.with_channels(recording.channels, [f"{NOT_COMPARED}: {why}"])
     if actuator.electrical is None:
         raise RecordingError(
             f"{recording.source}: no column 'current_A', and to make it from the phases the pole pairs are "
@@ -88,4 +105,4 @@ def with_equivalent_current(recording: Recording, actuator: Actuator) -> Recordi
         )
     phases = np.stack([recording[name] for name in PHASES])
     current = equivalent_current(phases, recording["angle_rad"], actuator.electrical.pole_pairs)
-    return Recording({**recording.channels, "current_A": current}, recording.sampling, recording.source)
+    return recording.with_channels({**recording.channels, "current_A": current})

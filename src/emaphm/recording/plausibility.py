@@ -13,7 +13,7 @@ from emaphm.errors import RecordingError
 from emaphm.recording.checks import COUNTING
 from emaphm.recording.io.limits import WAY_OUT
 from emaphm.recording.recording import Recording
-from emaphm.recording.schema import PHASES, SCHEMA
+from emaphm.recording.schema import CURRENTS, SCHEMA
 
 MOST_ROWS = 200_000
 """Longest recording that models are fitted to [rows]: 40 s at 5 kHz. A row takes up to 12 kB and 0.5 ms of a
@@ -83,6 +83,8 @@ def check_plausible(recording: Recording, actuator: Actuator) -> None:
         or _speed(recording, actuator)
         or _low_speed(recording, actuator)
         or _voltage(recording, actuator)
+        or _duty(recording)
+        or _enabled(recording)
         or _load(recording, actuator)
         or _temperature(recording)
         or _magnitude(recording)
@@ -146,12 +148,15 @@ def _motion(recording: Recording, actuator: Actuator) -> str | None:
 def _no_current(recording: Recording) -> str | None:
     if "current_A" not in recording or np.any(recording["current_A"]):
         return None
-    return "current_A is 0 throughout: nothing was measured; check the sensor and its channel"
+    return (
+        "current_A is 0 throughout: nothing was measured; check the sensor and its channel, or leave the "
+        "column out"
+    )
 
 
 def _high_current(recording: Recording, actuator: Actuator) -> str | None:
     limit = actuator.controller.current_limit
-    for name in (*PHASES, "current_A"):
+    for name in CURRENTS:
         reached, row = _peak(recording, name)
         if reached > BEYOND_LIMIT * limit:
             return (
@@ -203,12 +208,37 @@ def _low_speed(recording: Recording, actuator: Actuator) -> str | None:
 
 
 def _voltage(recording: Recording, actuator: Actuator) -> str | None:
-    reached, row = _peak(recording, "voltage_V")
-    if actuator.electrical is None or reached <= BEYOND_LIMIT * actuator.electrical.supply:
+    if actuator.electrical is None:
+        return None
+    for name in ("voltage_V", "voltage_d_V", "voltage_q_V", "supply_V"):
+        reached, row = _peak(recording, name)
+        if reached > BEYOND_LIMIT * actuator.electrical.supply:
+            return (
+                f"{name} reaches {reached:.4g} at row {row}, the supply is {actuator.electrical.supply:.4g}; "
+                f"it seems to be in millivolts or raw counts: convert it to V ({COUNTING})"
+            )
+    return None
+
+
+def _duty(recording: Recording) -> str | None:
+    reached, row = _peak(recording, "duty")
+    if reached <= BEYOND_LIMIT:
         return None
     return (
-        f"voltage_V reaches {reached:.4g} at row {row}, the supply is {actuator.electrical.supply:.4g}; it "
-        f"seems to be in millivolts or raw counts: convert it to V ({COUNTING})"
+        f"duty reaches {reached:.4g} at row {row}, the whole supply is 1; it seems to be in percent or raw "
+        f"counts: divide it by what stands for the whole supply ({COUNTING})"
+    )
+
+
+def _enabled(recording: Recording) -> str | None:
+    if "enabled" not in recording:
+        return None
+    odd = np.flatnonzero((recording["enabled"] != 0) & (recording["enabled"] != 1))
+    if not odd.size:
+        return None
+    return (
+        f"enabled is {recording['enabled'][odd[0]]:.4g} at row {odd[0] + 1}; give 1 where the drive is "
+        f"switched on, 0 where it is off ({COUNTING})"
     )
 
 

@@ -8,6 +8,9 @@ from emaphm.arrays import Array
 from emaphm.recording.akima import AkimaCurve
 from emaphm.recording.recording import Recording
 
+ROUNDING = 1e-9
+"""Share of an interval by which a time may be early through rounding."""
+
 
 def reconstructed(recording: Recording, name: str) -> Callable[[Array], Array]:
     """Return a recorded channel as a function of the time since the first row [s].
@@ -24,3 +27,19 @@ def reconstructed(recording: Recording, name: str) -> Callable[[Array], Array]:
         start, values, last = interval / 2, values - bent / 24, last + interval
     curve = AkimaCurve.through(values, start, interval)
     return lambda times: curve(np.clip(times, 0.0, last))
+
+
+def held(recording: Recording, name: str) -> Callable[[Array], Array]:
+    """Return a recorded switch as a function of the time since the first row [s]: a zero-order hold.
+
+    Row n holds over [n h, (n + 1) h), h the interval, the first and the last one beyond the recording too.
+    Nothing lies between on and off: a curve through the rows would be half on for an interval.
+    """
+    interval, values = recording.interval_s, recording[name]
+
+    def value(times: Array) -> Array:
+        # Times of steps come as multiples of a fraction of the interval: rounding must not lose a row.
+        row = np.floor(times / interval + ROUNDING).astype(np.intp)
+        return np.asarray(values[np.clip(row, 0, values.size - 1)])
+
+    return value

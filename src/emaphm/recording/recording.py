@@ -12,6 +12,7 @@ from emaphm.actuator.quantity import unit_for
 from emaphm.arrays import Array
 from emaphm.errors import RecordingError, nearest
 from emaphm.recording.checks import check
+from emaphm.recording.resampling import on_uniform_grid
 from emaphm.recording.schema import SCHEMA
 
 if TYPE_CHECKING:
@@ -25,6 +26,9 @@ Sampling = Literal["mean", "instant"]
 class Recording:
     """Uniformly sampled channels of one manoeuvre.
 
+    Rows whose times jitter are brought to a constant rate, which a note tells
+    (`emaphm.recording.resampling`).
+
     Parameters
     ----------
     channels
@@ -35,6 +39,8 @@ class Recording:
         t_n (docs/physics.md, section 7).
     source
         File name or description, for error messages and titles.
+    notes
+        What was done to the channels, and what of them cannot be used; a sentence each.
 
     Raises
     ------
@@ -45,19 +51,27 @@ class Recording:
     channels: Mapping[str, Array]
     sampling: Sampling = "mean"
     source: str = "recording"
+    notes: tuple[str, ...] = ()
 
     def __init__(
-        self, channels: Mapping[str, ArrayLike], sampling: Sampling = "mean", source: str = "recording"
+        self,
+        channels: Mapping[str, ArrayLike],
+        sampling: Sampling = "mean",
+        source: str = "recording",
+        notes: Sequence[str] = (),
     ) -> None:
         columns = {name: _read_only(values, name, source) for name, values in channels.items()}
         check(columns, source)
+        columns, resampled = on_uniform_grid(columns, sampling)
         object.__setattr__(self, "channels", MappingProxyType(columns))
         object.__setattr__(self, "sampling", sampling)
         object.__setattr__(self, "source", source)
+        # What is made of a recording keeps its notes: none stands twice.
+        object.__setattr__(self, "notes", tuple(dict.fromkeys((*notes, *resampled))))
 
     def __reduce__(self) -> tuple[Any, ...]:
         # A mapping proxy cannot be pickled, and worker processes need recordings.
-        return Recording, (dict(self.channels), self.sampling, self.source)
+        return Recording, (dict(self.channels), self.sampling, self.source, self.notes)
 
     def __getitem__(self, name: str) -> Array:
         """Return column `name`, shape (n,), read-only; an unknown name raises `RecordingError`."""
@@ -74,6 +88,10 @@ class Recording:
     def __iter__(self) -> Iterator[str]:
         """Iterate over the column names."""
         return iter(self.channels)
+
+    def with_channels(self, channels: Mapping[str, ArrayLike], notes: Sequence[str] = ()) -> "Recording":
+        """Return the recording with the columns `channels` instead, and with `notes` after its own."""
+        return Recording(channels, self.sampling, self.source, (*self.notes, *notes))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -145,7 +163,9 @@ class Recording:
             f"  {name:<{width}}  {values.min():.4g} to {values.max():.4g}"
             for name, values in self.channels.items()
         )
-        return "\n".join((f"Recording '{self.source}': {self.samples} rows ({what}) at {rate}", *ranges))
+        notes = (f"  Note: {note}" for note in self.notes)
+        head = f"Recording '{self.source}': {self.samples} rows ({what}) at {rate}"
+        return "\n".join((head, *ranges, *notes))
 
 
 def _read_only(values: ArrayLike, name: str, source: str) -> Array:

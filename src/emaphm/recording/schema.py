@@ -24,7 +24,14 @@ SCHEMA: Mapping[str, Channel] = MappingProxyType(
         "current_b_A": Channel("current of phase b", "A"),
         "current_c_A": Channel("current of phase c", "A"),
         "current_A": Channel("equivalent current", "A"),
+        "current_d_A": Channel("current along the rotor's flux", "A"),
+        "current_q_A": Channel("current across the rotor's flux", "A"),
         "voltage_V": Channel("line voltage", "V"),
+        "voltage_d_V": Channel("voltage along the rotor's flux", "V"),
+        "voltage_q_V": Channel("voltage across the rotor's flux", "V"),
+        "duty": Channel("share of the supply voltage that the drive applies", "-"),
+        "supply_V": Channel("supply voltage", "V"),
+        "enabled": Channel("0 where the drive is switched off", "-"),
         "load_Nm": Channel("load at the motor", "N·m"),
         "temperature_K": Channel("temperature", "K"),
     }
@@ -33,3 +40,19 @@ SCHEMA: Mapping[str, Channel] = MappingProxyType(
 
 PHASES = ("current_a_A", "current_b_A", "current_c_A")
 """The phase currents; with `angle_rad` they stand in for a missing `current_A`."""
+
+CURRENTS = (*PHASES, "current_A", "current_d_A", "current_q_A")
+"""All currents of the motor."""
+
+RESPONSES = (
+    "current_A",
+    "current_q_A",
+    "current_d_A",
+    "voltage_V",
+    "voltage_q_V",
+    "voltage_d_V",
+    "duty",
+    "position_rad",
+    "speed_rad_s",
+)
+"""What an actuator answers a command with: a recording has one at least, to be compared with a model."""

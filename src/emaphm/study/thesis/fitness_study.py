@@ -73,7 +73,7 @@ def _rows(actuator: Actuator, command: Chirp) -> Iterator[dict[str, Any]]:
         scanned = np.tile(state.faults.vector, (GRID.size, 1))
         scanned[:, component] = GRID
         for model_name, model in MODELS.items():
-            modelled = Problem.of(recording, actuator, model).currents(scanned)
+            modelled = Problem.of(recording, actuator, model).predict_primary(scanned)
             for (form, channel), (fitness_name, fitness) in product(CURRENTS.items(), COST_FUNCTIONS.items()):
                 scan = fitness(recording[channel], modelled, recording.interval_s)
                 least, true = int(np.argmin(scan)), int(GRID.searchsorted(truth))

@@ -3,18 +3,16 @@
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from emaphm.actuator import Actuator, Faults
 from emaphm.arrays import Array
-from emaphm.estimation.problem import Problem, rms
+from emaphm.estimation.problem import Problem
+from emaphm.estimation.replay.errors import ChannelError, error_table, relative_of, warnings
 from emaphm.recording import Recording, check_plausible, with_equivalent_current
 from emaphm.recording.schema import SCHEMA
 from emaphm.simulation import model_named
-from emaphm.simulation.laws.angles import wrap
-from emaphm.text_table import format_table
 from emaphm.version import VERSION
 
 if TYPE_CHECKING:
@@ -23,21 +21,50 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """A recording, the model's `signals` for it, each (samples,), and the relative error of each channel.
-
-    `relative_error` is rms(measured - model) / rms(measured), as a fraction.
-    """
+    """A recording, and what the sensors would show of the model: `signals` by channel, each (samples,)."""
 
     recording: Recording
     actuator: Actuator
     model: str
     signals: Mapping[str, Array]
-    relative_error: Mapping[str, float]
+
+    @cached_property
+    def errors(self) -> Mapping[str, ChannelError]:
+        """The errors of each channel that both the recording and the model have."""
+        return {
+            name: ChannelError.of(name, [(self.recording[name], self.signals[name])])
+            for name in SCHEMA
+            if name in self.recording and name in self.signals
+        }
+
+    @property
+    def mean_absolute_error(self) -> Mapping[str, float]:
+        """The mean of |measured - model| by channel, in its unit."""
+        return {name: one.mean_absolute for name, one in self.errors.items()}
+
+    @property
+    def rms_error(self) -> Mapping[str, float]:
+        """The rms of measured - model by channel, in its unit."""
+        return {name: one.rms for name, one in self.errors.items()}
+
+    @property
+    def relative_error(self) -> Mapping[str, float]:
+        """rms(measured - model) / rms(measured) by channel, as a fraction; without those that are 0."""
+        return relative_of(self.errors)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """A sentence on each channel that the model is nothing like."""
+        return warnings(self.errors)
 
     def to_dict(self) -> dict[str, Any]:
         """Return what `emaphm replay --json` prints."""
         return {
             "relative_error": dict(self.relative_error),
+            "mean_absolute_error": dict(self.mean_absolute_error),
+            "rms_error": dict(self.rms_error),
+            "warnings": list(self.warnings),
+            "notes": list(self.recording.notes),
             "model": self.model,
             "recording": self.recording.source,
             "actuator": self.actuator.name,
@@ -55,9 +82,14 @@ class Replay:
         return draw_replay(self.recording, self.signals, self.actuator, self.relative_error)
 
     def __str__(self) -> str:
-        """Return a table of the relative errors."""
-        rows = [(name, f"{100 * error:.4g} %") for name, error in self.relative_error.items()]
-        return format_table(("channel", "relative error"), rows)
+        """Return a table of the errors, with notes on the recording and warnings."""
+        return "\n".join(
+            [
+                error_table(self.errors, self.actuator.coordinates),
+                *(f"Note: {note}." for note in self.recording.notes),
+                *(f"Warning: {warning}." for warning in self.warnings),
+            ]
+        )
 
 
 def replay(
@@ -70,7 +102,7 @@ def replay(
     RecordingError
         The recording cannot be meant for this actuator, by orders of magnitude.
     MethodError
-        The model is unknown.
+        The model is unknown, or has none of the recorded channels.
     """
     check_plausible(recording, actuator)
     recording = with_equivalent_current(recording, actuator)
@@ -78,19 +110,4 @@ def replay(
     signals = problem.signals((faults or Faults()).vector)
     if actuator.electrical is None:
         del signals["voltage_V"]  # an ideal current loop has no voltage to speak of
-    shared = [name for name in SCHEMA if name in recording and name in signals]
-    # A channel that is 0 throughout has nothing for an error to be relative to.
-    errors = {
-        name: relative_error(name, recording[name], signals[name])
-        for name in shared
-        if np.any(recording[name])
-    }
-    return Replay(recording, actuator, model, signals, errors)
-
-
-def relative_error(name: str, measured: Array, modelled: Array) -> float:
-    """Return rms(measured - model) / rms(measured) of a channel; angles are compared modulo a turn."""
-    difference = measured - modelled
-    if name == "angle_rad":
-        difference = wrap(difference)
-    return rms(difference) / rms(measured)
+    return Replay(recording, actuator, model, signals)

@@ -1,0 +1,92 @@
+"""Rows whose times jitter, brought to a constant rate."""
+
+from typing import Literal
+
+import numpy as np
+
+from emaphm.arrays import Array
+from emaphm.recording.checks import is_uniform
+
+Columns = dict[str, Array]
+
+HELD = ("enabled",)
+"""Channels that switch: nothing lies between their values."""
+
+FULL_TURN = 2 * np.pi * 1.01
+"""Range up to which an angle may be that of a sensor which starts anew with every turn [rad]."""
+
+
+def on_uniform_grid(
+    columns: Columns, sampling: Literal["mean", "instant"]
+) -> tuple[Columns, tuple[str, ...]]:
+    """Return `columns` on as many, equally spaced times, with a note; unchanged where they are so already.
+
+    Instants are joined by a piecewise cubic curve (Akima 1970). A straight line would lose h²x''/8 half-way
+    between two rows; a spline through all rows would overshoot far around a jump, where Akima's curve depends
+    on three rows to either side and follows a jump closely.
+
+    Means over [t_n, t_{n+1}) are joined through their integral F(t_n) = Σ_{k<n} x̄_k (t_{k+1} - t_k), so that
+    the time integral of every channel is kept: a new row is (F(τ_{n+1}) - F(τ_n)) / h of that curve.
+
+    An angle that starts anew with every turn is made continuous first. A channel that switches, and one
+    beyond the schema that has holes, takes the value of the nearest row.
+
+    Parameters
+    ----------
+    columns
+        Arrays (n,) by name, `time_s` [s] among them, increasing.
+    sampling
+        What a row is: "mean" or "instant".
+
+    Returns
+    -------
+    Columns of the same names and lengths, read-only; notes, none where the rows were uniform.
+
+    References
+    ----------
+    [1] H. Akima, A new method of interpolation and smooth curve fitting based on local procedures,
+    Journal of the ACM 17 (1970).
+    """
+    time = columns["time_s"]
+    if is_uniform(time):
+        return columns, ()
+    rows = time.size
+    steps = np.diff(time)
+    # Of means the last one's interval is not known: the mean of the others stands for it.
+    edges = np.append(time, time[-1] + steps.mean()) if sampling == "mean" else time
+    grid = np.linspace(edges[0], edges[-1], edges.size)
+    nearest = np.searchsorted((time[1:] + time[:-1]) / 2, grid[:rows])
+    uniform = {}
+    for name, recorded in columns.items():
+        values = _continuous(recorded) if name == "angle_rad" else recorded
+        if name == "time_s":
+            uniform[name] = grid[:rows]
+        elif name in HELD or not np.all(np.isfinite(values)):
+            uniform[name] = values[nearest]
+        elif sampling == "mean":
+            integral = np.append(0.0, np.cumsum(values * np.diff(edges)))
+            uniform[name] = np.diff(_curve(edges, integral, grid)) / np.diff(grid)
+        else:
+            uniform[name] = _curve(time, values, grid)
+        uniform[name].setflags(write=False)
+    interval = float(grid[-1] - grid[0]) / (grid.size - 1)
+    relative = np.abs(steps / interval - 1)
+    note = (
+        f"time steps differ from {interval:.4g} s by {100 * np.sqrt(np.mean(relative**2)):.2g} % rms, by "
+        f"{100 * relative.max():.2g} % at row {np.argmax(relative) + 2}; the rows were resampled to "
+        f"{1 / interval:.4g} Hz"
+    )
+    return uniform, (note,)
+
+
+def _continuous(angle: Array) -> Array:
+    """Return an angle (n,) without the jumps of a sensor that starts anew with every turn."""
+    return np.unwrap(angle) if np.ptp(angle) <= FULL_TURN else angle
+
+
+def _curve(times: Array, values: Array, grid: Array) -> Array:
+    """Return the values at `grid` (m,) of Akima's curve through `values` (n,) at `times` (n,)."""
+    # Its import takes longer than a recording; few recordings need it.
+    from scipy.interpolate import Akima1DInterpolator
+
+    return np.asarray(Akima1DInterpolator(times - times[0], values)(grid - times[0]), float)

@@ -1,0 +1,149 @@
+"""Rows whose times jitter are brought to a constant rate, and a note says so."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from emaphm.actuator import Actuator
+from emaphm.actuator.parameters import Channels
+from emaphm.arrays import Array
+from emaphm.recording import Recording, acquire, read_recording
+
+from .conftest import Columns
+
+ROWS = 1000
+INTERVAL = 1e-3
+
+
+def jittered(largest: float, seed: int = 0) -> Array:
+    """Return times whose stamps are off by up to `largest`, as a fraction of the interval."""
+    moves = np.random.default_rng(seed).uniform(-largest, largest, ROWS)
+    return np.asarray(INTERVAL * (np.arange(ROWS) + moves))
+
+
+def swing(t: Array) -> Array:
+    """Return a sine of 15 Hz, the fastest that the thesis commands."""
+    return np.asarray(5e-3 * np.sin(2 * np.pi * 15 * t))
+
+
+def means(signal: Callable[[Array], Array], edges: Array) -> Array:
+    """Return the means of a signal between `edges` (n + 1,), by Gauss's rule."""
+    nodes, weights = np.polynomial.legendre.leggauss(6)
+    middles, halves = (edges[1:] + edges[:-1]) / 2, np.diff(edges) / 2
+    return np.asarray(signal(middles[:, np.newaxis] + halves[:, np.newaxis] * nodes) @ weights / 2)
+
+
+def rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+@pytest.mark.parametrize("largest", [0.05, 0.2])
+def test_instants_are_found_again(largest: float) -> None:
+    time = jittered(largest)
+    recording = Recording({"time_s": time, "command_rad": swing(time), "current_A": time}, "instant")
+    grid = recording["time_s"]
+    np.testing.assert_allclose(grid, np.linspace(time[0], time[-1], ROWS), rtol=0, atol=1e-12)
+    # A straight line would be h²x''/8 off half-way between two rows: 1.1e-3 of the amplitude. Rows taken for
+    # uniform are off by the jitter times the speed: 94 rad/s × 1 ms × 0.2 / sqrt(3), 1 % of the rms.
+    error = recording["command_rad"] - swing(grid)
+    assert rms(error) < 2e-4 * rms(swing(grid))
+    naive = swing(time) - swing(np.asarray(INTERVAL * np.arange(ROWS)))
+    assert rms(error) < 0.05 * rms(naive)
+    np.testing.assert_allclose(recording["current_A"], grid, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("largest", [0.05, 0.2])
+def test_means_are_found_again_and_keep_their_integral(largest: float) -> None:
+    time = jittered(largest)
+    edges = np.append(time, time[-1] + np.diff(time).mean())
+    rows = means(swing, edges)
+    recording = Recording({"time_s": time, "command_rad": rows, "current_A": rows}, "mean")
+    grid = np.append(recording["time_s"], edges[-1])
+    exact = means(swing, grid)
+    assert rms(recording["command_rad"] - exact) < 2e-3 * rms(exact)
+    integral = float(rows @ np.diff(edges))
+    assert recording["command_rad"].sum() * recording.interval_s == pytest.approx(integral, abs=1e-15)
+
+
+@given(seed=st.integers(0, 1000), height=st.floats(-10, 10), row=st.integers(10, ROWS - 10))
+def test_a_jump_is_hardly_overshot(seed: int, height: float, row: int) -> None:
+    time = jittered(0.1, seed)
+    jump = np.where(np.arange(ROWS) < row, 0.0, height)
+    recording = Recording({"time_s": time, "command_rad": 1 + time, "current_A": jump}, "instant")
+    beyond = np.maximum(recording["current_A"] * np.sign(height) - abs(height), 0.0)
+    assert beyond.max() <= 1e-9 * abs(height)
+    far = np.abs(np.arange(ROWS) - row) > 3
+    np.testing.assert_allclose(recording["current_A"][far], jump[far], rtol=0, atol=1e-9)
+
+
+def test_a_switch_stays_a_switch_and_holes_stay_holes() -> None:
+    time = jittered(0.1)
+    enabled = (time < 0.5).astype(float)
+    holes = np.where(np.arange(ROWS) % 7 == 0, np.nan, 1.0)
+    given = {
+        "time_s": time,
+        "command_rad": 1 + time,
+        "current_A": time,
+        "enabled": enabled,
+        "humidity": holes,
+    }
+    recording = Recording(given, "instant")
+    assert set(recording["enabled"]) == {0.0, 1.0}
+    assert abs(recording["enabled"].sum() - enabled.sum()) <= 1
+    assert np.isnan(recording["humidity"]).sum() == pytest.approx(np.isnan(holes).sum(), abs=5)
+
+
+def test_an_angle_may_start_anew_with_every_turn() -> None:
+    time = jittered(0.1)
+    angle = np.angle(np.exp(1j * 300 * time))
+    recording = Recording(
+        {"time_s": time, "command_rad": 1 + time, "current_A": time, "angle_rad": angle}, "instant"
+    )
+    off = np.angle(np.exp(1j * (recording["angle_rad"] - 300 * recording["time_s"])))
+    assert np.abs(off).max() < 1e-9
+
+
+def test_a_note_says_what_was_done_and_stays() -> None:
+    time = jittered(0.05)
+    recording = Recording({"time_s": time, "command_rad": swing(time), "current_A": time}, source="rig 3")
+    (note,) = recording.notes
+    worst = np.abs(np.diff(time) / np.diff(recording["time_s"]).mean() - 1).argmax() + 2
+    for piece in ("0.001", "% rms", f"at row {worst}", "resampled to 1000", "Hz"):
+        assert piece in note
+    assert note in repr(recording)
+    assert acquire(recording, noise={"current_A": 0.1}, seed=0).notes == (note,)
+
+
+def test_uniform_rows_stay_bit_for_bit(columns: Columns) -> None:
+    recording = Recording(columns)
+    assert recording.notes == ()
+    for name, values in columns.items():
+        np.testing.assert_array_equal(recording[name], values)
+
+
+def test_logs_of_a_real_servo_are_read(xl330_folder: Path, thesis: Actuator) -> None:
+    names = Channels(
+        sampling="instant",
+        command_rad="goal_rad",
+        position_rad="position_rad",
+        enabled="torque_enable",
+        temperature_K="temperature_degC",
+    )
+    rig = thesis.model_copy(update={"channels": names})
+    files = sorted(xl330_folder.glob("*.csv"))
+    assert len(files) >= 8
+    for file in files:
+        recording = read_recording(file, rig)
+        given = pl.read_csv(file)
+        time, position = given["time_s"].to_numpy(), given["position_rad"].to_numpy()
+        assert len(recording.notes) == 1
+        assert recording.samples == time.size
+        assert set(recording["enabled"]) <= {0.0, 1.0}
+        # The encoder's step is 2 pi / 4096: the curve stays as near to the chords between the rows.
+        chords = np.interp(recording["time_s"], time, position)
+        assert np.abs(recording["position_rad"] - chords).max() < 2 * 2 * np.pi / 4096
