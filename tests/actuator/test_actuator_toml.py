@@ -147,7 +147,7 @@ def test_error_counts_what_else_is_wrong(tmp_path: Path) -> None:
     path = tmp_path / "actuator.toml"
     Actuator.thesis().to_toml(path)
     text = path.read_text(encoding="utf-8")
-    path.write_text(text.replace("supply = ", "suply = ").replace("hysteresis = ", "histeresis = "), "utf-8")
+    path.write_text(text.replace("supply = ", "suply = ").replace("inductance = ", "inductence = "), "utf-8")
     # Two misspellings, each of which also leaves its key missing.
     assert complaint_about(path).endswith("(and 3 more)")
 

@@ -102,5 +102,5 @@ def test_an_impossible_baseline_is_refused_in_one_line(changed: dict[str, object
 def test_a_baseline_needs_the_section_that_its_parameters_stand_in() -> None:
     values = THESIS.model_dump() | {"electrical": None}
     baseline = {"names": ["resistance"], "covariance": [[1e-4]], "recordings": ["monday.csv"]}
-    with pytest.raises(ActuatorError, match=r"'resistance' needs an \[electrical\] section; add it"):
+    with pytest.raises(ActuatorError, match=r"'resistance' needs \[electrical\] with it; add it"):
         Actuator.from_dict(values | {"baseline": baseline})

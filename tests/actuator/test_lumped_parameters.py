@@ -1,20 +1,28 @@
 """Totals referred to the motor shaft: reading them from an actuator and setting them."""
 
+from functools import reduce
+
 import pytest
 from hypothesis import given
 
 from emaphm.actuator import Actuator
+from emaphm.actuator.actuator import described_parts
+from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import LUMPED_PARAMETERS, lumped_parameters, with_lumped_parameters
 from emaphm.errors import ActuatorError, MethodError
 from strategies import actuators
 
 THESIS = Actuator.thesis()
-MECHANICAL = tuple(name for name in LUMPED_PARAMETERS if name not in {"resistance", "inductance", "supply"})
+OF_THE_THESIS = tuple(name for name in LUMPED_PARAMETERS if described_parts(THESIS, name) is not None)
+EVERYTHING = reduce(lambda actuator, law: law.added_to(actuator), LAWS.values(), THESIS)
+"""The thesis's actuator with every optional law."""
+
+DESCRIBED = tuple(name for name in LUMPED_PARAMETERS if described_parts(EVERYTHING, name) is not None)
 
 
 def test_lumped_parameters_of_the_thesis() -> None:
     # Sums of the table in docs/physics.md, section 1, which knows no lags.
-    assert lumped_parameters(THESIS, tuple(LUMPED_PARAMETERS)) == pytest.approx(
+    assert lumped_parameters(THESIS, OF_THE_THESIS) == pytest.approx(
         {
             "inertia": 2.5e-5,
             "viscous": 9.99930e-6,
@@ -22,8 +30,15 @@ def test_lumped_parameters_of_the_thesis() -> None:
             "static": 0.1689,
             "offset": 0.0,
             "hinge": 0.0,
+            "backlash": 5e-3,
             "position_gain": 1e5,
+            "position_integral_gain": 0.0,
+            "position_derivative_gain": 0.0,
             "speed_gain": 5e-2,
+            "integral_gain": 0.0,
+            "derivative_gain": 0.0,
+            "speed_feedforward": 0.0,
+            "speed_feedback": 1.0,
             "speed_lag": 0.0,
             "torque_lag": 0.0,
             "torque_constant": 0.0752,
@@ -37,7 +52,7 @@ def test_lumped_parameters_of_the_thesis() -> None:
 
 @given(actuator=actuators())
 def test_setting_the_lumped_parameters_that_it_has_changes_nothing(actuator: Actuator) -> None:
-    names = tuple(LUMPED_PARAMETERS) if actuator.electrical else MECHANICAL
+    names = tuple(name for name in LUMPED_PARAMETERS if described_parts(actuator, name) is not None)
     same = with_lumped_parameters(actuator, lumped_parameters(actuator, names))
     kept = {"end_stops"}
     # Shares of a sum take a few roundings.
@@ -48,15 +63,12 @@ def test_setting_the_lumped_parameters_that_it_has_changes_nothing(actuator: Act
     assert same.model_dump(exclude=others) == actuator.model_dump(exclude=others)
 
 
-@pytest.mark.parametrize("name", LUMPED_PARAMETERS)
+@pytest.mark.parametrize("name", DESCRIBED)
 def test_a_total_that_was_set_is_read_back_and_the_others_stay(name: str) -> None:
-    value = 0.19 if name == "static" else 0.06
-    changed = with_lumped_parameters(THESIS, {name: value}, name="calibrated")
+    value = {"static": 0.19, "current_lag": 2e-5}.get(name, 0.06)
+    changed = with_lumped_parameters(EVERYTHING, {name: value}, name="calibrated")
     assert changed.name == "calibrated"
-    before, after = (
-        lumped_parameters(THESIS, tuple(LUMPED_PARAMETERS)),
-        lumped_parameters(changed, tuple(LUMPED_PARAMETERS)),
-    )
+    before, after = lumped_parameters(EVERYTHING, DESCRIBED), lumped_parameters(changed, DESCRIBED)
     follows = {"static": 2 * value} if name == "coulomb" else {}  # at its ratio of f_s / f_d = 2
     assert after == pytest.approx(before | {name: value} | follows, rel=1e-12)
 

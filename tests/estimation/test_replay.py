@@ -77,7 +77,7 @@ def test_between_rows_the_command_is_a_chord() -> None:
     for name in ("position_rad", "speed_rad_s", "angle_rad"):
         assert errors[name] < missed
     controller = THESIS.controller
-    gain = controller.position_gain * controller.speed_gain / controller.torque_constant
+    gain = controller.position_gain * controller.speed_gain / THESIS.drive_constant
     assert errors["current_A"] < missed * gain * 5e-3 / np.sqrt(np.mean(recording["current_A"] ** 2))
 
 

@@ -1,5 +1,6 @@
 """Short ways to run a model in a test."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,9 @@ from numpy.typing import ArrayLike
 from emaphm.actuator import Actuator, Command, Faults, Load
 from emaphm.arrays import Array
 from emaphm.simulation import Initial, Inputs, Model, Plant, run
+from emaphm.simulation.engine.step_loop import StepInputs
+from emaphm.simulation.engine.structure import Structure
+from emaphm.simulation.models import motion
 
 THESIS = Actuator.thesis()
 INTERVAL = 2e-4
@@ -61,6 +65,24 @@ def record(
     inputs = Inputs.of(command, load, samples=samples, interval=interval, step=step or model.step, **options)
     plant = Plant.of(actuator, (faults or Faults()).vector)
     return {"time_s": inputs.time_s, **run(model, plant, inputs, start or Initial())}
+
+
+class Shaft:
+    """The law of the motion stepped in Python: parameters by their names, 0 or no limit where left out."""
+
+    def __init__(self, step: float, structure: Structure = Structure(), **parameters: float) -> None:  # noqa: B008
+        names = motion.parameter_names(structure)
+        known = {"gear_ratio": 1.0, "low_stop": -1e9, "high_stop": 1e9, "pole_pairs": 1.0} | parameters
+        self.step = step
+        self.state = dict.fromkeys(motion.state_names(structure), 0.0) | {"cos": 1.0}
+        self._parameters = SimpleNamespace(**{name: known.get(name, 0.0) for name in names})
+        self._moved = motion.motion(structure)
+
+    def move(self, torque: float, load: float = 0.0) -> None:
+        """Take one step under the motor's torque and a load [N·m]."""
+        inputs = StepInputs(0.0, 0.0, load, 0.0, 1.0, 0.0, self.step, 1.0)
+        following = self._moved(SimpleNamespace(**self.state), self._parameters, inputs, torque)
+        self.state = dict(zip(self.state, map(float, following), strict=True))
 
 
 def rms(values: ArrayLike) -> Any:

@@ -35,6 +35,7 @@ def simulate(  # noqa: PLR0915 - one step, in the order of docs/physics.md
     """Return all channels after each step. All legs start low."""
     e, c, m = actuator.electrical, actuator.controller, actuator.mechanics
     assert e is not None
+    assert e.hysteresis is not None
     assert c.speed_limit is not None
     assert actuator.motor.torque_limit is not None
     assert m.end_stops is not None
@@ -61,7 +62,7 @@ def simulate(  # noqa: PLR0915 - one step, in the order of docs/physics.md
         error = min(max(wanted, -c.speed_limit), c.speed_limit) - seen
         slope = 0.0 if previous is None else (error - previous) / dt
         asked = c.speed_gain * error + c.integral_gain * integral + c.derivative_gain * slope
-        reference = min(max(asked / c.torque_constant, -c.current_limit), c.current_limit)
+        reference = min(max(asked / actuator.drive_constant, -c.current_limit), c.current_limit)
         integral += error * dt
         previous = error
         # 2, 3. Commutation and switching.

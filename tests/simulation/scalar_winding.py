@@ -61,7 +61,7 @@ def simulate(  # noqa: PLR0915 - one step, in the order of docs/physics.md
         error = min(max(wanted, -c.speed_limit), c.speed_limit) - seen
         slope = 0.0 if previous is None else (error - previous) / dt
         asked = c.speed_gain * error + c.integral_gain * integral + c.derivative_gain * slope
-        reference = min(max(asked / c.torque_constant, -c.current_limit), c.current_limit)
+        reference = min(max(asked / actuator.drive_constant, -c.current_limit), c.current_limit)
         integral += error * dt
         previous = error
 

@@ -12,8 +12,7 @@ from emaphm.actuator import Sampled
 from emaphm.simulation import AVERAGED, MODELS, Initial, Model
 from emaphm.simulation.laws.angles import turn
 from emaphm.simulation.laws.friction import speed_after
-from emaphm.simulation.laws.motion import move
-from simulation.rig import altered, record
+from simulation.rig import Shaft, altered, record
 
 STATIC, DYNAMIC, J, DT = 0.2, 0.08, 2.5e-5, 1e-5
 TORQUES = st.floats(-2.0, 2.0)
@@ -110,29 +109,24 @@ def test_a_pushed_shaft_breaks_away_and_stops_by_the_closed_form(model: Model) -
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_motion_is_semi_implicit_and_uniformly_accelerated(sign: int) -> None:
-    w = angle = output = 0.0
-    torque, viscous = sign * 0.5, 0.0
+    shaft = Shaft(DT, static=STATIC, coulomb=DYNAMIC, step_per_inertia=DT / J)
     for _ in range(200):
-        w, angle, output = (
-            float(value)
-            for value in move(w, angle, output, torque, viscous, STATIC, DYNAMIC, 0.0, -1e9, 1e9, DT, DT / J)
-        )
+        shaft.move(sign * 0.5)
     acceleration = sign * (0.5 - DYNAMIC) / J
-    assert w == pytest.approx(200 * DT * acceleration, rel=1e-12)
+    assert shaft.state["speed"] == pytest.approx(200 * DT * acceleration, rel=1e-12)
     # The angle follows from the new speed: dt² a n (n + 1) / 2.
-    assert angle == pytest.approx(DT**2 * acceleration * 200 * 201 / 2, rel=1e-12)
-    assert output == angle
+    assert shaft.state["angle"] == pytest.approx(DT**2 * acceleration * 200 * 201 / 2, rel=1e-12)
+    assert shaft.state["output"] == shaft.state["angle"]
 
 
 def test_viscous_friction_lets_speed_decay_exponentially() -> None:
     C, w0, n = 1e-4, 100.0, 2000
-    w = angle = output = w0
+    shaft = Shaft(DT, viscous=C, step_per_inertia=DT / J)
+    shaft.state["speed"] = w0
     for _ in range(n):
-        w, angle, output = (
-            float(v) for v in move(w, angle, output, 0.0, C, 0.0, 0.0, 0.0, -1e9, 1e9, DT, DT / J)
-        )
+        shaft.move(0.0)
     # Explicit Euler of a rate C / J = 4 /s over 20 ms errs by half the rate times the step: 2e-5 of 8 %.
-    assert w == pytest.approx(w0 * math.exp(-n * DT * C / J), rel=2e-6)
+    assert shaft.state["speed"] == pytest.approx(w0 * math.exp(-n * DT * C / J), rel=2e-6)
 
 
 @given(angle=st.floats(-np.pi, np.pi), by=st.floats(-0.1, 0.1))

@@ -14,8 +14,10 @@ from emaphm.arrays import Array
 from emaphm.simulation import AVERAGED, Inputs, Model, Plant, run
 from emaphm.simulation.engine import compilation, kernel_cache
 from emaphm.simulation.engine.model import Layout
+from emaphm.simulation.engine.structure import Structure
 from simulation.rig import INTERVAL, THESIS
 
+CHANNELS = len(AVERAGED.form(Structure()).channels)
 INPUTS = Inputs.of(Sine(8e-3, 15.0), 0.02, samples=100, interval=INTERVAL, step=AVERAGED.step)
 CODE: list[bytes] = []
 
@@ -30,11 +32,11 @@ def simulated(model: Model = AVERAGED) -> Array:
 def _compilations(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Have kernels kept in an empty folder, and return the names of the models that were compiled for it."""
     if not CODE:
-        CODE.append(compilation.compiled(AVERAGED, Layout(1, len(AVERAGED.channels))))
+        CODE.append(compilation.compiled(AVERAGED, Layout(1, CHANNELS)))
     names: list[str] = []
 
     def compiled(model: Model, layout: Layout) -> bytes:
-        assert layout == Layout(1, len(AVERAGED.channels))
+        assert layout == Layout(1, CHANNELS)
         names.append(model.name)
         return CODE[0]
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from emaphm.actuator import Chirp, Sampled
-from emaphm.actuator.lumped_parameters import LUMPED_PARAMETERS
+from emaphm.actuator.baseline import PARTS, SECTIONS
+from emaphm.actuator.lumped_parameters import OPTIONAL
 from emaphm.errors import EmaphmError, FaultError, MethodError, SignalError
 from emaphm.simulation import AVERAGED, MODELS, REFERENCE, Inputs, Plant, model_named, monitor, run, run_batch
 from simulation.rig import INTERVAL, THESIS, altered, record
@@ -44,7 +45,7 @@ def test_an_unknown_total_is_answered_with_the_nearest() -> None:
         Plant.of(THESIS, HEALTHY, {"inertai": 1e-5})
 
 
-@pytest.mark.parametrize("name", ["resistance", "inductance", "supply"])
+@pytest.mark.parametrize("name", SECTIONS["electrical"])
 def test_a_total_of_the_windings_needs_windings(name: str) -> None:
     with pytest.raises(
         MethodError, match=rf"'{name}' needs an \[electrical\] section, which .*'thesis' lacks"
@@ -52,8 +53,19 @@ def test_a_total_of_the_windings_needs_windings(name: str) -> None:
         Plant.of(IDEAL, HEALTHY, {name: 1.0})
 
 
-@pytest.mark.parametrize("name", sorted(set(LUMPED_PARAMETERS) - {"resistance", "inductance", "supply"}))
-def test_the_other_lumped_parameters_do_not(name: str) -> None:
+@pytest.mark.parametrize("name", [name for name, (section, *_) in PARTS.items() if section in OPTIONAL])
+def test_a_parameter_of_an_optional_law_needs_the_law(name: str) -> None:
+    section = PARTS[name][0]
+    where = r"\[\[ripple\]\]" if section == "ripple" else rf"{name} in \[{section}\]"
+    with pytest.raises(MethodError, match=rf"'{name}' needs {where}, which .*'thesis' lacks; add it"):
+        Plant.of(THESIS, HEALTHY, {name: 0.5})
+
+
+@pytest.mark.parametrize(
+    "name",
+    [name for name, (section, *_) in PARTS.items() if section in {"mechanics", "controller", "motor"}],
+)
+def test_the_other_lumped_parameters_need_nothing(name: str) -> None:
     assert Plant.of(IDEAL, HEALTHY, {name: 1.0}).count == 1
 
 
@@ -145,9 +157,9 @@ def test_a_run_that_explodes_is_reported() -> None:
 
 
 @pytest.mark.parametrize("name", ["reference", "monitor"])
-def test_switching_models_need_windings(name: str) -> None:
+def test_switching_models_need_windings_to_switch(name: str) -> None:
     model = MODELS[name]
-    with pytest.raises(MethodError, match=r"\[electrical\]"):
+    with pytest.raises(MethodError, match=rf"the {name} model has no drive of kind 'current'; it has hyst"):
         record(model, Chirp(), IDEAL, duration=0.01)
 
 
