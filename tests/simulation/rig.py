@@ -28,7 +28,7 @@ def altered(actuator: Actuator = THESIS, /, **sections: dict[str, Any] | None) -
         if keys is None:
             del values[name]
         else:
-            values[name] |= keys
+            values[name] = (values[name] or {}) | keys
     return Actuator.from_dict(values)
 
 

@@ -58,8 +58,8 @@ def ripple_torque(cos: Any, sin: Any, along: Any, across: Any) -> Any:
     Notes
     -----
     Cogging of a motor with N_s slots and 2 P poles has the order of the least common multiple of both, and
-    its multiples; a bent screw or an uneven bearing has the first orders of the screw's turn. The amplitude does
-    not depend on current or speed.
+    its multiples; a bent screw or an uneven bearing has the first orders of the screw's turn. The amplitude
+    does not depend on current or speed.
 
     References
     ----------

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from emaphm.simulation.laws.inline import law
+from emaphm.simulation.laws.inline import law, select
 
 
 @law
@@ -29,29 +29,51 @@ def speed_against(free: Any, braking: Any) -> Any:
     return np.copysign(np.maximum(np.abs(free) - braking, 0.0), free)
 
 
-@law
-def saturation(ratio: Any) -> Any:
-    """Return the smooth sign of x ≥ 0 and its derivative: x (27 + x²) / (27 + 9 x²), 1 from x = 3 on.
+SATURATED = 3.95
+"""x_s, ratio of the speed to the transition speed from which friction has its full level [-]."""
 
-    Within 2.4 % of tanh x, and its derivative continuous. Returned as numerator and denominator of the value,
-    and numerator of the derivative over the denominator squared.
+CURVATURE = 0.0133
+"""λ of `saturation`; with `SATURATED` it brings the curve closest to tanh [-]."""
+
+
+@law
+def saturation(ratio: Any, braking: Any) -> Any:
+    """Return the smooth sign σ at the speed that a step against it leads to, in closed form.
+
+    σ(x), x ≥ 0, is the arc of a conic that leaves the origin with slope 1 and reaches 1 level at x_s:
+
+        (x - σ)(1 - σ) = λ (x - x_s σ)²   (x ≤ x_s),   σ = 1   (x ≥ x_s)
+
+    The line x + β σ = y meets it where a quadratic equation says, so that backward Euler needs no iteration:
+
+        A σ² - B σ + C = 0,   A = 1 + β - λ S²,  B = 1 + β + y - 2 λ y S,  C = y - λ y²,  S = β + x_s
+        B² - 4 A C = (1 + β - y)² + 4 λ (x_s - 1) y (S - y)
+
+    Parameters
+    ----------
+    ratio : y ≥ 0, speed without dry friction over the transition speed [-]
+    braking : β ≥ 0, what the full dry friction takes of that ratio in the step; 0 for σ(y) itself [-]
+
+    Returns
+    -------
+    σ, in [0, 1], within 0.005 of tanh x.
+
+    Notes
+    -----
+    Its derivative is continuous. Of the two forms of the root, the one that does not cancel is taken.
     """
-    x = np.minimum(ratio, 3.0)
-    square = x * x
-    numerator = x * (27.0 + square)
-    denominator = 27.0 + 9.0 * square
-    slope = (27.0 + 3.0 * square) * denominator - 18.0 * x * numerator
-    return numerator, denominator, slope
-
-
-@law
-def newton_step(speed: Any, size: Any, braking: Any, inverse_transition: Any) -> Any:
-    """Return the next iterate of |ω⁺| in `speed_through_standstill`, whose symbols these are."""
-    numerator, denominator, slope = saturation(speed * inverse_transition)
-    square = denominator * denominator
-    missing = (speed - size) * square + braking * numerator * denominator
-    steepness = square + braking * inverse_transition * slope
-    return np.maximum(speed - missing / steepness, 0.0)
+    sum_of_both = braking + SATURATED
+    square = 1.0 + braking - CURVATURE * sum_of_both * sum_of_both
+    linear = 1.0 + braking + ratio - (2.0 * CURVATURE) * ratio * sum_of_both
+    constant = ratio - CURVATURE * ratio * ratio
+    apart = 1.0 + braking - ratio
+    root = np.sqrt(
+        np.maximum(apart * apart + (4.0 * CURVATURE * (SATURATED - 1.0)) * ratio * (sum_of_both - ratio), 0.0)
+    )
+    positive = linear > 0.0
+    numerator = select(positive, 2.0 * constant, linear - root)
+    denominator = select(positive, linear + root, 2.0 * square)
+    return select(ratio < sum_of_both, numerator / denominator, 1.0)
 
 
 @law
@@ -62,14 +84,11 @@ def speed_through_standstill(free: Any, braking: Any, inverse_transition: Any) -
 
         |ω⁺| + (f Δt / J) σ(|ω⁺| / ω_t) = |ω_0|,   sgn ω⁺ = sgn ω_0
 
-    is solved by two Newton steps from the speed that a straight slope would give, which is below the
-    solution, so that they approach it from below.
-
     Parameters
     ----------
     free : ω_0, speed that the step would lead to without dry friction [rad/s]
     braking : f Δt / J ≥ 0, what the full dry friction of level f can take in the step [rad/s]
-    inverse_transition : 1 / ω_t, ω_t > 0 the speed at which friction has reached 0.78 of its level [s/rad]
+    inverse_transition : 1 / ω_t, ω_t > 0 the speed at which friction has reached 0.76 of its level [s/rad]
 
     Returns
     -------
@@ -77,11 +96,9 @@ def speed_through_standstill(free: Any, braking: Any, inverse_transition: Any) -
 
     Notes
     -----
-    Stable for any step. The shaft does not stick: under a steady torque below f it creeps with less than ω_t,
-    as it would in the presliding of a bristle. Where f Δt / J exceeds 5 ω_t, ω⁺ is up to ω_t too small.
+    Exact for this σ, stable for any step. The shaft does not stick: under a steady torque below f it creeps
+    with less than x_s ω_t, as it would in the presliding of a bristle.
     """
     size = np.abs(free)
-    speed = np.maximum(size - braking, size / (1.0 + braking * inverse_transition))
-    speed = newton_step(speed, size, braking, inverse_transition)
-    speed = newton_step(speed, size, braking, inverse_transition)
-    return np.copysign(speed, free)
+    share = saturation(size * inverse_transition, braking * inverse_transition)
+    return np.copysign(np.maximum(size - braking * share, 0.0), free)

@@ -21,7 +21,7 @@ def stribeck_factor(speed: Any, inverse_speed: Any) -> Any:
 
     Returns
     -------
-    s, in (0, 1] [-], within 4e-4 (`decaying_exponential`).
+    s, in (0, 1] [-], within 4e-6 (`decaying_exponential`).
 
     Notes
     -----
