@@ -80,7 +80,7 @@ def simulate(
         load,
         samples=round(duration * sample_rate),
         interval=1 / sample_rate,
-        step=chosen.step,
+        step=chosen.step_for(actuator),
         sampling=sampling,
         noise=controller_noise,
         seed=seed,

@@ -1,9 +1,11 @@
 """What a model of the actuator is, to those who run it."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from emaphm.actuator import Actuator
 from emaphm.arrays import Array
 from emaphm.errors import MethodError
 from emaphm.simulation.engine.inputs import Inputs
@@ -12,6 +14,12 @@ from emaphm.simulation.engine.structure import Structure
 
 OBSERVABLE = ("current_A", "voltage_V", "position_rad", "speed_rad_s")
 """The first channels of every form of a model: what a rig may record and a fit compare."""
+
+LARGEST_PHASE = 0.7
+"""Phase by which a shaft may swing in a step [rad]: its frequency is then right to 2 %, phase² / 24."""
+
+SHORTEST_SHARE = 0.25
+"""Least share of a model's step: a shaft that swings faster still is as good as rigid."""
 
 ENTRY = "advance"
 """Name of the function in the object file of every kernel."""
@@ -91,6 +99,15 @@ class Model:
     step: float
     forms: Mapping[str, Form]
     switches: bool = False
+
+    def step_for(self, actuator: Actuator) -> float:
+        """Return the longest integration step [s] for `actuator`: shorter where its shaft swings fast."""
+        if actuator.transmission is None:
+            return self.step
+        m = actuator.mechanics
+        reduced = m.inertia_motor * m.inertia_user / m.inertia
+        swinging = LARGEST_PHASE * math.sqrt(reduced / actuator.transmission.stiffness)
+        return min(self.step, max(swinging, self.step * SHORTEST_SHARE))
 
     def form(self, structure: Structure) -> Form:
         """Return the form for the drive of `structure`.
