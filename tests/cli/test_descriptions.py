@@ -29,7 +29,7 @@ BAD_DESCRIPTIONS: dict[str, tuple[str | bytes, tuple[str, ...]]] = {
     "nothing.toml": ("", ("'name' is missing", "add it")),
     "twice.toml": (
         files.thesis_with("[motor]", "[motor]\ntorque_constant = 1.0"),
-        ("not valid TOML", "line 16"),
+        ("not valid TOML", "line 20"),
     ),
     # values
     "negative.toml": (
@@ -91,7 +91,7 @@ BAD_DESCRIPTIONS: dict[str, tuple[str | bytes, tuple[str, ...]]] = {
     "large.toml": ("#" * 5_000_000, ("5 MiB", "4 MiB are read at most")),
     "syntax.toml": (
         files.thesis_with("[motor]", "[motor"),
-        ("not valid TOML", "line 14", "correct the syntax"),
+        ("not valid TOML", "line 18", "correct the syntax"),
     ),
     "binary.toml": (bytes(range(256)), ("cannot be read as a TOML text file",)),
     "picture.toml": (files.PNG, ("cannot be read as a TOML text file",)),

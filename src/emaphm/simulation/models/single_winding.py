@@ -40,11 +40,8 @@ PARAMETERS = (
     "z_cos",
     "z_sin",
     "source_resistance",
-    "current_lag",
     "sensed_share",
-    "inductance_a",
-    "inductance_b",
-    "inductance_c",
+    "sensed_lead",
     "current_gain",
     "current_integral_gain",
 )
@@ -66,12 +63,12 @@ def parameters(
             f"conductance_{phase}": 1 / resistance[i],
             f"decay_{phase}": decay[i],
             f"flux_{phase}": plant.torque_constant / 2 * phase_turns[i],
-            f"inductance_{phase}": inductance[i],
         }
+    sensed_share = share_of_step(plant.current_lag, step)
     rows |= {
         "source_resistance": plant.source_resistance,
-        "current_lag": plant.current_lag,
-        "sensed_share": share_of_step(plant.current_lag, step),
+        "sensed_share": sensed_share,
+        "sensed_lead": 1 / sensed_share - 1,
         "current_gain": plant.current_gain,
         "current_integral_gain": plant.current_integral_gain,
     }
@@ -157,7 +154,6 @@ def _advance(
         decay = of_idle_phase(angle, p.decay_a, p.decay_b, p.decay_c)
         supply, back_emf = supply_of(s, p), flux * s.speed
         current, sensed, own = current_after(s, p, u, reference, supply, back_emf, conductance, decay)
-        current = u.enabled * current
         produced = clip(flux * current, -p.torque_limit, p.torque_limit)
         torque = approach(s.torque, produced, p.torque_share)
         following = moved(s, p, u, torque)
@@ -249,7 +245,7 @@ def _current(structure: Structure) -> Callable[..., Any]:
 def _switched(
     s: Any,
     p: Any,  # noqa: ARG001
-    u: Any,  # noqa: ARG001
+    u: Any,
     reference: Any,
     supply: Any,
     back_emf: Any,
@@ -257,7 +253,7 @@ def _switched(
     decay: Any,
 ) -> Any:
     side = select(reference > s.current, 1.0, select(reference < s.current, -1.0, 0.0))
-    current = winding_current(s.current, side * supply - back_emf, conductance, decay)
+    current = u.enabled * winding_current(s.current, side * supply - back_emf, conductance, decay)
     return current, current, ()
 
 
@@ -265,7 +261,7 @@ def _switched(
 def _following(
     s: Any,
     p: Any,  # noqa: ARG001
-    u: Any,  # noqa: ARG001
+    u: Any,
     reference: Any,
     supply: Any,
     back_emf: Any,
@@ -274,7 +270,7 @@ def _following(
 ) -> Any:
     lowest = winding_current(s.current, -supply - back_emf, conductance, decay)
     highest = winding_current(s.current, supply - back_emf, conductance, decay)
-    current = clip(reference, lowest, highest)
+    current = u.enabled * clip(reference, lowest, highest)
     return current, current, ()
 
 
@@ -282,15 +278,13 @@ def _following(
 def _following_lagging(
     s: Any, p: Any, u: Any, reference: Any, supply: Any, back_emf: Any, conductance: Any, decay: Any
 ) -> Any:
-    # Each comparator reverses a lag too late. The current falls faster against the back-EMF than it rises, so
-    # that its mean stays below the reference by lag × (e + R i) / L.
-    inductance = of_idle_phase(s.electrical, p.inductance_a, p.inductance_b, p.inductance_c)
-    shown = reference - p.current_lag / inductance * (back_emf + s.current / conductance)
-    target = shown + (1.0 / p.sensed_share - 1.0) * (shown - s.sensed)
+    # The drive sees the sensor's current, and brings that to the reference. What the comparators' late turn
+    # does to the mean is left out: with three legs it has neither the size nor always the sign of one leg's.
+    target = reference + p.sensed_lead * (reference - s.sensed)
     lowest = winding_current(s.current, -supply - back_emf, conductance, decay)
     highest = winding_current(s.current, supply - back_emf, conductance, decay)
-    current = clip(target, lowest, highest)
-    sensed = u.enabled * approach(s.sensed, current, p.sensed_share)
+    current = u.enabled * clip(target, lowest, highest)
+    sensed = approach(s.sensed, current, p.sensed_share)
     return current, sensed, (sensed,)
 
 
@@ -301,7 +295,7 @@ def _controlled(
     voltage, integral = limited_pi(
         reference - s.current, s.current_integral, p.current_gain, p.current_integral_gain, supply, u.step
     )
-    current = winding_current(s.current, voltage - back_emf, conductance, decay)
+    current = u.enabled * winding_current(s.current, voltage - back_emf, conductance, decay)
     return current, current, (u.enabled * integral,)
 
 
@@ -312,6 +306,6 @@ def _controlled_lagging(
     voltage, integral = limited_pi(
         reference - s.sensed, s.current_integral, p.current_gain, p.current_integral_gain, supply, u.step
     )
-    current = winding_current(s.current, voltage - back_emf, conductance, decay)
-    sensed = u.enabled * approach(s.sensed, current, p.sensed_share)
+    current = u.enabled * winding_current(s.current, voltage - back_emf, conductance, decay)
+    sensed = approach(s.sensed, current, p.sensed_share)
     return current, sensed, (sensed, u.enabled * integral)

@@ -1,0 +1,214 @@
+"""What feeds the windings: a DC motor by voltage, a source with resistance, lagging sensors, a drive off."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from emaphm.actuator import Chirp, Step
+from emaphm.arrays import Array
+from emaphm.simulation import AVERAGED, REFERENCE, Initial, Model
+from emaphm.simulation.laws.supply_source import sagging_supply
+from simulation.rig import FREE, LOCKED, THESIS, altered, record
+
+V_DC, R_S, L_S, K_E, J = 48.0, 2.13, 7.2e-4, 0.0752, 2.5e-5
+SERVO: dict[str, Any] = {
+    "drive": {"kind": "voltage"},
+    "controller": {
+        "position_gain": 1.0,
+        "speed_gain": 1.0,
+        "speed_limit": None,
+        "speed_feedback": 0.0,
+        "torque_constant": None,
+    },
+    "motor": {"torque_limit": None},
+}
+"""A drive whose duty cycle is the position error in rad."""
+
+
+@pytest.mark.parametrize("duty", [1.0, -0.4])
+def test_a_dc_motor_starts_with_its_two_time_constants(duty: float) -> None:
+    viscous = 1e-4
+    actuator = altered(mechanics=FREE | {"viscous_motor": viscous, "gear_ratio": 1e-9}, **SERVO)
+    matrix = np.array([[-R_S / L_S, -K_E / L_S, duty * V_DC / L_S], [K_E / J, -viscous / J, 0.0], [0.0] * 3])
+
+    def exact(t: Array) -> Array:
+        return np.array([(expm(matrix * one) @ [0.0, 0.0, 1.0])[:2] for one in t]).T
+
+    errors = []
+    for step in (5e-5, 1.25e-5):
+        got = record(
+            AVERAGED,
+            Step(duty),
+            actuator,
+            duration=0.03,
+            interval=5e-4,
+            step=step,
+            sampling="instant",
+        )
+        speed, current = exact(got["time_s"])[1], exact(got["time_s"] + step)[0]  # at the end of a step
+        errors.append(
+            max(
+                np.abs(got["speed_rad_s"] - speed).max() / (V_DC / K_E),
+                np.abs(got["current_A"] - current).max() / (V_DC / R_S),
+            )
+        )
+        np.testing.assert_allclose(got["duty"], duty, rtol=1e-6)
+        np.testing.assert_allclose(got["voltage_V"], duty * V_DC, rtol=1e-6)
+    # The speed of the step's start makes the back-EMF: step × R / (J R² ...) of the first order.
+    assert errors[0] < 0.01
+    assert errors[1] < 0.3 * errors[0]
+
+
+def test_a_duty_cycle_is_limited_to_the_supply() -> None:
+    got = record(AVERAGED, Step(3.0), altered(mechanics=LOCKED, **SERVO), duration=5e-3)
+    assert set(got["duty"]) == {1.0}
+    assert got["current_A"][-1] == pytest.approx(V_DC / R_S, rel=1e-6)
+
+
+@pytest.mark.parametrize("duty", [1.0, 0.5, -0.3])
+def test_a_stalled_servo_on_a_source_with_a_resistance(duty: float) -> None:
+    source = 0.7
+    drive = SERVO | {"drive": {"kind": "voltage", "source_resistance": source}}
+    got = record(AVERAGED, Step(duty), altered(mechanics=LOCKED, **drive), duration=0.02)
+    # The bridge takes duty × current from the source: i = d V / (R + d² R_0).
+    assert got["current_A"][-1] == pytest.approx(duty * V_DC / (R_S + duty**2 * source), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("model", "bound"), [(AVERAGED, 1e-6), (REFERENCE, 0.01)], ids=["averaged", "reference"]
+)
+@pytest.mark.parametrize("source", [0.0, 0.5, 5.0])
+def test_a_stalled_motor_on_a_source_with_a_resistance(model: Model, bound: float, source: float) -> None:
+    actuator = altered(
+        mechanics=LOCKED,
+        drive={"kind": "hysteresis", "source_resistance": source},
+        controller={"current_limit": 100.0},
+    )
+    start = Initial(rotor_offset=math.radians(30))
+    got = record(model, Step(0.1), actuator, duration=0.02, start=start, interval=1e-3)
+    # In the reference model the idle phase's current ripples by its hysteresis of 0.5 A, and draws its share.
+    assert got["current_A"][-1] == pytest.approx(V_DC / (R_S + source), rel=bound)
+
+
+def test_the_supply_sags_by_its_resistance_times_the_current() -> None:
+    assert float(sagging_supply(48.0, 0.5, 10.0)) == 43.0
+    assert float(sagging_supply(48.0, 0.5, -10.0)) == 53.0
+
+
+LAG = 2e-5
+
+
+def with_lag(lag: float = LAG, **sections: Any) -> Any:
+    return altered(drive={"kind": "hysteresis", "current_lag": lag}, **sections)
+
+
+def test_a_lagging_sensor_shows_the_lagging_current() -> None:
+    """In a locked rotor the current rises to V/R; the sensor's first-order lag of it has a closed form."""
+    start = Initial(rotor_offset=math.radians(30))
+    got = record(
+        REFERENCE,
+        Step(1e-2),
+        with_lag(mechanics=LOCKED),
+        duration=6e-4,
+        interval=1e-6,
+        start=start,
+    )
+    t, rise = got["time_s"] + 1e-6, L_S / R_S
+    shown = 1 - (rise * np.exp(-t / rise) - LAG * np.exp(-t / LAG)) / (rise - LAG)
+    # Explicit Euler of the winding, and of the sensor as a hold: half a step of 1 µs of V/L.
+    np.testing.assert_allclose(got["current_A"], V_DC / R_S * shown, rtol=0, atol=V_DC / L_S * 1e-6)
+    actual = V_DC / R_S * -np.expm1(-t / rise)
+    assert np.abs(got["current_A"] - actual).max() > 0.5
+
+
+@pytest.mark.parametrize(("speed", "load"), [(50.0, 0.0), (50.0, 0.5), (300.0, 0.5), (300.0, -0.3)])
+def test_both_models_agree_on_the_mean_under_a_lag(speed: float, load: float) -> None:
+    current, asked = [], []
+    for model in (REFERENCE, AVERAGED):
+        got = record(
+            model,
+            lambda t: speed / 500 * t,
+            with_lag(),
+            load=load,
+            duration=0.1,
+            interval=1e-3,
+            start=Initial(speed=speed),
+        )
+        current.append(np.mean(got["current_A"][50:]))
+        asked.append(np.mean(got["reference_current_A"][50:]))
+    assert current[1] == pytest.approx(current[0], abs=0.01)
+    # The reference model needs a larger demand, which its late comparators do not reach: up to 0.62 A at
+    # these speeds and loads (measured), 0.28 A of it without a lag too.
+    assert abs(asked[1] - asked[0]) < 0.7
+
+
+def test_an_averaged_drive_brings_the_lagging_current_to_its_reference() -> None:
+    got = record(AVERAGED, Chirp(), with_lag(2e-4), duration=0.1, interval=AVERAGED.step)
+    np.testing.assert_allclose(got["current_A"], got["reference_current_A"], rtol=0, atol=1e-9)
+    # What turns the motor is ahead of what is shown by the lag.
+    actual = got["torque_Nm"] / K_E
+    shown = [0.0]
+    share = -math.expm1(-AVERAGED.step / 2e-4)
+    for one in actual:
+        shown.append(shown[-1] + share * (one - shown[-1]))
+    np.testing.assert_allclose(got["current_A"], shown[1:], rtol=0, atol=1e-9)
+
+
+def test_a_sensor_without_lag_shows_the_current() -> None:
+    for model in (AVERAGED, REFERENCE):
+        without, within = (
+            record(model, Chirp(), actuator, duration=0.05) for actuator in (THESIS, with_lag(0.0))
+        )
+        np.testing.assert_allclose(within["current_A"], without["current_A"], rtol=1e-9, atol=1e-9)
+
+
+OFF = 0.02
+
+
+@pytest.mark.parametrize(
+    ("model", "kind"),
+    [(AVERAGED, "hysteresis"), (REFERENCE, "hysteresis"), (AVERAGED, "voltage"), (AVERAGED, "six-step")],
+    ids=["averaged", "reference", "by voltage", "six-step"],
+)
+def test_a_drive_that_is_switched_off_lets_the_shaft_coast(model: Model, kind: str) -> None:
+    viscous = 5e-4
+    drive: dict[str, Any] = {"kind": kind}
+    if kind == "six-step":
+        drive |= {"current_gain": 2.0, "current_integral_gain": 5e3, "pwm_frequency": 2e4}
+    sections = SERVO if kind == "voltage" else {}
+    actuator = altered(mechanics=FREE | {"viscous_motor": viscous}, **sections | {"drive": drive})
+    got = record(
+        model,
+        Step(1.0),
+        actuator,
+        duration=0.08,
+        interval=5e-4,
+        enabled=lambda t: (t < OFF).astype(float),
+        sampling="instant",
+    )
+    t, w = got["time_s"], got["speed_rad_s"]
+    off = t > OFF + 1e-9
+    assert w[off][0] > 50.0
+    assert not got["torque_Nm"][off].any()
+    assert not got["current_A"][off].any()
+    expected = w[off][0] * np.exp(-(t[off] - t[off][0]) * viscous / J)
+    # Explicit Euler of a rate of 20 /s: half of it times the step, relative per second.
+    np.testing.assert_allclose(w[off], expected, rtol=20.0**2 / 2 * model.step * 0.06 * 1.1)
+
+
+def test_a_drive_that_is_switched_on_again_has_forgotten_its_integral() -> None:
+    actuator = altered(mechanics=LOCKED, controller={"integral_gain": 3.0, "current_limit": 1e9})
+    got = record(
+        AVERAGED,
+        Step(1e-4),
+        actuator,
+        duration=0.03,
+        interval=5e-5,
+        enabled=lambda t: ((t < 0.01) | (t >= 0.02)).astype(float),
+    )
+    again = np.flatnonzero(got["time_s"] >= 0.02 - 1e-9)[0]
+    assert got["reference_current_A"][again] == pytest.approx(got["reference_current_A"][0], rel=1e-12)
+    assert got["reference_current_A"][-1] > 1.1 * got["reference_current_A"][0]
