@@ -54,6 +54,8 @@ class Law:
     def added_to(self, actuator: Actuator, speed: float | None = None) -> Actuator:
         """Return `actuator` with the law and those that it needs, at values to start a search from.
 
+        What is described already stays as it is.
+
         Parameters
         ----------
         speed
@@ -67,6 +69,8 @@ class Law:
         reason = self.reason_against(actuator)
         if reason:
             raise MethodError(f"actuator '{actuator.name}' cannot have law '{self.name}': {reason}")
+        if self.is_in(actuator):
+            return actuator
         for needed in self.needs:
             actuator = law_named(needed).added_to(actuator, speed)
         typical = speed or typical_speed(actuator)
