@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from functools import reduce
 from itertools import cycle
 from pathlib import Path
 from typing import Any
@@ -12,8 +13,19 @@ import pytest
 
 import emaphm as ema
 from bench.conftest import Report
+from emaphm.actuator.laws import law_named
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS
-from emaphm.simulation import AVERAGED, REFERENCE, Inputs, Model, Plant, monitor, run, simulate_batch
+from emaphm.simulation import (
+    AVERAGED,
+    REFERENCE,
+    Inputs,
+    Model,
+    Plant,
+    monitor,
+    run,
+    run_batch,
+    simulate_batch,
+)
 from emaphm.study import cases
 from emaphm.study.record import recorded
 from emaphm.study.rig import Manoeuvre, Rig
@@ -64,6 +76,32 @@ def test_batch(benchmark: Any, report: Report, model: Model, budget: str) -> Non
     simulate_batch(model, ema.Actuator.thesis(), faults[:1], driven)
     benchmark(simulate_batch, model, ema.Actuator.thesis(), faults, driven, workers=1)
     report(f"{model.name} model, in a batch, per run", budget=budget, runs=RUNS)
+
+
+OF_FRICTION = ("load-dependent", "stribeck", "stribeck-load", "directional", "quadratic", "transition")
+RIGID = (*OF_FRICTION, "viscous-temperature", "gravity", "cogging", "sensor-lag", "source-resistance")
+
+
+@pytest.mark.parametrize(
+    ("laws", "budget_ns"),
+    [((), 4.7), (OF_FRICTION, 9.0), (RIGID, 9.0), ((*RIGID, "compliance"), 9.0)],
+    ids=["without", "friction", "all on a rigid shaft", "all"],
+)
+def test_laws(
+    benchmark: Any, report: Report, request: pytest.FixtureRequest, laws: tuple[str, ...], budget_ns: float
+) -> None:
+    actuator = reduce(lambda one, name: law_named(name).added_to(one), laws, ema.Actuator.thesis())
+    plant, driven = Plant.of(actuator, random_faults(RUNS)), inputs(AVERAGED)
+    run_batch(AVERAGED, plant, driven, workers=1)
+    benchmark(run_batch, AVERAGED, plant, driven, workers=1)
+    steps = driven.samples * driven.substeps
+    report(
+        f"averaged model, {request.node.callspec.id} laws, {steps:,} steps",
+        budget="≥ 1 ×",
+        runs=RUNS,
+        reference=budget_ns * 1e-9 * steps,
+        against=f"{budget_ns:g} ns a step",
+    )
 
 
 @pytest.mark.parametrize(
