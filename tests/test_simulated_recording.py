@@ -275,5 +275,5 @@ def test_a_run_may_not_have_too_many_steps_however_short_they_are(monkeypatch: p
 
 @pytest.mark.parametrize("model", ["reference", "monitor"])
 def test_a_switching_model_needs_windings(model: str) -> None:
-    with pytest.raises(MethodError, match=r"\[electrical\]"):
+    with pytest.raises(MethodError, match="has no drive of kind 'current'; it has hysteresis"):
         simulate(IDEAL, Chirp(), model=model)
