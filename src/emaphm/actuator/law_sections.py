@@ -24,11 +24,19 @@ class Friction(Section):
         default=None,
         gt=0,
     )
+    load_friction: float | None = quantity(
+        "friction per transmitted torque, of the motor and external alike, K_l",
+        "-",
+        BAM,
+        default=None,
+        ge=0,
+        lt=1,
+    )
     load_motor: float | None = quantity(
-        "friction per torque of the motor, K_m", "-", BAM, default=None, ge=0, lt=1
+        "friction per torque of the motor beyond K_l", "-", BAM, default=None, ge=0, lt=1
     )
     load_external: float | None = quantity(
-        "friction per external torque, K_e", "-", BAM, default=None, ge=0, le=10
+        "friction per external torque beyond K_l", "-", BAM, default=None, ge=0, le=10
     )
     stribeck_load_motor: float | None = quantity(
         "the same at low speed, beyond K_m", "-", BAM, default=None, ge=0, lt=1

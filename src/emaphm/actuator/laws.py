@@ -54,7 +54,7 @@ class Law:
     def added_to(self, actuator: Actuator, speed: float | None = None) -> Actuator:
         """Return `actuator` with the law and those that it needs, at values to start a search from.
 
-        What is described already stays as it is.
+        What of the law is described already stays as it is.
 
         Parameters
         ----------
@@ -76,11 +76,13 @@ class Law:
         typical = speed or typical_speed(actuator)
         description = actuator.model_dump(exclude_none=True)
         for section, values in self.start(actuator, typical).items():
+            present = description.get(section)
             if isinstance(values, list):
-                description.setdefault(section, [])
-                description[section] = [*description[section], *values]
+                description[section] = [*(present or []), *values]
+            elif section in ALWAYS_DESCRIBED:
+                description[section] = description[section] | values
             else:
-                description[section] = values | description.get(section, {})
+                description[section] = values | (present or {})
         return Actuator.from_dict(description, where=actuator.name)
 
 
@@ -93,9 +95,16 @@ def typical_speed(actuator: Actuator) -> float:
     return largest / 4 if math.isfinite(largest) else 1.0
 
 
+ALWAYS_DESCRIBED = ("mechanics", "controller")
+"""Sections that every actuator has: a law that is not there has the value 0 in them."""
+
+
 def _described(actuator: Actuator, section: str, key: str) -> bool:
     described = getattr(actuator, section)
-    return bool(described) if section == "ripple" else getattr(described, key, None) is not None
+    if section == "ripple":
+        return bool(described)
+    value = getattr(described, key, None)
+    return bool(value) if section in ALWAYS_DESCRIBED else value is not None
 
 
 def _dry(actuator: Actuator) -> float:
@@ -138,9 +147,16 @@ def _drive(actuator: Actuator, **values: float) -> Sections:
 _ALL = (
     Law(
         "load-dependent",
-        ("load_motor", "load_external"),
+        ("load_friction",),
         "a manoeuvre under a load that changes, such as lifting and lowering a weight",
-        lambda actuator, speed: {"friction": {"load_motor": 0.05, "load_external": 0.05}},  # noqa: ARG005
+        lambda actuator, speed: {"friction": {"load_friction": 0.05}},  # noqa: ARG005
+    ),
+    Law(
+        "load-split",
+        ("load_motor", "load_external"),
+        "lifting and lowering a weight, driven by the motor and by the weight",
+        lambda actuator, speed: {"friction": {"load_motor": 0.02, "load_external": 0.02}},  # noqa: ARG005
+        needs=("load-dependent",),
     ),
     Law(
         "stribeck",
@@ -199,6 +215,12 @@ _ALL = (
         tuple(f"ripple{i + 1}_{part}" for i in range(MOST_HARMONICS) for part in ("cos", "sin")),
         "slow motion over at least one turn of the motor, with its angle recorded",
         _cogging,
+    ),
+    Law(
+        "command-lag",
+        ("command_lag",),
+        "fast changes of the command, with the position recorded",
+        lambda actuator, speed: {"controller": {"command_lag": 2e-3}},  # noqa: ARG005
     ),
     Law(
         "sensor-lag",

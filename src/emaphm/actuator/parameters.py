@@ -64,6 +64,13 @@ class Controller(Section):
     position_derivative_gain: float = quantity(
         "position loop, derivative: T_d, relative to position_gain", "s", CHOSEN, default=0.0, ge=0
     )
+    command_lag: float = quantity(
+        "time constant of a filter on the command, or of the way that it takes to the drive",
+        "s",
+        CHOSEN,
+        default=0.0,
+        ge=0,
+    )
     speed_feedforward: float = quantity(
         "share of the command's rate that is added to the speed demand", "-", CHOSEN, default=0.0, ge=0, le=2
     )

@@ -9,11 +9,11 @@ import numpy as np
 from emaphm.actuator import Actuator
 from emaphm.arrays import Array
 from emaphm.diagnosis.identifiability import identifiability
-from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.diagnosis.law_selection import select_laws
+from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.diagnosis.nuisance_selection import select_nuisances
 from emaphm.diagnosis.result import Diagnosis
-from emaphm.diagnosis.verdict import VERDICT, estimates, is_explained
+from emaphm.diagnosis.verdict import EXPLAINED_RESIDUAL, VERDICT, estimates, is_explained, unexplained
 from emaphm.errors import MethodError, nearest
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS, with_discrepancy
 from emaphm.estimation.methods import Method, method_named
@@ -113,7 +113,9 @@ def diagnose(
         result, laws = select_laws(result, chosen, max_corrections, seed)
         result, selected = select_nuisances(result, max_corrections, seed)
     result = with_discrepancy(result, seed)
-    diagnosis = _conclude(result, recording, selected, chosen.name, fitness, seed)
+    diagnosis = replace(
+        _conclude(result, recording, chosen.name, fitness, seed), selected=selected, laws=laws
+    )
     if posterior:
         from emaphm.estimation.posterior.mcmc import sample
 
@@ -177,7 +179,6 @@ def _check_current(problem: Problem, recording: Recording) -> None:
 def _conclude(
     result: SearchResult,
     recording: Recording,
-    selected: tuple[str, ...],
     method: str,
     fitness: str,
     seed: int,
@@ -186,8 +187,10 @@ def _conclude(
     objective, problem, space = result.objective, result.objective.problem, result.objective.space
     residual = result.fitted_residual[: problem.samples]
     known = identifiability(result, seed)
+    explained = _explained(result)
+    components = estimates(space, result.point, known.covariance, known.collinear_sets)
     return Diagnosis(
-        components=estimates(space, result.point, known.covariance, known.collinear_sets),
+        components=components if explained else unexplained(components),
         coordinates=space.coordinates,
         covariance=known.covariance,
         method=method,
@@ -195,9 +198,7 @@ def _conclude(
         fitness_name=fitness,
         fitness=result.cost,
         residual_rms_A=float(np.sqrt(np.mean(residual**2))),
-        explained=is_explained(
-            problem.recorded, residual, problem.noise, corrected=bool(result.correction.any())
-        ),
+        explained=explained,
         evaluations=0,
         reference_runs=0,
         seconds=0.0,
@@ -212,8 +213,17 @@ def _conclude(
         recording_notes=recording.notes,
         nuisances=_nuisance_estimates(objective, result.point, known.covariance),
         collinear_sets=known.collinear_sets,
-        selected=selected,
         moves=_moves(objective, result.point),
+    )
+
+
+def _explained(result: SearchResult) -> bool:
+    """Return whether the estimate explains the recording: by noise, switching and the model's known error."""
+    problem = result.objective.problem
+    corrected = bool(result.correction.any())
+    residual = result.fitted_residual[: problem.samples]
+    return is_explained(problem.recorded, residual, problem.noise, corrected=corrected) and (
+        not corrected or result.normalised_residual <= EXPLAINED_RESIDUAL
     )
 
 

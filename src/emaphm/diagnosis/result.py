@@ -50,6 +50,8 @@ class Diagnosis:
         What was estimated with the faults.
     selected
         Those of the nuisances that were estimated because they deviate significantly, though not asked for.
+    laws
+        Optional laws without which the recording is not explained, though the description lacks them.
     collinear_sets
         Parameters of which only the combined effect is known.
     moves
@@ -83,6 +85,7 @@ class Diagnosis:
     nuisances: Mapping[str, NuisanceEstimate] = field(default_factory=dict)
     collinear_sets: tuple[CollinearSet, ...] = ()
     selected: tuple[str, ...] = ()
+    laws: tuple[str, ...] = ()
     moves: bool = True
     posterior: "Posterior | None" = None
     recording_notes: tuple[str, ...] = ()
@@ -118,6 +121,7 @@ class Diagnosis:
                 for name, estimate in self.nuisances.items()
             },
             "suspected": list(self.selected),
+            "laws": list(self.laws),
             "moves": self.moves,
             "notes": list(self.recording_notes),
             "groups": [
@@ -166,6 +170,7 @@ class Diagnosis:
         lines = notes(
             self.nuisances,
             self.selected,
+            self.laws,
             self.collinear_sets,
             self.channels,
             moves=self.moves,

@@ -15,7 +15,7 @@ STANDS_STILL = (
 )
 NOT_EXPLAINED = (
     "The residual is larger than noise and model error explain: either something else than these faults "
-    "acts, or the search failed. Check the residual before you use the result."
+    "acts, or the search failed. No component is therefore called healthy or degraded."
 )
 
 
@@ -43,6 +43,7 @@ def fault_rows(
 def notes(
     nuisances: Mapping[str, NuisanceEstimate],
     selected: Sequence[str],
+    laws: Sequence[str],
     collinear_sets: Sequence[CollinearSet],
     channels: Sequence[str],
     *,
@@ -62,6 +63,11 @@ def notes(
     if known:
         values = ", ".join(f"{name} {estimate}" for name, estimate in known.items())
         lines.append(f"Estimated with the faults: {values}.")
+    if laws:
+        lines.append(
+            f"Explained only by laws that the description lacks: {', '.join(laws)}. If this persists, calibrate "
+            "the healthy actuator with them (emaphm calibrate --laws); without, they would read as faults."
+        )
     if selected:
         lines.append(
             f"Also estimated, because it deviates significantly from the description: {', '.join(selected)}. "

@@ -178,6 +178,8 @@ class NuisanceSet:
             result["supply"] = present("supply") * np.maximum(1 + values["supply"], LEAST)
         if "temperature" in values or temperature_rise_K:
             above = np.asarray(values.get("temperature", 0.0)) + temperature_rise_K
+            if actuator.friction is not None and actuator.friction.viscous_temperature is not None:
+                result["viscous"] = present("viscous") * np.exp(-present("viscous_temperature") * above)
             result["resistance"] = present("resistance") * np.maximum(1 + COPPER * above, LEAST)
             result["torque_constant"] = present("torque_constant") * np.maximum(1 + MAGNETS * above, LEAST)
         return result

@@ -83,7 +83,7 @@ class Problem:
             actuator,
             model,
             driving,
-            driving.inputs(model.step),
+            driving.inputs(model.step_for(actuator)),
             initial_state(recording, actuator),
             recording.channels,
             compared,
@@ -95,7 +95,7 @@ class Problem:
 
     def by(self, model: Model) -> Self:
         """Return the same problem for another model: start, weights and counts are the same."""
-        return replace(self, model=model, inputs=self.driving.inputs(model.step))
+        return replace(self, model=model, inputs=self.driving.inputs(model.step_for(self.actuator)))
 
     def like(self, other: Self) -> Self:
         """Return the problem with the channels and weights of `other`."""

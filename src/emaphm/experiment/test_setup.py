@@ -157,7 +157,7 @@ class TestSetup:
 
     def _signals(self, driving: DrivingSignals, faults: Array, model: Model) -> list[dict[str, Array]]:
         """Return every observable channel, noise-free, for each of `faults` (n, 8)."""
-        inputs = driving.inputs(model.step)
+        inputs = driving.inputs(model.step_for(self.actuator))
         given = {"time_s": inputs.time_s, "command_rad": inputs.rows(inputs.command)}
         exact = observe_batch(model, Plant.of(self.actuator, faults), inputs, workers=self.workers)
         signals = all_as_described(exact, OBSERVABLE, self.actuator, inputs.interval)

@@ -76,6 +76,7 @@ class Plant:
     structure: Structure
     position_integral_gain: Array
     position_derivative_gain: Array
+    command_lag: Array
     speed_feedforward: Array
     speed_feedback: Array
     current_gain: Array
@@ -84,6 +85,7 @@ class Plant:
     source_resistance: Array
     current_lag: Array
     stribeck_speed: Array
+    load_friction: Array
     load_motor: Array
     load_external: Array
     stribeck_load_motor: Array
@@ -186,6 +188,7 @@ def _healthy(actuator: Actuator, n: int) -> Plant:
         "pole_pairs": e.pole_pairs if e else 1,
         "position_integral_gain": c.position_integral_gain,
         "position_derivative_gain": c.position_derivative_gain,
+        "command_lag": c.command_lag,
         "speed_feedforward": c.speed_feedforward,
         "speed_feedback": c.speed_feedback,
         "pwm_frequency": (actuator.drive.pwm_frequency or 0.0) if actuator.drive else 0.0,
@@ -226,11 +229,13 @@ def structure_of(actuator: Actuator) -> Structure:
 
     return Structure(
         drive=actuator.drive_kind,
-        position_pid=bool(c.position_integral_gain or c.position_derivative_gain or c.speed_feedforward)
+        position_pid=any(
+            (c.position_integral_gain, c.position_derivative_gain, c.speed_feedforward, c.command_lag)
+        )
         or c.speed_feedback != 1,
         stribeck=described("stribeck_speed"),
         load_dependent=described(
-            "load_motor", "load_external", "stribeck_load_motor", "stribeck_load_external"
+            "load_friction", "load_motor", "load_external", "stribeck_load_motor", "stribeck_load_external"
         ),
         directional=described("coulomb_asymmetry", "viscous_asymmetry"),
         quadratic=described("quadratic"),
@@ -281,6 +286,7 @@ def _with_faults(plant: Plant, actuator: Actuator, k: Array) -> Plant:
         plant,
         coulomb=plant.coulomb * friction,
         static=plant.static * friction,
+        load_friction=plant.load_friction * friction,
         load_motor=plant.load_motor * friction,
         load_external=plant.load_external * friction,
         stribeck_load_motor=plant.stribeck_load_motor * friction,

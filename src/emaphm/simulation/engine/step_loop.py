@@ -22,7 +22,6 @@ def kernel(
             now = sample * substeps + substep
             inputs = StepInputs(
                 command[now],
-                (command[now] - command[max(now - 1, 0)]) / step,
                 load[now * load_stride],
                 noise[now * noise_stride],
                 enabled[now * enabled_stride],
@@ -43,9 +42,9 @@ def kernel(
 """
 
 StepInputs = namedtuple(  # noqa: PYI024 - its fields are scalars of any kind
-    "StepInputs", ("command", "command_rate", "load", "noise", "enabled", "time", "step", "carried")
+    "StepInputs", ("command", "load", "noise", "enabled", "time", "step", "carried")
 )
-"""What drives all lanes in a step: command [rad], its rate [rad/s], load [N·m], noise on the reference
+"""What drives all lanes in a step: command [rad], load [N·m], noise on the reference
 current [A], whether the drive is switched on (1, else 0), time and step [s]; `carried` is 1 where motion is
 recorded as the step has led to, 0 as at its start."""
 

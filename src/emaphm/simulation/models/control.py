@@ -25,6 +25,7 @@ PARAMETERS = (
     "feedback_share",
     "position_integrating",
     "position_derivative",
+    "command_share",
     "speed_feedforward",
     "speed_feedback",
 )
@@ -32,7 +33,7 @@ PARAMETERS = (
 
 def state_names(structure: Structure) -> tuple[str, ...]:
     """Return the state of the controller."""
-    of_position = ("position_integral", "position_error") if structure.position_pid else ()
+    of_position = ("position_integral", "position_error", "commanded") if structure.position_pid else ()
     return ("feedback", "integral", "error", *of_position)
 
 
@@ -53,6 +54,7 @@ def parameters(plant: Plant, step: float) -> dict[str, Array]:
         "feedback_share": share_of_step(plant.speed_lag, step),
         "position_integrating": plant.position_integral_gain,
         "position_derivative": plant.position_derivative_gain / step,
+        "command_share": share_of_step(plant.command_lag, step),
         "speed_feedforward": plant.speed_feedforward,
         "speed_feedback": plant.speed_feedback,
     }
@@ -73,6 +75,7 @@ def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Arr
         "error": zero + error,
         "position_integral": zero,
         "position_error": zero + off,
+        "commanded": zero + inputs.command[0],
     }
 
 
@@ -100,12 +103,13 @@ def _proportional(s: Any, p: Any, u: Any) -> Any:
 @law
 def _pid(s: Any, p: Any, u: Any) -> Any:
     measured = approach(s.feedback, s.speed, p.feedback_share)
-    off = u.command - p.gear_ratio * s.output
+    commanded = approach(s.commanded, u.command, p.command_share)
+    off = commanded - p.gear_ratio * s.output
     error = pid_speed_error(
         off,
         s.position_integral,
         off - s.position_error,
-        u.command_rate / p.gear_ratio,
+        (commanded - s.commanded) / (u.step * p.gear_ratio),
         measured,
         p.position_gain,
         p.position_integrating,
@@ -124,4 +128,4 @@ def _pid(s: Any, p: Any, u: Any) -> Any:
         p.demand_limit,
     )
     integrals = (u.enabled * (s.integral + error * u.step), error)
-    return demand, (measured, *integrals, u.enabled * (s.position_integral + off * u.step), off)
+    return demand, (measured, *integrals, u.enabled * (s.position_integral + off * u.step), off, commanded)

@@ -116,8 +116,8 @@ def parameters(plant: Plant, step: float) -> dict[str, Array]:
         rows |= {
             "inverse_stribeck": 1 / np.maximum(plant.stribeck_speed, SLOWEST_STRIBECK),
             "inverse_transition": 1 / np.maximum(plant.transition_speed, SLOWEST_STRIBECK),
-            "load_motor": plant.load_motor,
-            "load_external": plant.load_external,
+            "load_motor": plant.load_friction + plant.load_motor,
+            "load_external": plant.load_friction + plant.load_external,
             "stribeck_load_motor": plant.stribeck_load_motor,
             "stribeck_load_external": plant.stribeck_load_external,
             "coulomb_asymmetry": plant.coulomb_asymmetry,
