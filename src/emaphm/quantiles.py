@@ -69,4 +69,4 @@ def _student_t_density(freedom: int, t: float) -> float:
 def chi_squared_quantile(freedom: int, probability: float) -> float:
     """Return the quantile of chi-squared with `freedom` degrees, to 3 % (Wilson and Hilferty 1931)."""
     spread = 2 / (9 * freedom)
-    return freedom * (1 - spread + float(normal_quantile(probability)) * spread**0.5) ** 3
+    return freedom * (1 - spread + float(normal_quantile(probability)) * math.sqrt(spread)) ** 3

@@ -54,8 +54,8 @@ def read_campaign(
     Raises
     ------
     MethodError
-        The campaign cannot be read, has no row, or a row without file; a quantity is unknown or its value is no
-        number; a file is given twice.
+        The campaign cannot be read, has no row, or a row without file; a quantity is unknown or its value is
+        no number; a file is given twice.
     RecordingError
         A recording cannot be read.
     """
@@ -152,7 +152,7 @@ def _row(
     file = path.parent / row[FILE]
     if not file.is_file():
         raise MethodError(
-            f"{where}, column 'file': there is no file {file}; give its path relative to the campaign's folder"
+            f"{where}, column 'file': there is no file {file}; give its path from the campaign's folder"
         )
     try:
         recording = read(file, actuator)

@@ -84,7 +84,7 @@ def joint_uncertainty(estimate: JointEstimate, seed: int, open_scales: Sequence[
     # does not.
     prior = CORRELATED_ROWS / joint.prior_deviations**2
     gradient = joint.summed_vectors(gradients) - prior * estimate.point
-    step: Array = np.linalg.solve(joint.summed_matrices(normals) + np.diag(prior), gradient)
+    step = np.asarray(np.linalg.solve(joint.summed_matrices(normals) + np.diag(prior), gradient), float)
     return JointUncertainty(
         # The iterations of a correction have taken such steps, and the mean of them.
         estimate.point if estimate.corrected else _stepped(estimate, step),

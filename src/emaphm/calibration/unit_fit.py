@@ -144,7 +144,8 @@ def fit_unit(
     uncertainty = joint_uncertainty(
         estimate, settings.seed, [only_ratios([row], actuator, fitted) for row in rows]
     )
-    contradicted = uncertainty.alone and contradictions(uncertainty.alone, unit.priors)
+    alone = uncertainty.alone
+    contradicted = None if alone is None else contradictions(alone, unit.priors)
     deviations, at_bound = uncertainty.point[: len(fitted)], _at_bound(uncertainty.point, unit)
     covariance = uncertainty.covariance[: len(fitted), : len(fitted)]
     if contradicted is not None:
