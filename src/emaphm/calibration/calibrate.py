@@ -1,7 +1,7 @@
 """Calibrating a healthy unit: its physical parameters and laws, from one recording or several in one fit."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from emaphm.calibration.campaign import CampaignRow, Recordings, campaign_rows, 
 from emaphm.calibration.conditions import check_nuisances
 from emaphm.calibration.description import Description, Laws, described_with_laws
 from emaphm.calibration.findings import found_parameters, found_recordings, found_values
-from emaphm.calibration.law_selection import Law
+from emaphm.calibration.law_selection import parameters_of
 from emaphm.calibration.result import Calibration
 from emaphm.calibration.separation import collinear_parameters
 from emaphm.calibration.unit_fit import FitSettings, UnitFit, fit_unit
@@ -21,8 +21,6 @@ from emaphm.estimation.bias_correction import MAX_CORRECTIONS
 from emaphm.estimation.parameter_variation import sizes
 from emaphm.progress import Progress, subprogress
 from emaphm.recording import check_plausible
-
-LAWS: Mapping[str, Law] = {}
 
 CALIBRATED = ", calibrated"
 """What the name of a calibrated actuator ends with."""
@@ -88,9 +86,7 @@ def calibrate(
     _check(rows, bare, names, nuisances)
     settings = FitSettings(nuisances, max_corrections, seed, workers)
     share = 0.0 if laws is None else 0.5
-    description = described_with_laws(
-        rows, bare, names, laws, LAWS, settings, subprogress(on_progress, 0.0, share)
-    )
+    description = described_with_laws(rows, bare, names, laws, settings, subprogress(on_progress, 0.0, share))
     _check_baseline(actuator, description.free)
     for row in rows:
         check_row(row, description.actuator, description.free)
@@ -158,6 +154,6 @@ def _result(
         {
             law.name: law.excited_by
             for law in description.laws
-            if not any(parameters[name].identifiable for name in law.parameters)
+            if not any(parameters[name].identifiable for name in parameters_of(law, actuator))
         },
     )

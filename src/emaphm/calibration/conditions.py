@@ -5,7 +5,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.lumped_parameters import lumped_parameters
+from emaphm.actuator.actuator import described_parts
+from emaphm.actuator.baseline import SIGNED
+from emaphm.actuator.lumped_parameters import LUMPED_PARAMETERS, lumped_parameters
 from emaphm.arrays import Array
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.joint_objective import JointObjective, RecordingTerm
@@ -23,8 +25,14 @@ OWN_DEVIATION = 0.2
 """Standard deviation of a recording's own value of a shared parameter about the shared one, relative: as of a
 motor's strength that varies with its temperature."""
 
-TORQUES = ("inertia", "viscous", "coulomb", "offset", "hinge")
+TORQUES = (
+    *("inertia", "viscous", "coulomb", "static", "offset", "hinge", "quadratic", "stiffness", "damping"),
+    *("gravity", *(name for name in LUMPED_PARAMETERS if name.startswith("ripple"))),
+)
 """What the motor's torque has to overcome where no load is recorded: known in proportion to it only."""
+
+FOLLOWING = ("static", "damping", "stiffness")
+"""Those of them that another one makes known, or that do not act by themselves."""
 
 
 def check_nuisances(nuisances: Sequence[str] | None, free: Sequence[str]) -> None:
@@ -103,17 +111,18 @@ def only_ratios(rows: Sequence[CampaignRow], actuator: Actuator, free: Sequence[
 
     A voltage would show the constant by the speed, a known load by the current that holds it.
     """
-    acting = {name for name, value in lumped_parameters(actuator, TORQUES).items() if value}
+    present = (name for name in TORQUES if any(described_parts(actuator, name) or ()))
+    acting = {name for name in present if name not in FOLLOWING}
     return "torque_constant" in free and acting <= set(free) and not any(_scaled(r, actuator) for r in rows)
 
 
 def common_factor(actuator: Actuator, names: Sequence[str], deviations: Array) -> Array:
     """Return the effect on `deviations` (p,) of a common factor of all torques, by its logarithm, (p,)."""
-    of_each = dict.fromkeys((*TORQUES, "static", "torque_constant"), 1.0)
-    if "offset" in names:
-        size = sizes(actuator, ("offset",))[0]
-        of_each["offset"] = actuator.mechanics.offset / size + deviations[list(names).index("offset")]
-    return np.array([of_each.get(name, 0.0) for name in names])
+    effects = np.array([float(name in (*TORQUES, "torque_constant")) for name in names])
+    for i, (name, size) in enumerate(zip(names, sizes(actuator, tuple(names)), strict=True)):
+        if name in SIGNED and effects[i]:
+            effects[i] = lumped_parameters(actuator, (name,))[name] / size + deviations[i]
+    return effects
 
 
 def _scaled(row: CampaignRow, actuator: Actuator) -> bool:

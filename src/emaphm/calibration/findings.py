@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.baseline import LINEAR
+from emaphm.actuator.baseline import SIGNED
 from emaphm.actuator.lumped_parameters import LUMPED_PARAMETERS, with_lumped_parameters
 from emaphm.actuator.quantity import unit_for
 from emaphm.calibration.campaign import CampaignRow
@@ -96,12 +96,12 @@ def found_parameters(
             reasons.append(
                 f"at its bound, {WIDEST_FACTOR:g} times the description's value or a share of it as small: "
                 "these recordings ask for an effect that it cannot make, or for none"
-                if name not in LINEAR
+                if name not in SIGNED
                 else "at its bound: these recordings ask for more of it than is sought"
             )
         parameters[name] = Parameter(
             value,
-            float(error * (size[i] if name in LINEAR else value)),
+            float(error * (size[i] if name in SIGNED else value)),
             unit_for(LUMPED_PARAMETERS[name], actuator.coordinates),
             identifiable=bool(error < LARGEST_ERROR) and not at_bound,
             doubtful=doubtful,
@@ -119,7 +119,7 @@ def _disagreement(fit: UnitFit, name: str, rows: Sequence[CampaignRow], actuator
     asked = []
     for r in np.flatnonzero(fit.contradictions.informed[:, i]).tolist():
         value = float(varied(actuator, name, size * alone.points[r, i]))
-        error = float(alone.covariances[r, i, i] ** 0.5) * (size if name in LINEAR else value)
+        error = float(alone.covariances[r, i, i] ** 0.5) * (size if name in SIGNED else value)
         asked.append(f"{value:.3g} ± {error:.1g} ({rows[r].recording.source})")
     return "the recordings contradict each other: alone they would have " + ", ".join(asked)
 

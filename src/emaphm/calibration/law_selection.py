@@ -8,11 +8,12 @@ lowers the held-out error most is taken, as long as it does so by more than the 
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
-from emaphm.actuator import Actuator
+from emaphm.actuator import Actuator, Faults
+from emaphm.actuator.actuator import described_parts
+from emaphm.actuator.laws import LAWS, Law
 from emaphm.arrays import Array
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.conditions import joint_objective
@@ -20,7 +21,7 @@ from emaphm.calibration.joint_correction import JointEstimate
 from emaphm.calibration.joint_objective import JointObjective, RecordingTerm
 from emaphm.calibration.joint_search import DESCENT, settle
 from emaphm.calibration.unit_fit import FitSettings
-from emaphm.errors import ActuatorError, MethodError
+from emaphm.errors import MethodError
 from emaphm.estimation.levenberg_marquardt import descend, least_squares
 from emaphm.estimation.objective import LEAST_RESIDUAL
 from emaphm.estimation.parameter_space import Box
@@ -52,25 +53,6 @@ class LawSelectionSettings:
 LAW_SELECTION = LawSelectionSettings()
 
 
-class Law(Protocol):
-    """A law of physics that a description may be given."""
-
-    @property
-    def name(self) -> str:
-        """Its name in the command line, in JSON and in tables."""
-
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        """The lumped parameters that it brings."""
-
-    @property
-    def excited_by(self) -> str:
-        """The manoeuvre that identifies them, in words."""
-
-    def added_to(self, actuator: Actuator) -> Actuator:
-        """Return the actuator with the law, its parameters at values to start from."""
-
-
 @dataclass(frozen=True)
 class LawTrial:
     """One law that was tried, with those `given` that had been chosen before.
@@ -87,6 +69,19 @@ class LawTrial:
     seconds: float
     evaluations: int
     chosen: bool = False
+
+
+def parameters_of(law: Law, actuator: Actuator) -> tuple[str, ...]:
+    """Return the parameters that a law makes free in an `actuator` that has it."""
+    return tuple(
+        name for name in (*law.parameters, *law.also_free) if described_parts(actuator, name) is not None
+    )
+
+
+def typical_motor_speed(joint: JointObjective) -> float:
+    """Return the largest rms motor speed [rad/s] of the recordings, by the described model."""
+    problems = [term.objective.problem for term in joint.terms]
+    return max(rms(problem.signals(Faults().vector)["speed_rad_s"]) for problem in problems)
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,6 +182,7 @@ class _Trials:
     ) -> None:
         self.rows, self.base = rows, base
         self.fit_settings, self.settings = fit_settings, settings
+        self.speed = typical_motor_speed(base.joint)
         self.runs = 0
 
     def described(self, actuator: Actuator, free: tuple[str, ...]) -> _Fit:
@@ -197,13 +193,10 @@ class _Trials:
 
     def with_law(self, current: _Fit, law: Law) -> _Fit | None:
         """Return the fit with a further law, cross-validated where it is worth that; None if not possible."""
-        try:
-            actuator = law.added_to(current.actuator)
-        except (ActuatorError, MethodError):  # it excludes a law that is there, or needs what is not
+        if any(not LAWS[name].is_in(current.actuator) for name in law.needs):
             return None
-        free = tuple(dict.fromkeys((*current.free, *law.parameters)))
-        if free == current.free:
-            return None
+        actuator = law.added_to(current.actuator, self.speed)
+        free = tuple(dict.fromkeys((*current.free, *parameters_of(law, actuator))))
         joint = self._objective(current, actuator, free)
         first = len(current.free)
         begin = np.zeros(joint.box.lower.size)
