@@ -10,8 +10,8 @@ from emaphm.actuator.baseline import SIGNED
 from emaphm.actuator.lumped_parameters import LUMPED_PARAMETERS, lumped_parameters
 from emaphm.arrays import Array
 from emaphm.calibration.campaign import CampaignRow
-from emaphm.calibration.joint_objective import JointObjective, RecordingTerm
-from emaphm.calibration.joint_search import DESCENT
+from emaphm.calibration.joint.objective import JointObjective, RecordingTerm
+from emaphm.calibration.joint.search import DESCENT
 from emaphm.errors import MethodError
 from emaphm.estimation.nuisances import MAGNETS, MAGNETS_DEVIATION, PRIORS_PER_UNIT, WIDEST, NuisanceSet
 from emaphm.estimation.objective import healthy_objective

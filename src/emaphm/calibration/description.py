@@ -10,7 +10,7 @@ from emaphm.actuator.lumped_parameters import LUMPED_PARAMETERS, check_lumped_pa
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.conditions import SAME_PARAMETER
 from emaphm.calibration.findings import LARGEST_ERROR
-from emaphm.calibration.joint_correction import corrected_estimate
+from emaphm.calibration.joint.correction import corrected_estimate
 from emaphm.calibration.law_selection import (
     LawTrial,
     check_held_out,

@@ -17,9 +17,9 @@ from emaphm.actuator.laws import LAWS, Law
 from emaphm.arrays import Array
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.conditions import joint_objective
-from emaphm.calibration.joint_correction import JointEstimate
-from emaphm.calibration.joint_objective import JointObjective, RecordingTerm
-from emaphm.calibration.joint_search import DESCENT, settle
+from emaphm.calibration.joint.correction import JointEstimate
+from emaphm.calibration.joint.objective import JointObjective, RecordingTerm
+from emaphm.calibration.joint.search import DESCENT, settle
 from emaphm.calibration.unit_fit import FitSettings
 from emaphm.errors import MethodError
 from emaphm.estimation.levenberg_marquardt import descend, least_squares

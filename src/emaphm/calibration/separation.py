@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from emaphm.actuator import Chirp, Command, Ramp, Sine
 from emaphm.arrays import Array
-from emaphm.calibration.joint_objective import JointObjective
+from emaphm.calibration.joint.objective import JointObjective
 from emaphm.calibration.unit_fit import UnitFit
 from emaphm.estimation.driving_signals import DrivingSignals
 from emaphm.estimation.finite_differences import replicated_jacobians

@@ -1,5 +1,6 @@
 """The tables and notes of a calibration as text."""
 
+import math
 from collections.abc import Mapping, Sequence
 
 from emaphm.calibration.findings import Parameter, RecordingResult
@@ -18,10 +19,16 @@ def parameter_table(parameters: Mapping[str, Parameter], recordings: int) -> str
         marks = [] if p.identifiable else [f"not identifiable from {source}"]
         marks = ["at its bound"] if p.at_bound else marks
         marks += ["doubtful"] if p.doubtful else []
-        value = f"{p.value:.6g}" if p.identifiable and not p.doubtful else f"{p.value:.2g}"
+        value = f"{p.value:.6g}" if p.identifiable and not p.doubtful else _rounded(p.value, p.standard_error)
         unit = f"{p.unit}  ({', '.join(marks)})" if marks else p.unit
         rows.append((name, value, f"{p.standard_error:.2g}", unit))
     return format_table(("parameter", "value", "std. error", "unit"), rows)
+
+
+def _rounded(value: float, error: float) -> str:
+    """Return a value with the digits that its error leaves, one at least."""
+    known = math.ceil(math.log10(abs(value / error))) + 1 if value and error else 1
+    return f"{value:.{max(known, 1)}g}"
 
 
 def law_table(trials: Sequence[LawTrial]) -> str:

@@ -12,11 +12,11 @@ from emaphm.actuator import Actuator
 from emaphm.arrays import Array
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.conditions import common_factor, joint_objective, only_ratios
-from emaphm.calibration.contradictions import Contradictions, contradictions
-from emaphm.calibration.joint_correction import JointEstimate, corrected_estimate
-from emaphm.calibration.joint_objective import JointObjective
-from emaphm.calibration.joint_search import search
-from emaphm.calibration.joint_uncertainty import JointUncertainty, joint_uncertainty
+from emaphm.calibration.joint.contradictions import Contradictions, contradictions
+from emaphm.calibration.joint.correction import JointEstimate, corrected_estimate
+from emaphm.calibration.joint.objective import JointObjective
+from emaphm.calibration.joint.search import search
+from emaphm.calibration.joint.uncertainty import JointUncertainty, joint_uncertainty
 from emaphm.estimation.parameter_variation import WIDEST_FACTOR, ParameterVariation
 from emaphm.progress import Progress, subprogress
 

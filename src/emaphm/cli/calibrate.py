@@ -45,7 +45,7 @@ def calibrate(
     laws: Annotated[
         str | None,
         Parameter(
-            help="Laws to add, with commas between, e.g. stribeck,gravity; or 'auto': those of all that lower "
+            help="Laws to add, with commas between, e.g. stribeck,gravity; or 'auto': those that lower "
             "the error in recordings left out of the fit."
         ),
     ] = None,
@@ -68,7 +68,7 @@ def calibrate(
 ) -> None:
     """Estimate physical parameters of a healthy unit from its recordings; write them with their covariance.
 
-    All recordings are fitted at once. The calibrated description's [baseline] is the prior of later diagnoses.
+    All are fitted at once. The calibrated description's [baseline] is the prior of later diagnoses.
     """
     check_seed(seed)
     check_output(out, (".toml",), force=force)

@@ -6,11 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.arrays import Array
-from emaphm.calibration.joint_uncertainty import AloneEstimates
+from emaphm.calibration.joint.uncertainty import AloneEstimates
 from emaphm.quantiles import chi_squared_quantile, normal_quantile, student_t_quantile
 
 CHANCE = 1e-3
 """Probability with which errors alone make a parameter look contradicted."""
+
+MATERIAL = 0.02
+"""Standard error, relative, that a contradiction must make to matter: the models' own differences leave some
+percent between recordings."""
 
 INFORMED = 0.5
 """A recording with a standard error above this share of the prior's says nothing of a parameter."""
@@ -44,9 +48,9 @@ def contradictions(alone: AloneEstimates, prior_deviations: Array) -> Contradict
         values, weights = alone.points[informed[:, j], j], 1 / variances[informed[:, j], j]
         freedom = values.size - 1
         square = float(weights @ (values - weights @ values / weights.sum()) ** 2)
-        contradicted[j] = square > chi_squared_quantile(freedom, 1 - CHANCE)
-        if contradicted[j]:
+        if square > chi_squared_quantile(freedom, 1 - CHANCE):
             wider = student_t_quantile(freedom, 0.975) / float(normal_quantile(0.975))
             least = float(np.var(values, ddof=1)) * wider**2
             covariance[j, j] = max(covariance[j, j], least)
+            contradicted[j] = covariance[j, j] > MATERIAL**2
     return Contradictions(contradicted, informed, covariance)

@@ -8,9 +8,9 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.calibration.conditions import common_factor
-from emaphm.calibration.joint_correction import JointEstimate
-from emaphm.calibration.joint_search import DESCENT, SEARCH
-from emaphm.calibration.random_effects import MetaAnalysis, random_effects
+from emaphm.calibration.joint.correction import JointEstimate
+from emaphm.calibration.joint.random_effects import MetaAnalysis, random_effects
+from emaphm.calibration.joint.search import DESCENT, SEARCH
 from emaphm.estimation.levenberg_marquardt import least_squares
 from emaphm.estimation.objective import CORRELATED_ROWS
 from emaphm.estimation.parameter_variation import WIDEST_FACTOR
@@ -18,6 +18,11 @@ from emaphm.estimation.uncertainty.covariance import ScoreStatistics, score_stat
 from emaphm.estimation.uncertainty.fisher_information import information
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at, local_covariance
 from emaphm.random_streams import stream
+
+FAR = 2.0
+"""Ratio of squared residuals, after a Gauss-Newton step and after a descent, from which a recording alone is
+too far from the joint fit for a linear model. A descent that gains less may be along what the recording
+hardly determines, and end anywhere there."""
 
 STEP_SHARES = np.array([1.0, 0.5, 0.25, 0.1, 0.0])
 """Shares of a Gauss-Newton step that are tried: where data have little information, it may lead astray."""
@@ -123,20 +128,21 @@ def _alone_of(estimate: JointEstimate, r: int, jacobians: Array, seed: int) -> t
     """Return the estimate (own + shared,) of recording `r` alone, its covariance, and its misfit ratio.
 
     A Gauss-Newton step from the joint estimate, by its `jacobians`, is free of the kinks that hold a descent.
-    Where a descent leads to a fit that is better all the same, the recording is too far from the others for a
-    linear model: then its end counts.
+    Where a descent leads to a fit that is far better all the same, its end counts.
     """
     term, start = estimate.joint.terms[r], estimate.joint.local(r, estimate.point)
     objective, rows = term.objective, term.objective.channel_rows
     correction = estimate.discrepancies[r].mean + term.correction
     together = estimate.corrected_residuals[r][:rows]
     local = local_covariance(objective, start, together, jacobians)
-    step_end = objective.space.project(start + local.step)
     target = objective.target - correction
-    found = least_squares(objective.outputs, target, np.array([start, step_end]), objective.space, DESCENT)
-    cost = float(np.mean(objective.residual(step_end, correction) ** 2))
-    end, least = step_end, min(cost, float(found.costs.min()))
-    if cost > SEARCH.equal_costs * least:
+    # The last share is no step at all: the joint estimate.
+    points = objective.space.project(start + STEP_SHARES[:, np.newaxis] * local.step)
+    costs = np.mean((target - objective.outputs(points)) ** 2, axis=1)
+    end = points[np.flatnonzero(costs <= SEARCH.equal_costs * costs[-1])[0]]
+    found = least_squares(objective.outputs, target, np.array([start, end]), objective.space, DESCENT)
+    least = min(float(costs.min()), float(found.costs.min()))
+    if costs.min() > FAR * least:
         residual = objective.residual(found.best, correction)[:rows]
         replicates = jacobians_at(objective, found.best, stream(seed, "Jacobians of one recording", r))
         local = local_covariance(objective, found.best, residual, replicates)

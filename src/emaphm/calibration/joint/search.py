@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.calibration.joint_objective import JointObjective
+from emaphm.calibration.joint.objective import JointObjective
 from emaphm.estimation.levenberg_marquardt import LeastSquaresSettings, descend
 from emaphm.estimation.parameter_variation import START_FACTOR
 from emaphm.optimizers import space_filling
