@@ -66,7 +66,7 @@ def _student_t_density(freedom: int, t: float) -> float:
     return math.exp(scale - half * math.log1p(t * t / freedom))
 
 
-def chi_squared_quantile(freedom: int, probability: float) -> float:
+def chi_squared_quantile(freedom: float, probability: float) -> float:
     """Return the quantile of chi-squared with `freedom` degrees, to 3 % (Wilson and Hilferty 1931)."""
     spread = 2 / (9 * freedom)
     return freedom * (1 - spread + float(normal_quantile(probability)) * math.sqrt(spread)) ** 3

@@ -145,6 +145,7 @@ def _result(
         calibrated.model_copy(update={"baseline": baseline}),
         found_recordings(fit, rows, calibrated),
         None if fit.uncertainty.alone is None else fit.uncertainty.alone.meta.birge_ratio,
+        fit.contradictions is not None and bool(np.any(fit.contradictions.covariance)),
         collinear_parameters(fit, seed),
         sum(problem.runs.of(problem.model)[0] for problem in problems),
         time.perf_counter() - began,

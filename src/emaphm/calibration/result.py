@@ -23,7 +23,8 @@ class Calibration:
     """Parameters of a healthy unit, and the calibrated `actuator` with its baseline.
 
     `recordings` has what was found of each recording. `birge_ratio` is the scatter of what the recordings
-    would have alone, relative to that expected from their standard errors; None of one recording.
+    would have alone, relative to that expected from their standard errors; None of one recording. Where they
+    are `scattered` by more than chance, the standard errors of the parameters include it.
     `collinear_sets` are parameters that are known in combination only. `laws` are the names of the laws that
     were added to the description, `selection` how they were chosen, and `unexcited` those that nothing in
     the recordings excites, each with the manoeuvre that would.
@@ -33,6 +34,7 @@ class Calibration:
     actuator: Actuator
     recordings: tuple[RecordingResult, ...]
     birge_ratio: float | None
+    scattered: bool
     collinear_sets: tuple[CollinearParameters, ...]
     evaluations: int
     seconds: float
@@ -66,6 +68,7 @@ class Calibration:
             "parameters": {name: asdict(p) for name, p in self.parameters.items()},
             "relative_error": dict(self.relative_error),
             "birge_ratio": self.birge_ratio,
+            "scattered": self.scattered,
             "collinear": [asdict(one) for one in self.collinear_sets],
             "laws": list(self.laws),
             "selection": [asdict(one) for one in self.selection],
@@ -122,4 +125,4 @@ class Calibration:
             f"Nothing in these recordings excites the law '{name}'; {manoeuvre} would."
             for name, manoeuvre in self.unexcited.items()
         ]
-        return [*lines, *recording_notes(self.recordings, self.birge_ratio)]
+        return [*lines, *recording_notes(self.recordings, self.birge_ratio, self.scattered)]

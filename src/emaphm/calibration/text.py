@@ -47,7 +47,9 @@ def law_table(trials: Sequence[LawTrial]) -> str:
     return format_table(("laws", "training error", "held-out error", "time", "simulations", "chosen"), rows)
 
 
-def recording_notes(recordings: Sequence[RecordingResult], birge_ratio: float | None) -> list[str]:
+def recording_notes(
+    recordings: Sequence[RecordingResult], birge_ratio: float | None, scattered: bool
+) -> list[str]:
     """Return a line on what was estimated of each recording, and on how the recordings agree."""
     lines = []
     for one in recordings:
@@ -65,7 +67,6 @@ def recording_notes(recordings: Sequence[RecordingResult], birge_ratio: float | 
     if birge_ratio is not None:
         lines.append(
             f"The {len(recordings)} recordings scatter {birge_ratio:.2g} times as much as their own standard "
-            "errors explain"
-            + ("; those above include it." if birge_ratio > 1 else ", no more than by chance.")
+            "errors explain" + ("; those above include it." if scattered else ", no more than by chance.")
         )
     return lines

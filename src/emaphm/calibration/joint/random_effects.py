@@ -11,7 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.quantiles import normal_quantile, student_t_quantile
+from emaphm.quantiles import chi_squared_quantile, normal_quantile, student_t_quantile
+
+CHANCE = 0.2
+"""Probability with which errors alone make as large a scatter as is taken for one between the recordings.
+The scatter of a few estimates, as wide as Student's t, would otherwise be mostly chance; one that is
+overlooked is no larger than the errors."""
 
 LEAST_FREEDOM = 0.5
 """Degrees of freedom of the scatter below which there is nothing to compare."""
@@ -50,7 +55,7 @@ def random_effects(estimates: Array, covariances: Array, prior_deviation: Array)
     if count == 1 or freedom < LEAST_FREEDOM:
         return MetaAnalysis(mean, covariance, np.zeros((p, p)), None)
     ratio, consistent = square / freedom, covariance
-    if ratio > 1:
+    if square > chi_squared_quantile(freedom, 1 - CHANCE):
         # The scatter of the mean's own terms, so that an estimate without weight does not count.
         terms = np.einsum("ij,njk,nk->ni", covariance, precisions, away)
         scatter = count * count / (count - 1) * terms.T @ terms * (1 - 1 / ratio)
