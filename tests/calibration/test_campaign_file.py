@@ -78,11 +78,11 @@ def test_a_recording_is_no_campaign(folder: Path) -> None:
         ("file,load\nlogs/a.csv,much\n", "row 1, column 'load': 'much' is no number; give one"),
         (
             "file,load\nlogs/a.csv,1\nlogs/a.csv,2\n",
-            "row 2, column 'file': .* row 1 already, with other values",
+            "row 2, .* in row 1 already, with other values",
         ),
         (
             "file,load\nlogs/a.csv,1\n./logs/a.csv,1\n",
-            "row 2, column 'file': .* stands in row 1 already; leave",
+            "row 2, column 'file': .* in row 1 already; leave",
         ),
         ("file,load\nlogs/a.csv,1,2\n", "row 1: has more cells than the header"),
         ("file,load\n", "no recording in this campaign"),

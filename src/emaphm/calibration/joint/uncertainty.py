@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from emaphm.arrays import Array
 from emaphm.calibration.conditions import common_factor
 from emaphm.calibration.joint.correction import JointEstimate
 from emaphm.calibration.joint.random_effects import MetaAnalysis, random_effects
-from emaphm.calibration.joint.search import DESCENT, SEARCH
+from emaphm.calibration.joint.search import DESCENT, SEARCH, settle
 from emaphm.estimation.levenberg_marquardt import least_squares
 from emaphm.estimation.objective import CORRELATED_ROWS
 from emaphm.estimation.parameter_variation import WIDEST_FACTOR
@@ -20,7 +20,7 @@ from emaphm.estimation.uncertainty.local_covariance import jacobians_at, local_c
 from emaphm.random_streams import stream
 
 FAR = 2.0
-"""Ratio of squared residuals, after a Gauss-Newton step and after a descent, from which a recording alone is
+"""Ratio of squared residuals, at the joint estimate and after a descent, from which a recording alone is
 too far from the joint fit for a linear model. A descent that gains less may be along what the recording
 hardly determines, and end anywhere there."""
 
@@ -142,10 +142,29 @@ def _alone_of(estimate: JointEstimate, r: int, jacobians: Array, seed: int) -> t
     end = points[np.flatnonzero(costs <= SEARCH.equal_costs * costs[-1])[0]]
     found = least_squares(objective.outputs, target, np.array([start, end]), objective.space, DESCENT)
     least = min(float(costs.min()), float(found.costs.min()))
-    if costs.min() > FAR * least:
-        residual = objective.residual(found.best, correction)[:rows]
-        replicates = jacobians_at(objective, found.best, stream(seed, "Jacobians of one recording", r))
-        local = local_covariance(objective, found.best, residual, replicates)
-        end = objective.space.project(found.best + local.step)
+    if costs[-1] > FAR * least:
+        return _far_alone(estimate, r, found.best, correction, seed)
     ratio = float(np.sqrt(np.mean(together**2) / max(least, np.finfo(float).tiny)))
     return end, local.covariance, ratio
+
+
+def _far_alone(
+    estimate: JointEstimate, r: int, point: Array, correction: Array, seed: int
+) -> tuple[Array, Array, float]:
+    """Return what `_alone_of` does where recording `r` is far from the others: fitted by its own residuals.
+
+    `point` (own + shared,) is where a descent under the weights of the joint fit has led.
+    """
+    joint = estimate.joint
+    by_itself = replace(joint, terms=(replace(joint.terms[r], correction=correction),))
+    start = np.zeros(point.size)
+    start[by_itself.indices[0]] = point
+    by_itself, end = settle(by_itself, start)
+    (term,), local_end = by_itself.terms, by_itself.local(0, end)
+    objective, rows = term.objective, term.objective.channel_rows
+    residual = objective.residual(local_end, term.correction)[:rows]
+    jacobians = jacobians_at(objective, local_end, stream(seed, "Jacobians of one recording", r))
+    local = local_covariance(objective, local_end, residual, jacobians)
+    together = objective.rescaled(estimate.corrected_residuals[r], joint.terms[r].objective)[:rows]
+    ratio = float(np.sqrt(np.mean(together**2) / max(float(np.mean(residual**2)), np.finfo(float).tiny)))
+    return local_end, local.covariance, ratio
