@@ -65,7 +65,7 @@ class CampaignRow:
         if not added:
             return self.recording
         channels = {**self.recording.channels, **added}
-        return Recording(channels, self.recording.sampling, self.recording.source)
+        return Recording(channels, self.recording.sampling, self.recording.source, self.recording.notes)
 
     def described(self, actuator: Actuator, shared: Sequence[str] = ()) -> Actuator:
         """Return the actuator with the parameters that are known here; the `shared` ones as described.

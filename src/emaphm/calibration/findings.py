@@ -44,6 +44,11 @@ class Parameter:
     at_bound: bool = False
     reason: str = ""
 
+    @property
+    def doubt(self) -> str:
+        """What is doubtful of it, in words."""
+        return f"doubtful: {self.reason}" if self.doubtful else self.reason
+
 
 @dataclass(frozen=True, eq=False)
 class RecordingResult:

@@ -112,14 +112,9 @@ class Calibration:
         return "\n\n".join([*parts, format_table(("channel", title), errors)])
 
     def notes(self) -> list[str]:
-        """Return a line on each doubt, collinear set and unexcited law, and on each recording's own."""
-        lines = [
-            f"{name} is {'doubtful' if p.doubtful else p.reason}"
-            + (f": {p.reason}" if p.doubtful else "")
-            + "."
-            for name, p in self.parameters.items()
-            if p.reason
-        ]
+        """Return what was done to the recordings, what is doubtful or not excited, and each one's own."""
+        lines = [f"{one.recording.source}: {note}." for one in self.replays for note in one.recording.notes]
+        lines += [f"{name} is {p.doubt}." for name, p in self.parameters.items() if p.reason]
         lines += [str(one) for one in self.collinear_sets]
         lines += [
             f"Nothing in these recordings excites the law '{name}'; {manoeuvre} would."
