@@ -24,7 +24,7 @@ if TYPE_CHECKING:
         Sine,
         Step,
     )
-    from emaphm.calibration import Calibration, calibrate
+    from emaphm.calibration import Calibration, CampaignRow, calibrate, read_campaign
     from emaphm.diagnosis import Diagnosis, diagnose, error_percent
     from emaphm.errors import EmaphmError
     from emaphm.estimation import replay
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "emaphm.actuator": "Actuator Chirp DecayingChirp Faults Ramp Sampled Sine Step",
     "emaphm.errors": "EmaphmError",
-    "emaphm.calibration": "Calibration calibrate",
+    "emaphm.calibration": "Calibration CampaignRow calibrate read_campaign",
     "emaphm.diagnosis": "Diagnosis diagnose error_percent",
     "emaphm.estimation": "replay",
     "emaphm.experiment": "Design design",
@@ -53,6 +53,7 @@ _HOME = {name: home for home, names in _HOMES.items() for name in names.split()}
 __all__ = [
     "Actuator",
     "Calibration",
+    "CampaignRow",
     "Chirp",
     "DecayingChirp",
     "Design",
@@ -70,6 +71,7 @@ __all__ = [
     "design",
     "diagnose",
     "error_percent",
+    "read_campaign",
     "read_recording",
     "replay",
     "simulate",

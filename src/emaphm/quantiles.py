@@ -1,4 +1,4 @@
-"""Quantiles of the normal and of Student's t distribution.
+"""Quantiles of the normal, Student's t and the chi-squared distribution.
 
 SciPy has them too, but its import alone takes longer than the search of a whole diagnosis.
 """
@@ -64,3 +64,9 @@ def _student_t_density(freedom: int, t: float) -> float:
     half = 0.5 * (freedom + 1)
     scale = math.lgamma(half) - math.lgamma(0.5 * freedom) - 0.5 * math.log(freedom * math.pi)
     return math.exp(scale - half * math.log1p(t * t / freedom))
+
+
+def chi_squared_quantile(freedom: float, probability: float) -> float:
+    """Return the quantile of chi-squared with `freedom` degrees, to 3 % (Wilson and Hilferty 1931)."""
+    spread = 2 / (9 * freedom)
+    return freedom * (1 - spread + float(normal_quantile(probability)) * math.sqrt(spread)) ** 3

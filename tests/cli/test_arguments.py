@@ -21,7 +21,7 @@ BAD_ARGUMENTS = {
     "simulate": ("simulate", "requires an argument"),
     "diagnose": ("diagnose", "requires an argument"),
     "replay": ("replay", "requires an argument"),
-    "calibrate good.csv -o out.toml": ("--free", "requires an argument"),
+    "calibrate good.csv -o out.toml": ("--free and --laws are left out", "name parameters by --free"),
     "calibrate good.csv --free inertia": ("--out", "requires an argument"),
     "simulate out.csv --fault": ("--fault", "requires an argument"),
     # faults
@@ -111,6 +111,11 @@ BAD_ARGUMENTS = {
     "calibrate -o out.toml --free inertia": ("no recording to calibrate from", "or several"),
     "calibrate good.csv absent.csv -o out.toml --free inertia": ("absent.csv", "no such file"),
     "calibrate good.csv -o out.toml --free offset --nuisance load": ("'load'", "'offset'", "leave one out"),
+    "calibrate good.csv -o out.toml --laws auto": ("two recordings at least", "or name the laws"),
+    "calibrate good.csv -o out.toml --laws stribek": ("unknown law 'stribek'", "did you mean 'stribeck'?"),
+    "calibrate good.csv -o out.toml --laws auto,gravity": ("'auto'", "give it alone"),
+    "calibrate good.csv -o out.toml --laws none": ("no law to add", "stribeck"),
+    "calibrate good.csv -o out.toml --free position_gian": ("did you mean 'position_gain'?",),
 }
 
 FURTHER = {

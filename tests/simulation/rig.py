@@ -80,7 +80,7 @@ class Shaft:
 
     def move(self, torque: float, load: float = 0.0) -> None:
         """Take one step under the motor's torque and a load [N·m]."""
-        inputs = StepInputs(0.0, 0.0, load, 0.0, 1.0, 0.0, self.step, 1.0)
+        inputs = StepInputs(0.0, load, 0.0, 1.0, 0.0, self.step, 1.0)
         following = self._moved(SimpleNamespace(**self.state), self._parameters, inputs, torque)
         self.state = dict(zip(self.state, map(float, following), strict=True))
 

@@ -1,42 +1,37 @@
-"""Calibrating a healthy unit: its physical parameters, from one recording or several, and how well known."""
+"""Calibrating a healthy unit: its physical parameters and laws, from one recording or several in one fit."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.baseline import SIGNED, Baseline
-from emaphm.actuator.lumped_parameters import (
-    LUMPED_PARAMETERS,
-    check_lumped_parameters,
-    with_lumped_parameters,
-)
-from emaphm.actuator.quantity import unit_for
-from emaphm.arrays import Array
-from emaphm.calibration.random_effects import random_effects
-from emaphm.calibration.result import Calibration, Parameter
-from emaphm.calibration.single_recording import UnitEstimate, estimate_unit, unit_objective
+from emaphm.actuator.baseline import Baseline
+from emaphm.actuator.lumped_parameters import with_lumped_parameters
+from emaphm.calibration.campaign import CampaignRow, Recordings, campaign_rows, check_row
+from emaphm.calibration.conditions import check_nuisances
+from emaphm.calibration.description import Description, Laws, described_with_laws
+from emaphm.calibration.findings import found_parameters, found_recordings, found_values
+from emaphm.calibration.law_selection import parameters_of
+from emaphm.calibration.result import Calibration
+from emaphm.calibration.separation import collinear_parameters
+from emaphm.calibration.unit_fit import FitSettings, UnitFit, fit_unit
 from emaphm.errors import MethodError
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS
-from emaphm.estimation.nuisances import NuisanceSet
-from emaphm.estimation.parameter_variation import ParameterVariation, sizes, varied
-from emaphm.estimation.replay import Replay, replay
+from emaphm.estimation.parameter_variation import sizes
 from emaphm.progress import Progress, subprogress
-from emaphm.recording import Recording, check_plausible
-
-LARGEST_ERROR = 0.5
-"""A parameter with a larger relative standard error is called not identifiable."""
+from emaphm.recording import check_plausible
 
 CALIBRATED = ", calibrated"
 """What the name of a calibrated actuator ends with."""
 
 
 def calibrate(
-    recordings: Recording | Sequence[Recording],
+    recordings: Recordings,
     actuator: Actuator,
-    free: Sequence[str],
+    free: Sequence[str] | None = None,
     *,
+    laws: Laws = None,
     nuisances: Sequence[str] | None = None,
     max_corrections: int = MAX_CORRECTIONS,
     seed: int = 0,
@@ -45,20 +40,27 @@ def calibrate(
 ) -> Calibration:
     """Return the parameters `free` of a healthy unit that explain `recordings`, and the calibrated actuator.
 
-    Every channel counts that a diagnosis would compare. Each recording is fitted by itself, its nuisances
-    under their priors; a random-effects meta-analysis of all is the calibrated actuator's baseline, and so
+    One fit of all recordings: they share the parameters, and each has nuisances of its own under their
+    priors, or values that are known of it. Every channel counts that a diagnosis would compare. Where the
+    recordings scatter more than their errors explain, the standard errors cover it, and what they contradict
+    each other in is called doubtful. What is known in the end is the calibrated actuator's baseline, and so
     the prior of later diagnoses.
 
     Parameters
     ----------
     recordings
-        Of the healthy unit; lengths, commands and channels may differ.
+        Of the healthy unit; lengths, commands and channels may differ. A `CampaignRow` says what is known of
+        one, or is its own.
     actuator
         The description to start from; its values need only be right within a factor of 3 or so. A baseline
         of its own is replaced by that of these recordings.
     free
         Names from `emaphm.actuator.baseline.LUMPED_PARAMETERS`; the others keep their values.
-        Static friction keeps its ratio to dynamic friction unless it is free itself.
+        Static friction keeps its ratio to dynamic friction unless it is free itself. Where laws are
+        asked for, it may be left out: the usual ones that the recordings identify.
+    laws
+        Laws to add to the description, by name, their parameters free; "auto" adds those of all that lower
+        the error in recordings left out of the fit, one at a time.
     nuisances
         What is unknown of each recording: as in `emaphm.diagnose`. One that cannot be
         separated from a free parameter is left out: a load where `offset` is free.
@@ -72,81 +74,49 @@ def calibrate(
     MethodError
         There is no recording; no parameter, or an unknown one, is free; one needs a section that the
         actuator lacks, or starts at zero, where its size is not known; the actuator's baseline holds a
-        parameter that is not free; or a nuisance is unknown or cannot be separated from a free parameter.
+        parameter that is not free; a nuisance or law is unknown, or cannot be separated from a free
+        parameter; what is known of a recording contradicts itself; or laws are to be chosen by one recording.
     RecordingError
         A recording cannot be of this actuator, by orders of magnitude.
     """
     began = time.perf_counter()
-    given = (recordings,) if isinstance(recordings, Recording) else tuple(recordings)
-    names = tuple(dict.fromkeys(free))
-    _check(given, actuator, names)
+    rows = campaign_rows(recordings)
+    names = None if free is None else tuple(dict.fromkeys(free))
     bare = actuator.model_copy(update={"baseline": None})
-    unit = ParameterVariation.free(bare, names)
-    for recording in given:
-        check_plausible(recording, bare)
-    objectives = [unit_objective(recording, bare, unit, nuisances, workers) for recording in given]
-    found = []
-    for i, objective in enumerate(objectives):
-        progress = subprogress(on_progress, i / len(given), (i + 1) / len(given))
-        found.append(estimate_unit(objective, max_corrections, seed, progress))
-    combined = random_effects(
-        np.array([one.of(names)[0] for one in found]),
-        np.array([one.of(names)[1] for one in found]),
-        unit.priors,
+    _check(rows, bare, names, nuisances)
+    settings = FitSettings(nuisances, max_corrections, seed, workers)
+    share = 0.0 if laws is None else 0.5
+    description = described_with_laws(rows, bare, names, laws, settings, subprogress(on_progress, 0.0, share))
+    _check_baseline(actuator, description.free)
+    for row in rows:
+        check_row(row, description.actuator, description.free)
+    fit = fit_unit(
+        rows,
+        description.actuator,
+        description.free,
+        settings,
+        description.start,
+        subprogress(on_progress, share, 1.0),
     )
-    days = tuple(one.nuisances_given(names, combined.mean) for one in found)
-    size = sizes(bare, names)
-    values = {
-        name: float(varied(bare, name, variation))
-        for name, variation in zip(names, size * combined.mean, strict=True)
-    }
-    if "static" in values:
-        # Below dynamic friction it has no effect, so the search may have left it anywhere there.
-        values["static"] = max(values["static"], values.get("coulomb", bare.mechanics.dynamic_friction))
-    calibrated = with_lumped_parameters(
-        bare, values, name=f"{actuator.name.removesuffix(CALIBRATED)}{CALIBRATED}"
-    )
-    baseline = Baseline.of(
-        names, np.outer(size, size) * combined.covariance, tuple(one.source for one in given)
-    )
-    runs = [one.objective.problem.runs.of(one.objective.problem.model)[0] for one in found]
-    return Calibration(
-        _parameters(values, np.sqrt(np.diag(combined.covariance)), size, actuator.coordinates),
-        calibrated.model_copy(update={"baseline": baseline}),
-        tuple(
-            _replayed(one, recording, calibrated, day)
-            for one, recording, day in zip(found, given, days, strict=True)
-        ),
-        days,
-        combined.birge_ratio,
-        sum(runs),
-        time.perf_counter() - began,
-        seed,
-    )
+    return _result(rows, description, fit, seed, began)
 
 
-def _parameters(
-    values: Mapping[str, float], errors: Array, size: Array, coordinates: str
-) -> dict[str, Parameter]:
-    """Return the parameters with standard errors, from those of their variations in units of `size` (p,)."""
-    return {
-        name: Parameter(
-            value,
-            float(error * (factor if name in SIGNED else value)),
-            unit_for(LUMPED_PARAMETERS[name], coordinates),
-            identifiable=bool(error < LARGEST_ERROR),
-        )
-        for (name, value), error, factor in zip(values.items(), errors, size, strict=True)
-    }
-
-
-def _check(recordings: Sequence[Recording], actuator: Actuator, free: tuple[str, ...]) -> None:
+def _check(
+    rows: Sequence[CampaignRow],
+    actuator: Actuator,
+    free: tuple[str, ...] | None,
+    nuisances: Sequence[str] | None,
+) -> None:
     """Refuse what cannot be calibrated, before the work."""
-    if not recordings:
+    if not rows:
         raise MethodError("no recording to calibrate from; give one of the healthy unit, or several")
-    if not free:
-        raise MethodError(f"no parameter to calibrate; name some of {', '.join(LUMPED_PARAMETERS)}")
-    check_lumped_parameters(actuator, free)
+    check_nuisances(nuisances, free or ())
+    for row in rows:
+        check_plausible(row.recording, actuator)
+
+
+def _check_baseline(actuator: Actuator, free: tuple[str, ...]) -> None:
+    """Refuse to lose what an earlier calibration knows."""
     for name in actuator.baseline.names if actuator.baseline else ():
         if name not in free:
             raise MethodError(
@@ -155,13 +125,36 @@ def _check(recordings: Sequence[Recording], actuator: Actuator, free: tuple[str,
             )
 
 
-def _replayed(
-    estimate: UnitEstimate, recording: Recording, calibrated: Actuator, day: Mapping[str, float]
-) -> Replay:
-    """Return the recording replayed by the calibrated model, under the nuisances of that `day`."""
-    nuisances = NuisanceSet.of(calibrated, tuple(day), recording.names)
-    values = {name: np.asarray(value) for name, value in day.items()}
-    rise = estimate.objective.problem.temperature_rise_K
-    changed = nuisances.lumped_parameters(calibrated, values, rise)
-    parameters = {name: float(value) for name, value in changed.items()}
-    return replay(recording, with_lumped_parameters(calibrated, parameters) if parameters else calibrated)
+def _result(
+    rows: Sequence[CampaignRow], description: Description, fit: UnitFit, seed: int, began: float
+) -> Calibration:
+    """Return the calibration that a fit amounts to."""
+    actuator = description.actuator
+    values = found_values(fit, actuator)
+    calibrated = with_lumped_parameters(
+        actuator, values, name=f"{actuator.name.removesuffix(CALIBRATED)}{CALIBRATED}"
+    )
+    size = sizes(actuator, fit.free)
+    baseline = Baseline.of(
+        fit.free, np.outer(size, size) * fit.covariance, tuple(row.recording.source for row in rows)
+    )
+    parameters = found_parameters(fit, values, rows, actuator)
+    problems = [term.objective.problem for term in fit.joint.terms]
+    return Calibration(
+        parameters,
+        calibrated.model_copy(update={"baseline": baseline}),
+        found_recordings(fit, rows, calibrated),
+        None if fit.uncertainty.alone is None else fit.uncertainty.alone.meta.birge_ratio,
+        fit.contradictions is not None and bool(np.any(fit.contradictions.covariance)),
+        collinear_parameters(fit, seed),
+        sum(problem.runs.of(problem.model)[0] for problem in problems),
+        time.perf_counter() - began,
+        seed,
+        tuple(law.name for law in description.laws),
+        description.selection,
+        {
+            law.name: law.excited_by
+            for law in description.laws
+            if not any(parameters[name].identifiable for name in parameters_of(law, actuator))
+        },
+    )

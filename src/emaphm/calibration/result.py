@@ -2,10 +2,14 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from emaphm.actuator import Actuator
+from emaphm.calibration.findings import Parameter, RecordingResult
+from emaphm.calibration.law_selection import LawTrial
+from emaphm.calibration.separation import CollinearParameters
+from emaphm.calibration.text import law_table, parameter_table, recording_notes
 from emaphm.estimation.replay import Replay
 from emaphm.text_table import format_table
 from emaphm.version import VERSION
@@ -14,33 +18,40 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-@dataclass(frozen=True)
-class Parameter:
-    """One calibrated parameter with its standard error, both in `unit`."""
-
-    value: float
-    standard_error: float
-    unit: str
-    identifiable: bool
-
-
 @dataclass(frozen=True, eq=False)
 class Calibration:
     """Parameters of a healthy unit, and the calibrated `actuator` with its baseline.
 
-    `replays` compares each recording with the calibrated model, under the load, temperature and whatever else
-    was estimated of that recording: its `nuisances`. `birge_ratio` is the scatter between the recordings
-    relative to that expected from their standard errors; None of one recording.
+    `recordings` has what was found of each recording. `birge_ratio` is the scatter of what the recordings
+    would have alone, relative to that expected from their standard errors; None of one recording. Where they
+    are `scattered` by more than chance, the standard errors of the parameters include it.
+    `collinear_sets` are parameters that are known in combination only. `laws` are the names of the laws that
+    were added to the description, `selection` how they were chosen, and `unexcited` those that nothing in
+    the recordings excites, each with the manoeuvre that would.
     """
 
     parameters: Mapping[str, Parameter]
     actuator: Actuator
-    replays: tuple[Replay, ...]
-    nuisances: tuple[Mapping[str, float], ...]
+    recordings: tuple[RecordingResult, ...]
     birge_ratio: float | None
+    scattered: bool
+    collinear_sets: tuple[CollinearParameters, ...]
     evaluations: int
     seconds: float
     seed: int
+    laws: tuple[str, ...] = ()
+    selection: tuple[LawTrial, ...] = ()
+    unexcited: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def replays(self) -> tuple[Replay, ...]:
+        """Each recording, replayed by the calibrated model."""
+        return tuple(one.replay for one in self.recordings)
+
+    @property
+    def nuisances(self) -> tuple[Mapping[str, float], ...]:
+        """What was estimated of each recording."""
+        return tuple(one.nuisances for one in self.recordings)
 
     @property
     def relative_error(self) -> Mapping[str, float]:
@@ -54,24 +65,24 @@ class Calibration:
     def to_dict(self) -> dict[str, Any]:
         """Return what `emaphm calibrate --json` prints."""
         return {
-            "parameters": {
-                name: {
-                    "value": p.value,
-                    "standard_error": p.standard_error,
-                    "unit": p.unit,
-                    "identifiable": p.identifiable,
-                }
-                for name, p in self.parameters.items()
-            },
+            "parameters": {name: asdict(p) for name, p in self.parameters.items()},
             "relative_error": dict(self.relative_error),
             "birge_ratio": self.birge_ratio,
+            "scattered": self.scattered,
+            "collinear": [asdict(one) for one in self.collinear_sets],
+            "laws": list(self.laws),
+            "selection": [asdict(one) for one in self.selection],
+            "unexcited": dict(self.unexcited),
             "recordings": [
                 {
-                    "recording": one.recording.source,
-                    "relative_error": dict(one.relative_error),
-                    "nuisances": dict(values),
+                    "recording": one.replay.recording.source,
+                    "relative_error": dict(one.replay.relative_error),
+                    "nuisances": dict(one.nuisances),
+                    "own": dict(one.own),
+                    "known": dict(one.known),
+                    "misfit_ratio": one.misfit_ratio,
                 }
-                for one, values in zip(self.replays, self.nuisances, strict=True)
+                for one in self.recordings
             ],
             "evaluations": self.evaluations,
             "seconds": round(self.seconds, 3),
@@ -92,37 +103,21 @@ class Calibration:
         return max(self.replays, key=lambda one: one.relative_error.get("current_A", 0.0)).plot()
 
     def __str__(self) -> str:
-        """Return tables of the parameters and of the relative errors."""
-        source = "this recording" if len(self.replays) == 1 else "these recordings"
-        rows = [
-            (
-                name,
-                f"{p.value:.6g}",
-                f"{p.standard_error:.2g}",
-                p.unit if p.identifiable else f"{p.unit}  (not identifiable from {source})",
-            )
-            for name, p in self.parameters.items()
-        ]
-        table = format_table(("parameter", "value", "std. error", "unit"), rows)
+        """Return tables of the laws tried, of the parameters and of the relative errors."""
+        parts = [law_table(self.selection)] if self.selection else []
+        parts.append(parameter_table(self.parameters, len(self.recordings)))
+        parts += ["\n".join(notes)] if (notes := self.notes()) else []
         errors = [(name, f"{100 * error:.4g} %") for name, error in self.relative_error.items()]
         title = "relative error" if len(self.replays) == 1 else "largest relative error"
-        return "\n\n".join([table, *self.notes(), format_table(("channel", title), errors)])
+        return "\n\n".join([*parts, format_table(("channel", title), errors)])
 
     def notes(self) -> list[str]:
-        """Return what was done to the recordings, the nuisances of each, and the scatter between them."""
+        """Return what was done to the recordings, what is doubtful or not excited, and each one's own."""
         lines = [f"{one.recording.source}: {note}." for one in self.replays for note in one.recording.notes]
+        lines += [f"{name} is {p.doubt}." for name, p in self.parameters.items() if p.reason]
+        lines += [str(one) for one in self.collinear_sets]
         lines += [
-            f"Estimated with the parameters in {one.recording.source}: "
-            + ", ".join(f"{name} {value:+.3g}" for name, value in values.items())
-            + "."
-            for one, values in zip(self.replays, self.nuisances, strict=True)
-            if values
+            f"Nothing in these recordings excites the law '{name}'; {manoeuvre} would."
+            for name, manoeuvre in self.unexcited.items()
         ]
-        if self.birge_ratio is not None:
-            count = len(self.replays)
-            lines.append(
-                f"The {count} recordings scatter {self.birge_ratio:.2g} times as much as their own standard "
-                "errors explain"
-                + ("; those above include it." if self.birge_ratio > 1 else ", no more than by chance.")
-            )
-        return ["\n".join(lines)] if lines else []
+        return [*lines, *recording_notes(self.recordings, self.birge_ratio, self.scattered)]

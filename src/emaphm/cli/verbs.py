@@ -181,60 +181,6 @@ def diagnose(
     show(diagnosis.to_dict(), text, as_json)
 
 
-def calibrate(
-    *recording: RecordingFile,
-    free: Annotated[
-        str, Parameter(help="Parameters to estimate, with commas between, e.g. inertia,viscous,coulomb.")
-    ],
-    out: Annotated[Path, Parameter(name=("--out", "-o"), help="Calibrated TOML to write.")],
-    actuator: ActuatorFile = "thesis",
-    correction: Annotated[
-        bool, Parameter(help="Correct the model's bias by a few runs of the reference model.")
-    ] = True,
-    nuisance: Annotated[
-        str | None,
-        Parameter(
-            help="What is unknown of each recording, with commas between: load, hinge, temperature, supply, "
-            "inertia, current_offset, current_scale; or 'none'. As the TOML says if left out, less what a "
-            "free parameter cannot be separated from."
-        ),
-    ] = None,
-    figure: FigureFile = None,
-    seed: Seed = 0,
-    force: Force = False,
-    as_json: AsJson = False,
-) -> None:
-    """Estimate physical parameters of a healthy unit from its recordings; write them with their covariance.
-
-    The calibrated description's [baseline] is the prior of later diagnoses.
-    """
-    check_seed(seed)
-    check_output(out, (".toml",), force=force)
-    check_output(figure, FIGURES, force=force)
-    described = described_actuator(actuator)
-    recorded = [recording_of(path, described) for path in recording]
-    names = names_in(free)
-    from emaphm.calibration import calibrate as estimate
-    from emaphm.estimation.bias_correction import MAX_CORRECTIONS
-
-    with progress("calibrating", as_json) as advance:
-        result = estimate(
-            recorded,
-            described,
-            names,
-            nuisances=None if nuisance is None else names_in(nuisance),
-            max_corrections=MAX_CORRECTIONS if correction else 0,
-            seed=seed,
-            on_progress=advance,
-        )
-    files = ", ".join(path.name for path in recording)
-    comments = f"Calibrated on {files}: {', '.join(names)}; the rest as in '{described.name}'.\n{result}"
-    result.actuator.to_toml(out, comments=comments)
-    text = f"{result}\n\nCalibrated description written to {out}"
-    draw(result, figure)
-    show(result.to_dict(), text, as_json)
-
-
 def replay(
     recording: RecordingFile,
     *further: RecordingFile,

@@ -47,9 +47,9 @@ class LawSelectionSettings:
     """When laws are tried, and which are kept; `make study` (limits, plants) measures them.
 
     Tried while the normalised residual is above `residual`: of recordings that the described actuator made it
-    is below. All laws are fitted by the averaged model, from afar and from the estimate; the `corrected` best of
-    each also with a correction of their own. One is kept
-    that leaves less than `share` of the mean squared residual; `most` laws at most.
+    is below. All laws are fitted by the averaged model, from afar and from the estimate; the `corrected` best
+    of each also with a correction of their own. One is kept that leaves less than `share` of the mean squared
+    residual; `most` laws at most.
     """
 
     residual: float = 1.0
@@ -140,7 +140,7 @@ def _corrected(fit: _Fit, max_corrections: int, seed: int) -> SearchResult:
 
 
 def with_law(objective: MapObjective, law: Law) -> MapObjective:
-    """Return the objective of the actuator with `law`, its parameters free beside the faults and nuisances."""
+    """Return the objective of the actuator with `law`, its parameters free beside faults and nuisances."""
     problem, nuisances = objective.problem, objective.space.nuisances
     actuator = law.added_to(problem.actuator)
     free = tuple(name for name in (*law.parameters, *law.also_free) if name not in nuisances.parameters)

@@ -55,8 +55,8 @@ the corrected residual was up to 1.17 times the noise."""
 
 
 EXPLAINED_RESIDUAL = 1.1
-"""Largest normalised residual of a corrected estimate that counts as explained. On recordings of the described
-actuator it was up to 1; a current sensor that lags 5 µs unnoticed leaves 1.0 to 1.3."""
+"""Largest normalised residual of a corrected estimate that counts as explained. On recordings of the
+described actuator it was up to 1; a current sensor that lags 5 µs unnoticed leaves 1.0 to 1.3."""
 
 NOT_EXPLAINED = "no model of this actuator explains the recording, so what causes its residual is not known"
 

@@ -4,8 +4,9 @@ Every iteration asks for two batches of simulations, for all starts together: fi
 Jacobians, then several damped steps for each start, of which the best is taken.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,13 +49,56 @@ class LeastSquaresResult:
         return np.asarray(self.points[int(np.argmin(self.costs))])
 
 
-@dataclass
-class _Descent:
-    """One start's progress; lives only inside `least_squares`."""
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """A `point` (d,), its `cost`, and what a `LeastSquaresSystem` needs to linearise about it."""
 
     point: Array
-    residual: Array
     cost: float
+    residual: Any
+
+
+class LeastSquaresSystem(Protocol):
+    """Residuals that depend on a point, however they are laid out."""
+
+    def evaluate(self, points: Array) -> list[Evaluation]:
+        """Return the evaluations of `points` (n, d)."""
+
+    def normal_equations(self, about: Sequence[Evaluation]) -> list[tuple[Array, Array]]:
+        """Return J Jᵀ (d, d) and J r (d,) about each of some points, J the Jacobian, r the residual."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """The system of one `target` (rows,) that `simulate` is to meet."""
+
+    simulate: Simulate
+    target: Array
+    box: Box
+    step: float
+
+    def evaluate(self, points: Array) -> list[Evaluation]:
+        residuals = self.target - self.simulate(points)
+        return [
+            Evaluation(point, float(np.mean(residual**2)), residual)
+            for point, residual in zip(points, residuals, strict=True)
+        ]
+
+    def normal_equations(self, about: Sequence[Evaluation]) -> list[tuple[Array, Array]]:
+        points = np.stack([one.point for one in about])
+        residuals = np.stack([one.residual for one in about])
+        jacobians = one_sided_jacobians(self.simulate, points, self.target - residuals, self.box, self.step)
+        return [
+            (jacobian @ jacobian.T, jacobian @ residual)
+            for jacobian, residual in zip(jacobians, residuals, strict=True)
+        ]
+
+
+@dataclass
+class _Descent:
+    """One start's progress; lives only inside `descend`."""
+
+    at: Evaluation
     damping: float = FIRST_DAMPING
     done: bool = False
 
@@ -71,27 +115,38 @@ def least_squares(
 
     `on_iteration` is called with the number of iterations done.
     """
-    points = box.project(np.array(starts, float))
-    residuals = target - simulate(points)
-    descents = [
-        _Descent(point, residual, float(np.mean(residual**2)))
-        for point, residual in zip(points, residuals, strict=True)
-    ]
+    return descend(_Rows(simulate, target, box, settings.step), starts, box, settings, on_iteration)
+
+
+def descend(
+    system: LeastSquaresSystem,
+    starts: Array,
+    box: Box,
+    settings: LeastSquaresSettings,
+    on_iteration: Callable[[int], None] | None = None,
+) -> LeastSquaresResult:
+    """Minimise the cost of a `system` from `starts` (m, d) inside a `box`; see `least_squares`."""
+    descents = [_Descent(one) for one in system.evaluate(box.project(np.array(starts, float)))]
     for iteration in range(settings.iterations):
         active = [descent for descent in descents if not descent.done]
         if not active:
             break
-        points = np.stack([descent.point for descent in active])
-        residuals = np.stack([descent.residual for descent in active])
-        jacobians = one_sided_jacobians(simulate, points, target - residuals, box, settings.step)
-        trials = np.stack([_trials(d, j, box) for d, j in zip(active, jacobians, strict=True)])
-        outcomes = target - simulate(trials.reshape(-1, box.lower.size)).reshape(*trials.shape[:2], -1)
-        for descent, tried, left in zip(active, trials, outcomes, strict=True):
-            _accept(descent, tried, left, settings.least_gain)
+        equations = system.normal_equations([descent.at for descent in active])
+        trials = np.stack(
+            [
+                _trials(descent, normal, gradient, box)
+                for descent, (normal, gradient) in zip(active, equations, strict=True)
+            ]
+        )
+        outcomes = system.evaluate(trials.reshape(-1, box.lower.size))
+        count = len(DAMPING_FACTORS)
+        for i, descent in enumerate(active):
+            _accept(descent, outcomes[i * count : (i + 1) * count], settings.least_gain)
         if on_iteration is not None:
             on_iteration(iteration + 1)
     return LeastSquaresResult(
-        np.stack([descent.point for descent in descents]), np.array([descent.cost for descent in descents])
+        np.stack([descent.at.point for descent in descents]),
+        np.array([descent.at.cost for descent in descents]),
     )
 
 
@@ -102,12 +157,11 @@ def movable(point: Array, gradient: Array, box: Box) -> NDArray[np.intp]:
     return np.flatnonzero(~(at_lower | at_upper))
 
 
-def _trials(descent: _Descent, jacobian: Array, box: Box) -> Array:
+def _trials(descent: _Descent, normal: Array, gradient: Array, box: Box) -> Array:
     """Return the points (factors, d) that damped Gauss-Newton steps lead to, one for each damping factor."""
-    normal = jacobian @ jacobian.T
-    gradient = jacobian @ descent.residual
-    free = movable(descent.point, gradient, box)
-    trials = np.tile(descent.point, (len(DAMPING_FACTORS), 1))
+    point = descent.at.point
+    free = movable(point, gradient, box)
+    trials = np.tile(point, (len(DAMPING_FACTORS), 1))
     if free.size:
         normal = normal[np.ix_(free, free)]
         scale = np.diag(normal)
@@ -118,13 +172,12 @@ def _trials(descent: _Descent, jacobian: Array, box: Box) -> Array:
     return box.project(trials)
 
 
-def _accept(descent: _Descent, trials: Array, residuals: Array, least_gain: float) -> None:
+def _accept(descent: _Descent, trials: Sequence[Evaluation], least_gain: float) -> None:
     """Move `descent` to its best trial, or raise its damping if none is better."""
-    costs = np.mean(residuals**2, axis=1)
-    best = int(np.argmin(costs))
-    if costs[best] < descent.cost:
-        descent.done = costs[best] > (1 - least_gain) * descent.cost
-        descent.point, descent.residual, descent.cost = trials[best], residuals[best], float(costs[best])
+    best = min(range(len(trials)), key=lambda i: trials[i].cost)
+    if trials[best].cost < descent.at.cost:
+        descent.done = trials[best].cost > (1 - least_gain) * descent.at.cost
+        descent.at = trials[best]
         descent.damping = max(descent.damping * DAMPING_FACTORS[best], LEAST_DAMPING)
     else:
         descent.damping *= 10 * DAMPING_FACTORS[-1]

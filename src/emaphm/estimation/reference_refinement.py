@@ -1,9 +1,9 @@
 """Gauss-Newton steps by the reference model itself, where the corrected averaged model leads no farther.
 
-The correction of the bias takes the discrepancy between the two models as constant near the estimate. Where it
-is not, as with a shaft that gives and hits the edges of its backlash, the iterations stop short of the optimum
-and the residual stays above noise and switching. The derivatives of the reference model, over differences that
-are large against its switching, lead on from there.
+The correction of the bias takes the discrepancy between the two models as constant near the estimate. Where
+it is not, as with a shaft that gives and hits the edges of its backlash, the iterations stop short of the
+optimum and the residual stays above noise and switching. The derivatives of the reference model, over
+differences that are large against its switching, lead on from there.
 """
 
 from dataclasses import dataclass, replace

@@ -19,6 +19,26 @@ LEAST_SCORE_VARIANCE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
+class ScoreStatistics:
+    """What one set of residuals says of d parameters, without any prior.
+
+    `information`, (d, d), is Fisher's of white residuals; `score_covariance`, (d, d), the long-run covariance
+    of the scores. Those of independent sets add up.
+    """
+
+    information: Array
+    score_covariance: Array
+
+    def covariance(self, prior_deviation: Array) -> Array:
+        """Return the sandwich covariance (d, d) under a prior of standard deviations (d,)."""
+        prior = np.diag(1 / prior_deviation**2)
+        # The information that the sandwich amounts to; where it is zero, the prior alone is left.
+        weight = np.linalg.pinv(self.score_covariance, hermitian=True)
+        result = np.linalg.inv(self.information @ weight @ self.information + prior)
+        return np.asarray((result + result.T) / 2)
+
+
+@dataclass(frozen=True, eq=False)
 class SandwichCovariance:
     """Fisher's `information` (d, d) of white residuals, and the `covariance` (d, d) of correlated ones.
 
@@ -45,6 +65,12 @@ def sandwich_covariance(
     channels
         Series of equal length that stand end to end in the rows.
     """
+    statistics = score_statistics(jacobians, residual, channels)
+    return SandwichCovariance(statistics.information, statistics.covariance(prior_deviation))
+
+
+def score_statistics(jacobians: Array, residual: Array, channels: int = 1) -> ScoreStatistics:
+    """Return what residuals say of the parameters; parameters as in `sandwich_covariance`."""
     # A perfect fit would make the information infinite: rounding leaves at least this residual.
     rounding = 1e-20 * float(np.mean(jacobians**2)) + np.finfo(float).tiny ** 0.25
     variance = max(float(np.mean(residual**2)), rounding)
@@ -55,8 +81,4 @@ def sandwich_covariance(
     # An event that shows in several channels is one event: scores of one instant belong together.
     together = scores.reshape(len(scores), channels, -1).sum(axis=1)
     score_covariance = long_run_covariance(together) / variance**2 + LEAST_SCORE_VARIANCE * fisher
-    prior = np.diag(1 / prior_deviation**2)
-    # The information that the sandwich amounts to; where it is zero, the prior alone is left.
-    effective = fisher @ np.linalg.pinv(score_covariance, hermitian=True) @ fisher
-    result = np.linalg.inv(effective + prior)
-    return SandwichCovariance(fisher, (result + result.T) / 2)
+    return ScoreStatistics(fisher, score_covariance)

@@ -11,7 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.quantiles import normal_quantile, student_t_quantile
+from emaphm.quantiles import chi_squared_quantile, normal_quantile, student_t_quantile
+
+CHANCE = 0.2
+"""Probability with which errors alone make as large a scatter as is taken for one between the recordings.
+The scatter of a few estimates, as wide as Student's t, would otherwise be mostly chance; one that is
+overlooked is no larger than the errors."""
 
 LEAST_FREEDOM = 0.5
 """Degrees of freedom of the scatter below which there is nothing to compare."""
@@ -21,12 +26,14 @@ LEAST_FREEDOM = 0.5
 class MetaAnalysis:
     """The `mean` (p,), the `covariance` (p, p) of a next recording's parameters, and the Birge ratio.
 
+    `scatter`, (p, p), is what the recordings' scatter adds to that covariance; 0 where chance explains it.
     `birge_ratio` is the scatter relative to that expected from the standard errors, about 1 where they are
     right; None where no parameter was estimated twice.
     """
 
     mean: Array
     covariance: Array
+    scatter: Array
     birge_ratio: float | None
 
 
@@ -46,9 +53,9 @@ def random_effects(estimates: Array, covariances: Array, prior_deviation: Array)
         np.einsum("nij,nji->", precisions, covariances) - np.trace(precisions.sum(axis=0) @ covariance)
     )
     if count == 1 or freedom < LEAST_FREEDOM:
-        return MetaAnalysis(mean, covariance, None)
-    ratio = square / freedom
-    if ratio > 1:
+        return MetaAnalysis(mean, covariance, np.zeros((p, p)), None)
+    ratio, consistent = square / freedom, covariance
+    if square > chi_squared_quantile(freedom, 1 - CHANCE):
         # The scatter of the mean's own terms, so that an estimate without weight does not count.
         terms = np.einsum("ij,njk,nk->ni", covariance, precisions, away)
         scatter = count * count / (count - 1) * terms.T @ terms * (1 - 1 / ratio)
@@ -57,7 +64,8 @@ def random_effects(estimates: Array, covariances: Array, prior_deviation: Array)
         precisions = np.array([np.linalg.solve(np.eye(p) + one @ scatter, one) for one in precisions])
         mean, covariance = _weighted(estimates, precisions, prior)
         covariance = covariance + scatter
-    return MetaAnalysis(mean, (covariance + covariance.T) / 2, ratio**0.5)
+    covariance = (covariance + covariance.T) / 2
+    return MetaAnalysis(mean, covariance, covariance - (consistent + consistent.T) / 2, ratio**0.5)
 
 
 def _weighted(estimates: Array, precisions: Array, prior: Array) -> tuple[Array, Array]:

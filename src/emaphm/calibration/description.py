@@ -1,0 +1,152 @@
+"""What is fitted: the description with its laws, and which of its parameters are free."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TypeAlias
+
+from emaphm.actuator import Actuator
+from emaphm.actuator.laws import LAWS, Law, law_named
+from emaphm.actuator.lumped_parameters import LUMPED_PARAMETERS, check_lumped_parameters, lumped_parameters
+from emaphm.calibration.campaign import CampaignRow
+from emaphm.calibration.conditions import SAME_PARAMETER
+from emaphm.calibration.findings import LARGEST_ERROR
+from emaphm.calibration.joint.correction import corrected_estimate
+from emaphm.calibration.law_selection import (
+    LawTrial,
+    check_held_out,
+    parameters_of,
+    select_laws,
+    typical_motor_speed,
+)
+from emaphm.calibration.unit_fit import FitSettings, fit_unit, fitted_parameters, searched
+from emaphm.errors import MethodError
+from emaphm.progress import Progress, subprogress
+
+Laws: TypeAlias = str | Sequence[str] | None
+"""Laws to add to a description: none, those named, or those that lower the error in recordings left out."""
+
+AUTO = "auto"
+
+MECHANICS = ("inertia", "viscous", "coulomb")
+"""Parameters that are free where nobody names any."""
+
+FURTHER = ("offset", "torque_constant", "resistance")
+"""Parameters that are free too then, as far as the recordings identify them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Description:
+    """An actuator with the `laws` that were added to it, and its `free` parameters.
+
+    `start` has coordinates of parameters to start from, by name; `selection` how the laws were chosen.
+    """
+
+    actuator: Actuator
+    free: tuple[str, ...]
+    laws: tuple[Law, ...] = ()
+    start: Mapping[str, float] = field(default_factory=dict)
+    selection: tuple[LawTrial, ...] = ()
+
+
+def laws_named(laws: Laws, actuator: Actuator) -> tuple[Law, ...]:
+    """Return the laws that are asked for; where they are to be chosen, all that the actuator may be given.
+
+    Raises
+    ------
+    MethodError
+        A name is unknown, or the actuator cannot have the law.
+    """
+    if laws is None:
+        return ()
+    if laws == AUTO:
+        return tuple(
+            law for law in LAWS.values() if not law.is_in(actuator) and not law.reason_against(actuator)
+        )
+    names = (laws,) if isinstance(laws, str) else tuple(laws)
+    if not names:
+        raise MethodError(f"no law to add; name some of {', '.join(LAWS)}, or '{AUTO}'")
+    if AUTO in names:
+        raise MethodError(f"law '{AUTO}' stands for a choice among all; give it alone, or name the laws")
+    # What a law needs comes before it.
+    ordered = [needed for name in names for needed in (*law_named(name).needs, name)]
+    return tuple(law_named(name) for name in dict.fromkeys(ordered))
+
+
+def described_with_laws(
+    rows: Sequence[CampaignRow],
+    actuator: Actuator,
+    free: Sequence[str] | None,
+    laws: Laws,
+    settings: FitSettings,
+    on_progress: Progress | None = None,
+) -> Description:
+    """Return the description to fit to `rows`; parameters and errors as in `calibrate`."""
+    asked = laws_named(laws, actuator)
+    if laws == AUTO:
+        check_held_out(rows)
+    if free is None and laws is None:
+        raise MethodError(
+            f"no parameter to calibrate; name some of {', '.join(LUMPED_PARAMETERS)}, or laws to add"
+        )
+    names = _usual(rows, actuator, settings) if free is None else tuple(dict.fromkeys(free))
+    if not names and not asked:
+        raise MethodError(f"no parameter to calibrate; name some of {', '.join(LUMPED_PARAMETERS)}")
+    of_laws = {name for law in asked for name in law.parameters}
+    base = tuple(name for name in names if name not in of_laws)
+    check_lumped_parameters(actuator, base)
+    if laws == AUTO:
+        return _selected(rows, actuator, base, asked, settings, on_progress)
+    if not asked:
+        return Description(actuator, names)
+    # Without the laws there are fewer false minima: its fit is where that with them starts.
+    found = searched(rows, actuator, fitted_parameters(rows, actuator, base or MECHANICS), settings)
+    speed, extended = typical_motor_speed(found.joint), actuator
+    for law in asked:
+        extended = extended if law.is_in(extended) else law.added_to(extended, speed)
+    every = (*names, *(name for law in asked for name in parameters_of(law, extended)))
+    return Description(extended, tuple(dict.fromkeys(every)), asked, found.start)
+
+
+def _selected(
+    rows: Sequence[CampaignRow],
+    actuator: Actuator,
+    free: tuple[str, ...],
+    candidates: Sequence[Law],
+    settings: FitSettings,
+    on_progress: Progress | None,
+) -> Description:
+    """Return the description with the laws that lower the error in recordings left out."""
+    fitted = fitted_parameters(rows, actuator, free)
+    found = searched(rows, actuator, fitted, settings)
+    base = corrected_estimate(found.joint, found.point, settings.max_corrections, settings.seed)
+    choice = select_laws(
+        rows,
+        base,
+        actuator,
+        fitted,
+        candidates,
+        settings,
+        subprogress(on_progress, 0.1, 1.0),
+    )
+    every = tuple(dict.fromkeys((*free, *choice.free)))
+    return Description(choice.actuator, every, choice.laws, choice.start, choice.trials)
+
+
+def _usual(rows: Sequence[CampaignRow], actuator: Actuator, settings: FitSettings) -> tuple[str, ...]:
+    """Return the usual parameters that the description has and the recordings identify."""
+    known = {name for row in rows for name in (*row.known, *row.free)}
+    estimated = actuator.nuisances.estimated if settings.nuisances is None else settings.nuisances
+    # What is a nuisance of each recording is not estimated of all.
+    taken = known | {SAME_PARAMETER[name] for name in estimated if name in SAME_PARAMETER}
+    names = tuple(
+        name
+        for name in (*MECHANICS, *FURTHER)
+        if name not in taken
+        and (actuator.electrical is not None or name != "resistance")
+        and (name == "offset" or lumped_parameters(actuator, (name,))[name] > 0)
+    )
+    if not set(names) - set(MECHANICS):
+        return names
+    fit = fit_unit(rows, actuator, names, replace(settings, max_corrections=0))
+    known_well = (fit.standard_errors < LARGEST_ERROR) & ~fit.at_bound
+    return tuple(name for name, kept in zip(names, known_well, strict=True) if kept or name in MECHANICS)

@@ -1,0 +1,161 @@
+"""What a joint fit has found, in the parameters' units: values, errors, doubts, and each recording's own."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from emaphm.actuator import Actuator
+from emaphm.actuator.baseline import SIGNED
+from emaphm.actuator.lumped_parameters import LUMPED_PARAMETERS, with_lumped_parameters
+from emaphm.actuator.quantity import unit_for
+from emaphm.calibration.campaign import CampaignRow
+from emaphm.calibration.unit_fit import UnitFit
+from emaphm.estimation.nuisances import BASELINE
+from emaphm.estimation.parameter_variation import WIDEST_FACTOR, sizes, varied
+from emaphm.estimation.replay import Replay, replay
+
+LARGEST_ERROR = 0.5
+"""A parameter with a larger relative standard error is called not identifiable."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One calibrated parameter with its standard error, both in `unit`.
+
+    Attributes
+    ----------
+    identifiable
+        Whether the recordings determine it; a parameter at its bound is not.
+    doubtful
+        Whether the recordings contradict each other in it by more than their errors; the standard error
+        covers it.
+    at_bound
+        Whether it has wandered to the bound of its search.
+    reason
+        How it is doubtful, or where it has wandered; empty else.
+    """
+
+    value: float
+    standard_error: float
+    unit: str
+    identifiable: bool
+    doubtful: bool = False
+    at_bound: bool = False
+    reason: str = ""
+
+    @property
+    def doubt(self) -> str:
+        """What is doubtful of it, in words."""
+        return f"doubtful: {self.reason}" if self.doubtful else self.reason
+
+
+@dataclass(frozen=True, eq=False)
+class RecordingResult:
+    """What a joint fit says of one recording.
+
+    `replay` compares it with the calibrated model, under the load, temperature and whatever else was
+    estimated of that recording: its `nuisances`, each in its unit, and its `own` parameters. `known` is what
+    was given of it. `misfit_ratio` is its rms residual in the joint fit over that of a fit of it alone; None
+    of one recording.
+    """
+
+    replay: Replay
+    nuisances: Mapping[str, float]
+    own: Mapping[str, float]
+    known: Mapping[str, float]
+    misfit_ratio: float | None
+
+
+def found_values(fit: UnitFit, actuator: Actuator) -> dict[str, float]:
+    """Return the calibrated values, in the parameters' units."""
+    variations = sizes(actuator, fit.free) * fit.deviations
+    values = {
+        name: float(varied(actuator, name, variation))
+        for name, variation in zip(fit.free, variations, strict=True)
+    }
+    return _sticking(values, actuator)
+
+
+def _sticking(values: dict[str, float], actuator: Actuator) -> dict[str, float]:
+    """Return `values` with static friction not below dynamic friction.
+
+    Below it has no effect, so the search may have left it anywhere there.
+    """
+    if "static" in values:
+        dynamic = values.get("coulomb", actuator.mechanics.dynamic_friction)
+        values["static"] = max(values["static"], dynamic)
+    return values
+
+
+def found_parameters(
+    fit: UnitFit, values: Mapping[str, float], rows: Sequence[CampaignRow], actuator: Actuator
+) -> dict[str, Parameter]:
+    """Return the calibrated parameters with their standard errors and what is doubtful in them."""
+    size, parameters = sizes(actuator, fit.free), {}
+    for i, (name, value) in enumerate(values.items()):
+        error, at_bound = float(fit.standard_errors[i]), bool(fit.at_bound[i])
+        doubtful = fit.contradicts(name)
+        reasons = [_disagreement(fit, name, rows, actuator)] if doubtful else []
+        if at_bound:
+            reasons.append(
+                f"at its bound, {WIDEST_FACTOR:g} times the description's value or a share of it as small: "
+                "these recordings ask for an effect that it cannot make, or for none"
+                if name not in SIGNED
+                else "at its bound: these recordings ask for more of it than is sought"
+            )
+        parameters[name] = Parameter(
+            value,
+            float(error * (size[i] if name in SIGNED else value)),
+            unit_for(LUMPED_PARAMETERS[name], actuator.coordinates),
+            identifiable=bool(error < LARGEST_ERROR) and not at_bound,
+            doubtful=doubtful,
+            at_bound=at_bound,
+            reason="; ".join(reasons),
+        )
+    return parameters
+
+
+def _disagreement(fit: UnitFit, name: str, rows: Sequence[CampaignRow], actuator: Actuator) -> str:
+    """Return what each informed recording alone would have of a parameter, in words."""
+    alone, i = fit.uncertainty.alone, fit.fitted.index(name)
+    assert alone is not None and fit.contradictions is not None  # noqa: S101, PT018 - it is contradicted
+    size = sizes(actuator, (name,))[0]
+    asked = []
+    for r in np.flatnonzero(fit.contradictions.informed[:, i]).tolist():
+        value = float(varied(actuator, name, size * alone.points[r, i]))
+        error = float(alone.covariances[r, i, i] ** 0.5) * (size if name in SIGNED else value)
+        asked.append(f"{value:.3g} ± {error:.1g} ({rows[r].recording.source})")
+    return "the recordings contradict each other: alone they would have " + ", ".join(asked)
+
+
+def found_recordings(
+    fit: UnitFit, rows: Sequence[CampaignRow], calibrated: Actuator
+) -> tuple[RecordingResult, ...]:
+    """Return what was found of each recording."""
+    alone = fit.uncertainty.alone
+    results = []
+    for r, (row, term) in enumerate(zip(rows, fit.joint.terms, strict=True)):
+        point, objective = fit.joint.local(r, fit.point), term.objective
+        nuisances, described = objective.space.nuisances, objective.problem.actuator
+        values = {name: float(value[0]) for name, value in nuisances.values(point[np.newaxis]).items()}
+        own = {name: float(varied(described, name, np.asarray(values[BASELINE + name]))) for name in row.free}
+        results.append(
+            RecordingResult(
+                _replayed(fit, r, row, calibrated),
+                {name: values[name] for name in nuisances.chosen},
+                own,
+                dict(row.known),
+                None if alone is None else float(alone.residual_ratios[r]),
+            )
+        )
+    return tuple(results)
+
+
+def _replayed(fit: UnitFit, r: int, row: CampaignRow, calibrated: Actuator) -> Replay:
+    """Return a recording replayed by the calibrated model, under what was estimated of it."""
+    objective = fit.joint.terms[r].objective
+    changed = objective.lumped_parameters(fit.joint.local(r, fit.point)[np.newaxis])
+    values = _sticking({name: float(np.ravel(value)[0]) for name, value in changed.items()}, calibrated)
+    that_day = with_lumped_parameters(calibrated, row.parameters | values)
+    return replay(row.completed(), that_day)

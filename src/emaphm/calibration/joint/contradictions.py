@@ -1,0 +1,56 @@
+"""Parameters that the recordings of a campaign contradict each other in."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emaphm.arrays import Array
+from emaphm.calibration.joint.uncertainty import AloneEstimates
+from emaphm.quantiles import chi_squared_quantile, normal_quantile, student_t_quantile
+
+CHANCE = 1e-3
+"""Probability with which errors alone make a parameter look contradicted."""
+
+MATERIAL = 0.02
+"""Standard error, relative, that a contradiction must make to matter: the models' own differences leave some
+percent between recordings."""
+
+INFORMED = 0.5
+"""A recording with a standard error above this share of the prior's says nothing of a parameter."""
+
+
+@dataclass(frozen=True, eq=False)
+class Contradictions:
+    """Which of p parameters are contradicted, (p,), and what covers it: a covariance (p, p) to be added.
+
+    `informed`, (n, p), is whether each recording has information of its own on each parameter.
+    """
+
+    contradicted: NDArray[np.bool_]
+    informed: NDArray[np.bool_]
+    covariance: Array
+
+
+def contradictions(alone: AloneEstimates, prior_deviations: Array) -> Contradictions:
+    """Return what the estimates of each recording alone differ in by more than their errors explain.
+
+    By parameter, Cochran's Q: squared deviations from the weighted mean of the recordings that have
+    information, over their variances, is chi-squared where errors alone are at work. The covariance is that
+    of the random-effects meta-analysis, and of a contradicted parameter at least the variance between the
+    recordings, as wide as Student's t of so few values.
+    """
+    variances = np.diagonal(alone.covariances, axis1=1, axis2=2)
+    informed = variances < (INFORMED * prior_deviations) ** 2
+    contradicted = np.zeros(prior_deviations.size, bool)
+    covariance = alone.meta.scatter.copy()
+    for j in np.flatnonzero(informed.sum(axis=0) > 1):
+        values, weights = alone.points[informed[:, j], j], 1 / variances[informed[:, j], j]
+        freedom = values.size - 1
+        square = float(weights @ (values - weights @ values / weights.sum()) ** 2)
+        if square > chi_squared_quantile(freedom, 1 - CHANCE):
+            wider = student_t_quantile(freedom, 0.975) / float(normal_quantile(0.975))
+            least = float(np.var(values, ddof=1)) * wider**2
+            covariance[j, j] = max(covariance[j, j], least)
+            contradicted[j] = covariance[j, j] > MATERIAL**2
+    return Contradictions(contradicted, informed, covariance)

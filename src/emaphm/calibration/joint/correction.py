@@ -1,0 +1,208 @@
+"""Correction of the fitted model's bias in a joint fit, by runs of the reference model.
+
+As `emaphm.estimation.bias_correction` for one recording: every recording has a discrepancy of its own at the
+common point, which is added to its outputs while all are fitted again.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from emaphm.arrays import Array
+from emaphm.calibration.joint.objective import JointObjective
+from emaphm.estimation.bias_correction import BIAS_CORRECTION, BiasCorrectionSettings
+from emaphm.estimation.discrepancy import Discrepancy, discrepancies, has_reference, reference_problem
+from emaphm.estimation.finite_differences import replicated_jacobians
+from emaphm.estimation.levenberg_marquardt import descend, movable
+from emaphm.estimation.multistart import LOCAL_SEARCH, MULTISTART
+from emaphm.estimation.objective import CORRELATED_ROWS
+from emaphm.estimation.parameter_space import PRIOR_DEVIATION
+from emaphm.estimation.uncertainty.fisher_information import information
+from emaphm.progress import Progress
+from emaphm.random_streams import stream
+
+
+@dataclass(frozen=True, eq=False)
+class JointEstimate:
+    """A `point` (d,) of a joint fit, and the discrepancy of each recording there.
+
+    `residuals` are measured less model, (rows,) of each recording, as its objective weights them; those with
+    the discrepancy have no bias.
+    """
+
+    joint: JointObjective
+    point: Array
+    residuals: tuple[Array, ...]
+    discrepancies: tuple[Discrepancy, ...]
+
+    @property
+    def corrected_residuals(self) -> list[Array]:
+        """Measured less reference model, (rows,) of each recording."""
+        both = zip(self.residuals, self.discrepancies, strict=True)
+        return [residual - discrepancy.mean for residual, discrepancy in both]
+
+    @property
+    def corrected(self) -> bool:
+        """Whether the reference model was asked."""
+        return any(np.any(one.standard_error) for one in self.discrepancies)
+
+    @property
+    def misfit(self) -> float:
+        """The sum of squared normalised residuals less the share of the discrepancies' errors, 0 at least."""
+        total = 0.0
+        for term, residual, known in zip(
+            self.joint.terms, self.corrected_residuals, self.discrepancies, strict=True
+        ):
+            square = float(np.sum(residual**2) - np.sum(known.standard_error**2))
+            total += square / term.residual_rms**2
+        return max(total, 0.0)
+
+    def reweighted(self) -> Self:
+        """Return the estimate with recordings and channels weighted by their residuals."""
+        before = self.joint.terms
+        joint = self.joint.reweighted(self.corrected_residuals)
+        pairs = [(new.objective, old.objective) for new, old in zip(joint.terms, before, strict=True)]
+        return replace(
+            self,
+            joint=joint,
+            residuals=tuple(
+                new.rescaled(one, old) for (new, old), one in zip(pairs, self.residuals, strict=True)
+            ),
+            discrepancies=tuple(
+                one.rescaled(new, old) for (new, old), one in zip(pairs, self.discrepancies, strict=True)
+            ),
+        )
+
+
+def corrected_estimate(
+    joint: JointObjective,
+    point: Array,
+    max_corrections: int,
+    seed: int,
+    on_progress: Progress | None = None,
+    settings: BiasCorrectionSettings = BIAS_CORRECTION,
+) -> JointEstimate:
+    """Return the estimate after up to `max_corrections` corrections by the reference model, from `point`.
+
+    Without any where none is asked for, or the reference model cannot run.
+    """
+    if max_corrections == 0 or not any(has_reference(term.objective.problem) for term in joint.terms):
+        return _uncorrected(joint, point)
+    (current,) = _compared(joint, point[np.newaxis], seed, "start")
+    idle, equal = 0, list[JointEstimate]()
+    for iteration in range(max_corrections):
+        current = current.reweighted()
+        candidates = _candidates(current, iteration, seed, settings)
+        compared = _compared(current.joint, candidates, seed, iteration)
+        misfits = np.array([one.misfit for one in compared])
+        farthest = int(np.flatnonzero(misfits <= settings.equal_misfits * misfits.min())[-1])
+        idle = 0 if misfits[farthest] < settings.progress * current.misfit else idle + 1
+        if misfits[farthest] <= settings.equal_misfits * current.misfit:
+            current = compared[farthest]
+            equal = [*equal, current] if idle else []
+        if idle == settings.patience:
+            break
+        if on_progress:
+            on_progress((iteration + 1) / max_corrections)
+    return _mean(current, equal)
+
+
+def _uncorrected(joint: JointObjective, point: Array) -> JointEstimate:
+    residuals = joint.residuals(point)
+    return JointEstimate(joint, point, tuple(residuals), tuple(_none(one) for one in residuals))
+
+
+def _none(rows: Array) -> Discrepancy:
+    return Discrepancy(np.zeros_like(rows), np.zeros_like(rows), 0.0)
+
+
+def _compared(joint: JointObjective, points: Array, seed: int, *name: str | int) -> list[JointEstimate]:
+    """Return the estimates at `points` (n, d) with their discrepancies."""
+
+    def of_term(r: int) -> tuple[Array, list[Discrepancy]]:
+        objective, local = joint.terms[r].objective, points[:, joint.indices[r]]
+        outputs = objective.outputs(local)
+        if not has_reference(objective.problem):
+            return outputs, [_none(outputs[0]) for _ in points]
+        rng = stream(seed, "reference runs", *name, r)
+        # Made each time: kept for all recordings, its steps would fill gigabytes.
+        return outputs, discrepancies(objective, local, outputs, reference_problem(objective), rng)
+
+    by_term = joint.for_each(of_term)
+    return [
+        JointEstimate(
+            joint,
+            point,
+            tuple(
+                term.objective.target - outputs[i]
+                for term, (outputs, _) in zip(joint.terms, by_term, strict=True)
+            ),
+            tuple(known[i] for _, known in by_term),
+        )
+        for i, point in enumerate(points)
+    ]
+
+
+def _candidates(current: JointEstimate, iteration: int, seed: int, settings: BiasCorrectionSettings) -> Array:
+    """Return candidates (n, d) under the present correction: a descent's end, and Gauss-Newton steps from it.
+
+    A step by replicated Jacobians leaves the kinks of stick-slip that hold a descent, but may lead astray.
+    """
+    joint = current.joint.corrected([one.mean for one in current.discrepancies])
+    rng = stream(seed, "local search", iteration)
+    perturbation = rng.normal(
+        0.0, LOCAL_SEARCH.candidate_separation, (LOCAL_SEARCH.descents - 1, current.point.size)
+    )
+    starts = np.vstack([current.point, current.point + perturbation])
+    point = descend(joint, starts, joint.box, MULTISTART.fine).best
+    step = _gauss_newton(joint, point, iteration, seed, settings)
+    step *= min(1.0, settings.longest_step / max(float(np.linalg.norm(step)), settings.longest_step))
+    shares = np.array(settings.step_shares)[:, np.newaxis]
+    return joint.box.project(point + shares * step)
+
+
+def _gauss_newton(
+    joint: JointObjective, point: Array, iteration: int, seed: int, settings: BiasCorrectionSettings
+) -> Array:
+    """Return the step (d,) to the optimum of a linear model, by the means of replicated Jacobians."""
+
+    def of_term(r: int) -> tuple[Array, Array]:
+        term, local = joint.terms[r], joint.local(r, point)
+        jacobians = replicated_jacobians(
+            term.outputs,
+            local,
+            term.objective.space,
+            settings.jacobian_step,
+            settings.replicates,
+            stream(seed, "Jacobians of the correction", iteration, r),
+        )
+        residual = term.target - term.outputs(local[np.newaxis])[0]
+        return information(jacobians), jacobians.mean(axis=0) @ residual
+
+    by_term = joint.for_each(of_term)
+    prior = joint.shared_prior()
+    normal = joint.summed_matrices([one[0] for one in by_term]) + prior
+    gradient = joint.summed_vectors([one[1] for one in by_term]) - prior @ point
+    free = movable(point, gradient, joint.box)
+    step = np.zeros(point.size)
+    # Errors of Jacobians would lead far along what the recordings hardly determine.
+    damping = CORRELATED_ROWS / PRIOR_DEVIATION**2 * np.eye(free.size)
+    step[free] = np.linalg.solve(normal[np.ix_(free, free)] + damping, gradient[free])
+    return step
+
+
+def _mean(current: JointEstimate, equal: list[JointEstimate]) -> JointEstimate:
+    """Return the mean of the estimates that the reference model finds no difference between."""
+    if len(equal) < 2:
+        return current
+    joint = current.joint
+    point = np.mean([one.point for one in equal], axis=0)
+    known = []
+    for r, (term, latest) in enumerate(zip(joint.terms, current.discrepancies, strict=True)):
+        means = [
+            term.objective.rescaled(one.discrepancies[r].mean, one.joint.terms[r].objective) for one in equal
+        ]
+        known.append(replace(latest, mean=np.mean(means, axis=0)))
+    plain = joint.corrected([np.zeros_like(one.mean) for one in known])
+    return JointEstimate(joint, point, tuple(plain.residuals(point)), tuple(known))

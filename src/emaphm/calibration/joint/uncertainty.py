@@ -1,0 +1,170 @@
+"""How well a joint fit knows the shared parameters, and what the recordings contradict each other in."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from emaphm.arrays import Array
+from emaphm.calibration.conditions import common_factor
+from emaphm.calibration.joint.correction import JointEstimate
+from emaphm.calibration.joint.random_effects import MetaAnalysis, random_effects
+from emaphm.calibration.joint.search import DESCENT, SEARCH, settle
+from emaphm.estimation.levenberg_marquardt import least_squares
+from emaphm.estimation.objective import CORRELATED_ROWS
+from emaphm.estimation.parameter_variation import WIDEST_FACTOR
+from emaphm.estimation.uncertainty.covariance import ScoreStatistics, score_statistics
+from emaphm.estimation.uncertainty.fisher_information import information
+from emaphm.estimation.uncertainty.local_covariance import jacobians_at, local_covariance
+from emaphm.random_streams import stream
+
+FAR = 2.0
+"""Ratio of squared residuals, at the joint estimate and after a descent, from which a recording alone is
+too far from the joint fit for a linear model. A descent that gains less may be along what the recording
+hardly determines, and end anywhere there."""
+
+STEP_SHARES = np.array([1.0, 0.5, 0.25, 0.1, 0.0])
+"""Shares of a Gauss-Newton step that are tried: where data have little information, it may lead astray."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointUncertainty:
+    """The end of a joint fit.
+
+    Attributes
+    ----------
+    point
+        The estimate (d,): where the fit ended, and without correction a Gauss-Newton step by replicated
+        Jacobians.
+    covariance
+        Of all coordinates (d, d), from the residuals of all recordings, their correlation included.
+    alone
+        What each recording would have by itself; None of one recording.
+    """
+
+    point: Array
+    covariance: Array
+    alone: "AloneEstimates | None"
+
+
+@dataclass(frozen=True, eq=False)
+class AloneEstimates:
+    """The shared coordinates that each recording alone asks for.
+
+    `points` (n, p) with `covariances` (n, p, p); `residual_ratios` (n,) are the rms residual of each
+    recording in the joint fit over that alone; `meta` is the meta-analysis of them.
+    """
+
+    points: Array
+    covariances: Array
+    residual_ratios: Array
+    meta: MetaAnalysis
+
+
+def joint_uncertainty(estimate: JointEstimate, seed: int, open_scales: Sequence[bool]) -> JointUncertainty:
+    """Return how well an estimate is known, and what each recording alone would have.
+
+    `open_scales` is for each recording whether it alone identifies torques up to a common factor only.
+    """
+    joint = estimate.joint
+    jacobians = joint.for_each(
+        lambda r: jacobians_at(
+            joint.terms[r].objective,
+            joint.local(r, estimate.point),
+            stream(seed, "Jacobians of the covariance", r),
+        )
+    )
+    statistics, normals, gradients = list[ScoreStatistics](), list[Array](), list[Array]()
+    for term, residual, replicates in zip(joint.terms, estimate.corrected_residuals, jacobians, strict=True):
+        channels = residual[: term.objective.channel_rows]
+        statistics.append(score_statistics(replicates, channels, len(term.objective.problem.channels)))
+        normals.append(information(replicates) / np.mean(channels**2))
+        gradients.append(replicates.mean(axis=0) @ channels / np.mean(channels**2))
+    total = ScoreStatistics(
+        joint.summed_matrices([one.information for one in statistics]),
+        joint.summed_matrices([one.score_covariance for one in statistics]),
+    )
+    # Descents stop short of the prior where recordings have little information; a step by all Jacobians
+    # does not.
+    prior = CORRELATED_ROWS / joint.prior_deviations**2
+    gradient = joint.summed_vectors(gradients) - prior * estimate.point
+    step = np.asarray(np.linalg.solve(joint.summed_matrices(normals) + np.diag(prior), gradient), float)
+    return JointUncertainty(
+        # The iterations of a correction have taken such steps, and the mean of them.
+        estimate.point if estimate.corrected else _stepped(estimate, step),
+        total.covariance(joint.prior_deviations),
+        _alone(estimate, jacobians, open_scales, seed) if len(joint.terms) > 1 else None,
+    )
+
+
+def _stepped(estimate: JointEstimate, step: Array) -> Array:
+    """Return the end (d,) of the largest share of a Gauss-Newton `step` (d,) that costs nothing."""
+    joint = estimate.joint
+    points = joint.box.project(estimate.point + STEP_SHARES[:, np.newaxis] * step)
+    costs = np.array([one.cost for one in joint.evaluate(points)])
+    # The last share is no step at all.
+    return np.asarray(points[np.flatnonzero(costs <= SEARCH.equal_costs * costs[-1])[0]])
+
+
+def _alone(
+    estimate: JointEstimate, jacobians: Sequence[Array], open_scales: Sequence[bool], seed: int
+) -> AloneEstimates:
+    """Return what each recording asks for by itself, under the discrepancy of the joint fit."""
+    joint, shared = estimate.joint, estimate.joint.shared
+    by_term = joint.for_each(lambda r: _alone_of(estimate, r, jacobians[r], seed))
+    points = np.array([end[-shared:] for end, _, _ in by_term])
+    covariances = np.array([covariance[-shared:, -shared:] for _, covariance, _ in by_term])
+    ratios = np.array([ratio for _, _, ratio in by_term])
+    for r in np.flatnonzero(open_scales):
+        # Errors of Jacobians look like information, even where there is none by principle.
+        names, actuator = joint.unit.parameters, joint.terms[r].objective.problem.actuator
+        scale = math.log(WIDEST_FACTOR) * common_factor(actuator, names, points[r])
+        covariances[r] += np.outer(scale, scale)
+    return AloneEstimates(points, covariances, ratios, random_effects(points, covariances, joint.unit.priors))
+
+
+def _alone_of(estimate: JointEstimate, r: int, jacobians: Array, seed: int) -> tuple[Array, Array, float]:
+    """Return the estimate (own + shared,) of recording `r` alone, its covariance, and its misfit ratio.
+
+    A Gauss-Newton step from the joint estimate, by its `jacobians`, is free of the kinks that hold a descent.
+    Where a descent leads to a fit that is far better all the same, its end counts.
+    """
+    term, start = estimate.joint.terms[r], estimate.joint.local(r, estimate.point)
+    objective, rows = term.objective, term.objective.channel_rows
+    correction = estimate.discrepancies[r].mean + term.correction
+    together = estimate.corrected_residuals[r][:rows]
+    local = local_covariance(objective, start, together, jacobians)
+    target = objective.target - correction
+    # The last share is no step at all: the joint estimate.
+    points = objective.space.project(start + STEP_SHARES[:, np.newaxis] * local.step)
+    costs = np.mean((target - objective.outputs(points)) ** 2, axis=1)
+    end = points[np.flatnonzero(costs <= SEARCH.equal_costs * costs[-1])[0]]
+    found = least_squares(objective.outputs, target, np.array([start, end]), objective.space, DESCENT)
+    least = min(float(costs.min()), float(found.costs.min()))
+    if costs[-1] > FAR * least:
+        return _far_alone(estimate, r, found.best, correction, seed)
+    ratio = float(np.sqrt(np.mean(together**2) / max(least, np.finfo(float).tiny)))
+    return end, local.covariance, ratio
+
+
+def _far_alone(
+    estimate: JointEstimate, r: int, point: Array, correction: Array, seed: int
+) -> tuple[Array, Array, float]:
+    """Return what `_alone_of` does where recording `r` is far from the others: fitted by its own residuals.
+
+    `point` (own + shared,) is where a descent under the weights of the joint fit has led.
+    """
+    joint = estimate.joint
+    by_itself = replace(joint, terms=(replace(joint.terms[r], correction=correction),))
+    start = np.zeros(point.size)
+    start[by_itself.indices[0]] = point
+    by_itself, end = settle(by_itself, start)
+    (term,), local_end = by_itself.terms, by_itself.local(0, end)
+    objective, rows = term.objective, term.objective.channel_rows
+    residual = objective.residual(local_end, term.correction)[:rows]
+    jacobians = jacobians_at(objective, local_end, stream(seed, "Jacobians of one recording", r))
+    local = local_covariance(objective, local_end, residual, jacobians)
+    together = objective.rescaled(estimate.corrected_residuals[r], joint.terms[r].objective)[:rows]
+    ratio = float(np.sqrt(np.mean(together**2) / max(float(np.mean(residual**2)), np.finfo(float).tiny)))
+    return local_end, local.covariance, ratio

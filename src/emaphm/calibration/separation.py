@@ -1,0 +1,205 @@
+"""Parameters that act alike in all recordings, and what would separate them: a channel or a manoeuvre."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emaphm.actuator import Chirp, Command, Ramp, Sine
+from emaphm.arrays import Array
+from emaphm.calibration.joint.objective import JointObjective
+from emaphm.calibration.unit_fit import UnitFit
+from emaphm.estimation.driving_signals import DrivingSignals
+from emaphm.estimation.finite_differences import replicated_jacobians
+from emaphm.estimation.nuisances import BASELINE, KNOWN_BY
+from emaphm.estimation.objective import CORRELATED_ROWS
+from emaphm.estimation.problem import comparable_channels, rms
+from emaphm.estimation.search_result import DEFAULT_SCATTER
+from emaphm.estimation.uncertainty.collinearity import (
+    RESOLVED,
+    collinear_coordinates,
+    listed,
+)
+from emaphm.estimation.uncertainty.fisher_information import information_lower_bound
+from emaphm.estimation.uncertainty.local_covariance import JACOBIAN_STEP, REPLICATES
+from emaphm.random_streams import stream
+from emaphm.simulation import Initial, Inputs, Plant, observe_batch
+
+UNRECORDED_NOISE = 0.03
+"""Assumed residual of a channel or manoeuvre that was not recorded, relative to its rms."""
+
+MATTERS = 0.02
+"""Relative standard error below which a parameter is known well enough, collinear or not."""
+
+LONGEST_S = 2.0
+"""Longest manoeuvre that is tried [s]."""
+
+
+@dataclass(frozen=True)
+class CollinearParameters:
+    """Names of `members` that act alike in the recordings: of parameters, and of each recording's unknowns.
+
+    `channels` and `manoeuvres` would separate them if recorded too.
+    """
+
+    members: tuple[str, ...]
+    channels: tuple[str, ...]
+    manoeuvres: tuple[str, ...]
+
+    def __str__(self) -> str:
+        """Return a sentence, and what would separate the members."""
+        text = (
+            f"{listed(self.members, 'and')} act alike in these recordings: their combined effect is known, "
+            "each alone is not."
+        )
+        if self.channels:
+            return f"{text} Recording {listed(self.channels, 'or')} too would separate them."
+        if self.manoeuvres:
+            return f"{text} A further recording of {listed(self.manoeuvres, 'or')} would separate them."
+        return f"{text} Hold one of them at a value that is known."
+
+
+def collinear_parameters(fit: UnitFit, seed: int) -> tuple[CollinearParameters, ...]:
+    """Return the sets of parameters of which only a combination is known.
+
+    Sets without a shared parameter are left out, and those whose parameters are known well all the same.
+    """
+    joint, covariance = fit.joint, fit.uncertainty.covariance
+    names, errors = _coordinate_names(fit), np.sqrt(np.diag(covariance))
+    chosen: dict[tuple[str, ...], NDArray[np.intp]] = {}
+    for members in collinear_coordinates(covariance):
+        shared = members[members < joint.shared]
+        called = tuple(dict.fromkeys(names[i] for i in members))
+        if shared.size and len(called) > 1 and np.any(errors[shared] > MATTERS):
+            chosen[called] = shared
+    if not chosen:
+        return ()
+    channels = _channel_information(fit, seed)
+    manoeuvres = _manoeuvre_information(fit, seed)
+    return tuple(
+        CollinearParameters(
+            called,
+            _resolving(covariance, shared, channels),
+            _resolving(covariance, shared, manoeuvres),
+        )
+        for called, shared in chosen.items()
+    )
+
+
+def _coordinate_names(fit: UnitFit) -> list[str]:
+    """Return what each coordinate stands for; those of several recordings under one name."""
+    names = list(fit.fitted)
+    for term in fit.joint.terms:
+        nuisances = term.objective.space.nuisances
+        for column in nuisances.meaning.T[: term.own]:
+            quantity = nuisances.quantities[int(np.argmax(np.abs(column)))]
+            names.append(quantity.removeprefix(BASELINE))
+    return names
+
+
+def _resolving(
+    covariance: Array, members: NDArray[np.intp], information: Mapping[str, Array]
+) -> tuple[str, ...]:
+    """Return whose `information` (d, d), added, would bring every member's standard error to `RESOLVED`."""
+    before, known = np.sqrt(np.diag(covariance)), np.linalg.inv(covariance)
+    helpful = []
+    for name, added in information.items():
+        after = np.sqrt(np.diag(np.linalg.inv(known + added)))
+        if np.all(after[members] < RESOLVED * before[members]):
+            helpful.append(name)
+    return tuple(helpful)
+
+
+def _channel_information(fit: UnitFit, seed: int) -> dict[str, Array]:
+    """Return the information (d, d) that each channel would add that some recording lacks."""
+    joint = fit.joint
+    total: dict[str, Array] = {}
+
+    def add(name: str, r: int, information: Array) -> None:
+        empty = [np.zeros((index.size, index.size)) for index in joint.indices]
+        empty[r] = information
+        total[name] = total.get(name, 0.0) + joint.summed_matrices(empty)
+
+    for r, term in enumerate(joint.terms):
+        objective, local = term.objective, joint.local(r, fit.point)
+        for i, name in enumerate(objective.space.nuisances.names):
+            if name in KNOWN_BY:
+                add(KNOWN_BY[name], r, np.diag(np.eye(local.size)[i]) / DEFAULT_SCATTER**2)
+        problem = objective.problem
+        missing = tuple(n for n in comparable_channels(problem.actuator) if n not in problem.channels)
+        if not missing:
+            continue
+        other = problem.observing(missing)
+
+        def signals(points: Array, objective: Any = objective, other: Any = other) -> Array:
+            predicted = other.predict(objective.space.faults(points), objective.lumped_parameters(points))
+            return np.asarray(predicted.reshape(len(points), -1))
+
+        rng = stream(seed, "Jacobians of further channels", r)
+        jacobians = replicated_jacobians(signals, local, objective.space, JACOBIAN_STEP, REPLICATES, rng)
+        level = np.split(signals(local[np.newaxis])[0], len(missing))
+        for name, signal, part in zip(missing, level, np.split(jacobians, len(missing), axis=2), strict=True):
+            add(name, r, _information(part, signal))
+    return total
+
+
+def _information(jacobians: Array, signal: Array) -> Array:
+    """Return the information (d, d) of a signal that is fitted to `UNRECORDED_NOISE`."""
+    size = rms(signal)
+    if size == 0:
+        return np.zeros((jacobians.shape[1],) * 2)
+    return information_lower_bound(jacobians) / ((UNRECORDED_NOISE * size) ** 2 * CORRELATED_ROWS)
+
+
+def _manoeuvre_information(fit: UnitFit, seed: int) -> dict[str, Array]:
+    """Return the information (d, d) on the shared parameters of a further recording, by its manoeuvre.
+
+    Of its own unknowns as little is known as of those of the first recording.
+    """
+    joint, term = fit.joint, fit.joint.terms[0]
+    problem, space = term.objective.problem, term.objective.space
+    channels = tuple(dict.fromkeys(n for one in joint.terms for n in one.objective.problem.channels))
+    point, found = joint.local(0, fit.point), {}
+    for name, driving in _manoeuvres(joint).items():
+        inputs = driving.inputs(problem.model.step)
+
+        def signals(points: Array, inputs: Inputs = inputs) -> Array:
+            plant = Plant.of(problem.actuator, space.faults(points), term.objective.lumped_parameters(points))
+            return observe_batch(
+                problem.model, plant, inputs, Initial(), channels=channels, workers=problem.workers
+            ).reshape(len(points), -1)
+
+        rng = stream(seed, "Jacobians of further manoeuvres", name)
+        jacobians = replicated_jacobians(signals, point, space, JACOBIAN_STEP, REPLICATES, rng)
+        level = np.split(signals(point[np.newaxis])[0], len(channels))
+        parts = np.split(jacobians, len(channels), axis=2)
+        total = np.sum([_information(j, one) for j, one in zip(parts, level, strict=True)], axis=0)
+        own, added = term.own, np.zeros_like(fit.uncertainty.covariance)
+        priors = space.prior_deviations[:own]
+        known = np.linalg.inv(total[:own, :own] + np.diag(1 / priors**2))
+        cross = total[own:, :own]
+        added[: joint.shared, : joint.shared] = total[own:, own:] - cross @ known @ cross.T
+        found[name] = added
+    return found
+
+
+def _manoeuvres(joint: JointObjective) -> dict[str, DrivingSignals]:
+    """Return manoeuvres of the size of those recorded, by what they are called."""
+    problems = [term.objective.problem for term in joint.terms]
+    amplitude = max(float(np.max(np.abs(one.inputs.command))) for one in problems)
+    duration = min(max(one.duration_s for one in problems), LONGEST_S)
+    interval = min(one.inputs.interval for one in problems)
+    commands: dict[str, Command] = {
+        f"a slow sine of {amplitude:.3g} at {1 / duration:.3g} Hz": Sine(amplitude, 1 / duration),
+        f"a ramp to {amplitude:.3g} in {duration:.3g} s": Ramp(amplitude / duration),
+        f"a chirp of {amplitude:.3g} to {20 / duration:.3g} Hz": Chirp(
+            amplitude, stop_hz=20 / duration, duration=duration
+        ),
+    }
+    sampling = problems[0].inputs.sampling
+    return {
+        name: DrivingSignals(command, 0.0, round(duration / interval), interval, sampling)
+        for name, command in commands.items()
+    }

@@ -1,0 +1,72 @@
+"""The tables and notes of a calibration as text."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+from emaphm.calibration.findings import Parameter, RecordingResult
+from emaphm.calibration.law_selection import LawTrial
+from emaphm.text_table import NOTHING, format_table
+
+WORSE = 1.5
+"""Misfit ratio from which a recording is said to be fitted worse together with the others than alone."""
+
+
+def parameter_table(parameters: Mapping[str, Parameter], recordings: int) -> str:
+    """Return the parameters with their standard errors; of what is not known, no more digits than it has."""
+    source = "this recording" if recordings == 1 else "these recordings"
+    rows = []
+    for name, p in parameters.items():
+        marks = [] if p.identifiable else [f"not identifiable from {source}"]
+        marks = ["at its bound"] if p.at_bound else marks
+        marks += ["doubtful"] if p.doubtful else []
+        value = f"{p.value:.6g}" if p.identifiable and not p.doubtful else _rounded(p.value, p.standard_error)
+        unit = f"{p.unit}  ({', '.join(marks)})" if marks else p.unit
+        rows.append((name, value, f"{p.standard_error:.2g}", unit))
+    return format_table(("parameter", "value", "std. error", "unit"), rows)
+
+
+def _rounded(value: float, error: float) -> str:
+    """Return a value with the digits that its error leaves, one at least."""
+    known = math.ceil(math.log10(abs(value / error))) + 1 if value and error else 1
+    return f"{value:.{max(known, 1)}g}"
+
+
+def law_table(trials: Sequence[LawTrial]) -> str:
+    """Return the laws in the order in which they were tried."""
+    rows = [
+        (
+            " + ".join((*trial.given, trial.law)),
+            f"{100 * trial.training_error:.4g} %",
+            NOTHING if trial.held_out_error is None else f"{100 * trial.held_out_error:.4g} %",
+            f"{trial.seconds:.1f} s",
+            f"{trial.evaluations}",
+            "yes" if trial.chosen else "",
+        )
+        for trial in trials
+    ]
+    return format_table(("laws", "training error", "held-out error", "time", "simulations", "chosen"), rows)
+
+
+def recording_notes(
+    recordings: Sequence[RecordingResult], birge_ratio: float | None, scattered: bool
+) -> list[str]:
+    """Return a line on what was estimated of each recording, and on how the recordings agree."""
+    lines = []
+    for one in recordings:
+        source, own = one.replay.recording.source, {**one.nuisances, **one.own}
+        if own:
+            values = ", ".join(
+                f"{name} {value:.4g}" if name in one.own else f"{name} {value:+.3g}"
+                for name, value in own.items()
+            )
+            lines.append(f"Estimated with the parameters in {source}: {values}.")
+        if one.misfit_ratio is not None and one.misfit_ratio > WORSE:
+            lines.append(
+                f"{source} alone would be explained {one.misfit_ratio:.2g} times as well as with the others."
+            )
+    if birge_ratio is not None:
+        lines.append(
+            f"The {len(recordings)} recordings scatter {birge_ratio:.2g} times as much as their own standard "
+            "errors explain" + ("; those above include it." if scattered else ", no more than by chance.")
+        )
+    return lines

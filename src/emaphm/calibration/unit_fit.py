@@ -1,0 +1,173 @@
+"""The joint fit of a healthy unit's parameters to all recordings, and how well they are known."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emaphm.actuator import Actuator
+from emaphm.arrays import Array
+from emaphm.calibration.campaign import CampaignRow
+from emaphm.calibration.conditions import common_factor, joint_objective, only_ratios
+from emaphm.calibration.joint.contradictions import Contradictions, contradictions
+from emaphm.calibration.joint.correction import JointEstimate, corrected_estimate
+from emaphm.calibration.joint.objective import JointObjective
+from emaphm.calibration.joint.search import search
+from emaphm.calibration.joint.uncertainty import JointUncertainty, joint_uncertainty
+from emaphm.estimation.parameter_variation import WIDEST_FACTOR, ParameterVariation
+from emaphm.progress import Progress, subprogress
+
+AT_BOUND = 0.98
+"""Share of the way to its bound from which a parameter counts as at it: descents stop a little short."""
+
+NO_START: Mapping[str, float] = MappingProxyType({})
+
+
+@dataclass(frozen=True, eq=False)
+class FitSettings:
+    """What every fit of a calibration takes; see `emaphm.calibration.calibrate`."""
+
+    nuisances: Sequence[str] | None
+    max_corrections: int
+    seed: int
+    workers: int | None
+
+
+@dataclass(frozen=True, eq=False)
+class UnitFit:
+    """The end of a joint fit of the parameters `free`.
+
+    Attributes
+    ----------
+    deviations, covariance
+        Of the parameters from the description, in their coordinates: (p,) and (p, p), of the next recording's
+        parameters where the recordings scatter.
+    at_bound
+        Which parameters have wandered to the bound of the search, (p,).
+    contradictions
+        What the recordings contradict each other in; None of one recording.
+    fitted
+        The parameters that have coordinates in the fit: all but one that only ratios are known to.
+    """
+
+    free: tuple[str, ...]
+    fitted: tuple[str, ...]
+    deviations: Array
+    covariance: Array
+    at_bound: NDArray[np.bool_]
+    estimate: JointEstimate
+    uncertainty: JointUncertainty
+    contradictions: Contradictions | None
+
+    @property
+    def joint(self) -> JointObjective:
+        """What was minimised in the end."""
+        return self.estimate.joint
+
+    @property
+    def point(self) -> Array:
+        """The estimate in the coordinates of `joint`, (d,)."""
+        return self.uncertainty.point
+
+    def contradicts(self, name: str) -> bool:
+        """Return whether the recordings contradict each other in a parameter by more than their errors."""
+        if self.contradictions is None or name not in self.fitted:
+            return False
+        return bool(self.contradictions.contradicted[self.fitted.index(name)])
+
+    @property
+    def standard_errors(self) -> Array:
+        """Of the deviations, (p,)."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+
+@dataclass(frozen=True, eq=False)
+class SearchedUnit:
+    """The end of a search without correction: the objective, and a `point` (d,) of it."""
+
+    joint: JointObjective
+    point: Array
+
+    @property
+    def start(self) -> dict[str, float]:
+        """The shared coordinates by parameter."""
+        names = self.joint.unit.parameters
+        return dict(zip(names, self.point[: len(names)].tolist(), strict=True))
+
+
+def searched(
+    rows: Sequence[CampaignRow],
+    actuator: Actuator,
+    fitted: tuple[str, ...],
+    settings: FitSettings,
+    start: Mapping[str, float] = NO_START,
+    on_progress: Progress | None = None,
+) -> SearchedUnit:
+    """Return where the search for the parameters `fitted` ends, `start` among its starts."""
+    unit = ParameterVariation.free(actuator, fitted)
+    joint = joint_objective(rows, actuator, unit, settings.nuisances, settings.workers)
+    given = np.array([start.get(name, 0.0) for name in fitted])
+    return SearchedUnit(*search(joint, settings.seed, given if start else None, on_progress))
+
+
+def fitted_parameters(
+    rows: Sequence[CampaignRow], actuator: Actuator, free: tuple[str, ...]
+) -> tuple[str, ...]:
+    """Return the `free` parameters that have coordinates in a fit to `rows`."""
+    if only_ratios(rows, actuator, free):
+        return tuple(name for name in free if name != "torque_constant")
+    return free
+
+
+def fit_unit(
+    rows: Sequence[CampaignRow],
+    actuator: Actuator,
+    free: tuple[str, ...],
+    settings: FitSettings,
+    start: Mapping[str, float] = NO_START,
+    on_progress: Progress | None = None,
+) -> UnitFit:
+    """Return the joint fit of `free` to all `rows`; parameters and errors as in `calibrate`.
+
+    `start` has coordinates of parameters to start from, beside the description's.
+    """
+    fitted = fitted_parameters(rows, actuator, free)
+    found = searched(rows, actuator, fitted, settings, start, subprogress(on_progress, 0.0, 1 / 3))
+    correcting = subprogress(on_progress, 1 / 3, 0.9)
+    estimate = corrected_estimate(
+        found.joint, found.point, settings.max_corrections, settings.seed, correcting
+    )
+    unit = found.joint.unit
+    uncertainty = joint_uncertainty(
+        estimate, settings.seed, [only_ratios([row], actuator, fitted) for row in rows]
+    )
+    alone = uncertainty.alone
+    contradicted = None if alone is None else contradictions(alone, unit.priors)
+    deviations, at_bound = uncertainty.point[: len(fitted)], _at_bound(uncertainty.point, unit)
+    covariance = uncertainty.covariance[: len(fitted), : len(fitted)]
+    if contradicted is not None:
+        covariance = covariance + contradicted.covariance
+    # Beyond its bound a parameter may be anywhere.
+    covariance = covariance + np.diag(np.where(at_bound, unit.widest, 0.0) ** 2)
+    chosen = np.array([[float(name == other) for other in fitted] for name in free]).reshape(len(free), -1)
+    full = chosen @ deviations
+    # The torque constant was not fitted where the recordings have information only on ratios to it.
+    unknown = 0.0 if fitted == free else math.log(WIDEST_FACTOR)
+    scale = unknown * common_factor(actuator, free, full)
+    return UnitFit(
+        free,
+        fitted,
+        full,
+        chosen @ covariance @ chosen.T + np.outer(scale, scale),
+        chosen @ at_bound > 0,
+        estimate,
+        uncertainty,
+        contradicted,
+    )
+
+
+def _at_bound(point: Array, unit: ParameterVariation) -> NDArray[np.bool_]:
+    return np.abs(point[: unit.widest.size]) >= AT_BOUND * unit.widest

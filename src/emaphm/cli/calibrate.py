@@ -1,0 +1,120 @@
+"""The verb `calibrate`: it reads recordings or campaigns, calls the library, and prints."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from emaphm.cli.options import (
+    FIGURES,
+    ActuatorFile,
+    AsJson,
+    FigureFile,
+    Force,
+    Seed,
+    check_output,
+    check_seed,
+    described_actuator,
+    names_in,
+    recording_of,
+)
+from emaphm.cli.output import draw, progress, show
+from emaphm.errors import MethodError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from emaphm.actuator import Actuator
+
+
+def calibrate(
+    *recording: Annotated[
+        Path,
+        Parameter(
+            help="Recordings: .csv, .parquet or .mat; or a campaign: .toml, or .csv with a column 'file'."
+        ),
+    ],
+    free: Annotated[
+        str | None,
+        Parameter(
+            help="Parameters to estimate, with commas between, e.g. inertia,viscous,coulomb. With --laws it "
+            "may be left out: the usual ones that the recordings identify."
+        ),
+    ] = None,
+    out: Annotated[Path, Parameter(name=("--out", "-o"), help="Calibrated TOML to write.")],
+    laws: Annotated[
+        str | None,
+        Parameter(
+            help="Laws to add, with commas between, e.g. stribeck,gravity; or 'auto': those that lower "
+            "the error in recordings left out of the fit."
+        ),
+    ] = None,
+    actuator: ActuatorFile = "thesis",
+    correction: Annotated[
+        bool, Parameter(help="Correct the model's bias by a few runs of the reference model.")
+    ] = True,
+    nuisance: Annotated[
+        str | None,
+        Parameter(
+            help="What is unknown of each recording, with commas between: load, hinge, temperature, supply, "
+            "inertia, current_offset, current_scale; or 'none'. As the TOML says if left out, less what a "
+            "free parameter cannot be separated from."
+        ),
+    ] = None,
+    figure: FigureFile = None,
+    seed: Seed = 0,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Estimate physical parameters of a healthy unit from its recordings; write them with their covariance.
+
+    All are fitted at once. The calibrated description's [baseline] is the prior of later diagnoses.
+    """
+    check_seed(seed)
+    check_output(out, (".toml",), force=force)
+    check_output(figure, FIGURES, force=force)
+    if free is None and laws is None:
+        raise MethodError(
+            "nothing to calibrate: --free and --laws are left out; name parameters by --free, e.g. "
+            "--free inertia,coulomb, or laws by --laws, e.g. --laws auto"
+        )
+    described = described_actuator(actuator)
+    recorded = _recordings(recording, described)
+    names = None if free is None else names_in(free)
+    chosen = None if laws is None else _laws_in(laws)
+    from emaphm.calibration import calibrate as estimate
+    from emaphm.estimation.bias_correction import MAX_CORRECTIONS
+
+    with progress("calibrating", as_json) as advance:
+        result = estimate(
+            recorded,
+            described,
+            names,
+            laws=chosen,
+            nuisances=None if nuisance is None else names_in(nuisance),
+            max_corrections=MAX_CORRECTIONS if correction else 0,
+            seed=seed,
+            on_progress=advance,
+        )
+    files = ", ".join(path.name for path in recording)
+    found = ", ".join(result.parameters)
+    comments = f"Calibrated on {files}: {found}; the rest as in '{described.name}'.\n{result}"
+    result.actuator.to_toml(out, comments=comments)
+    text = f"{result}\n\nCalibrated description written to {out}"
+    draw(result, figure)
+    show(result.to_dict(), text, as_json)
+
+
+def _recordings(paths: "Sequence[Path]", actuator: "Actuator") -> "list[Any]":
+    """Return the recordings in files and in campaigns, with what is known of them."""
+    from emaphm.calibration import is_campaign, read_campaign
+
+    recorded: list[Any] = []
+    for path in paths:
+        recorded += read_campaign(path, actuator) if is_campaign(path) else [recording_of(path, actuator)]
+    return recorded
+
+
+def _laws_in(text: str) -> str | list[str]:
+    names = names_in(text)
+    return names[0] if names == ["auto"] else names

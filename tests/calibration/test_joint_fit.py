@@ -1,0 +1,218 @@
+"""Several recordings in one fit: what they share, what is each one's own, and what they contradict."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from cases import THESIS
+from emaphm.actuator import Actuator, Chirp
+from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
+from emaphm.calibration import Calibration, CampaignRow, calibrate
+from emaphm.calibration.conditions import joint_objective
+from emaphm.errors import MethodError
+from emaphm.estimation.finite_differences import one_sided_jacobians
+from emaphm.estimation.parameter_variation import ParameterVariation
+from emaphm.recording import Recording, acquire
+from emaphm.simulated_recording import simulate
+from emaphm.simulation import AVERAGED
+
+FREE = ("inertia", "viscous", "coulomb")
+CHANNELS = ("time_s", "command_rad", "current_A", "position_rad", "voltage_V")
+NOISE = {"current_A": 0.1, "position_rad": 2e-5, "voltage_V": 0.3}
+
+
+def recorded(
+    actuator: Actuator,
+    seed: int,
+    *,
+    stop_hz: float = 15.0,
+    duration: float = 0.5,
+    channels: tuple[str, ...] = CHANNELS,
+    load: float = 0.0,
+) -> Recording:
+    """Return what the averaged model records at its own steps, so that only the noise is unexplained."""
+    with_load = with_lumped_parameters(actuator, {"offset": load})
+    whole = simulate(
+        with_load,
+        Chirp(stop_hz=stop_hz, duration=duration),
+        model="averaged",
+        sampling="instant",
+        sample_rate=1 / AVERAGED.step,
+        duration=duration,
+    )
+    kept = Recording({name: whole[name] for name in channels}, "instant", f"day {seed}")
+    return acquire(kept, noise={name: NOISE[name] for name in channels if name in NOISE}, seed=seed)
+
+
+def fitted(rows: object, free: tuple[str, ...] = FREE, actuator: Actuator = THESIS) -> Calibration:
+    return calibrate(rows, actuator, free, nuisances=("load",), max_corrections=0, workers=1)  # type: ignore[arg-type]
+
+
+def unit(**factors: float) -> Actuator:
+    values = lumped_parameters(THESIS, tuple(factors))
+    return with_lumped_parameters(
+        THESIS, {name: values[name] * f for name, f in factors.items()}, name="unit"
+    )
+
+
+def test_recordings_of_other_lengths_commands_and_channels_share_one_fit() -> None:
+    true = unit(inertia=1.9, viscous=0.6, coulomb=0.7)
+    days = [
+        recorded(true, 1, load=0.05),
+        recorded(true, 2, stop_hz=9.0, duration=0.3, channels=CHANNELS[:3], load=-0.03),
+        recorded(true, 3, duration=0.4, channels=CHANNELS[:4]),
+    ]
+    found = fitted(days)
+    described = lumped_parameters(true, FREE)
+    for name, parameter in found.parameters.items():
+        # Of three normal deviates, one in 5000 cases has one beyond 4.
+        assert abs(parameter.value - described[name]) < 4 * parameter.standard_error
+        assert (parameter.identifiable, parameter.doubtful, parameter.at_bound) == (True, False, False)
+    np.testing.assert_allclose([one["load"] for one in found.nuisances], [0.05, -0.03, 0.0], atol=2e-3)
+    assert len(found.replays) == 3
+    # Three recordings know more than the first alone.
+    alone = fitted(days[0])
+    assert found.parameters["inertia"].standard_error < 1.1 * alone.parameters["inertia"].standard_error
+
+
+def test_the_arrow_is_the_jacobian_of_all_rows() -> None:
+    rows = [CampaignRow(recorded(THESIS, 1)), CampaignRow(recorded(THESIS, 2, duration=0.3))]
+    variation = ParameterVariation.free(THESIS, FREE)
+    joint = joint_objective(rows, THESIS, variation, ("load", "current_offset"), 1)
+    point = np.random.default_rng(0).normal(0.0, 0.05, joint.box.lower.size)
+    assert point.size == 3 + 2 + 2
+    (at,) = joint.evaluate(point[np.newaxis])
+    ((normal, gradient),) = joint.normal_equations([at])
+
+    def every_row(points: np.ndarray) -> np.ndarray:
+        outcomes = joint.evaluate(points)
+        priors = points[:, :3] * (20**0.5 / variation.priors)
+        return np.hstack([-np.array([np.concatenate(one.residual) for one in outcomes]), priors])
+
+    outputs = every_row(point[np.newaxis])
+    (dense,) = one_sided_jacobians(every_row, point[np.newaxis], outputs, joint.box, joint.step)
+    np.testing.assert_allclose(normal, dense @ dense.T, rtol=1e-9, atol=1e-9 * np.abs(normal).max())
+    np.testing.assert_allclose(gradient, -dense @ outputs[0], rtol=1e-6, atol=1e-9 * np.abs(gradient).max())
+    assert at.cost == pytest.approx(float(np.sum(outputs**2)))
+    # What is one recording's own has nothing to do with the other's.
+    assert not np.any(normal[3:5, 5:7])
+
+
+def test_recordings_that_each_fit_well_but_contradict_each_other_end_in_no_confident_mean() -> None:
+    # As three logs of a real servo: a common value fits none of them.
+    days = [recorded(unit(inertia=f), i) for i, f in enumerate((1.6, 0.35, 1.45))]
+    found = fitted(days)
+    inertia = found.parameters["inertia"]
+    assert inertia.doubtful
+    for factor in (1.6, 0.35, 1.45):
+        assert abs(inertia.value - factor * 2.5e-5) < 2 * inertia.standard_error
+        assert "the recordings contradict each other: alone they would have" in inertia.reason
+    told = json.loads(found.to_json())
+    assert told["parameters"]["inertia"]["doubtful"] is True
+    assert told["parameters"]["inertia"]["reason"] == inertia.reason
+    # Alone, each has its own.
+    asked = [float(value) for value in re.findall(r"([\d.e-]+) ±", inertia.reason)]
+    np.testing.assert_allclose(asked, [f * 2.5e-5 for f in (1.6, 0.35, 1.45)], rtol=0.02)
+    assert found.birge_ratio is not None
+    assert found.birge_ratio > 10
+    assert max(one.misfit_ratio or 0.0 for one in found.recordings) > 2
+    text = str(found)
+    assert "inertia is doubtful" in text
+    assert "times as well as with the others" in text
+
+
+def test_recordings_of_one_unit_are_not_doubtful() -> None:
+    days = [recorded(THESIS, i, stop_hz=f) for i, f in enumerate((15.0, 11.0, 13.0))]
+    assert not any(p.doubtful for p in fitted(days).parameters.values())
+
+
+def test_a_known_value_holds_for_its_recording_alone() -> None:
+    gains = (1e5, 4e4, 6e4)
+    days = [recorded(unit(inertia=1.3, position_gain=g / 1e5), i) for i, g in enumerate(gains)]
+    rows = [CampaignRow(day, {"position_gain": g}) for day, g in zip(days, gains, strict=True)]
+    known, assumed = fitted(rows), fitted(days)
+    assert known.parameters["inertia"].value == pytest.approx(1.3 * 2.5e-5, rel=0.01)
+    assert known.relative_error["position_rad"] < 0.1 * assumed.relative_error["position_rad"]
+    assert [one.known["position_gain"] for one in known.recordings] == list(gains)
+    # The unit's description keeps its own.
+    assert known.actuator.controller.position_gain == THESIS.controller.position_gain
+
+
+def test_a_known_load_is_no_nuisance() -> None:
+    days = [recorded(THESIS, i, load=load) for i, load in enumerate((0.05, -0.08))]
+    rows = [CampaignRow(day, {"load": load}) for day, load in zip(days, (0.05, -0.08), strict=True)]
+    found = fitted(rows)
+    assert found.nuisances == ({}, {})
+    assert found.parameters["coulomb"].value == pytest.approx(THESIS.mechanics.dynamic_friction, rel=0.01)
+
+
+def test_a_parameter_may_be_each_recordings_own() -> None:
+    strengths = (0.9, 1.0, 1.08)
+    days = [recorded(unit(torque_constant=f, coulomb=1.2), i) for i, f in enumerate(strengths)]
+    found = fitted([CampaignRow(day, free=("torque_constant",)) for day in days])
+    for one, factor in zip(found.recordings, strengths, strict=True):
+        assert one.own["torque_constant"] == pytest.approx(0.0752 * factor, rel=0.01)
+    assert found.parameters["coulomb"].value == pytest.approx(
+        1.2 * THESIS.mechanics.dynamic_friction, rel=0.01
+    )
+    # Shared too, it is their mean, and known no better than they differ.
+    both = fitted([CampaignRow(day, free=("torque_constant",)) for day in days], (*FREE, "torque_constant"))
+    assert both.parameters["torque_constant"].value == pytest.approx(0.0752 * np.mean(strengths), rel=0.02)
+    assert both.parameters["torque_constant"].standard_error > 0.05 * 0.0752
+
+
+def test_a_parameter_at_its_bound_is_said_so() -> None:
+    # A viscous friction that is not there: its estimate falls to the bound of the search.
+    days = [recorded(with_lumped_parameters(THESIS, {"viscous": 0.0}), i) for i in range(2)]
+    guess = with_lumped_parameters(THESIS, {"viscous": 1e-3})
+    viscous = fitted(days, actuator=guess).parameters["viscous"]
+    assert not viscous.identifiable
+    assert viscous.standard_error > viscous.value
+    if viscous.at_bound:
+        assert "at its bound" in viscous.reason
+
+
+def test_what_acts_alike_is_named_with_what_would_separate_it() -> None:
+    # Heat raises the resistance and lowers the torque constant, as another motor's may be.
+    found = calibrate(
+        [recorded(THESIS, i) for i in range(2)],
+        THESIS,
+        ("coulomb", "torque_constant", "resistance"),
+        nuisances=("temperature",),
+        max_corrections=0,
+        workers=1,
+    )
+    (alike,) = found.collinear_sets
+    assert set(alike.members) == {"torque_constant", "resistance", "temperature"}
+    assert alike.channels == ("temperature_K",)
+    assert "act alike in these recordings" in str(found)
+    assert found.to_dict()["collinear"][0]["channels"] == ("temperature_K",)
+
+
+@pytest.mark.parametrize(
+    ("known", "free", "message"),
+    [
+        ({"inertai": 1.0}, (), r"unknown quantity 'inertai' \(did you mean 'inertia'\?\)"),
+        ({"position_gian": 1.0}, (), r"did you mean 'position_gain'\?"),
+        ({"inertia": 2e-5}, (), "'inertia' is known here, and free for all recordings; leave one"),
+        ({"supply": 50.0}, ("supply",), "'supply' is both known and free here; leave one"),
+        ({"position_gain": -1e5}, (), "position_gain = -100000 has the wrong sign: .* above 0"),
+        ({"temperature": -5.0}, (), "give it in kelvin"),
+        ({"load": float("nan")}, (), "is no finite number"),
+        ({}, ("frction",), "unknown parameter 'frction'"),
+    ],
+)
+def test_contradictory_rows_are_refused(known: dict[str, float], free: tuple[str, ...], message: str) -> None:
+    row = CampaignRow(recorded(THESIS, 0), known, free, "campaign.csv, row 2")
+    with pytest.raises(MethodError, match=rf"^campaign.csv, row 2: .*{message}") as caught:
+        fitted([row])
+    assert "\n" not in str(caught.value)
+
+
+def test_a_load_that_is_recorded_and_given_is_refused() -> None:
+    day = recorded(THESIS, 0)
+    loaded = Recording({**day.channels, "load_Nm": np.zeros(day.samples)}, day.sampling, "loaded")
+    with pytest.raises(MethodError, match="'load' is given, and loaded has the column 'load_Nm'; leave"):
+        fitted([CampaignRow(loaded, {"load": 0.1})])

@@ -1,0 +1,95 @@
+"""Laws are chosen by the error in recordings left out of the fit, and their parameters found."""
+
+import pytest
+
+from cases import THESIS
+from emaphm.actuator import Actuator, Chirp, Sine
+from emaphm.actuator.laws import LAWS
+from emaphm.actuator.lumped_parameters import with_lumped_parameters
+from emaphm.calibration import Calibration, calibrate, description
+from emaphm.errors import MethodError
+from emaphm.recording import Recording, acquire
+from emaphm.simulated_recording import simulate
+
+FREE = ("inertia", "viscous", "coulomb")
+STRIBECK = with_lumped_parameters(
+    LAWS["stribeck"].added_to(THESIS, 60.0),
+    {"inertia": 2.7e-5, "coulomb": 0.075, "static": 0.14, "stribeck_speed": 20.0},
+)
+COMMANDS = (Chirp(), Chirp(stop_hz=8.0), Sine(4e-3, 4.0))
+
+
+def recordings_of(actuator: Actuator) -> list[Recording]:
+    days = []
+    for seed, command in enumerate(COMMANDS):
+        whole = simulate(actuator, command, model="averaged")
+        kept = {name: whole[name] for name in ("time_s", "command_rad", "current_A", "position_rad")}
+        noise = {"current_A": 0.05, "position_rad": 2e-5}
+        days.append(acquire(Recording(kept, whole.sampling, f"day {seed}"), noise=noise, seed=seed))
+    return days
+
+
+@pytest.fixture
+def few_laws(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave three laws to choose from: each has kernels of its own to compile."""
+    monkeypatch.setattr(
+        description, "LAWS", {name: LAWS[name] for name in ("stribeck", "quadratic", "directional")}
+    )
+
+
+def calibrated(actuator: Actuator, laws: str | list[str], free: tuple[str, ...] | None = FREE) -> Calibration:
+    return calibrate(
+        recordings_of(actuator), THESIS, free, laws=laws, nuisances=(), max_corrections=0, workers=1
+    )
+
+
+@pytest.mark.usefixtures("few_laws")
+def test_the_law_that_a_machine_has_is_chosen_and_no_other() -> None:
+    found = calibrated(STRIBECK, "auto")
+    assert found.laws == ("stribeck",)
+    assert found.parameters["stribeck_speed"].value == pytest.approx(20.0, rel=0.05)
+    assert found.parameters["static"].value == pytest.approx(0.14, rel=0.02)
+    assert found.parameters["coulomb"].value == pytest.approx(0.075, rel=0.02)
+    assert found.actuator.friction.stribeck_speed == found.parameters["stribeck_speed"].value
+    trials = found.to_dict()["selection"]
+    assert [one["law"] for one in trials[:4]] == ["none", "stribeck", "quadratic", "directional"]
+    assert [one["law"] for one in trials if one["chosen"]] == ["none", "stribeck"]
+    none, stribeck = trials[0], next(one for one in trials if one["law"] == "stribeck")
+    assert stribeck["held_out_error"] < 0.5 * none["held_out_error"]
+    # Held-out data are no easier than those of the fit.
+    assert none["held_out_error"] >= 0.99 * none["training_error"]
+    assert all(one["seconds"] > 0 and one["evaluations"] > 0 for one in trials)
+    assert "stribeck + directional" in str(found)
+
+
+@pytest.mark.usefixtures("few_laws")
+def test_a_machine_without_further_laws_gets_none() -> None:
+    found = calibrated(with_lumped_parameters(THESIS, {"inertia": 2.7e-5, "coulomb": 0.075}), "auto")
+    assert found.laws == ()
+    assert found.parameters["inertia"].value == pytest.approx(2.7e-5, rel=0.01)
+    assert found.actuator.friction == THESIS.friction
+
+
+def test_named_laws_are_added_and_the_usual_parameters_are_free() -> None:
+    found = calibrated(STRIBECK, ["stribeck"], None)
+    assert {*FREE, "stribeck_speed", "static"} <= set(found.parameters)
+    assert found.parameters["stribeck_speed"].value == pytest.approx(20.0, rel=0.05)
+    assert (found.laws, found.selection) == (("stribeck",), ())
+
+
+def test_a_law_that_nothing_excites_is_named_with_its_manoeuvre() -> None:
+    # Without a load that changes and at one temperature, heat has no effect to be seen.
+    found = calibrated(THESIS, ["viscous-temperature"])
+    assert found.unexcited == {"viscous-temperature": LAWS["viscous-temperature"].excited_by}
+    assert not found.parameters["viscous_temperature"].identifiable
+    assert "Nothing in these recordings excites the law 'viscous-temperature'; recordings at" in str(found)
+
+
+def test_what_cannot_be_chosen_is_refused() -> None:
+    days = recordings_of(THESIS)
+    with pytest.raises(MethodError, match="two recordings at least; add one of another manoeuvre, or name"):
+        calibrate(days[0], THESIS, FREE, laws="auto")
+    with pytest.raises(MethodError, match=r"unknown law 'stribek' \(did you mean 'stribeck'\?\)"):
+        calibrate(days, THESIS, FREE, laws=["stribek"])
+    with pytest.raises(MethodError, match=r"no parameter to calibrate; name some of .*, or laws to add"):
+        calibrate(days, THESIS)
