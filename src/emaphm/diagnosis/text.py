@@ -66,7 +66,8 @@ def notes(
     if laws:
         lines.append(
             f"Explained only by laws that the description lacks: {', '.join(laws)}. If this persists, "
-            "calibrate the healthy actuator with them (emaphm calibrate --laws); without, they would read as faults."
+            "calibrate the healthy actuator with them (emaphm calibrate --laws); without, they would read as "
+            "faults."
         )
     if selected:
         lines.append(
