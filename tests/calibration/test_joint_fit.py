@@ -188,6 +188,7 @@ def test_what_acts_alike_is_named_with_what_would_separate_it() -> None:
     assert set(alike.members) == {"torque_constant", "resistance", "temperature"}
     assert alike.channels == ("temperature_K",)
     assert "act alike in these recordings" in str(found)
+    assert "collinear" in next(line for line in str(found).splitlines() if line.startswith("resistance"))
     assert found.to_dict()["collinear"][0]["channels"] == ("temperature_K",)
 
 

@@ -358,6 +358,22 @@ def test_several_recordings_make_the_baseline_of_later_diagnoses(emaphm: Emaphm,
     assert found["covariance"]["coordinates"][-1] == "baseline 1"
 
 
+def test_a_campaign_says_what_is_known_of_each_recording(emaphm: Emaphm, desk: Path) -> None:
+    for name, frequency in (("monday.csv", "15"), ("tuesday.csv", "11")):
+        options = ("--model", "averaged", "--noise", "0.1", "--duration", "0.3", "--frequency", frequency)
+        assert emaphm("simulate", name, *options).code == 0
+    rows = "file,load,free\nmonday.csv,0,\ntuesday.csv,,torque_constant\n"
+    (desk / "week.csv").write_text(rows, encoding="utf-8")
+    options = ("--free", "coulomb", "-o", "unit.toml", "--no-correction")
+    told = parsed(emaphm, "calibrate", "week.csv", *options)
+    first, second = told["recordings"]
+    assert (first["recording"], second["recording"]) == ("monday.csv", "tuesday.csv")
+    assert (first["known"], first["own"]) == ({"load": 0.0}, {})
+    assert second["own"]["torque_constant"] == pytest.approx(0.0752, rel=0.05)
+    assert "load" in second["nuisances"]
+    assert "load" not in first["nuisances"]
+
+
 def test_a_real_machine_from_calibration_to_diagnosis(emaphm: Emaphm, desk: Path, emps_file: Path) -> None:
     free = "inertia, viscous, coulomb, offset"
     told = parsed(emaphm, "calibrate", emps_file, "--actuator", EMPS, "--free", free, "-o", "unit.toml")

@@ -105,7 +105,8 @@ class Calibration:
     def __str__(self) -> str:
         """Return tables of the laws tried, of the parameters and of the relative errors."""
         parts = [law_table(self.selection)] if self.selection else []
-        parts.append(parameter_table(self.parameters, len(self.recordings)))
+        collinear = {name for one in self.collinear_sets for name in one.members}
+        parts.append(parameter_table(self.parameters, collinear, len(self.recordings)))
         parts += ["\n".join(notes)] if (notes := self.notes()) else []
         errors = [(name, f"{100 * error:.4g} %") for name, error in self.relative_error.items()]
         title = "relative error" if len(self.replays) == 1 else "largest relative error"

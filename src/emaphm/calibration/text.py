@@ -1,7 +1,7 @@
 """The tables and notes of a calibration as text."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from emaphm.calibration.findings import Parameter, RecordingResult
 from emaphm.calibration.law_selection import LawTrial
@@ -11,24 +11,25 @@ WORSE = 1.5
 """Misfit ratio from which a recording is said to be fitted worse together with the others than alone."""
 
 
-def parameter_table(parameters: Mapping[str, Parameter], recordings: int) -> str:
-    """Return the parameters with their standard errors; of what is not known, no more digits than it has."""
+def parameter_table(parameters: Mapping[str, Parameter], collinear: Collection[str], recordings: int) -> str:
+    """Return the parameters with their standard errors, marked where one is not known by itself."""
     source = "this recording" if recordings == 1 else "these recordings"
     rows = []
     for name, p in parameters.items():
         marks = [] if p.identifiable else [f"not identifiable from {source}"]
         marks = ["at its bound"] if p.at_bound else marks
         marks += ["doubtful"] if p.doubtful else []
-        value = f"{p.value:.6g}" if p.identifiable and not p.doubtful else _rounded(p.value, p.standard_error)
+        marks += ["collinear"] if name in collinear else []
+        value = _rounded(p.value, p.standard_error)
         unit = f"{p.unit}  ({', '.join(marks)})" if marks else p.unit
         rows.append((name, value, f"{p.standard_error:.2g}", unit))
     return format_table(("parameter", "value", "std. error", "unit"), rows)
 
 
 def _rounded(value: float, error: float) -> str:
-    """Return a value with the digits that its error leaves, one at least."""
+    """Return a value with as many digits as its error is given to, one at least and six at most."""
     known = math.ceil(math.log10(abs(value / error))) + 1 if value and error else 1
-    return f"{value:.{max(known, 1)}g}"
+    return f"{value:.{min(max(known, 1), 6)}g}"
 
 
 def law_table(trials: Sequence[LawTrial]) -> str:
