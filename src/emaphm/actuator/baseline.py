@@ -35,6 +35,7 @@ LUMPED_PARAMETERS = {
     "resistance": "ohm",
     "inductance": "H",
     "supply": "V",
+    "temperature_gain": "-",
     "current_gain": "V/A",
     "current_integral_gain": "V/(A·s)",
     "source_resistance": "ohm",
@@ -80,7 +81,7 @@ SECTIONS = {
         "speed_lag",
     ),
     "motor": ("torque_constant", "torque_lag"),
-    "electrical": ("resistance", "inductance", "supply"),
+    "electrical": ("resistance", "inductance", "supply", "temperature_gain"),
     "drive": ("current_gain", "current_integral_gain", "source_resistance", "current_lag"),
     "friction": (
         "stribeck_speed",

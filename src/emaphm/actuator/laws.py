@@ -223,6 +223,12 @@ _ALL = (
         lambda actuator, speed: {"controller": {"command_lag": 2e-3}},  # noqa: ARG005
     ),
     Law(
+        "winding-temperature",
+        ("temperature_gain",),
+        "recordings at temperatures at least 10 K apart, with the temperature recorded",
+        lambda actuator, speed: {"electrical": {"temperature_gain": 2.0}},  # noqa: ARG005
+    ),
+    Law(
         "sensor-lag",
         ("current_lag",),
         "fast changes of the current, sampled at 5 kHz or more",
@@ -268,6 +274,9 @@ _REASONS: Mapping[str, Callable[[Actuator], str]] = {
         "a weight turns with a rotary actuator" if actuator.coordinates == "linear" else ""
     ),
     "sensor-lag": lambda actuator: "" if actuator.three_phases else "its drive senses no current",
+    "winding-temperature": lambda actuator: (
+        "" if actuator.electrical is not None else "it has no [electrical] section"
+    ),
     "source-resistance": lambda actuator: (
         "" if actuator.electrical is not None else "it has no [electrical] section"
     ),

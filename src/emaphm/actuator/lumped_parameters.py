@@ -19,8 +19,8 @@ __all__ = [
 ]
 
 
-OPTIONAL = ("drive", "friction", "transmission", "weight", "ripple")
-"""Sections whose values are laws of their own: one that is not described is not there."""
+OPTIONAL = ("drive", "friction", "transmission", "weight", "ripple", "temperature_gain")
+"""Sections, and a parameter, whose values are laws of their own: one that is not described is not there."""
 
 
 def check_lumped_parameters(actuator: Actuator, names: Mapping[str, Any] | tuple[str, ...]) -> None:
@@ -29,7 +29,7 @@ def check_lumped_parameters(actuator: Actuator, names: Mapping[str, Any] | tuple
         if name not in LUMPED_PARAMETERS:
             raise MethodError(f"unknown parameter '{name}'{nearest(name, LUMPED_PARAMETERS)}")
         section = PARTS[name][0]
-        if section in OPTIONAL and described_parts(actuator, name) is None:
+        if (section in OPTIONAL or name in OPTIONAL) and described_parts(actuator, name) is None:
             key = "[[ripple]]" if section == "ripple" else f"{name} in [{section}]"
             raise MethodError(
                 f"parameter '{name}' needs {key}, which actuator '{actuator.name}' lacks; add it, or leave "

@@ -126,6 +126,14 @@ class Electrical(Section):
     temperature: float = quantity(
         "of windings and magnets where resistance and torque constant hold", "K", CHOSEN, default=293.15, gt=0
     )
+    temperature_gain: float | None = quantity(
+        "rise of the windings per recorded rise, where the sensor is on the housing; 1 where left out",
+        "-",
+        CHOSEN,
+        default=None,
+        gt=0,
+        le=100,
+    )
 
 
 class Mechanics(Section):

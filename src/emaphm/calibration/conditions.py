@@ -109,8 +109,11 @@ def with_own(unit: ParameterVariation, actuator: Actuator, own: Mapping[str, flo
 def only_ratios(rows: Sequence[CampaignRow], actuator: Actuator, free: Sequence[str]) -> bool:
     """Return whether all recordings have information only on ratios of torques to the torque constant.
 
-    A voltage would show the constant by the speed, a known load by the current that holds it.
+    A voltage would show the constant by the speed, a known load by the current that holds it. A drive by
+    voltage shows it by the speed that it reaches.
     """
+    if actuator.drive_kind == "voltage":
+        return False
     present = (name for name in TORQUES if any(described_parts(actuator, name) or ()))
     acting = {name for name in present if name not in FOLLOWING}
     return "torque_constant" in free and acting <= set(free) and not any(_scaled(r, actuator) for r in rows)

@@ -18,14 +18,14 @@ MOST_NUMBERS = 30_000_000
 def one_sided_jacobians(simulate: Simulate, points: Array, outputs: Array, box: Box, step: float) -> Array:
     """Return the derivatives of `simulate` at `points` (m, d) with `outputs` (m, rows): (m, d, rows).
 
-    Differences over `step`, taken inward where a bound is near.
+    Differences over `step`, taken inward where a bound is near, and shorter where both are.
     """
     m, d = points.shape
-    forward = points[:, np.newaxis, :] + step * np.eye(d)
+    sides = [box.project(points[:, np.newaxis, :] + side * step * np.eye(d)) for side in (1, -1)]
+    ahead, behind = (np.abs(np.einsum("mii->mi", side) - points) for side in sides)
     # Rounding alone may move a point that is on a bound.
-    inside = np.all(np.abs(box.project(forward) - forward) < 1e-6 * step, axis=2)
-    moved = np.where(inside[:, :, np.newaxis], forward, points[:, np.newaxis, :] - step * np.eye(d))
-    moved = box.project(moved)
+    forward = (ahead > (1 - 1e-6) * step) | (ahead >= behind)
+    moved = np.where(forward[:, :, np.newaxis], *sides)
     steps = np.einsum("mii->mi", moved - points[:, np.newaxis, :])
     derivatives = simulate(moved.reshape(m * d, d)).reshape(m, d, -1)
     derivatives -= outputs[:, np.newaxis, :]

@@ -177,11 +177,15 @@ class NuisanceSet:
         if "supply" in values:
             result["supply"] = present("supply") * np.maximum(1 + values["supply"], LEAST)
         if "temperature" in values or temperature_rise_K:
-            above = np.asarray(values.get("temperature", 0.0)) + temperature_rise_K
+            known = temperature_rise_K
+            if actuator.electrical is not None and actuator.electrical.temperature_gain is not None:
+                known = present("temperature_gain") * temperature_rise_K
+            above = np.asarray(values.get("temperature", 0.0)) + known
             if actuator.friction is not None and actuator.friction.viscous_temperature is not None:
                 result["viscous"] = present("viscous") * np.exp(-present("viscous_temperature") * above)
             result["resistance"] = present("resistance") * np.maximum(1 + COPPER * above, LEAST)
             result["torque_constant"] = present("torque_constant") * np.maximum(1 + MAGNETS * above, LEAST)
+        result.pop("temperature_gain", None)  # all that it does is done
         return result
 
 

@@ -22,6 +22,12 @@ WIDEST_FACTOR = 30.0
 START_FACTOR = 3.0
 """A description's values are right within this factor, or so."""
 
+WIDE = ("stiffness", "stribeck_speed", "transition_speed", "current_lag", "source_resistance")
+"""Parameters of optional laws whose size a description does not imply."""
+
+WIDE_START_FACTOR = 20.0
+"""A search for them starts within this factor of a law's usual value, either way."""
+
 LEAST_DEVIATION = 1e-3
 """A direction in which a baseline is known better, relative, counts as known: a search resolves no less."""
 
@@ -61,7 +67,7 @@ class ParameterVariation:
     def suspected(cls, actuator: Actuator, names: tuple[str, ...]) -> Self:
         """Return `names` as coordinates of their own, within a factor of 3 or so of the description."""
         free = cls.free(actuator, names)
-        return replace(free, priors=np.full(len(names), math.log(START_FACTOR)))
+        return replace(free, priors=start_widths(names))
 
     def beside(self, other: Self) -> Self:
         """Return the parameters of both, which have none in common."""
@@ -90,6 +96,11 @@ class ParameterVariation:
         priors = np.minimum(np.sqrt(variances[kept]), math.log(START_FACTOR))
         widest = np.minimum(4 * priors, math.log(WIDEST_FACTOR))
         return cls(names, size[:, np.newaxis] * directions[:, kept], priors, widest)
+
+
+def start_widths(names: tuple[str, ...]) -> Array:
+    """Return how far from the description a search for each of `names` starts, by the logarithm, (names,)."""
+    return np.log([WIDE_START_FACTOR if name in WIDE else START_FACTOR for name in names])
 
 
 def sizes(actuator: Actuator, names: tuple[str, ...]) -> Array:

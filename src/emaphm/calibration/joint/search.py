@@ -1,6 +1,5 @@
 """The search of a joint fit: starts about the description, descents, and weights by the residuals."""
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -9,7 +8,7 @@ import numpy as np
 from emaphm.arrays import Array
 from emaphm.calibration.joint.objective import JointObjective
 from emaphm.estimation.levenberg_marquardt import LeastSquaresSettings, descend
-from emaphm.estimation.parameter_variation import START_FACTOR
+from emaphm.estimation.parameter_variation import start_widths
 from emaphm.optimizers import space_filling
 from emaphm.progress import Progress
 from emaphm.random_streams import child_seed
@@ -60,7 +59,7 @@ def settle(joint: JointObjective, point: Array) -> tuple[JointObjective, Array]:
 def _multistart(joint: JointObjective, seed: int, given: Array | None, on_progress: Progress | None) -> Array:
     """Return the refined best (d,) of the description's values and of starts around them."""
     shared = joint.shared
-    around = np.full(shared, math.log(START_FACTOR))
+    around = start_widths(joint.unit.parameters)
     starts = np.zeros((1 + SEARCH.starts, joint.box.lower.size))
     starts[1:, :shared] = space_filling(SEARCH.starts, -around, around, child_seed(seed, "starts"))
     always = [0]

@@ -2,14 +2,19 @@
 
 from typing import Any
 
+import numpy as np
+
 from emaphm.simulation.laws.inline import law
+
+LOWEST = 0.02
+"""Least share of the open-circuit voltage that is left under current."""
 
 
 @law
 def sagging_supply(open_circuit: Any, resistance: Any, current: Any) -> Any:
     """Return the voltage of a supply with a source resistance.
 
-        V_dc = V_0 - R_0 i_dc
+        V_dc = max(V_0 - R_0 i_dc, V_0 / 50)
 
     Parameters
     ----------
@@ -25,4 +30,34 @@ def sagging_supply(open_circuit: Any, resistance: Any, current: Any) -> Any:
     -----
     The current is that of the step before: explicit, stable where R_0 is below the resistance of the winding.
     """
-    return open_circuit - resistance * current
+    return np.maximum(open_circuit - resistance * current, LOWEST * open_circuit)
+
+
+@law
+def supply_under_duty(
+    open_circuit: Any, resistance: Any, duty: Any, current: Any, back_emf: Any, conductance: Any, decay: Any
+) -> Any:
+    """Return the voltage of a supply with a source resistance that feeds one winding through a duty cycle.
+
+    The winding's current after the step, i⁺ = i d + (1 - d)(D V_dc - e) / R, is drawn as i_dc = D i⁺, so that
+
+        V_dc = (V_0 - R_0 D (i d - (1 - d) e / R)) / (1 + D² (1 - d) R_0 / R)
+
+    Parameters
+    ----------
+    open_circuit, resistance : V_0 [V], R_0 ≥ 0 [ohm]
+    duty : D, in [-1, 1] [-]
+    current, back_emf : i before the step [A], e [V]
+    conductance, decay : 1 / R of the winding [S], d = exp(-R Δt / L) [-]
+
+    Returns
+    -------
+    V_dc at the inverter [V].
+
+    Notes
+    -----
+    Implicit in the current, so stable for any source resistance.
+    """
+    built = (1.0 - decay) * conductance
+    without = open_circuit - resistance * duty * (current * decay - built * back_emf)
+    return without / (1.0 + duty * duty * built * resistance)

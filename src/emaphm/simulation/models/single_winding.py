@@ -20,7 +20,7 @@ from emaphm.simulation.laws.eccentricity import gap_factors, printed_factor
 from emaphm.simulation.laws.equivalent_winding import winding_current
 from emaphm.simulation.laws.inline import clip, law, select
 from emaphm.simulation.laws.lag import approach, share_of_step
-from emaphm.simulation.laws.supply_source import sagging_supply
+from emaphm.simulation.laws.supply_source import sagging_supply, supply_under_duty
 from emaphm.simulation.models import control, motion
 
 CHANNELS = (*OBSERVABLE, "angle_rad", "torque_Nm", "reference_current_A")
@@ -94,7 +94,7 @@ def state_names(structure: Structure) -> tuple[str, ...]:
         *motion.state_names(structure),
         "torque",
         "current",
-        *(("bus_current",) if structure.source else ()),
+        *(("bus_current",) if structure.source and structure.drive != "voltage" else ()),
         *(("sensed",) if structure.current_lag else ()),
         *(("current_integral",) if structure.drive == "six-step" else ()),
     )
@@ -177,14 +177,15 @@ def _advance(
 def _advance_by_voltage(structure: Structure) -> Callable[..., Any]:
     """Return the step of a DC motor whose drive sets the duty cycle; without current where it is off."""
     demand_of, moved = control.control(structure), motion.motion(structure)
-    supply_of, bus_after = (_sagging, _drawn) if structure.source else (_stiff, _nothing_drawn)
+    supply_of = _under_duty if structure.source else _stiff_under_duty
 
     def advance(s: Any, p: Any, u: Any) -> Any:
         duty, controlled = demand_of(s, p, u)
         duty = u.enabled * duty
-        flux, supply = p.flux_a + p.flux_b, supply_of(s, p)
-        voltage = duty * supply
-        current = u.enabled * winding_current(s.current, voltage - flux * s.speed, p.conductance_a, p.decay_a)
+        flux = p.flux_a + p.flux_b
+        back_emf = flux * s.speed
+        voltage = duty * supply_of(s, p, duty, back_emf)
+        current = u.enabled * winding_current(s.current, voltage - back_emf, p.conductance_a, p.decay_a)
         produced = clip(flux * current, -p.torque_limit, p.torque_limit)
         torque = approach(s.torque, produced, p.torque_share)
         following = moved(s, p, u, torque)
@@ -197,9 +198,21 @@ def _advance_by_voltage(structure: Structure) -> Callable[..., Any]:
             s.angle + u.carried * (following[1] - s.angle),
             torque,
         )
-        return controlled + following + (torque, current) + bus_after(voltage, current, supply), outputs
+        return controlled + following + (torque, current), outputs
 
     return advance
+
+
+@law
+def _stiff_under_duty(s: Any, p: Any, duty: Any, back_emf: Any) -> Any:  # noqa: ARG001
+    return p.supply
+
+
+@law
+def _under_duty(s: Any, p: Any, duty: Any, back_emf: Any) -> Any:
+    return supply_under_duty(
+        p.supply, p.source_resistance, duty, s.current, back_emf, p.conductance_a, p.decay_a
+    )
 
 
 @law
