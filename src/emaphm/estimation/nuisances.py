@@ -177,7 +177,7 @@ class NuisanceSet:
         if "supply" in values:
             result["supply"] = present("supply") * np.maximum(1 + values["supply"], LEAST)
         if "temperature" in values or temperature_rise_K:
-            known = temperature_rise_K
+            known = np.asarray(temperature_rise_K)
             if actuator.electrical is not None and actuator.electrical.temperature_gain is not None:
                 known = present("temperature_gain") * temperature_rise_K
             above = np.asarray(values.get("temperature", 0.0)) + known

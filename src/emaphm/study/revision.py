@@ -16,6 +16,7 @@ DECIDING = (
     "optimizers",
     "estimation",
     "diagnosis",
+    "calibration",
     "arrays.py",
     "quantiles.py",
     "random_streams.py",

@@ -4,6 +4,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
+from emaphm.actuator.laws import law_named
 from emaphm.actuator.parameters import Section
 from emaphm.errors import StudyError, nearest
 from emaphm.recording.acquisition import check_bits
@@ -95,6 +96,8 @@ class Rig(Section):
         White noise on the reference current, rms [A] a step (thesis 4.1); the reference model only.
     foreign
         Features of a plant that is not the reference model, which then makes the recording.
+    calibrated
+        Laws that the actuator is calibrated with, on three healthy recordings of the rig, beforehand.
     """
 
     label: Label
@@ -109,6 +112,14 @@ class Rig(Section):
     inertia: tuple[Relative, Relative] = (0.0, 0.0)
     controller_noise: NotNegative = 0.0
     foreign: ForeignFeatures | None = None
+    calibrated: tuple[str, ...] = ()
+
+    @field_validator("calibrated")
+    @classmethod
+    def _check_laws(cls, names: tuple[str, ...]) -> tuple[str, ...]:
+        for name in names:
+            law_named(name)
+        return names
 
     @field_validator("adc_bits", mode="before")
     @classmethod

@@ -8,6 +8,7 @@ import numpy as np
 
 from emaphm.actuator import NAMES, Actuator, Chirp, Faults
 from emaphm.arrays import Array
+from emaphm.calibration import calibrate
 from emaphm.diagnosis import diagnose
 from emaphm.diagnosis.diagnose import objective_for
 from emaphm.diagnosis.error_metric import error_percent
@@ -18,9 +19,15 @@ from emaphm.simulated_recording import simulate
 from emaphm.simulation import model_named
 from emaphm.study.record import recorded
 from emaphm.study.revision import revision
-from emaphm.study.rig import Manoeuvre
+from emaphm.study.rig import Manoeuvre, Rig
 from emaphm.study.trials import Trial
 from emaphm.version import VERSION
+
+HEALTHY_RECORDINGS = 3
+"""Recordings that a rig's actuator is calibrated with."""
+
+FIRST_HEALTHY_SEED = 1_000_000
+"""Seed of the first of them, beyond those of any case."""
 
 CURRENTS = {"torque": "current_A", "active": "current_active_A", "magnitude": "current_magnitude_A"}
 """The reference model's channel for each form of the equivalent current."""
@@ -55,6 +62,8 @@ def perform(actuator: Actuator, manoeuvre: Manoeuvre, trial: Trial, expected: st
         )
     else:
         recording = recorded(trial.rig, actuator, manoeuvre, Faults(*trial.truth), trial.seed)
+        if trial.rig.calibrated:
+            actuator = _calibrated(trial.rig, actuator, manoeuvre)
         if trial.contestant.chosen().least_squares:
             found = _diagnosed(recording, actuator, trial)
         else:
@@ -94,6 +103,14 @@ def _diagnosed(recording: Recording, actuator: Actuator, trial: Trial) -> dict[s
         "explained": diagnosis.explained,
         "moves": diagnosis.moves,
     }
+
+
+@lru_cache(maxsize=64)
+def _calibrated(rig: Rig, actuator: Actuator, manoeuvre: Manoeuvre) -> Actuator:
+    """Return the actuator with the rig's laws, as healthy recordings of the rig show them."""
+    seeds = range(FIRST_HEALTHY_SEED, FIRST_HEALTHY_SEED + HEALTHY_RECORDINGS)
+    recordings = [recorded(rig, actuator, manoeuvre, Faults(), seed) for seed in seeds]
+    return calibrate(recordings, actuator, laws=rig.calibrated, workers=1).actuator
 
 
 def _searched(
