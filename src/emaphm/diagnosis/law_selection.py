@@ -78,7 +78,7 @@ def select_laws(
         law = min(outcomes, key=lambda name: outcomes[name].residual_variance)
         if outcomes[law].residual_variance > LAW_SELECTION.share * result.residual_variance:
             break
-        result, names = outcomes[law], (*names, law)
+        result, names = refine_by_reference(outcomes[law], seed), (*names, law)
     return result, names
 
 
@@ -136,7 +136,7 @@ def _current_cost(objective: MapObjective, point: Array, correction: Array | flo
 
 def _corrected(fit: _Fit, max_corrections: int, seed: int) -> SearchResult:
     child = child_seed(seed, "law selection, corrected", fit.law)
-    return refine_by_reference(correct_bias(fit.objective, fit.points, max_corrections, child), child)
+    return correct_bias(fit.objective, fit.points, max_corrections, child)
 
 
 def with_law(objective: MapObjective, law: Law) -> MapObjective:

@@ -37,7 +37,7 @@ def search_with_restarts(
             result = other
         if agree:
             break
-    return result
+    return refine_by_reference(result, seed)
 
 
 def _search(
@@ -49,7 +49,4 @@ def _search(
 ) -> SearchResult:
     """Return where the global search and the corrections after it end."""
     refined = multistart(objective, seed, method.optimizer, subprogress(on_progress, 0.0, 0.4))
-    corrected = correct_bias(
-        objective, refined.points, max_corrections, seed, subprogress(on_progress, 0.4, 1.0)
-    )
-    return refine_by_reference(corrected, seed)
+    return correct_bias(objective, refined.points, max_corrections, seed, subprogress(on_progress, 0.4, 1.0))
