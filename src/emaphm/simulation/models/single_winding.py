@@ -20,6 +20,7 @@ from emaphm.simulation.laws.eccentricity import gap_factors, printed_factor
 from emaphm.simulation.laws.equivalent_winding import winding_current
 from emaphm.simulation.laws.inline import clip, law, select
 from emaphm.simulation.laws.lag import approach, share_of_step
+from emaphm.simulation.laws.pulse_width import delay_shares, delayed
 from emaphm.simulation.laws.supply_source import sagging_supply, supply_under_duty
 from emaphm.simulation.models import control, motion
 
@@ -44,6 +45,8 @@ PARAMETERS = (
     "sensed_lead",
     "current_gain",
     "current_integral_gain",
+    "voltage_share",
+    "voltage_at_once",
 )
 
 
@@ -65,7 +68,10 @@ def parameters(
             f"flux_{phase}": plant.torque_constant / 2 * phase_turns[i],
         }
     sensed_share = share_of_step(plant.current_lag, step)
+    share, at_once = delay_shares(plant.pwm_frequency, step)
     rows |= {
+        "voltage_share": share,
+        "voltage_at_once": at_once,
         "source_resistance": plant.source_resistance,
         "sensed_share": sensed_share,
         "sensed_lead": 1 / sensed_share - 1,
@@ -77,13 +83,11 @@ def parameters(
 
 def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Array]:
     """Return the kernel's state at `start`, (n,) each, without current."""
-    own = dict.fromkeys(
-        ("torque", "current", "bus_current", "sensed", "current_integral"), np.zeros(plant.count)
-    )
+    own = dict.fromkeys(OWN_STATE, np.zeros(plant.count))
     return control.initial_state(plant, inputs, start) | motion.initial_state(plant, start) | own
 
 
-OWN_STATE = ("torque", "current", "bus_current", "sensed", "current_integral")
+OWN_STATE = ("torque", "current", "bus_current", "sensed", "current_integral", "voltage")
 """What the winding and its drive may add to the state."""
 
 
@@ -96,7 +100,7 @@ def state_names(structure: Structure) -> tuple[str, ...]:
         "current",
         *(("bus_current",) if structure.source and structure.drive != "voltage" else ()),
         *(("sensed",) if structure.current_lag else ()),
-        *(("current_integral",) if structure.drive == "six-step" else ()),
+        *(("current_integral", "voltage") if structure.drive == "six-step" else ()),
     )
 
 
@@ -305,20 +309,26 @@ def _following_lagging(
 def _controlled(
     s: Any, p: Any, u: Any, reference: Any, supply: Any, back_emf: Any, conductance: Any, decay: Any
 ) -> Any:
-    voltage, integral = limited_pi(
-        reference - s.current, s.current_integral, p.current_gain, p.current_integral_gain, supply, u.step
-    )
-    current = u.enabled * winding_current(s.current, voltage - back_emf, conductance, decay)
-    return current, current, (u.enabled * integral,)
+    current, own = _driven(s, p, u, reference - s.current, supply, back_emf, conductance, decay)
+    return current, current, own
 
 
 @law
 def _controlled_lagging(
     s: Any, p: Any, u: Any, reference: Any, supply: Any, back_emf: Any, conductance: Any, decay: Any
 ) -> Any:
-    voltage, integral = limited_pi(
-        reference - s.sensed, s.current_integral, p.current_gain, p.current_integral_gain, supply, u.step
-    )
-    current = u.enabled * winding_current(s.current, voltage - back_emf, conductance, decay)
+    current, own = _driven(s, p, u, reference - s.sensed, supply, back_emf, conductance, decay)
     sensed = approach(s.sensed, current, p.sensed_share)
-    return current, sensed, (sensed, u.enabled * integral)
+    return current, sensed, (sensed,) + own  # noqa: RUF005 - Numba unpacks no tuple
+
+
+@law
+def _driven(
+    s: Any, p: Any, u: Any, error: Any, supply: Any, back_emf: Any, conductance: Any, decay: Any
+) -> Any:
+    demanded, integral = limited_pi(
+        error, s.current_integral, p.current_gain, p.current_integral_gain, supply, u.step
+    )
+    voltage, lagging = delayed(s.voltage, demanded, p.voltage_share, p.voltage_at_once)
+    current = winding_current(s.current, voltage - back_emf, conductance, decay)
+    return u.enabled * current, (u.enabled * integral, u.enabled * lagging)
