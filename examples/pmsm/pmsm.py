@@ -2,8 +2,8 @@
 
     python examples/pmsm/pmsm.py [--figure FILE]
 
-The recording is made by the reference model, with the PWM's ripple, noise, 12-bit converters and a load that the
-diagnosis does not know.
+The recording is made by the reference model, with the PWM's ripple, noise, 12-bit converters and a load that
+the diagnosis does not know.
 """
 
 import argparse
