@@ -101,7 +101,9 @@ def sinusoidal_equivalent_current(
 
     currents, motor_angle = _fitting(phases, angle)
     electrical = pole_pairs * motor_angle
-    return np.asarray(line_currents(*currents, np.cos(electrical), np.sin(electrical))[1], float)
+    of_a, of_b, of_c = currents
+    current = line_currents(of_a, of_b, of_c, np.cos(electrical), np.sin(electrical))[1]
+    return np.asarray(current, float)
 
 
 def _fitting(phases: ArrayLike, angle: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

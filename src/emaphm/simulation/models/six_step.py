@@ -20,7 +20,7 @@ from emaphm.simulation.laws.angles import phase_angles
 from emaphm.simulation.laws.commutation import demand_sign, trapezoid
 from emaphm.simulation.laws.current_control import limited_pi
 from emaphm.simulation.laws.eccentricity import gap_factors
-from emaphm.simulation.laws.idle_leg import blocked, diode_voltage
+from emaphm.simulation.laws.idle_leg import diode_current, diode_voltage
 from emaphm.simulation.laws.inline import clip, law, select
 from emaphm.simulation.laws.lag import approach
 from emaphm.simulation.laws.pulse_width import carrier_after, leg_mean, triangle
@@ -92,8 +92,8 @@ def _leg_voltage(active: Any, rail: Any, current: Any, open_voltage: Any, half_s
 
 
 @law
-def _without_reversal(active: Any, before: Any, after: Any) -> Any:
-    return select(active == 0.0, blocked(before, after), after)
+def _leg_current(active: Any, before: Any, after: Any, open_voltage: Any, half_supply: Any) -> Any:
+    return select(active == 0.0, diode_current(before, after, open_voltage, half_supply), after)
 
 
 def advance(structure: Structure) -> Callable[..., Any]:
@@ -143,16 +143,17 @@ def advance(structure: Structure) -> Callable[..., Any]:
             active_b * rail - p.resistance_b * s.current_b - back_emf_b,
             active_c * rail - p.resistance_c * s.current_c - back_emf_c,
         )
-        voltage_a = _leg_voltage(active_a, rail, s.current_a, centre + back_emf_a, half_supply)
-        voltage_b = _leg_voltage(active_b, rail, s.current_b, centre + back_emf_b, half_supply)
-        voltage_c = _leg_voltage(active_c, rail, s.current_c, centre + back_emf_c, half_supply)
+        open_a, open_b, open_c = centre + back_emf_a, centre + back_emf_b, centre + back_emf_c
+        voltage_a = _leg_voltage(active_a, rail, s.current_a, open_a, half_supply)
+        voltage_b = _leg_voltage(active_b, rail, s.current_b, open_b, half_supply)
+        voltage_c = _leg_voltage(active_c, rail, s.current_c, open_c, half_supply)
 
         free_a, free_b, free_c = three_phases.currents_after(
             s, p, voltage_a, voltage_b, voltage_c, back_emf_a, back_emf_b, back_emf_c
         )
-        kept_a = _without_reversal(active_a, s.current_a, free_a)
-        kept_b = _without_reversal(active_b, s.current_b, free_b)
-        kept_c = _without_reversal(active_c, s.current_c, free_c)
+        kept_a = _leg_current(active_a, s.current_a, free_a, open_a, half_supply)
+        kept_b = _leg_current(active_b, s.current_b, free_b, open_b, half_supply)
+        kept_c = _leg_current(active_c, s.current_c, free_c, open_c, half_supply)
         # What a diode has ended goes on through the two conducting phases, whose sum it kept.
         ended = 0.5 * (kept_a + kept_b + kept_c)
         current_a = u.enabled * (kept_a - np.abs(active_a) * ended)
