@@ -4,8 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from emaphm.actuator import Actuator, Faults
+from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.diagnosis import diagnose, error_percent
+from emaphm.estimation.problem import compared_channels
+from emaphm.recording import Recording
+from emaphm.simulated_recording import simulate
 from emaphm.study import cases
 from emaphm.study.plan import Plan
 from emaphm.study.record import recorded
@@ -38,6 +41,17 @@ def test_noise_free_faults_are_found(faults: Faults) -> None:
     # Asked: 0.5 %; measured by the plan: 0.001 %. The drive does not switch by chance as hysteresis does.
     assert error_percent(faults.vector, found.faults.vector) < 0.05
     assert found.explained
+
+
+def test_currents_and_voltages_in_d_and_q_are_compared_once() -> None:
+    whole = simulate(PLAN.actuator, Chirp(), duration=0.1)
+    compared = compared_channels(whole, PLAN.actuator)
+    assert compared == (
+        "current_A", "voltage_V", "position_rad", "speed_rad_s", "current_d_A", "voltage_d_V",
+    )  # fmt: skip
+    of_drive = ("time_s", "command_rad", "current_d_A", "current_q_A", "voltage_d_V", "voltage_q_V")
+    in_dq = Recording({name: whole[name] for name in of_drive})
+    assert compared_channels(in_dq, PLAN.actuator) == of_drive[2:]
 
 
 def test_faults_are_found_on_a_rig() -> None:
