@@ -22,7 +22,7 @@ bench: $(INSTALLED)  ## measure speed, as ratios to the manoeuvre's own time
 fuzz: $(INSTALLED)  ## spoil inputs of every kind for ten minutes
 	$(BIN)/python -m tests.fuzz --minutes 10
 
-STUDIES := accuracy limits thesis forms monitor hybrids
+STUDIES := accuracy limits pmsm thesis forms monitor hybrids
 
 study: $(INSTALLED)  ## run what is missing of the studies in studies/, write their pages in docs/
 	for plan in $(STUDIES); do $(BIN)/emaphm study run $$plan --out studies/$$plan || exit 1; done

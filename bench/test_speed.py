@@ -104,6 +104,20 @@ def test_laws(
     )
 
 
+@pytest.mark.parametrize("drive", ["foc", "six-step"])
+@pytest.mark.parametrize("model", [REFERENCE, AVERAGED], ids=["reference", "averaged"])
+def test_batch_of_drives(benchmark: Any, report: Report, model: Model, drive: str) -> None:
+    actuator = ema.Actuator.pmsm()
+    if drive != "foc":
+        assert actuator.drive is not None
+        actuator = actuator.model_copy(update={"drive": actuator.drive.model_copy(update={"kind": drive})})
+    faults, driven = random_faults(RUNS), inputs(model)
+    simulate_batch(model, actuator, faults[:1], driven)
+    benchmark(simulate_batch, model, actuator, faults, driven, workers=1)
+    budget = {"reference": "≥ 80 ×", "averaged": "≥ 4,000 ×"}[model.name]
+    report(f"{model.name} model, drive {drive}, in a batch, per run", budget=budget, runs=RUNS)
+
+
 @pytest.mark.parametrize(
     "channels", [CURRENT, VOLTAGE, EVERYTHING], ids=["current", "and-voltage", "four-channels"]
 )

@@ -7,9 +7,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from emaphm.actuator import Actuator
-from emaphm.recording import Recording, equivalent_current, read_recording
-from emaphm.recording.equivalent_current import Form, with_equivalent_current
+from emaphm.actuator import Actuator, Chirp
+from emaphm.errors import RecordingError
+from emaphm.recording import (
+    Recording,
+    equivalent_current,
+    read_recording,
+    sinusoidal_equivalent_current,
+    with_equivalent_current,
+)
+from emaphm.recording.equivalent_current import Form
+from emaphm.simulated_recording import simulate
 
 from .conftest import Columns, Refusal
 
@@ -131,3 +139,36 @@ def test_reader_needs_pole_pairs_for_it(
     assert "phases.csv" in text
     assert "pole pairs" in text
     assert "[electrical]" in text
+
+
+@given(
+    electrical=st.floats(-50, 50),
+    current=st.floats(-30, 30),
+    flux=st.floats(-30, 30),
+    pole_pairs=st.integers(1, 8),
+)
+def test_of_a_sinusoidal_motor_it_is_the_current_in_phase_with_the_back_emf(
+    electrical: float, current: float, flux: float, pole_pairs: int
+) -> None:
+    # A current across the back-EMF makes no torque; the amplitude of the phases is 2/√3 of the line value.
+    shifts = electrical - 2 * np.pi / 3 * np.arange(3)[:, None]
+    phases = 2 / np.sqrt(3) * (current * np.sin(shifts) + flux * np.cos(shifts))
+    found = sinusoidal_equivalent_current(phases, np.array([electrical / pole_pairs]), pole_pairs)
+    assert found[0] == pytest.approx(current, rel=1e-9, abs=1e-9)
+
+
+def test_the_drive_decides_how_phases_become_one_current() -> None:
+    whole = simulate(Actuator.pmsm(), Chirp(), duration=0.05)
+    kept = ("time_s", "command_rad", "angle_rad", "current_a_A", "current_b_A", "current_c_A")
+    phases = Recording({name: whole[name] for name in kept})
+    made = with_equivalent_current(phases, Actuator.pmsm())["current_A"]
+    # Means over 200 µs of phases and angle, which turns by 0.05 rad at most meanwhile.
+    scale = np.abs(whole["current_A"]).max()
+    np.testing.assert_allclose(made, whole["current_A"], rtol=0, atol=2e-3 * scale)
+    trapezoidal = with_equivalent_current(phases, Actuator.thesis())["current_A"]
+    assert np.abs(trapezoidal - made).max() > 0.02 * scale
+
+
+def test_phases_that_do_not_fit_the_angle_are_refused() -> None:
+    with pytest.raises(RecordingError, match="give three rows"):
+        sinusoidal_equivalent_current(np.zeros((2, 5)), np.zeros(5), 2)

@@ -24,7 +24,7 @@ from emaphm.errors import ActuatorError
 from emaphm.input_files import read_toml
 from emaphm.output_files import written_whole
 
-PRESETS = ("thesis",)
+PRESETS = ("thesis", "pmsm")
 
 
 class Actuator(Section):
@@ -34,7 +34,8 @@ class Actuator(Section):
     where they name rad and N·m. Without `electrical` the current loop is ideal. `friction`, `transmission`,
     `weight` and `ripple` hold optional laws.
 
-    Source: thesis Tab. 3.1 for the structure and for `Actuator.thesis`.
+    Source: thesis Tab. 3.1 for the structure and for `Actuator.thesis`; `Actuator.pmsm` has another motor and
+    drive.
     """
 
     name: Annotated[str, Field(min_length=1)]
@@ -140,6 +141,24 @@ class Actuator(Section):
         )
 
     @classmethod
+    def pmsm(cls) -> Self:
+        """Return the thesis's mechanics and windings with sinusoidal back-EMF and field-oriented control.
+
+        20 kHz PWM. The currents' loop has a bandwidth of 250 Hz, gains 2π × 250 Hz × (L_s, R_s): it is stable
+        down to 30 % of the turns in all phases, where the inductance is 9 %. The speed loop is four times as
+        slow as the thesis's, so that the currents' loop is three times as fast.
+        """
+        thesis = cls.thesis()
+        return cls(
+            name="pmsm",
+            controller=thesis.controller.model_copy(update={"speed_gain": 1.25e-2}),
+            motor=thesis.motor,
+            mechanics=thesis.mechanics,
+            electrical=Electrical(supply=48.0, resistance=2.13, inductance=7.2e-4, pole_pairs=2),
+            drive=Drive(kind="foc", current_gain=1.13, current_integral_gain=3350.0, pwm_frequency=2e4),
+        )
+
+    @classmethod
     def from_toml(cls, path: str | Path) -> Self:
         """Read an actuator from a TOML file.
 
@@ -162,8 +181,8 @@ class Actuator(Section):
 
     @classmethod
     def load(cls, name: str | Path) -> Self:
-        """Return the built-in actuator `name` ("thesis"), or the one in the TOML file of that path."""
-        return cls.thesis() if str(name) in PRESETS else cls.from_toml(name)
+        """Return the built-in actuator `name`, one of `PRESETS`, or the one in the TOML file of that path."""
+        return getattr(cls, str(name))() if str(name) in PRESETS else cls.from_toml(name)
 
     def to_toml(self, path: str | Path, *, comments: str = "") -> None:
         """Write the actuator as TOML, each value with its meaning and unit; `comments` goes on top.

@@ -2,7 +2,11 @@
 
 from emaphm.output_files import check_writable
 from emaphm.recording.acquisition import acquire, full_scales
-from emaphm.recording.equivalent_current import equivalent_current, with_equivalent_current
+from emaphm.recording.equivalent_current import (
+    equivalent_current,
+    sinusoidal_equivalent_current,
+    with_equivalent_current,
+)
 from emaphm.recording.io.read import read_recording, read_signal
 from emaphm.recording.io.write import write_recording
 from emaphm.recording.plausibility import check_plausible
@@ -20,6 +24,7 @@ __all__ = [
     "read_recording",
     "read_signal",
     "reconstructed",
+    "sinusoidal_equivalent_current",
     "with_equivalent_current",
     "write_recording",
 ]

@@ -57,12 +57,7 @@ def equivalent_current(
     from emaphm.simulation.laws.angles import PHASE_SHIFT, wrap
     from emaphm.simulation.laws.commutation import demand_sign, trapezoid
 
-    currents, motor_angle = np.asarray(phases, float), np.asarray(angle, float)
-    if currents.shape != (3, *motor_angle.shape):
-        raise RecordingError(
-            f"phase currents of shape {currents.shape} do not fit an angle of shape {motor_angle.shape}; "
-            "give three rows, each as long as the angle"
-        )
+    currents, motor_angle = _fitting(phases, angle)
     electrical = np.stack([wrap(pole_pairs * motor_angle - PHASE_SHIFT * phase) for phase in range(3)])
     torque = 0.5 * np.sum(trapezoid(electrical) * currents, axis=0)
     if form == "torque":
@@ -74,9 +69,57 @@ def equivalent_current(
     raise RecordingError(f"unknown equivalent current '{form}'{nearest(form, get_args(Form))}")
 
 
+def sinusoidal_equivalent_current(
+    phases: ArrayLike, angle: ArrayLike, pole_pairs: int
+) -> NDArray[np.float64]:
+    """Return the equivalent current of a motor with sinusoidal back-EMF: its current in q, as a line value.
+
+        i = 1/√3 Σ sin(P θ - 2π (i - 1)/3) i_i
+
+    so that torque_constant × i is the torque, torque_constant the amplitude of the back-EMF line to line per
+    speed. Sinusoidal currents in phase with the back-EMF have the amplitude 2/√3 i.
+
+    Parameters
+    ----------
+    phases
+        Currents of phases a, b, c [A], shape (3, n).
+    angle
+        θ, motor angle [rad], shape (n,), unwrapped or not.
+    pole_pairs
+        P.
+
+    Returns
+    -------
+    Current [A], shape (n,).
+
+    Raises
+    ------
+    RecordingError
+        Shapes do not fit each other.
+    """
+    from emaphm.simulation.laws.sine_motor import line_currents
+
+    currents, motor_angle = _fitting(phases, angle)
+    electrical = pole_pairs * motor_angle
+    of_a, of_b, of_c = currents
+    current = line_currents(of_a, of_b, of_c, np.cos(electrical), np.sin(electrical))[1]
+    return np.asarray(current, float)
+
+
+def _fitting(phases: ArrayLike, angle: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    currents, motor_angle = np.asarray(phases, float), np.asarray(angle, float)
+    if currents.shape != (3, *motor_angle.shape):
+        raise RecordingError(
+            f"phase currents of shape {currents.shape} do not fit an angle of shape {motor_angle.shape}; "
+            "give three rows, each as long as the angle"
+        )
+    return currents, motor_angle
+
+
 def with_equivalent_current(recording: Recording, actuator: Actuator) -> Recording:
     """Return `recording` with `current_A`, made from its phase currents and `angle_rad` where it is absent.
 
+    The shape of the motor's back-EMF decides how: a sine where the drive is "foc", else a trapezoid.
     Where it cannot be made, but other channels can be compared with a model, a note says why.
 
     Raises
@@ -104,5 +147,6 @@ def with_equivalent_current(recording: Recording, actuator: Actuator) -> Recordi
             "needed; add that column, or [electrical] to the actuator's TOML"
         )
     phases = np.stack([recording[name] for name in PHASES])
-    current = equivalent_current(phases, recording["angle_rad"], actuator.electrical.pole_pairs)
+    of_motor = sinusoidal_equivalent_current if actuator.drive_kind == "foc" else equivalent_current
+    current = of_motor(phases, recording["angle_rad"], actuator.electrical.pole_pairs)
     return recording.with_channels({**recording.channels, "current_A": current})

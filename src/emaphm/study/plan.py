@@ -22,7 +22,7 @@ from emaphm.study.cases import MOST_RUNS, Count, Group, RandomCases
 from emaphm.study.contestant import Contestant
 from emaphm.study.rig import Label, Manoeuvre, NoiseA, Rig
 
-BUILT_IN = ("thesis", "quick", "hybrids", "forms", "monitor", "accuracy", "limits")
+BUILT_IN = ("thesis", "quick", "hybrids", "forms", "monitor", "accuracy", "limits", "pmsm")
 """Plans that come with the package."""
 
 

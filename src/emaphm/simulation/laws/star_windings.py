@@ -2,6 +2,9 @@
 
 from typing import Any
 
+import numpy as np
+
+from emaphm.arrays import Array
 from emaphm.simulation.laws.inline import law
 
 
@@ -44,3 +47,95 @@ def star_slopes(
     """
     centre = (drive_a * inverse_a + drive_b * inverse_b + drive_c * inverse_c) * parallel
     return (drive_a - centre) * inverse_a, (drive_b - centre) * inverse_b, (drive_c - centre) * inverse_c
+
+
+def star_response(resistance: Array, inductance: Array, step: float) -> dict[str, Array]:
+    """Return what `star_currents_after` needs of the windings of a star.
+
+    In the currents x = (i_a, i_b), with i_c = -i_a - i_b, the star is M dx/dt = u - Q x,
+
+        Q = | R_a + R_c   R_c       |    M the same of L_i
+            | R_c         R_b + R_c |
+
+    and Φ = exp(-M⁻¹Q Δt), of whose argument A both eigenvalues are real, α ± β:
+
+        Φ = e^α (cosh β I + (sinh β / β) (A - α I)),   α = tr A / 2, β² = α² - det A
+
+    Parameters
+    ----------
+    resistance, inductance : R_i [ohm], L_i [H], shape (3, n)
+    step : Δt [s]
+
+    Returns
+    -------
+    Φ, "remaining_aa" to "remaining_bb" [-], and Q⁻¹, "conductance_aa", "_ab", "_bb" [S], shape (n,) each.
+    """
+    r_a, r_b, r_c = resistance
+    l_a, l_b, l_c = inductance
+    of_r = r_a * r_b + r_b * r_c + r_c * r_a
+    of_l = l_a * l_b + l_b * l_c + l_c * l_a
+    aa = -step * ((l_b + l_c) * (r_a + r_c) - l_c * r_c) / of_l
+    ab = -step * ((l_b + l_c) * r_c - l_c * (r_b + r_c)) / of_l
+    ba = -step * ((l_a + l_c) * r_c - l_c * (r_a + r_c)) / of_l
+    bb = -step * ((l_a + l_c) * (r_b + r_c) - l_c * r_c) / of_l
+    mean, half = (aa + bb) / 2, (aa - bb) / 2
+    beta = np.sqrt(np.maximum(half**2 + ab * ba, 0.0))
+    # e^α cosh β and e^α sinh β / β, by eigenvalues that are both negative.
+    slow, fast = np.exp(mean + beta), np.exp(mean - beta)
+    even = (slow + fast) / 2
+    odd = np.where(beta > 1e-9, (slow - fast) / (2 * np.maximum(beta, 1e-9)), np.exp(mean))
+    return {
+        "remaining_aa": even + odd * half,
+        "remaining_ab": odd * ab,
+        "remaining_ba": odd * ba,
+        "remaining_bb": even - odd * half,
+        "conductance_aa": (r_b + r_c) / of_r,
+        "conductance_ab": -r_c / of_r,
+        "conductance_bb": (r_a + r_c) / of_r,
+    }
+
+
+@law
+def star_currents_after(
+    current_a: Any,
+    current_b: Any,
+    drive_a: Any,
+    drive_b: Any,
+    drive_c: Any,
+    remaining_aa: Any,
+    remaining_ab: Any,
+    remaining_ba: Any,
+    remaining_bb: Any,
+    conductance_aa: Any,
+    conductance_ab: Any,
+    conductance_bb: Any,
+) -> Any:
+    """Return the currents of phases a and b after a step under constant voltages.
+
+    The exact solution of the star's equations, the centre's voltage eliminated:
+
+        x_∞ = Q⁻¹ (d_a - d_c, d_b - d_c),   x⁺ = x_∞ + Φ (x - x_∞),   x = (i_a, i_b)
+
+    Parameters
+    ----------
+    current_a, current_b : i_a, i_b, before the step [A]
+    drive_a, drive_b, drive_c : d_i, leg voltage less back-EMF, constant over the step [V]
+    remaining_aa, remaining_ab, remaining_ba, remaining_bb : Φ, of `star_response` [-]
+    conductance_aa, conductance_ab, conductance_bb : Q⁻¹, of `star_response` [S]
+
+    Returns
+    -------
+    i_a⁺, i_b⁺ [A]; i_c⁺ = -i_a⁺ - i_b⁺.
+
+    Notes
+    -----
+    Stable for any step and any windings. No mutual inductance, no saturation.
+    """
+    over_a, over_b = drive_a - drive_c, drive_b - drive_c
+    final_a = conductance_aa * over_a + conductance_ab * over_b
+    final_b = conductance_ab * over_a + conductance_bb * over_b
+    off_a, off_b = current_a - final_a, current_b - final_b
+    return (
+        final_a + remaining_aa * off_a + remaining_ab * off_b,
+        final_b + remaining_ba * off_a + remaining_bb * off_b,
+    )

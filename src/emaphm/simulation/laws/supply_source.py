@@ -2,19 +2,20 @@
 
 from typing import Any
 
-import numpy as np
-
-from emaphm.simulation.laws.inline import law
+from emaphm.simulation.laws.inline import clip, law
 
 LOWEST = 0.02
 """Least share of the open-circuit voltage that is left under current."""
+
+HIGHEST = 2.0
+"""Largest multiple of it that current fed back raises the voltage to: beyond, a drive's chopper burns it."""
 
 
 @law
 def sagging_supply(open_circuit: Any, resistance: Any, current: Any) -> Any:
     """Return the voltage of a supply with a source resistance.
 
-        V_dc = max(V_0 - R_0 i_dc, V_0 / 50)
+        V_dc = clip(V_0 - R_0 i_dc, V_0 / 50, 2 V_0)
 
     Parameters
     ----------
@@ -30,7 +31,7 @@ def sagging_supply(open_circuit: Any, resistance: Any, current: Any) -> Any:
     -----
     The current is that of the step before: explicit, stable where R_0 is below the resistance of the winding.
     """
-    return np.maximum(open_circuit - resistance * current, LOWEST * open_circuit)
+    return clip(open_circuit - resistance * current, LOWEST * open_circuit, HIGHEST * open_circuit)
 
 
 @law

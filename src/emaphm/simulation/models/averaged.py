@@ -6,6 +6,7 @@ from emaphm.arrays import Array
 from emaphm.simulation.engine.model import Model
 from emaphm.simulation.engine.plant import Plant
 from emaphm.simulation.models import single_winding
+from emaphm.simulation.models.foc_averaged import FOC_AVERAGED
 
 
 def parameters(plant: Plant, step: float) -> dict[str, Array]:
@@ -26,8 +27,11 @@ AVERAGED = Model(
     "averaged",
     5e-5,
     {
-        drive: single_winding.form(parameters, drive)
-        for drive in ("hysteresis", "current", "voltage", "six-step")
+        **{
+            drive: single_winding.form(parameters, drive)
+            for drive in ("hysteresis", "current", "voltage", "six-step")
+        },
+        "foc": FOC_AVERAGED,
     },
 )
 """The averaged model at its step of 50 µs."""

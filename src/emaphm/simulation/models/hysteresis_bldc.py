@@ -13,12 +13,10 @@ from emaphm.simulation.engine.structure import Structure
 from emaphm.simulation.laws.angles import phase_angles
 from emaphm.simulation.laws.commutation import demand_sign, trapezoid
 from emaphm.simulation.laws.eccentricity import gap_factors
-from emaphm.simulation.laws.inline import clip, law
+from emaphm.simulation.laws.inline import clip
 from emaphm.simulation.laws.inverter import switch
-from emaphm.simulation.laws.lag import approach, share_of_step
-from emaphm.simulation.laws.star_windings import star_slopes
-from emaphm.simulation.laws.supply_source import sagging_supply
-from emaphm.simulation.models import control, motion
+from emaphm.simulation.laws.lag import approach
+from emaphm.simulation.models import control, motion, three_phases
 
 CHANNELS = (
     "current_A",
@@ -38,58 +36,21 @@ CHANNELS = (
     "voltage_c_V",
 )
 
-PARAMETERS = (
-    "hysteresis",
-    "half_supply",
-    "resistance_a",
-    "resistance_b",
-    "resistance_c",
-    "step_per_henry_a",
-    "step_per_henry_b",
-    "step_per_henry_c",
-    "henries_per_step",
-    "flux_a",
-    "flux_b",
-    "flux_c",
-    "z_cos",
-    "z_sin",
-    "source_resistance",
-    "sensed_share",
-)
+OWN_PARAMETERS = ("hysteresis",)
+LEGS = ("leg_a", "leg_b", "leg_c")
 
 
 def parameters(plant: Plant, step: float) -> dict[str, Array]:
     """Return the kernel's parameters for `plant` at `step` [s], (n,) each."""
-    per_henry = step / (plant.inductance / 2 * plant.turns**2)
-    rows = {
-        "hysteresis": plant.hysteresis,
-        "half_supply": plant.supply / 2,
-        "henries_per_step": 1 / per_henry.sum(axis=0),
-        "z_cos": plant.z[0],
-        "z_sin": plant.z[1],
-        "source_resistance": plant.source_resistance,
-        "sensed_share": share_of_step(plant.current_lag, step),
-    }
-    for i, phase in enumerate("abc"):
-        rows |= {
-            f"resistance_{phase}": plant.resistance / 2 * plant.turns[i],
-            f"step_per_henry_{phase}": per_henry[i],
-            f"flux_{phase}": plant.torque_constant / 2 * plant.turns[i],
-        }
-    return control.parameters(plant, step) | motion.parameters(plant, step) | rows
+    windings = three_phases.parameters(plant, step, 0.5)
+    own = {"hysteresis": plant.hysteresis}
+    return control.parameters(plant, step) | motion.parameters(plant, step) | windings | own
 
 
 def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Array]:
     """Return the kernel's state at `start`, (n,) each: no current, all legs low."""
-    zero = np.zeros(plant.count)
-    own = {
-        "torque": zero,
-        **{f"current_{phase}": zero for phase in "abc"},
-        **{f"leg_{phase}": zero - 1.0 for phase in "abc"},
-        "bus_current": zero,
-        **{f"sensed_{phase}": zero for phase in "abc"},
-    }
-    return control.initial_state(plant, inputs, start) | motion.initial_state(plant, start) | own
+    mechanical = control.initial_state(plant, inputs, start) | motion.initial_state(plant, start)
+    return mechanical | three_phases.initial_state(plant) | dict.fromkeys(LEGS, np.full(plant.count, -1.0))
 
 
 def state_names(structure: Structure) -> tuple[str, ...]:
@@ -98,20 +59,20 @@ def state_names(structure: Structure) -> tuple[str, ...]:
         *control.state_names(structure),
         *motion.state_names(structure),
         "torque",
-        "current_a",
-        "current_b",
-        "current_c",
-        "leg_a",
-        "leg_b",
-        "leg_c",
-        *(("bus_current",) if structure.source else ()),
-        *(("sensed_a", "sensed_b", "sensed_c") if structure.current_lag else ()),
+        *three_phases.CURRENTS,
+        *LEGS,
+        *three_phases.optional_state_names(structure),
     )
 
 
 def parameter_names(structure: Structure) -> tuple[str, ...]:
     """Return the kernel's parameters."""
-    return (*control.PARAMETERS, *motion.parameter_names(structure), *PARAMETERS)
+    return (
+        *control.PARAMETERS,
+        *motion.parameter_names(structure),
+        *three_phases.PARAMETERS,
+        *OWN_PARAMETERS,
+    )
 
 
 def advance(structure: Structure) -> Callable[..., Any]:
@@ -121,10 +82,8 @@ def advance(structure: Structure) -> Callable[..., Any]:
     the state at the step's start, currents by explicit Euler, torque from the new currents, then the motion.
     """
     demand_of, moved = control.control(structure), motion.motion(structure)
-    half_supply_of, bus_after = (_sagging, _drawn) if structure.source else (_stiff, _nothing_drawn)
-    sensed_before, sensed_after, sensor_state = (
-        (_lagging, _lag, _kept) if structure.current_lag else (_exact, _no_lag, _none_kept)
-    )
+    half_supply_of, bus_after = three_phases.supply(structure)
+    sensed_before, sensed_after, sensor_state = three_phases.sensors(structure)
 
     def advance_one(s: Any, p: Any, u: Any) -> Any:
         demand, controlled = demand_of(s, p, u)
@@ -142,30 +101,30 @@ def advance(structure: Structure) -> Callable[..., Any]:
         flux_b = p.flux_b * gap_b * shape_b
         flux_c = p.flux_c * gap_c * shape_c
         half_supply, speed = half_supply_of(s, p), s.speed
-        rise_a, rise_b, rise_c = star_slopes(
-            leg_a * half_supply - p.resistance_a * s.current_a - flux_a * speed,
-            leg_b * half_supply - p.resistance_b * s.current_b - flux_b * speed,
-            leg_c * half_supply - p.resistance_c * s.current_c - flux_c * speed,
-            p.step_per_henry_a,
-            p.step_per_henry_b,
-            p.step_per_henry_c,
-            p.henries_per_step,
+        current_a, current_b, current_c = three_phases.currents_after(
+            s,
+            p,
+            leg_a * half_supply,
+            leg_b * half_supply,
+            leg_c * half_supply,
+            flux_a * speed,
+            flux_b * speed,
+            flux_c * speed,
         )
-        current_a = u.enabled * (s.current_a + rise_a)
-        current_b = u.enabled * (s.current_b + rise_b)
-        current_c = u.enabled * (s.current_c + rise_c)
+        current_a, current_b, current_c = u.enabled * current_a, u.enabled * current_b, u.enabled * current_c
         produced = flux_a * current_a + flux_b * current_b + flux_c * current_c
         torque = approach(s.torque, clip(produced, -p.torque_limit, p.torque_limit), p.torque_share)
         following = moved(s, p, u, torque)
         sensed = sensed_after(s, p, current_a, current_b, current_c)
         sensed_a, sensed_b, sensed_c = sensed
+        position, speed_after, angle = three_phases.recorded_motion(s, p, u, following)
         size = np.abs(sensed_a) + np.abs(sensed_b) + np.abs(sensed_c)
         outputs = (
             0.5 * (shape_a * sensed_a + shape_b * sensed_b + shape_c * sensed_c),
             (active_a * leg_a + active_b * leg_b + active_c * leg_c) * half_supply,
-            p.gear_ratio * (s.output + u.carried * (following[2] - s.output)),
-            speed + u.carried * (following[0] - speed),
-            s.angle + u.carried * (following[1] - s.angle),
+            position,
+            speed_after,
+            angle,
             torque,
             reference,
             sensed_a,
@@ -182,58 +141,6 @@ def advance(structure: Structure) -> Callable[..., Any]:
         return controlled + following + drive + drawn + sensor_state(sensed), outputs
 
     return advance_one
-
-
-@law
-def _stiff(s: Any, p: Any) -> Any:  # noqa: ARG001
-    return p.half_supply
-
-
-@law
-def _sagging(s: Any, p: Any) -> Any:
-    return sagging_supply(p.half_supply, 0.5 * p.source_resistance, s.bus_current)
-
-
-@law
-def _nothing_drawn(switched: Any) -> Any:  # noqa: ARG001
-    return ()
-
-
-@law
-def _drawn(switched: Any) -> Any:
-    # A leg that is high draws its phase's current from the supply; the currents add up to 0.
-    return (0.5 * switched,)
-
-
-@law
-def _exact(s: Any) -> Any:
-    return s.current_a, s.current_b, s.current_c
-
-
-@law
-def _lagging(s: Any) -> Any:
-    return s.sensed_a, s.sensed_b, s.sensed_c
-
-
-@law
-def _no_lag(s: Any, p: Any, a: Any, b: Any, c: Any) -> Any:  # noqa: ARG001
-    return a, b, c
-
-
-@law
-def _lag(s: Any, p: Any, a: Any, b: Any, c: Any) -> Any:
-    share = p.sensed_share
-    return approach(s.sensed_a, a, share), approach(s.sensed_b, b, share), approach(s.sensed_c, c, share)
-
-
-@law
-def _none_kept(sensed: Any) -> Any:  # noqa: ARG001
-    return ()
-
-
-@law
-def _kept(sensed: Any) -> Any:
-    return sensed
 
 
 HYSTERESIS_BLDC = Form(CHANNELS, OBSERVABLE, parameters, initial_state, state_names, parameter_names, advance)

@@ -18,8 +18,10 @@ from emaphm.simulation.laws.commutation import of_idle_phase
 from emaphm.simulation.laws.current_control import limited_pi
 from emaphm.simulation.laws.eccentricity import gap_factors, printed_factor
 from emaphm.simulation.laws.equivalent_winding import winding_current
+from emaphm.simulation.laws.idle_leg import outgoing_after
 from emaphm.simulation.laws.inline import clip, law, select
 from emaphm.simulation.laws.lag import approach, share_of_step
+from emaphm.simulation.laws.pulse_width import delay_shares, delayed
 from emaphm.simulation.laws.supply_source import sagging_supply, supply_under_duty
 from emaphm.simulation.models import control, motion
 
@@ -44,6 +46,14 @@ PARAMETERS = (
     "sensed_lead",
     "current_gain",
     "current_integral_gain",
+    "voltage_share",
+    "voltage_at_once",
+    "winding_a",
+    "winding_b",
+    "winding_c",
+    "fall_a",
+    "fall_b",
+    "fall_c",
 )
 
 
@@ -65,7 +75,14 @@ def parameters(
             f"flux_{phase}": plant.torque_constant / 2 * phase_turns[i],
         }
     sensed_share = share_of_step(plant.current_lag, step)
+    windings = plant.inductance / 2 * plant.turns**2
+    for i, phase in enumerate("abc"):
+        rows[f"winding_{phase}"] = windings[i]
+        rows[f"fall_{phase}"] = step * (1 - 1 / (windings[i] * (1 / windings).sum(axis=0))) / windings[i]
+    share, at_once = delay_shares(plant.pwm_frequency, step)
     rows |= {
+        "voltage_share": share,
+        "voltage_at_once": at_once,
         "source_resistance": plant.source_resistance,
         "sensed_share": sensed_share,
         "sensed_lead": 1 / sensed_share - 1,
@@ -77,14 +94,18 @@ def parameters(
 
 def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Array]:
     """Return the kernel's state at `start`, (n,) each, without current."""
-    own = dict.fromkeys(
-        ("torque", "current", "bus_current", "sensed", "current_integral"), np.zeros(plant.count)
-    )
-    return control.initial_state(plant, inputs, start) | motion.initial_state(plant, start) | own
+    own = dict.fromkeys((*OWN_STATE, *SIX_STEP_STATE), np.zeros(plant.count))
+    moving = motion.initial_state(plant, start)
+    own["idle"] = of_idle_phase(moving["electrical"], 0.0, 1.0, 2.0)
+    return control.initial_state(plant, inputs, start) | moving | own
 
 
-OWN_STATE = ("torque", "current", "bus_current", "sensed", "current_integral")
-"""What the winding and its drive may add to the state."""
+OWN_STATE = ("torque", "current", "bus_current", "sensed")
+"""What winding, supply and sensor may add to the state."""
+
+SIX_STEP_STATE = ("current_integral", "voltage", "outgoing", "incoming_share", "idle")
+"""What a six-step drive adds: its controller's integral and lagging voltage, the current that the outgoing
+phase still carries, the incoming phase's share of the pair's inductance, and which phase idles."""
 
 
 def state_names(structure: Structure) -> tuple[str, ...]:
@@ -96,7 +117,7 @@ def state_names(structure: Structure) -> tuple[str, ...]:
         "current",
         *(("bus_current",) if structure.source and structure.drive != "voltage" else ()),
         *(("sensed",) if structure.current_lag else ()),
-        *(("current_integral",) if structure.drive == "six-step" else ()),
+        *(SIX_STEP_STATE if structure.drive == "six-step" else ()),
     )
 
 
@@ -153,12 +174,12 @@ def _advance(
         conductance = of_idle_phase(angle, p.conductance_a, p.conductance_b, p.conductance_c)
         decay = of_idle_phase(angle, p.decay_a, p.decay_b, p.decay_c)
         supply, back_emf = supply_of(s, p), flux * s.speed
-        current, sensed, own = current_after(s, p, u, reference, supply, back_emf, conductance, decay)
+        current, sensed, voltage, own = current_after(
+            s, p, u, reference, supply, back_emf, conductance, decay
+        )
         produced = clip(flux * current, -p.torque_limit, p.torque_limit)
         torque = approach(s.torque, produced, p.torque_share)
         following = moved(s, p, u, torque)
-        # The constant voltage that takes the winding from its current before to that after.
-        voltage = back_emf + (current - decay * s.current) / ((1.0 - decay) * conductance)
         outputs = (
             sensed,
             voltage,
@@ -255,6 +276,12 @@ def _current(structure: Structure) -> Callable[..., Any]:
 
 
 @law
+def _mean_voltage(before: Any, after: Any, back_emf: Any, conductance: Any, decay: Any) -> Any:
+    """Return the constant voltage that takes the winding from its current before a step to that after."""
+    return back_emf + (after - decay * before) / ((1.0 - decay) * conductance)
+
+
+@law
 def _switched(
     s: Any,
     p: Any,  # noqa: ARG001
@@ -267,7 +294,7 @@ def _switched(
 ) -> Any:
     side = select(reference > s.current, 1.0, select(reference < s.current, -1.0, 0.0))
     current = u.enabled * winding_current(s.current, side * supply - back_emf, conductance, decay)
-    return current, current, ()
+    return current, current, _mean_voltage(s.current, current, back_emf, conductance, decay), ()
 
 
 @law
@@ -284,7 +311,7 @@ def _following(
     lowest = winding_current(s.current, -supply - back_emf, conductance, decay)
     highest = winding_current(s.current, supply - back_emf, conductance, decay)
     current = u.enabled * clip(reference, lowest, highest)
-    return current, current, ()
+    return current, current, _mean_voltage(s.current, current, back_emf, conductance, decay), ()
 
 
 @law
@@ -298,27 +325,46 @@ def _following_lagging(
     highest = winding_current(s.current, supply - back_emf, conductance, decay)
     current = u.enabled * clip(target, lowest, highest)
     sensed = approach(s.sensed, current, p.sensed_share)
-    return current, sensed, (sensed,)
+    return current, sensed, _mean_voltage(s.current, current, back_emf, conductance, decay), (sensed,)
 
 
 @law
 def _controlled(
     s: Any, p: Any, u: Any, reference: Any, supply: Any, back_emf: Any, conductance: Any, decay: Any
 ) -> Any:
-    voltage, integral = limited_pi(
-        reference - s.current, s.current_integral, p.current_gain, p.current_integral_gain, supply, u.step
-    )
-    current = u.enabled * winding_current(s.current, voltage - back_emf, conductance, decay)
-    return current, current, (u.enabled * integral,)
+    error = reference - s.current
+    current, voltage, own = _driven(s, p, u, error, supply, back_emf, conductance, decay)
+    return current, current, voltage, own
 
 
 @law
 def _controlled_lagging(
     s: Any, p: Any, u: Any, reference: Any, supply: Any, back_emf: Any, conductance: Any, decay: Any
 ) -> Any:
-    voltage, integral = limited_pi(
-        reference - s.sensed, s.current_integral, p.current_gain, p.current_integral_gain, supply, u.step
-    )
-    current = u.enabled * winding_current(s.current, voltage - back_emf, conductance, decay)
+    error = reference - s.sensed
+    current, voltage, own = _driven(s, p, u, error, supply, back_emf, conductance, decay)
     sensed = approach(s.sensed, current, p.sensed_share)
-    return current, sensed, (sensed, u.enabled * integral)
+    return current, sensed, voltage, (sensed,) + own  # noqa: RUF005 - Numba unpacks no tuple
+
+
+@law
+def _driven(
+    s: Any, p: Any, u: Any, error: Any, supply: Any, back_emf: Any, conductance: Any, decay: Any
+) -> Any:
+    demanded, integral = limited_pi(
+        error, s.current_integral, p.current_gain, p.current_integral_gain, supply, u.step
+    )
+    voltage, lagging = delayed(s.voltage, demanded, p.voltage_share, p.voltage_at_once)
+    idle = of_idle_phase(s.electrical, 0.0, 1.0, 2.0)
+    pair = of_idle_phase(
+        s.electrical, p.winding_b + p.winding_c, p.winding_c + p.winding_a, p.winding_a + p.winding_b
+    )
+    fall = of_idle_phase(s.electrical, p.fall_a, p.fall_b, p.fall_c)
+    incoming = select(s.idle == 0.0, p.winding_a, select(s.idle == 1.0, p.winding_b, p.winding_c))
+    share = select(idle == s.idle, s.incoming_share, incoming / pair)
+    before = select(idle == s.idle, s.outgoing, s.current)
+    outgoing, taken = outgoing_after(before, 0.5 * supply, 0.5 * back_emf, 0.5 / conductance, fall)
+    driven = winding_current(s.current, voltage - back_emf, conductance, decay)
+    current = u.enabled * (driven - share * taken)
+    own = (u.enabled * integral, u.enabled * lagging, u.enabled * outgoing, share, idle)
+    return current, u.enabled * voltage, own

@@ -1,0 +1,105 @@
+"""A three-phase motor with sinusoidal back-EMF, and its currents and voltages as the rotor sees them.
+
+Line values, so that the motor is described as one with trapezoidal back-EMF is: line to line. The angle is
+that of phase a's back-EMF, e_a ∝ sin θ_e; the flux of the magnets (d) is a quarter of a turn behind the
+back-EMF (q). For phase quantities x_i of an amplitude X,
+
+    x_q = g Σ x_i sin(θ_e - α_i),  x_d = -g Σ x_i cos(θ_e - α_i),  α_i = 2π (i - 1) / 3
+
+with g = 1/√3 for currents: i_q = (√3/2) X, and g = 2/√3 for voltages: v_q = √3 X, the amplitude line to line.
+Then v_d i_d + v_q i_q is the power, T = k_t i_q the torque, k_t = k_e the amplitude of the back-EMF line to
+line per speed, and with the resistance R_s and inductance L_s line to line
+
+    v_d = R_s i_d + L_s di_d/dt - P ω L_s i_q
+    v_q = R_s i_q + L_s di_q/dt + P ω L_s i_d + k_e ω
+"""
+
+from typing import Any
+
+from emaphm.simulation.laws.eccentricity import SQRT3_2
+from emaphm.simulation.laws.inline import law
+
+INVERSE_SQRT3 = 1 / 3**0.5
+"""Amplitude of a phase's back-EMF per speed, for a line-to-line constant of 1."""
+
+
+@law
+def phase_sines(cos: Any, sin: Any) -> Any:
+    """Return the unit shape of each phase's back-EMF: sin(θ_e - 2π (i - 1) / 3), i = 1, 2, 3.
+
+    Parameters
+    ----------
+    cos, sin : of θ_e, the electrical angle [-]
+
+    Returns
+    -------
+    s_a, s_b, s_c, in [-1, 1] [-].
+
+    References
+    ----------
+    [1] S.-K. Sul: Control of electric machine drive systems, 2011, chapter 3.
+    """
+    return sin, -0.5 * sin - SQRT3_2 * cos, -0.5 * sin + SQRT3_2 * cos
+
+
+@law
+def line_currents(of_a: Any, of_b: Any, of_c: Any, cos: Any, sin: Any) -> Any:
+    """Return the currents in d and q of three phase currents, as line values.
+
+        i_d = -(1/√3) Σ i_i cos(θ_e - α_i),   i_q = (1/√3) Σ i_i sin(θ_e - α_i)
+
+    Parameters
+    ----------
+    of_a, of_b, of_c : i_i, phase currents [A]
+    cos, sin : of θ_e, the electrical angle [-]
+
+    Returns
+    -------
+    i_d, i_q; the amplitude of the phase currents is 2/√3 of theirs [A].
+
+    References
+    ----------
+    [1] R. H. Park: Two-reaction theory of synchronous machines. Trans. AIEE 48, 1929.
+    """
+    along = INVERSE_SQRT3 * (of_a - 0.5 * (of_b + of_c))
+    across = 0.5 * (of_b - of_c)
+    return -(cos * along + sin * across), sin * along - cos * across
+
+
+@law
+def line_voltages(of_a: Any, of_b: Any, of_c: Any, cos: Any, sin: Any) -> Any:
+    """Return the voltages in d and q of three leg voltages, as line values; what all legs share drops out.
+
+        v_d = -(2/√3) Σ v_i cos(θ_e - α_i),   v_q = (2/√3) Σ v_i sin(θ_e - α_i)
+
+    Parameters
+    ----------
+    of_a, of_b, of_c : v_i, leg voltages [V]
+    cos, sin : of θ_e, the electrical angle [-]
+
+    Returns
+    -------
+    v_d, v_q; the amplitude of the phase voltages is 1/√3 of theirs [V].
+    """
+    in_d, in_q = line_currents(of_a, of_b, of_c, cos, sin)
+    return 2.0 * in_d, 2.0 * in_q
+
+
+@law
+def phase_voltages(in_d: Any, in_q: Any, cos: Any, sin: Any) -> Any:
+    """Return the phase voltages of line values in d and q: the inverse of `line_voltages`.
+
+        v_i = (v_q sin(θ_e - α_i) - v_d cos(θ_e - α_i)) / √3
+
+    Parameters
+    ----------
+    in_d, in_q : v_d, v_q [V]
+    cos, sin : of θ_e, the electrical angle [-]
+
+    Returns
+    -------
+    v_a, v_b, v_c, which sum to 0 [V].
+    """
+    along = INVERSE_SQRT3 * (in_q * sin - in_d * cos)
+    across = -0.5 * (in_q * cos + in_d * sin)
+    return along, -0.5 * along + across, -0.5 * along - across

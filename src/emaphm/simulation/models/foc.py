@@ -1,0 +1,221 @@
+"""A PMSM under field-oriented control, with its pulse-width modulation: the reference model's form.
+
+PI control of the currents in d (to 0) and q (to the speed loop's demand), sampled as a PWM period begins; the
+voltage that answers is applied throughout the next period, turned ahead by the angle that passes until its
+middle. Voltages and currents in d and q are line values (`laws/sine_motor.py`).
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from emaphm.arrays import Array
+from emaphm.simulation.engine.inputs import Inputs
+from emaphm.simulation.engine.model import OBSERVABLE, Form, Initial
+from emaphm.simulation.engine.plant import Plant
+from emaphm.simulation.engine.structure import Structure
+from emaphm.simulation.laws.angles import turn
+from emaphm.simulation.laws.current_control import limited_pi_pair
+from emaphm.simulation.laws.eccentricity import gap_factors
+from emaphm.simulation.laws.inline import clip, law, select
+from emaphm.simulation.laws.lag import approach
+from emaphm.simulation.laws.pulse_width import CONTROL_DELAY, carrier_after, centred, leg_mean, triangle
+from emaphm.simulation.laws.sine_motor import (
+    INVERSE_SQRT3,
+    line_currents,
+    line_voltages,
+    phase_sines,
+    phase_voltages,
+)
+from emaphm.simulation.models import control, motion, three_phases
+
+FOC_OBSERVABLE = (*OBSERVABLE, "current_d_A", "current_q_A", "voltage_d_V", "voltage_q_V")
+
+FOC_CHANNELS = (
+    *FOC_OBSERVABLE,
+    "angle_rad",
+    "torque_Nm",
+    "reference_current_A",
+    "current_a_A",
+    "current_b_A",
+    "current_c_A",
+    "voltage_a_V",
+    "voltage_b_V",
+    "voltage_c_V",
+)
+
+OWN_PARAMETERS = ("current_gain", "current_integral_gain", "period", "step_per_period", "angle_ahead")
+
+OWN_STATE = (
+    "electrical_cos",
+    "electrical_sin",
+    "integral_d",
+    "integral_q",
+    "carrier",
+    "duty_a",
+    "duty_b",
+    "duty_c",
+    "next_a",
+    "next_b",
+    "next_c",
+)
+
+
+def parameters(plant: Plant, step: float) -> dict[str, Array]:
+    """Return the kernel's parameters for `plant` at `step` [s], (n,) each."""
+    period = 1 / np.maximum(plant.pwm_frequency, 1.0)
+    own = {
+        "current_gain": plant.current_gain,
+        "current_integral_gain": plant.current_integral_gain,
+        "period": period,
+        "step_per_period": step / period,
+        "angle_ahead": CONTROL_DELAY * period * plant.pole_pairs,
+    }
+    windings = three_phases.parameters(plant, step, INVERSE_SQRT3)
+    return control.parameters(plant, step) | motion.parameters(plant, step) | windings | own
+
+
+def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Array]:
+    """Return the kernel's state at `start`, (n,) each: no current, no voltage for two periods."""
+    mechanical = control.initial_state(plant, inputs, start) | motion.initial_state(plant, start)
+    angle = plant.pole_pairs * (start.angle + start.rotor_offset)
+    own = dict.fromkeys(OWN_STATE, np.zeros(plant.count))
+    own |= {"electrical_cos": np.cos(angle), "electrical_sin": np.sin(angle)}
+    return mechanical | three_phases.initial_state(plant) | own
+
+
+def state_names(structure: Structure) -> tuple[str, ...]:
+    """Return the kernel's state."""
+    return (
+        *control.state_names(structure),
+        *motion.state_names(structure),
+        "torque",
+        *three_phases.CURRENTS,
+        *OWN_STATE,
+        *three_phases.optional_state_names(structure),
+    )
+
+
+def parameter_names(structure: Structure) -> tuple[str, ...]:
+    """Return the kernel's parameters."""
+    return (
+        *control.PARAMETERS,
+        *motion.parameter_names(structure),
+        *three_phases.PARAMETERS,
+        *OWN_PARAMETERS,
+    )
+
+
+@law
+def turn_unit(cos: Any, sin: Any, angle: Any) -> Any:
+    """Turn the electrical direction by a small angle, and keep its length at 1.
+
+    Poles make the angle of a step P times the motor's, and what a turn adds to the length P⁶ times as much.
+    """
+    cos, sin = turn(cos, sin, angle)
+    length = 1.5 - 0.5 * (cos * cos + sin * sin)
+    return length * cos, length * sin
+
+
+def advance(structure: Structure) -> Callable[..., Any]:
+    """Return the step of one actuator.
+
+    The order within a step is the thesis drive's: control, switching and back-EMF from the state at the
+    step's start, currents by explicit Euler, torque from the new currents, then the motion.
+    """
+    demand_of, moved = control.control(structure), motion.motion(structure)
+    half_supply_of, bus_after = three_phases.supply(structure)
+    sensed_before, sensed_after, sensor_state = three_phases.sensors(structure)
+
+    def advance_one(s: Any, p: Any, u: Any) -> Any:
+        demand, controlled = demand_of(s, p, u)
+        reference = u.noise + demand
+        half_supply, speed = half_supply_of(s, p), s.speed
+        cos, sin = s.electrical_cos, s.electrical_sin
+
+        seen_a, seen_b, seen_c = sensed_before(s)
+        in_d, in_q = line_currents(seen_a, seen_b, seen_c, cos, sin)
+        asked_d, asked_q, integral_d, integral_q = limited_pi_pair(
+            -in_d,
+            reference - in_q,
+            s.integral_d,
+            s.integral_q,
+            p.current_gain,
+            p.current_integral_gain,
+            2.0 * half_supply,
+            p.period,
+        )
+        ahead_cos, ahead_sin = turn(cos, sin, p.angle_ahead * speed)
+        asked_a, asked_b, asked_c = phase_voltages(asked_d, asked_q, ahead_cos, ahead_sin)
+        asked_a, asked_b, asked_c = centred(
+            asked_a / half_supply, asked_b / half_supply, asked_c / half_supply
+        )
+        begins = s.carrier < 0.5 * p.step_per_period
+        duty_a = select(begins, s.next_a, s.duty_a)
+        duty_b = select(begins, s.next_b, s.duty_b)
+        duty_c = select(begins, s.next_c, s.duty_c)
+        carrier = triangle(s.carrier, p.step_per_period)
+        leg_a = leg_mean(duty_a, carrier, p.step_per_period)
+        leg_b = leg_mean(duty_b, carrier, p.step_per_period)
+        leg_c = leg_mean(duty_c, carrier, p.step_per_period)
+
+        gap_a, gap_b, gap_c = gap_factors(s.cos, s.sin, p.z_cos, p.z_sin)
+        shape_a, shape_b, shape_c = phase_sines(cos, sin)
+        flux_a = p.flux_a * gap_a * shape_a
+        flux_b = p.flux_b * gap_b * shape_b
+        flux_c = p.flux_c * gap_c * shape_c
+        voltage_a, voltage_b, voltage_c = leg_a * half_supply, leg_b * half_supply, leg_c * half_supply
+        current_a, current_b, current_c = three_phases.currents_after(
+            s, p, voltage_a, voltage_b, voltage_c, flux_a * speed, flux_b * speed, flux_c * speed
+        )
+        current_a, current_b, current_c = u.enabled * current_a, u.enabled * current_b, u.enabled * current_c
+        produced = flux_a * current_a + flux_b * current_b + flux_c * current_c
+        torque = approach(s.torque, clip(produced, -p.torque_limit, p.torque_limit), p.torque_share)
+        following = moved(s, p, u, torque)
+
+        sensed = sensed_after(s, p, current_a, current_b, current_c)
+        sensed_a, sensed_b, sensed_c = sensed
+        sensed_d, sensed_q = line_currents(sensed_a, sensed_b, sensed_c, cos, sin)
+        voltage_d, voltage_q = line_voltages(voltage_a, voltage_b, voltage_c, cos, sin)
+        position, speed_after, angle = three_phases.recorded_motion(s, p, u, following)
+        outputs = (
+            sensed_q,
+            u.enabled * voltage_q,
+            position,
+            speed_after,
+            sensed_d,
+            sensed_q,
+            u.enabled * voltage_d,
+            u.enabled * voltage_q,
+            angle,
+            torque,
+            reference,
+            sensed_a,
+            sensed_b,
+            sensed_c,
+            u.enabled * voltage_a,
+            u.enabled * voltage_b,
+            u.enabled * voltage_c,
+        )
+        windings = (torque, current_a, current_b, current_c)
+        direction = turn_unit(cos, sin, p.pole_pairs * (following[1] - s.angle))
+        drive = (
+            u.enabled * select(begins, integral_d, s.integral_d),
+            u.enabled * select(begins, integral_q, s.integral_q),
+            carrier_after(s.carrier, p.step_per_period),
+            duty_a,
+            duty_b,
+            duty_c,
+            u.enabled * select(begins, asked_a, s.next_a),
+            u.enabled * select(begins, asked_b, s.next_b),
+            u.enabled * select(begins, asked_c, s.next_c),
+        )
+        drawn = bus_after(leg_a * current_a + leg_b * current_b + leg_c * current_c)
+        return controlled + following + windings + direction + drive + drawn + sensor_state(sensed), outputs
+
+    return advance_one
+
+
+FOC = Form(FOC_CHANNELS, FOC_OBSERVABLE, parameters, initial_state, state_names, parameter_names, advance)
+"""A PMSM with field-oriented control and PWM."""

@@ -1,0 +1,195 @@
+"""A PMSM under field-oriented control as the averaged model has it: no ripple, a step may be a PWM period.
+
+The legs' mean voltages drive the three windings, whose currents over a step are exact for a constant voltage
+(`star_currents_after`); shorts and eccentricity are those of each phase. Angles that matter over a step are
+those in its middle. Where the step is a PWM period, the controller is that of the reference model; elsewhere
+its delay is kept on the mean (`delay_shares`).
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from emaphm.arrays import Array
+from emaphm.simulation.engine.inputs import Inputs
+from emaphm.simulation.engine.model import Form, Initial
+from emaphm.simulation.engine.plant import Plant
+from emaphm.simulation.engine.structure import Structure
+from emaphm.simulation.laws.angles import turn
+from emaphm.simulation.laws.current_control import limited_pi_pair
+from emaphm.simulation.laws.eccentricity import gap_factors
+from emaphm.simulation.laws.inline import clip
+from emaphm.simulation.laws.lag import approach
+from emaphm.simulation.laws.pulse_width import delay_shares, delayed
+from emaphm.simulation.laws.sine_motor import INVERSE_SQRT3, line_currents, phase_sines, phase_voltages
+from emaphm.simulation.laws.star_windings import star_currents_after, star_response
+from emaphm.simulation.models import control, foc, motion, three_phases
+
+CHANNELS = (
+    *foc.FOC_OBSERVABLE,
+    "angle_rad",
+    "torque_Nm",
+    "reference_current_A",
+    "current_a_A",
+    "current_b_A",
+    "current_c_A",
+)
+
+OWN_PARAMETERS = (
+    "current_gain",
+    "current_integral_gain",
+    "voltage_share",
+    "voltage_at_once",
+    "remaining_aa",
+    "remaining_ab",
+    "remaining_ba",
+    "remaining_bb",
+    "conductance_aa",
+    "conductance_ab",
+    "conductance_bb",
+)
+
+OWN_STATE = ("electrical_cos", "electrical_sin", "integral_d", "integral_q", "voltage_d", "voltage_q")
+
+
+def parameters(plant: Plant, step: float) -> dict[str, Array]:
+    """Return the kernel's parameters for `plant` at `step` [s], (n,) each."""
+    share, at_once = delay_shares(plant.pwm_frequency, step)
+    own = {
+        "current_gain": plant.current_gain,
+        "current_integral_gain": plant.current_integral_gain,
+        "voltage_share": share,
+        "voltage_at_once": at_once,
+    }
+    response = star_response(plant.resistance / 2 * plant.turns, plant.inductance / 2 * plant.turns**2, step)
+    windings = three_phases.parameters(plant, step, INVERSE_SQRT3)
+    return control.parameters(plant, step) | motion.parameters(plant, step) | windings | response | own
+
+
+def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Array]:
+    """Return the kernel's state at `start`, (n,) each: no current, no voltage."""
+    mechanical = control.initial_state(plant, inputs, start) | motion.initial_state(plant, start)
+    angle = plant.pole_pairs * (start.angle + start.rotor_offset)
+    own = dict.fromkeys(OWN_STATE, np.zeros(plant.count))
+    own |= {"electrical_cos": np.cos(angle), "electrical_sin": np.sin(angle)}
+    return mechanical | three_phases.initial_state(plant) | own
+
+
+def state_names(structure: Structure) -> tuple[str, ...]:
+    """Return the kernel's state."""
+    return (
+        *control.state_names(structure),
+        *motion.state_names(structure),
+        "torque",
+        *three_phases.CURRENTS,
+        *OWN_STATE,
+        *three_phases.optional_state_names(structure),
+    )
+
+
+def parameter_names(structure: Structure) -> tuple[str, ...]:
+    """Return the kernel's parameters."""
+    return (
+        *control.PARAMETERS,
+        *motion.parameter_names(structure),
+        *three_phases.PARAMETERS,
+        *OWN_PARAMETERS,
+    )
+
+
+def advance(structure: Structure) -> Callable[..., Any]:
+    """Return the step of one actuator."""
+    demand_of, moved = control.control(structure), motion.motion(structure)
+    half_supply_of, bus_after = three_phases.supply(structure)
+    sensed_before, sensed_after, sensor_state = three_phases.sensors(structure)
+
+    def advance_one(s: Any, p: Any, u: Any) -> Any:
+        reference, controlled = demand_of(s, p, u)
+        supply, speed = 2.0 * half_supply_of(s, p), s.speed
+
+        seen_a, seen_b, seen_c = sensed_before(s)
+        in_d, in_q = line_currents(seen_a, seen_b, seen_c, s.electrical_cos, s.electrical_sin)
+        asked_d, asked_q, integral_d, integral_q = limited_pi_pair(
+            -in_d,
+            reference - in_q,
+            s.integral_d,
+            s.integral_q,
+            p.current_gain,
+            p.current_integral_gain,
+            supply,
+            u.step,
+        )
+        voltage_d, lagging_d = delayed(s.voltage_d, asked_d, p.voltage_share, p.voltage_at_once)
+        voltage_q, lagging_q = delayed(s.voltage_q, asked_q, p.voltage_share, p.voltage_at_once)
+
+        half = 0.5 * u.step * speed
+        rotor_cos, rotor_sin = turn(s.cos, s.sin, half)
+        cos, sin = turn(s.electrical_cos, s.electrical_sin, p.pole_pairs * half)
+        gap_a, gap_b, gap_c = gap_factors(rotor_cos, rotor_sin, p.z_cos, p.z_sin)
+        shape_a, shape_b, shape_c = phase_sines(cos, sin)
+        flux_a = p.flux_a * gap_a * shape_a
+        flux_b = p.flux_b * gap_b * shape_b
+        flux_c = p.flux_c * gap_c * shape_c
+        voltage_a, voltage_b, voltage_c = phase_voltages(voltage_d, voltage_q, cos, sin)
+        current_a, current_b = star_currents_after(
+            s.current_a,
+            s.current_b,
+            voltage_a - flux_a * speed,
+            voltage_b - flux_b * speed,
+            voltage_c - flux_c * speed,
+            p.remaining_aa,
+            p.remaining_ab,
+            p.remaining_ba,
+            p.remaining_bb,
+            p.conductance_aa,
+            p.conductance_ab,
+            p.conductance_bb,
+        )
+        current_a, current_b = u.enabled * current_a, u.enabled * current_b
+        current_c = -current_a - current_b
+        mean_a = 0.5 * (s.current_a + current_a)
+        mean_b = 0.5 * (s.current_b + current_b)
+        mean_c = 0.5 * (s.current_c + current_c)
+        produced = u.enabled * (flux_a * mean_a + flux_b * mean_b + flux_c * mean_c)
+        torque = approach(s.torque, clip(produced, -p.torque_limit, p.torque_limit), p.torque_share)
+        following = moved(s, p, u, torque)
+
+        sensed = sensed_after(s, p, current_a, current_b, current_c)
+        shown_a, shown_b = 0.5 * (seen_a + sensed[0]), 0.5 * (seen_b + sensed[1])
+        shown_c = 0.5 * (seen_c + sensed[2])
+        shown_d, shown_q = line_currents(shown_a, shown_b, shown_c, cos, sin)
+        voltage_d, voltage_q = u.enabled * voltage_d, u.enabled * voltage_q
+        position, speed_after, angle = three_phases.recorded_motion(s, p, u, following)
+        outputs = (
+            shown_q,
+            voltage_q,
+            position,
+            speed_after,
+            shown_d,
+            shown_q,
+            voltage_d,
+            voltage_q,
+            angle,
+            torque,
+            reference,
+            shown_a,
+            shown_b,
+            shown_c,
+        )
+        windings = (torque, current_a, current_b, current_c)
+        direction = foc.turn_unit(s.electrical_cos, s.electrical_sin, p.pole_pairs * (following[1] - s.angle))
+        integrals = (u.enabled * integral_d, u.enabled * integral_q)
+        voltages = (u.enabled * lagging_d, u.enabled * lagging_q)
+        # Leg states, less what all legs share, that make the voltages of the supply.
+        drawn = bus_after(2.0 * (voltage_a * mean_a + voltage_b * mean_b + voltage_c * mean_c) / supply)
+        own = direction + integrals + voltages + drawn + sensor_state(sensed)
+        return controlled + following + windings + own, outputs
+
+    return advance_one
+
+
+FOC_AVERAGED = Form(
+    CHANNELS, foc.FOC_OBSERVABLE, parameters, initial_state, state_names, parameter_names, advance
+)
+"""A PMSM with field-oriented control, its PWM averaged."""

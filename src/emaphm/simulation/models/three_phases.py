@@ -1,0 +1,167 @@
+"""What all models of three switched phases share: windings, supply, current sensors, recorded motion."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from emaphm.arrays import Array
+from emaphm.simulation.engine.plant import Plant
+from emaphm.simulation.engine.structure import Structure
+from emaphm.simulation.laws.inline import law
+from emaphm.simulation.laws.lag import approach, share_of_step
+from emaphm.simulation.laws.star_windings import star_slopes
+from emaphm.simulation.laws.supply_source import sagging_supply
+
+PARAMETERS = (
+    "half_supply",
+    "resistance_a",
+    "resistance_b",
+    "resistance_c",
+    "step_per_henry_a",
+    "step_per_henry_b",
+    "step_per_henry_c",
+    "henries_per_step",
+    "flux_a",
+    "flux_b",
+    "flux_c",
+    "z_cos",
+    "z_sin",
+    "source_resistance",
+    "sensed_share",
+)
+
+CURRENTS = ("current_a", "current_b", "current_c")
+
+
+def parameters(plant: Plant, step: float, peak: float) -> dict[str, Array]:
+    """Return the parameters of windings, supply and sensors at `step` [s], (n,) each.
+
+    `peak` is the amplitude of a phase's back-EMF per speed for a torque constant of 1, line to line.
+    """
+    per_henry = step / (plant.inductance / 2 * plant.turns**2)
+    rows = {
+        "half_supply": plant.supply / 2,
+        "henries_per_step": 1 / per_henry.sum(axis=0),
+        "z_cos": plant.z[0],
+        "z_sin": plant.z[1],
+        "source_resistance": plant.source_resistance,
+        "sensed_share": share_of_step(plant.current_lag, step),
+    }
+    for i, phase in enumerate("abc"):
+        rows |= {
+            f"resistance_{phase}": plant.resistance / 2 * plant.turns[i],
+            f"step_per_henry_{phase}": per_henry[i],
+            f"flux_{phase}": peak * plant.torque_constant * plant.turns[i],
+        }
+    return rows
+
+
+def initial_state(plant: Plant) -> dict[str, Array]:
+    """Return the state of torque, windings, supply and sensors, (n,) each: no current."""
+    sensed = ("sensed_a", "sensed_b", "sensed_c")
+    return dict.fromkeys(("torque", *CURRENTS, "bus_current", *sensed), np.zeros(plant.count))
+
+
+def optional_state_names(structure: Structure) -> tuple[str, ...]:
+    """Return the state of supply and sensors, where the actuator has their laws."""
+    return (
+        *(("bus_current",) if structure.source else ()),
+        *(("sensed_a", "sensed_b", "sensed_c") if structure.current_lag else ()),
+    )
+
+
+def supply(structure: Structure) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """Return half the supply voltage, of (state, parameters), and its next state, of Σ s_i i_i."""
+    return (_sagging, _drawn) if structure.source else (_stiff, _nothing_drawn)
+
+
+def sensors(structure: Structure) -> tuple[Callable[..., Any], Callable[..., Any], Callable[..., Any]]:
+    """Return what the current sensors show before a step and after it, and their next state."""
+    return (_lagging, _lag, _kept) if structure.current_lag else (_exact, _no_lag, _none_kept)
+
+
+@law
+def currents_after(
+    s: Any,
+    p: Any,
+    voltage_a: Any,
+    voltage_b: Any,
+    voltage_c: Any,
+    back_emf_a: Any,
+    back_emf_b: Any,
+    back_emf_c: Any,
+) -> Any:
+    """Return the three phase currents after an explicit Euler step [A]."""
+    rise_a, rise_b, rise_c = star_slopes(
+        voltage_a - p.resistance_a * s.current_a - back_emf_a,
+        voltage_b - p.resistance_b * s.current_b - back_emf_b,
+        voltage_c - p.resistance_c * s.current_c - back_emf_c,
+        p.step_per_henry_a,
+        p.step_per_henry_b,
+        p.step_per_henry_c,
+        p.henries_per_step,
+    )
+    return s.current_a + rise_a, s.current_b + rise_b, s.current_c + rise_c
+
+
+@law
+def recorded_motion(s: Any, p: Any, u: Any, following: Any) -> Any:
+    """Return position of the user, speed and angle of the motor as they are recorded."""
+    return (
+        p.gear_ratio * (s.output + u.carried * (following[2] - s.output)),
+        s.speed + u.carried * (following[0] - s.speed),
+        s.angle + u.carried * (following[1] - s.angle),
+    )
+
+
+@law
+def _stiff(s: Any, p: Any) -> Any:  # noqa: ARG001
+    return p.half_supply
+
+
+@law
+def _sagging(s: Any, p: Any) -> Any:
+    return sagging_supply(p.half_supply, 0.5 * p.source_resistance, s.bus_current)
+
+
+@law
+def _nothing_drawn(switched: Any) -> Any:  # noqa: ARG001
+    return ()
+
+
+@law
+def _drawn(switched: Any) -> Any:
+    # A leg that is high draws its phase's current from the supply; the currents add up to 0.
+    return (0.5 * switched,)
+
+
+@law
+def _exact(s: Any) -> Any:
+    return s.current_a, s.current_b, s.current_c
+
+
+@law
+def _lagging(s: Any) -> Any:
+    return s.sensed_a, s.sensed_b, s.sensed_c
+
+
+@law
+def _no_lag(s: Any, p: Any, a: Any, b: Any, c: Any) -> Any:  # noqa: ARG001
+    return a, b, c
+
+
+@law
+def _lag(s: Any, p: Any, a: Any, b: Any, c: Any) -> Any:
+    share = p.sensed_share
+    return approach(s.sensed_a, a, share), approach(s.sensed_b, b, share), approach(s.sensed_c, c, share)
+
+
+@law
+def _none_kept(sensed: Any) -> Any:  # noqa: ARG001
+    return ()
+
+
+@law
+def _kept(sensed: Any) -> Any:
+    return sensed

@@ -1,0 +1,55 @@
+"""The motor with sinusoidal back-EMF: line values against their definitions in phases, and power."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from emaphm.simulation.laws.sine_motor import (
+    INVERSE_SQRT3,
+    line_currents,
+    line_voltages,
+    phase_sines,
+    phase_voltages,
+)
+
+ANGLES = st.floats(-20, 20)
+AMPERES = st.floats(-30, 30)
+SHIFTS = 2 * np.pi / 3 * np.arange(3)
+
+
+@given(angle=ANGLES)
+def test_back_emf_between_two_lines_has_the_amplitude_of_the_constant(angle: float) -> None:
+    shapes = np.array(phase_sines(np.cos(angle), np.sin(angle)))
+    np.testing.assert_allclose(shapes, np.sin(angle - SHIFTS), atol=1e-14)
+    a_to_b = INVERSE_SQRT3 * (shapes[0] - shapes[1])
+    assert a_to_b == pytest.approx(np.sin(angle + np.pi / 6), abs=1e-14)
+
+
+@given(angle=ANGLES, in_d=AMPERES, in_q=AMPERES)
+def test_voltages_in_d_and_q_are_made_by_phases_and_found_from_them(
+    angle: float, in_d: float, in_q: float
+) -> None:
+    cos, sin = np.cos(angle), np.sin(angle)
+    phases = np.array(phase_voltages(in_d, in_q, cos, sin))
+    np.testing.assert_allclose(line_voltages(*(phases + 17.0), cos, sin), (in_d, in_q), atol=1e-12)
+    lines = phases - np.roll(phases, -1)
+    # √(3/2) times the rms of any three balanced values is their amplitude.
+    assert np.sqrt(np.sum(lines**2) * 2 / 3) == pytest.approx(np.hypot(in_d, in_q), abs=1e-12)
+
+
+@given(angle=ANGLES, voltages=st.tuples(AMPERES, AMPERES, AMPERES), currents=st.tuples(AMPERES, AMPERES))
+def test_line_values_conserve_power(
+    angle: float, voltages: tuple[float, ...], currents: tuple[float, ...]
+) -> None:
+    phases = (*currents, -sum(currents))
+    cos, sin = np.cos(angle), np.sin(angle)
+    in_lines = np.dot(line_voltages(*voltages, cos, sin), line_currents(*phases, cos, sin))
+    assert in_lines == pytest.approx(np.dot(voltages, phases), abs=1e-9)
+
+
+@given(angle=ANGLES, currents=st.tuples(AMPERES, AMPERES))
+def test_torque_is_the_constant_times_the_current_in_q(angle: float, currents: tuple[float, ...]) -> None:
+    phases = np.array((*currents, -sum(currents)))
+    per_constant = np.sum(INVERSE_SQRT3 * np.sin(angle - SHIFTS) * phases)
+    assert line_currents(*phases, np.cos(angle), np.sin(angle))[1] == pytest.approx(per_constant, abs=1e-12)
