@@ -46,16 +46,12 @@ TEST = (
 DUTY_PER_KP = 4096 / (2 * math.pi) / (256 * 885)
 """Duty cycle per position error and unit of kp [1/rad]: counts a turn, divisor of kp, counts at full duty."""
 
-LAWS = ("load-dependent", "source-resistance")
+LAWS = ("load-dependent", "source-resistance", "winding-temperature")
 """Laws beside the weight that lower the error of logs left out of the fit; Stribeck, quadratic and unequal
 friction do not."""
 
 FREE = ("inertia", "viscous", "coulomb", "torque_constant", "resistance", "gravity_angle")
 """Free beside the parameters of the laws. The weight is known, which gives the torques their scale."""
-
-WINDING_PER_HOUSING = 4.0
-"""Rise of the winding's temperature per rise of the recorded one, that of the housing [-]: the logs lose
-strength four times as fast as copper and magnets at the recorded temperature."""
 
 
 @dataclass(frozen=True)
@@ -78,16 +74,15 @@ class Fit:
 
 
 def campaign_row(path: Path, actuator: ema.Actuator) -> ema.CampaignRow:
-    """Return a log's command, position and drive enable, with its gain and its winding temperature."""
+    """Return a log's command, position and drive enable, with its gain and the temperature of the housing."""
     named = re.match(r"kp(\d+)_", path.name)
     if named is None:
         raise SystemExit(f"{path}: the name does not begin with the gain, such as kp400_; rename the file")
     log = ema.read_recording(path, actuator)
-    rise = float(np.mean(log["temperature_degC"])) + 273.15 - actuator.electrical.temperature
     channels = {name: log[name] for name in ("time_s", "command_rad", "position_rad", "enabled")}
     known = {
         "position_gain": DUTY_PER_KP * float(named[1]),
-        "temperature": actuator.electrical.temperature + WINDING_PER_HOUSING * rise,
+        "temperature": 273.15 + float(np.mean(log["temperature_degC"])),
     }
     return ema.CampaignRow(ema.Recording(channels, log.sampling, path.stem, log.notes), known)
 
