@@ -1,17 +1,18 @@
 """Calibrating a healthy unit: its physical parameters and laws, from one recording or several in one fit."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.baseline import Baseline
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
+from emaphm.calibration import sensor_lag
 from emaphm.calibration.campaign import CampaignRow, Recordings, campaign_rows, check_row
 from emaphm.calibration.conditions import check_nuisances
 from emaphm.calibration.description import Description, Laws, described_with_laws
-from emaphm.calibration.findings import found_parameters, found_recordings, found_values
+from emaphm.calibration.findings import Parameter, found_parameters, found_recordings, found_values
 from emaphm.calibration.law_selection import parameters_of
 from emaphm.calibration.result import Calibration
 from emaphm.calibration.separation import collinear_parameters
@@ -90,6 +91,10 @@ def calibrate(
     _check_baseline(actuator, description.free)
     for row in rows:
         check_row(row, description.actuator, description.free)
+    lag = None
+    if sensor_lag.NAME in description.free and max_corrections > 0:
+        lag = sensor_lag.found_lag(rows, description, settings)
+        description = lag.description
     fit = fit_unit(
         rows,
         description.actuator,
@@ -98,7 +103,8 @@ def calibrate(
         description.start,
         subprogress(on_progress, share, 1.0),
     )
-    return _result(rows, description, fit, seed, began)
+    scanned = {} if lag is None else {sensor_lag.NAME: lag.parameter}
+    return _result(rows, description, fit, scanned, seed, began)
 
 
 def _check(
@@ -126,9 +132,14 @@ def _check_baseline(actuator: Actuator, free: tuple[str, ...]) -> None:
 
 
 def _result(
-    rows: Sequence[CampaignRow], description: Description, fit: UnitFit, seed: int, began: float
+    rows: Sequence[CampaignRow],
+    description: Description,
+    fit: UnitFit,
+    scanned: Mapping[str, Parameter],
+    seed: int,
+    began: float,
 ) -> Calibration:
-    """Return the calibration that a fit amounts to."""
+    """Return the calibration that a fit amounts to; `scanned` are parameters that were found before it."""
     actuator = description.actuator
     values = found_values(fit, actuator)
     calibrated = with_lumped_parameters(
@@ -138,7 +149,7 @@ def _result(
     baseline = Baseline.of(
         fit.free, np.outer(size, size) * fit.covariance, tuple(row.recording.source for row in rows)
     )
-    parameters = found_parameters(fit, values, rows, actuator)
+    parameters = {**found_parameters(fit, values, rows, actuator), **scanned}
     problems = [term.objective.problem for term in fit.joint.terms]
     return Calibration(
         parameters,

@@ -12,6 +12,7 @@ import numpy as np
 from emaphm.actuator import Actuator
 from emaphm.actuator.actuator import described_parts
 from emaphm.actuator.laws import LAWS, Law
+from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.arrays import Array
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.methods import Method
@@ -21,6 +22,7 @@ from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.parameter_variation import ParameterVariation
 from emaphm.estimation.reference_refinement import refine_by_reference
+from emaphm.estimation.reference_scan import CURRENT_LAGS_S, scan
 from emaphm.estimation.search_result import SearchResult
 from emaphm.random_streams import child_seed, stream
 
@@ -39,7 +41,7 @@ SUSPECTS = (
 
 
 ONLY_WHILE_SWITCHING = ("sensor-lag",)
-"""Laws that hardly act on the averaged model: only the reference model's discrepancy shows them."""
+"""Laws that hardly act on the averaged model: the reference model shows them, by a scan."""
 
 
 @dataclass(frozen=True)
@@ -136,14 +138,24 @@ def _current_cost(objective: MapObjective, point: Array, correction: Array | flo
 
 def _corrected(fit: _Fit, max_corrections: int, seed: int) -> SearchResult:
     child = child_seed(seed, "law selection, corrected", fit.law)
-    return correct_bias(fit.objective, fit.points, max_corrections, child)
+    if fit.law not in ONLY_WHILE_SWITCHING:
+        return correct_bias(fit.objective, fit.points, max_corrections, child)
+
+    def evaluate(lag: float) -> SearchResult:
+        problem = fit.objective.problem
+        lagging = with_lumped_parameters(problem.actuator, {"current_lag": lag})
+        objective = replace(fit.objective, problem=replace(problem, actuator=lagging))
+        return correct_bias(objective, fit.points, max_corrections, child)
+
+    return scan(CURRENT_LAGS_S, evaluate, lambda one: one.residual_variance).estimate
 
 
 def with_law(objective: MapObjective, law: Law) -> MapObjective:
     """Return the objective of the actuator with `law`, its parameters free beside faults and nuisances."""
     problem, nuisances = objective.problem, objective.space.nuisances
     actuator = law.added_to(problem.actuator)
-    free = tuple(name for name in (*law.parameters, *law.also_free) if name not in nuisances.parameters)
+    parameters = () if law.name in ONLY_WHILE_SWITCHING else (*law.parameters, *law.also_free)
+    free = tuple(name for name in parameters if name not in nuisances.parameters)
     free = tuple(name for name in free if described_parts(actuator, name) is not None)
     unit = nuisances.unit.beside(ParameterVariation.suspected(actuator, free))
     chosen = NuisanceSet.of(actuator, nuisances.chosen, tuple(problem.measured), unit)

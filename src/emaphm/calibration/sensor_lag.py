@@ -1,0 +1,64 @@
+"""The lag of the current sensors, which the averaged model hardly shows: found by the reference model."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from emaphm.actuator.lumped_parameters import with_lumped_parameters
+from emaphm.calibration.campaign import CampaignRow
+from emaphm.calibration.description import Description
+from emaphm.calibration.findings import LARGEST_ERROR, Parameter
+from emaphm.calibration.joint.correction import JointEstimate, corrected_estimate
+from emaphm.calibration.unit_fit import FitSettings, fitted_parameters, searched
+from emaphm.estimation.objective import CORRELATED_ROWS
+from emaphm.estimation.reference_scan import CURRENT_LAGS_S, scan
+
+NAME = "current_lag"
+
+MOST_CORRECTIONS = 4
+"""Corrections of each fit of the scan: enough to compare two lags."""
+
+
+@dataclass(frozen=True)
+class FoundLag:
+    """A description whose lag is set, no longer free, and the lag as a parameter of the result."""
+
+    description: Description
+    parameter: Parameter
+
+
+def found_lag(rows: Sequence[CampaignRow], description: Description, settings: FitSettings) -> FoundLag:
+    """Return the lag at which the reference model fits all `rows` best, all other parameters fitted anew."""
+    actuator = description.actuator
+    free = tuple(name for name in description.free if name != NAME)
+    fitted = fitted_parameters(rows, actuator, free)
+    corrections = min(MOST_CORRECTIONS, settings.max_corrections)
+    start = {name: value for name, value in description.start.items() if name in fitted}
+
+    def evaluate(lag: float) -> JointEstimate:
+        nonlocal start
+        lagging = with_lumped_parameters(actuator, {NAME: lag})
+        found = searched(rows, lagging, fitted, settings, start)
+        start = found.start
+        return corrected_estimate(found.joint, found.point, corrections, settings.seed)
+
+    found = scan(CURRENT_LAGS_S, evaluate, _current_variance)
+    samples = sum(row.recording.samples for row in rows)
+    deviation = math.sqrt(found.variance * CORRELATED_ROWS / samples)
+    known = math.isfinite(deviation) and deviation < LARGEST_ERROR
+    parameter = Parameter(
+        found.value, found.value * min(deviation, 10.0), "s", known, at_bound=not math.isfinite(deviation)
+    )
+    lagging = with_lumped_parameters(actuator, {NAME: found.value})
+    return FoundLag(replace(description, actuator=lagging, free=free, start=start), parameter)
+
+
+def _current_variance(estimate: JointEstimate) -> float:
+    """Return the mean squared corrected residual of the primary channel, in its unit²."""
+    squares = []
+    for term, residual in zip(estimate.joint.terms, estimate.corrected_residuals, strict=True):
+        problem = term.objective.problem
+        squares.append(np.mean((residual[: problem.samples] / problem.weights[0]) ** 2))
+    return float(np.mean(squares))
