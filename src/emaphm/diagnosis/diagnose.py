@@ -13,7 +13,7 @@ from emaphm.diagnosis.law_selection import select_laws
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.diagnosis.nuisance_selection import select_nuisances
 from emaphm.diagnosis.result import Diagnosis
-from emaphm.diagnosis.verdict import EXPLAINED_RESIDUAL, VERDICT, estimates, is_explained, unexplained
+from emaphm.diagnosis.verdict import VERDICT, estimates, is_explained, unexplained
 from emaphm.errors import MethodError, nearest
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS, with_discrepancy
 from emaphm.estimation.methods import Method, method_named
@@ -21,7 +21,7 @@ from emaphm.estimation.nuisances import unit_of
 from emaphm.estimation.objective import MapObjective, faults_objective, faults_only_objective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search import check_fitness, search
-from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
 from emaphm.progress import Progress, subprogress
 from emaphm.recording import Recording, check_plausible
 from emaphm.recording.schema import SCHEMA

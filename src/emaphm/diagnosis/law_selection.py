@@ -23,7 +23,7 @@ from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.parameter_variation import ParameterVariation
 from emaphm.estimation.reference_refinement import refine_by_reference
 from emaphm.estimation.reference_scan import CURRENT_LAGS_S, scan
-from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
 from emaphm.random_streams import child_seed, stream
 
 SUSPECTS = (
@@ -48,13 +48,11 @@ ONLY_WHILE_SWITCHING = ("sensor-lag",)
 class LawSelectionSettings:
     """When laws are tried, and which are kept; `make study` (limits, plants) measures them.
 
-    Tried while the normalised residual is above `residual`: of recordings that the described actuator made it
-    is below. All laws are fitted by the averaged model, from afar and from the estimate; the `corrected` best
+    Tried while the recording is not explained. All laws are fitted by the averaged model, from afar and from the estimate; the `corrected` best
     of each also with a correction of their own. One is kept that leaves less than `share` of the mean squared
     residual; `most` laws at most.
     """
 
-    residual: float = 1.0
     corrected: int = 2
     share: float = 0.8
     most: int = 4
@@ -68,7 +66,7 @@ def select_laws(
 ) -> tuple[SearchResult, tuple[str, ...]]:
     """Return the result with the laws that explain what it does not, and their names."""
     names: tuple[str, ...] = ()
-    while result.normalised_residual > LAW_SELECTION.residual and len(names) < LAW_SELECTION.most:
+    while result.normalised_residual > EXPLAINED_RESIDUAL and len(names) < LAW_SELECTION.most:
         tried = [
             _fitted(result, LAWS[name], method, child_seed(seed, "law selection", name))
             for name in SUSPECTS

@@ -54,11 +54,6 @@ EXPLAINED = {False: ExplainedSettings(1.5, 0.05), True: ExplainedSettings(1.25, 
 the corrected residual was up to 1.17 times the noise."""
 
 
-EXPLAINED_RESIDUAL = 1.05
-"""Largest normalised residual of a corrected estimate that counts as explained. On recordings of the
-described actuator it was up to 0.91 (40 random faults, base setting); a current sensor that lags 5 µs
-unnoticed leaves 1.0 to 1.3."""
-
 NOT_EXPLAINED = "no model of this actuator explains the recording, so what causes its residual is not known"
 
 

@@ -15,7 +15,7 @@ from emaphm.estimation.discrepancy import reference_problem
 from emaphm.estimation.finite_differences import replicated_jacobians
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.problem import Problem
-from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
 from emaphm.random_streams import stream
 
 
@@ -49,7 +49,8 @@ def refine_by_reference(
     If its residual exceeds noise and switching, or the shaft gives: its oscillation looks like noise.
     """
     oscillates = result.objective.problem.actuator.transmission is not None
-    if result.normalised_residual > settings.farthest or (result.normalised_residual <= 1 and not oscillates):
+    explained = result.normalised_residual <= EXPLAINED_RESIDUAL
+    if result.normalised_residual > settings.farthest or (explained and not oscillates):
         return result
     reference = reference_problem(result.objective)
     idle, difference = 0, settings.jacobian_step
@@ -61,7 +62,8 @@ def refine_by_reference(
             result = best
         idle = 0 if progress else idle + 1
         difference *= 1.0 if progress else settings.reduction
-        if idle == settings.patience or (result.normalised_residual <= 1 and not oscillates):
+        explained = result.normalised_residual <= EXPLAINED_RESIDUAL
+        if idle == settings.patience or (explained and not oscillates):
             break
     return result
 

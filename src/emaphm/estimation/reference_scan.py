@@ -21,8 +21,8 @@ CURRENT_LAGS_S = (2e-6, 4e-6, 8e-6, 1.6e-5, 3.2e-5, 6.4e-5)
 class ScanResult(Generic[T]):
     """The best value of the parameter, its estimate, and how sharp the minimum is.
 
-    `variance` is that of the logarithm of `value` times the number of independent residuals: infinite where the
-    least value tried, or the largest, is the best.
+    `variance` is that of the logarithm of `value` times the number of independent residuals: infinite where
+    the least value tried, or the largest, is the best.
     """
 
     value: float
