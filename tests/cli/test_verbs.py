@@ -376,7 +376,7 @@ def test_a_campaign_says_what_is_known_of_each_recording(emaphm: Emaphm, desk: P
 
 def test_measured_motion_needs_no_controller(emaphm: Emaphm, desk: Path) -> None:
     assert emaphm("simulate", "rig.csv", "--noise", "0.02").code == 0
-    half = files.thesis_with("position_gain = 1.0e5", "position_gain = 0.5e5")
+    half = files.thesis_with("position_gain = 100000.0", "position_gain = 50000.0")
     (desk / "half.toml").write_text(half, encoding="utf-8")
     options = (
         "rig.csv",

@@ -291,9 +291,6 @@ def test_friction_that_grows_with_motor_and_external_torque() -> None:
     tied = dict(truth)
     tied |= {"load_friction": tied.pop("load_motor"), "load_external": 0.1}
     check(inverse_dynamics(recording, ACTUATOR, list(tied)), tied, 0.03)
-    # Three strengths for two.
-    with pytest.raises(MethodError, match="load_friction, load_motor and load_external act alike"):
-        inverse_dynamics(recording, ACTUATOR, ["inertia", "load_friction", "load_motor", "load_external"])
 
 
 def test_all_recordings_go_into_one_fit_with_what_is_known_of_each() -> None:

@@ -9,10 +9,11 @@ from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.measured_motion import OF_CONTROLLER
 from emaphm.errors import EmaphmError, MethodError, nearest
 from emaphm.estimation.inverse_dynamics import ControllerCheck, controller_check
+from emaphm.estimation.uncertainty.collinearity import listed
 
 Loop: TypeAlias = Literal["auto", "closed", "measured"]
 """Closed loop: the command goes in, all else is compared. Measured motion: position and speed go in, the
-current, voltage or duty is compared. Automatic: closed loop unless a recording contradicts the controller."""
+current, voltage or duty is compared. Automatic: closed loop unless a recording contradicts the gains."""
 
 LOOPS = ("auto", "closed", "measured")
 
@@ -51,8 +52,15 @@ def chosen_loop(
     checks = [(row.recording.source, check) for row in rows if (check := _check(row, actuator)) is not None]
     if not checks:
         return LoopChoice("closed", "no recording shows the controller's gains")
-    against = [f"{check} in {source}" for source, check in checks if check.contradicts]
+    against = [
+        f"{'; '.join(check.deviating)} in {source}" for source, check in checks if check.gains_contradict
+    ]
     if not against:
+        unclear = [source for source, check in checks if check.contradicts]
+        if unclear:
+            return LoopChoice(
+                "closed", f"the controller's gains cannot be told from {listed(unclear, 'and')}"
+            )
         return LoopChoice("closed", "the described controller agrees with what was recorded")
     found = f"the described controller contradicts what was recorded: {', '.join(against)}"
     gains = sorted({*free, *(name for row in rows for name in row.free)} & set(OF_CONTROLLER))

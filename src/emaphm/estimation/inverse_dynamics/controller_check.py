@@ -60,6 +60,15 @@ class ControllerCheck:
         return bool(self.deviating) or (self.best_error or 0.0) > OTHER_LAW
 
     @property
+    def gains_contradict(self) -> bool:
+        """Whether other gains than those described explain the recording.
+
+        Noise of the position lowers the gains of the regression by about the square of `best_error` (errors
+        in variables): within the error that is admitted, by less than the tolerance of a gain.
+        """
+        return bool(self.deviating) and self.best_error is not None and self.best_error <= OTHER_LAW
+
+    @property
     def deviating(self) -> tuple[str, ...]:
         """The gains that deviate significantly from their description, in words with their estimates."""
         gains = zip(
@@ -75,13 +84,6 @@ class ControllerCheck:
             and abs(one.value - described) - SIGNIFICANT * one.standard_error > GAIN_TOLERANCE * described
         )
 
-    def __str__(self) -> str:
-        """Return what contradicts the description, or how far it agrees."""
-        if self.deviating:
-            return "; ".join(self.deviating)
-        error = self.relative_error if self.best_error is None else self.best_error
-        gains = "described" if self.best_error is None else "best"
-        return f"the {gains} gains miss the recorded current or duty by {100 * error:.2g} %"
 
 
 def controller_check(recording: Recording, actuator: Actuator) -> ControllerCheck:
