@@ -128,6 +128,24 @@ def test_each_recording_may_have_what_is_known_of_it_and_its_own(reference: Reco
     assert loads == pytest.approx([0.02, -0.05], abs=1e-3)
 
 
+def test_recordings_that_contradict_each_other_are_doubtful_by_measured_motion_too(
+    reference: Recording,
+) -> None:
+    heavy = simulate(with_lumped_parameters(UNIT, {"inertia": 6.4e-5}), Chirp(), noise=0.02)
+    found = calibrate([reference, heavy], THESIS, FREE, loop="measured")
+    inertia = found.parameters["inertia"]
+    assert inertia.doubtful
+    assert "alone they would have 3.2e-05 ±" in inertia.reason
+    for value in (3.2e-5, 6.4e-5):
+        assert abs(inertia.value - value) < 2 * inertia.standard_error
+    assert found.birge_ratio is not None
+    assert found.birge_ratio > 10
+    again = simulate(UNIT, Chirp(stop_hz=12), noise=0.02, seed=1)
+    agreeing = calibrate([reference, again], THESIS, FREE, loop="measured")
+    assert not agreeing.parameters["inertia"].doubtful
+    assert agreeing.parameters["inertia"].value == pytest.approx(TRUE["inertia"], rel=2e-3)
+
+
 def test_laws_are_found_by_measured_motion() -> None:
     description = UNIT.model_dump(exclude_none=True) | {"friction": {"viscous_asymmetry": 0.3}}
     unequal = Actuator.from_dict(description, where="unequal")

@@ -19,6 +19,7 @@ from emaphm.calibration.measured_motion import motion_fit
 from emaphm.calibration.motion_result import (
     calibrated_by_motion,
     described_for_motion,
+    motion_alone,
     motion_collinear,
     motion_covariance,
     motion_parameters,
@@ -172,15 +173,18 @@ def _by_motion(
     _check_described(rows, actuator, description)
     fit = motion_fit(rows, description.actuator, description.free, settings.nuisances)
     calibrated = calibrated_by_motion(fit, description.actuator, _name_of(actuator))
-    covariance = motion_covariance(fit, description.actuator)
+    covariance, alone = (
+        motion_covariance(fit, description.actuator),
+        motion_alone(fit, description.actuator),
+    )
     parameters = motion_parameters(fit, covariance, description.actuator)
     baseline = Baseline.of(tuple(parameters), covariance, tuple(row.recording.source for row in rows))
     return Calibration(
         parameters,
         calibrated.model_copy(update={"baseline": baseline}),
         motion_recordings(fit, rows, calibrated),
-        None,
-        scattered=False,
+        None if alone is None else alone.meta.birge_ratio,
+        scattered=alone is not None and bool(np.any(alone.meta.scatter)),
         collinear_sets=motion_collinear(fit, parameters),
         evaluations=0,
         seconds=time.perf_counter() - began,

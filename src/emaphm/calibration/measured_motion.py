@@ -34,12 +34,14 @@ class MotionFit:
     """Inverse dynamics of all rows: what it `found`, and its covariance with what its low-passes change.
 
     `loads` are the nuisances that were estimated of each row. `covariance` (p, p) is that of the shared
-    parameters, in their order and units.
+    parameters, in their order and units. `alone` is the same of each row by itself, where there are several;
+    None of one that does not show all parameters.
     """
 
     found: InverseDynamicsResult
     loads: tuple[tuple[str, ...], ...]
     covariance: Array
+    alone: tuple["MotionFit | None", ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +156,17 @@ def motion_fit(
     lower = (min(one.position_hz for one in used) / 2, min(one.regression_hz for one in used) / 2)
     again = campaign.fit(actuator, lower)
     change = np.array([again.values[name] - value for name, value in found.values.items()])
-    return MotionFit(found, campaign.loads, found.covariance + np.outer(change, change))
+    alone = tuple(_alone(row, actuator, free, nuisances) for row in rows) if len(rows) > 1 else ()
+    return MotionFit(found, campaign.loads, found.covariance + np.outer(change, change), alone)
+
+
+def _alone(
+    row: CampaignRow, actuator: Actuator, free: tuple[str, ...], nuisances: Sequence[str] | None
+) -> MotionFit | None:
+    try:
+        return motion_fit((row,), actuator, free, nuisances)
+    except (MethodError, RecordingError):
+        return None
 
 
 def measured_start(

@@ -17,8 +17,11 @@ from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.conditions import SAME_PARAMETER
 from emaphm.calibration.description import AUTO, MECHANICS, Description, Laws, laws_named
 from emaphm.calibration.findings import LARGEST_ERROR, Parameter, RecordingResult
+from emaphm.calibration.joint.contradictions import Contradictions, contradictions
+from emaphm.calibration.joint.random_effects import random_effects
+from emaphm.calibration.joint.uncertainty import AloneEstimates
 from emaphm.calibration.law_selection import parameters_of
-from emaphm.calibration.measured_motion import MotionFit, check_measurable
+from emaphm.calibration.measured_motion import MotionFit, check_measurable, coordinates
 from emaphm.calibration.separation import MATTERS, CollinearParameters
 from emaphm.errors import ActuatorError, MethodError
 from emaphm.estimation.inverse_dynamics.result import ForceReplay
@@ -68,6 +71,17 @@ def motion_covariance(fit: MotionFit, actuator: Actuator) -> Array:
     Before the data a parameter is within the factor that a calibration searches.
     """
     names = tuple(fit.found.parameters)
+    covariance = _relative_covariance(fit, actuator)
+    if (against := motion_contradictions(fit, actuator)) is not None:
+        covariance = covariance + against.covariance
+    size = sizes(actuator, names)
+    scale = np.array([s if name in SIGNED else 1.0 for name, s in zip(names, size, strict=True)])
+    return np.asarray(np.outer(scale, scale) * covariance)
+
+
+def _relative_covariance(fit: MotionFit, actuator: Actuator) -> Array:
+    """Return the covariance (p, p) in the coordinates of a fit."""
+    names = tuple(fit.found.parameters)
     described, size = lumped_parameters(actuator, names), sizes(actuator, names)
     unit = np.array(
         [
@@ -82,27 +96,69 @@ def motion_covariance(fit: MotionFit, actuator: Actuator) -> Array:
     covariance = covariance + np.diag(at_bound) * widest**2
     # Limited by a prior of that width: (C⁻¹ + 1/w²)⁻¹ = C (I + C/w²)⁻¹, for any positive semidefinite C.
     limited = covariance @ np.linalg.inv(np.eye(len(names)) + covariance / widest**2)
-    scale = np.array([s if name in SIGNED else 1.0 for name, s in zip(names, size, strict=True)])
-    return np.asarray(np.outer(scale, scale) * (limited + limited.T) / 2)
+    return np.asarray((limited + limited.T) / 2)
+
+
+def motion_alone(fit: MotionFit, actuator: Actuator) -> AloneEstimates | None:
+    """Return what each recording alone has found, in the coordinates of a fit; None of one recording.
+
+    One that does not show all parameters knows nothing.
+    """
+    if not fit.alone:
+        return None
+    names = tuple(fit.found.parameters)
+    widest = np.full(len(names), math.log(WIDEST_FACTOR))
+    points, covariances = (
+        np.zeros((len(fit.alone), len(names))),
+        np.tile(np.diag(widest**2), (len(fit.alone), 1, 1)),
+    )
+    for r, one in enumerate(fit.alone):
+        if one is not None:
+            found = coordinates(actuator, one.found.values)
+            points[r] = [found.get(name, -widest[0]) for name in names]
+            covariances[r] = _relative_covariance(one, actuator)
+    ratios = np.ones(len(fit.alone))
+    return AloneEstimates(points, covariances, ratios, random_effects(points, covariances, widest))
+
+
+def motion_contradictions(fit: MotionFit, actuator: Actuator) -> Contradictions | None:
+    """Return what the recordings contradict each other in; None of one recording."""
+    alone = motion_alone(fit, actuator)
+    widest = np.full(len(fit.found.parameters), math.log(WIDEST_FACTOR))
+    return None if alone is None else contradictions(alone, widest)
 
 
 def motion_parameters(fit: MotionFit, covariance: Array, actuator: Actuator) -> dict[str, Parameter]:
     """Return the parameters with standard errors by their `covariance` (p, p), and whether each is known."""
     names = tuple(fit.found.parameters)
     errors, size = np.sqrt(np.diag(covariance)), sizes(actuator, names)
-    parameters = {}
-    for name, error, one_size in zip(names, errors, size, strict=True):
+    against, parameters = motion_contradictions(fit, actuator), {}
+    for i, (name, error) in enumerate(zip(names, errors, strict=True)):
         value, at_bound = fit.found.values[name], name in fit.found.at_bound
-        relative = error / one_size if name in SIGNED else error
+        signed, doubtful = name in SIGNED, against is not None and bool(against.contradicted[i])
+        reasons = [_disagreement(fit, name)] if doubtful else []
+        reasons += ["at the bound of its search: the recordings do not show it"] if at_bound else []
         parameters[name] = Parameter(
             value,
-            float(error if name in SIGNED else np.sqrt(fit.covariance[names.index(name), names.index(name)])),
+            float(error if signed else max(error * abs(value), fit.covariance[i, i] ** 0.5)),
             fit.found.parameters[name].unit,
-            identifiable=bool(relative < LARGEST_ERROR) and not at_bound,
+            identifiable=bool(error / (size[i] if signed else 1.0) < LARGEST_ERROR) and not at_bound,
+            doubtful=doubtful,
             at_bound=at_bound,
-            reason="at the bound of its search: the recordings do not show it" if at_bound else "",
+            reason="; ".join(reasons),
         )
     return parameters
+
+
+def _disagreement(fit: MotionFit, name: str) -> str:
+    """Return what each recording alone has of a parameter, in words."""
+    i = list(fit.found.parameters).index(name)
+    asked = [
+        f"{one.found.values[name]:.3g} ± {one.covariance[i, i] ** 0.5:.1g} ({one.found.replays[0].source})"
+        for one in fit.alone
+        if one is not None
+    ]
+    return "the recordings contradict each other: alone they would have " + ", ".join(asked)
 
 
 def motion_collinear(fit: MotionFit, parameters: dict[str, Parameter]) -> tuple[CollinearParameters, ...]:
