@@ -29,7 +29,7 @@ def reference() -> Recording:
 
 
 def test_a_wrong_gain_leads_to_measured_motion(reference: Recording) -> None:
-    found = calibrate(reference, WRONG_GAIN, FREE)
+    found = calibrate(reference, WRONG_GAIN, FREE, nuisances=[])
     assert found.loop.loop == "measured"
     assert "position gain 9.99" in found.loop.reason
     assert "described 5e+04" in found.loop.reason
@@ -45,7 +45,7 @@ def test_a_wrong_gain_leads_to_measured_motion(reference: Recording) -> None:
         {name: p.value for name, p in found.parameters.items()}
     )
     # The closed loop with that gain would be off by more than all of its standard errors.
-    closed = calibrate(reference, WRONG_GAIN, FREE, loop="closed", max_corrections=0)
+    closed = calibrate(reference, WRONG_GAIN, FREE, loop="closed", nuisances=[], max_corrections=0)
     assert closed.loop.loop == "closed"
     assert closed.force_error is None
     assert abs(closed.parameters["inertia"].value / TRUE["inertia"] - 1) > 0.02
@@ -132,7 +132,7 @@ def test_recordings_that_contradict_each_other_are_doubtful_by_measured_motion_t
     reference: Recording,
 ) -> None:
     heavy = simulate(with_lumped_parameters(UNIT, {"inertia": 6.4e-5}), Chirp(), noise=0.02)
-    found = calibrate([reference, heavy], THESIS, FREE, loop="measured")
+    found = calibrate([reference, heavy], THESIS, FREE, loop="measured", nuisances=[])
     inertia = found.parameters["inertia"]
     assert inertia.doubtful
     assert "alone they would have 3.2e-05 ±" in inertia.reason
@@ -144,6 +144,17 @@ def test_recordings_that_contradict_each_other_are_doubtful_by_measured_motion_t
     agreeing = calibrate([reference, again], THESIS, FREE, loop="measured")
     assert not agreeing.parameters["inertia"].doubtful
     assert agreeing.parameters["inertia"].value == pytest.approx(TRUE["inertia"], rel=2e-3)
+
+
+def test_heat_of_the_magnets_is_known_or_in_the_errors(reference: Recording) -> None:
+    unknown = calibrate(reference, THESIS, FREE, loop="measured").parameters["inertia"]
+    # 30 K by the prior, -0.11 %/K of the magnets.
+    assert unknown.standard_error / unknown.value == pytest.approx(0.033, rel=0.02)
+    assert THESIS.electrical is not None
+    warm = CampaignRow(reference, {"temperature": THESIS.electrical.temperature + 50})
+    known = calibrate(warm, THESIS, FREE, loop="measured").parameters["inertia"]
+    assert known.value == pytest.approx(unknown.value * (1 - 0.055), rel=1e-4)
+    assert known.standard_error < 0.003 * known.value
 
 
 def test_laws_are_found_by_measured_motion() -> None:

@@ -15,7 +15,7 @@ from emaphm.calibration.conditions import SAME_PARAMETER
 from emaphm.errors import ActuatorError, MethodError, RecordingError
 from emaphm.estimation.inverse_dynamics import InverseDynamicsResult, inverse_dynamics
 from emaphm.estimation.inverse_dynamics.torque_balance import NAMES
-from emaphm.estimation.nuisances import KNOWN_BY
+from emaphm.estimation.nuisances import KNOWN_BY, MAGNETS, NO_NUISANCES
 from emaphm.estimation.parameter_variation import sizes
 from emaphm.recording import Recording
 
@@ -35,12 +35,14 @@ class MotionFit:
 
     `loads` are the nuisances that were estimated of each row. `covariance` (p, p) is that of the shared
     parameters, in their order and units. `alone` is the same of each row by itself, where there are several;
-    None of one that does not show all parameters.
+    None of one that does not show all parameters. `scale_deviation` is the standard deviation, relative, of
+    what is not known of the recordings' torque in proportion to their current.
     """
 
     found: InverseDynamicsResult
     loads: tuple[tuple[str, ...], ...]
     covariance: Array
+    scale_deviation: float
     alone: tuple["MotionFit | None", ...] = ()
 
 
@@ -73,7 +75,8 @@ class _Campaign:
         own = tuple(dict.fromkeys(name for of_row in freed for name in sorted(of_row)))
         described = lumped_parameters(actuator, own)
         known = tuple(
-            {name: value for name, value in described.items() if name not in of_row}
+            _of_temperature(row, actuator, (*shared, *of_row))
+            | {name: value for name, value in described.items() if name not in of_row}
             | {name: v for name, v in row.parameters.items() if name not in (*OF_CONTROLLER, "supply")}
             for row, of_row in zip(rows, freed, strict=True)
         )
@@ -106,6 +109,16 @@ def _loads(row: CampaignRow, shared: Sequence[str], asked: Sequence[str]) -> tup
         and not taken & set(alike[name])
         and KNOWN_BY[name] not in row.recording
     )
+
+
+def _of_temperature(row: CampaignRow, actuator: Actuator, free: Sequence[str]) -> dict[str, float]:
+    """Return the torque constant and the resistance at a row's known temperature, those not `free`."""
+    recording = row.completed()
+    if actuator.electrical is None or KNOWN_BY["temperature"] not in recording:
+        return {}
+    rise = float(np.mean(recording[KNOWN_BY["temperature"]])) - actuator.electrical.temperature
+    warm = NO_NUISANCES.lumped_parameters(actuator, {}, rise) if rise else {}
+    return {name: float(value) for name, value in warm.items() if name in BALANCED and name not in free}
 
 
 def _recording(row: CampaignRow) -> Recording:
@@ -157,7 +170,32 @@ def motion_fit(
     again = campaign.fit(actuator, lower)
     change = np.array([again.values[name] - value for name, value in found.values.items()])
     alone = tuple(_alone(row, actuator, free, nuisances) for row in rows) if len(rows) > 1 else ()
-    return MotionFit(found, campaign.loads, found.covariance + np.outer(change, change), alone)
+    return MotionFit(
+        found,
+        campaign.loads,
+        found.covariance + np.outer(change, change),
+        _scale_deviation(rows, actuator, free, nuisances),
+        alone,
+    )
+
+
+def _scale_deviation(
+    rows: Sequence[CampaignRow], actuator: Actuator, free: Sequence[str], nuisances: Sequence[str] | None
+) -> float:
+    """Return the relative standard deviation of all torques together: by heat of magnets and by the sensor.
+
+    A free torque constant has it in its own standard error.
+    """
+    if "torque_constant" in free:
+        return 0.0
+    priors, variance = actuator.nuisances, 0.0
+    asked = priors.estimated if nuisances is None else nuisances
+    cold = [row for row in rows if KNOWN_BY["temperature"] not in row.completed()]
+    if "temperature" in asked and cold and actuator.electrical is not None:
+        variance += (MAGNETS * priors.temperature) ** 2
+    if "current_scale" in asked and priors.current_scale is not None:
+        variance += priors.current_scale**2
+    return float(variance**0.5)
 
 
 def _alone(

@@ -14,7 +14,7 @@ from emaphm.actuator.lumped_parameters import (
 )
 from emaphm.arrays import Array
 from emaphm.calibration.campaign import CampaignRow
-from emaphm.calibration.conditions import SAME_PARAMETER
+from emaphm.calibration.conditions import SAME_PARAMETER, common_factor
 from emaphm.calibration.description import AUTO, MECHANICS, Description, Laws, laws_named
 from emaphm.calibration.findings import LARGEST_ERROR, Parameter, RecordingResult
 from emaphm.calibration.joint.contradictions import Contradictions, contradictions
@@ -94,6 +94,9 @@ def _relative_covariance(fit: MotionFit, actuator: Actuator) -> Array:
     at_bound = [float(name in fit.found.at_bound) for name in names]
     widest = math.log(WIDEST_FACTOR)
     covariance = covariance + np.diag(at_bound) * widest**2
+    found = coordinates(actuator, fit.found.values)
+    scaled = common_factor(actuator, names, np.array([found.get(name, 0.0) for name in names]))
+    covariance = covariance + fit.scale_deviation**2 * np.outer(scaled, scaled)
     # Limited by a prior of that width: (C⁻¹ + 1/w²)⁻¹ = C (I + C/w²)⁻¹, for any positive semidefinite C.
     limited = covariance @ np.linalg.inv(np.eye(len(names)) + covariance / widest**2)
     return np.asarray((limited + limited.T) / 2)
