@@ -9,7 +9,7 @@ from cases import THESIS
 from emaphm.actuator import Actuator, Chirp
 from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
 from emaphm.calibration import CampaignRow, calibrate
-from emaphm.calibration.measured_motion import coordinates, measured_start
+from emaphm.calibration.motion.fit import coordinates, measured_start
 from emaphm.calibration.unit_fit import NO_START
 from emaphm.errors import MethodError
 from emaphm.recording import Recording

@@ -14,9 +14,9 @@ from emaphm.calibration.conditions import check_nuisances
 from emaphm.calibration.description import Description, Laws, described_with_laws
 from emaphm.calibration.findings import Parameter, found_parameters, found_recordings, found_values
 from emaphm.calibration.law_selection import parameters_of
-from emaphm.calibration.loop import Loop, LoopChoice, chosen_loop
-from emaphm.calibration.measured_motion import motion_fit
-from emaphm.calibration.motion_result import (
+from emaphm.calibration.motion.fit import motion_fit
+from emaphm.calibration.motion.loop import Loop, LoopChoice, chosen_loop
+from emaphm.calibration.motion.result import (
     calibrated_by_motion,
     described_for_motion,
     motion_alone,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from emaphm.actuator import Actuator
 from emaphm.calibration.findings import Parameter, RecordingResult
 from emaphm.calibration.law_selection import LawTrial
-from emaphm.calibration.loop import CLOSED, LoopChoice
+from emaphm.calibration.motion.loop import CLOSED, LoopChoice
 from emaphm.calibration.separation import CollinearParameters
 from emaphm.calibration.text import law_table, parameter_table, recording_notes
 from emaphm.estimation.replay import Replay

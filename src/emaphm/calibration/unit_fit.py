@@ -17,7 +17,7 @@ from emaphm.calibration.joint.correction import JointEstimate, corrected_estimat
 from emaphm.calibration.joint.objective import JointObjective
 from emaphm.calibration.joint.search import search
 from emaphm.calibration.joint.uncertainty import JointUncertainty, joint_uncertainty
-from emaphm.calibration.measured_motion import measured_start
+from emaphm.calibration.motion.fit import measured_start
 from emaphm.estimation.parameter_variation import WIDEST_FACTOR, ParameterVariation
 from emaphm.progress import Progress, subprogress
 

@@ -6,7 +6,7 @@ from typing import Literal, TypeAlias
 
 from emaphm.actuator import Actuator
 from emaphm.calibration.campaign import CampaignRow
-from emaphm.calibration.measured_motion import OF_CONTROLLER
+from emaphm.calibration.motion.fit import OF_CONTROLLER
 from emaphm.errors import EmaphmError, MethodError, nearest
 from emaphm.estimation.inverse_dynamics import ControllerCheck, controller_check
 from emaphm.estimation.uncertainty.collinearity import listed

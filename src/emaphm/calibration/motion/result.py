@@ -21,7 +21,7 @@ from emaphm.calibration.joint.contradictions import Contradictions, contradictio
 from emaphm.calibration.joint.random_effects import random_effects
 from emaphm.calibration.joint.uncertainty import AloneEstimates
 from emaphm.calibration.law_selection import parameters_of
-from emaphm.calibration.measured_motion import MotionFit, check_measurable, coordinates
+from emaphm.calibration.motion.fit import MotionFit, check_measurable, coordinates
 from emaphm.calibration.separation import MATTERS, CollinearParameters
 from emaphm.errors import ActuatorError, MethodError
 from emaphm.estimation.inverse_dynamics.result import ForceReplay
