@@ -115,6 +115,8 @@ BAD_ARGUMENTS = {
     "calibrate good.csv -o out.toml --laws stribek": ("unknown law 'stribek'", "did you mean 'stribeck'?"),
     "calibrate good.csv -o out.toml --laws auto,gravity": ("'auto'", "give it alone"),
     "calibrate good.csv -o out.toml --laws none": ("no law to add", "stribeck"),
+    "calibrate good.csv -o out.toml --free inertia --loop mesured": ("--loop", '"mesured"', "measured"),
+    "calibrate good.csv -o out.toml --free backlash --loop measured": ("'backlash'", "in closed loop"),
     "calibrate good.csv -o out.toml --free position_gian": ("did you mean 'position_gain'?",),
 }
 

@@ -374,6 +374,30 @@ def test_a_campaign_says_what_is_known_of_each_recording(emaphm: Emaphm, desk: P
     assert "load" not in first["nuisances"]
 
 
+def test_measured_motion_needs_no_controller(emaphm: Emaphm, desk: Path) -> None:
+    assert emaphm("simulate", "rig.csv", "--noise", "0.02").code == 0
+    half = files.thesis_with("position_gain = 100000.0", "position_gain = 50000.0")
+    (desk / "half.toml").write_text(half, encoding="utf-8")
+    options = (
+        "rig.csv",
+        "--actuator",
+        "half.toml",
+        "--free",
+        "inertia,coulomb",
+        "-o",
+        "unit.toml",
+        "--force",
+    )
+    told = parsed(emaphm, "calibrate", *options)
+    assert told["loop"] == "measured"
+    assert "described 5e+04" in told["loop_reason"]
+    assert told["parameters"]["inertia"]["value"] == pytest.approx(2.5e-5, rel=2e-3)
+    text = emaphm("calibrate", *options, "--loop", "measured").out
+    assert "Calibrated by measured motion: as asked for." in text
+    assert "torque by the measured motion" in text
+    assert "# Calibrated by measured motion" in (desk / "unit.toml").read_text(encoding="utf-8")
+
+
 def test_a_real_machine_from_calibration_to_diagnosis(emaphm: Emaphm, desk: Path, emps_file: Path) -> None:
     free = "inertia, viscous, coulomb, offset"
     told = parsed(emaphm, "calibrate", emps_file, "--actuator", EMPS, "--free", free, "-o", "unit.toml")

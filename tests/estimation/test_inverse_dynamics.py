@@ -285,7 +285,12 @@ def test_friction_that_grows_with_motor_and_external_torque() -> None:
         "load_motor": 0.2,
         "load_external": 0.3,
     }
-    check(inverse_dynamics(machine(loaded), ACTUATOR, list(truth)), truth, 0.03)
+    recording = machine(loaded)
+    check(inverse_dynamics(recording, ACTUATOR, list(truth)), truth, 0.03)
+    # The same friction, most of it tied to the torque between motor and load.
+    tied = dict(truth)
+    tied |= {"load_friction": tied.pop("load_motor"), "load_external": 0.1}
+    check(inverse_dynamics(recording, ACTUATOR, list(tied)), tied, 0.03)
 
 
 def test_all_recordings_go_into_one_fit_with_what_is_known_of_each() -> None:

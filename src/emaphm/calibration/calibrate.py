@@ -14,10 +14,21 @@ from emaphm.calibration.conditions import check_nuisances
 from emaphm.calibration.description import Description, Laws, described_with_laws
 from emaphm.calibration.findings import Parameter, found_parameters, found_recordings, found_values
 from emaphm.calibration.law_selection import parameters_of
+from emaphm.calibration.motion.fit import motion_fit
+from emaphm.calibration.motion.loop import Loop, LoopChoice, chosen_loop
+from emaphm.calibration.motion.result import (
+    calibrated_by_motion,
+    described_for_motion,
+    motion_alone,
+    motion_collinear,
+    motion_covariance,
+    motion_parameters,
+    motion_recordings,
+)
 from emaphm.calibration.result import Calibration
 from emaphm.calibration.separation import collinear_parameters
 from emaphm.calibration.unit_fit import FitSettings, UnitFit, fit_unit
-from emaphm.errors import MethodError
+from emaphm.errors import EmaphmError, MethodError
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS
 from emaphm.estimation.parameter_variation import sizes
 from emaphm.progress import Progress, subprogress
@@ -33,6 +44,7 @@ def calibrate(
     free: Sequence[str] | None = None,
     *,
     laws: Laws = None,
+    loop: Loop = "auto",
     nuisances: Sequence[str] | None = None,
     max_corrections: int = MAX_CORRECTIONS,
     seed: int = 0,
@@ -62,6 +74,11 @@ def calibrate(
     laws
         Laws to add to the description, by name, their parameters free; "auto" adds those of all that lower
         the error in recordings left out of the fit, one at a time.
+    loop
+        "closed" simulates the controller from the command, and compares every other channel. "measured"
+        needs no controller: the recorded position goes in, and the current, voltage or duty is compared
+        (`emaphm.estimation.inverse_dynamics`). "auto" is closed loop, unless the gains at work in a
+        recording contradict the description.
     nuisances
         What is unknown of each recording: as in `emaphm.diagnose`. One that cannot be
         separated from a free parameter is left out: a load where `offset` is free.
@@ -76,7 +93,8 @@ def calibrate(
         There is no recording; no parameter, or an unknown one, is free; one needs a section that the
         actuator lacks, or starts at zero, where its size is not known; the actuator's baseline holds a
         parameter that is not free; a nuisance or law is unknown, or cannot be separated from a free
-        parameter; what is known of a recording contradicts itself; or laws are to be chosen by one recording.
+        parameter; what is known of a recording contradicts itself; laws are to be chosen by one recording;
+        or measured motion is asked for, and does not show a free parameter.
     RecordingError
         A recording cannot be of this actuator, by orders of magnitude.
     """
@@ -86,11 +104,18 @@ def calibrate(
     bare = actuator.model_copy(update={"baseline": None})
     _check(rows, bare, names, nuisances)
     settings = FitSettings(nuisances, max_corrections, seed, workers)
+    choice = chosen_loop(loop, rows, bare, names or ())
+    if choice.loop == "measured":
+        try:
+            return _by_motion(rows, actuator, names, laws, choice, settings, began)
+        except EmaphmError as error:
+            if loop == "measured":
+                raise
+            reason = f"{choice.reason}; closed loop all the same: {error}"
+            choice = LoopChoice("closed", reason)
     share = 0.0 if laws is None else 0.5
     description = described_with_laws(rows, bare, names, laws, settings, subprogress(on_progress, 0.0, share))
-    _check_baseline(actuator, description.free)
-    for row in rows:
-        check_row(row, description.actuator, description.free)
+    _check_described(rows, actuator, description)
     lag = None
     if sensor_lag.NAME in description.free and max_corrections > 0:
         lag = sensor_lag.found_lag(rows, description, settings)
@@ -104,7 +129,7 @@ def calibrate(
         subprogress(on_progress, share, 1.0),
     )
     scanned = {} if lag is None else {sensor_lag.NAME: lag.parameter}
-    return _result(rows, description, fit, scanned, seed, began)
+    return _result(rows, description, fit, scanned, choice, seed, began)
 
 
 def _check(
@@ -121,14 +146,66 @@ def _check(
         check_plausible(row.recording, actuator)
 
 
-def _check_baseline(actuator: Actuator, free: tuple[str, ...]) -> None:
-    """Refuse to lose what an earlier calibration knows."""
+def _check_described(rows: Sequence[CampaignRow], actuator: Actuator, description: Description) -> None:
+    """Refuse to lose what an earlier calibration knows, and rows that contradict the description."""
     for name in actuator.baseline.names if actuator.baseline else ():
-        if name not in free:
+        if name not in description.free:
             raise MethodError(
                 f"actuator '{actuator.name}' has a baseline of '{name}', which calibrating without it "
                 f"would lose; free '{name}' too, or start from the description before it was calibrated"
             )
+    for row in rows:
+        check_row(row, description.actuator, description.free)
+
+
+def _by_motion(
+    rows: Sequence[CampaignRow],
+    actuator: Actuator,
+    free: tuple[str, ...] | None,
+    laws: Laws,
+    choice: LoopChoice,
+    settings: FitSettings,
+    began: float,
+) -> Calibration:
+    """Return the calibration by measured motion; errors as in `calibrate`."""
+    bare = actuator.model_copy(update={"baseline": None})
+    description = described_for_motion(rows, bare, free, laws)
+    _check_described(rows, actuator, description)
+    fit = motion_fit(rows, description.actuator, description.free, settings.nuisances)
+    calibrated = calibrated_by_motion(fit, description.actuator, _name_of(actuator))
+    covariance, alone = (
+        motion_covariance(fit, description.actuator),
+        motion_alone(fit, description.actuator),
+    )
+    parameters = motion_parameters(fit, covariance, description.actuator)
+    baseline = Baseline.of(tuple(parameters), covariance, tuple(row.recording.source for row in rows))
+    return Calibration(
+        parameters,
+        calibrated.model_copy(update={"baseline": baseline}),
+        motion_recordings(fit, rows, calibrated),
+        None if alone is None else alone.meta.birge_ratio,
+        scattered=alone is not None and bool(np.any(alone.meta.scatter)),
+        collinear_sets=motion_collinear(fit, parameters),
+        evaluations=0,
+        seconds=time.perf_counter() - began,
+        seed=settings.seed,
+        laws=tuple(law.name for law in description.laws),
+        unexcited=_unexcited(description, parameters),
+        loop=choice,
+    )
+
+
+def _name_of(actuator: Actuator) -> str:
+    return f"{actuator.name.removesuffix(CALIBRATED)}{CALIBRATED}"
+
+
+def _unexcited(description: Description, parameters: Mapping[str, Parameter]) -> dict[str, str]:
+    """Return the laws that nothing in the recordings excites, each with the manoeuvre that would."""
+    return {
+        law.name: law.excited_by
+        for law in description.laws
+        if not any(parameters[name].identifiable for name in parameters_of(law, description.actuator))
+    }
 
 
 def _result(
@@ -136,15 +213,14 @@ def _result(
     description: Description,
     fit: UnitFit,
     scanned: Mapping[str, Parameter],
+    choice: LoopChoice,
     seed: int,
     began: float,
 ) -> Calibration:
     """Return the calibration that a fit amounts to; `scanned` are parameters that were found before it."""
     actuator = description.actuator
     values = found_values(fit, actuator)
-    calibrated = with_lumped_parameters(
-        actuator, values, name=f"{actuator.name.removesuffix(CALIBRATED)}{CALIBRATED}"
-    )
+    calibrated = with_lumped_parameters(actuator, values, name=_name_of(actuator))
     size = sizes(actuator, fit.free)
     baseline = Baseline.of(
         fit.free, np.outer(size, size) * fit.covariance, tuple(row.recording.source for row in rows)
@@ -163,9 +239,6 @@ def _result(
         seed,
         tuple(law.name for law in description.laws),
         description.selection,
-        {
-            law.name: law.excited_by
-            for law in description.laws
-            if not any(parameters[name].identifiable for name in parameters_of(law, actuator))
-        },
+        _unexcited(description, parameters),
+        choice,
     )

@@ -57,7 +57,8 @@ class RecordingResult:
     `replay` compares it with the calibrated model, under the load, temperature and whatever else was
     estimated of that recording: its `nuisances`, each in its unit, and its `own` parameters. `known` is what
     was given of it. `misfit_ratio` is its rms residual in the joint fit over that of a fit of it alone; None
-    of one recording.
+    of one recording. `force_error` is the relative error of its torque by the measured motion; None in closed
+    loop.
     """
 
     replay: Replay
@@ -65,6 +66,7 @@ class RecordingResult:
     own: Mapping[str, float]
     known: Mapping[str, float]
     misfit_ratio: float | None
+    force_error: float | None = None
 
 
 def found_values(fit: UnitFit, actuator: Actuator) -> dict[str, float]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from emaphm.actuator import Actuator
 from emaphm.calibration.findings import Parameter, RecordingResult
 from emaphm.calibration.law_selection import LawTrial
+from emaphm.calibration.motion.loop import CLOSED, LoopChoice
 from emaphm.calibration.separation import CollinearParameters
 from emaphm.calibration.text import law_table, parameter_table, recording_notes
 from emaphm.estimation.replay import Replay
@@ -27,7 +28,8 @@ class Calibration:
     are `scattered` by more than chance, the standard errors of the parameters include it.
     `collinear_sets` are parameters that are known in combination only. `laws` are the names of the laws that
     were added to the description, `selection` how they were chosen, and `unexcited` those that nothing in
-    the recordings excites, each with the manoeuvre that would.
+    the recordings excites, each with the manoeuvre that would. `loop` says whether the parameters are those
+    of a fit in closed loop or of measured motion.
     """
 
     parameters: Mapping[str, Parameter]
@@ -42,6 +44,7 @@ class Calibration:
     laws: tuple[str, ...] = ()
     selection: tuple[LawTrial, ...] = ()
     unexcited: Mapping[str, str] = field(default_factory=dict)
+    loop: LoopChoice = CLOSED
 
     @property
     def replays(self) -> tuple[Replay, ...]:
@@ -62,11 +65,20 @@ class Calibration:
                 worst[name] = max(error, worst.get(name, 0.0))
         return worst
 
+    @property
+    def force_error(self) -> float | None:
+        """The largest relative error of a torque by the measured motion; None in closed loop."""
+        errors = [one.force_error for one in self.recordings if one.force_error is not None]
+        return max(errors) if errors else None
+
     def to_dict(self) -> dict[str, Any]:
         """Return what `emaphm calibrate --json` prints."""
         return {
             "parameters": {name: asdict(p) for name, p in self.parameters.items()},
+            "loop": self.loop.loop,
+            "loop_reason": self.loop.reason,
             "relative_error": dict(self.relative_error),
+            "force_error": self.force_error,
             "birge_ratio": self.birge_ratio,
             "scattered": self.scattered,
             "collinear": [asdict(one) for one in self.collinear_sets],
@@ -81,6 +93,7 @@ class Calibration:
                     "own": dict(one.own),
                     "known": dict(one.known),
                     "misfit_ratio": one.misfit_ratio,
+                    "force_error": one.force_error,
                 }
                 for one in self.recordings
             ],
@@ -109,12 +122,15 @@ class Calibration:
         parts.append(parameter_table(self.parameters, collinear, len(self.recordings)))
         parts += ["\n".join(notes)] if (notes := self.notes()) else []
         errors = [(name, f"{100 * error:.4g} %") for name, error in self.relative_error.items()]
+        if self.force_error is not None:
+            errors.insert(0, ("torque by the measured motion", f"{100 * self.force_error:.4g} %"))
         title = "relative error" if len(self.replays) == 1 else "largest relative error"
         return "\n\n".join([*parts, format_table(("channel", title), errors)])
 
     def notes(self) -> list[str]:
         """Return what was done to the recordings, what is doubtful or not excited, and each one's own."""
-        lines = [f"{one.recording.source}: {note}." for one in self.replays for note in one.recording.notes]
+        lines = [f"{self.loop}."]
+        lines += [f"{one.recording.source}: {note}." for one in self.replays for note in one.recording.notes]
         lines += [f"{name} is {p.doubt}." for name, p in self.parameters.items() if p.reason]
         lines += [str(one) for one in self.collinear_sets]
         lines += [

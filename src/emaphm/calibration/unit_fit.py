@@ -17,6 +17,7 @@ from emaphm.calibration.joint.correction import JointEstimate, corrected_estimat
 from emaphm.calibration.joint.objective import JointObjective
 from emaphm.calibration.joint.search import search
 from emaphm.calibration.joint.uncertainty import JointUncertainty, joint_uncertainty
+from emaphm.calibration.motion.fit import measured_start
 from emaphm.estimation.parameter_variation import WIDEST_FACTOR, ParameterVariation
 from emaphm.progress import Progress, subprogress
 
@@ -106,11 +107,15 @@ def searched(
     start: Mapping[str, float] = NO_START,
     on_progress: Progress | None = None,
 ) -> SearchedUnit:
-    """Return where the search for the parameters `fitted` ends, `start` among its starts."""
+    """Return where the search for the parameters `fitted` ends.
+
+    Among its starts are `start`, and what inverse dynamics finds of the measured motion.
+    """
     unit = ParameterVariation.free(actuator, fitted)
     joint = joint_objective(rows, actuator, unit, settings.nuisances, settings.workers)
-    given = np.array([start.get(name, 0.0) for name in fitted])
-    return SearchedUnit(*search(joint, settings.seed, given if start else None, on_progress))
+    starts = (start, measured_start(rows, actuator, fitted, settings.nuisances))
+    given = [np.array([one.get(name, 0.0) for name in fitted]) for one in starts if one]
+    return SearchedUnit(*search(joint, settings.seed, given, on_progress))
 
 
 def fitted_parameters(

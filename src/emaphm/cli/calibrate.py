@@ -1,7 +1,7 @@
 """The verb `calibrate`: it reads recordings or campaigns, calls the library, and prints."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -49,6 +49,14 @@ def calibrate(
             "the error in recordings left out of the fit."
         ),
     ] = None,
+    loop: Annotated[
+        Literal["auto", "closed", "measured"],
+        Parameter(
+            help="closed: simulate the controller from the command; measured: compare the torque that the "
+            "measured motion requires, no controller needed; auto: closed, unless a recording contradicts "
+            "the controller's gains."
+        ),
+    ] = "auto",
     actuator: ActuatorFile = "thesis",
     correction: Annotated[
         bool, Parameter(help="Correct the model's bias by a few runs of the reference model.")
@@ -91,6 +99,7 @@ def calibrate(
             described,
             names,
             laws=chosen,
+            loop=loop,
             nuisances=None if nuisance is None else names_in(nuisance),
             max_corrections=MAX_CORRECTIONS if correction else 0,
             seed=seed,

@@ -1,6 +1,6 @@
 """The search of a joint fit: starts about the description, descents, and weights by the residuals."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,11 +38,11 @@ SEARCH = UnitSearchSettings()
 
 
 def search(
-    joint: JointObjective, seed: int, given: Array | None = None, on_progress: Progress | None = None
+    joint: JointObjective, seed: int, given: Sequence[Array] = (), on_progress: Progress | None = None
 ) -> tuple[JointObjective, Array]:
     """Return the objective with weights by its residuals, and the point (d,) that minimises it.
 
-    `given` are shared coordinates (p,) to start from, beside the description's and those about it.
+    `given` are points of shared coordinates (p,) to start from, beside the description's and those about it.
     """
     point = _multistart(joint, seed, given, on_progress)
     return settle(joint, point)
@@ -56,18 +56,21 @@ def settle(joint: JointObjective, point: Array) -> tuple[JointObjective, Array]:
     return joint, point
 
 
-def _multistart(joint: JointObjective, seed: int, given: Array | None, on_progress: Progress | None) -> Array:
+def _multistart(
+    joint: JointObjective, seed: int, given: Sequence[Array], on_progress: Progress | None
+) -> Array:
     """Return the refined best (d,) of the description's values and of starts around them."""
     shared = joint.shared
     around = start_widths(joint.unit.parameters)
     starts = np.zeros((1 + SEARCH.starts, joint.box.lower.size))
     starts[1:, :shared] = space_filling(SEARCH.starts, -around, around, child_seed(seed, "starts"))
     always = [0]
-    if given is not None:
+    for one in given:
         starts = np.vstack([starts, np.zeros_like(starts[:1])])
-        starts[-1, :shared] = given
+        starts[-1, :shared] = one
         always.append(len(starts) - 1)
-    costs = np.array([one.cost for one in joint.evaluate(joint.box.project(starts))])
+    starts = joint.box.project(starts)
+    costs = np.array([one.cost for one in joint.evaluate(starts)])
     best = np.unique([*always, *np.argsort(costs, kind="stable")[: SEARCH.refined_starts]])
     found = descend(joint, starts[best], joint.box, SEARCH.descent, _iterations(on_progress))
     # What the recordings do not determine is most likely as it is described.

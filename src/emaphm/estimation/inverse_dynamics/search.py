@@ -34,8 +34,8 @@ POSITIVE = (*SPEEDS, "torque_constant", "resistance")
 LEAST_LOAD = 1e-6
 """Least load-dependent friction of a search [-]: at 0, an absolute value has no derivative."""
 
-MOST_LOAD = {"motor": 0.45, "external": 10.0}
-"""Largest, by what it follows [-]: if 1 of the motor's torque were lost, nothing would move; it has two."""
+MOST_LOAD = {"friction": 0.45, "motor": 0.45, "external": 10.0}
+"""Largest, by what it follows [-]: if 1 of the motor's torque were lost, nothing would move; two add up."""
 
 WIDEST = 100.0
 """Factor by which a torque constant or resistance may differ from its description."""

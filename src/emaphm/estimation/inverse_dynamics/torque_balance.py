@@ -15,6 +15,7 @@ NAMES = (
     "coulomb",
     "static",
     "coulomb_asymmetry",
+    "load_friction",
     "load_motor",
     "load_external",
     "stribeck_load_motor",
@@ -31,7 +32,10 @@ NAMES = (
 )
 """Lumped parameters that inverse dynamics can estimate, beside the torque ripple's."""
 
-LOADS = ("load_motor", "load_external", "stribeck_load_motor", "stribeck_load_external")
+LOADS = (
+    *("load_friction", "load_motor", "load_external"),
+    *("stribeck_load_motor", "stribeck_load_external"),
+)
 """Load-dependent friction: the balance is not linear in it, and none is negative."""
 
 Values = Mapping[str, float]
@@ -41,7 +45,7 @@ def required_torque(motion: Motion, values: Values, ripple_orders: Sequence[floa
     """Return the motor's torque that the measured motion requires, by the balance at the rigid shaft.
 
         τ = J α + C (1 + γ_v sgn ω) ω + Q ω |ω| + level σ + τ_load,   τ_m = τ - Σ (a_n cos nφ + b_n sin nφ)
-        level = (1 + γ_c sgn ω) [F_c + |l_m τ - l_e τ_e| + s (F_s - F_c + |l'_m τ - l'_e τ_e|)]
+        level = (1 + γ_c sgn ω) [F_c + |(l + l_m) τ - (l + l_e) τ_e| + s (F_s - F_c + |l'_m τ - l'_e τ_e|)]
         τ_load = τ_0 + K θ + G sin(θ + θ_0) + recorded load,   τ_e = -τ_load
         s = exp(-(ω / ω_s)²), 0 without a Stribeck speed;   σ = sgn ω, tanh(ω / ω_0) with a transition speed
 
@@ -53,9 +57,10 @@ def required_torque(motion: Motion, values: Values, ripple_orders: Sequence[floa
         ω [rad/s], α [rad/s²] and φ [rad] of the motor, θ [rad] of the user, as measured.
     values
         Lumped parameters by name, in their units: inertia J, viscous C, viscous_asymmetry γ_v,
-        quadratic Q, coulomb F_c, static F_s, coulomb_asymmetry γ_c, load_motor l_m, load_external l_e,
-        stribeck_load_motor l'_m, stribeck_load_external l'_e, stribeck_speed ω_s, transition_speed ω_0,
-        offset τ_0, hinge K, gravity G, gravity_angle θ_0, ripple1_cos a_1, ripple1_sin b_1; 0 where left out.
+        quadratic Q, coulomb F_c, static F_s, coulomb_asymmetry γ_c, load_friction l, load_motor l_m,
+        load_external l_e, stribeck_load_motor l'_m, stribeck_load_external l'_e, stribeck_speed ω_s,
+        transition_speed ω_0, offset τ_0, hinge K, gravity G, gravity_angle θ_0, ripple1_cos a_1,
+        ripple1_sin b_1; 0 where left out.
     ripple_orders
         n, periods of each harmonic of the torque ripple in a turn of the motor.
 
@@ -110,7 +115,8 @@ def _with_loaded_friction(
     Straight in τ for either sign of each absolute value; where |d| l_m + |d'| l'_m < 1, one pair of signs
     agrees with its own solution. `torque` is τ_0, `against` and `at_low_speed` are d and d' [-].
     """
-    motor, external, low_motor, low_external = (values.get(name, 0.0) for name in LOADS)
+    both, motor, external, low_motor, low_external = (values.get(name, 0.0) for name in LOADS)
+    motor, external = both + motor, both + external
     solved = torque
     for sign, low_sign in itertools.product((1.0, -1.0), repeat=2):
         first, second = sign * against, low_sign * at_low_speed

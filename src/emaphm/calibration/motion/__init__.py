@@ -1,0 +1,1 @@
+"""Calibration by measured motion: when it is used, the fit by inverse dynamics, and its result."""

@@ -1,0 +1,217 @@
+"""The calibration that inverse dynamics of measured motion amounts to."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from emaphm.actuator import Actuator
+from emaphm.actuator.baseline import SIGNED
+from emaphm.actuator.lumped_parameters import (
+    check_lumped_parameters,
+    lumped_parameters,
+    with_lumped_parameters,
+)
+from emaphm.arrays import Array
+from emaphm.calibration.campaign import CampaignRow
+from emaphm.calibration.conditions import SAME_PARAMETER, common_factor
+from emaphm.calibration.description import AUTO, MECHANICS, Description, Laws, laws_named
+from emaphm.calibration.findings import LARGEST_ERROR, Parameter, RecordingResult
+from emaphm.calibration.joint.contradictions import Contradictions, contradictions
+from emaphm.calibration.joint.random_effects import random_effects
+from emaphm.calibration.joint.uncertainty import AloneEstimates
+from emaphm.calibration.law_selection import parameters_of
+from emaphm.calibration.motion.fit import MotionFit, check_measurable, coordinates
+from emaphm.calibration.separation import MATTERS, CollinearParameters
+from emaphm.errors import ActuatorError, MethodError
+from emaphm.estimation.inverse_dynamics.result import ForceReplay
+from emaphm.estimation.parameter_variation import WIDEST_FACTOR, sizes
+from emaphm.estimation.replay import replay
+
+LEAST_SHARE = 1e-3
+"""Share of its description that a positive parameter's relative error refers to at least."""
+
+
+def described_for_motion(
+    rows: Sequence[CampaignRow], actuator: Actuator, free: Sequence[str] | None, laws: Laws
+) -> Description:
+    """Return the description with its `laws`, and the parameters to estimate by measured motion.
+
+    Where none is named they are inertia, viscous and Coulomb friction and a constant load, beside those of
+    the laws.
+
+    Raises
+    ------
+    MethodError
+        A law or parameter cannot be found by measured motion, or the laws are to be chosen.
+    """
+    if laws == AUTO:
+        raise MethodError(
+            "laws are chosen in closed loop only; name the laws, or calibrate in closed loop (loop 'closed')"
+        )
+    asked, extended = laws_named(laws, actuator), actuator
+    for law in asked:
+        extended = extended if law.is_in(extended) else law.added_to(extended)
+    of_laws = [name for law in asked for name in parameters_of(law, extended)]
+    known = {name for row in rows for name in (*row.known, *row.free)}
+    usual = [name for name in (*MECHANICS, "offset") if name not in known]
+    if "coulomb_asymmetry" in of_laws:
+        usual.remove("offset")
+    names = tuple(dict.fromkeys([*(usual if free is None else free), *of_laws]))
+    if not names:
+        raise MethodError("no parameter to calibrate; name some, such as inertia and coulomb")
+    check_lumped_parameters(extended, names)
+    check_measurable(rows, names)
+    return Description(extended, names, asked)
+
+
+def motion_covariance(fit: MotionFit, actuator: Actuator) -> Array:
+    """Return the covariance (p, p) of the logarithms of positive parameters, and of others in their unit.
+
+    Before the data a parameter is within the factor that a calibration searches.
+    """
+    names = tuple(fit.found.parameters)
+    covariance = _relative_covariance(fit, actuator)
+    if (against := motion_contradictions(fit, actuator)) is not None:
+        covariance = covariance + against.covariance
+    size = sizes(actuator, names)
+    scale = np.array([s if name in SIGNED else 1.0 for name, s in zip(names, size, strict=True)])
+    return np.asarray(np.outer(scale, scale) * covariance)
+
+
+def _relative_covariance(fit: MotionFit, actuator: Actuator) -> Array:
+    """Return the covariance (p, p) in the coordinates of a fit."""
+    names = tuple(fit.found.parameters)
+    described, size = lumped_parameters(actuator, names), sizes(actuator, names)
+    unit = np.array(
+        [
+            one_size if name in SIGNED else max(abs(fit.found.values[name]), LEAST_SHARE * described[name])
+            for name, one_size in zip(names, size, strict=True)
+        ]
+    )
+    unit[unit == 0] = 1.0
+    covariance = fit.covariance / np.outer(unit, unit)
+    at_bound = [float(name in fit.found.at_bound) for name in names]
+    widest = math.log(WIDEST_FACTOR)
+    covariance = covariance + np.diag(at_bound) * widest**2
+    found = coordinates(actuator, fit.found.values)
+    scaled = common_factor(actuator, names, np.array([found.get(name, 0.0) for name in names]))
+    covariance = covariance + fit.scale_deviation**2 * np.outer(scaled, scaled)
+    # Limited by a prior of that width: (C⁻¹ + 1/w²)⁻¹ = C (I + C/w²)⁻¹, for any positive semidefinite C.
+    limited = covariance @ np.linalg.inv(np.eye(len(names)) + covariance / widest**2)
+    return np.asarray((limited + limited.T) / 2)
+
+
+def motion_alone(fit: MotionFit, actuator: Actuator) -> AloneEstimates | None:
+    """Return what each recording alone has found, in the coordinates of a fit; None of one recording.
+
+    One that does not show all parameters knows nothing.
+    """
+    if not fit.alone:
+        return None
+    names = tuple(fit.found.parameters)
+    widest = np.full(len(names), math.log(WIDEST_FACTOR))
+    points, covariances = (
+        np.zeros((len(fit.alone), len(names))),
+        np.tile(np.diag(widest**2), (len(fit.alone), 1, 1)),
+    )
+    for r, one in enumerate(fit.alone):
+        if one is not None:
+            found = coordinates(actuator, one.found.values)
+            points[r] = [found.get(name, -widest[0]) for name in names]
+            covariances[r] = _relative_covariance(one, actuator)
+    ratios = np.ones(len(fit.alone))
+    return AloneEstimates(points, covariances, ratios, random_effects(points, covariances, widest))
+
+
+def motion_contradictions(fit: MotionFit, actuator: Actuator) -> Contradictions | None:
+    """Return what the recordings contradict each other in; None of one recording."""
+    alone = motion_alone(fit, actuator)
+    widest = np.full(len(fit.found.parameters), math.log(WIDEST_FACTOR))
+    return None if alone is None else contradictions(alone, widest)
+
+
+def motion_parameters(fit: MotionFit, covariance: Array, actuator: Actuator) -> dict[str, Parameter]:
+    """Return the parameters with standard errors by their `covariance` (p, p), and whether each is known."""
+    names = tuple(fit.found.parameters)
+    errors, size = np.sqrt(np.diag(covariance)), sizes(actuator, names)
+    against, parameters = motion_contradictions(fit, actuator), {}
+    for i, (name, error) in enumerate(zip(names, errors, strict=True)):
+        value, at_bound = fit.found.values[name], name in fit.found.at_bound
+        signed, doubtful = name in SIGNED, against is not None and bool(against.contradicted[i])
+        reasons = [_disagreement(fit, name)] if doubtful else []
+        reasons += ["at the bound of its search: the recordings do not show it"] if at_bound else []
+        parameters[name] = Parameter(
+            value,
+            float(error if signed else max(error * abs(value), fit.covariance[i, i] ** 0.5)),
+            fit.found.parameters[name].unit,
+            identifiable=bool(error / (size[i] if signed else 1.0) < LARGEST_ERROR) and not at_bound,
+            doubtful=doubtful,
+            at_bound=at_bound,
+            reason="; ".join(reasons),
+        )
+    return parameters
+
+
+def _disagreement(fit: MotionFit, name: str) -> str:
+    """Return what each recording alone has of a parameter, in words."""
+    i = list(fit.found.parameters).index(name)
+    asked = [
+        f"{one.found.values[name]:.3g} ± {one.covariance[i, i] ** 0.5:.1g} ({one.found.replays[0].source})"
+        for one in fit.alone
+        if one is not None
+    ]
+    return "the recordings contradict each other: alone they would have " + ", ".join(asked)
+
+
+def motion_collinear(fit: MotionFit, parameters: dict[str, Parameter]) -> tuple[CollinearParameters, ...]:
+    """Return the sets of parameters of which only a combination is known; without those known well."""
+
+    def unsure(name: str) -> bool:
+        one = parameters.get(name)
+        return one is not None and one.standard_error > MATTERS * abs(one.value)
+
+    return tuple(
+        CollinearParameters(one.members, (), ())
+        for one in fit.found.collinear
+        if any(unsure(name) for name in one.members)
+    )
+
+
+def calibrated_by_motion(fit: MotionFit, actuator: Actuator, name: str) -> Actuator:
+    """Return the actuator with the values found, called `name`.
+
+    Raises
+    ------
+    MethodError
+        A value is impossible, such as a stiffness of the load below 0.
+    """
+    try:
+        return with_lumped_parameters(actuator, fit.found.values, name=name)
+    except ActuatorError as error:
+        raise MethodError(
+            f"the measured motion asks for what cannot be: {error}; free fewer parameters, or calibrate in "
+            "closed loop (loop 'closed')"
+        ) from None
+
+
+def motion_recordings(
+    fit: MotionFit, rows: Sequence[CampaignRow], calibrated: Actuator
+) -> tuple[RecordingResult, ...]:
+    """Return what was found of each recording: its force error, and its replay in closed loop."""
+    return tuple(
+        _recording(row, force, loads, calibrated)
+        for row, force, loads in zip(rows, fit.found.replays, fit.loads, strict=True)
+    )
+
+
+def _recording(
+    row: CampaignRow, force: ForceReplay, loads: Sequence[str], calibrated: Actuator
+) -> RecordingResult:
+    own = {name: force.values[name] for name in row.free if name in force.values}
+    nuisances = {name: force.values[SAME_PARAMETER[name]] for name in loads}
+    that_day = {SAME_PARAMETER[name]: value for name, value in nuisances.items()}
+    described = with_lumped_parameters(calibrated, {**that_day, **row.parameters, **own})
+    return RecordingResult(
+        replay(row.completed(), described), nuisances, own, dict(row.known), None, force.relative_error
+    )
