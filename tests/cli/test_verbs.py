@@ -27,6 +27,7 @@ DIAGNOSIS = {
     "fitness",
     "residual_rms_A",
     "explained",
+    "laws",
     "evaluations",
     "seconds",
     "seed",
@@ -166,6 +167,7 @@ def test_diagnose_finds_what_was_simulated(emaphm: Emaphm, faulty: Path) -> None
     assert found["faults"]["friction"]["verdict"] == "degraded"
     assert found["faults"]["short_b"]["verdict"] == "degraded"
     assert found["explained"] is True
+    assert found["laws"] == []
     assert (found["recording"], found["actuator"]) == ("faulty.csv", "thesis")
     assert (found["method"], found["seed"], found["version"]) == ("hybrid", 0, VERSION)
 
