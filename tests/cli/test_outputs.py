@@ -104,8 +104,6 @@ def test_force_replaces_the_file_and_nothing_else_is_left(
     (desk / name).write_text("old", encoding="utf-8")
     verb = line.partition(" ")[0]
     quick = {"simulate": ["--model", "averaged"], "diagnose": ["--no-correction"]}.get(verb, [])
-        line.partition(" ")[0], []
-    )
     code, _, err = emaphm(*line.format(name).split(), *quick, "--force")
     assert (code, err) == (0, "")
     assert (desk / name).stat().st_size > 1000
