@@ -73,6 +73,7 @@ def test_an_actuator_with_every_law_survives_a_file(tmp_path: Path) -> None:
 
 IN_ITS_KERNEL = {
     "load-dependent": {"load_dependent"},
+    "load-split": {"load_dependent"},
     "stribeck": {"stribeck"},
     "stribeck-load": {"stribeck", "load_dependent"},
     "directional": {"directional"},
@@ -82,6 +83,8 @@ IN_ITS_KERNEL = {
     "compliance": {"compliance"},
     "gravity": {"gravity"},
     "cogging": {"ripples"},
+    "command-lag": {"position_pid"},  # it delays what that controller follows
+    "winding-temperature": set[str](),  # likewise of its resistance and torque constant
     "sensor-lag": {"current_lag"},
     "source-resistance": {"source"},
 }
@@ -101,6 +104,7 @@ def test_a_kernel_has_the_laws_that_are_described_and_no_other(name: str) -> Non
         ("gravity", LINEAR, "a weight turns with a rotary actuator"),
         ("sensor-lag", changed(drive={"kind": "voltage"}), "its drive senses no current"),
         ("sensor-lag", changed(electrical=None), "its drive senses no current"),
+        ("winding-temperature", changed(electrical=None), r"it has no \[electrical\] section"),
         ("source-resistance", changed(electrical=None), r"it has no \[electrical\] section"),
     ],
 )

@@ -39,6 +39,7 @@ def test_lumped_parameters_of_the_thesis() -> None:
             "derivative_gain": 0.0,
             "speed_feedforward": 0.0,
             "speed_feedback": 1.0,
+            "command_lag": 0.0,
             "speed_lag": 0.0,
             "torque_lag": 0.0,
             "torque_constant": 0.0752,

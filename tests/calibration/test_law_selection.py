@@ -3,7 +3,7 @@
 import pytest
 
 from cases import THESIS
-from emaphm.actuator import Actuator, Chirp, Sine
+from emaphm.actuator import Actuator, Chirp, Command, Sine
 from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.calibration import Calibration, calibrate, description
@@ -16,7 +16,7 @@ STRIBECK = with_lumped_parameters(
     LAWS["stribeck"].added_to(THESIS, 60.0),
     {"inertia": 2.7e-5, "coulomb": 0.075, "static": 0.14, "stribeck_speed": 20.0},
 )
-COMMANDS = (Chirp(), Chirp(stop_hz=8.0), Sine(4e-3, 4.0))
+COMMANDS: tuple[Command, ...] = (Chirp(), Chirp(stop_hz=8.0), Sine(4e-3, 4.0))
 
 
 def recordings_of(actuator: Actuator) -> list[Recording]:
@@ -50,6 +50,7 @@ def test_the_law_that_a_machine_has_is_chosen_and_no_other() -> None:
     assert found.parameters["stribeck_speed"].value == pytest.approx(20.0, rel=0.05)
     assert found.parameters["static"].value == pytest.approx(0.14, rel=0.02)
     assert found.parameters["coulomb"].value == pytest.approx(0.075, rel=0.02)
+    assert found.actuator.friction is not None
     assert found.actuator.friction.stribeck_speed == found.parameters["stribeck_speed"].value
     trials = found.to_dict()["selection"]
     assert [one["law"] for one in trials[:4]] == ["none", "stribeck", "quadratic", "directional"]

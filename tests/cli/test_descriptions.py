@@ -7,6 +7,9 @@ import pytest
 from . import files
 from .conftest import Emaphm, Refusal
 
+MOTOR = files.THESIS.splitlines().index("[motor]") + 1
+"""The line of that section in the thesis's description."""
+
 BAD_DESCRIPTIONS: dict[str, tuple[str | bytes, tuple[str, ...]]] = {
     # keys
     "misspelt.toml": (
@@ -29,7 +32,7 @@ BAD_DESCRIPTIONS: dict[str, tuple[str | bytes, tuple[str, ...]]] = {
     "nothing.toml": ("", ("'name' is missing", "add it")),
     "twice.toml": (
         files.thesis_with("[motor]", "[motor]\ntorque_constant = 1.0"),
-        ("not valid TOML", "line 20"),
+        ("not valid TOML", f"line {MOTOR + 2}"),
     ),
     # values
     "negative.toml": (
@@ -91,7 +94,7 @@ BAD_DESCRIPTIONS: dict[str, tuple[str | bytes, tuple[str, ...]]] = {
     "large.toml": ("#" * 5_000_000, ("5 MiB", "4 MiB are read at most")),
     "syntax.toml": (
         files.thesis_with("[motor]", "[motor"),
-        ("not valid TOML", "line 18", "correct the syntax"),
+        ("not valid TOML", f"line {MOTOR}", "correct the syntax"),
     ),
     "binary.toml": (bytes(range(256)), ("cannot be read as a TOML text file",)),
     "picture.toml": (files.PNG, ("cannot be read as a TOML text file",)),

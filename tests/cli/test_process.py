@@ -253,7 +253,9 @@ def _shown(terminal: int, until: bytes = b"") -> bytes:
 @ON_A_TERMINAL
 def test_progress_is_shown_on_a_terminal_and_stdout_stays_clean(start: Start) -> None:
     terminal, other = os.openpty()
-    process = start("diagnose", "good.csv", stdout=subprocess.PIPE, stderr=other, TERM="xterm")
+    process = start(
+        "diagnose", "good.csv", "--no-correction", stdout=subprocess.PIPE, stderr=other, TERM="xterm"
+    )
     os.close(other)
     shown = _shown(terminal)
     code, out, _ = ended(process)
@@ -307,7 +309,7 @@ def test_an_interruption_is_said(
 # Encodings
 
 
-@pytest.mark.parametrize("line", ["diagnose good.csv --json", "replay good.csv"])
+@pytest.mark.parametrize("line", ["diagnose good.csv --no-correction --json", "replay good.csv"])
 def test_json_and_plain_tables_survive_ascii(start: Start, line: str) -> None:
     code, out, err = ended(start(*line.split(), stdout=subprocess.PIPE, PYTHONIOENCODING="ascii"))
     assert (code, err) == (0, "")
@@ -315,7 +317,7 @@ def test_json_and_plain_tables_survive_ascii(start: Start, line: str) -> None:
     assert out
 
 
-@pytest.mark.parametrize("line", ["diagnose good.csv", "simulate --help"])
+@pytest.mark.parametrize("line", ["diagnose good.csv --no-correction", "simulate --help"])
 def test_tables_and_help_survive_ascii(start: Start, line: str) -> None:
     code, out, err = ended(start(*line.split(), stdout=subprocess.PIPE, PYTHONIOENCODING="ascii"))
     assert (code, err) == (0, "")

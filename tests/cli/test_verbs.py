@@ -27,6 +27,7 @@ DIAGNOSIS = {
     "fitness",
     "residual_rms_A",
     "explained",
+    "laws",
     "evaluations",
     "seconds",
     "seed",
@@ -166,6 +167,7 @@ def test_diagnose_finds_what_was_simulated(emaphm: Emaphm, faulty: Path) -> None
     assert found["faults"]["friction"]["verdict"] == "degraded"
     assert found["faults"]["short_b"]["verdict"] == "degraded"
     assert found["explained"] is True
+    assert found["laws"] == []
     assert (found["recording"], found["actuator"]) == ("faulty.csv", "thesis")
     assert (found["method"], found["seed"], found["version"]) == ("hybrid", 0, VERSION)
 
@@ -364,8 +366,7 @@ def test_a_campaign_says_what_is_known_of_each_recording(emaphm: Emaphm, desk: P
         assert emaphm("simulate", name, *options).code == 0
     rows = "file,load,free\nmonday.csv,0,\ntuesday.csv,,torque_constant\n"
     (desk / "week.csv").write_text(rows, encoding="utf-8")
-    options = ("--free", "coulomb", "-o", "unit.toml", "--no-correction")
-    told = parsed(emaphm, "calibrate", "week.csv", *options)
+    told = parsed(emaphm, "calibrate", "week.csv", "--free", "coulomb", "-o", "unit.toml", "--no-correction")
     first, second = told["recordings"]
     assert (first["recording"], second["recording"]) == ("monday.csv", "tuesday.csv")
     assert (first["known"], first["own"]) == ({"load": 0.0}, {})

@@ -1,5 +1,6 @@
 """From an estimate and its covariance to statements: bounds, the phase's circle, what counts as explained."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from cases import HEALTHY, THESIS
 from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.arrays import Array
 from emaphm.diagnosis import Estimate
-from emaphm.diagnosis.verdict import estimates, is_explained
+from emaphm.diagnosis.verdict import NOT_EXPLAINED, estimates, is_explained, unexplained
 from emaphm.estimation.noise_level import noise_level
 from emaphm.estimation.parameter_space import PRIOR_DEVIATION, ParameterSpace
 from emaphm.estimation.uncertainty.collinearity import CollinearSet
@@ -190,6 +191,18 @@ def test_full_eccentricity_in_any_direction_is_a_fault_vector() -> None:
     for point in SPACE.project(points):
         values = [estimate.value for estimate in estimates(SPACE, point, np.eye(8) * 1e-6).values()]
         assert Faults(*values).eccentricity == pytest.approx(1.0)
+
+
+def test_without_an_explanation_nothing_is_called_healthy_or_degraded() -> None:
+    found = judged([0.01] * 4 + [0.2] + [0.01] * 3, friction=0.5, short_c=0.5)
+    assert {"healthy", "degraded", "cannot tell"} == {one.verdict for one in found.values()}
+    told = unexplained(found)
+    assert tuple(told) == NAMES
+    for name, one in told.items():
+        # Values and intervals stay; a reason of the component's own goes before the general one.
+        assert one == replace(found[name], verdict="cannot tell", reason=found[name].reason or NOT_EXPLAINED)
+    assert told["friction"].reason == NOT_EXPLAINED
+    assert told["short_c"].reason == found["short_c"].reason
 
 
 TIME = np.arange(2500) / 5000

@@ -8,12 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from emaphm.actuator import Actuator, Chirp, Faults, Load, Sine
+from emaphm.actuator.laws import law_named
 from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
 from emaphm.arrays import Array
 from emaphm.diagnosis import diagnose
 from emaphm.errors import ActuatorError, MethodError
 from emaphm.estimation.nuisances import NAMES, PRIORS_PER_UNIT, NuisanceSet, unit_of
 from emaphm.estimation.objective import faults_objective
+from emaphm.estimation.parameter_variation import ParameterVariation
 from emaphm.estimation.problem import Problem
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
@@ -92,6 +94,37 @@ def test_copper_and_magnets_answer_to_temperature() -> None:
         for i, kelvin in enumerate((0.0, 40.0, -20.0)):
             for name, value in warmed(kelvin + known).items():
                 assert changed[name][i] == pytest.approx(value, rel=1e-12)
+
+
+@pytest.mark.parametrize("gain", [0.5, 3.0])
+def test_windings_are_hotter_than_their_sensor_by_the_gain(gain: float) -> None:
+    actuator = with_lumped_parameters(
+        law_named("winding-temperature").added_to(THESIS), {"temperature_gain": gain}
+    )
+    # What is recorded is multiplied, what is estimated beside it is the winding's own.
+    unknown = NuisanceSet.of(actuator, ("temperature",), ())
+    values = unknown.values(np.array([[0.0], [10 / 30 / PRIORS_PER_UNIT]]))
+    for known in (0.0, 15.0):
+        changed = unknown.lumped_parameters(actuator, values, known)
+        assert set(changed) == {"resistance", "torque_constant"}
+        for i, estimated in enumerate((0.0, 10.0)):
+            for name, value in warmed(gain * known + estimated).items():
+                assert changed[name][i] == pytest.approx(value, rel=1e-12)
+    # Free itself, it scales the recorded rise, by a factor.
+    free = NuisanceSet.of(actuator, (), (), ParameterVariation.free(actuator, ("temperature_gain",)))
+    changed = free.lumped_parameters(actuator, free.values(np.array([[np.log(2.0)]])), 15.0)
+    for name, value in warmed(2 * gain * 15.0).items():
+        assert changed[name] == pytest.approx(value, rel=1e-12)
+
+
+def test_viscous_friction_falls_with_the_heat_that_is_recorded_or_estimated() -> None:
+    actuator = with_lumped_parameters(
+        law_named("viscous-temperature").added_to(THESIS), {"viscous_temperature": 0.02}
+    )
+    cold = lumped_parameters(THESIS, ("viscous",))["viscous"]
+    one = NuisanceSet.of(actuator, ("temperature",), ())
+    changed = one.lumped_parameters(actuator, one.values(np.array([[5 / 30 / PRIORS_PER_UNIT]])), 15.0)
+    assert changed["viscous"] == pytest.approx(cold * np.exp(-0.02 * 20.0), rel=1e-12)
 
 
 @given(st.floats(1e-3, 1e6), st.sampled_from([name for name in NAMES if name != "hinge"]))

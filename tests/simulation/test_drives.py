@@ -5,12 +5,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from emaphm.actuator import Chirp, Step
 from emaphm.arrays import Array
 from emaphm.simulation import AVERAGED, REFERENCE, Initial, Model
-from emaphm.simulation.laws.supply_source import sagging_supply
+from emaphm.simulation.laws.supply_source import sagging_supply, supply_under_duty
 from simulation.rig import FREE, LOCKED, THESIS, altered, record
 
 V_DC, R_S, L_S, K_E, J = 48.0, 2.13, 7.2e-4, 0.0752, 2.5e-5
@@ -96,6 +98,53 @@ def test_a_stalled_motor_on_a_source_with_a_resistance(model: Model, bound: floa
 def test_the_supply_sags_by_its_resistance_times_the_current() -> None:
     assert float(sagging_supply(48.0, 0.5, 10.0)) == 43.0
     assert float(sagging_supply(48.0, 0.5, -10.0)) == 53.0
+
+
+@pytest.mark.parametrize("current", [96.0, 1e3, 1e9])
+def test_no_current_turns_the_supply_round(current: float) -> None:
+    # The current is that of the step before: a source of more resistance than it would swing through 0.
+    assert float(sagging_supply(48.0, 0.5, current)) == pytest.approx(48.0 / 50)
+
+
+@given(
+    source=st.floats(0, 1e3),
+    duty=st.floats(-1, 1),
+    current=st.floats(-30, 30),
+    back_emf=st.floats(-60, 60),
+    decay=st.floats(1e-3, 0.999),
+)
+def test_a_supply_under_a_duty_solves_source_and_winding_together(
+    source: float, duty: float, current: float, back_emf: float, decay: float
+) -> None:
+    # V + R_0 D i⁺ = V_0 of the source, i⁺ - (1 - d) D V / R = i d - (1 - d) e / R of the winding.
+    equations = np.array([[1.0, source * duty], [-(1 - decay) * duty / R_S, 1.0]])
+    voltage, _ = np.linalg.solve(equations, [V_DC, current * decay - (1 - decay) * back_emf / R_S])
+    found = float(supply_under_duty(V_DC, source, duty, current, back_emf, 1 / R_S, decay))
+    assert found == pytest.approx(voltage, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("source", [0.7, 20.0])
+def test_a_winding_on_a_source_with_a_resistance_has_the_time_constant_of_both(source: float) -> None:
+    """L di/dt = D V_0 - (R + D² R_0) i with the rotor locked, also where R_0 is ten times R."""
+    duty = 0.8
+    drive = SERVO | {"drive": {"kind": "voltage", "source_resistance": source}}
+    loop = R_S + duty**2 * source
+    errors = []
+    for step in (1e-5, 2.5e-6):
+        got = record(
+            AVERAGED,
+            Step(duty),
+            altered(mechanics=LOCKED, **drive),
+            duration=1e-3,
+            interval=2e-5,
+            step=step,
+            sampling="instant",
+        )
+        exact = duty * V_DC / loop * (1 - np.exp(-(got["time_s"] + step) * loop / L_S))  # at a step's end
+        errors.append(np.abs(got["current_A"] - exact).max() * loop / (duty * V_DC))
+    # Implicit in the source: backward Euler at λ = R_0 D² / L is off by λΔt / 2e = 3.3 %.
+    assert errors[0] < 0.04
+    assert errors[1] < 0.3 * errors[0]
 
 
 LAG = 2e-5

@@ -17,18 +17,19 @@ AMPLITUDE, OMEGA = 5e-3, 2 * math.pi * 10.0
 
 
 @pytest.mark.parametrize(
-    ("integral", "derivative", "feedforward", "feedback"),
+    ("integral", "derivative", "feedforward", "feedback", "lag"),
     [
-        (50.0, 0.0, 0.0, 1.0),
-        (0.0, 2e-3, 0.0, 1.0),
-        (0.0, 0.0, 0.8, 1.0),
-        (0.0, 2e-3, 0.0, 0.0),
-        (50.0, 1e-3, 0.5, 0.9),
+        (50.0, 0.0, 0.0, 1.0, 0.0),
+        (0.0, 2e-3, 0.0, 1.0, 0.0),
+        (0.0, 0.0, 0.8, 1.0, 0.0),
+        (0.0, 2e-3, 0.0, 0.0, 0.0),
+        (0.0, 0.0, 0.0, 1.0, 5e-3),
+        (50.0, 1e-3, 0.5, 0.9, 5e-3),
     ],
-    ids=["PI", "PD", "feed-forward", "PD without speed loop", "all"],
+    ids=["PI", "PD", "feed-forward", "PD without speed loop", "lag", "all"],
 )
 def test_a_loop_moves_as_its_equation(
-    integral: float, derivative: float, feedforward: float, feedback: float
+    integral: float, derivative: float, feedforward: float, feedback: float, lag: float
 ) -> None:
     actuator = altered(
         electrical=None,
@@ -41,21 +42,33 @@ def test_a_loop_moves_as_its_equation(
             "position_derivative_gain": derivative,
             "speed_feedforward": feedforward,
             "speed_feedback": feedback,
+            "command_lag": lag,
             "speed_limit": None,
             "current_limit": 1e9,
         },
     )
 
+    def commanded(t: float) -> tuple[float, float]:
+        """Return the command and its rate: a sinusoid from 0 on after a first-order lag of T, in closed form.
+
+        c = A (sin ωt - ωT (cos ωt - exp(-t/T))) / (1 + (ωT)²)
+        """
+        late = OMEGA * lag
+        gone = math.exp(-t / lag) if lag else 0.0
+        sine, cosine = math.sin(OMEGA * t), math.cos(OMEGA * t)
+        scale = AMPLITUDE / (1 + late**2)
+        return scale * (sine - late * (cosine - gone)), scale * OMEGA * (cosine + late * sine - gone)
+
     def torque(t: float, theta: float, w: float, summed: float) -> float:
-        error = AMPLITUDE * math.sin(OMEGA * t) - RATIO * theta
-        rate = AMPLITUDE * OMEGA * math.cos(OMEGA * t)
+        command, rate = commanded(t)
+        error = command - RATIO * theta
         demand = GAIN * (error + integral * summed + derivative * (rate - RATIO * w))
         return SPEED_GAIN * (demand + feedforward * rate / RATIO - feedback * w)
 
     def slopes(t: float, y: Array) -> list[float]:
         theta, w, summed = y
         accelerating = torque(t, theta, w, summed) - VISCOUS * w
-        return [w, accelerating / INERTIA, AMPLITUDE * math.sin(OMEGA * t) - RATIO * theta]
+        return [w, accelerating / INERTIA, commanded(t)[0] - RATIO * theta]
 
     errors = []
     for step in (5e-5, 1.25e-5):

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from emaphm.actuator import Chirp, Sampled
+from emaphm.actuator.actuator import described_parts
 from emaphm.actuator.baseline import PARTS, SECTIONS
+from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import OPTIONAL
 from emaphm.errors import EmaphmError, FaultError, MethodError, SignalError
 from emaphm.simulation import AVERAGED, MODELS, REFERENCE, Inputs, Plant, model_named, monitor, run, run_batch
@@ -53,12 +55,23 @@ def test_a_total_of_the_windings_needs_windings(name: str) -> None:
         Plant.of(IDEAL, HEALTHY, {name: 1.0})
 
 
-@pytest.mark.parametrize("name", [name for name, (section, *_) in PARTS.items() if section in OPTIONAL])
+@pytest.mark.parametrize(
+    "name", [name for name, (section, *_) in PARTS.items() if {section, name} & {*OPTIONAL}]
+)
 def test_a_parameter_of_an_optional_law_needs_the_law(name: str) -> None:
     section = PARTS[name][0]
     where = r"\[\[ripple\]\]" if section == "ripple" else rf"{name} in \[{section}\]"
     with pytest.raises(MethodError, match=rf"'{name}' needs {where}, which .*'thesis' lacks; add it"):
         Plant.of(THESIS, HEALTHY, {name: 0.5})
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_the_parameters_of_a_law_can_be_set_once_it_is_described(law: str) -> None:
+    actuator = LAWS[law].added_to(THESIS)
+    named = [name for name in LAWS[law].parameters if described_parts(actuator, name) is not None]
+    plant = Plant.of(actuator, HEALTHY, dict.fromkeys(named, 0.5))
+    for name in named:
+        assert name.startswith("ripple") or getattr(plant, name) == 0.5
 
 
 @pytest.mark.parametrize(

@@ -29,16 +29,16 @@ def check_lumped_parameters(actuator: Actuator, names: Mapping[str, Any] | tuple
         if name not in LUMPED_PARAMETERS:
             raise MethodError(f"unknown parameter '{name}'{nearest(name, LUMPED_PARAMETERS)}")
         section = PARTS[name][0]
+        if section == "electrical" and actuator.electrical is None:
+            raise MethodError(
+                f"parameter '{name}' needs an [electrical] section, which actuator '{actuator.name}' lacks; "
+                "add one or leave the parameter out"
+            )
         if (section in OPTIONAL or name in OPTIONAL) and described_parts(actuator, name) is None:
             key = "[[ripple]]" if section == "ripple" else f"{name} in [{section}]"
             raise MethodError(
                 f"parameter '{name}' needs {key}, which actuator '{actuator.name}' lacks; add it, or leave "
                 "the parameter out"
-            )
-        if section == "electrical" and actuator.electrical is None:
-            raise MethodError(
-                f"parameter '{name}' needs an [electrical] section, which actuator '{actuator.name}' lacks; "
-                "add one or leave the parameter out"
             )
 
 

@@ -110,7 +110,8 @@ def diagnose(
     selected: tuple[str, ...] = ()
     laws: tuple[str, ...] = ()
     if nuisances is None and chosen.least_squares and result.discrepancy is not None:
-        result, laws = select_laws(result, chosen, max_corrections, seed)
+        if _moves(result.objective, result.point):  # standing, it shows no law of its motion
+            result, laws = select_laws(result, chosen, max_corrections, seed)
         result, selected = select_nuisances(result, max_corrections, seed)
     result = with_discrepancy(result, seed)
     diagnosis = replace(

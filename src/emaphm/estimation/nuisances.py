@@ -185,7 +185,6 @@ class NuisanceSet:
                 result["viscous"] = present("viscous") * np.exp(-present("viscous_temperature") * above)
             result["resistance"] = present("resistance") * np.maximum(1 + COPPER * above, LEAST)
             result["torque_constant"] = present("torque_constant") * np.maximum(1 + MAGNETS * above, LEAST)
-        result.pop("temperature_gain", None)  # all that it does is done
         return result
 
 

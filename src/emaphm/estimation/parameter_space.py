@@ -117,11 +117,15 @@ class ParameterSpace(Box):
         return self.nuisances.values(np.asarray(points, float)[:, len(self.columns) :])
 
     def prior_transform(self, unit: ArrayLike) -> Array:
-        """Return points (n, d) for `unit` (n, d) in [0, 1]: faults evenly, nuisances as their priors."""
+        """Return points (n, d) for `unit` (n, d) in [0, 1]: faults evenly, nuisances as their priors.
+
+        A prior as wide as the bounds is cut there.
+        """
         shares = np.asarray(unit, float)
         faults = np.tile(HEALTHY.vector, (len(shares), 1))
         faults[:, list(self.columns)] = shares[:, : len(self.columns)]
         points = self.points(faults)
         normal = normal_quantile(np.clip(shares[:, len(self.columns) :], 0.02, 0.98))
-        points[:, len(self.columns) :] = self.nuisances.priors * normal
+        widest = self.nuisances.widest
+        points[:, len(self.columns) :] = np.clip(self.nuisances.priors * normal, -widest, widest)
         return points

@@ -26,7 +26,7 @@ WIDE = ("stiffness", "stribeck_speed", "transition_speed", "current_lag", "sourc
 """Parameters of optional laws whose size a description does not imply."""
 
 WIDE_START_FACTOR = 20.0
-"""A search for them starts within this factor of a law's usual value, either way."""
+"""A search for them starts within this factor of a law's usual value, or so."""
 
 LEAST_DEVIATION = 1e-3
 """A direction in which a baseline is known better, relative, counts as known: a search resolves no less."""
@@ -65,7 +65,7 @@ class ParameterVariation:
 
     @classmethod
     def suspected(cls, actuator: Actuator, names: tuple[str, ...]) -> Self:
-        """Return `names` as coordinates of their own, within a factor of 3 or so of the description."""
+        """Return `names` as coordinates of their own, each within its start factor or so of its value."""
         free = cls.free(actuator, names)
         return replace(free, priors=start_widths(names))
 

@@ -95,6 +95,7 @@ class Plant:
     quadratic: Array
     transition_speed: Array
     viscous_temperature: Array
+    temperature_gain: Array
     stiffness: Array
     damping: Array
     user_share_of_inertia: Array
@@ -185,6 +186,7 @@ def _healthy(actuator: Actuator, n: int) -> Plant:
         "resistance": e.resistance if e else 1.0,
         "inductance": e.inductance if e else 1e-12,
         "hysteresis": (e.hysteresis or 0.0) if e else 0.0,
+        "temperature_gain": (e.temperature_gain or 0.0) if e else 0.0,
         "pole_pairs": e.pole_pairs if e else 1,
         "position_integral_gain": c.position_integral_gain,
         "position_derivative_gain": c.position_derivative_gain,

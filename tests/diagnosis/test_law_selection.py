@@ -1,0 +1,106 @@
+"""Laws that the description lacks are named, and faults are found beside them."""
+
+import json
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from cases import THESIS, drawn, reference_recordings
+from emaphm.actuator import NAMES, Actuator, Chirp, Faults
+from emaphm.actuator.laws import LAWS
+from emaphm.actuator.lumped_parameters import with_lumped_parameters
+from emaphm.diagnosis import Diagnosis, diagnose, error_percent, law_selection
+from emaphm.diagnosis.law_selection import SUSPECTS, select_laws, with_law
+from emaphm.diagnosis.verdict import NOT_EXPLAINED
+from emaphm.estimation.bias_correction import with_discrepancy
+from emaphm.estimation.methods import method_named
+from emaphm.estimation.objective import faults_objective
+from emaphm.estimation.problem import Problem
+from emaphm.estimation.search_result import SearchResult
+from emaphm.recording import Recording
+from emaphm.simulated_recording import simulate
+
+SPEED = 20.0
+STRIBECK = with_lumped_parameters(LAWS["stribeck"].added_to(THESIS), {"stribeck_speed": SPEED})
+TRUTH = Faults(friction=0.3, backlash=0.2, short_b=0.25, gain=0.6)
+SOUND = ("short_a", "short_c", "eccentricity")
+
+
+@pytest.fixture(scope="module")
+def recording() -> Recording:
+    """Return what an actuator with Stribeck friction records, with noise and converters."""
+    whole = simulate(STRIBECK, Chirp(), faults=TRUTH, noise=0.05, adc_bits=12)
+    return Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")})
+
+
+@pytest.fixture(scope="module")
+def found(recording: Recording) -> Iterator[Diagnosis]:
+    """Return its diagnosis by the description without the law; three are tried, to save time."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(law_selection, "SUSPECTS", ("stribeck", "directional", "quadratic"))
+        yield diagnose(recording, THESIS)
+
+
+def test_the_law_is_named_and_its_parameter_found(found: Diagnosis) -> None:
+    assert found.laws == ("stribeck",)
+    assert found.explained
+    assert json.loads(json.dumps(found.to_dict()))["laws"] == ["stribeck"]
+    assert "Explained only by laws that the description lacks: stribeck." in str(found)
+    described = LAWS["stribeck"].added_to(THESIS).friction
+    assert described is not None
+    assert described.stribeck_speed is not None
+    ratio = found.nuisances["baseline stribeck_speed"]
+    assert abs(ratio.value - np.log(SPEED / described.stribeck_speed)) <= 4 * ratio.standard_error
+
+
+def test_the_faults_are_found_beside_the_law(found: Diagnosis) -> None:
+    assert error_percent(TRUTH.vector, found.faults.vector) <= 1.5
+    for name in SOUND:
+        assert found.components[name].verdict != "degraded"
+    for name in ("friction", "backlash", "short_b", "gain"):
+        assert found.components[name].verdict == "degraded"
+
+
+def test_without_the_law_nothing_is_called_healthy_or_degraded(recording: Recording) -> None:
+    unaware = diagnose(recording, THESIS, nuisances=THESIS.nuisances.estimated)
+    assert not unaware.explained
+    assert unaware.laws == ()
+    # As faults alone, the friction curve would be off by tens of percent.
+    assert error_percent(TRUTH.vector, unaware.faults.vector) > 5
+    for name in NAMES:
+        assert unaware.components[name].verdict == "cannot tell"
+        assert unaware.components[name].reason
+    assert unaware.components["gain"].reason == NOT_EXPLAINED
+
+
+def at_the_truth(actuator: Actuator = THESIS) -> SearchResult:
+    truth = drawn(1, seed=7)
+    problem = Problem.of(reference_recordings(truth, noise=0.05)[0], actuator)
+    objective = faults_objective(problem, ("load",))
+    return with_discrepancy(SearchResult.at(objective, objective.space.points(truth[0])), seed=0)
+
+
+def test_where_the_residual_is_noise_no_law_is_tried() -> None:
+    result = at_the_truth()
+    same, laws = select_laws(result, method_named("hybrid"), 2, seed=0)
+    assert same is result
+    assert laws == ()
+
+
+@pytest.mark.parametrize("name", SUSPECTS)
+def test_a_law_is_added_with_its_parameters_free_beside_what_was_estimated(name: str) -> None:
+    law = LAWS[name]
+    before = at_the_truth().objective
+    after = with_law(before, law)
+    assert law.is_in(after.problem.actuator)
+    assert not law.is_in(before.problem.actuator)
+    assert after.space.coordinates[: before.space.dimensions] == before.space.coordinates
+    more = after.space.coordinates[before.space.dimensions :]
+    assert len(more) == len(after.space.nuisances.parameters) >= 1
+    assert set(after.space.nuisances.parameters) <= {*law.parameters, *law.also_free}
+    # Of the same rows: costs of before and after can be compared.
+    np.testing.assert_array_equal(after.problem.recorded, before.problem.recorded)
+    assert after.channel_rows == before.channel_rows
+    # Added once more, nothing is free twice.
+    assert with_law(after, law).space.coordinates == after.space.coordinates
