@@ -274,6 +274,11 @@ _REASONS: Mapping[str, Callable[[Actuator], str]] = {
         "a weight turns with a rotary actuator" if actuator.coordinates == "linear" else ""
     ),
     "sensor-lag": lambda actuator: "" if actuator.three_phases else "its drive senses no current",
+    "viscous-temperature": lambda actuator: (
+        ""
+        if actuator.electrical is not None
+        else "its nominal temperature is in [electrical], which it lacks"
+    ),
     "winding-temperature": lambda actuator: (
         "" if actuator.electrical is not None else "it has no [electrical] section"
     ),

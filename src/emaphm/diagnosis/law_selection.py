@@ -48,9 +48,9 @@ ONLY_WHILE_SWITCHING = ("sensor-lag",)
 class LawSelectionSettings:
     """When laws are tried, and which are kept; `make study` (limits, plants) measures them.
 
-    Tried while the recording is not explained. All laws are fitted by the averaged model, from afar and from the estimate; the `corrected` best
-    of each also with a correction of their own. One is kept that leaves less than `share` of the mean squared
-    residual; `most` laws at most.
+    Tried while the recording is not explained. All laws are fitted by the averaged model, from afar and from
+    the estimate; the `corrected` best of each also with a correction of their own. One is kept that leaves
+    less than `share` of the mean squared residual; `most` laws at most.
     """
 
     corrected: int = 2

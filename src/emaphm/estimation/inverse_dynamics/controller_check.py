@@ -85,7 +85,6 @@ class ControllerCheck:
         )
 
 
-
 def controller_check(recording: Recording, actuator: Actuator) -> ControllerCheck:
     """Return how well the described controller explains a recording, and the gains that would.
 
