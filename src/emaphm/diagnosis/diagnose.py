@@ -111,8 +111,11 @@ def diagnose(
     laws: tuple[str, ...] = ()
     if nuisances is None and chosen.least_squares and result.discrepancy is not None:
         if _moves(result.objective, result.point):  # standing, it shows no law of its motion
-            result, laws = select_laws(result, chosen, max_corrections, seed)
-        result, selected = select_nuisances(result, max_corrections, seed)
+            searched = result
+        result, selected = select_nuisances(searched, max_corrections, seed)
+        if result.normalised_residual > EXPLAINED_RESIDUAL:
+            result, laws = select_laws(searched, chosen, max_corrections, seed)
+            result, selected = select_nuisances(result, max_corrections, seed)
     result = with_discrepancy(result, seed)
     diagnosis = replace(
         _conclude(result, recording, chosen.name, fitness, seed), selected=selected, laws=laws
