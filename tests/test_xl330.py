@@ -9,6 +9,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -34,10 +35,11 @@ def _files(names: tuple[str, ...]) -> list[str]:
     return [str(DATA / f"{name}.csv") for name in names]
 
 
-def _example(*arguments: str) -> dict:
+def _example(*arguments: str) -> dict[str, Any]:
     command = [sys.executable, str(ROOT / "examples" / "xl330" / "xl330.py"), *arguments, "--json"]
     done = subprocess.run(  # noqa: S603 - the arguments are this file's
         command, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
+    told: dict[str, Any] = json.loads(done.stdout)
+    return told

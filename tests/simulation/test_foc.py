@@ -110,7 +110,7 @@ def test_healthy_line_values_are_those_of_one_winding(model: Model) -> None:
     across = POLES * got["speed_rad_s"] * L_S * got["current_d_A"]
     voltage = K_E * got["speed_rad_s"] + R_S * got["current_A"] + L_S * slope + across
     assert rms(voltage - got["voltage_V"]) < 0.02 * rms(voltage)
-    assert abs(sum(got[f"current_{phase}_A"] for phase in "abc")).max() < 1e-9
+    assert np.abs(np.sum([got[f"current_{phase}_A"] for phase in "abc"], axis=0)).max() < 1e-9
 
 
 @BOTH

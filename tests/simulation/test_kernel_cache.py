@@ -83,7 +83,7 @@ def test_a_kernel_of_other_source_is_compiled_anew(
     compilations: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     simulated()
-    monkeypatch.setattr(kernel_cache, "_sources", lambda: b"edited")
+    monkeypatch.setattr(kernel_cache, "SOURCES", b"edited")
     simulated()
     assert compilations == ["averaged"] * 2
 

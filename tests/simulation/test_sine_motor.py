@@ -32,7 +32,9 @@ def test_voltages_in_d_and_q_are_made_by_phases_and_found_from_them(
 ) -> None:
     cos, sin = np.cos(angle), np.sin(angle)
     phases = np.array(phase_voltages(in_d, in_q, cos, sin))
-    np.testing.assert_allclose(line_voltages(*(phases + 17.0), cos, sin), (in_d, in_q), atol=1e-12)
+    of_a, of_b, of_c = phases + 17.0
+    found = np.array(line_voltages(of_a, of_b, of_c, cos, sin))
+    np.testing.assert_allclose(found, np.array([in_d, in_q]), atol=1e-12)
     lines = phases - np.roll(phases, -1)
     # √(3/2) times the rms of any three balanced values is their amplitude.
     assert np.sqrt(np.sum(lines**2) * 2 / 3) == pytest.approx(np.hypot(in_d, in_q), abs=1e-12)
@@ -40,16 +42,19 @@ def test_voltages_in_d_and_q_are_made_by_phases_and_found_from_them(
 
 @given(angle=ANGLES, voltages=st.tuples(AMPERES, AMPERES, AMPERES), currents=st.tuples(AMPERES, AMPERES))
 def test_line_values_conserve_power(
-    angle: float, voltages: tuple[float, ...], currents: tuple[float, ...]
+    angle: float, voltages: tuple[float, float, float], currents: tuple[float, float]
 ) -> None:
-    phases = (*currents, -sum(currents))
+    phases = (currents[0], currents[1], -sum(currents))
     cos, sin = np.cos(angle), np.sin(angle)
-    in_lines = np.dot(line_voltages(*voltages, cos, sin), line_currents(*phases, cos, sin))
+    (v_a, v_b, v_c), (i_a, i_b, i_c) = voltages, phases
+    in_lines = np.dot(line_voltages(v_a, v_b, v_c, cos, sin), line_currents(i_a, i_b, i_c, cos, sin))
     assert in_lines == pytest.approx(np.dot(voltages, phases), abs=1e-9)
 
 
 @given(angle=ANGLES, currents=st.tuples(AMPERES, AMPERES))
-def test_torque_is_the_constant_times_the_current_in_q(angle: float, currents: tuple[float, ...]) -> None:
-    phases = np.array((*currents, -sum(currents)))
+def test_torque_is_the_constant_times_the_current_in_q(angle: float, currents: tuple[float, float]) -> None:
+    of_a, of_b, of_c = phases = (currents[0], currents[1], -sum(currents))
     per_constant = np.sum(INVERSE_SQRT3 * np.sin(angle - SHIFTS) * phases)
-    assert line_currents(*phases, np.cos(angle), np.sin(angle))[1] == pytest.approx(per_constant, abs=1e-12)
+    assert line_currents(of_a, of_b, of_c, np.cos(angle), np.sin(angle))[1] == pytest.approx(
+        per_constant, abs=1e-12
+    )

@@ -185,8 +185,8 @@ def test_the_map_names_the_settings_that_are_wrong_without_saying_so(limits: Pla
     undrawn = [section.model_copy(update={"figure": ""}) for section in limits.sections]
     page, none = limits_page(limits.model_copy(update={"sections": undrawn}), results(limits), "limits")
     assert none == {}
-    assert "400 of 1800 runs" in page
-    assert "none of 50." in page
+    assert "464 of 2088 runs" in page
+    assert "none of 58." in page
     explained = {"compliant shaft, mild": False, "lagging current sensors, mild": True}
 
     def miss_the_gain(trial: Trial) -> dict[str, Any]:
@@ -197,7 +197,7 @@ def test_the_map_names_the_settings_that_are_wrong_without_saying_so(limits: Pla
         return {"lower95": low, "upper95": high, "error_percent": 7.25, "explained": explained[rig]}
 
     page, figures = limits_page(limits, results(limits, 1.0, miss_the_gain), "limits")
-    assert "1 of 50." in page
+    assert "1 of 58." in page
     assert (
         "- plant: lagging current sensors, mild: gain held by 0 %, 100 % explained, median error 7.25 %"
         in page
@@ -220,9 +220,10 @@ def test_the_base_setting_is_diagnosed_once_for_all_sections(limits: Plan) -> No
     # In the tables of channels and plants, and on all axes but temperature, which the base setting draws.
     assert len(through_base) == 2 + 7
     settings = {(row.rig, row.method) for section in limits.sections for row in section.rows}
-    # 46 points on the axes, six of them the base setting again; two more channels, eight foreign plants.
-    assert len(settings) == 46 - 6 + 2 + 8
-    assert limits.total == 50 * (20 + 2 * 5 + 6)
+    # 46 points on the axes, six of them the base setting again; two more channels; eight foreign plants,
+    # their laws calibrated or not.
+    assert len(settings) == 46 - 6 + 2 + 2 * 8
+    assert limits.total == 58 * (20 + 2 * 5 + 6)
 
 
 def test_rates_are_those_of_the_results(limits: Plan) -> None:

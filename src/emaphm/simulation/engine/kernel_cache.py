@@ -75,8 +75,7 @@ def _machine() -> str:
     return hashlib.sha256(processor.encode()).hexdigest()
 
 
-@cache
-def _sources() -> bytes:
+def _digest_of_sources() -> bytes:
     """Return a digest of what every kernel is made of and by: the simulation's source, Numba and LLVM."""
     import llvmlite
 
@@ -88,12 +87,16 @@ def _sources() -> bytes:
     return digest.digest()
 
 
+SOURCES = _digest_of_sources()
+"""As imported: a kernel of a running process must not pass for one of source that was edited meanwhile."""
+
+
 def _revision(model: Model, layout: Layout) -> bytes:
     """Return a digest of what the kernel of `model` is made of, which may be built outside of the package."""
     build: Any = model.form(layout.structure).advance
     cells = [cell.cell_contents for cell in build.__closure__ or ()]
     options = [value for value in cells if isinstance(value, str | bool)]
-    digest = hashlib.sha256(_sources() + repr((build.__qualname__, options, layout)).encode())
+    digest = hashlib.sha256(SOURCES + repr((build.__qualname__, options, layout)).encode())
     source = Path(build.__code__.co_filename)
     digest.update(source.read_bytes() if source.is_file() else marshal.dumps(build.__code__))
     return digest.digest()
