@@ -33,6 +33,8 @@ study: $(INSTALLED)  ## run what is missing of the studies in studies/, write th
 docs: $(INSTALLED)  ## draw the figures of the README and the examples
 	$(BIN)/emaphm demo --out docs/demo --force
 	$(BIN)/python examples/emps/emps.py --figure docs/emps.svg
+	$(BIN)/python examples/xl330/xl330.py --figure docs/xl330.svg
+	$(BIN)/python examples/pmsm/pmsm.py --figure docs/pmsm.svg
 
 clean:  ## remove what the other targets made
 	rm -rf $(VENV) demo studies fuzz
