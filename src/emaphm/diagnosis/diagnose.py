@@ -110,10 +110,10 @@ def diagnose(
     selected: tuple[str, ...] = ()
     laws: tuple[str, ...] = ()
     if nuisances is None and chosen.least_squares and result.discrepancy is not None:
-        if _moves(result.objective, result.point):  # standing, it shows no law of its motion
-            searched = result
+        searched = result
         result, selected = select_nuisances(searched, max_corrections, seed)
-        if result.normalised_residual > EXPLAINED_RESIDUAL:
+        # Standing, an actuator shows no law of its motion.
+        if result.normalised_residual > EXPLAINED_RESIDUAL and _moves(result.objective, result.point):
             result, laws = select_laws(searched, chosen, max_corrections, seed)
             result, selected = select_nuisances(result, max_corrections, seed)
     result = with_discrepancy(result, seed)
