@@ -185,7 +185,7 @@ def test_the_map_names_the_settings_that_are_wrong_without_saying_so(limits: Pla
     undrawn = [section.model_copy(update={"figure": ""}) for section in limits.sections]
     page, none = limits_page(limits.model_copy(update={"sections": undrawn}), results(limits), "limits")
     assert none == {}
-    assert "448 of 1784 runs" in page
+    assert "448 of 1720 runs" in page
     assert "none of 58." in page
     explained = {"compliant shaft, mild": False, "lagging current sensors, mild": True}
 
@@ -224,7 +224,7 @@ def test_the_base_setting_is_diagnosed_once_for_all_sections(limits: Plan) -> No
     # their laws calibrated or not.
     assert len(settings) == 46 - 6 + 2 + 2 * 8
     # Of the foreign plants fewer cases: each is another kernel, and may try every law.
-    assert limits.total == 42 * (20 + 2 * 5 + 6) + 16 * (8 + 1 * 5 + 4)
+    assert limits.total == 42 * (20 + 2 * 5 + 6) + 16 * (5 + 1 * 5 + 3)
 
 
 def test_rates_are_those_of_the_results(limits: Plan) -> None:
