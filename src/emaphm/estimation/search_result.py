@@ -20,7 +20,8 @@ stick-slip hold a descent so far from the optimum, in the unit of a coordinate."
 EXPLAINED_RESIDUAL = 1.1
 """Largest normalised residual of an estimate that explains the recording. Right estimates had up to 1.03 with
 the voltage recorded, whatever noise, converters and rate, and up to 1.12 from the current alone (60 random
-faults); a current sensor that lags 5 µs, which nobody described, left 1.04 to 3.4, in 14 of 16 cases above 1.2."""
+faults). A current sensor that lags 5 µs, which nobody described, left 1.04 to 3.4, in 14 of 16 cases more
+than 1.2."""
 
 
 SMALLEST_SHARE = 5e-3
