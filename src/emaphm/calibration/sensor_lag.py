@@ -12,13 +12,9 @@ from emaphm.calibration.description import Description
 from emaphm.calibration.findings import LARGEST_ERROR, Parameter
 from emaphm.calibration.joint.correction import JointEstimate, corrected_estimate
 from emaphm.calibration.unit_fit import FitSettings, fitted_parameters, searched
-from emaphm.estimation.objective import CORRELATED_ROWS
 from emaphm.estimation.reference_scan import CURRENT_LAGS_S, scan
 
 NAME = "current_lag"
-
-MOST_CORRECTIONS = 4
-"""Corrections of each fit of the scan: enough to compare two lags."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +30,6 @@ def found_lag(rows: Sequence[CampaignRow], description: Description, settings: F
     actuator = description.actuator
     free = tuple(name for name in description.free if name != NAME)
     fitted = fitted_parameters(rows, actuator, free)
-    corrections = min(MOST_CORRECTIONS, settings.max_corrections)
     start = {name: value for name, value in description.start.items() if name in fitted}
 
     def evaluate(lag: float) -> JointEstimate:
@@ -42,15 +37,12 @@ def found_lag(rows: Sequence[CampaignRow], description: Description, settings: F
         lagging = with_lumped_parameters(actuator, {NAME: lag})
         found = searched(rows, lagging, fitted, settings, start)
         start = found.start
-        return corrected_estimate(found.joint, found.point, corrections, settings.seed)
+        return corrected_estimate(found.joint, found.point, settings.max_corrections, settings.seed)
 
     found = scan(CURRENT_LAGS_S, evaluate, _current_variance)
-    samples = sum(row.recording.samples for row in rows)
-    deviation = math.sqrt(found.variance * CORRELATED_ROWS / samples)
-    known = math.isfinite(deviation) and deviation < LARGEST_ERROR
-    parameter = Parameter(
-        found.value, found.value * min(deviation, 10.0), "s", known, at_bound=not math.isfinite(deviation)
-    )
+    known = found.deviation < LARGEST_ERROR
+    deviation = min(found.deviation, math.log(CURRENT_LAGS_S[-1] / CURRENT_LAGS_S[0]))
+    parameter = Parameter(found.value, found.value * deviation, "s", known)
     lagging = with_lumped_parameters(actuator, {NAME: found.value})
     return FoundLag(replace(description, actuator=lagging, free=free, start=start), parameter)
 

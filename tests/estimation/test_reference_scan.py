@@ -1,0 +1,28 @@
+"""A scan of a parameter: the best value, and how far the others are from it."""
+
+import math
+
+import pytest
+
+from emaphm.estimation.reference_scan import scan
+
+VALUES = tuple(2.0 ** (i / 2) for i in range(11))
+
+
+@pytest.mark.parametrize("best", range(2, 9))
+def test_a_sharp_minimum_is_found_to_the_next_values(best: int) -> None:
+    found = scan(VALUES, lambda value: value, lambda value: 1 + math.log(value / VALUES[best]) ** 2 * 100)
+    assert found.value == found.estimate == VALUES[best]
+    # Evenly distributed between the neighbours, a factor 2 apart.
+    assert found.deviation == pytest.approx(math.log(2) / math.sqrt(12))
+
+
+def test_values_that_fit_alike_widen_the_error() -> None:
+    found = scan(VALUES, lambda value: value, lambda value: 1.0 if 2 <= value <= 8 else 3.0)
+    lower, upper = 2 / math.sqrt(2), 8 * math.sqrt(2)
+    assert found.deviation == pytest.approx(math.log(upper / lower) / math.sqrt(12))
+
+
+@pytest.mark.parametrize("power", [-1, 0, 1])
+def test_a_minimum_at_an_end_is_not_known(power: int) -> None:
+    assert scan(VALUES, lambda value: value, lambda value: value**power).deviation == math.inf
