@@ -155,7 +155,7 @@ def with_law(objective: MapObjective, law: Law) -> MapObjective:
     parameters = () if law.name in ONLY_WHILE_SWITCHING else (*law.parameters, *law.also_free)
     free = tuple(name for name in parameters if name not in nuisances.parameters)
     free = tuple(name for name in free if described_parts(actuator, name) is not None)
-    unit = nuisances.unit.beside(ParameterVariation.suspected(actuator, free))
+    unit = nuisances.unit.combined_with(ParameterVariation.suspected(actuator, free))
     chosen = NuisanceSet.of(actuator, nuisances.chosen, tuple(problem.measured), unit)
     return replace(
         objective,

@@ -69,7 +69,7 @@ class ParameterVariation:
         free = cls.free(actuator, names)
         return replace(free, priors=start_widths(names))
 
-    def beside(self, other: Self) -> Self:
+    def combined_with(self, other: Self) -> Self:
         """Return the parameters of both, which have none in common."""
         rows, columns = self.axes.shape
         axes = np.zeros((rows + other.axes.shape[0], columns + other.axes.shape[1]))

@@ -6,6 +6,7 @@ middle. Voltages and currents in d and q are line values (`laws/sine_motor.py`).
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -85,28 +86,6 @@ def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Arr
     return mechanical | three_phases.initial_state(plant) | own
 
 
-def state_names(structure: Structure) -> tuple[str, ...]:
-    """Return the kernel's state."""
-    return (
-        *control.state_names(structure),
-        *motion.state_names(structure),
-        "torque",
-        *three_phases.CURRENTS,
-        *OWN_STATE,
-        *three_phases.optional_state_names(structure),
-    )
-
-
-def parameter_names(structure: Structure) -> tuple[str, ...]:
-    """Return the kernel's parameters."""
-    return (
-        *control.PARAMETERS,
-        *motion.parameter_names(structure),
-        *three_phases.PARAMETERS,
-        *OWN_PARAMETERS,
-    )
-
-
 @law
 def turn_unit(cos: Any, sin: Any, angle: Any) -> Any:
     """Turn the electrical direction by a small angle, and keep its length at 1.
@@ -178,7 +157,7 @@ def advance(structure: Structure) -> Callable[..., Any]:
         sensed_a, sensed_b, sensed_c = sensed
         sensed_d, sensed_q = line_currents(sensed_a, sensed_b, sensed_c, cos, sin)
         voltage_d, voltage_q = line_voltages(voltage_a, voltage_b, voltage_c, cos, sin)
-        position, speed_after, angle = three_phases.recorded_motion(s, p, u, following)
+        position, speed_after, angle = motion.recorded_motion(s, p, u, following)
         outputs = (
             sensed_q,
             u.enabled * voltage_q,
@@ -217,5 +196,13 @@ def advance(structure: Structure) -> Callable[..., Any]:
     return advance_one
 
 
-FOC = Form(FOC_CHANNELS, FOC_OBSERVABLE, parameters, initial_state, state_names, parameter_names, advance)
+FOC = Form(
+    FOC_CHANNELS,
+    FOC_OBSERVABLE,
+    parameters,
+    initial_state,
+    partial(three_phases.state_names, own=OWN_STATE),
+    partial(three_phases.parameter_names, own=OWN_PARAMETERS),
+    advance,
+)
 """A PMSM with field-oriented control and PWM."""

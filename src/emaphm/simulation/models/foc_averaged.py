@@ -7,6 +7,7 @@ its delay is kept on the mean (`delay_shares`).
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -76,28 +77,6 @@ def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Arr
     return mechanical | three_phases.initial_state(plant) | own
 
 
-def state_names(structure: Structure) -> tuple[str, ...]:
-    """Return the kernel's state."""
-    return (
-        *control.state_names(structure),
-        *motion.state_names(structure),
-        "torque",
-        *three_phases.CURRENTS,
-        *OWN_STATE,
-        *three_phases.optional_state_names(structure),
-    )
-
-
-def parameter_names(structure: Structure) -> tuple[str, ...]:
-    """Return the kernel's parameters."""
-    return (
-        *control.PARAMETERS,
-        *motion.parameter_names(structure),
-        *three_phases.PARAMETERS,
-        *OWN_PARAMETERS,
-    )
-
-
 def advance(structure: Structure) -> Callable[..., Any]:
     """Return the step of one actuator."""
     demand_of, moved = control.control(structure), motion.motion(structure)
@@ -160,7 +139,7 @@ def advance(structure: Structure) -> Callable[..., Any]:
         shown_c = 0.5 * (seen_c + sensed[2])
         shown_d, shown_q = line_currents(shown_a, shown_b, shown_c, cos, sin)
         voltage_d, voltage_q = u.enabled * voltage_d, u.enabled * voltage_q
-        position, speed_after, angle = three_phases.recorded_motion(s, p, u, following)
+        position, speed_after, angle = motion.recorded_motion(s, p, u, following)
         outputs = (
             shown_q,
             voltage_q,
@@ -190,6 +169,12 @@ def advance(structure: Structure) -> Callable[..., Any]:
 
 
 FOC_AVERAGED = Form(
-    CHANNELS, foc.FOC_OBSERVABLE, parameters, initial_state, state_names, parameter_names, advance
+    CHANNELS,
+    foc.FOC_OBSERVABLE,
+    parameters,
+    initial_state,
+    partial(three_phases.state_names, own=OWN_STATE),
+    partial(three_phases.parameter_names, own=OWN_PARAMETERS),
+    advance,
 )
 """A PMSM with field-oriented control, its PWM averaged."""

@@ -1,6 +1,7 @@
 """A BLDC motor with three switched phases: hysteresis control of each current (thesis 3.1, chapter 4)."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -53,28 +54,6 @@ def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Arr
     return mechanical | three_phases.initial_state(plant) | dict.fromkeys(LEGS, np.full(plant.count, -1.0))
 
 
-def state_names(structure: Structure) -> tuple[str, ...]:
-    """Return the kernel's state."""
-    return (
-        *control.state_names(structure),
-        *motion.state_names(structure),
-        "torque",
-        *three_phases.CURRENTS,
-        *LEGS,
-        *three_phases.optional_state_names(structure),
-    )
-
-
-def parameter_names(structure: Structure) -> tuple[str, ...]:
-    """Return the kernel's parameters."""
-    return (
-        *control.PARAMETERS,
-        *motion.parameter_names(structure),
-        *three_phases.PARAMETERS,
-        *OWN_PARAMETERS,
-    )
-
-
 def advance(structure: Structure) -> Callable[..., Any]:
     """Return the step of one actuator.
 
@@ -117,7 +96,7 @@ def advance(structure: Structure) -> Callable[..., Any]:
         following = moved(s, p, u, torque)
         sensed = sensed_after(s, p, current_a, current_b, current_c)
         sensed_a, sensed_b, sensed_c = sensed
-        position, speed_after, angle = three_phases.recorded_motion(s, p, u, following)
+        position, speed_after, angle = motion.recorded_motion(s, p, u, following)
         size = np.abs(sensed_a) + np.abs(sensed_b) + np.abs(sensed_c)
         outputs = (
             0.5 * (shape_a * sensed_a + shape_b * sensed_b + shape_c * sensed_c),
@@ -143,5 +122,13 @@ def advance(structure: Structure) -> Callable[..., Any]:
     return advance_one
 
 
-HYSTERESIS_BLDC = Form(CHANNELS, OBSERVABLE, parameters, initial_state, state_names, parameter_names, advance)
+HYSTERESIS_BLDC = Form(
+    CHANNELS,
+    OBSERVABLE,
+    parameters,
+    initial_state,
+    partial(three_phases.state_names, own=LEGS),
+    partial(three_phases.parameter_names, own=OWN_PARAMETERS),
+    advance,
+)
 """The thesis's motor and drive."""

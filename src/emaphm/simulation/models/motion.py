@@ -200,6 +200,16 @@ def motion(structure: Structure) -> Callable[..., Any]:
 
 
 @law
+def recorded_motion(s: Any, p: Any, u: Any, following: Any) -> Any:
+    """Return position of the user, speed and angle of the motor as they are recorded."""
+    return (
+        p.gear_ratio * (s.output + u.carried * (following[2] - s.output)),
+        s.speed + u.carried * (following[0] - s.speed),
+        s.angle + u.carried * (following[1] - s.angle),
+    )
+
+
+@law
 def _nothing(s: Any, p: Any, turned: Any) -> Any:  # noqa: ARG001
     return ()
 

@@ -169,10 +169,10 @@ def _advance(
         reference, controlled = demand_of(s, p, u)
         gap_a, gap_b, gap_c = gaps(s, p)
         flux_a, flux_b, flux_c = gap_a * p.flux_a, gap_b * p.flux_b, gap_c * p.flux_c
-        angle = s.electrical
-        flux = of_idle_phase(angle, flux_b + flux_c, flux_c + flux_a, flux_a + flux_b)
-        conductance = of_idle_phase(angle, p.conductance_a, p.conductance_b, p.conductance_c)
-        decay = of_idle_phase(angle, p.decay_a, p.decay_b, p.decay_c)
+        electrical = s.electrical
+        flux = of_idle_phase(electrical, flux_b + flux_c, flux_c + flux_a, flux_a + flux_b)
+        conductance = of_idle_phase(electrical, p.conductance_a, p.conductance_b, p.conductance_c)
+        decay = of_idle_phase(electrical, p.decay_a, p.decay_b, p.decay_c)
         supply, back_emf = supply_of(s, p), flux * s.speed
         current, sensed, voltage, own = current_after(
             s, p, u, reference, supply, back_emf, conductance, decay
@@ -180,12 +180,13 @@ def _advance(
         produced = clip(flux * current, -p.torque_limit, p.torque_limit)
         torque = approach(s.torque, produced, p.torque_share)
         following = moved(s, p, u, torque)
+        position, speed, angle = motion.recorded_motion(s, p, u, following)
         outputs = (
             sensed,
             voltage,
-            p.gear_ratio * (s.output + u.carried * (following[2] - s.output)),
-            s.speed + u.carried * (following[0] - s.speed),
-            s.angle + u.carried * (following[1] - s.angle),
+            position,
+            speed,
+            angle,
             torque,
             reference,
         )
@@ -210,13 +211,14 @@ def _advance_by_voltage(structure: Structure) -> Callable[..., Any]:
         produced = clip(flux * current, -p.torque_limit, p.torque_limit)
         torque = approach(s.torque, produced, p.torque_share)
         following = moved(s, p, u, torque)
+        position, speed, angle = motion.recorded_motion(s, p, u, following)
         outputs = (
             current,
             voltage,
-            p.gear_ratio * (s.output + u.carried * (following[2] - s.output)),
-            s.speed + u.carried * (following[0] - s.speed),
+            position,
+            speed,
             duty,
-            s.angle + u.carried * (following[1] - s.angle),
+            angle,
             torque,
         )
         return controlled + following + (torque, current), outputs

@@ -7,6 +7,7 @@ and stays 0 (`laws/idle_leg.py`).
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -49,28 +50,6 @@ def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Arr
     mechanical = control.initial_state(plant, inputs, start) | motion.initial_state(plant, start)
     own = dict.fromkeys(OWN_STATE, np.zeros(plant.count))
     return mechanical | three_phases.initial_state(plant) | own
-
-
-def state_names(structure: Structure) -> tuple[str, ...]:
-    """Return the kernel's state."""
-    return (
-        *control.state_names(structure),
-        *motion.state_names(structure),
-        "torque",
-        *three_phases.CURRENTS,
-        *OWN_STATE,
-        *three_phases.optional_state_names(structure),
-    )
-
-
-def parameter_names(structure: Structure) -> tuple[str, ...]:
-    """Return the kernel's parameters."""
-    return (
-        *control.PARAMETERS,
-        *motion.parameter_names(structure),
-        *three_phases.PARAMETERS,
-        *OWN_PARAMETERS,
-    )
 
 
 @law
@@ -166,7 +145,7 @@ def advance(structure: Structure) -> Callable[..., Any]:
         sensed = sensed_after(s, p, current_a, current_b, current_c)
         sensed_a, sensed_b, sensed_c = sensed
         size = np.abs(sensed_a) + np.abs(sensed_b) + np.abs(sensed_c)
-        position, speed_after, angle = three_phases.recorded_motion(s, p, u, following)
+        position, speed_after, angle = motion.recorded_motion(s, p, u, following)
         outputs = (
             0.5 * (shape_a * sensed_a + shape_b * sensed_b + shape_c * sensed_c),
             u.enabled * (active_a * voltage_a + active_b * voltage_b + active_c * voltage_c),
@@ -198,5 +177,13 @@ def advance(structure: Structure) -> Callable[..., Any]:
     return advance_one
 
 
-SIX_STEP = Form(CHANNELS, OBSERVABLE, parameters, initial_state, state_names, parameter_names, advance)
+SIX_STEP = Form(
+    CHANNELS,
+    OBSERVABLE,
+    parameters,
+    initial_state,
+    partial(three_phases.state_names, own=OWN_STATE),
+    partial(three_phases.parameter_names, own=OWN_PARAMETERS),
+    advance,
+)
 """A BLDC motor with PI current control and PWM."""

@@ -12,6 +12,7 @@ from emaphm.simulation.laws.inline import law
 from emaphm.simulation.laws.lag import approach, share_of_step
 from emaphm.simulation.laws.star_windings import star_slopes
 from emaphm.simulation.laws.supply_source import sagging_supply
+from emaphm.simulation.models import control, motion
 
 PARAMETERS = (
     "half_supply",
@@ -71,6 +72,23 @@ def optional_state_names(structure: Structure) -> tuple[str, ...]:
     )
 
 
+def state_names(structure: Structure, own: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the kernel's state; `own` is that of the model's drive."""
+    return (
+        *control.state_names(structure),
+        *motion.state_names(structure),
+        "torque",
+        *CURRENTS,
+        *own,
+        *optional_state_names(structure),
+    )
+
+
+def parameter_names(structure: Structure, own: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the kernel's parameters; `own` are those of the model's drive."""
+    return (*control.PARAMETERS, *motion.parameter_names(structure), *PARAMETERS, *own)
+
+
 def supply(structure: Structure) -> tuple[Callable[..., Any], Callable[..., Any]]:
     """Return half the supply voltage, of (state, parameters), and its next state, of Σ s_i i_i."""
     return (_sagging, _drawn) if structure.source else (_stiff, _nothing_drawn)
@@ -103,16 +121,6 @@ def currents_after(
         p.henries_per_step,
     )
     return s.current_a + rise_a, s.current_b + rise_b, s.current_c + rise_c
-
-
-@law
-def recorded_motion(s: Any, p: Any, u: Any, following: Any) -> Any:
-    """Return position of the user, speed and angle of the motor as they are recorded."""
-    return (
-        p.gear_ratio * (s.output + u.carried * (following[2] - s.output)),
-        s.speed + u.carried * (following[0] - s.speed),
-        s.angle + u.carried * (following[1] - s.angle),
-    )
 
 
 @law
