@@ -1,4 +1,4 @@
-"""The optional sections of an actuator: laws of friction, transmission and load beside the thesis's.
+"""The optional sections of an actuator: laws of friction, transmission and load in addition to the thesis's.
 
 A law whose values are left out is not there, and takes no time in a simulation. All values at the motor shaft
 unless said; forms and sources: `emaphm.simulation.laws`.
@@ -15,7 +15,7 @@ BAM = "arXiv 2410.08650"
 
 
 class Friction(Section):
-    """What dry and viscous friction have beside their static, dynamic and viscous values in [mechanics]."""
+    """What dry and viscous friction have in addition to their values in [mechanics]."""
 
     stribeck_speed: float | None = quantity(
         "speed over which static friction falls to dynamic friction",

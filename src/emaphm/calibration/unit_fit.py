@@ -137,7 +137,7 @@ def fit_unit(
 ) -> UnitFit:
     """Return the joint fit of `free` to all `rows`; parameters and errors as in `calibrate`.
 
-    `start` has coordinates of parameters to start from, beside the description's.
+    `start` has coordinates of parameters to start from, in addition to the description's.
     """
     fitted = fitted_parameters(rows, actuator, free)
     found = searched(rows, actuator, fitted, settings, start, subprogress(on_progress, 0.0, 1 / 3))

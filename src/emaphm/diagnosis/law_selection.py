@@ -149,7 +149,7 @@ def _corrected(fit: _Fit, max_corrections: int, seed: int) -> SearchResult:
 
 
 def with_law(objective: MapObjective, law: Law) -> MapObjective:
-    """Return the objective of the actuator with `law`, its parameters free beside faults and nuisances."""
+    """Return the objective of the actuator with `law`, its parameters free like faults and nuisances."""
     problem, nuisances = objective.problem, objective.space.nuisances
     actuator = law.added_to(problem.actuator)
     parameters = () if law.name in ONLY_WHILE_SWITCHING else (*law.parameters, *law.also_free)

@@ -19,7 +19,7 @@ MOST_JITTER = 0.25
 resampled with. Beyond, the rate of the rows says little of what they can resolve."""
 
 GAP = 1.75
-"""A time step of so many sample intervals is a lost row, whose values no interpolation can know."""
+"""A time step of this many sample intervals is a lost row, whose values no interpolation can know."""
 
 NEEDED = (
     "time_s, command_rad, and one or more of current_A (or the three phase currents with angle_rad), "

@@ -26,7 +26,7 @@ Sampling = Literal["mean", "instant"]
 class Recording:
     """Uniformly sampled channels of one manoeuvre.
 
-    Rows whose times jitter are brought to a constant rate, which a note tells
+    Rows whose times jitter are brought to a constant rate, which a note says
     (`emaphm.recording.resampling`).
 
     Parameters

@@ -42,7 +42,8 @@ def search(
 ) -> tuple[JointObjective, Array]:
     """Return the objective with weights by its residuals, and the point (d,) that minimises it.
 
-    `given` are points of shared coordinates (p,) to start from, beside the description's and those about it.
+    `given` are points of shared coordinates (p,) to start from, in addition to the description's and those
+    about it.
     """
     point = _multistart(joint, seed, given, on_progress)
     return settle(joint, point)

@@ -37,8 +37,8 @@ def described_for_motion(
 ) -> Description:
     """Return the description with its `laws`, and the parameters to estimate by measured motion.
 
-    Where none is named they are inertia, viscous and Coulomb friction and a constant load, beside those of
-    the laws.
+    Where none is named they are inertia, viscous and Coulomb friction and a constant load, in addition to
+    those of the laws.
 
     Raises
     ------

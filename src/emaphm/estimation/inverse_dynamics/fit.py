@@ -90,7 +90,7 @@ def inverse_dynamics(
     Raises
     ------
     MethodError
-        No parameter, or an unknown one, is free; or no recording shows one, alone or beside the others.
+        No parameter, or an unknown one, is free; or no recording shows one, alone or with the others.
     RecordingError
         A recording has no position, or nothing that shows the torque, or never moves.
 
@@ -170,7 +170,7 @@ def _check(
 
 
 def _refuse_singular(problem: InverseProblem, jacobian: Array) -> None:
-    """Refuse parameters that no recording shows, alone or beside the others."""
+    """Refuse parameters that no recording shows, alone or with the others."""
     size = np.sqrt(np.mean(jacobian**2, axis=0))
     labels = problem.labels
     silent = [label for label, one in zip(labels, size, strict=True) if one == 0]

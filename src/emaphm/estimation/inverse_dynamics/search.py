@@ -11,7 +11,7 @@ from emaphm.estimation.inverse_dynamics.problem import InverseProblem
 from emaphm.estimation.inverse_dynamics.torque_balance import LOADS
 
 LINEAR = ("inertia", "viscous", "quadratic", "coulomb", "static", "offset", "hinge", "gravity")
-"""Parameters that the torque balance is linear in, beside the torque ripple's."""
+"""Parameters that the torque balance is linear in, in addition to the torque ripple's."""
 
 NOT_NEGATIVE = ("inertia", "viscous", "quadratic", "coulomb", "static", "gravity")
 """Linear parameters that have one sign."""

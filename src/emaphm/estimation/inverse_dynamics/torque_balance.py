@@ -30,7 +30,7 @@ NAMES = (
     "torque_constant",
     "resistance",
 )
-"""Lumped parameters that inverse dynamics can estimate, beside the torque ripple's."""
+"""Lumped parameters that inverse dynamics can estimate, in addition to the torque ripple's."""
 
 LOADS = (
     *("load_friction", "load_motor", "load_external"),

@@ -13,7 +13,8 @@ from emaphm.simulation.laws.angles import wrap
 from emaphm.text_table import NOTHING, format_table
 
 NO_LIKENESS = 1.0
-"""Relative error above which a model that stands still would be nearer: something is wrong beside the fit."""
+"""Relative error above which a model that stands still would be nearer: something other than the fit is
+wrong."""
 
 
 @dataclass(frozen=True)

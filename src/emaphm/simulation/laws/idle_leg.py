@@ -62,8 +62,8 @@ def outgoing_after(current: Any, half_supply: Any, back_emf: Any, resistance: An
         f = Δt (1 - L_p / L) / L,   1 / L_p = Σ 1 / L_i
 
     The diode lays half the supply against it, while the mean voltages of the other two legs are opposite. As
-    one winding these two, a that continues and c that comes in, have a current that loses, beside what their
-    own voltage makes of it, L_c / (L_a + L_c) of
+    one winding these two, a that continues and c that comes in, have a current that loses, in addition to
+    what their own voltage makes of it, L_c / (L_a + L_c) of
 
         Δ = (|i| - |i⁺|) u / (u + 3/2 R |i|)
 
@@ -83,7 +83,7 @@ def outgoing_after(current: Any, half_supply: Any, back_emf: Any, resistance: An
     -----
     Exact for three equal windings and small steps. Without resistance the flux linkage of the new pair is
     conserved, L_a I = (L_a + L_c) I⁺: a healthy machine loses half its current where the controller of the
-    current is slow beside the commutation.
+    current is slow compared with the commutation.
 
     References
     ----------

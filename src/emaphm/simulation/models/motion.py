@@ -27,7 +27,8 @@ BEYOND_STOP = 0.1
 
 STIFFEST = 2.0
 """Largest (ω Δt)² of a shaft between its inertias [-]: with `MOST_DAMPED` its steps are stable. A stiffer
-shaft is taken as this stiff, which at 50 µs swings at 4.5 kHz: no recording tells it from a rigid one."""
+shaft is taken as this stiff, which at 50 µs swings at 4.5 kHz: no recording distinguishes it from a rigid
+one."""
 
 MOST_DAMPED = 0.9
 """Largest share of a shaft's relative speed that its damping takes in a step [-]."""
