@@ -28,6 +28,7 @@ study: $(INSTALLED)  ## run what is missing of the studies in studies/, write th
 	for plan in $(STUDIES); do $(BIN)/emaphm study run $$plan --out studies/$$plan || exit 1; done
 	$(BIN)/emaphm study report studies/accuracy --out docs
 	$(BIN)/emaphm study report studies/limits --out docs
+	$(BIN)/emaphm study report studies/pmsm --out docs
 	$(BIN)/python -m emaphm.report.comparison_page studies docs/comparison
 
 docs: $(INSTALLED)  ## draw the figures of the README and the examples

@@ -13,6 +13,7 @@ from emaphm.cli import main
 from emaphm.errors import StudyError
 from emaphm.report.accuracy_page import accuracy_page
 from emaphm.report.limits_page import limits_page
+from emaphm.report.pmsm_page import pmsm_page
 from emaphm.study import Plan, Store
 from emaphm.study.analysis.limits import SettingRates
 from emaphm.study.analysis.rates import (
@@ -285,3 +286,23 @@ def test_the_command_writes_the_page_and_its_figures(
     assert (out / "limits" / "noise.svg").is_file()
     assert "0.05 s chirp at 5 kHz" in page
     assert f"written: {out / 'limits.md'}" in capsys.readouterr().out
+
+
+# The motor under field-oriented control
+
+
+def test_the_page_of_the_pmsm_has_a_dash_where_a_plan_has_no_such_cases() -> None:
+    plan = Plan.load("pmsm")
+
+    def wrong_by_a_case(trial: Trial) -> dict[str, Any]:
+        return {"error_percent": {"named": 0.5, "random": 0.25}.get(trial.case_kind, 0.125)}
+
+    page = pmsm_page(plan, results(plan, 1.0, wrong_by_a_case))
+    assert "not complete" not in page
+    assert "| noise-free | 0.5 / 0.5 | 0.25 / 0.25 / 0.25 | 200 | 100 % | 100 % | – | – |" in page
+    base = "| base setting: current and line voltage | – | 0.25 / 0.25 / 0.25 | 200 | 100 % | 100 % | 100 % |"
+    assert f"{base} 0.0 % |" in page
+    with pytest.raises(StudyError, match="no run of 'noise-free' with random cases"):
+        pmsm_page(plan, results(plan).filter(pl.col("case_kind") != "random"))
+    with pytest.raises(StudyError, match="needs"):
+        pmsm_page(plan.model_copy(update={"sections": ()}), results(plan))

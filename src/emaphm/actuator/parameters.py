@@ -210,7 +210,7 @@ class Mechanics(Section):
 class FaultScales(Section):
     """What the normalised faults mean physically (thesis 6.1)."""
 
-    friction: float = quantity("all friction × (1 + friction × k1)", "-", "thesis 6.1", default=2.0, gt=0)
+    friction: float = quantity("dry friction × (1 + friction × k1)", "-", "thesis 6.1", default=2.0, gt=0)
     backlash: float = quantity("BLK × (1 + backlash × k2)", "-", "thesis 6.1", default=9.0, gt=0)
     eccentricity: float = quantity("Z = eccentricity × k6", "-", "thesis 4.5", default=0.42, gt=0, lt=1)
     gain: float = quantity("G = 1 + gain × (2 k8 - 1)", "-", "thesis 4.6", default=0.5, gt=0, lt=1)

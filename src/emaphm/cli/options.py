@@ -33,7 +33,7 @@ Seed = Annotated[
 ]
 Force = Annotated[bool, Parameter(negative="", help="Replace existing output files.")]
 ActuatorFile = Annotated[
-    str, Parameter(help="TOML description of the actuator, or 'thesis' for the built-in one.")
+    str, Parameter(help="TOML description of the actuator, or a built-in one: 'thesis', 'pmsm'.")
 ]
 FaultList = Annotated[
     tuple[str, ...],

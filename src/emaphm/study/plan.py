@@ -58,7 +58,7 @@ class Plan(Section):
 
     name: Label
     description: str = ""
-    page: Literal["accuracy", "limits"] | None = None
+    page: Literal["accuracy", "limits", "pmsm"] | None = None
     runs: Count
     seed: Annotated[int, Field(ge=0)] = 0
     actuator: Actuator = Actuator.thesis()

@@ -1,0 +1,73 @@
+"""The page of the study `pmsm`: a diagnosis of a motor under field-oriented control."""
+
+from collections.abc import Callable
+
+import numpy as np
+import polars as pl
+
+from emaphm.errors import StudyError
+from emaphm.report.markdown import incomplete, table
+from emaphm.study.analysis.rates import (
+    coverage,
+    detection,
+    errors,
+    explained,
+    false_alarms,
+)
+from emaphm.study.plan import PageRow, Plan
+
+HEADER = (
+    "single faults: mean / worst error, %",
+    "random faults: median / 95th percentile / worst, %",
+    "cases",
+    "coverage: mean",
+    "explained",
+    "small faults detected",
+    "false alarms",
+)
+
+
+def pmsm_page(plan: Plan, runs: pl.DataFrame) -> str:
+    """Return the page as Markdown; `runs` are the finished trials of `plan`.
+
+    Raises
+    ------
+    StudyError
+        The plan has no sections, or a row of the page has no finished trial.
+    """
+    if not plan.sections:
+        raise StudyError("page 'pmsm' needs [[sections]] in its plan; add them")
+    lines = [
+        "# A motor under field-oriented control\n",
+        *incomplete(runs.height, plan.total),
+        f"Made by `make study`, from the plan `{plan.name}`. {plan.description}\n",
+    ]
+    for section in plan.sections:
+        lines.append(f"## {section.title}\n\n{section.note}\n")
+        rows = [[row.text, *_cells(row, runs)] for row in section.rows]
+        lines.append(table([section.label, *HEADER], rows) + "\n")
+    return "\n".join(lines)
+
+
+def _cells(row: PageRow, runs: pl.DataFrame) -> list[str]:
+    """Return the cells of a row, in the order of `HEADER`; a dash where the plan has no such cases."""
+    mine = runs.filter(pl.col("rig") == row.rig, pl.col("method") == row.method)
+    single, random, small, healthy = (
+        mine.filter(pl.col("case_kind") == kind) for kind in ("named", "random", "small", "healthy")
+    )
+    if random.is_empty():
+        raise StudyError(f"no run of '{row.rig}' with random cases is finished; go on with the study")
+    found = errors(random)
+    return [
+        _where(single, lambda rows: f"{errors(rows).mean():.2g} / {errors(rows).max():.2g}"),
+        f"{np.median(found):.2g} / {np.percentile(found, 95):.2g} / {found.max():.2g}",
+        str(random.height),
+        f"{100 * coverage(random).mean():.0f} %",
+        f"{100 * explained(random):.0f} %",
+        _where(small, lambda rows: f"{100 * detection(rows):.0f} %"),
+        _where(healthy, lambda rows: f"{100 * false_alarms(rows):.1f} %"),
+    ]
+
+
+def _where(rows: pl.DataFrame, cell: Callable[[pl.DataFrame], str]) -> str:
+    return "–" if rows.is_empty() else cell(rows)
