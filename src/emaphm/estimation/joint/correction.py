@@ -10,10 +10,10 @@ from typing import Self
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.calibration.joint.objective import JointObjective
 from emaphm.estimation.bias_correction import BIAS_CORRECTION, BiasCorrectionSettings
 from emaphm.estimation.discrepancy import Discrepancy, discrepancies, has_reference, reference_problem
 from emaphm.estimation.finite_differences import replicated_jacobians
+from emaphm.estimation.joint.objective import JointObjective
 from emaphm.estimation.levenberg_marquardt import descend, movable
 from emaphm.estimation.multistart import LOCAL_SEARCH, MULTISTART
 from emaphm.estimation.objective import CORRELATED_ROWS

@@ -1,19 +1,16 @@
 """How well a joint fit knows the shared parameters, and what the recordings contradict each other in."""
 
-import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.calibration.conditions import common_factor
-from emaphm.calibration.joint.correction import JointEstimate
-from emaphm.calibration.joint.random_effects import MetaAnalysis, random_effects
-from emaphm.calibration.joint.search import DESCENT, SEARCH, settle
+from emaphm.estimation.joint.correction import JointEstimate
+from emaphm.estimation.joint.random_effects import MetaAnalysis, random_effects
+from emaphm.estimation.joint.search import DESCENT, SEARCH, settle
 from emaphm.estimation.levenberg_marquardt import least_squares
 from emaphm.estimation.objective import CORRELATED_ROWS
-from emaphm.estimation.parameter_variation import WIDEST_FACTOR
 from emaphm.estimation.uncertainty.covariance import ScoreStatistics, score_statistics
 from emaphm.estimation.uncertainty.fisher_information import information
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at, local_covariance
@@ -62,10 +59,13 @@ class AloneEstimates:
     meta: MetaAnalysis
 
 
-def joint_uncertainty(estimate: JointEstimate, seed: int, open_scales: Sequence[bool]) -> JointUncertainty:
+def joint_uncertainty(
+    estimate: JointEstimate, seed: int, unresolved: Callable[[int, Array], Array] | None = None
+) -> JointUncertainty:
     """Return how well an estimate is known, and what each recording alone would have.
 
-    `open_scales` is for each recording whether it alone identifies torques up to a common factor only.
+    `unresolved` returns, of the number of a recording and the shared coordinates (p,) that it alone asks for,
+    the covariance (p, p) of what it by principle has no information on.
     """
     joint = estimate.joint
     jacobians = joint.for_each(
@@ -94,7 +94,7 @@ def joint_uncertainty(estimate: JointEstimate, seed: int, open_scales: Sequence[
         # The iterations of a correction have taken such steps, and the mean of them.
         estimate.point if estimate.corrected else _stepped(estimate, step),
         total.covariance(joint.prior_deviations),
-        _alone(estimate, jacobians, open_scales, seed) if len(joint.terms) > 1 else None,
+        _alone(estimate, jacobians, unresolved, seed) if len(joint.terms) > 1 else None,
     )
 
 
@@ -108,7 +108,10 @@ def _stepped(estimate: JointEstimate, step: Array) -> Array:
 
 
 def _alone(
-    estimate: JointEstimate, jacobians: Sequence[Array], open_scales: Sequence[bool], seed: int
+    estimate: JointEstimate,
+    jacobians: Sequence[Array],
+    unresolved: Callable[[int, Array], Array] | None,
+    seed: int,
 ) -> AloneEstimates:
     """Return what each recording asks for by itself, under the discrepancy of the joint fit."""
     joint, shared = estimate.joint, estimate.joint.shared
@@ -116,11 +119,9 @@ def _alone(
     points = np.array([end[-shared:] for end, _, _ in by_term])
     covariances = np.array([covariance[-shared:, -shared:] for _, covariance, _ in by_term])
     ratios = np.array([ratio for _, _, ratio in by_term])
-    for r in np.flatnonzero(open_scales):
+    if unresolved is not None:
         # Errors of Jacobians look like information, even where there is none by principle.
-        names, actuator = joint.unit.parameters, joint.terms[r].objective.problem.actuator
-        scale = math.log(WIDEST_FACTOR) * common_factor(actuator, names, points[r])
-        covariances[r] += np.outer(scale, scale)
+        covariances += np.array([unresolved(r, point) for r, point in enumerate(points)])
     return AloneEstimates(points, covariances, ratios, random_effects(points, covariances, joint.unit.priors))
 
 

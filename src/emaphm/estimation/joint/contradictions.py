@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.arrays import Array
-from emaphm.calibration.joint.uncertainty import AloneEstimates
+from emaphm.estimation.joint.uncertainty import AloneEstimates
 from emaphm.quantiles import chi_squared_quantile, normal_quantile, student_t_quantile
 
 CHANCE = 1e-3
