@@ -133,6 +133,7 @@ class Diagnosis:
             "fitness": self.fitness,
             "fitness_name": self.fitness_name,
             "residual_rms_A": self.residual_rms_A,
+            "relative_residual": self.relative_residual,
             "explained": self.explained,
             "evaluations": self.evaluations,
             "reference_runs": self.reference_runs,
