@@ -20,6 +20,7 @@ ORDER = (
     ("estimation",),
     ("diagnosis",),
     ("calibration", "experiment"),
+    ("fleet",),
     ("study",),
     ("plotting",),
     ("report",),

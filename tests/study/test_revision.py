@@ -5,8 +5,9 @@ from pathlib import Path
 import pytest
 
 import emaphm
-from emaphm.study import revision as module
-from emaphm.study.revision import deciding_files, meaning, revision
+from emaphm.execution import revision as module
+from emaphm.execution.revision import deciding_files, meaning
+from emaphm.study.revision import DECIDING, NOT_DECIDING, revision
 
 ROOT = Path(emaphm.__file__).parent
 
@@ -68,7 +69,7 @@ def test_a_function_of_a_docstring_alone_is_read() -> None:
 
 
 def test_the_files_are_those_that_a_result_depends_on() -> None:
-    names = {path.relative_to(ROOT).as_posix() for path in deciding_files(ROOT)}
+    names = {path.relative_to(ROOT).as_posix() for path in deciding_files(ROOT, DECIDING, NOT_DECIDING)}
     assert names >= {
         "simulation/models/reference.py",
         "optimizers/dragonfly.py",
@@ -85,10 +86,10 @@ def test_the_files_are_those_that_a_result_depends_on() -> None:
 
 def test_libraries_count(monkeypatch: pytest.MonkeyPatch) -> None:
     here = revision()
-    revision.cache_clear()
+    module.revision_of.cache_clear()
     monkeypatch.setattr(module, "version", lambda name: "0.0" if name == "numpy" else "1.0")
     assert revision() != here
-    revision.cache_clear()
+    module.revision_of.cache_clear()
     monkeypatch.undo()
     assert revision() == here
     assert len(here) == 12

@@ -11,6 +11,7 @@ import pytest
 
 from emaphm.errors import EmaphmError, ExecutionError, OutputError, StudyError
 from emaphm.execution import ResultStore
+from emaphm.execution import folder as folder_module
 from emaphm.study import Plan, Store, run_study
 from emaphm.study import store as store_module
 from emaphm.study.revision import revision
@@ -158,7 +159,7 @@ def test_a_run_that_cannot_be_written_leaves_the_others(
     for index in (5, 6):
         forget(folder, index)
     with monkeypatch.context() as patch:
-        patch.setattr(store_module, "RESULTS", "absent/results.sqlite")
+        patch.setattr(folder_module, "RESULTS", "absent/results.sqlite")
         with pytest.raises(OutputError, match="cannot be written or read"):
             run_study(PLAN, folder, workers=1)
     assert Store.open(folder).results.height == 10

@@ -10,9 +10,9 @@ from emaphm.actuator.baseline import SIGNED
 from emaphm.actuator.lumped_parameters import LUMPED_PARAMETERS, lumped_parameters
 from emaphm.arrays import Array
 from emaphm.calibration.campaign import CampaignRow
-from emaphm.calibration.joint.objective import JointObjective, RecordingTerm
-from emaphm.calibration.joint.search import DESCENT
 from emaphm.errors import MethodError
+from emaphm.estimation.joint.objective import JointObjective, RecordingTerm
+from emaphm.estimation.joint.search import DESCENT
 from emaphm.estimation.nuisances import MAGNETS, MAGNETS_DEVIATION, PRIORS_PER_UNIT, WIDEST, NuisanceSet
 from emaphm.estimation.objective import healthy_objective
 from emaphm.estimation.parameter_variation import ParameterVariation, sizes

@@ -10,7 +10,6 @@ from emaphm.actuator.lumped_parameters import LUMPED_PARAMETERS, check_lumped_pa
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.conditions import SAME_PARAMETER
 from emaphm.calibration.findings import LARGEST_ERROR
-from emaphm.calibration.joint.correction import corrected_estimate
 from emaphm.calibration.law_selection import (
     LawTrial,
     check_held_out,
@@ -20,6 +19,7 @@ from emaphm.calibration.law_selection import (
 )
 from emaphm.calibration.unit_fit import FitSettings, fit_unit, fitted_parameters, searched
 from emaphm.errors import MethodError
+from emaphm.estimation.joint.correction import corrected_estimate
 from emaphm.progress import Progress, subprogress
 
 Laws: TypeAlias = str | Sequence[str] | None

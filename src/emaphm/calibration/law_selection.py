@@ -17,11 +17,11 @@ from emaphm.actuator.laws import LAWS, Law
 from emaphm.arrays import Array
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.conditions import joint_objective
-from emaphm.calibration.joint.correction import JointEstimate
-from emaphm.calibration.joint.objective import JointObjective, RecordingTerm
-from emaphm.calibration.joint.search import DESCENT, settle
 from emaphm.calibration.unit_fit import FitSettings
 from emaphm.errors import MethodError
+from emaphm.estimation.joint.correction import JointEstimate
+from emaphm.estimation.joint.objective import JointObjective, RecordingTerm
+from emaphm.estimation.joint.search import DESCENT, settle
 from emaphm.estimation.levenberg_marquardt import descend, least_squares
 from emaphm.estimation.objective import LEAST_RESIDUAL
 from emaphm.estimation.parameter_space import Box

@@ -10,8 +10,8 @@ from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.description import Description
 from emaphm.calibration.findings import LARGEST_ERROR, Parameter
-from emaphm.calibration.joint.correction import JointEstimate, corrected_estimate
 from emaphm.calibration.unit_fit import FitSettings, fitted_parameters, searched
+from emaphm.estimation.joint.correction import JointEstimate, corrected_estimate
 from emaphm.estimation.reference_scan import CURRENT_LAGS_S, scan
 
 NAME = "current_lag"

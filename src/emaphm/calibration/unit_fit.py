@@ -12,12 +12,12 @@ from emaphm.actuator import Actuator
 from emaphm.arrays import Array
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.conditions import common_factor, joint_objective, only_ratios
-from emaphm.calibration.joint.contradictions import Contradictions, contradictions
-from emaphm.calibration.joint.correction import JointEstimate, corrected_estimate
-from emaphm.calibration.joint.objective import JointObjective
-from emaphm.calibration.joint.search import search
-from emaphm.calibration.joint.uncertainty import JointUncertainty, joint_uncertainty
 from emaphm.calibration.motion.fit import measured_start
+from emaphm.estimation.joint.contradictions import Contradictions, contradictions
+from emaphm.estimation.joint.correction import JointEstimate, corrected_estimate
+from emaphm.estimation.joint.objective import JointObjective
+from emaphm.estimation.joint.search import search
+from emaphm.estimation.joint.uncertainty import JointUncertainty, joint_uncertainty
 from emaphm.estimation.parameter_variation import WIDEST_FACTOR, ParameterVariation
 from emaphm.progress import Progress, subprogress
 
@@ -146,9 +146,14 @@ def fit_unit(
         found.joint, found.point, settings.max_corrections, settings.seed, correcting
     )
     unit = found.joint.unit
-    uncertainty = joint_uncertainty(
-        estimate, settings.seed, [only_ratios([row], actuator, fitted) for row in rows]
-    )
+    open_scales = [only_ratios([row], actuator, fitted) for row in rows]
+
+    def unresolved(r: int, point: Array) -> Array:
+        described = estimate.joint.terms[r].objective.problem.actuator
+        scale = math.log(WIDEST_FACTOR) * common_factor(described, unit.parameters, point)
+        return open_scales[r] * np.outer(scale, scale)
+
+    uncertainty = joint_uncertainty(estimate, settings.seed, unresolved)
     alone = uncertainty.alone
     contradicted = None if alone is None else contradictions(alone, unit.priors)
     deviations, at_bound = uncertainty.point[: len(fitted)], _at_bound(uncertainty.point, unit)

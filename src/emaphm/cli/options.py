@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from emaphm.errors import FaultError, SignalError
+from emaphm.errors import ExecutionError, FaultError, SignalError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -40,6 +40,13 @@ FaultList = Annotated[
     Parameter(name="--fault", negative="", help="NAME=VALUE, from 0 to 1; may be repeated."),
 ]
 RecordingFile = Annotated[Path, Parameter(help="Recording: .csv, .parquet or .mat.")]
+RecordingsAt = Annotated[Path, Parameter(help="Recordings: .csv, .parquet or .mat; or a folder of them.")]
+Workers = Annotated[
+    int | None, Parameter(converter=whole_number, help="Processes side by side; one a core if left out.")
+]
+Scheduler = Annotated[
+    str | None, Parameter(help="Address of a Dask scheduler to run on, e.g. tcp://10.0.0.1:8786.")
+]
 FigureFile = Annotated[Path | None, Parameter(help="Draw measured against model: .png, .svg or .pdf.")]
 
 CommandName = Annotated[
@@ -59,6 +66,16 @@ def check_seed(seed: int) -> None:
     """Refuse a seed that no generator takes."""
     if seed < 0:
         raise SignalError(f"--seed {seed} is negative; give 0 or more")
+
+
+def check_workers(workers: int | None, scheduler: str | None) -> None:
+    """Refuse numbers of workers that cannot be, and workers beside a scheduler's."""
+    if workers is not None and workers < 1:
+        raise ExecutionError(f"--workers {workers}: give 1 or more")
+    if workers is not None and scheduler is not None:
+        raise ExecutionError(
+            "--workers and --scheduler exclude each other: the scheduler has workers of its own"
+        )
 
 
 def check_output(path: Path | None, endings: tuple[str, ...], *, force: bool) -> None:

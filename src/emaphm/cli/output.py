@@ -8,12 +8,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Mapping
 
 
 def show(values: dict[str, Any], text: str, as_json: bool) -> None:
     """Print the answer, as JSON or as text."""
-    print(json.dumps(_finite(values), allow_nan=False) if as_json else text)
+    print(_json(values) if as_json else text)
+
+
+def show_line(values: "Mapping[str, Any]") -> None:
+    """Print one object of many as a line of JSON, at once: whoever reads the pipe need not wait for all."""
+    print(_json(values), flush=True)
+
+
+def _json(values: "Mapping[str, Any]") -> str:
+    return json.dumps(_finite(values), allow_nan=False)
 
 
 def _finite(value: Any) -> Any:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, Parameter
 
-from emaphm.cli.options import AsJson, whole_number
+from emaphm.cli.options import AsJson, Scheduler, Workers, check_workers
 from emaphm.cli.output import counter, show
 
 if TYPE_CHECKING:
@@ -21,12 +21,8 @@ def run(
     out: Annotated[
         Path, Parameter(name=("--out", "-o"), help="Folder for the results, new or of this plan.")
     ],
-    workers: Annotated[
-        int | None, Parameter(converter=whole_number, help="Runs side by side; one a core if left out.")
-    ] = None,
-    scheduler: Annotated[
-        str | None, Parameter(help="Address of a Dask scheduler to run on, e.g. tcp://10.0.0.1:8786.")
-    ] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
     share: Annotated[
         float, Parameter(help="Share of the runs to do now, the first of each kind: e.g. 0.1 for a trial.")
     ] = 1.0,
@@ -36,13 +32,9 @@ def run(
     as_json: AsJson = False,
 ) -> None:
     """Do what is missing of a plan; start it again, and it goes on where it stopped."""
-    from emaphm.errors import StudyError
     from emaphm.study import Plan, run_study
 
-    if workers is not None and workers < 1:
-        raise StudyError(f"--workers {workers}: give 1 or more")
-    if workers is not None and scheduler is not None:
-        raise StudyError("--workers and --scheduler exclude each other: the scheduler has workers of its own")
+    check_workers(workers, scheduler)
     loaded = Plan.load(plan)
     with counter(f"study {loaded.name}", as_json) as count:
         try:

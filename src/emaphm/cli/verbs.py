@@ -18,8 +18,11 @@ from emaphm.cli.options import (
     Force,
     Frequency,
     RecordingFile,
+    RecordingsAt,
     SampleRate,
+    Scheduler,
     Seed,
+    Workers,
     check_output,
     check_seed,
     command_named,
@@ -31,7 +34,7 @@ from emaphm.cli.options import (
     whole_number,
 )
 from emaphm.cli.output import draw, progress, show
-from emaphm.errors import SignalError
+from emaphm.errors import MethodError, SignalError
 
 
 def demo(
@@ -115,8 +118,8 @@ def simulate(
 
 
 def diagnose(
-    recording: RecordingFile,
-    *,
+    recording: RecordingsAt,
+    *further: RecordingsAt,
     actuator: ActuatorFile = "thesis",
     method: Annotated[
         str,
@@ -145,15 +148,54 @@ def diagnose(
         bool,
         Parameter(negative="", help="Sample the posterior too, some seconds: for estimates at a bound."),
     ] = False,
-    report: Annotated[Path | None, Parameter(help="Write a report: .html.")] = None,
+    report: Annotated[Path | None, Parameter(help="Write a report of one recording: .html.")] = None,
+    joint: Annotated[
+        bool,
+        Parameter(negative="", help="One estimate of the faults of one unit, from all its recordings."),
+    ] = False,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    out: Annotated[
+        Path | None,
+        Parameter(
+            name=("--out", "-o"),
+            help="Folder that keeps the results of several recordings as they finish; the same command goes "
+            "on where it stopped.",
+        ),
+    ] = None,
     seed: Seed = 0,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Say which faults explain a recording, and how sure that is."""
+    """Say which faults explain a recording, and how sure that is; of several, each in a row of a table.
+
+    With --json, several recordings are one line of JSON each, in the order given.
+    """
     check_seed(seed)
     check_output(report, (".html",), force=force)
     described = described_actuator(actuator)
+    several = joint or further or workers or scheduler or out or recording.is_dir()
+    if several:
+        from emaphm.cli import batch
+
+        if report:
+            raise MethodError("--report is of one recording; diagnose that one alone, without --joint")
+        settings = batch.settings(
+            method=method,
+            model=model,
+            fitness=fitness,
+            correction=correction,
+            nuisance=nuisance,
+            posterior=posterior,
+            seed=seed,
+        )
+        paths = (recording, *further)
+        if joint:
+            batch.check_alone(workers, scheduler, out)
+            batch.diagnose_joint(paths, described, settings, as_json)
+        else:
+            batch.diagnose_each(paths, described, settings, workers, scheduler, out, as_json)
+        return
     recorded = recording_of(recording, described)
     # Not before: what cannot be read is refused without waiting for a compiler to be loaded.
     from emaphm.diagnosis import diagnose as identify

@@ -117,9 +117,7 @@ def diagnose(
             result, laws = select_laws(searched, chosen, max_corrections, seed)
             result, selected = select_nuisances(result, max_corrections, seed)
     result = with_discrepancy(result, seed)
-    diagnosis = replace(
-        _conclude(result, recording, chosen.name, fitness, seed), selected=selected, laws=laws
-    )
+    diagnosis = replace(conclude(result, recording, chosen.name, fitness, seed), selected=selected, laws=laws)
     if posterior:
         from emaphm.estimation.posterior.mcmc import sample
 
@@ -180,7 +178,7 @@ def _check_current(problem: Problem, recording: Recording) -> None:
     )
 
 
-def _conclude(
+def conclude(
     result: SearchResult,
     recording: Recording,
     method: str,

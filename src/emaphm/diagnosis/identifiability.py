@@ -43,14 +43,14 @@ def identifiability(result: SearchResult, seed: int) -> Identifiability:
     residual, bias = result.fitted_residual[:rows], result.remaining_bias[:rows]
     local = local_covariance(objective, result.point, residual, jacobians, bias)
     covariance = local.covariance + result.scatter
-    sets = _collinear_sets(result, covariance, seed)
+    sets = collinear_sets(result, covariance, seed)
     if not result.converged:
         remaining = space.project(result.point + local.step) - result.point
         covariance = covariance + np.outer(remaining, remaining)
     return Identifiability(covariance, sets)
 
 
-def _collinear_sets(result: SearchResult, covariance: Array, seed: int) -> tuple[CollinearSet, ...]:
+def collinear_sets(result: SearchResult, covariance: Array, seed: int) -> tuple[CollinearSet, ...]:
     """Return the sets of which only a combination is identifiable.
 
     Sets of nuisances alone are left out, and components that are known well enough all the same.

@@ -1,7 +1,8 @@
 """The estimate of a parameter that is no fault."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -22,3 +23,7 @@ class NuisanceEstimate:
         # Both to the second digit of the error.
         digits = max(0, 1 - math.floor(math.log10(max(self.standard_error, 1e-12))))
         return f"{self.value:+.{digits}f} ± {self.standard_error:.{digits}f}{unit}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the estimate, ready for `json.dumps`."""
+        return asdict(self)

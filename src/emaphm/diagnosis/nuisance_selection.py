@@ -104,11 +104,11 @@ def _candidates(
     others = objective.space.nuisances.others(problem.actuator, tuple(problem.measured))
     if not others:
         return result, []
-    wide, start = _with_nuisances(result, names, others)
+    wide, start = with_nuisances(result, names, others)
     jacobians = jacobians_at(wide, start, stream(seed, "Jacobians of the score test", *names))
     candidates = []
     for name in others:
-        extended, point = _with_nuisances(result, names, (name,))
+        extended, point = with_nuisances(result, names, (name,))
         # Jacobians were taken for all at once; each is judged as if it alone were estimated too.
         kept = [i for i, other in enumerate(wide.space.coordinates) if other in extended.space.coordinates]
         residual = result.residual[: objective.channel_rows]
@@ -158,7 +158,7 @@ def _score(result: SearchResult, name: str, seed: int) -> float:
     return float(abs(result.point[i]) / (local.covariance + result.scatter)[i, i] ** 0.5)
 
 
-def _with_nuisances(
+def with_nuisances(
     result: SearchResult, names: tuple[str, ...], more: tuple[str, ...]
 ) -> tuple[MapObjective, Array]:
     """Return the objective with `more` nuisances, and the point (d,) of `result` in its space.

@@ -111,15 +111,7 @@ class Diagnosis:
         return {
             "faults": {name: _fault_dict(estimate) for name, estimate in self.components.items()},
             "k": self.faults.vector.tolist(),
-            "nuisances": {
-                name: {
-                    "value": estimate.value,
-                    "standard_error": estimate.standard_error,
-                    "unit": estimate.unit,
-                    "known": estimate.known,
-                }
-                for name, estimate in self.nuisances.items()
-            },
+            "nuisances": {name: estimate.to_dict() for name, estimate in self.nuisances.items()},
             "suspected": list(self.selected),
             "laws": list(self.laws),
             "moves": self.moves,
@@ -133,6 +125,7 @@ class Diagnosis:
             "fitness": self.fitness,
             "fitness_name": self.fitness_name,
             "residual_rms_A": self.residual_rms_A,
+            "relative_residual": self.relative_residual,
             "explained": self.explained,
             "evaluations": self.evaluations,
             "reference_runs": self.reference_runs,

@@ -1,7 +1,16 @@
 """Many independent tasks: on processes or a Dask cluster, kept as they finish, resumed. Knows no actuator."""
 
-from emaphm.execution.run import OnTask, check_workers, outcomes, run_tasks
+from emaphm.execution.run import OnTask, check_workers, outcomes, run_missing, run_tasks
 from emaphm.execution.store import ResultStore
 from emaphm.execution.tasks import Outcome, Task
 
-__all__ = ["OnTask", "Outcome", "ResultStore", "Task", "check_workers", "outcomes", "run_tasks"]
+__all__ = [
+    "OnTask",
+    "Outcome",
+    "ResultStore",
+    "Task",
+    "check_workers",
+    "outcomes",
+    "run_missing",
+    "run_tasks",
+]

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
+from typing import Any
 from uuid import uuid4
 
 from emaphm.execution.store import ResultStore
@@ -49,6 +50,32 @@ def check_workers(scheduler: str | None) -> None:
         check_scheduler(scheduler)
 
 
+def run_missing(
+    tasks: Sequence[Task],
+    store: ResultStore,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    keeps: Callable[[Any], bool] = lambda _: True,
+) -> Generator[Outcome]:
+    """Do `tasks`, keep the results that `keeps` accepts, and yield each outcome as it finishes.
+
+    Arguments and errors as in `run_tasks`.
+    """
+    if not tasks:
+        return
+    by_index = {task.index: task for task in tasks}
+    session, began = uuid4().hex, time.perf_counter()
+    with (
+        store.writing() as writer,
+        closing(outcomes(tasks, workers=workers, scheduler=scheduler)) as finished,
+    ):
+        for outcome in finished:
+            if not outcome.failure and keeps(outcome.result):
+                writer.keep(by_index[outcome.index], outcome, session, time.perf_counter() - began)
+            yield outcome
+
+
 def run_tasks(
     tasks: Sequence[Task],
     store: ResultStore,
@@ -73,23 +100,16 @@ def run_tasks(
     ExecutionError, OutputError
         The workers or the file cannot be used; what finished is kept.
     """
-    done = set(store.read(tasks)[0])
+    done = store.finished(tasks)
     missing = [task for task in tasks if task.index not in done]
     if on_task:
         on_task(len(done), len(tasks))
-    if not missing:
-        return ()
-    by_index = {task.index: task for task in missing}
-    failures, session, began = [], uuid4().hex, time.perf_counter()
-    with (
-        store.writing() as writer,
-        closing(outcomes(missing, workers=workers, scheduler=scheduler)) as finished,
-    ):
+    failures = []
+    with closing(run_missing(missing, store, workers=workers, scheduler=scheduler)) as finished:
         for outcome in finished:
             if outcome.failure:
                 failures.append(outcome.failure)
                 continue
-            writer.keep(by_index[outcome.index], outcome, session, time.perf_counter() - began)
             done.add(outcome.index)
             if on_task:
                 on_task(len(done), len(tasks))

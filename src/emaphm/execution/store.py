@@ -71,20 +71,41 @@ class ResultStore:
         ExecutionError
             The file is damaged as a whole, or is something else.
         """
-        if not self.path.exists():
-            return {}, ()
-        by_key = {task.key: task.index for task in tasks}
         outcomes, damaged = {}, []
+        for index, outcome in self._outcomes(tasks):
+            if outcome is None:
+                damaged.append(index)
+            else:
+                outcomes[index] = outcome
+        return outcomes, tuple(sorted(damaged))
+
+    def finished(self, tasks: Sequence[Task]) -> set[int]:
+        """Return the indices of those of `tasks` whose result is kept whole; errors as in `read`."""
+        return {index for index, outcome in self._outcomes(tasks) if outcome is not None}
+
+    def outcome(self, task: Task) -> Outcome:
+        """Return the outcome of a `task` that `finished` has named; errors as in `read`."""
+        for _, outcome in self._outcomes([task], " WHERE key = ?", (task.key,)):
+            if outcome is not None:
+                return outcome
+        raise ExecutionError(f"{self.path}: the result of {task.name or task.key} is gone; start again")
+
+    def _outcomes(
+        self, tasks: Sequence[Task], where: str = "", values: tuple[str, ...] = ()
+    ) -> Iterator[tuple[int, Outcome | None]]:
+        """Yield index and outcome of the kept tasks, one at a time; None where the row is damaged."""
+        if not self.path.exists():
+            return
+        by_key = {task.key: task.index for task in tasks}
         with self._errors(), closing(self._connect("rw")) as connection:
-            _check(connection)
-            for key, text, wall, cpu, digest in _rows(connection):
+            if not where:
+                _check(connection)
+            for key, text, wall, cpu, digest in _rows(connection, where, values):
                 if key not in by_key:
                     continue
-                if digest == _digest(key, text, wall, cpu):
-                    outcomes[by_key[key]] = Outcome(by_key[key], json.loads(text), "", wall, cpu)
-                else:
-                    damaged.append(by_key[key])
-        return outcomes, tuple(sorted(damaged))
+                whole = digest == _digest(key, text, wall, cpu)
+                index = by_key[key]
+                yield index, Outcome(index, json.loads(text), "", wall, cpu) if whole else None
 
     def elapsed_seconds(self) -> float:
         """Return the time [s] in which results were being made: pauses between sessions do not count."""
@@ -147,9 +168,10 @@ def _check(connection: sqlite3.Connection) -> None:
         raise sqlite3.DatabaseError(" ".join(answer.split()))
 
 
-def _rows(connection: sqlite3.Connection) -> Iterator[tuple[Any, ...]]:
+def _rows(connection: sqlite3.Connection, where: str, values: tuple[str, ...]) -> Iterator[tuple[Any, ...]]:
+    columns = "key, result, wall_seconds, cpu_seconds, digest"
     try:
-        yield from connection.execute("SELECT key, result, wall_seconds, cpu_seconds, digest FROM results")
+        yield from connection.execute(f"SELECT {columns} FROM results{where}", values)  # noqa: S608 - ours
     except sqlite3.OperationalError as error:
         # A process that was killed before it had made the tables.
         if "no such table" not in str(error):

@@ -4,10 +4,8 @@ A study that was stopped at any moment goes on where it stood. What identifies a
 and its results are found under a digest of all that decides them: no other's can take their place.
 """
 
-import fcntl
 import hashlib
 import json
-import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -18,9 +16,9 @@ import polars as pl
 
 from emaphm.diagnosis.error_metric import error_percent
 from emaphm.errors import StudyError
+from emaphm.execution.folder import WorkFolder, difference
 from emaphm.execution.store import ResultStore
 from emaphm.execution.tasks import Outcome, Task
-from emaphm.output_files import written_whole
 from emaphm.study.plan import Plan
 from emaphm.study.revision import revision
 from emaphm.study.task import perform
@@ -79,15 +77,6 @@ SCHEMA: Schema = {
 whole trial, its recording included."""
 
 PLAN = "plan.json"
-RESULTS = "results.sqlite"
-LOCK = ".lock"
-
-TEMPORARY = re.compile(r"\.[0-9a-f]{32}\.tmp")
-"""Files that `written_whole` leaves in a folder when it is killed."""
-
-NOTHING = "nothing"
-MOST_NAMED = 3
-"""Differences between two plans that are named one by one."""
 
 
 @dataclass(frozen=True)
@@ -119,12 +108,12 @@ class Store:
         """
         folder = Path(folder)
         if not (folder / PLAN).exists():
-            _begin(folder, plan)
+            _folder(folder).begin(plan.model_dump_json(indent=1))
         store = cls.open(folder)
-        difference = _difference(store.plan, plan)
-        if difference:
+        differing = difference(*(one.model_dump(mode="json") for one in (store.plan, plan)))
+        if differing:
             raise StudyError(
-                f"{folder} holds results of another plan: {difference}; give another folder with -o"
+                f"{folder} holds results of another plan: {differing}; give another folder with -o"
             )
         store.check_revision(mix=mix)
         return store
@@ -144,7 +133,7 @@ class Store:
             reason = str(error).splitlines()[0]
             raise StudyError(f"{folder / PLAN}: cannot be read as a plan ({reason})") from None
         trials = trials_of(plan)
-        kept = ResultStore(folder / RESULTS)
+        kept = ResultStore(_folder(folder).results)
         outcomes, damaged = kept.read(tasks(plan, trials))
         rows = [_row(trial, outcomes[trial.index]) for trial in trials if trial.index in outcomes]
         return cls(
@@ -158,7 +147,7 @@ class Store:
     @property
     def kept(self) -> ResultStore:
         """The file of results."""
-        return ResultStore(self.folder / RESULTS)
+        return ResultStore(_folder(self.folder).results)
 
     def check_revision(self, *, mix: bool) -> None:
         """Refuse results of another version of the models, unless `mix` allows them."""
@@ -172,17 +161,12 @@ class Store:
     @contextmanager
     def locked(self) -> Iterator[None]:
         """Keep every other study out of the folder while the body runs, however the process ends."""
-        with _locked(self.folder):
+        with _folder(self.folder).locked():
             yield
 
     def clear(self) -> None:
         """Remove what a killed study left half-written."""
-        try:
-            for path in self.folder.iterdir():
-                if TEMPORARY.fullmatch(path.name):
-                    path.unlink()
-        except OSError as error:
-            raise _not_writable(self.folder, error) from None
+        _folder(self.folder).clear()
 
 
 def tasks(plan: Plan, trials: tuple[Trial, ...]) -> list[Task]:
@@ -240,56 +224,5 @@ def _row(trial: Trial, outcome: Outcome) -> dict[str, Any]:
     }
 
 
-def _begin(folder: Path, plan: Plan) -> None:
-    if folder.exists() and not folder.is_dir():
-        raise StudyError(f"{folder} is not a folder; give another name")
-    if folder.is_dir() and any(not path.name.startswith(".") for path in folder.iterdir()):
-        raise StudyError(f"{folder} holds something else than a study; give a new or empty folder")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StudyError(f"{folder} cannot be created ({error.strerror}); give another place") from None
-    with _locked(folder):
-        if not (folder / PLAN).exists():  # else another study has begun meanwhile
-            with written_whole(folder / PLAN) as temporary:
-                temporary.write_text(plan.model_dump_json(indent=1), encoding="utf-8")
-
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    try:
-        lock = (folder / LOCK).open("w")
-    except OSError as error:
-        raise _not_writable(folder, error) from None
-    with lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise StudyError(f"another study is running in {folder}; wait, or give another folder") from None
-        except OSError as error:
-            raise _not_writable(folder, error) from None
-        yield
-
-
-def _not_writable(folder: Path, error: OSError) -> StudyError:
-    return StudyError(f"{folder} cannot be written to ({error.strerror}); give another folder with -o")
-
-
-def _difference(there: Plan, here: Plan) -> str:
-    """Return which keys differ between two plans, and how; empty if none does."""
-    one, other = (dict(_leaves(plan.model_dump(mode="json"))) for plan in (there, here))
-    keys = [key for key in {**one, **other} if one.get(key, NOTHING) != other.get(key, NOTHING)]
-    named = [f"'{key}' ({one.get(key, NOTHING)} there, {other.get(key, NOTHING)} here)" for key in keys]
-    more = f" and {len(keys) - MOST_NAMED} more" if len(keys) > MOST_NAMED else ""
-    return ", ".join(named[:MOST_NAMED]) + more
-
-
-def _leaves(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
-    """Yield the values in nested tables and lists as text, by their dotted keys."""
-    if isinstance(value, list):
-        value = {str(place): item for place, item in enumerate(value)}
-    if not isinstance(value, dict) or not value:
-        yield key, repr(value)
-        return
-    for name, item in value.items():
-        yield from _leaves(item, f"{key}.{name}" if key else name)
+def _folder(folder: Path) -> WorkFolder:
+    return WorkFolder(folder, PLAN, "study", StudyError)

@@ -17,14 +17,14 @@ from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.conditions import SAME_PARAMETER, common_factor
 from emaphm.calibration.description import AUTO, MECHANICS, Description, Laws, laws_named
 from emaphm.calibration.findings import LARGEST_ERROR, Parameter, RecordingResult
-from emaphm.calibration.joint.contradictions import Contradictions, contradictions
-from emaphm.calibration.joint.random_effects import random_effects
-from emaphm.calibration.joint.uncertainty import AloneEstimates
 from emaphm.calibration.law_selection import parameters_of
 from emaphm.calibration.motion.fit import MotionFit, check_measurable, coordinates
 from emaphm.calibration.separation import MATTERS, CollinearParameters
 from emaphm.errors import ActuatorError, MethodError
 from emaphm.estimation.inverse_dynamics.result import ForceReplay
+from emaphm.estimation.joint.contradictions import Contradictions, contradictions
+from emaphm.estimation.joint.random_effects import random_effects
+from emaphm.estimation.joint.uncertainty import AloneEstimates
 from emaphm.estimation.parameter_variation import WIDEST_FACTOR, sizes
 from emaphm.estimation.replay import replay
 

@@ -10,14 +10,15 @@ from typing import Self
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.calibration.joint.objective import JointObjective
 from emaphm.estimation.bias_correction import BIAS_CORRECTION, BiasCorrectionSettings
 from emaphm.estimation.discrepancy import Discrepancy, discrepancies, has_reference, reference_problem
 from emaphm.estimation.finite_differences import replicated_jacobians
+from emaphm.estimation.joint.objective import JointObjective
 from emaphm.estimation.levenberg_marquardt import descend, movable
 from emaphm.estimation.multistart import LOCAL_SEARCH, MULTISTART
 from emaphm.estimation.objective import CORRELATED_ROWS
 from emaphm.estimation.parameter_space import PRIOR_DEVIATION
+from emaphm.estimation.search_result import default_scatter
 from emaphm.estimation.uncertainty.fisher_information import information
 from emaphm.progress import Progress
 from emaphm.random_streams import stream
@@ -28,13 +29,14 @@ class JointEstimate:
     """A `point` (d,) of a joint fit, and the discrepancy of each recording there.
 
     `residuals` are measured less model, (rows,) of each recording, as its objective weights them; those with
-    the discrepancy have no bias.
+    the discrepancy have no bias. `scatter` is the covariance (d, d) of the optimiser's end points.
     """
 
     joint: JointObjective
     point: Array
     residuals: tuple[Array, ...]
     discrepancies: tuple[Discrepancy, ...]
+    scatter: Array
 
     @property
     def corrected_residuals(self) -> list[Array]:
@@ -110,7 +112,8 @@ def corrected_estimate(
 
 def _uncorrected(joint: JointObjective, point: Array) -> JointEstimate:
     residuals = joint.residuals(point)
-    return JointEstimate(joint, point, tuple(residuals), tuple(_none(one) for one in residuals))
+    none = tuple(_none(one) for one in residuals)
+    return JointEstimate(joint, point, tuple(residuals), none, default_scatter(point.size))
 
 
 def _none(rows: Array) -> Discrepancy:
@@ -139,6 +142,7 @@ def _compared(joint: JointObjective, points: Array, seed: int, *name: str | int)
                 for term, (outputs, _) in zip(joint.terms, by_term, strict=True)
             ),
             tuple(known[i] for _, known in by_term),
+            default_scatter(point.size),
         )
         for i, point in enumerate(points)
     ]
@@ -196,8 +200,8 @@ def _mean(current: JointEstimate, equal: list[JointEstimate]) -> JointEstimate:
     """Return the mean of the estimates that the reference model finds no difference between."""
     if len(equal) < 2:
         return current
-    joint = current.joint
-    point = np.mean([one.point for one in equal], axis=0)
+    joint, points = current.joint, np.array([one.point for one in equal])
+    point, scatter = points.mean(axis=0), np.atleast_2d(np.cov(points, rowvar=False)) / len(equal)
     known = []
     for r, (term, latest) in enumerate(zip(joint.terms, current.discrepancies, strict=True)):
         means = [
@@ -205,4 +209,4 @@ def _mean(current: JointEstimate, equal: list[JointEstimate]) -> JointEstimate:
         ]
         known.append(replace(latest, mean=np.mean(means, axis=0)))
     plain = joint.corrected([np.zeros_like(one.mean) for one in known])
-    return JointEstimate(joint, point, tuple(plain.residuals(point)), tuple(known))
+    return JointEstimate(joint, point, tuple(plain.residuals(point)), tuple(known), scatter)

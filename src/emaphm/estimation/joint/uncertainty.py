@@ -1,19 +1,16 @@
 """How well a joint fit knows the shared parameters, and what the recordings contradict each other in."""
 
-import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.calibration.conditions import common_factor
-from emaphm.calibration.joint.correction import JointEstimate
-from emaphm.calibration.joint.random_effects import MetaAnalysis, random_effects
-from emaphm.calibration.joint.search import DESCENT, SEARCH, settle
+from emaphm.estimation.joint.correction import JointEstimate
+from emaphm.estimation.joint.random_effects import MetaAnalysis, random_effects
+from emaphm.estimation.joint.search import DESCENT, SEARCH, settle
 from emaphm.estimation.levenberg_marquardt import least_squares
 from emaphm.estimation.objective import CORRELATED_ROWS
-from emaphm.estimation.parameter_variation import WIDEST_FACTOR
 from emaphm.estimation.uncertainty.covariance import ScoreStatistics, score_statistics
 from emaphm.estimation.uncertainty.fisher_information import information
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at, local_covariance
@@ -26,6 +23,20 @@ hardly determines, and end anywhere there."""
 
 STEP_SHARES = np.array([1.0, 0.5, 0.25, 0.1, 0.0])
 """Shares of a Gauss-Newton step that are tried: where data have little information, it may lead astray."""
+
+
+@dataclass(frozen=True, eq=False)
+class AloneEstimates:
+    """The shared coordinates that each recording alone asks for.
+
+    `points` (n, p) with `covariances` (n, p, p); `residual_ratios` (n,) are the rms residual of each
+    recording in the joint fit over that alone; `meta` is the meta-analysis of them.
+    """
+
+    points: Array
+    covariances: Array
+    residual_ratios: Array
+    meta: MetaAnalysis
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,27 +56,20 @@ class JointUncertainty:
 
     point: Array
     covariance: Array
-    alone: "AloneEstimates | None"
+    alone: AloneEstimates | None
 
 
-@dataclass(frozen=True, eq=False)
-class AloneEstimates:
-    """The shared coordinates that each recording alone asks for.
-
-    `points` (n, p) with `covariances` (n, p, p); `residual_ratios` (n,) are the rms residual of each
-    recording in the joint fit over that alone; `meta` is the meta-analysis of them.
-    """
-
-    points: Array
-    covariances: Array
-    residual_ratios: Array
-    meta: MetaAnalysis
-
-
-def joint_uncertainty(estimate: JointEstimate, seed: int, open_scales: Sequence[bool]) -> JointUncertainty:
+def joint_uncertainty(
+    estimate: JointEstimate,
+    seed: int,
+    unresolved: Callable[[int, Array], Array] | None = None,
+    alone: AloneEstimates | None = None,
+) -> JointUncertainty:
     """Return how well an estimate is known, and what each recording alone would have.
 
-    `open_scales` is for each recording whether it alone identifies torques up to a common factor only.
+    `unresolved` returns, of the number of a recording and the shared coordinates (p,) that it alone asks for,
+    the covariance (p, p) of what it by principle has no information on. `alone` is known where each recording
+    has been searched by itself.
     """
     joint = estimate.joint
     jacobians = joint.for_each(
@@ -88,13 +92,15 @@ def joint_uncertainty(estimate: JointEstimate, seed: int, open_scales: Sequence[
     # Descents stop short of the prior where recordings have little information; a step by all Jacobians
     # does not.
     prior = CORRELATED_ROWS / joint.prior_deviations**2
-    gradient = joint.summed_vectors(gradients) - prior * estimate.point
+    pull = prior * estimate.point
+    pull[: joint.faults] = 0.0
+    gradient = joint.summed_vectors(gradients) - pull
     step = np.asarray(np.linalg.solve(joint.summed_matrices(normals) + np.diag(prior), gradient), float)
     return JointUncertainty(
         # The iterations of a correction have taken such steps, and the mean of them.
         estimate.point if estimate.corrected else _stepped(estimate, step),
         total.covariance(joint.prior_deviations),
-        _alone(estimate, jacobians, open_scales, seed) if len(joint.terms) > 1 else None,
+        alone or (_alone(estimate, jacobians, unresolved, seed) if len(joint.terms) > 1 else None),
     )
 
 
@@ -108,20 +114,29 @@ def _stepped(estimate: JointEstimate, step: Array) -> Array:
 
 
 def _alone(
-    estimate: JointEstimate, jacobians: Sequence[Array], open_scales: Sequence[bool], seed: int
+    estimate: JointEstimate,
+    jacobians: Sequence[Array],
+    unresolved: Callable[[int, Array], Array] | None,
+    seed: int,
 ) -> AloneEstimates:
     """Return what each recording asks for by itself, under the discrepancy of the joint fit."""
-    joint, shared = estimate.joint, estimate.joint.shared
+    joint = estimate.joint
     by_term = joint.for_each(lambda r: _alone_of(estimate, r, jacobians[r], seed))
-    points = np.array([end[-shared:] for end, _, _ in by_term])
-    covariances = np.array([covariance[-shared:, -shared:] for _, covariance, _ in by_term])
+    places = [term.shared_places for term in joint.terms]
+    points = np.array([end[at] for (end, _, _), at in zip(by_term, places, strict=True)])
+    covariances = np.array(
+        [covariance[np.ix_(at, at)] for (_, covariance, _), at in zip(by_term, places, strict=True)]
+    )
     ratios = np.array([ratio for _, _, ratio in by_term])
-    for r in np.flatnonzero(open_scales):
+    if unresolved is not None:
         # Errors of Jacobians look like information, even where there is none by principle.
-        names, actuator = joint.unit.parameters, joint.terms[r].objective.problem.actuator
-        scale = math.log(WIDEST_FACTOR) * common_factor(actuator, names, points[r])
-        covariances[r] += np.outer(scale, scale)
-    return AloneEstimates(points, covariances, ratios, random_effects(points, covariances, joint.unit.priors))
+        covariances += np.array([unresolved(r, point) for r, point in enumerate(points)])
+    return AloneEstimates(
+        points,
+        covariances,
+        ratios,
+        random_effects(points, covariances, joint.prior_deviations[: joint.shared]),
+    )
 
 
 def _alone_of(estimate: JointEstimate, r: int, jacobians: Array, seed: int) -> tuple[Array, Array, float]:

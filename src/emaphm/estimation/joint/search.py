@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.calibration.joint.objective import JointObjective
+from emaphm.estimation.joint.objective import JointObjective
 from emaphm.estimation.levenberg_marquardt import LeastSquaresSettings, descend
 from emaphm.estimation.parameter_variation import start_widths
 from emaphm.optimizers import space_filling

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.arrays import Array
-from emaphm.calibration.joint.uncertainty import AloneEstimates
+from emaphm.estimation.joint.random_effects import random_effects
+from emaphm.estimation.joint.uncertainty import AloneEstimates
 from emaphm.quantiles import chi_squared_quantile, normal_quantile, student_t_quantile
 
 CHANCE = 1e-3
@@ -54,3 +55,36 @@ def contradictions(alone: AloneEstimates, prior_deviations: Array) -> Contradict
             covariance[j, j] = max(covariance[j, j], least)
             contradicted[j] = covariance[j, j] > MATERIAL**2
     return Contradictions(contradicted, informed, covariance)
+
+
+def dissenting(alone: AloneEstimates, prior_deviations: Array) -> NDArray[np.bool_]:
+    """Return which of the n recordings contradict the others, (n,).
+
+    Each is left out of the others in turn; the one that is farthest from them is named and removed, until the
+    rest agree. Of two that are left, neither can be told from the other: both are named.
+    """
+    found = np.zeros(len(alone.points), bool)
+    while True:
+        left = np.flatnonzero(~found)
+        excess = np.array([_excess(alone, int(r), left[left != r], prior_deviations) for r in left])
+        if left.size < 2 or excess.max() <= 1:
+            return found
+        found[left if left.size == 2 else left[np.argmax(excess)]] = True
+
+
+def _excess(alone: AloneEstimates, r: int, others: NDArray[np.intp], prior_deviations: Array) -> float:
+    """Return how far recording `r` is from the meta-analysis of the `others`, 1 where chance ends.
+
+    Its own estimate less theirs, over the covariances of both, is chi-squared with p degrees of freedom where
+    errors alone are at work; by Bonferroni's correction, `CHANCE` holds for all recordings together. A
+    difference below `MATERIAL` in all that it has information on counts as none.
+    """
+    if not others.size:
+        return 0.0
+    meta = random_effects(alone.points[others], alone.covariances[others], prior_deviations)
+    away, covariance = alone.points[r] - meta.mean, alone.covariances[r] + meta.covariance
+    informed = np.diag(covariance) < (INFORMED * prior_deviations) ** 2
+    if not np.any(np.abs(away[informed]) > MATERIAL):
+        return 0.0
+    limit = chi_squared_quantile(away.size, 1 - CHANCE / (others.size + 1))
+    return float(away @ np.linalg.solve(covariance, away)) / limit

@@ -19,7 +19,7 @@ from emaphm.arrays import Array
 from emaphm.estimation.finite_differences import one_sided_jacobians
 from emaphm.estimation.levenberg_marquardt import Evaluation
 from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective
-from emaphm.estimation.parameter_space import Box
+from emaphm.estimation.parameter_space import Box, ParameterSpace
 from emaphm.estimation.parameter_variation import ParameterVariation
 
 T = TypeVar("T")
@@ -29,8 +29,9 @@ T = TypeVar("T")
 class RecordingTerm:
     """One recording's share of a joint fit.
 
-    The coordinates of its `objective` are its own ones and then the `shared` ones. `correction`, (rows,), is
-    added to the model's outputs, weighted as they are.
+    The coordinates of its `objective` are the faults, its own ones, and the deviations of the unit; faults
+    and deviations are the `shared` ones. `correction`, (rows,), is added to the model's outputs, weighted as
+    they are.
     """
 
     objective: MapObjective
@@ -46,6 +47,17 @@ class RecordingTerm:
     def own(self) -> int:
         """The number of the recording's own coordinates."""
         return self.objective.space.dimensions - self.shared
+
+    @property
+    def faults(self) -> int:
+        """The number of faults, the first of its coordinates; 0 for a unit that is known to be healthy."""
+        return len(self.objective.space.columns)
+
+    @property
+    def shared_places(self) -> NDArray[np.intp]:
+        """The places of the shared coordinates among its own objective's."""
+        places = np.arange(self.objective.space.dimensions)
+        return np.asarray(np.delete(places, slice(self.faults, self.faults + self.own)))
 
     @property
     def rows(self) -> int:
@@ -75,11 +87,28 @@ class RecordingTerm:
 
 
 @dataclass(frozen=True, eq=False)
-class JointObjective:
-    """Terms of all recordings, and the `unit` that they share.
+class JointBox(Box):
+    """The bounds of all coordinates, and of the faults among them as one recording's `space` has them.
 
-    A point has the shared coordinates first, then those of each recording. `step` is that of the finite
-    differences; `workers` is the number of threads, one a core where None.
+    `index` are the coordinates of a point that the space is about.
+    """
+
+    space: ParameterSpace
+    index: NDArray[np.intp]
+
+    def project(self, points: Array) -> Array:
+        """Return `points` (…, d) moved into the bounds and the eccentricity into its circle."""
+        points = np.clip(points, self.lower, self.upper)
+        points[..., self.index] = self.space.project(points[..., self.index])
+        return points
+
+
+@dataclass(frozen=True, eq=False)
+class JointObjective:
+    """Terms of all recordings, of one unit: its faults, and its deviations `unit` from the description.
+
+    A point has the shared coordinates first, the faults first of all, then those of each recording. `step` is
+    that of the finite differences; `workers` is the number of threads, one a core where None.
     """
 
     terms: tuple[RecordingTerm, ...]
@@ -90,25 +119,30 @@ class JointObjective:
     @property
     def shared(self) -> int:
         """The number of shared coordinates, p; the first of every point."""
-        return self.unit.priors.size
+        return self.faults + self.unit.priors.size
+
+    @property
+    def faults(self) -> int:
+        """The number of faults; the first of the shared coordinates."""
+        return self.terms[0].faults
 
     @cached_property
     def indices(self) -> tuple[NDArray[np.intp], ...]:
         """The coordinates of a point that each recording has, in the order of its own objective."""
         first, found = self.shared, []
         for term in self.terms:
-            found.append(np.r_[first : first + term.own, : self.shared])
+            found.append(np.r_[: self.faults, first : first + term.own, self.faults : self.shared])
             first += term.own
         return tuple(found)
 
     @cached_property
-    def box(self) -> Box:
+    def box(self) -> JointBox:
         """The bounds of a point."""
         lower, upper = (
             self._gathered([getattr(term.objective.space, side) for term in self.terms])
             for side in ("lower", "upper")
         )
-        return Box(lower, upper)
+        return JointBox(lower, upper, self.terms[0].objective.space, self.indices[0])
 
     @cached_property
     def prior_deviations(self) -> Array:
@@ -143,7 +177,7 @@ class JointObjective:
         ]
 
     def _prior_cost(self, points: Array) -> Array:
-        shared = points[:, : self.shared] / self.unit.priors
+        shared = points[:, self.faults : self.shared] / self.unit.priors
         return np.asarray(CORRELATED_ROWS * np.sum(shared**2, axis=1))
 
     def normal_equations(self, about: Sequence[Evaluation]) -> list[tuple[Array, Array]]:
@@ -168,9 +202,12 @@ class JointObjective:
         ]
 
     def shared_prior(self) -> Array:
-        """Return the normal matrix (d, d) of the shared coordinates' prior, for normalised residuals."""
+        """Return the normal matrix (d, d) of the shared coordinates' prior, for normalised residuals.
+
+        Faults have none but their bounds: anywhere in there is as likely beforehand.
+        """
         prior = np.zeros(self.box.lower.size)
-        prior[: self.shared] = CORRELATED_ROWS / self.unit.priors**2
+        prior[self.faults : self.shared] = CORRELATED_ROWS / self.unit.priors**2
         return np.diag(prior)
 
     def summed_matrices(self, by_term: Sequence[Array]) -> Array:

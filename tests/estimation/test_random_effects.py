@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from emaphm.arrays import Array
-from emaphm.calibration.joint.random_effects import random_effects
+from emaphm.estimation.joint.random_effects import random_effects
 
 WEAK = np.full(2, 3.0)
 """Standard deviations of a prior that next to nothing of the estimates below feels."""

@@ -1,0 +1,104 @@
+"""The verb `diagnose` on several recordings: each by itself, or all of one unit together."""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from emaphm.cli.options import check_workers, names_in
+from emaphm.cli.output import counter, progress, show, show_line
+from emaphm.errors import ExecutionError, RecordingError
+
+if TYPE_CHECKING:
+    from emaphm.actuator import Actuator
+    from emaphm.fleet import DiagnosisSettings
+
+
+def settings(*, correction: bool, nuisance: str | None, **others: Any) -> "DiagnosisSettings":
+    """Return what the options of `diagnose` say; the `others` have the same names."""
+    from emaphm.estimation.bias_correction import MAX_CORRECTIONS
+    from emaphm.fleet import DiagnosisSettings
+
+    return DiagnosisSettings(
+        max_corrections=MAX_CORRECTIONS if correction else 0,
+        nuisances=None if nuisance is None else tuple(names_in(nuisance)),
+        **others,
+    )
+
+
+def diagnose_each(
+    paths: Sequence[Path],
+    actuator: "Actuator",
+    chosen: "DiagnosisSettings",
+    workers: int | None,
+    scheduler: str | None,
+    out: Path | None,
+    as_json: bool,
+) -> None:
+    """Print a table with one row a recording, or one line of JSON each.
+
+    Raises
+    ------
+    RecordingError
+        In the end, where some could not be diagnosed; the others are done.
+    """
+    from emaphm.fleet import batch_table, diagnose_all, recording_files
+
+    check_workers(workers, scheduler)
+    files, rows, broken = recording_files(paths), [], []
+    # Lines on the same terminal as the progress would tear each other.
+    with counter("diagnosing", as_json and sys.stdout.isatty()) as count:
+        try:
+            for result in diagnose_all(
+                files,
+                actuator,
+                chosen,
+                workers=workers,
+                scheduler=scheduler,
+                folder=out,
+                on_file=count,
+            ):
+                if as_json:
+                    show_line(result.values)
+                else:
+                    rows.append(result.row)
+                if result.error:
+                    broken.append(result.error)
+        except KeyboardInterrupt:
+            kept = f"what finished is kept in {out}; the same command goes on" if out else "nothing is kept"
+            raise KeyboardInterrupt(kept) from None
+    if not as_json:
+        show({}, batch_table(rows), as_json=False)
+    if broken:
+        raise RecordingError(
+            f"{len(broken)} of {len(files)} files could not be diagnosed, the others are done; the first: "
+            f"{broken[0]}"
+        )
+
+
+def check_alone(workers: int | None, scheduler: str | None, out: Path | None) -> None:
+    """Refuse options of separate diagnoses for a joint one."""
+    given = {"--workers": workers, "--scheduler": scheduler, "--out": out}
+    named = [name for name, value in given.items() if value is not None]
+    if named:
+        raise ExecutionError(f"{named[0]} is for recordings diagnosed one by one; leave it or --joint out")
+
+
+def diagnose_joint(
+    paths: Sequence[Path], actuator: "Actuator", chosen: "DiagnosisSettings", as_json: bool
+) -> None:
+    """Print one diagnosis of the unit that all recordings are of."""
+    from emaphm.diagnosis.joint import diagnose_joint as identify
+    from emaphm.fleet.sources import recording_files, recordings_in
+
+    recordings = [one for path in recording_files(paths) for one in recordings_in(path, actuator)]
+    with progress("diagnosing", as_json) as advance:
+        diagnosis = identify(
+            recordings,
+            actuator,
+            nuisances=chosen.nuisances,
+            max_corrections=chosen.max_corrections,
+            seed=chosen.seed,
+            on_progress=advance,
+        )
+    show(diagnosis.to_dict(), str(diagnosis), as_json)

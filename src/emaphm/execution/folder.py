@@ -1,0 +1,117 @@
+"""The folder of long work: the settings that it began with, which its results hold for, and a lock."""
+
+import fcntl
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from emaphm.errors import EmaphmError
+from emaphm.output_files import written_whole
+
+RESULTS = "results.sqlite"
+LOCK = ".lock"
+
+TEMPORARY = re.compile(r"\.[0-9a-f]{32}\.tmp")
+"""Files that `written_whole` leaves in a folder when it is killed."""
+
+NOTHING = "nothing"
+MOST_NAMED = 3
+"""Differences between two settings that are named one by one."""
+
+
+@dataclass(frozen=True)
+class WorkFolder:
+    """A folder that one process at a time works in.
+
+    `file` is the name of its settings, `kind` what messages call the work, `error` what is raised.
+    """
+
+    path: Path
+    file: str
+    kind: str
+    error: type[EmaphmError]
+
+    @property
+    def settings(self) -> Path:
+        """The file of settings."""
+        return self.path / self.file
+
+    @property
+    def results(self) -> Path:
+        """The file of results."""
+        return self.path / RESULTS
+
+    def begin(self, settings: str) -> None:
+        """Make the folder with its file of settings, unless another process has done so meanwhile.
+
+        Raises
+        ------
+        EmaphmError
+            The folder holds something else, or cannot be made or written.
+        """
+        folder = self.path
+        if folder.exists() and not folder.is_dir():
+            raise self.error(f"{folder} is not a folder; give another name")
+        if folder.is_dir() and any(not path.name.startswith(".") for path in folder.iterdir()):
+            raise self.error(f"{folder} holds something else than a {self.kind}; give a new or empty folder")
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise self.error(f"{folder} cannot be created ({error.strerror}); give another place") from None
+        with self.locked():
+            if not self.settings.exists():
+                with written_whole(self.settings) as temporary:
+                    temporary.write_text(settings, encoding="utf-8")
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Keep every other process out of the folder while the body runs, however this one ends."""
+        try:
+            lock = (self.path / LOCK).open("w")
+        except OSError as error:
+            raise self._not_writable(error) from None
+        with lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise self.error(
+                    f"another {self.kind} is running in {self.path}; wait, or give another folder"
+                ) from None
+            except OSError as error:
+                raise self._not_writable(error) from None
+            yield
+
+    def clear(self) -> None:
+        """Remove what a killed process left half-written."""
+        try:
+            for path in self.path.iterdir():
+                if TEMPORARY.fullmatch(path.name):
+                    path.unlink()
+        except OSError as error:
+            raise self._not_writable(error) from None
+
+    def _not_writable(self, error: OSError) -> EmaphmError:
+        return self.error(f"{self.path} cannot be written to ({error.strerror}); give another folder with -o")
+
+
+def difference(there: Any, here: Any) -> str:
+    """Return which keys differ between two nested settings, and how; empty if none does."""
+    one, other = dict(_leaves(there)), dict(_leaves(here))
+    keys = [key for key in {**one, **other} if one.get(key, NOTHING) != other.get(key, NOTHING)]
+    named = [f"'{key}' ({one.get(key, NOTHING)} there, {other.get(key, NOTHING)} here)" for key in keys]
+    more = f" and {len(keys) - MOST_NAMED} more" if len(keys) > MOST_NAMED else ""
+    return ", ".join(named[:MOST_NAMED]) + more
+
+
+def _leaves(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
+    """Yield the values in nested tables and lists as text, by their dotted keys."""
+    if isinstance(value, list):
+        value = {str(place): item for place, item in enumerate(value)}
+    if not isinstance(value, dict) or not value:
+        yield key, repr(value)
+        return
+    for name, item in value.items():
+        yield from _leaves(item, f"{key}.{name}" if key else name)

@@ -1,0 +1,8 @@
+"""Many recordings: each diagnosed by itself, on processes or a cluster, kept as they finish."""
+
+from emaphm.fleet.batch import diagnose_all
+from emaphm.fleet.result import BatchResult, batch_table
+from emaphm.fleet.settings import DiagnosisSettings
+from emaphm.fleet.sources import recording_files
+
+__all__ = ["BatchResult", "DiagnosisSettings", "batch_table", "diagnose_all", "recording_files"]

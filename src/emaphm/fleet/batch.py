@@ -1,0 +1,181 @@
+"""Diagnosing many recordings: each by itself, side by side, the results in the order of the files."""
+
+import hashlib
+import json
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import ExitStack, closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from emaphm.actuator import Actuator
+from emaphm.errors import ExecutionError
+from emaphm.execution import OnTask, Outcome, ResultStore, Task, check_workers, outcomes, run_missing
+from emaphm.execution.folder import WorkFolder, difference
+from emaphm.fleet.result import BatchResult
+from emaphm.fleet.settings import DiagnosisSettings
+from emaphm.fleet.task import broken, is_whole, perform, revision
+
+SETTINGS = "settings.json"
+
+
+def diagnose_all(
+    files: Sequence[str | Path],
+    actuator: Actuator,
+    settings: DiagnosisSettings = DiagnosisSettings(),  # noqa: B008 - frozen
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    folder: str | Path | None = None,
+    on_file: OnTask | None = None,
+) -> Generator[BatchResult]:
+    """Diagnose every recording in `files`; return an iterator of the results, in the order of the files.
+
+    Each result is that of `emaphm.diagnose` on the recording alone, whatever the number of workers. What
+    cannot be read or diagnosed is a result with an error. Memory does not grow with the number of files, but
+    for results that wait for an earlier file.
+
+    Parameters
+    ----------
+    files
+        Of recordings; see `emaphm.fleet.recording_files` for folders.
+    workers
+        Processes on this machine; one a core where left out. More than one needs the usual
+        ``if __name__ == "__main__":`` in a script.
+    scheduler
+        Address of a Dask scheduler to run on instead; its workers see the files by their absolute paths.
+    folder
+        Where results are kept as they finish. A later call with the same folder, actuator and settings goes
+        on: what is kept is not done again, unless its file has changed.
+    on_file
+        Called at the start and after each file: how many are done, of how many.
+
+    Raises
+    ------
+    MethodError
+        A setting is unknown, or does not go with another one or the actuator.
+    ExecutionError, OutputError
+        The workers, the scheduler or the folder cannot be used, or the folder holds results of other
+        settings.
+    """
+    settings.check(actuator)
+    check_workers(scheduler)
+    paths = [Path(file).absolute() if scheduler else Path(file) for file in files]
+    kept = None if folder is None else _prepared(Path(folder), actuator, settings)
+    return _results(_Batch(paths, actuator, settings, workers, scheduler, kept, on_file))
+
+
+@dataclass(frozen=True, eq=False)
+class _Batch:
+    """The arguments of `diagnose_all`, checked."""
+
+    paths: Sequence[Path]
+    actuator: Actuator
+    settings: DiagnosisSettings
+    workers: int | None
+    scheduler: str | None
+    folder: WorkFolder | None
+    on_file: OnTask | None
+
+    def tasks(self) -> list[Task]:
+        """Return one task a file."""
+        expected = revision() if self.folder or self.scheduler else ""
+        arguments = (self.actuator, self.settings, expected)
+        return [
+            Task(i, perform, (str(path), *arguments), self._key(path), str(path))
+            for i, path in enumerate(self.paths)
+        ]
+
+    def _key(self, path: Path) -> str:
+        """Return what identifies a file's result in the folder: its name and its content."""
+        if self.folder is None:
+            return ""
+        try:
+            with path.open("rb") as opened:
+                content = hashlib.file_digest(opened, "sha256").hexdigest()
+        except OSError:  # the task will say so
+            content = ""
+        return f"{content} {path}"
+
+
+def _results(batch: _Batch) -> Generator[BatchResult]:
+    with ExitStack() as stack:
+        store, done = None, set[int]()
+        tasks = batch.tasks()
+        if batch.folder is not None:
+            stack.enter_context(batch.folder.locked())
+            batch.folder.clear()
+            store = ResultStore(batch.folder.results)
+            done = store.finished(tasks)
+        missing = [task for task in tasks if task.index not in done]
+        arriving = stack.enter_context(closing(_counted(_running(batch, missing, store), len(done), batch)))
+        for task, outcome in _in_order(tasks, done, store, arriving):
+            for values in [broken(task.name, outcome.failure)] if outcome.failure else outcome.result:
+                yield BatchResult(values)
+
+
+def _running(batch: _Batch, tasks: list[Task], store: ResultStore | None) -> Generator[Outcome]:
+    if store is None:
+        return outcomes(tasks, workers=batch.workers, scheduler=batch.scheduler)
+    return run_missing(tasks, store, workers=batch.workers, scheduler=batch.scheduler, keeps=is_whole)
+
+
+def _counted(arriving: Generator[Outcome], done: int, batch: _Batch) -> Generator[Outcome]:
+    """Pass outcomes on, and tell `on_file` of each."""
+    total = len(batch.paths)
+    with closing(arriving):
+        if batch.on_file:
+            batch.on_file(done, total)
+        for count, outcome in enumerate(arriving, start=done + 1):
+            if batch.on_file:
+                batch.on_file(count, total)
+            yield outcome
+
+
+def _in_order(
+    tasks: Sequence[Task], done: set[int], store: ResultStore | None, arriving: Iterator[Outcome]
+) -> Generator[tuple[Task, Outcome]]:
+    """Yield each task with its outcome, in the order of the tasks; `done` are those that `store` has."""
+    waiting: dict[int, Outcome] = {}
+    for task in tasks:
+        while task.index not in waiting and task.index not in done:
+            outcome = next(arriving)
+            if store is not None and not outcome.failure and is_whole(outcome.result):
+                done.add(outcome.index)  # its result is read again when its turn comes
+            else:
+                waiting[outcome.index] = outcome
+        if store is not None and task.index in done:
+            yield task, store.outcome(task)
+        else:
+            yield task, waiting.pop(task.index)
+
+
+def _prepared(path: Path, actuator: Actuator, settings: DiagnosisSettings) -> WorkFolder:
+    """Return the folder at `path`, begun or of the same settings."""
+    folder = WorkFolder(path, SETTINGS, "batch of diagnoses", ExecutionError)
+    here = {
+        "revision": revision(),
+        "actuator": actuator.model_dump(mode="json"),
+        "settings": settings.to_dict(),
+    }
+    text = json.dumps(here, indent=1)
+    if not folder.settings.exists():
+        folder.begin(text)
+    there = _settings_in(folder)
+    differing = difference(there, json.loads(text))
+    if differing:
+        raise ExecutionError(
+            f"{path} holds results of other settings: {differing}; give the same ones, or another folder "
+            "with -o"
+        )
+    return folder
+
+
+def _settings_in(folder: WorkFolder) -> Any:
+    try:
+        return json.loads(folder.settings.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        reason = str(error).splitlines()[0]
+        raise ExecutionError(
+            f"{folder.settings}: cannot be read ({reason}); give another folder with -o"
+        ) from None

@@ -1,0 +1,77 @@
+"""Diagnosing the recordings of one file, on whichever worker."""
+
+from pathlib import Path
+from typing import Any
+
+from emaphm.actuator import Actuator
+from emaphm.errors import EmaphmError, ExecutionError
+from emaphm.execution.revision import revision_of
+from emaphm.fleet.settings import DiagnosisSettings
+from emaphm.fleet.sources import recordings_in
+from emaphm.recording import Recording
+
+DECIDING = (
+    "actuator",
+    "simulation",
+    "recording",
+    "optimizers",
+    "estimation",
+    "diagnosis",
+    "arrays.py",
+    "quantiles.py",
+    "random_streams.py",
+    "fleet/task.py",
+    "fleet/settings.py",
+    "fleet/sources.py",
+)
+"""The rooms and files whose code decides what a recording is found to show."""
+
+NOT_DECIDING = ("actuator/toml.py", "diagnosis/text.py")
+"""Parts of these rooms that only read descriptions or lay out text."""
+
+
+def revision() -> str:
+    """Return a fingerprint of the code and libraries that decide a diagnosis."""
+    return revision_of(DECIDING, NOT_DECIDING)
+
+
+def perform(
+    path: str, actuator: Actuator, settings: DiagnosisSettings, expected: str
+) -> list[dict[str, Any]]:
+    """Return what `emaphm diagnose --json` prints, of each recording in the file at `path`.
+
+    Of one that cannot be diagnosed, its name and the `error`. `expected` is the revision of the code that a
+    result is kept for, empty where it does not matter.
+
+    Raises
+    ------
+    ExecutionError
+        The code here is another one.
+    """
+    if expected and revision() != expected:
+        raise ExecutionError(
+            f"this worker runs another version of emaphm ({revision()}; the batch's is {expected}); install "
+            "the same one there"
+        )
+    try:
+        recordings = recordings_in(Path(path), actuator)
+    except EmaphmError as error:
+        return [broken(path, str(error))]
+    return [_diagnosed(recording, actuator, settings) for recording in recordings]
+
+
+def broken(recording: str, error: str) -> dict[str, Any]:
+    """Return what stands for a recording that cannot be diagnosed."""
+    return {"recording": recording, "error": error}
+
+
+def is_whole(results: list[dict[str, Any]]) -> bool:
+    """Return whether every recording of a file could be diagnosed; else it is worth another try later."""
+    return not any("error" in one for one in results)
+
+
+def _diagnosed(recording: Recording, actuator: Actuator, settings: DiagnosisSettings) -> dict[str, Any]:
+    try:
+        return settings.diagnosed(recording, actuator).to_dict()
+    except EmaphmError as error:
+        return broken(recording.source, str(error))

@@ -1,0 +1,175 @@
+"""Many recordings, each by itself: every result is that of the recording alone, in the order of the files."""
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cases import THESIS
+from emaphm.cli import main
+from emaphm.diagnosis import diagnose
+from emaphm.errors import ExecutionError, MethodError, RecordingError
+from emaphm.fleet import BatchResult, DiagnosisSettings, diagnose_all, recording_files
+from emaphm.fleet import batch as batch_module
+from emaphm.recording import read_recording
+
+from .files import QUICK, written
+
+COUNT = 4
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Return the files of some recordings."""
+    return written(tmp_path_factory.mktemp("made") / "days", COUNT)
+
+
+@pytest.fixture
+def folder(made: list[Path], tmp_path: Path) -> Path:
+    """Return a folder of recordings that a test may spoil."""
+    return Path(shutil.copytree(made[0].parent, tmp_path / "days"))
+
+
+def untimed(results: list[BatchResult]) -> list[dict[str, Any]]:
+    return [{key: value for key, value in one.values.items() if key != "seconds"} for one in results]
+
+
+def test_each_result_is_that_of_the_recording_alone_whatever_the_number_of_workers(made: list[Path]) -> None:
+    order = [made[2], made[0], made[3], made[1]]
+    alone = [
+        diagnose(read_recording(path, THESIS), THESIS, max_corrections=0, nuisances=()).to_dict()
+        for path in order
+    ]
+    expected = untimed([BatchResult(one) for one in alone])
+    told: list[tuple[int, int]] = []
+    here = list(
+        diagnose_all(order, THESIS, QUICK, workers=1, on_file=lambda done, total: told.append((done, total)))
+    )
+    assert untimed(here) == expected
+    assert told == [(done, COUNT) for done in range(COUNT + 1)]
+    assert untimed(list(diagnose_all(order, THESIS, QUICK, workers=2))) == expected
+
+
+def test_a_broken_file_is_named_and_the_others_are_done(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "day1.csv").write_text("time_s,command_rad\n0,nothing\n", encoding="utf-8")
+    (folder / "readme.txt").write_text("No recording.", encoding="utf-8")
+    (folder / ".day9.csv").write_text("Hidden.", encoding="utf-8")
+    arguments = ["diagnose", str(folder), "--no-correction", "--nuisance", "none", "--workers", "1"]
+    assert main([*arguments, "--json"]) == 2
+    out, err = capsys.readouterr()
+    lines = [json.loads(line) for line in out.splitlines()]
+    assert [one["recording"] for one in lines] == [str(folder / f"day{i}.csv") for i in range(COUNT)]
+    assert [sorted(one) == ["error", "recording"] for one in lines] == [False, True, False, False]
+    assert lines[1]["error"].startswith(f"{folder / 'day1.csv'}: ")
+    assert err.startswith(
+        f"emaphm: 1 of {COUNT} files could not be diagnosed, the others are done; the first"
+    )
+    assert err.count("\n") == 1
+    assert main(arguments) == 2
+    table = capsys.readouterr().out
+    assert table.count(".csv  ") == COUNT
+    assert f"{COUNT} recordings: " in table
+    assert "; 1 could not be diagnosed." in table
+
+
+def test_one_file_alone_is_diagnosed_as_ever(made: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
+    options = ["--no-correction", "--nuisance", "none"]
+    assert main(["diagnose", str(made[1]), *options]) == 0
+    alone = capsys.readouterr().out
+    assert "95 % interval" in alone
+    assert main(["diagnose", *map(str, made[:2]), "--workers", "1", *options]) == 0
+    assert "95 % interval" not in capsys.readouterr().out
+
+
+def test_what_is_kept_is_not_done_again(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out, files = tmp_path / "out", recording_files([folder])
+    begun = diagnose_all(files, THESIS, QUICK, workers=1, folder=out)
+    first = [next(begun), next(begun)]
+    begun.close()
+    told: list[int] = []
+
+    def again() -> list[BatchResult]:
+        told.clear()
+        return list(
+            diagnose_all(
+                files, THESIS, QUICK, workers=1, folder=out, on_file=lambda done, _: told.append(done)
+            )
+        )
+
+    results = again()
+    assert told == [2, 3, 4]
+    # What was kept comes back as it was, its seconds included.
+    assert [one.values for one in results[:2]] == [one.values for one in first]
+    # A file that has changed is another recording, and a broken one is tried again each time.
+    shutil.copy(files[0], files[2])
+    files[3].write_text("broken", encoding="utf-8")
+    changed = again()
+    assert told == [2, 3, 4]
+    assert changed[2].values["k"] == results[0].values["k"]
+    assert changed[3].error
+    again()
+    assert told == [3, 4]
+    with pytest.raises(ExecutionError, match=r"other settings: 'settings.seed' \(0 there, 1 here\); give"):
+        diagnose_all(files, THESIS, replace(QUICK, seed=1), folder=out)
+    monkeypatch.setattr(batch_module, "revision", lambda: "0123456789ab")
+    with pytest.raises(ExecutionError, match=r"other settings: 'revision' \('.*' there, '0123456789ab' here"):
+        diagnose_all(files, THESIS, QUICK, folder=out)
+
+
+def test_a_folder_is_used_by_one_at_a_time(made: list[Path], tmp_path: Path) -> None:
+    running = diagnose_all(made, THESIS, QUICK, workers=1, folder=tmp_path / "out")
+    next(running)
+    with pytest.raises(ExecutionError, match="another batch of diagnoses is running in"):
+        next(diagnose_all(made, THESIS, QUICK, workers=1, folder=tmp_path / "out"))
+    running.close()
+
+
+def test_a_folder_of_something_else_is_refused(made: list[Path], tmp_path: Path) -> None:
+    (tmp_path / "thesis.txt").write_text("Important.", encoding="utf-8")
+    with pytest.raises(ExecutionError, match="holds something else than a batch of diagnoses"):
+        diagnose_all(made, THESIS, QUICK, folder=tmp_path)
+    (tmp_path / "settings.json").write_text("{", encoding="utf-8")
+    with pytest.raises(ExecutionError, match=r"settings\.json: cannot be read \("):
+        diagnose_all(made, THESIS, QUICK, folder=tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--report", "r.html"], "--report is of one recording"),
+        (["--workers", "0"], "--workers 0: give 1 or more"),
+        (["--workers", "2", "--scheduler", "tcp://127.0.0.1:1"], "exclude each other"),
+        (["--method", "hybird"], "did you mean 'hybrid'?"),
+        (["--nuisance", "lode"], "unknown nuisance 'lode' (did you mean 'load'?)"),
+        (["--joint", "--workers", "2"], "--workers is for recordings diagnosed one by one"),
+    ],
+)
+def test_options_that_cannot_be_are_refused_before_the_work(
+    made: list[Path], capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
+) -> None:
+    assert main(["diagnose", *map(str, made), *arguments]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert message in err
+    assert err.count("\n") == 1
+
+
+def test_folders_without_recordings_and_files_named_twice_are_refused(
+    made: list[Path], tmp_path: Path
+) -> None:
+    with pytest.raises(RecordingError, match=r"the folder holds no recording \(\.csv"):
+        recording_files([tmp_path])
+    with pytest.raises(RecordingError, match=r"day0\.csv: is named twice"):
+        recording_files([made[0].parent, made[0]])
+
+
+def test_settings_are_checked_before_the_first_file(made: list[Path]) -> None:
+    with pytest.raises(MethodError, match="unknown model"):
+        diagnose_all(made, THESIS, DiagnosisSettings(model="best"))
