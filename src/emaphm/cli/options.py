@@ -37,7 +37,9 @@ ActuatorFile = Annotated[
 ]
 FaultList = Annotated[
     tuple[str, ...],
-    Parameter(name="--fault", negative="", help="NAME=VALUE, from 0 to 1; may be repeated."),
+    Parameter(
+        name="--fault", negative="", help="NAME=VALUE, from 0 to 1; friction may be less; may be repeated."
+    ),
 ]
 RecordingFile = Annotated[Path, Parameter(help="Recording: .csv, .parquet or .mat.")]
 FigureFile = Annotated[Path | None, Parameter(help="Draw measured against model: .png, .svg or .pdf.")]
