@@ -127,8 +127,9 @@ def check_vectors(vectors: NDArray[np.float64], actuator: Actuator) -> None:
     outside = np.argwhere(~((vectors >= lower) & (vectors <= 1)))
     if outside.size:
         row, column = outside[0]
-        where = f"fault {NAMES[column]}={vectors[row, column]:g} of vector {row}"
-        raise FaultError(_outside(where, float(lower[column])))
+        where = f" of vector {row}" if len(vectors) > 1 else ""
+        what = f"fault {NAMES[column]}={vectors[row, column]:g}{where}"
+        raise FaultError(_outside(what, float(lower[column])))
 
 
 def _outside(what: str, lowest: float) -> str:
