@@ -13,7 +13,7 @@ class ActuatorError(EmaphmError):
 
 
 class FaultError(EmaphmError):
-    """A fault component is unknown or lies outside [0, 1]."""
+    """A fault component is unknown or lies outside its range."""
 
 
 class SignalError(EmaphmError):

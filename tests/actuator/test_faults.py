@@ -9,18 +9,45 @@ from hypothesis import given
 from numpy.typing import NDArray
 
 from emaphm.actuator import NAMES, Actuator, Faults
-from emaphm.actuator.faults import CARTESIAN_NAMES, HEALTHY, from_cartesian, to_cartesian
+from emaphm.actuator.faults import (
+    CARTESIAN_NAMES,
+    HEALTHY,
+    check_vectors,
+    from_cartesian,
+    lower_bounds,
+    to_cartesian,
+)
 from emaphm.errors import FaultError
 from strategies import UNIT, fault_vectors, faults
 
 THESIS = Actuator.thesis()
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", NAMES[1:])
 @pytest.mark.parametrize("value", [-1e-9, 1 + 1e-9, math.nan, math.inf, -math.inf])
 def test_a_component_outside_the_unit_interval_is_named(name: str, value: float) -> None:
     with pytest.raises(FaultError, match=rf"fault {name}=.* outside \[0, 1\]; give a value from 0 to 1"):
         Faults(**{name: value})
+
+
+@pytest.mark.parametrize("value", [-1 - 1e-9, 1 + 1e-9, math.nan, math.inf, -math.inf])
+def test_a_friction_outside_its_range_is_named(value: float) -> None:
+    with pytest.raises(FaultError, match=r"fault friction=.* outside \[-1, 1\]; give a value from -1 to 1"):
+        Faults(friction=value)
+
+
+@pytest.mark.parametrize("scale", [0.3, 0.9, 2.0, 20.0])
+def test_friction_stays_positive_down_to_the_bound_of_the_actuator(scale: float) -> None:
+    actuator = Actuator.from_dict(THESIS.model_dump() | {"faults": {"friction": scale}})
+    lowest = lower_bounds(actuator)
+    assert np.count_nonzero(lowest) == 1
+    # A tenth of healthy, unless the scale is too small to get there: 1 - 0.3 then.
+    expected = max(0.1, 1 - scale)
+    meaning = Faults(friction=lowest[0]).physical(actuator)["friction_factor"]
+    assert meaning == pytest.approx(expected, rel=1e-12)
+    check_vectors(np.array([lowest, np.ones(8)]), actuator)
+    with pytest.raises(FaultError, match=r"fault friction=-.* of vector 1 lies outside"):
+        check_vectors(np.array([HEALTHY.vector, lowest - np.eye(8)[0] * 1e-6]), actuator)
 
 
 @pytest.mark.parametrize("name", NAMES)

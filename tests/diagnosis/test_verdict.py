@@ -13,6 +13,7 @@ from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.arrays import Array
 from emaphm.diagnosis import Estimate
 from emaphm.diagnosis.verdict import NOT_EXPLAINED, estimates, is_explained, unexplained
+from emaphm.diagnosis.wording import physical_text
 from emaphm.estimation.noise_level import noise_level
 from emaphm.estimation.parameter_space import PRIOR_DEVIATION, ParameterSpace
 from emaphm.estimation.uncertainty.collinearity import CollinearSet
@@ -46,10 +47,11 @@ def test_values_and_intervals_keep_to_their_range(faults: Array, error: float, s
     for name, estimate in found.items():
         low, high = estimate.interval95
         assert low <= estimate.value <= high
-        assert high - low <= 1
+        assert high - low <= np.ptp(estimate.limits)
         assert bool(estimate.reason) == (not estimate.identifiable or estimate.verdict == "cannot tell")
         if name != "eccentricity_phase":
-            assert 0 <= low <= high <= 1
+            assert estimate.limits == SPACE.limits(name)
+            assert estimate.limits[0] <= low <= high <= 1
             healthy = getattr(Faults(), name)
             apart = max(low - healthy, healthy - high)
             farthest = max(high - healthy, healthy - low)
@@ -97,9 +99,23 @@ def test_a_degraded_component_is_never_called_unconstrained() -> None:
 @pytest.mark.parametrize("value", [0.0, 0.5, 1.0])
 def test_where_the_prior_is_nearly_all_there_is_the_search_may_have_ended_anywhere(value: float) -> None:
     # 0.7 of the prior's 0.289.
-    assert judged(0.203, friction=value)["friction"].interval95 == (0.0, 1.0)
+    assert judged(0.203, friction=value)["friction"].interval95 == (-0.45, 1.0)
+    assert judged(0.203, friction=value)["friction"].unconstrained
     assert judged(0.203, friction=value)["friction"].verdict == "cannot tell"
     assert judged(0.2, friction=1.0)["friction"].verdict == "degraded"
+
+
+@pytest.mark.parametrize(
+    ("value", "verdict"),
+    # Half an interval is 0.0196, as above the healthy value.
+    [(-0.0395, "healthy"), (-0.0397, "degraded"), (-0.45, "degraded")],
+)
+def test_friction_may_be_degraded_below_healthy(value: float, verdict: str) -> None:
+    friction = judged(0.01, friction=value)["friction"]
+    assert friction.verdict == verdict
+    assert friction.interval95[0] == pytest.approx(max(value - 0.0196, -0.45), abs=1e-6)
+    words = physical_text(Faults(friction=value), THESIS)["friction"]
+    assert words == f"dry friction × {1 + 2 * value:.3f}, below healthy"
 
 
 @pytest.mark.parametrize(

@@ -10,12 +10,16 @@ from hypothesis.extra.numpy import arrays
 
 from cases import HEALTHY, THESIS
 from emaphm.actuator import NAMES, Actuator
+from emaphm.actuator.faults import lower_bounds
 from emaphm.arrays import Array
 from emaphm.estimation.parameter_space import Box, ParameterSpace
 from strategies import actuators, fault_vectors
 
 SPACE = ParameterSpace.of(THESIS)
 X, Y = 5, 6
+LEAST = -0.45
+"""Friction 0.1 times healthy, its scale being 2."""
+
 ROUNDING = 4e-16
 """Two units in the last place of 1: a radius is a root and a quotient."""
 
@@ -56,8 +60,8 @@ def test_allowed_points_are_not_moved(faults: Array) -> None:
 
 @given(points=ANYWHERE)
 def test_what_is_no_eccentricity_goes_to_the_nearest_bound(points: Array) -> None:
-    others = [0, 1, 2, 3, 4, 7]
-    np.testing.assert_array_equal(SPACE.project(points)[:, others], np.clip(points[:, others], 0, 1))
+    others, least = [0, 1, 2, 3, 4, 7], [LEAST, 0, 0, 0, 0, 0]
+    np.testing.assert_array_equal(SPACE.project(points)[:, others], np.clip(points[:, others], least, 1))
 
 
 @given(x=st.floats(-1, 1), y=st.floats(-1, 1))
@@ -90,7 +94,7 @@ def test_faults_to_points_and_back(faults: Array) -> None:
 def test_points_to_faults_and_back(points: Array) -> None:
     allowed = SPACE.project(points)
     faults = SPACE.faults(allowed)
-    assert np.all((faults >= 0) & (faults <= 1))
+    assert np.all((faults >= lower_bounds(THESIS)) & (faults <= 1))
     np.testing.assert_allclose(SPACE.points(faults), allowed, rtol=0, atol=4 * ROUNDING)
 
 
@@ -99,6 +103,16 @@ def test_spread_points_are_the_faults_of_the_unit_cube(unit: Array) -> None:
     faults = SPACE.faults(SPACE.prior_transform(unit))
     np.testing.assert_allclose(faults[:, :6], unit[:, :6], rtol=0, atol=ROUNDING)
     np.testing.assert_array_equal(SPACE.prior_transform(unit), SPACE.points(unit))
+
+
+def test_friction_may_be_below_healthy_unless_searched_as_in_the_thesis() -> None:
+    assert SPACE.limits("friction") == (LEAST, 1.0)
+    assert {SPACE.limits(name) for name in NAMES[1:]} == {(0.0, 1.0)}
+    published = ParameterSpace.of(THESIS, below_healthy=False)
+    assert published.limits("friction") == (0.0, 1.0)
+    point = SPACE.points(HEALTHY)[np.newaxis] - np.eye(8)[0]
+    assert SPACE.faults(SPACE.project(point))[0, 0] == LEAST
+    assert published.faults(published.project(point))[0, 0] == 0
 
 
 def test_the_thesis_actuator_can_show_every_fault() -> None:

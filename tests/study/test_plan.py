@@ -219,7 +219,7 @@ REFUSED: dict[str, tuple[str, tuple[str, ...]]] = {
     "noise, none": (small.with_(top="noises_A = [nan]"), ("'noises_A.0'", "finite")),
     "case, number": (small.with_(("{ friction = 0.3 }", "0.3")), ("'cases.worn'", "0.3")),
     "fault, text": (small.with_(("0.3", '"much"')), ("'cases.worn.friction'", "number", "'much'")),
-    "fault, too large": (small.with_(("0.3", "1.3")), ("case 'worn'", "friction=1.3", "outside [0, 1]")),
+    "fault, too large": (small.with_(("0.3", "1.3")), ("case 'worn'", "friction=1.3", "outside [-1, 1]")),
     "setting, text": (
         small.with_(("population = 8", 'population = "eight"')),
         ("'methods.1'", "whole number", "'eight'"),

@@ -14,20 +14,28 @@ from emaphm.errors import FaultError, nearest
 SHORTEST_WINDING = 0.01
 """The models keep at least this fraction of healthy turns in each phase."""
 
+LEAST_FRICTION_FACTOR = 0.1
+"""Least dry friction relative to healthy: a lost preload takes most of it, seals and gear leave some."""
+
+LOWEST_FRICTION = -1.0
+"""Least friction component that any actuator may have, if its scale is small (`lower_bounds`)."""
+
 
 @dataclass(frozen=True)
 class Faults:
-    """Eight normalised faults, each in [0, 1]; the defaults are a healthy actuator (thesis 6.1).
+    """Eight normalised faults, each in [0, 1], friction also below; the defaults are healthy (thesis 6.1).
 
-    friction and backlash grow from 0 (healthy) to 1; short_a, short_b, short_c are the fraction of
-    short-circuited turns in each phase; eccentricity is that of the rotor and eccentricity_phase its
-    direction (0 and 1 are -180 and +180 deg; meaningless without eccentricity); gain is 0.5 when
-    healthy, 0 and 1 being the drive's position gain halved and half as much again.
+    friction and backlash grow from 0 (healthy) to 1. A negative friction is dry friction below healthy, as of
+    a lost preload or a worn-in screw, down to `LEAST_FRICTION_FACTOR` of it (`lower_bounds`). short_a,
+    short_b, short_c are the fraction of short-circuited turns in each phase; eccentricity is that of the
+    rotor and eccentricity_phase its direction (0 and 1 are -180 and +180 deg; meaningless without
+    eccentricity); gain is 0.5 when healthy, 0 and 1 being the drive's position gain halved and half as much
+    again.
 
     Raises
     ------
     FaultError
-        A component is not a number in [0, 1].
+        A component is not a number in [0, 1], or the friction not one in [-1, 1].
     """
 
     friction: float = 0.0
@@ -46,8 +54,9 @@ class Faults:
                 value = float(given)
             except (TypeError, ValueError):
                 raise FaultError(f"fault {name}={given!r} is no number; give a value from 0 to 1") from None
-            if not 0.0 <= value <= 1.0:  # also refuses NaN
-                raise FaultError(f"fault {name}={value:g} lies outside [0, 1]; give a value from 0 to 1")
+            lowest = LOWEST_FRICTION if name == "friction" else 0.0
+            if not lowest <= value <= 1.0:  # also refuses NaN
+                raise FaultError(_outside(f"fault {name}={value:g}", lowest))
             object.__setattr__(self, name, value)
 
     @classmethod
@@ -93,6 +102,39 @@ class Faults:
 
 NAMES = tuple(field.name for field in fields(Faults))
 HEALTHY = Faults()
+
+
+def lower_bounds(actuator: Actuator) -> NDArray[np.float64]:
+    """Return the least value of each component on `actuator`, (8,); the largest is 1.
+
+    0, but for the friction: -(1 - f) / scale, f being `LEAST_FRICTION_FACTOR`, and -1 at least.
+    """
+    lower = np.zeros(len(NAMES))
+    least = (LEAST_FRICTION_FACTOR - 1) / actuator.faults.friction
+    lower[NAMES.index("friction")] = max(least, LOWEST_FRICTION)
+    return lower
+
+
+def check_vectors(vectors: NDArray[np.float64], actuator: Actuator) -> None:
+    """Refuse fault vectors (n, 8) with a component that `actuator` cannot have.
+
+    Raises
+    ------
+    FaultError
+        It names the first such component and its range.
+    """
+    lower = lower_bounds(actuator)
+    outside = np.argwhere(~((vectors >= lower) & (vectors <= 1)))
+    if outside.size:
+        row, column = outside[0]
+        where = f" of vector {row}" if len(vectors) > 1 else ""
+        what = f"fault {NAMES[column]}={vectors[row, column]:g}{where}"
+        raise FaultError(_outside(what, float(lower[column])))
+
+
+def _outside(what: str, lowest: float) -> str:
+    return f"{what} lies outside [{lowest:g}, 1]; give a value from {lowest:g} to 1"
+
 
 CARTESIAN_NAMES = (*NAMES[:5], "eccentricity_x", "eccentricity_y", "gain")
 """Coordinates an estimator works in: no wrap, and no false minimum where the eccentricity is 0."""

@@ -37,7 +37,9 @@ ActuatorFile = Annotated[
 ]
 FaultList = Annotated[
     tuple[str, ...],
-    Parameter(name="--fault", negative="", help="NAME=VALUE, from 0 to 1; may be repeated."),
+    Parameter(
+        name="--fault", negative="", help="NAME=VALUE, from 0 to 1; friction may be less; may be repeated."
+    ),
 ]
 RecordingFile = Annotated[Path, Parameter(help="Recording: .csv, .parquet or .mat.")]
 RecordingsAt = Annotated[Path, Parameter(help="Recordings: .csv, .parquet or .mat; or a folder of them.")]

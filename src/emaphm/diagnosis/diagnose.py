@@ -141,11 +141,14 @@ def objective_for(
     model: Model,
     nuisances: Sequence[str] | None,
     workers: int | None = None,
+    *,
+    below_healthy: bool = True,
 ) -> MapObjective:
     """Return what `method` minimises on a recording.
 
     With least squares, the residual of every channel, with faults and nuisances as parameters; without, that
-    of the current, with the faults alone.
+    of the current, with the faults alone, in [0, 1]. Without `below_healthy`, least squares also leave out a
+    friction below healthy.
 
     Raises
     ------
@@ -156,7 +159,7 @@ def objective_for(
     problem = Problem.of(recording, actuator, model, workers, None if method.least_squares else ())
     _check_current(problem, recording)
     if method.least_squares:
-        return faults_objective(problem, nuisances)
+        return faults_objective(problem, nuisances, below_healthy=below_healthy)
     if nuisances:
         raise MethodError(
             f"method '{method.name}' estimates faults alone; leave out nuisance '{nuisances[0]}', or use "

@@ -30,7 +30,7 @@ def fault_rows(
         row = [
             name,
             f"{estimate.value:.4f}" if estimate.identifiable else "-",
-            "-" if (low, high) == (0.0, 1.0) else f"{low:.4f} to {high:.4f}",
+            "-" if estimate.unconstrained else f"{low:.4f} to {high:.4f}",
             estimate.verdict,
             estimate.reason or meanings[name],
         ]

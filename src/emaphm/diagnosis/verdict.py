@@ -65,7 +65,7 @@ class Estimate:
     leaves room for no fault that matters, else "cannot tell". `identifiable` is false where the interval
     covers more than half of the range: the value is then not known, whatever the verdict. `reason` says why
     a verdict or a value is missing. The interval of the eccentricity's phase may run past 0 or 1, where the
-    circle closes.
+    circle closes. `limits` are the least and the largest value that the component may have.
     """
 
     value: float
@@ -74,6 +74,12 @@ class Estimate:
     identifiable: bool
     verdict: Verdict
     reason: str = ""
+    limits: tuple[float, float] = (0.0, 1.0)
+
+    @property
+    def unconstrained(self) -> bool:
+        """Whether the interval is all of the range: the recording says nothing of the component."""
+        return self.interval95 == self.limits
 
 
 def estimates(
@@ -92,7 +98,8 @@ def estimates(
             column = space.columns.index(i)
             error = float(np.sqrt(covariance[column, column]))
             collinear = _collinear_with(name, collinear_sets)
-            result[name] = _component(float(faults[i]), error, float(HEALTHY.vector[i]), collinear)
+            healthy, limits = float(HEALTHY.vector[i]), space.limits(name)
+            result[name] = _component(float(faults[i]), error, healthy, collinear, limits)
     if "eccentricity" not in space.fixed:
         collinear = _collinear_with("eccentricity", collinear_sets)
         result |= _eccentricity(space, point, covariance, collinear)
@@ -113,17 +120,26 @@ def _collinear_with(name: str, collinear_sets: Sequence[CollinearSet]) -> str:
     return f"only its combined effect with {others[0]} is identifiable" if others else ""
 
 
-def _unknown(value: float, error: float, interval: tuple[float, float], reason: str) -> Estimate:
-    return Estimate(value, error, interval, identifiable=False, verdict="cannot tell", reason=reason)
+def _unknown(value: float, error: float, limits: tuple[float, float], reason: str) -> Estimate:
+    return Estimate(
+        value, error, limits, identifiable=False, verdict="cannot tell", reason=reason, limits=limits
+    )
 
 
-def _component(value: float, error: float, healthy: float, collinear: str = "") -> Estimate:
+def _component(
+    value: float,
+    error: float,
+    healthy: float,
+    collinear: str = "",
+    limits: tuple[float, float] = (0.0, 1.0),
+) -> Estimate:
     """Return the estimate of a component: what its whole interval says of it."""
     unconstrained = collinear or "this recording does not constrain it; a larger or faster command would"
     if error > VERDICT.uninformative * PRIOR_DEVIATION:
         # A search may have ended anywhere in the range: so may the interval be.
-        return _unknown(value, error, (0.0, 1.0), unconstrained)
-    low, high = interval = (max(value - Z95 * error, 0.0), min(value + Z95 * error, 1.0))
+        return _unknown(value, error, limits, unconstrained)
+    least, most = limits
+    low, high = interval = (max(value - Z95 * error, least), min(value + Z95 * error, most))
     identifiable = high - low <= VERDICT.longest_interval
     verdict = _verdict(low, high, healthy)
     reason = ""
@@ -135,7 +151,7 @@ def _component(value: float, error: float, healthy: float, collinear: str = "") 
         )
     elif not identifiable:
         reason = "its size may be anywhere in the interval"
-    return Estimate(value, error, interval, identifiable, verdict, reason)
+    return Estimate(value, error, interval, identifiable, verdict, reason, limits)
 
 
 def _verdict(low: float, high: float, healthy: float) -> Verdict:

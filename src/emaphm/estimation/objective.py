@@ -115,11 +115,14 @@ class MapObjective:
         return replace(self, problem=self.problem.by(model))
 
 
-def faults_objective(problem: Problem, nuisances: Sequence[str] | None) -> MapObjective:
+def faults_objective(
+    problem: Problem, nuisances: Sequence[str] | None, *, below_healthy: bool = True
+) -> MapObjective:
     """Return the objective of finding the faults and the `nuisances` of a problem.
 
     `nuisances` are named, or the actuator's own where None; those that a measured channel makes known are
-    left out. What the actuator's baseline leaves open is estimated with them.
+    left out. What the actuator's baseline leaves open is estimated with them. `below_healthy` as in
+    `ParameterSpace.of`.
 
     Raises
     ------
@@ -127,12 +130,16 @@ def faults_objective(problem: Problem, nuisances: Sequence[str] | None) -> MapOb
         A nuisance is unknown, or needs the electrical description that the actuator lacks.
     """
     chosen = NuisanceSet.of(problem.actuator, nuisances, tuple(problem.measured))
-    return MapObjective.of(problem, ParameterSpace.of(problem.actuator, chosen))
+    space = ParameterSpace.of(problem.actuator, chosen, below_healthy=below_healthy)
+    return MapObjective.of(problem, space)
 
 
 def faults_only_objective(problem: Problem) -> MapObjective:
-    """Return the objective of finding the faults alone, as a population method without least squares does."""
-    return MapObjective.of(problem, ParameterSpace.of(problem.actuator, NO_NUISANCES))
+    """Return the objective of finding the faults alone, as a population method without least squares does.
+
+    They are in [0, 1], as in the thesis: no friction is below healthy.
+    """
+    return MapObjective.of(problem, ParameterSpace.of(problem.actuator, NO_NUISANCES, below_healthy=False))
 
 
 def healthy_objective(

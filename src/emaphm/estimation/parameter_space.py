@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from emaphm.actuator import NAMES, Actuator
-from emaphm.actuator.faults import CARTESIAN_NAMES, HEALTHY, from_cartesian, to_cartesian
+from emaphm.actuator.faults import CARTESIAN_NAMES, HEALTHY, from_cartesian, lower_bounds, to_cartesian
 from emaphm.arrays import Array
 from emaphm.estimation.nuisances import NO_NUISANCES, NuisanceSet
 from emaphm.quantiles import normal_quantile
@@ -16,7 +16,7 @@ SHORTS = NAMES[2:5]
 ECCENTRICITY = NAMES[5:7]
 
 PRIOR_DEVIATION = 1 / 12**0.5
-"""Of a component that may be anywhere in [0, 1]."""
+"""Of a component that may be anywhere in [0, 1]; the friction's, which may be less, is taken as much."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +45,13 @@ class ParameterSpace(Box):
     nuisances: NuisanceSet
 
     @classmethod
-    def of(cls, actuator: Actuator, nuisances: NuisanceSet = NO_NUISANCES) -> Self:
-        """Return the space of the faults that `actuator` can show, and of `nuisances`."""
+    def of(
+        cls, actuator: Actuator, nuisances: NuisanceSet = NO_NUISANCES, *, below_healthy: bool = True
+    ) -> Self:
+        """Return the space of the faults that `actuator` can show, and of `nuisances`.
+
+        Without `below_healthy` the friction is healthy at least, as in the thesis.
+        """
         fixed = {}
         if actuator.mechanics.static_friction == 0:
             fixed["friction"] = "the healthy friction is zero, so its fault scales nothing"
@@ -60,7 +65,8 @@ class ParameterSpace(Box):
             )
             fixed |= dict.fromkeys((*SHORTS, *ECCENTRICITY), reason)
         columns = tuple(i for i, name in enumerate(NAMES) if name not in fixed)
-        lower, upper = np.zeros(len(NAMES)), np.ones(len(NAMES))
+        lower = lower_bounds(actuator) if below_healthy else np.zeros(len(NAMES))
+        upper = np.ones(len(NAMES))
         lower[5:7] = -1.0
         return cls(
             np.concatenate([lower[list(columns)], -nuisances.widest]),
@@ -104,7 +110,12 @@ class ParameterSpace(Box):
         points = np.asarray(points, float)
         full = np.broadcast_to(to_cartesian(HEALTHY.vector), (*points.shape[:-1], len(NAMES))).copy()
         full[..., list(self.columns)] = points[..., : len(self.columns)]
-        return np.clip(from_cartesian(full), 0.0, 1.0)
+        return np.clip(from_cartesian(full), [self.limits(name)[0] for name in NAMES], 1.0)
+
+    def limits(self, name: str) -> tuple[float, float]:
+        """Return the least and the largest value of a fault component."""
+        below = name == "friction" and self.columns[:1] == (0,)
+        return (float(self.lower[0]) if below else 0.0), 1.0
 
     def points(self, faults: ArrayLike) -> Array:
         """Return the points (…, d) of normalised fault vectors (…, 8), the nuisances at 0."""
@@ -117,9 +128,9 @@ class ParameterSpace(Box):
         return self.nuisances.values(np.asarray(points, float)[:, len(self.columns) :])
 
     def prior_transform(self, unit: ArrayLike) -> Array:
-        """Return points (n, d) for `unit` (n, d) in [0, 1]: faults evenly, nuisances as their priors.
+        """Return points (n, d) for `unit` (n, d) in [0, 1]: faults evenly there, nuisances as their priors.
 
-        A prior as wide as the bounds is cut there.
+        A prior as wide as the bounds is cut there. Frictions below healthy are left to descents.
         """
         shares = np.asarray(unit, float)
         faults = np.tile(HEALTHY.vector, (len(shares), 1))

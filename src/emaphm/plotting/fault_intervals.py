@@ -1,4 +1,4 @@
-"""The fault components on their scale from 0 to 1, with their 95 % intervals."""
+"""The fault components on their scale from 0 to 1, the friction also below, with their 95 % intervals."""
 
 from typing import TYPE_CHECKING
 
@@ -32,8 +32,8 @@ VERDICTS = {"healthy": (BLUE, "o"), "degraded": (VERMILION, "s")}
 INCONCLUSIVE = (FAINT, "d")
 """Colour and marker where the recording does not decide."""
 
-WHOLE_SCALE = (0.0, 1.0)
-"""The interval of a component on which the recording has no information."""
+MARGIN = 0.03
+"""Of the axis, beyond the values that a component may have."""
 
 TRUE_VALUE, HEALTHY_VALUE = "D", "|"
 """Markers."""
@@ -56,7 +56,8 @@ def draw_fault_intervals(figure: "FigureBase", diagnosis: "Diagnosis", truth: Fa
             axis.plot(getattr(HEALTHY, name), row, HEALTHY_VALUE, color=BLACK, markersize=12)
         if truth and not (is_phase and truth.eccentricity == 0):
             axis.plot(getattr(truth, name), row, TRUE_VALUE, color=BLACK, markersize=8, fillstyle="none")
-    axis.set_xlim(-0.03, 1.03)
+    friction = diagnosis.components["friction"].interval95[0]
+    axis.set_xlim(min(0.0, friction, truth.friction if truth else 0.0) - MARGIN, 1 + MARGIN)
     axis.set_ylim(len(NAMES) - 0.5, -0.5)
     axis.set_yticks(range(len(NAMES)), NAMES)
     style_axis(axis, xlabel="normalised value and 95 % interval")
@@ -70,12 +71,13 @@ def _component(axis: "Axes", row: int, estimate: "Estimate") -> None:
     colour, marker = VERDICTS.get(estimate.verdict, INCONCLUSIVE)
     low, high = estimate.interval95
     # A direction's interval may run past 0 or 1, where the circle closes: it comes in at the other end.
-    for turn in (-1, 0, 1):
-        ends = np.clip([low + turn, high + turn], 0, 1)
+    least, most = estimate.limits
+    for turn in (-1, 0, 1) if low < least or high > most else (0,):
+        ends = np.clip([low + turn, high + turn], least, most)
         if ends[0] < ends[1]:
             axis.plot(ends, [row, row], color=colour, linewidth=3, alpha=0.5, solid_capstyle="butt")
     ends_text = f"({low:.3f} to {high:.3f})"
-    text = "not identifiable" if (low, high) == WHOLE_SCALE else f"{NOTHING}  {ends_text}"
+    text = "not identifiable" if estimate.unconstrained else f"{NOTHING}  {ends_text}"
     if estimate.identifiable:
         text = f"{estimate.value:.3f}  {ends_text}"
         axis.plot(estimate.value, row, marker, color=colour, markersize=5)

@@ -73,7 +73,8 @@ def _legend(figure: "Figure") -> None:
 def _distribution(axis: "Axes", values: Array, estimate: "Estimate", interval: tuple[float, float]) -> None:
     """Draw a histogram of `values` (n,), its 95 % `interval` below, and the estimate as a normal curve."""
     # On the circle of a direction, an arc that runs past 1 is drawn whole, the estimate in the same turn.
-    past = interval[1] > 1 or estimate.interval95[0] < 0 or estimate.interval95[1] > 1
+    lower, upper = estimate.limits
+    past = interval[1] > upper or estimate.interval95[0] < lower or estimate.interval95[1] > upper
     around = np.concatenate([values - 1, values, values + 1]) if past else values
     turn = float(np.rint(sum(interval) / 2 - estimate.value)) if past else 0.0
     normal = (estimate.interval95[0] + turn, estimate.interval95[1] + turn)
@@ -83,7 +84,9 @@ def _distribution(axis: "Axes", values: Array, estimate: "Estimate", interval: t
     margin = (REACH - 1) / 2 * (high - low)
     if past:  # no more than once around
         margin = min(margin, (1 - min(high - low, 1)) / 2)
-    first, last = (low - margin, high + margin) if past else (max(low - margin, 0), min(high + margin, 1))
+    first, last = low - margin, high + margin
+    if not past:
+        first, last = max(first, lower), min(last, upper)
     edges = np.linspace(first, last, BINS + 1)
     heights = np.histogram(around, edges)[0] / (values.size * (edges[1] - edges[0]))
     axis.stairs(heights, edges, fill=True, color=SAMPLED, alpha=0.4, linewidth=0)

@@ -90,11 +90,11 @@ def component_table(diagnosis: Diagnosis, truth: Faults | None) -> Table:
     columns: dict[str, list[str]] = {
         "Component": [LABELS[name] for name in components],
         "Estimate": [f"{e.value:.4f}" if e.identifiable else NOTHING for e in components.values()],
-        "95\u00a0% interval": [_interval(e.interval95) for e in components.values()],
+        "95\u00a0% interval": [_interval(e.interval95, e.limits) for e in components.values()],
     }
     if posterior:
         columns["95\u00a0% credible interval"] = [
-            _interval(posterior.interval95[name]) for name in components
+            _interval(posterior.interval95[name], one.limits) for name, one in components.items()
         ]
     if truth is not None:
         columns["True value"] = [_true(name, truth) for name in components]
@@ -103,10 +103,10 @@ def component_table(diagnosis: Diagnosis, truth: Faults | None) -> Table:
     return Table(tuple(columns), tuple(zip(*columns.values(), strict=True)))
 
 
-def _interval(ends: tuple[float, float]) -> str:
-    """Return an interval as text; one that is the whole scale says nothing."""
+def _interval(ends: tuple[float, float], limits: tuple[float, float]) -> str:
+    """Return an interval as text; one that is all of the component's range says nothing."""
     low, high = ends
-    return NOTHING if ends == (0.0, 1.0) else f"{low:.4f} to {high:.4f}"
+    return NOTHING if ends == limits else f"{low:.4f} to {high:.4f}"
 
 
 def _true(name: str, truth: Faults) -> str:

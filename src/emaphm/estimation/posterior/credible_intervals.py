@@ -1,4 +1,4 @@
-"""Credible intervals from samples: of a quantity in [0, 1], and of a direction on the circle."""
+"""Credible intervals from samples: of a quantity between limits, and of a direction on the circle."""
 
 import numpy as np
 
@@ -11,25 +11,28 @@ WHOLE = 0.9
 """An interval longer than this share of its range, or of a turn, is given as all of it."""
 
 
-def shortest_interval(values: Array, power: int = 1) -> tuple[float, float]:
-    """Return the shortest interval that holds 95 % of `values` (n,) in [0, 1].
+def shortest_interval(
+    values: Array, power: int = 1, limits: tuple[float, float] = (0.0, 1.0)
+) -> tuple[float, float]:
+    """Return the shortest interval that holds 95 % of `values` (n,), which lie between `limits`.
 
     It is shortest in `values` to a power: in the eccentricity's square, in which its prior is even, so that
     0 is not left out merely because a disk has little area about its centre. One that begins or ends at
-    a bound is taken where it is `BOUND_PREFERENCE`, and all of [0, 1] instead of more than `WHOLE`.
+    a bound is taken where it is `BOUND_PREFERENCE`, and all of the range instead of more than `WHOLE`.
     """
-    ordered = np.sort(values) ** power
+    least, width = limits[0], limits[1] - limits[0]
+    ordered = ((np.sort(values) - least) / width) ** power
     held = int(np.ceil(0.95 * ordered.size))
     lengths = ordered[held - 1 :] - ordered[: ordered.size - held + 1]
     first = int(np.argmin(lengths))
     if lengths[first] > WHOLE:
-        return 0.0, 1.0
+        return limits
     ends = (float(ordered[first]), float(ordered[first + held - 1]))
     most = (1 + BOUND_PREFERENCE) * float(lengths[first])
     for at_bound in ((0.0, float(ordered[held - 1])), (float(ordered[-held]), 1.0)):
         if at_bound[1] - at_bound[0] <= most:
             ends, most = at_bound, at_bound[1] - at_bound[0]
-    return ends[0] ** (1 / power), ends[1] ** (1 / power)
+    return least + width * ends[0] ** (1 / power), least + width * ends[1] ** (1 / power)
 
 
 def shortest_arc(turns: Array) -> tuple[tuple[float, float], float]:

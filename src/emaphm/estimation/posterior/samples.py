@@ -42,7 +42,8 @@ class Posterior:
                 intervals[name], medians[name] = shortest_arc(values)
             else:
                 power = 2 if name == "eccentricity" else 1
-                intervals[name], medians[name] = shortest_interval(values, power), float(np.median(values))
+                intervals[name] = shortest_interval(values, power, space.limits(name))
+                medians[name] = float(np.median(values))
         return cls(samples, components, intervals, medians, diagnostics)
 
     def differing(self, intervals: Mapping[str, tuple[float, float]]) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from emaphm.actuator import Actuator
 from emaphm.actuator.baseline import SECTIONS
 from emaphm.actuator.baseline import SIGNED as OF_EITHER_SIGN
-from emaphm.actuator.faults import NAMES, SHORTEST_WINDING
+from emaphm.actuator.faults import NAMES, SHORTEST_WINDING, check_vectors
 from emaphm.actuator.lumped_parameters import check_lumped_parameters, static_follows
 from emaphm.arrays import Array
 from emaphm.errors import FaultError, MethodError
@@ -124,7 +124,7 @@ class Plant:
         Raises
         ------
         FaultError
-            `faults` has another shape or a value outside [0, 1].
+            `faults` has another shape or a value that the actuator cannot have.
         MethodError
             A parameter is unknown, impossible or not one value an actuator, or needs the electrical
             description that the actuator lacks.
@@ -132,13 +132,7 @@ class Plant:
         k = np.atleast_2d(np.asarray(faults, float))
         if k.ndim != 2 or k.shape[1] != len(NAMES):
             raise FaultError(f"fault vectors have shape (n, {len(NAMES)}), got {np.shape(faults)}")
-        outside = np.argwhere(~((k >= 0) & (k <= 1)))
-        if outside.size:
-            row, column = outside[0]
-            raise FaultError(
-                f"fault {NAMES[column]}={k[row, column]:g} of vector {row} lies outside [0, 1]; "
-                "give a value from 0 to 1"
-            )
+        check_vectors(k, actuator)
         return _with_faults(
             _with_lumped_parameters(_healthy(actuator, len(k)), actuator, lumped_parameters or {}),
             actuator,
