@@ -34,7 +34,7 @@ class Reading(Section):
         default=None, description="column with the serial number of the unit, the same throughout a recording"
     )
     longest_gap: int = Field(
-        default=5, ge=0, strict=True, description="longest gap that is interpolated [rows]"
+        default=3, ge=0, strict=True, description="longest gap that is interpolated [rows]"
     )
     outliers: bool = Field(
         default=True, strict=True, description="whether isolated outliers are found and replaced"

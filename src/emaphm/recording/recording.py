@@ -1,7 +1,7 @@
 """A recording: what was measured of an actuator while it followed a command."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -57,7 +57,7 @@ class Recording:
     sampling: Sampling = "mean"
     source: str = "recording"
     notes: tuple[str, ...] = ()
-    labels: Mapping[str, Label] = MappingProxyType({})
+    labels: Mapping[str, Label] = field(default_factory=dict)
 
     def __init__(
         self,
