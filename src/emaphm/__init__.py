@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from emaphm.errors import EmaphmError
     from emaphm.estimation import replay
     from emaphm.experiment import Design, design
-    from emaphm.recording import Recording, acquire, read_recording, write_recording
+    from emaphm.recording import Recording, acquire, read_recording, read_recordings, write_recording
     from emaphm.report import write_report
     from emaphm.simulated_recording import simulate
     from emaphm.simulation import simulate_batch
@@ -43,7 +43,7 @@ _HOMES = {
     "emaphm.diagnosis": "Diagnosis diagnose error_percent",
     "emaphm.estimation": "replay",
     "emaphm.experiment": "Design design",
-    "emaphm.recording": "Recording acquire read_recording write_recording",
+    "emaphm.recording": "Recording acquire read_recording read_recordings write_recording",
     "emaphm.report": "write_report",
     "emaphm.simulated_recording": "simulate",
     "emaphm.simulation": "simulate_batch",
@@ -73,6 +73,7 @@ __all__ = [
     "error_percent",
     "read_campaign",
     "read_recording",
+    "read_recordings",
     "replay",
     "simulate",
     "simulate_batch",

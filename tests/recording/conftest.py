@@ -9,7 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.parameters import Channels, Controller, Mechanics, Motor
+from emaphm.actuator.channels import Channels
+from emaphm.actuator.parameters import Controller, Mechanics, Motor
 from emaphm.errors import EmaphmError
 
 Columns = dict[str, NDArray[np.float64]]

@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.parameters import Channels
+from emaphm.actuator.channels import Channels
 from emaphm.errors import RecordingError
 from emaphm.recording import read_recording
 from emaphm.recording.io.limits import ReadLimits

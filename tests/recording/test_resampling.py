@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.parameters import Channels
+from emaphm.actuator.channels import Channels
 from emaphm.arrays import Array
 from emaphm.recording import Recording, acquire, read_recording
 

@@ -7,9 +7,9 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, ValidationError, model_validator
 
 from emaphm.actuator.baseline import MOST_HARMONICS, PARTS, SIGNED, Baseline
+from emaphm.actuator.channels import Channels
 from emaphm.actuator.law_sections import Drive, DriveKind, Friction, RippleHarmonic, Transmission, Weight
 from emaphm.actuator.parameters import (
-    Channels,
     Controller,
     Electrical,
     FaultScales,
@@ -18,6 +18,7 @@ from emaphm.actuator.parameters import (
     Nuisances,
     Section,
 )
+from emaphm.actuator.reading import Reading
 from emaphm.actuator.sensors import Sensors
 from emaphm.actuator.toml import validation_message, write_toml
 from emaphm.errors import ActuatorError
@@ -54,6 +55,7 @@ class Actuator(Section):
     faults: FaultScales = FaultScales()
     nuisances: Nuisances = Nuisances()
     channels: Channels = Channels()
+    reading: Reading = Reading()
     sensors: Sensors = Sensors()
     baseline: Baseline | None = None
 

@@ -251,30 +251,3 @@ class Nuisances(Section):
         gt=0,
     )
     current_scale: float = quantity("scale of the current sensors, relative", "-", PRIOR, default=0.01, gt=0)
-
-
-class Channels(Section):
-    """The names under which a rig stores the channels, and how its rows were sampled."""
-
-    sampling: Literal["mean", "instant"] = Field(
-        default="mean", description="rows are means over the sample interval, or values at its start"
-    )
-    time_s: str = "time_s"
-    command_rad: str = "command_rad"
-    position_rad: str = "position_rad"
-    speed_rad_s: str = "speed_rad_s"
-    angle_rad: str = "angle_rad"
-    current_a_A: str = "current_a_A"
-    current_b_A: str = "current_b_A"
-    current_c_A: str = "current_c_A"
-    current_A: str = "current_A"
-    current_d_A: str = "current_d_A"
-    current_q_A: str = "current_q_A"
-    voltage_V: str = "voltage_V"
-    voltage_d_V: str = "voltage_d_V"
-    voltage_q_V: str = "voltage_q_V"
-    duty: str = "duty"
-    supply_V: str = "supply_V"
-    enabled: str = "enabled"
-    load_Nm: str = "load_Nm"
-    temperature_K: str = "temperature_K"

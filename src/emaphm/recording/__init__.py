@@ -7,7 +7,7 @@ from emaphm.recording.equivalent_current import (
     sinusoidal_equivalent_current,
     with_equivalent_current,
 )
-from emaphm.recording.io.read import read_recording, read_signal
+from emaphm.recording.io.read import read_recording, read_recordings, read_signal
 from emaphm.recording.io.write import write_recording
 from emaphm.recording.plausibility import check_plausible
 from emaphm.recording.reconstruction import held, reconstructed
@@ -22,6 +22,7 @@ __all__ = [
     "full_scales",
     "held",
     "read_recording",
+    "read_recordings",
     "read_signal",
     "reconstructed",
     "sinusoidal_equivalent_current",

@@ -1,7 +1,7 @@
 """A recording: what was measured of an actuator while it followed a command."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Sampling = Literal["mean", "instant"]
+
+Label = float | str
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -41,6 +43,9 @@ class Recording:
         File name or description, for error messages and titles.
     notes
         What was done to the channels, and what of them cannot be used; a sentence each.
+    labels
+        What holds for the whole recording and is no channel, by name: the run, the cycle, the unit's serial
+        number ("serial"); numbers or texts.
 
     Raises
     ------
@@ -52,6 +57,7 @@ class Recording:
     sampling: Sampling = "mean"
     source: str = "recording"
     notes: tuple[str, ...] = ()
+    labels: Mapping[str, Label] = field(default_factory=dict)
 
     def __init__(
         self,
@@ -59,6 +65,7 @@ class Recording:
         sampling: Sampling = "mean",
         source: str = "recording",
         notes: Sequence[str] = (),
+        labels: Mapping[str, Label] = MappingProxyType({}),
     ) -> None:
         columns = {name: _read_only(values, name, source) for name, values in channels.items()}
         check(columns, source)
@@ -68,10 +75,11 @@ class Recording:
         object.__setattr__(self, "source", source)
         # What is made of a recording keeps its notes: none stands twice.
         object.__setattr__(self, "notes", tuple(dict.fromkeys((*notes, *resampled))))
+        object.__setattr__(self, "labels", MappingProxyType(dict(labels)))
 
     def __reduce__(self) -> tuple[Any, ...]:
         # A mapping proxy cannot be pickled, and worker processes need recordings.
-        return Recording, (dict(self.channels), self.sampling, self.source, self.notes)
+        return Recording, (dict(self.channels), self.sampling, self.source, self.notes, dict(self.labels))
 
     def __getitem__(self, name: str) -> Array:
         """Return column `name`, shape (n,), read-only; an unknown name raises `RecordingError`."""
@@ -91,7 +99,7 @@ class Recording:
 
     def with_channels(self, channels: Mapping[str, ArrayLike], notes: Sequence[str] = ()) -> "Recording":
         """Return the recording with the columns `channels` instead, and with `notes` after its own."""
-        return Recording(channels, self.sampling, self.source, (*self.notes, *notes))
+        return Recording(channels, self.sampling, self.source, (*self.notes, *notes), self.labels)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -6,15 +6,9 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.recording.checks import is_uniform
+from emaphm.recording.conditioning.interpolation import HELD, continuous, curve, edges_of
 
 Columns = dict[str, Array]
-
-HELD = ("enabled",)
-"""Channels that switch: nothing lies between their values."""
-
-FULL_TURN = 2 * np.pi * 1.01
-"""Range up to which an angle may be that of a sensor which starts anew with every turn [rad]."""
-
 
 def on_uniform_grid(
     columns: Columns, sampling: Literal["mean", "instant"]
@@ -52,22 +46,21 @@ def on_uniform_grid(
         return columns, ()
     rows = time.size
     steps = np.diff(time)
-    # Of means the last one's interval is not known: the mean of the others stands for it.
-    edges = np.append(time, time[-1] + steps.mean()) if sampling == "mean" else time
+    edges = edges_of(time) if sampling == "mean" else time
     grid = np.linspace(edges[0], edges[-1], edges.size)
     nearest = np.searchsorted((time[1:] + time[:-1]) / 2, grid[:rows])
     uniform = {}
     for name, recorded in columns.items():
-        values = _continuous(recorded) if name == "angle_rad" else recorded
+        values = continuous(recorded) if name == "angle_rad" else recorded
         if name == "time_s":
             uniform[name] = grid[:rows]
         elif name in HELD or not np.all(np.isfinite(values)):
             uniform[name] = values[nearest]
         elif sampling == "mean":
             integral = np.append(0.0, np.cumsum(values * np.diff(edges)))
-            uniform[name] = np.diff(_curve(edges, integral, grid)) / np.diff(grid)
+            uniform[name] = np.diff(curve(edges, integral, grid)) / np.diff(grid)
         else:
-            uniform[name] = _curve(time, values, grid)
+            uniform[name] = curve(time, values, grid)
         uniform[name].setflags(write=False)
     interval = float(grid[-1] - grid[0]) / (grid.size - 1)
     relative = np.abs(steps / interval - 1)
@@ -77,16 +70,3 @@ def on_uniform_grid(
         f"{1 / interval:.4g} Hz"
     )
     return uniform, (note,)
-
-
-def _continuous(angle: Array) -> Array:
-    """Return an angle (n,) without the jumps of a sensor that starts anew with every turn."""
-    return np.unwrap(angle) if np.ptp(angle) <= FULL_TURN else angle
-
-
-def _curve(times: Array, values: Array, grid: Array) -> Array:
-    """Return the values at `grid` (m,) of Akima's curve through `values` (n,) at `times` (n,)."""
-    # Its import takes longer than a recording; few recordings need it.
-    from scipy.interpolate import Akima1DInterpolator
-
-    return np.asarray(Akima1DInterpolator(times - times[0], values)(grid - times[0]), float)

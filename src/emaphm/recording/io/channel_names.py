@@ -1,65 +1,157 @@
-"""From the names in a file to the names of the schema, through an actuator's `[channels]`."""
+"""Which column of a file, arithmetic of columns, or number each channel of the schema is."""
 
-from emaphm.actuator.parameters import Channels
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+
+from emaphm.actuator.channels import OWN_NAME, ChannelEntry, Channels
+from emaphm.actuator.expression import Expression
 from emaphm.errors import RecordingError, nearest
 from emaphm.recording.checks import NEEDED, missing_columns
 from emaphm.recording.io.file_columns import FileColumns
 from emaphm.recording.schema import SCHEMA
 
 
-def names_in_file(columns: FileColumns, channels: Channels, source: str) -> dict[str, str]:
-    """Return the name in the file of each schema column that it holds.
+@dataclass(frozen=True)
+class Source:
+    """Where a channel comes from: its `entry`, and the `column` in the file unless it is derived or a value."""
 
-    A column is known by the name that `channels` gives it, else by its schema name. A file without
-    any of the foreign names is read by schema names alone, so that what emaphm wrote for a rig can be
-    read back with that rig's description.
+    entry: ChannelEntry
+    column: str | None = None
+
+    @property
+    def label(self) -> str:
+        """What an error calls it."""
+        return self.column or self.entry.derived or "value"
+
+
+def sources_in_file(
+    columns: FileColumns, channels: Channels, source: str, known: Collection[str] = ()
+) -> tuple[dict[str, Source], bool]:
+    """Return where each schema channel of a file comes from, and whether the file is one of emaphm's own.
+
+    A channel is what its entry says, else the column that has its schema name; one that the file lacks is left
+    out. A file without any of the foreign
+    names is read by schema names alone and without conversion, so that what emaphm wrote for a rig can be read
+    back with that rig's description. Where the format has times of its own, `time_s` may be absent.
 
     Parameters
     ----------
     columns
         What the file holds.
     channels
-        Names under which the rig stores its channels.
+        The rig's entries.
     source
         The file's name, for errors.
+    known
+        Channels that are given otherwise: neither looked for nor missing.
 
     Raises
     ------
     RecordingError
-        A name set in `channels`, or a needed column, is not in the file; or it is there without
-        being a column of numbers.
+        A name set in `channels`, or a needed column, is not in the file; it is there in several groups, or
+        without being a column of numbers.
     """
     held = [*columns.numeric, *columns.unusable]
-    given: dict[str, str] = channels.model_dump(include=set(SCHEMA))
-    foreign = {name: there for name, there in given.items() if there != name}
-    is_foreign = any(there in held for there in foreign.values())
-    names = {}
-    for name in SCHEMA:
-        if given[name] in held:
-            names[name] = given[name]
-        elif name in held and name not in foreign.values():
-            names[name] = name
-    missing = [name for name in foreign if is_foreign and name not in names]
-    missing += missing_columns(names)
-    if missing:
-        free = [name for name in held if name not in names.values()]
-        raise RecordingError(f"{source}: {_missing(missing[0], given[missing[0]], free, held)}")
-    for name, there in names.items():
-        if there in columns.unusable:
-            label = f"'{there}'" if there == name else f"'{there}' ({name})"
-            raise RecordingError(f"{source}: column {label} {columns.unusable[there]}")
-    return names
+    entries = {name: channels.entry(name) for name in SCHEMA if name not in known}
+    foreign = {name: entry for name, entry in entries.items() if _foreign_names(name, entry)}
+    is_foreign = any(
+        resolved(there, held, source) for name, entry in foreign.items() for there in _foreign_names(name, entry)
+    )
+    taken = {there for name, entry in foreign.items() for there in _foreign_names(name, entry)}
+    found: dict[str, Source] = {}
+    for name, entry in entries.items():
+        own = resolved(name, held, source) if name not in taken else None
+        if entry.value is not None and (is_foreign or not own):
+            found[name] = Source(entry)
+        elif name in foreign and is_foreign:
+            if entry.derived is not None:
+                found[name] = Source(entry)
+            elif there := resolved(str(entry.column), held, source):
+                found[name] = Source(entry, there)
+            elif own:
+                found[name] = Source(OWN_NAME, own)
+        elif own:
+            converted = is_foreign or not foreign
+            found[name] = Source(entry if converted else OWN_NAME, own)
+    _check_missing(found, entries, is_foreign, columns, source, known)
+    for name, where in found.items():
+        if where.column in columns.unusable:
+            label = f"'{where.column}'" if where.column == name else f"'{where.column}' ({name})"
+            raise RecordingError(f"{source}: column {label} {columns.unusable[where.column]}")
+    return found, bool(foreign) and not is_foreign
 
 
-def _missing(name: str, there: str, free: list[str], held: list[str]) -> str:
+def resolved(name: str, held: Sequence[str], source: str) -> str | None:
+    """Return the column of the file that `name` means: that name, or in the one group that has it.
+
+    Raises
+    ------
+    RecordingError
+        Several groups have a column of that name.
+    """
+    if name in held:
+        return name
+    inside = [there for there in held if there.endswith(f"/{name}")]
+    if len(inside) > 1:
+        raise RecordingError(
+            f"{source}: {len(inside)} columns are named '{name}' ({', '.join(inside[:5])}); write the group "
+            "before it in [channels] of the actuator's TOML, as here"
+        )
+    return inside[0] if inside else None
+
+
+def columns_of(expression: Expression, held: Sequence[str], source: str) -> Mapping[str, str]:
+    """Return the column of each name in an expression that is one of the file's."""
+    found = {name: resolved(name, held, source) for name in expression.names}
+    return {name: there for name, there in found.items() if there}
+
+
+def missing_name(there: str, held: Sequence[str], free: Sequence[str] | None = None) -> str:
+    """Return what may be meant by a name that is not among the columns `held` of a file."""
+    groups = sorted({name.rpartition("/")[0] for name in held if "/" in name})
+    group, slash, _ = there.rpartition("/")
+    if slash and groups and group not in groups:
+        return f" (no group '{group}'{nearest(group, groups)})"
+    free = held if free is None else free
+    return nearest(there, free) if free else f" (the file has: {', '.join(held) or 'no column'})"
+
+
+def _foreign_names(name: str, entry: ChannelEntry) -> list[str]:
+    """Return the names that only a file of this rig has: of the entry's columns, without those of the schema."""
+    if entry.derived is not None:
+        return [one for one in Expression.parse(entry.derived).names if one not in SCHEMA]
+    return [entry.column] if entry.column not in {None, name} else []  # type: ignore[list-item] # no None
+
+
+def _check_missing(
+    found: Mapping[str, Source],
+    entries: Mapping[str, ChannelEntry],
+    is_foreign: bool,
+    columns: FileColumns,
+    source: str,
+    known: Collection[str],
+) -> None:
+    held = [*columns.numeric, *columns.unusable]
+    promised = [name for name, entry in entries.items() if _foreign_names(name, entry)]
+    missing = [name for name in promised if is_foreign and name not in found]
+    has_times = bool(columns.times)
+    missing += [
+        name for name in missing_columns({*found, *known}) if not (name == "time_s" and has_times)
+    ]
+    if not missing:
+        return
+    name = missing[0]
+    entry = entries[name]
+    there = entry.column or name
     # A column that already is another channel is no candidate for the missing one.
-    hint = nearest(there, free) if free else f" (the file has: {', '.join(held) or 'no column'})"
+    taken = {where.column for where in found.values()}
+    hint = missing_name(there, held, [one for one in held if one not in taken])
     if there != name:
-        return (
-            f"no column '{there}', which [channels] in the actuator's TOML gives for {name}{hint}; "
+        raise RecordingError(
+            f"{source}: no column '{there}', which [channels] in the actuator's TOML gives for {name}{hint}; "
             "correct the name there, or take the line out"
         )
-    return (
-        f"no column '{name}'{hint}; if it has another name in the file, put {name} = \"that name\" under "
-        f"[channels] in the actuator's TOML (a recording needs {NEEDED})"
+    raise RecordingError(
+        f"{source}: no column '{name}'{hint}; if it has another name in the file, put {name} = \"that name\" "
+        f"under [channels] in the actuator's TOML (a recording needs {NEEDED})"
     )

@@ -96,6 +96,7 @@ def _add(columns: FileColumns, name: str, column: "pl.Series") -> None:
             f"holds {excerpt(text[row])} at row {row + 1}, which is no number; correct or drop it "
             f"({COUNTING})"
         )
+        columns.texts[name] = text.fill_null("").to_numpy()
     else:
         columns.numeric[name] = numbers.to_numpy()
 

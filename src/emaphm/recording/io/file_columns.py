@@ -2,7 +2,10 @@
 
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
+
+from numpy.typing import NDArray
 
 from emaphm.arrays import Array
 from emaphm.errors import RecordingError
@@ -13,11 +16,15 @@ class FileColumns:
     """Columns of a file by the names they have there.
 
     `numeric` holds arrays of shape (n,), NaN where a value is absent; `unusable` says of each other
-    column why it is none, in words that continue "column 'x' …" and end with the remedy.
+    column why it is none, in words that continue "column 'x' …" and end with the remedy. `texts` holds those
+    of the unusable ones that are texts, shape (n,) of str. `times` holds the times [s] of the numeric columns
+    that have a time base of their own, as the format says.
     """
 
     numeric: dict[str, Array]
     unusable: dict[str, str]
+    texts: dict[str, NDArray[Any]] = field(default_factory=dict)
+    times: dict[str, Array] = field(default_factory=dict)
 
 
 def check_names(names: Iterable[str], source: str) -> None:

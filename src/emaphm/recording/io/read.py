@@ -1,21 +1,35 @@
-"""Reading a recording from a file: CSV, Parquet or MATLAB .mat, by the file's ending."""
+"""Reading recordings from a file, by the file's ending: its rows become channels, and one or many recordings."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator, Sampled
+from emaphm.actuator.channels import Channels
+from emaphm.actuator.expression import Expression
+from emaphm.actuator.reading import Reading
+from emaphm.arrays import Array
 from emaphm.errors import RecordingError, SignalError, nearest
 from emaphm.input_files import checked_size
 from emaphm.recording.checks import check
+from emaphm.recording.conditioning.condition import conditioned
+from emaphm.recording.conditioning.masks import kept_rows
+from emaphm.recording.conditioning.table import Table, table_of
 from emaphm.recording.equivalent_current import with_equivalent_current
-from emaphm.recording.io.channel_names import names_in_file
+from emaphm.recording.io.channel_names import resolved, sources_in_file
 from emaphm.recording.io.csv_file import read_csv
 from emaphm.recording.io.file_columns import FileColumns
 from emaphm.recording.io.limits import ReadLimits
 from emaphm.recording.io.mat_file import read_mat
 from emaphm.recording.io.parquet_file import read_parquet
-from emaphm.recording.recording import Recording
+from emaphm.recording.recording import Label, Recording
 from emaphm.recording.schema import SCHEMA
+from emaphm.recording.splitting import Cut, Piece, columns_in, cut, stretches
 
 READERS: dict[str, Callable[[Path, ReadLimits], FileColumns]] = {
     ".csv": read_csv,
@@ -25,44 +39,192 @@ READERS: dict[str, Callable[[Path, ReadLimits], FileColumns]] = {
 """How each kind of file is read; the endings in lower case."""
 
 
+Known = Mapping[str, Label]
+
+NOTHING: Known = MappingProxyType({})
+
+SERIAL = "serial"
+"""Label under which the unit's serial number stands."""
+
+
 def read_recording(
     path: str | Path,
     actuator: Actuator,
     *,
+    known: Known = NOTHING,
     limits: ReadLimits = ReadLimits(),  # noqa: B008 - frozen
 ) -> Recording:
-    """Read a recording of `actuator` from a file.
+    """Read the one recording of `actuator` that a file holds.
 
-    Columns are found by the names in ``actuator.channels``, else by their schema names. Columns of
-    numbers beyond the schema are kept if they have as many rows. Where `current_A` is absent it is
-    made from the phase currents and `angle_rad` (`equivalent_current`, form "torque").
+    Columns are found, converted and derived as ``actuator.channels`` says, else by their schema names; rows are
+    left out and cleaned as ``actuator.reading`` says, each with a note. Columns beyond the schema are kept if they
+    have as many rows; those that are constant are labels too. Where `current_A` is absent it is made from the
+    phase currents and `angle_rad` (`equivalent_current`, form "torque").
 
     Parameters
     ----------
     path
-        A .csv, .parquet or .mat file; capitals do not matter.
+        A file with an ending of `READERS`; capitals do not matter.
     actuator
-        Gives the names of the channels, how they were sampled, and the pole pairs.
+        Gives the channels, how they were sampled, what of the file is read, and the pole pairs.
+    known
+        What holds for the whole file: channels of the schema, in SI units, and labels such as "serial".
     limits
         Sizes beyond which a file is refused before it is read.
 
     Raises
     ------
     RecordingError
-        The file is too large, cannot be read, lacks a column, or breaks a rule of
+        The file is too large, cannot be read, lacks a column, holds several recordings, or breaks a rule of
         `emaphm.recording.checks.check`.
     """
-    path = Path(path)
+    file = _opened(Path(path), actuator, known, limits)
+    if file.reading.split is None:
+        pieces = stretches(file.table, file.kept, file.table.rows) if not np.all(file.kept) else [file.whole]
+        way = "the masks under [reading] leave"
+    else:
+        pieces = list(_cut(file, file.reading.split).pieces)
+        way = f'split = "{file.reading.split}" makes'
+    if len(pieces) != 1:
+        raise RecordingError(
+            f"{path}: {way} {len(pieces)} recordings of this file; read them with read_recordings, or cut it: "
+            "emaphm split FILE"
+        )
+    return _recording(file, pieces[0])
+
+
+def read_recordings(
+    path: str | Path,
+    actuator: Actuator,
+    *,
+    split: str | None = None,
+    known: Known = NOTHING,
+    on_refused: Callable[[str], None] | None = None,
+    limits: ReadLimits = ReadLimits(),  # noqa: B008 - frozen
+) -> list[Recording]:
+    """Read all recordings of `actuator` that a file holds, in their order.
+
+    Parameters
+    ----------
+    path, actuator, known, limits
+        As for `read_recording`.
+    split
+        What the file is cut by (`emaphm.recording.splitting.cut`): names of columns with commas between,
+        "period", "rests" or "stretches"; as ``actuator.reading.split`` says where left out, else one recording.
+    on_refused
+        Called with the reason for each piece that is no recording. Where left out, pieces that are too short are
+        passed over, and any other reason is raised.
+
+    Raises
+    ------
+    RecordingError
+        As for `read_recording`; also if no piece is a recording.
+    """
+    file = _opened(Path(path), actuator, known, limits, split)
+    by = split or file.reading.split
+    if by is None and np.all(file.kept):
+        return [_recording(file, file.whole)]
+    found = _cut(file, by or "stretches")
+    reasons = list(found.refused)
+    recordings = []
+    for piece in found.pieces:
+        try:
+            recordings.append(_recording(file, piece))
+        except RecordingError as error:
+            if on_refused is None:
+                raise
+            reasons.append(str(error))
+    if not recordings:
+        more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
+        raise RecordingError(reasons[0] + more if reasons else f"{path}: no row is left; correct [reading]")
+    for reason in reasons if on_refused else ():
+        on_refused(reason)  # type: ignore[misc] # the loop is empty without it
+    return recordings
+
+
+@dataclass(frozen=True)
+class _File:
+    """A file's table, the rows of it that are used, and how they are read."""
+
+    path: Path
+    actuator: Actuator
+    reading: Reading
+    table: Table
+    kept: NDArray[np.bool_]
+    known: Known
+
+    @property
+    def whole(self) -> Piece:
+        return Piece(0, self.table.rows)
+
+
+def _opened(
+    path: Path, actuator: Actuator, known: Known, limits: ReadLimits, split: str | None = None
+) -> _File:
     source = str(path)
-    held = _columns(path, limits)
-    names = names_in_file(held, actuator.channels, source)
-    columns = {name: held.numeric[there] for name, there in names.items()}
-    check(columns, source, names)
-    taken = {*names.values(), *SCHEMA}
-    for name, values in held.numeric.items():
-        if name not in taken and values.shape == columns["time_s"].shape:
-            columns[name] = values
-    return with_equivalent_current(Recording(columns, actuator.channels.sampling, source), actuator)
+    constants = _constants(known, source)
+    held = _columns(path, limits, actuator.channels)
+    sources, is_own = sources_in_file(held, actuator.channels, source, constants)
+    # What emaphm wrote for this rig has been cut and masked already, and lacks the columns to do it by.
+    reading = Reading(longest_gap=actuator.reading.longest_gap) if is_own else actuator.reading
+    every = [*held.numeric, *held.unusable]
+    named = list(columns_in(split or reading.split or ""))
+    named += Expression.parse(reading.keep).names if reading.keep else ()
+    named += [reading.serial] if reading.serial else ()
+    needed = [there for name in named if (there := resolved(name, every, source))]
+    table = table_of(held, sources, actuator, source, needed=needed, known=constants)
+    return _File(path, actuator, reading, table, kept_rows(table, reading, source), known)
+
+
+def _constants(known: Known, source: str) -> dict[str, float]:
+    constants = {name: value for name, value in known.items() if name in SCHEMA}
+    for name, value in constants.items():
+        if name in {"time_s", "command_rad"} or isinstance(value, str) or not np.isfinite(value):
+            raise RecordingError(f"{source}: {name} = {value} cannot hold for a whole recording; give a number")
+    return {name: float(value) for name, value in constants.items()}
+
+
+def _cut(file: _File, by: str) -> Cut:
+    return cut(file.table, file.kept, by, file.reading.longest_gap, str(file.path))
+
+
+def _recording(file: _File, piece: Piece) -> Recording:
+    """Return the recording that a piece of a file is."""
+    actuator, table, rows = file.actuator, file.table, slice(piece.start, piece.stop)
+    source = f"{file.path}: {piece.name}" if piece.name else str(file.path)
+    channels = {name: values[rows] for name, values in table.channels.items()}
+    further = {name: values[rows] for name, values in table.further.items()}
+    labels = _labels(file, further) | dict(piece.labels)
+    channels |= {name: values for name, values in further.items() if values.dtype.kind == "f"}
+    names = {name: where.label for name, where in table.sources.items()}
+    delays = {name: where.entry.delay_s for name, where in table.sources.items()}
+    channels, notes = conditioned(
+        channels, table.constants, delays, file.reading, actuator.channels.sampling, names, source
+    )
+    check(channels, source, names)
+    recording = Recording(
+        channels, actuator.channels.sampling, source, [*table.notes, *piece.notes, *notes], labels
+    )
+    return with_equivalent_current(recording, actuator)
+
+
+def _labels(file: _File, further: Mapping[str, NDArray[Any]]) -> dict[str, Label]:
+    """Return what holds for all rows: of each column beyond the schema that is constant, and what is known."""
+    found: dict[str, Label] = {}
+    for name, values in further.items():
+        first = values[0] if values.size else ""
+        if values.size and np.all(values == first):
+            found[name] = first if isinstance(first, str) else float(first)
+    serial = file.reading.serial
+    if serial is not None:
+        there = resolved(serial, list(file.table.further), str(file.path))
+        if there is None or there not in found:
+            raise RecordingError(
+                f"{file.path}: column '{serial}', the unit's serial number, is "
+                + ("not the same throughout; cut the file by it" if there else "not in the file; correct [reading]")
+            )
+        found[SERIAL] = found[there]
+    return found | {name: value for name, value in file.known.items() if name not in SCHEMA}
 
 
 def read_signal(path: str | Path, name: str) -> Sampled:
@@ -76,7 +238,7 @@ def read_signal(path: str | Path, name: str) -> Sampled:
         The values are not finite or the times do not increase.
     """
     path = Path(path)
-    held = _columns(path, ReadLimits())
+    held = _columns(path, ReadLimits(), Channels())
     for needed in ("time_s", name):
         if needed not in held.numeric:
             absent = f"is missing{nearest(needed, held.numeric)}; the file needs time_s and {name}"
@@ -87,7 +249,7 @@ def read_signal(path: str | Path, name: str) -> Sampled:
         raise SignalError(f"{path}: {error}") from None
 
 
-def _columns(path: Path, limits: ReadLimits) -> FileColumns:
+def _columns(path: Path, limits: ReadLimits, channels: Channels) -> FileColumns:
     if not checked_size(path, limits.file_bytes, RecordingError):
         raise RecordingError(f"{path}: the file is empty; record or copy it again")
     read = READERS.get(path.suffix.lower())

@@ -1,0 +1,141 @@
+"""Where a rig stores its channels, and how what it stores becomes a channel in its SI unit."""
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import (
+    Field,
+    SerializerFunctionWrapHandler,
+    field_validator,
+    model_serializer,
+    model_validator,
+)
+
+from emaphm.actuator.expression import Expression
+from emaphm.actuator.parameters import Section
+from emaphm.actuator.quantity import quantity
+from emaphm.actuator.units import check_unit
+
+OF_THE_LOGGER = "manual of the logger"
+
+Name = Annotated[str, Field(min_length=1)]
+
+
+class ChannelEntry(Section):
+    """One line of `[channels]`: a name, a number, or a table of these keys.
+
+    Of what the file holds, raw, becomes sign × (scale × raw + offset), which stands in `unit` and is converted
+    into the SI unit of the channel. Without `column`, `derived` and `value` the column has the channel's name.
+    """
+
+    column: Name | None = Field(default=None, description="name in the file, 'group/name' where it has groups")
+    derived: Name | None = Field(
+        default=None, description="arithmetic of columns, such as 'command - error', in place of a column"
+    )
+    value: float | None = quantity(
+        "known for the whole file, in place of a column", "unit of the entry", OF_THE_LOGGER, default=None
+    )
+    unit: str | None = Field(default=None, description="of scale × raw + offset; the SI unit where left out")
+    scale: float = quantity("factor", "unit per raw", OF_THE_LOGGER, default=1.0)
+    offset: float = quantity("what is added", "unit of the entry", OF_THE_LOGGER, default=0.0)
+    sign: Literal[1, -1] = Field(default=1, description="-1 where the logger counts the other way")
+    delay_s: float = quantity(
+        "how much later than the others the channel is recorded", "s", OF_THE_LOGGER, default=0.0
+    )
+    time: Name | None = Field(
+        default=None, description="column with the times of this one, if they are not those of the others"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _short_form(cls, given: Any) -> Any:
+        if isinstance(given, str):
+            return {"column": given}
+        if isinstance(given, int | float) and not isinstance(given, bool):
+            return {"value": given}
+        if not isinstance(given, dict | ChannelEntry):
+            raise ValueError("give the name of a column, a number, or a table such as { column = \"name\" }")  # noqa: TRY004 - pydantic's way
+        return given
+
+    @field_validator("derived")
+    @classmethod
+    def _parsed(cls, text: str | None) -> str | None:
+        if text is not None:
+            Expression.parse(text)
+        return text
+
+    @field_validator("unit")
+    @classmethod
+    def _known(cls, unit: str | None) -> str | None:
+        if unit is not None:
+            check_unit(unit)
+        return unit
+
+    @model_validator(mode="after")
+    def _of_one_source(self) -> Self:
+        given = [name for name in ("column", "derived", "value") if getattr(self, name) is not None]
+        if len(given) > 1:
+            raise ValueError(f"{' and '.join(given)} exclude each other; keep one")
+        if not self.scale:
+            raise ValueError("a scale of 0 leaves nothing of the channel; give the unit per raw value")
+        if self.value is not None and (self.delay_s or self.time):
+            raise ValueError("a value for the whole file has no time; take out delay_s and time")
+        if self.derived is not None and self.time:
+            raise ValueError("a derived channel has the times of its columns; take out time")
+        return self
+
+    @model_serializer(mode="wrap")
+    def _shortest(self, handler: SerializerFunctionWrapHandler) -> Any:
+        kept = {name: value for name, value in handler(self).items() if value != _DEFAULTS[name]}
+        if kept.keys() == {"column"}:
+            return kept["column"]
+        return kept
+
+    @property
+    def converts(self) -> bool:
+        """Whether raw values are changed on their way into the channel."""
+        return self.unit is not None or (self.scale, self.offset, self.sign) != (1.0, 0.0, 1)
+
+
+_DEFAULTS = {name: field.default for name, field in ChannelEntry.model_fields.items()}
+
+OWN_NAME = ChannelEntry()
+"""A column that has the channel's own name and stands in its SI unit."""
+
+
+class Channels(Section):
+    """Where a rig stores the channels, and how its rows were sampled."""
+
+    sampling: Literal["mean", "instant"] = Field(
+        default="mean", description="rows are means over the sample interval, or values at its start"
+    )
+    time_s: ChannelEntry = OWN_NAME
+    command_rad: ChannelEntry = OWN_NAME
+    position_rad: ChannelEntry = OWN_NAME
+    speed_rad_s: ChannelEntry = OWN_NAME
+    angle_rad: ChannelEntry = OWN_NAME
+    current_a_A: ChannelEntry = OWN_NAME
+    current_b_A: ChannelEntry = OWN_NAME
+    current_c_A: ChannelEntry = OWN_NAME
+    current_A: ChannelEntry = OWN_NAME
+    current_d_A: ChannelEntry = OWN_NAME
+    current_q_A: ChannelEntry = OWN_NAME
+    voltage_V: ChannelEntry = OWN_NAME
+    voltage_d_V: ChannelEntry = OWN_NAME
+    voltage_q_V: ChannelEntry = OWN_NAME
+    duty: ChannelEntry = OWN_NAME
+    supply_V: ChannelEntry = OWN_NAME
+    enabled: ChannelEntry = OWN_NAME
+    load_Nm: ChannelEntry = OWN_NAME
+    temperature_K: ChannelEntry = OWN_NAME
+
+    def entry(self, name: str) -> ChannelEntry:
+        """Return the entry of the channel `name`."""
+        found: ChannelEntry = getattr(self, name)
+        return found
+
+    @field_validator("time_s")
+    @classmethod
+    def _time_is_recorded(cls, entry: ChannelEntry) -> ChannelEntry:
+        if entry.value is not None or entry.delay_s or entry.time:
+            raise ValueError("time is a column of its own; give its name, unit, scale and offset only")
+        return entry

@@ -1,0 +1,53 @@
+"""What is done to the rows of one recording before it is one; each step adds a note."""
+
+from collections.abc import Collection, Mapping
+from typing import Literal
+
+from emaphm.actuator.reading import Reading
+from emaphm.arrays import Array
+from emaphm.recording.checks import check
+from emaphm.recording.conditioning.delays import without_delays
+from emaphm.recording.conditioning.gaps import with_lost_rows, without_short_gaps
+
+
+def conditioned(
+    channels: Mapping[str, Array],
+    constants: Collection[str],
+    delays: Mapping[str, float],
+    reading: Reading,
+    sampling: Literal["mean", "instant"],
+    names: Mapping[str, str],
+    source: str,
+) -> tuple[dict[str, Array], tuple[str, ...]]:
+    """Return the channels of a recording without short gaps, outliers and delays, and a note on each step.
+
+    What needs none of it is returned as it is, to the last bit. Columns beyond the schema lose and gain rows as
+    the others do, and are not changed otherwise.
+
+    Parameters
+    ----------
+    channels
+        Arrays (n,) by name, NaN where a cell is empty.
+    constants
+        Those that were not measured.
+    delays
+        How late channels were recorded, by name [s].
+    reading
+        Longest gap, whether outliers are replaced, bandwidth of the low-pass.
+    sampling
+        What a row is.
+    names
+        What channels are called in the file.
+    source
+        Of the recording, for errors.
+
+    Raises
+    ------
+    RecordingError
+        A long gap, or another rule of `check` that is broken; a delay that is longer than the recording.
+    """
+    columns, lost = with_lost_rows(dict(channels), reading.longest_gap)
+    columns, filled = without_short_gaps(columns, reading.longest_gap)
+    check(columns, source, names)
+    columns, late = without_delays(columns, delays, sampling, source)
+    return columns, (*lost, *filled, *late)

@@ -1,0 +1,140 @@
+"""Empty cells and lost rows: short gaps are interpolated, long ones stay for the checks to refuse."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emaphm.arrays import Array
+from emaphm.recording.checks import GAP
+from emaphm.recording.conditioning.interpolation import HELD, continuous, curve
+from emaphm.recording.schema import SCHEMA
+
+Columns = dict[str, Array]
+
+FEWEST_ROWS = 3
+"""Rows that a curve needs."""
+
+
+def runs(true: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return first row and row after the last of each run of True in an array (n,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], true, [False])).astype(np.int8)))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def in_long_gaps(channels: Mapping[str, Array], longest: int) -> NDArray[np.bool_]:
+    """Return which rows (n,) lie in a gap of some channel that is longer than `longest` rows."""
+    inside = np.zeros(channels["time_s"].size, bool)
+    for values in channels.values():
+        for start, stop in runs(np.isnan(values)):
+            if stop - start > longest:
+                inside[start:stop] = True
+    return inside
+
+
+def interval_of(time: Array) -> float:
+    """Return the median of the steps of `time` (n,) that go on [s], NaN where there is none."""
+    steps = np.diff(time)
+    steps = steps[steps > 0]
+    return float(np.median(steps)) if steps.size else float("nan")
+
+
+def with_lost_rows(channels: Columns, longest: int) -> tuple[Columns, tuple[str, ...]]:
+    """Return channels with an interpolated row for each that was lost, where at most `longest` follow each other.
+
+    A row is lost where a time step is a whole multiple of the usual one, to a quarter of it. Columns beyond the
+    schema are left empty there.
+    """
+    time = channels["time_s"]
+    interval = interval_of(time)
+    if not np.all(np.isfinite(time)) or not _increases(time) or time.size < FEWEST_ROWS:
+        return channels, ()
+    with np.errstate(over="ignore", invalid="ignore"):
+        relative = np.diff(time) / interval
+    places = np.flatnonzero((relative >= GAP) & (relative <= longest + 1.25))
+    lost = np.round(relative[places]).astype(int) - 1
+    if not places.size or np.any(np.abs(relative[places] - lost - 1) > 0.25):
+        return channels, ()
+    before = np.repeat(places + 1, lost)
+    share = np.concatenate([np.arange(1, n + 1) / (n + 1) for n in lost])
+    times = time[before - 1] + share * (time[before] - time[before - 1])
+    at = before + np.arange(before.size)
+    filled = {name: np.insert(values, before, np.nan) for name, values in channels.items()}
+    filled["time_s"] = np.insert(time, before, times)
+    for name in filled.keys() & SCHEMA.keys() - {"time_s"}:
+        filled[name] = _interpolated(name, filled["time_s"], filled[name], at)
+    note = (
+        f"{_count(int(lost.sum()), 'row')} lost in {_count(places.size, 'place')}, the first after "
+        f"{time[places[0]]:.6g} s, interpolated"
+    )
+    return filled, (note,)
+
+
+def without_short_gaps(channels: Columns, longest: int) -> tuple[Columns, tuple[str, ...]]:
+    """Return channels whose gaps of at most `longest` rows are interpolated, with a note for each channel.
+
+    Rows at either end that a short gap reaches are left out: nothing is known on one side of them. Time and
+    columns beyond the schema are left as they are.
+    """
+    channels, notes = _without_open_ends(channels, longest)
+    time = channels["time_s"]
+    filled = dict(channels)
+    for name in _with_cells(channels):
+        gaps = [(a, b) for a, b in runs(np.isnan(channels[name])) if b - a <= longest]
+        if not gaps or not _increases(time):
+            continue
+        at = np.concatenate([np.arange(a, b) for a, b in gaps])
+        filled[name] = _interpolated(name, time, channels[name], at)
+        notes += (
+            f"{name}: {_count(at.size, 'empty cell')} in {_count(len(gaps), 'gap')}, the first at "
+            f"{time[at[0]]:.6g} s, {'held' if name in HELD else 'interpolated'}",
+        )
+    return filled, notes
+
+
+def _interpolated(name: str, time: Array, values: Array, at: NDArray[np.intp]) -> Array:
+    """Return values (n,) with those of the rows `at` on Akima's curve, or held, if enough others are known."""
+    known = np.flatnonzero(np.isfinite(values))
+    filled = values.copy()
+    if known.size < FEWEST_ROWS:
+        return filled
+    if name in HELD:
+        filled[at] = values[known[np.maximum(np.searchsorted(known, at) - 1, 0)]]
+    else:
+        recorded = continuous(values) if name == "angle_rad" else values
+        filled[at] = curve(time[known], recorded[known], time[at])
+    return filled
+
+
+def _with_cells(channels: Columns) -> list[str]:
+    return [name for name in channels if name in SCHEMA and name != "time_s"]
+
+
+def _without_open_ends(channels: Columns, longest: int) -> tuple[Columns, tuple[str, ...]]:
+    rows = channels["time_s"].size
+    first, last = 0, rows
+    names = []
+    for name in _with_cells(channels):
+        gaps = runs(np.isnan(channels[name]))
+        if not gaps:
+            continue
+        if gaps[0][0] == 0 and gaps[0][1] <= longest:
+            first = max(first, gaps[0][1])
+            names.append(name)
+        if gaps[-1][1] == rows and rows - gaps[-1][0] <= longest:
+            last = min(last, gaps[-1][0])
+            names.append(name)
+    if not names:
+        return channels, ()
+    left_out = [f"the first {_count(first, 'row')}"] if first else []
+    left_out += [f"the last {_count(rows - last, 'row')}"] if last < rows else []
+    note = f"{' and '.join(left_out)} left out, where {', '.join(dict.fromkeys(names))} is empty"
+    return {name: values[first:last] for name, values in channels.items()}, (note,)
+
+
+def _increases(time: Array) -> bool:
+    return bool(np.all(np.diff(time) > 0))
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"

@@ -1,0 +1,78 @@
+"""Which rows of a file are used: by a condition on columns, by time, and without long rests of the command."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emaphm.actuator.expression import Expression
+from emaphm.actuator.reading import Reading
+from emaphm.arrays import Array
+from emaphm.errors import RecordingError
+from emaphm.recording.conditioning.gaps import interval_of
+from emaphm.recording.conditioning.table import Table, operands_of
+
+REST = 1e-4
+"""Part of its range within which a command counts as at rest [-]. A sine stays so at a peak for 0.6 % of its
+period."""
+
+
+def kept_rows(table: Table, reading: Reading, source: str) -> NDArray[np.bool_]:
+    """Return which rows (n,) of a file are used.
+
+    Raises
+    ------
+    RecordingError
+        A column of the condition is absent, or no row is left; the message says by which of the masks.
+    """
+    time = table.channels["time_s"]
+    kept = np.ones(time.size, bool)
+    if reading.keep is not None:
+        expression = Expression.parse(reading.keep)
+        operands = operands_of(expression, table.further, table.channels, source, "the condition keep names")
+        try:
+            found = np.asarray(expression.evaluate(operands))
+        except ValueError as error:
+            raise RecordingError(f"{source}: keep = \"{reading.keep}\": {error}; compare like with like") from None
+        if found.shape != time.shape:
+            raise RecordingError(
+                f"{source}: keep = \"{reading.keep}\" gives {found.size} values for {time.size} rows; name "
+                "columns that have a value for each row"
+            )
+        kept &= found.astype(float) > 0 if found.dtype != bool else found
+        _check_some(kept, f'keep = "{reading.keep}"', source)
+    if reading.times:
+        kept &= np.logical_or.reduce([(time >= first) & (time <= last) for first, last in reading.times])
+        _check_some(kept, f"times = {[list(one) for one in reading.times]}", source)
+    if reading.dwell_s is not None:
+        kept &= ~at_rest(time, table.channels["command_rad"], reading.dwell_s)
+        _check_some(kept, f"dwell_s = {reading.dwell_s:g}", source)
+    return kept
+
+
+def at_rest(time: Array, command: Array, least_s: float) -> NDArray[np.bool_]:
+    """Return which rows (n,) lie in a rest of the command of at least `least_s` [s]."""
+    from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
+    interval = interval_of(time)
+    known = command[np.isfinite(command)]
+    if not known.size or not np.isfinite(interval):
+        return np.zeros(command.size, bool)
+    rows = max(2, round(min(least_s / interval, command.size + 1)) + 1)
+    if rows > command.size:
+        return np.zeros(command.size, bool)
+    # A filter of n rows at row i covers rows i - n // 2 to i - n // 2 + n - 1.
+    swing = maximum_filter1d(command, rows, mode="nearest") - minimum_filter1d(command, rows, mode="nearest")
+    middle = np.arange(command.size)
+    whole = (middle - rows // 2 >= 0) & (middle - rows // 2 + rows <= command.size)
+    starts = np.flatnonzero(whole & (swing <= REST * np.ptp(known))) - rows // 2
+    marks = np.zeros(command.size + 1)
+    np.add.at(marks, starts, 1)
+    np.add.at(marks, starts + rows, -1)
+    return np.cumsum(marks[:-1]) > 0
+
+
+def _check_some(kept: NDArray[np.bool_], mask: str, source: str) -> None:
+    if not np.any(kept):
+        raise RecordingError(
+            f"{source}: {mask} under [reading] in the actuator's TOML leaves no row of {kept.size}; correct it, "
+            "or take it out"
+        )

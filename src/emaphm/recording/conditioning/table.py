@@ -1,0 +1,267 @@
+"""The rows of a file as channels: columns on one time base, converted, scaled, and reckoned from others."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emaphm.actuator import Actuator
+from emaphm.actuator.channels import ChannelEntry
+from emaphm.actuator.expression import Expression
+from emaphm.actuator.quantity import unit_for
+from emaphm.arrays import Array
+from emaphm.errors import RecordingError
+from emaphm.recording.conditioning.interpolation import HELD, moved
+from emaphm.recording.io.channel_names import Source, columns_of, missing_name, resolved
+from emaphm.recording.io.file_columns import FileColumns
+from emaphm.recording.schema import SCHEMA
+
+
+@dataclass(frozen=True)
+class Table:
+    """What the rows of a file hold.
+
+    Parameters
+    ----------
+    channels
+        Arrays (n,) by schema name, in SI units; NaN where a cell is empty.
+    further
+        Arrays (n,) of numbers or texts by their names in the file.
+    sources
+        Where each of `channels` comes from.
+    constants
+        Channels known for the whole file.
+    notes
+        What was done.
+    """
+
+    channels: dict[str, Array]
+    further: dict[str, NDArray[Any]]
+    sources: Mapping[str, Source]
+    constants: tuple[str, ...] = ()
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def rows(self) -> int:
+        """Number of rows n."""
+        return self.channels["time_s"].size
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Return what a condition may name: the file's columns, and the channels."""
+        return {**self.channels, **self.further}
+
+
+def table_of(
+    held: FileColumns,
+    sources: Mapping[str, Source],
+    actuator: Actuator,
+    source: str,
+    *,
+    needed: Sequence[str] = (),
+    known: Mapping[str, float] | None = None,
+) -> Table:
+    """Return the channels of a file.
+
+    Parameters
+    ----------
+    held
+        What the file holds.
+    sources
+        Where each channel comes from.
+    actuator
+        Whose coordinates say whether m or rad is meant, and how rows were sampled.
+    source
+        The file's name, for errors.
+    needed
+        Further columns that a condition or a cut names.
+    known
+        Values of channels, in their SI unit, which stand for the whole file.
+
+    Raises
+    ------
+    RecordingError
+        A unit is of another quantity than its channel, a column of an expression is absent, lengths differ, or
+        times of a column cannot be used.
+    """
+    notes: list[str] = []
+    every = [*held.numeric, *held.unusable]
+    wanted = {where.column for where in sources.values()} - {None} | set(needed)
+    for where in sources.values():
+        if where.entry.derived is not None:
+            wanted |= set(columns_of(Expression.parse(where.entry.derived), every, source).values())
+    held, time = _on_one_base(held, sources, [n for n in held.numeric if n in wanted], actuator, source, notes)
+    channels: dict[str, Array] = {"time_s": time}
+    for name, where in sources.items():
+        if name != "time_s" and where.column is not None:
+            channels[name] = _converted(name, where, held.numeric[where.column], actuator, source)
+    for name, where in sources.items():
+        if where.column is None and where.entry.derived is not None:
+            channels[name] = _derived(name, where, held, channels, actuator, source)
+    constants = {}
+    for name, where in sources.items():
+        if where.entry.value is not None and where.column is None:
+            constants[name] = _converted(name, where, np.full(time.shape, where.entry.value), actuator, source)
+    for name, value in (known or {}).items():
+        constants[name] = np.full(time.shape, value)
+        notes.append(f"{name} = {value:g} was given for the whole recording")
+    taken = {where.column for where in sources.values()} | set(SCHEMA)
+    further: dict[str, NDArray[Any]] = {
+        name: values
+        for name, values in {**held.numeric, **held.texts}.items()
+        if values.shape == time.shape and (name not in taken or name in needed)
+    }
+    ordered = {name: {**channels, **constants}[name] for name in SCHEMA if name in {*channels, *constants}}
+    return Table(ordered, further, sources, tuple(constants), notes)
+
+
+def _on_one_base(
+    held: FileColumns,
+    sources: Mapping[str, Source],
+    wanted: Sequence[str],
+    actuator: Actuator,
+    source: str,
+    notes: list[str],
+) -> tuple[FileColumns, Array]:
+    """Return the file with all `wanted` columns on the times of the command, and these times (n,) [s]."""
+    times = dict(held.times)
+    for where in sources.values():
+        if where.column is not None and where.entry.time is not None:
+            times[where.column] = _times_in_file(where.entry, held, sources, actuator, source)
+    if "time_s" in sources:
+        where = sources["time_s"]
+        base = _converted("time_s", where, held.numeric[str(where.column)], actuator, source)
+    else:
+        leading = sources["command_rad"].column
+        leading = leading if leading in times else next(name for name in wanted if name in times)
+        base = times[leading]
+    numeric = dict(held.numeric)
+    holding = {where.column for name, where in sources.items() if name in HELD}
+    bases: dict[int, list[str]] = {}
+    for name in wanted:
+        own = times.get(name)
+        if own is None or (own.shape == base.shape and np.array_equal(own, base)):
+            continue
+        numeric[name] = _moved(
+            name, own, numeric[name], base, actuator.channels.sampling, source, holds=name in holding
+        )
+        bases.setdefault(own.size, []).append(name)
+    for names in bases.values():
+        notes.append(f"{', '.join(names)}: brought from times of their own to those of the command")
+    return FileColumns(numeric, held.unusable, held.texts), base
+
+
+def _times_in_file(
+    entry: ChannelEntry, held: FileColumns, sources: Mapping[str, Source], actuator: Actuator, source: str
+) -> Array:
+    there = resolved(str(entry.time), list(held.numeric), source)
+    if there is None:
+        raise RecordingError(
+            f"{source}: no column '{entry.time}', which [channels] in the actuator's TOML gives as time"
+            f"{missing_name(str(entry.time), list(held.numeric))}; correct the name there"
+        )
+    unit = sources["time_s"] if "time_s" in sources else Source(ChannelEntry())
+    return _converted("time_s", unit, held.numeric[there], actuator, source)
+
+
+def _moved(
+    name: str,
+    times: Array,
+    values: Array,
+    base: Array,
+    sampling: Literal["mean", "instant"],
+    source: str,
+    *,
+    holds: bool,
+) -> Array:
+    if times.shape != values.shape:
+        raise RecordingError(
+            f"{source}: column '{name}' has {values.size} rows, its times have {times.size}; give the times of "
+            "this column"
+        )
+    known = np.isfinite(values) & np.isfinite(times)
+    times, values = times[known], values[known]
+    if times.size < 2 or np.any(np.diff(times) <= 0) or np.any(np.diff(base) <= 0):
+        raise RecordingError(
+            f"{source}: column '{name}' has times of its own, which do not increase; export it with the times "
+            "of the command"
+        )
+    return moved(times, values, base, sampling, holds=holds)
+
+
+def _converted(name: str, where: Source, raw: Array, actuator: Actuator, source: str) -> Array:
+    entry = where.entry
+    if not entry.converts:
+        return raw
+    values = entry.sign * (entry.scale * raw + entry.offset)
+    if entry.unit is None:
+        return values
+    from emaphm.actuator.units import in_unit
+
+    target = unit_for(SCHEMA[name].unit, actuator.coordinates)
+    try:
+        return in_unit(values, entry.unit, target)
+    except ValueError as error:
+        other = "rotary" if actuator.coordinates == "linear" else "linear"
+        hint = f', or set coordinates = "{other}"' if target != SCHEMA[name].unit or "rad" in target else ""
+        raise RecordingError(
+            f"{source}: unit of {name} under [channels] in the actuator's TOML: {error}; correct the unit{hint}"
+        ) from None
+
+
+def _derived(
+    name: str,
+    where: Source,
+    held: FileColumns,
+    channels: Mapping[str, Array],
+    actuator: Actuator,
+    source: str,
+) -> Array:
+    expression = Expression.parse(str(where.entry.derived))
+    operands = operands_of(expression, {**held.numeric, **held.texts}, channels, source, f"{name} is derived from")
+    try:
+        raw = np.asarray(expression.evaluate(operands), float)
+    except ValueError as error:
+        raise RecordingError(f"{source}: {name}, derived as '{expression.text}': {error}") from None
+    if raw.shape != channels["time_s"].shape:
+        raise RecordingError(
+            f"{source}: {name}, derived as '{expression.text}', has {raw.size} rows, the time has "
+            f"{channels['time_s'].size}; give columns of the same length"
+        )
+    return _converted(name, where, raw, actuator, source)
+
+
+def operands_of(
+    expression: Expression,
+    columns: Mapping[str, NDArray[Any]],
+    channels: Mapping[str, Array],
+    source: str,
+    what: str,
+) -> dict[str, NDArray[Any]]:
+    """Return the arrays (n,) that an expression names: columns of the file, else channels of the schema.
+
+    Raises
+    ------
+    RecordingError
+        There is none of a name, or they differ in length.
+    """
+    there = columns_of(expression, list(columns), source)
+    operands = {}
+    for name in expression.names:
+        if name in there:
+            operands[name] = columns[there[name]]
+        elif name in channels:
+            operands[name] = channels[name]
+        else:
+            raise RecordingError(
+                f"{source}: no column '{name}', which {what} in the actuator's TOML"
+                f"{missing_name(name, [*columns, *channels])}; correct the name there"
+            )
+    sizes = {values.size for values in operands.values()}
+    if len(sizes) > 1:
+        raise RecordingError(
+            f"{source}: the columns of '{expression.text}' have {' and '.join(map(str, sorted(sizes)))} rows; "
+            "give columns of the same length"
+        )
+    return operands
