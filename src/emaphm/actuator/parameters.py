@@ -218,7 +218,44 @@ class FaultScales(Section):
 
 PRIOR = "chosen: what may be expected of a rig"
 
-NuisanceName = Literal["load", "hinge", "temperature", "supply", "inertia", "current_offset", "current_scale"]
+NuisanceName = Literal[
+    "load",
+    "hinge",
+    "temperature",
+    "supply",
+    "inertia",
+    "current_offset",
+    "current_scale",
+    "delay",
+    "current_drift",
+    "current_delay",
+    "voltage_offset",
+    "voltage_scale",
+    "voltage_drift",
+    "voltage_delay",
+    "position_offset",
+    "position_scale",
+    "position_drift",
+    "position_delay",
+    "speed_offset",
+    "speed_scale",
+    "speed_drift",
+    "speed_delay",
+]
+
+
+def _sensor_zero(what: str, unit: str) -> Any:
+    usual = "0.2 % of the range that the actuator's limits imply where left out"
+    return quantity(f"{what}; {usual}", unit, PRIOR, default=None, gt=0)
+
+
+def _sensor_scale(sensors: str) -> Any:
+    return quantity(f"scale of the {sensors}, relative", "-", PRIOR, default=0.01, gt=0)
+
+
+def _sensor_delay(sensors: str) -> Any:
+    what = f"delay of {sensors} against the command, of either sign"
+    return quantity(what, "s", PRIOR, default=2e-4, gt=0)
 
 
 class Nuisances(Section):
@@ -250,4 +287,21 @@ class Nuisances(Section):
         default=None,
         gt=0,
     )
-    current_scale: float = quantity("scale of the current sensors, relative", "-", PRIOR, default=0.01, gt=0)
+    current_scale: float = _sensor_scale("current sensors")
+    delay: float = _sensor_delay("all sensed channels")
+    current_drift: float | None = _sensor_zero("change of the current sensors' zero over the recording", "A")
+    current_delay: float = _sensor_delay("the currents alone")
+    voltage_offset: float | None = _sensor_zero("zero of the voltage sensor", "V")
+    voltage_scale: float = _sensor_scale("voltage sensor")
+    voltage_drift: float | None = _sensor_zero("change of the voltage sensor's zero over the recording", "V")
+    voltage_delay: float = _sensor_delay("the voltage alone")
+    position_offset: float | None = _sensor_zero("zero of the position sensor", "rad")
+    position_scale: float = _sensor_scale("position sensor")
+    position_drift: float | None = _sensor_zero(
+        "change of the position sensor's zero over the recording", "rad"
+    )
+    position_delay: float = _sensor_delay("the position alone")
+    speed_offset: float | None = _sensor_zero("zero of the speed sensor", "rad/s")
+    speed_scale: float = _sensor_scale("speed sensor")
+    speed_drift: float | None = _sensor_zero("change of the speed sensor's zero over the recording", "rad/s")
+    speed_delay: float = _sensor_delay("the speed alone")

@@ -25,6 +25,7 @@ from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
 from emaphm.progress import Progress, subprogress
 from emaphm.recording import Recording, check_plausible
 from emaphm.recording.schema import SCHEMA
+from emaphm.recording.sensor_checks import check_sensors
 from emaphm.simulation import Model, model_named
 from emaphm.version import VERSION
 
@@ -94,7 +95,10 @@ def diagnose(
     chosen = method_named(method)
     check_fitness(chosen, fitness)
     check_plausible(recording, actuator)
+    sensors = check_sensors(recording, actuator)
+    recording = sensors.recording
     objective = objective_for(recording, actuator, chosen, model_named(model), nuisances, workers)
+    objective = objective.ignoring(sensors.unusable)
     if posterior:
         from emaphm.estimation.posterior.mcmc import check_posterior
 
@@ -117,7 +121,9 @@ def diagnose(
             result, laws = select_laws(searched, chosen, max_corrections, seed)
             result, selected = select_nuisances(result, max_corrections, seed)
     result = with_discrepancy(result, seed)
-    diagnosis = replace(conclude(result, recording, chosen.name, fitness, seed), selected=selected, laws=laws)
+    diagnosis = replace(
+        conclude(result, recording, chosen.name, fitness, seed), selected=selected, laws=laws
+    ).with_sensor_faults(sensors.findings)
     if posterior:
         from emaphm.estimation.posterior.mcmc import sample
 

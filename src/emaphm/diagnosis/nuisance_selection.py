@@ -7,17 +7,19 @@ faults. It is kept if it is still significant, deviates by more than every actua
 smaller.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.estimation.bias_correction import correct_bias
-from emaphm.estimation.multistart import local_search, with_descents
+from emaphm.estimation.multistart import local_search, multistart, with_descents
 from emaphm.estimation.nuisances import PRIORS_PER_UNIT, NuisanceSet, with_wider_priors
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.parameter_space import ParameterSpace
-from emaphm.estimation.search_result import SearchResult, default_scatter
+from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult, default_scatter
+from emaphm.estimation.sensor_model import COMMON_DELAY, sensor_error, sensor_of
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at, local_covariance
 from emaphm.random_streams import child_seed, stream
 
@@ -54,6 +56,51 @@ class NuisanceSelectionSettings:
 SELECTION = NuisanceSelectionSettings()
 
 
+@dataclass(frozen=True)
+class SensorSelectionSettings:
+    """What is different for errors of sensors: faults of a sensor are of any size, and there are many kinds.
+
+    Tried: the `most_tried` of the largest scores, `tried_score` at least. Even large faults score no more
+    than 2 to 5 where the search has bent the actuator's faults to them: 1 to 5 rows of delay 2.2 to 3.7, a
+    voltage × 0.5 6, a current × 1.2 5 (3 random fault vectors each). Descents separate them.
+
+    Priors are `widening` times as wide, those of delays `delay_widening`: flat for whatever can be recorded,
+    -3 to 5 times the scale, 20 rows of a delay at 5 kHz. A search begins within `search_widening` times the
+    prior: 15 % of scale, 3 ms of delay, and twice that.
+
+    The data must determine one to `informative` prior standard deviations at the estimate without it, where a
+    wrong estimate makes standard errors large too.
+
+    Where a factor leaves less than `gross_share` of a channel's rms residual, descents begin at that factor:
+    a reversed sensor is beyond what the derivatives show.
+
+    Of candidates whose descents leave up to `rival_share` times the least residual, that with the least one
+    after its own correction is kept: errors of one channel look like those of another. One that leaves the
+    recording unexplained has to leave less than `unexplained_share` of the residual.
+    """
+
+    tried_score: float = 1.8
+    most_tried: int = 3
+    widening: float = 100.0
+    delay_widening: float = 5.0
+    informative: float = 10.0
+    gross_share: float = 0.6
+    search_widening: float = 15.0
+    rival_share: float = 1.5
+    unexplained_share: float = 0.5
+
+
+SENSOR_SELECTION = SensorSelectionSettings()
+
+
+def widening(name: str) -> float:
+    """Return how many times as wide as the description's the prior of a tried nuisance is."""
+    error = sensor_error(name)
+    if error is None:
+        return SELECTION.widening
+    return SENSOR_SELECTION.delay_widening if error[1] == "delay" else SENSOR_SELECTION.widening
+
+
 @dataclass(frozen=True, eq=False)
 class _Candidate:
     """A nuisance, the objective and point (d,) that descents with it lead to, and the share of residual."""
@@ -71,14 +118,57 @@ def select_nuisances(
     names: tuple[str, ...] = ()
     while True:
         result, candidates = _candidates(result, names, seed)
-        for candidate in candidates:
-            child = child_seed(seed, "nuisance selection", candidate.name)
-            tried = correct_bias(candidate.objective, candidate.point[np.newaxis], max_corrections, child)
-            if _significant(tried, result, candidate.name, child):
-                result, names = tried, (*names, candidate.name)
-                break
-        else:
+        best = _best(result, candidates, max_corrections, seed)
+        if not _explained(result if best is None else best[1]):
+            best = _from_afar(result, names, max_corrections, seed) or best
+        if best is None:
             return result, names
+        result, names = best[1], (*names, best[0])
+
+
+def _explained(result: SearchResult) -> bool:
+    return result.normalised_residual <= EXPLAINED_RESIDUAL
+
+
+def _from_afar(
+    result: SearchResult, names: tuple[str, ...], max_corrections: int, seed: int
+) -> tuple[str, SearchResult] | None:
+    """Return the error of sensors, and the result with it, that explains what is not explained without.
+
+    A delay of several rows reads as another gain, a scale as shorts: they lead the search so far astray that
+    no descent from there finds back. Each is searched for anew.
+    """
+    problem = result.objective.problem
+    others = result.objective.space.nuisances.others(problem.actuator, tuple(problem.measured))
+    outcomes: list[tuple[str, SearchResult]] = []
+    for name in others:
+        if name != COMMON_DELAY and (sensor_error(name) or ("", ""))[1] != "scale":
+            continue
+        child = child_seed(seed, "nuisance selection from afar", name)
+        narrow, _ = with_nuisances(result, names, (name,), SENSOR_SELECTION.search_widening)
+        wide, _ = with_nuisances(result, names, (name,))
+        points = multistart(narrow, child).points
+        i = wide.space.coordinates.index(name)
+        points[:, i] *= SENSOR_SELECTION.search_widening / widening(name)
+        tried = correct_bias(wide, points, max_corrections, child)
+        if _explained(tried) and _significant(tried, result, name, child):
+            outcomes.append((name, tried))
+    return min(outcomes, key=lambda one: _share_of_residual(one[1], result)) if outcomes else None
+
+
+def _best(
+    result: SearchResult, candidates: list[_Candidate], max_corrections: int, seed: int
+) -> tuple[str, SearchResult] | None:
+    """Return the candidate that explains most and its result, None where none is significant."""
+    kept: list[tuple[str, SearchResult]] = []
+    for candidate in candidates:
+        if kept and candidate.share > SENSOR_SELECTION.rival_share * candidates[0].share:
+            break
+        child = child_seed(seed, "nuisance selection", candidate.name)
+        tried = correct_bias(candidate.objective, candidate.point[np.newaxis], max_corrections, child)
+        if _significant(tried, result, candidate.name, child):
+            kept.append((candidate.name, tried))
+    return min(kept, key=lambda one: _share_of_residual(one[1], result)) if kept else None
 
 
 def _significant(tried: SearchResult, before: SearchResult, name: str, seed: int) -> bool:
@@ -87,8 +177,10 @@ def _significant(tried: SearchResult, before: SearchResult, name: str, seed: int
     significant = (score >= SELECTION.certain_score and share < 1) or (
         score >= SELECTION.likely_score and share < SELECTION.likely_share
     )
+    if sensor_error(name) and not _explained(tried):
+        significant = significant and share < SENSOR_SELECTION.unexplained_share
     value = tried.point[tried.objective.space.coordinates.index(name)]
-    least = SELECTION.least_deviation / PRIORS_PER_UNIT / SELECTION.widening
+    least = SELECTION.least_deviation / PRIORS_PER_UNIT / widening(name)
     return significant and bool(abs(value) > least)
 
 
@@ -106,7 +198,7 @@ def _candidates(
         return result, []
     wide, start = with_nuisances(result, names, others)
     jacobians = jacobians_at(wide, start, stream(seed, "Jacobians of the score test", *names))
-    candidates = []
+    starts: dict[str, tuple[float, MapObjective, Array]] = {}
     for name in others:
         extended, point = with_nuisances(result, names, (name,))
         # Jacobians were taken for all at once; each is judged as if it alone were estimated too.
@@ -116,14 +208,59 @@ def _candidates(
         i = extended.space.coordinates.index(name)
         error = float((local.covariance + default_scatter(point.size))[i, i] ** 0.5)
         score = float(abs(local.step[i])) / error
-        informative = SELECTION.informative / PRIORS_PER_UNIT / SELECTION.widening
-        if score > SELECTION.tried_score and error < informative:
-            candidate = _refit_with(name, extended, point + local.step, result, seed)
-            if candidate.share < SELECTION.tried_share:
-                candidates.append(candidate)
+        if error < _informative(name) / PRIORS_PER_UNIT / widening(name):
+            starts[name] = score, extended, point + local.step
+    starts |= _gross_starts(result, names, others)
+    candidates = [
+        _refit_with(name, *starts[name][1:], result, seed)
+        for name in _worth_trying({name: score for name, (score, _, _) in starts.items()})
+    ]
+    candidates = [candidate for candidate in candidates if candidate.share < SELECTION.tried_share]
     own = [i for i, name in enumerate(wide.space.coordinates) if name in objective.space.coordinates]
     known = replace(result, jacobians=jacobians[:, own])
     return known, sorted(candidates, key=lambda candidate: candidate.share)
+
+
+def _informative(name: str) -> float:
+    """Return the standard error that the data must give at most, in standard deviations of the prior."""
+    return SENSOR_SELECTION.informative if sensor_error(name) else SELECTION.informative
+
+
+def _worth_trying(scores: Mapping[str, float]) -> list[str]:
+    """Return the names whose scores are large enough, of sensors' errors the most promising alone."""
+    sensors = sorted((name for name in scores if sensor_error(name)), key=lambda name: -scores[name])
+    likely = [name for name in sensors if scores[name] > SENSOR_SELECTION.tried_score]
+    chosen = likely[: SENSOR_SELECTION.most_tried]
+    return [
+        name
+        for name, score in scores.items()
+        if name in chosen or (name not in sensors and score > SELECTION.tried_score)
+    ]
+
+
+def _gross_starts(
+    result: SearchResult, names: tuple[str, ...], others: tuple[str, ...]
+) -> dict[str, tuple[float, MapObjective, Array]]:
+    """Return scores, objectives and points to begin with of scales that are far off, by the nuisance."""
+    problem = result.objective.problem
+    measured = result.objective.target[: result.objective.channel_rows].reshape(len(problem.channels), -1)
+    residuals = result.residual[: result.objective.channel_rows].reshape(measured.shape)
+    starts = {}
+    for channel, target, residual in zip(problem.channels, measured, residuals, strict=True):
+        name = f"{sensor_of(channel)}_scale"
+        model = target - residual
+        power = float(model @ model)
+        if name not in others or power == 0:
+            continue
+        factor = float(model @ target) / power
+        left = float(np.mean((target - factor * model) ** 2))
+        if left < SENSOR_SELECTION.gross_share**2 * float(np.mean(residual**2)):
+            extended, point = with_nuisances(result, names, (name,))
+            deviation = float(extended.space.nuisances.prior_deviations[-1])
+            i = extended.space.coordinates.index(name)
+            point[i] = (factor - 1) / float(extended.space.nuisances.meaning[-1, -1]) if deviation else 0.0
+            starts[name] = np.inf, extended, point
+    return starts
 
 
 def _refit_with(
@@ -159,16 +296,17 @@ def _score(result: SearchResult, name: str, seed: int) -> float:
 
 
 def with_nuisances(
-    result: SearchResult, names: tuple[str, ...], more: tuple[str, ...]
+    result: SearchResult, names: tuple[str, ...], more: tuple[str, ...], factor: float | None = None
 ) -> tuple[MapObjective, Array]:
     """Return the objective with `more` nuisances, and the point (d,) of `result` in its space.
 
-    They have wide priors, as have `names`, which were selected before.
+    They have wide priors, as have `names`, which were selected before; `factor` times as wide where given.
     """
     objective = result.objective
     actuator, measured = objective.problem.actuator, tuple(objective.problem.measured)
     chosen = (*objective.space.nuisances.chosen, *more)
-    wider = with_wider_priors(actuator, (*names, *more), SELECTION.widening)
+    factors = {name: widening(name) for name in (*names, *more)}
+    wider = with_wider_priors(actuator, factors | (dict.fromkeys(more, factor) if factor else {}))
     space = ParameterSpace.of(
         actuator, NuisanceSet.of(wider, chosen, measured, objective.space.nuisances.unit)
     )

@@ -1,8 +1,8 @@
 """The result of a diagnosis: the faults, how well each is known, and how it was computed."""
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,9 +11,11 @@ import numpy as np
 from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.arrays import Array
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
+from emaphm.diagnosis.sensor_faults import SensorFault, sensor_faults
 from emaphm.diagnosis.text import fault_rows, notes
 from emaphm.diagnosis.verdict import Estimate
 from emaphm.estimation.uncertainty.collinearity import CollinearSet
+from emaphm.recording.sensor_checks import SensorFinding
 from emaphm.text_table import format_table
 
 if TYPE_CHECKING:
@@ -60,6 +62,8 @@ class Diagnosis:
         Samples of it, where asked for.
     recording_notes
         What was done to the recording's channels.
+    sensor_faults
+        Faults of sensors, apart from those of the actuator.
     """
 
     components: Mapping[str, Estimate]
@@ -89,6 +93,19 @@ class Diagnosis:
     moves: bool = True
     posterior: "Posterior | None" = None
     recording_notes: tuple[str, ...] = ()
+    sensor_faults: tuple[SensorFault, ...] = ()
+
+    def with_sensor_faults(self, findings: Sequence[SensorFinding]) -> "Diagnosis":
+        """Return the diagnosis with the faults of sensors: its own, and `findings` made before it."""
+        found = sensor_faults(
+            findings,
+            self.selected,
+            self.nuisances,
+            self.collinear_sets,
+            self.channels,
+            explained=self.explained,
+        )
+        return replace(self, sensor_faults=found)
 
     @property
     def faults(self) -> Faults:
@@ -116,6 +133,7 @@ class Diagnosis:
             "laws": list(self.laws),
             "moves": self.moves,
             "notes": list(self.recording_notes),
+            "sensor_faults": [one.to_dict() for one in self.sensor_faults],
             "groups": [
                 {"members": list(one.members), "remedies": list(one.resolving)} for one in self.collinear_sets
             ],
@@ -170,7 +188,13 @@ class Diagnosis:
             explained=self.explained,
         )
         of_recording = [f"{self.recording}: {note}." for note in self.recording_notes]
-        return [*of_recording, *lines, *(self.posterior.notes(self.interval) if self.posterior else [])]
+        # What was found before the diagnosis stands among the recording's notes.
+        of_sensors = [
+            f"Sensor fault: {one}"
+            for one in self.sensor_faults
+            if one.sentence.removesuffix(".") not in self.recording_notes
+        ]
+        return [*of_recording, *of_sensors, *lines, *(self.posterior.notes(self.interval) if self.posterior else [])]
 
     def summary(self) -> str:
         """Return one line: how well the model explains the recording, and what it took."""

@@ -17,6 +17,7 @@ from emaphm.actuator.parameters import Nuisances
 from emaphm.actuator.quantity import unit_for
 from emaphm.arrays import Array
 from emaphm.errors import MethodError, nearest
+from emaphm.estimation.sensor_model import SENSOR_CHANNELS, sensor_error
 from emaphm.estimation.parameter_variation import ParameterVariation, variation_unit, varied
 
 COPPER = 3.93e-3
@@ -41,6 +42,9 @@ WIDEST = 4.0
 """Bound of a nuisance, in standard deviations of its prior."""
 
 NEEDS_WINDINGS = ("temperature", "supply")
+
+USUAL_ZERO = 2e-3
+"""Standard deviation of a sensor's zero, and of its drift, relative to the range that it measures."""
 
 BASELINE = "baseline "
 """What the name of a parameter's deviation from its baseline begins with."""
@@ -194,21 +198,48 @@ NO_NUISANCES = NuisanceSet((), np.zeros(0), np.zeros(0), (), np.zeros((0, 0)), (
 
 def _matters(actuator: Actuator, name: str, channels: Sequence[str]) -> bool:
     """Return whether a nuisance is not made known by `channels`, and acts on what the actuator has."""
+    error = sensor_error(name)
+    if error is not None:
+        return _sensed(*error, channels)
     acts = name not in NEEDS_WINDINGS or actuator.electrical is not None
     return acts and KNOWN_BY.get(name) not in channels
+
+
+def _sensed(quantity: str, kind: str, channels: Sequence[str]) -> bool:
+    """Return whether a sensor's error shows in `channels`; the delay of the only one is that of all."""
+    shown = [one for one, names in SENSOR_CHANNELS.items() if any(name in channels for name in names)]
+    if quantity == "all":
+        return bool(shown)
+    return quantity in shown and (kind != "delay" or len(shown) > 1)
 
 
 def _prior(actuator: Actuator, name: str) -> float | None:
     """Return the prior standard deviation of a nuisance, in its own unit, where one is known."""
     given = getattr(actuator.nuisances, name)
+    if given is not None:
+        return float(given)
     limit = actuator.controller.current_limit
-    usual = {"load": 0.06 * limit * actuator.motor.torque_constant, "current_offset": 2e-3 * limit}
-    return usual.get(name) if given is None else float(given)
+    if name == "load":
+        return 0.06 * limit * actuator.motor.torque_constant
+    error = sensor_error(name)
+    reach = None if error is None else _range(actuator, error[0])
+    return None if reach is None else USUAL_ZERO * reach
 
 
-def with_wider_priors(actuator: Actuator, names: Sequence[str], factor: float) -> Actuator:
-    """Return the actuator with priors of the nuisances `names` wider by `factor`."""
-    priors = {name: factor * _deviation(actuator, name) for name in names}
+def _range(actuator: Actuator, quantity: str) -> float | None:
+    """Return the largest magnitude of a sensed quantity that the actuator's limits imply, None without one."""
+    controller, stops, electrical = actuator.controller, actuator.mechanics.end_stops, actuator.electrical
+    return {
+        "current": controller.current_limit,
+        "voltage": None if electrical is None else electrical.supply,
+        "position": None if stops is None else max(map(abs, stops)),
+        "speed": controller.speed_limit,
+    }[quantity]
+
+
+def with_wider_priors(actuator: Actuator, factors: Mapping[str, float]) -> Actuator:
+    """Return the actuator with priors of nuisances wider by `factors`, by name."""
+    priors = {name: factor * _deviation(actuator, name) for name, factor in factors.items()}
     return actuator.model_copy(update={"nuisances": actuator.nuisances.model_copy(update=priors)})
 
 

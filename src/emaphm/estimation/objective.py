@@ -3,7 +3,7 @@
 Its minimum is the maximum a posteriori (MAP) estimate of normal residuals and normal priors.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -14,7 +14,7 @@ from emaphm.estimation.nuisances import NO_NUISANCES, NuisanceSet
 from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.parameter_variation import ParameterVariation
 from emaphm.estimation.problem import Problem, rms
-from emaphm.estimation.sensor_model import described_noise, with_unknown_errors
+from emaphm.estimation.sensor_model import described_noise, sensor_error, with_unknown_errors
 from emaphm.simulation import Model
 
 CORRELATED_ROWS = 20
@@ -84,8 +84,7 @@ class MapObjective:
 
     def outputs(self, points: Array) -> Array:
         """Return the model's channels as sensed and weighted, and the nuisances, at `points` (n, d)."""
-        predicted = self.problem.predict(self.space.faults(points), self.lumped_parameters(points))
-        sensed = with_unknown_errors(predicted, self.problem.channels, self.space.nuisance_values(points))
+        sensed = self._sensed(points, self.problem.channels)
         rows: Array = np.empty((len(points), self.channel_rows + len(self.space.nuisances.names)))
         channels = rows[:, : self.channel_rows].reshape(sensed.shape)
         np.multiply(sensed, self.problem.weights[:, np.newaxis], out=channels)
@@ -99,9 +98,35 @@ class MapObjective:
 
     def primary_outputs(self, points: Array) -> Array:
         """Return the model's primary channel at `points` (n, d), as sensed, shape (n, samples)."""
-        signals = self.problem.predict_primary(self.space.faults(points), self.lumped_parameters(points))
+        return self._sensed(points, (self.problem.primary,))[:, 0]
+
+    def _sensed(self, points: Array, channels: tuple[str, ...]) -> Array:
+        """Return the model's `channels` at `points` (n, d) as sensed, shape (n, channels, samples).
+
+        Points that differ in errors of the sensors alone share one run of the model.
+        """
+        acting = [
+            i
+            for i, name in enumerate(self.space.coordinates)
+            if i < len(self.space.columns) or sensor_error(name) is None
+        ]
+        alike = np.arange(len(points))
+        chosen = points
+        if len(acting) < points.shape[1] and len(points) > 1:
+            _, first, alike = np.unique(points[:, acting], axis=0, return_index=True, return_inverse=True)
+            chosen, alike = points[first], alike.reshape(-1)
+        simulated = self.problem.predict(
+            self.space.faults(chosen), self.lumped_parameters(chosen), channels=channels
+        )
+        signals = simulated if chosen is points else simulated[alike]
         nuisances = self.space.nuisance_values(points)
-        return with_unknown_errors(signals[:, np.newaxis], (self.problem.primary,), nuisances)[:, 0]
+        problem = self.problem
+        shown = with_unknown_errors(signals, channels, nuisances, problem.measured, problem.inputs.interval)
+        for i, name in enumerate(channels):
+            if name in problem.unusable:
+                # Rows that leave no residual, whatever the point, say nothing.
+                np.copyto(shown[:, i], problem.measured[name], where=problem.unusable[name])
+        return shown
 
     def lumped_parameters(self, points: Array) -> dict[str, Array]:
         """Return the lumped parameters at `points` (n, d) that are not the description's."""
@@ -109,6 +134,10 @@ class MapObjective:
         return self.space.nuisances.lumped_parameters(
             self.problem.actuator, values, self.problem.temperature_rise_K
         )
+
+    def ignoring(self, unusable: Mapping[str, Array]) -> Self:
+        """Return the objective that compares no `unusable` rows, (samples,) by channel."""
+        return replace(self, problem=replace(self.problem, unusable=unusable)) if unusable else self
 
     def by(self, model: Model) -> Self:
         """Return the same objective of another model."""

@@ -39,8 +39,8 @@ class Problem:
     `measured` are the signals by channel, each (samples,); `channels` those that are compared, of what the
     model has to observe. The first one is primary: the equivalent current where there is one. `weights`,
     (channels,), are what a residual of each counts, in the unit of the primary channel's residual.
-    `temperature_rise_K` is what is known of it, above nominal. `runs` counts
-    the simulations.
+    `temperature_rise_K` is what is known of it, above nominal. `unusable` says of channels which rows
+    (samples,) are not compared. `runs` counts the simulations.
     """
 
     actuator: Actuator
@@ -54,6 +54,7 @@ class Problem:
     temperature_rise_K: float = 0.0
     workers: int | None = None
     runs: RunCounts = field(default_factory=RunCounts)
+    unusable: Mapping[str, Array] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -149,9 +150,17 @@ class Problem:
         """Return the model's primary channel for faults (n, 8) and lumped parameters, shape (n, samples)."""
         return self._observe(faults, parameters, self.channels[:1])[:, 0]
 
-    def predict(self, faults: ArrayLike, parameters: Mapping[str, ArrayLike] | None = None) -> Array:
-        """Return what the sensors show of the model, unweighted, shape (n, channels, samples)."""
-        return self._observe(faults, parameters, self.channels)
+    def predict(
+        self,
+        faults: ArrayLike,
+        parameters: Mapping[str, ArrayLike] | None = None,
+        channels: tuple[str, ...] = (),
+    ) -> Array:
+        """Return what the sensors show of the model, unweighted, shape (n, channels, samples).
+
+        `channels` are those that are compared where left out.
+        """
+        return self._observe(faults, parameters, channels or self.channels)
 
     def _observe(
         self, faults: ArrayLike, parameters: Mapping[str, ArrayLike] | None, channels: tuple[str, ...]

@@ -7,13 +7,21 @@ import numpy as np
 from emaphm.actuator import Actuator
 from emaphm.actuator.sensors import IDEAL
 from emaphm.arrays import Array
-from emaphm.simulation.laws.sensors import sensed, without_static_errors
+from emaphm.simulation.laws.sensors import delayed, sensed, without_static_errors
 
-SCALE_ERRORS = {"current_scale": "current_A"}
-"""Nuisances that are a relative error of a channel's scale, by the channel that they act on."""
+SENSOR_CHANNELS = {
+    "current": ("current_A", "current_q_A"),
+    "voltage": ("voltage_V", "voltage_q_V"),
+    "position": ("position_rad",),
+    "speed": ("speed_rad_s",),
+}
+"""The channels whose sensors may have unknown errors, by the quantity that they measure."""
 
-OFFSET_ERRORS = {"current_offset": "current_A"}
-"""Nuisances that are an error of a channel's zero, in its unit, by the channel that they act on."""
+ERROR_KINDS = ("scale", "offset", "drift", "delay")
+"""Errors of one sensor; a nuisance is named after quantity and kind, such as `voltage_scale`."""
+
+COMMON_DELAY = "delay"
+"""The nuisance that all sensed channels are late by, against the command."""
 
 
 def as_described(signal: Array, channel: str, actuator: Actuator, interval: float) -> Array:
@@ -55,26 +63,77 @@ def described_noise(channel: str, actuator: Actuator) -> float | None:
     return actuator.sensors.of(channel).noise_variance ** 0.5 or None
 
 
-def with_unknown_errors(signals: Array, channels: Sequence[str], nuisances: Mapping[str, Array]) -> Array:
-    """Return a model's signals with errors of the sensors that are being estimated: y = (1 + s) x + o.
+def sensor_of(channel: str) -> str | None:
+    """Return the quantity that a channel's sensor measures, None where no unknown errors are known of it."""
+    return next((quantity for quantity, channels in SENSOR_CHANNELS.items() if channel in channels), None)
+
+
+def sensor_error(name: str) -> tuple[str, str] | None:
+    """Return the quantity and the kind of the error that nuisance `name` is, None for any other nuisance.
+
+    The quantity of the delay that all channels have in common is "all".
+    """
+    if name == COMMON_DELAY:
+        return "all", "delay"
+    quantity, _, kind = name.rpartition("_")
+    return (quantity, kind) if quantity in SENSOR_CHANNELS and kind in ERROR_KINDS else None
+
+
+def with_unknown_errors(
+    signals: Array,
+    channels: Sequence[str],
+    nuisances: Mapping[str, Array],
+    measured: Mapping[str, Array],
+    interval: float,
+) -> Array:
+    """Return a model's signals with errors of the sensors that are being estimated.
+
+        y(t) = (1 + s) x(t - d) + o + r t / T
+
+    with T the duration, r the drift over it. Rows that an early channel takes from beyond the end are as
+    measured: the model says nothing of them.
 
     Parameters
     ----------
     signals
-        Of the `channels`, shape (n, channels, samples), each in its unit; changed in place.
+        x of the `channels`, shape (n, channels, samples), each in its unit; changed in place.
     nuisances
-        Values (n,) by name; those without a sensor error here are left out.
+        Values (n,) by name: s relative, o and r in the channel's unit, d in s; those without a sensor error
+        are left out.
+    measured
+        Signals (samples,) by channel.
+    interval
+        Between rows [s].
     """
-    for names, act in ((SCALE_ERRORS, _scale), (OFFSET_ERRORS, _shift)):
-        for name, channel in names.items():
-            if name in nuisances and channel in channels:
-                act(signals[:, channels.index(channel)], nuisances[name][:, np.newaxis])
+    rows = signals.shape[-1]
+    time = np.linspace(0.0, 1.0, rows)
+    for i, channel in enumerate(channels):
+        quantity = sensor_of(channel)
+        if quantity is None:
+            continue
+        signal = signals[:, i]
+        delays = [nuisances[name] for name in (COMMON_DELAY, f"{quantity}_delay") if name in nuisances]
+        delay = np.sum(delays, axis=0) if delays else np.zeros(len(signal))
+        if delays:
+            signal[:] = shifted(signal, interval, delay)
+        if (name := f"{quantity}_scale") in nuisances:
+            signal *= 1 + nuisances[name][:, np.newaxis]
+        if (name := f"{quantity}_offset") in nuisances:
+            signal += nuisances[name][:, np.newaxis]
+        if (name := f"{quantity}_drift") in nuisances:
+            signal += nuisances[name][:, np.newaxis] * time
+        if np.any(delay < 0):
+            beyond = np.arange(rows) > rows - 2 + delay[:, np.newaxis] / interval
+            np.copyto(signal, measured[channel], where=beyond & (delay < 0)[:, np.newaxis])
     return signals
 
 
-def _scale(signal: Array, error: Array) -> None:
-    signal *= 1 + error
+def shifted(signal: Array, interval: float, delay: Array) -> Array:
+    """Return a signal (n, samples) later by `delay` (n,) [s], of either sign.
 
-
-def _shift(signal: Array, error: Array) -> None:
-    signal += error
+    Cubic between the rows; before the first and beyond the last one as at that row.
+    """
+    rows = signal.shape[-1]
+    ahead = int(np.ceil(max(-float(np.min(delay)), 0.0) / interval))
+    longer = np.pad(signal, ((0, 0), (0, ahead)), mode="edge")
+    return delayed(longer, interval, delay + ahead * interval)[:, ahead : ahead + rows]

@@ -1,0 +1,128 @@
+"""Faults of the sensors: what their signals show by themselves, and what the model shows of them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from emaphm.actuator import NAMES
+from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
+from emaphm.estimation.sensor_model import SENSOR_CHANNELS, sensor_error
+from emaphm.estimation.uncertainty.collinearity import CollinearSet
+from emaphm.recording.sensor_checks import SensorFinding
+
+REVERSED = 0.2
+"""Largest deviation of a factor from -1 that is called a reversed sensor: a reversal has no size."""
+
+MEANINGS = {
+    "bias": "shows {size:.3g} {unit} at zero",
+    "scale": "shows {factor:.4g} times its quantity",
+    "reversed": "is reversed: it shows {factor:.4g} times its quantity",
+    "drift": "drifts by {size:.3g} {unit} over the recording",
+    "delay": "{late} by {milliseconds:.3g} ms",
+}
+
+
+@dataclass(frozen=True)
+class SensorFault:
+    """One fault of a sensor.
+
+    Attributes
+    ----------
+    channel
+        The column; several with " and " between them, "all channels" for a delay that they share.
+    kind
+        "bias", "scale", "reversed", "drift", "delay", "frozen", "held", "clipped" or "swapped".
+    size, unit
+        Bias, drift: in the channel's unit. Scale: relative error. Delay [s], above 0 where the channel is
+        late. Frozen [s], held [rows], clipped: the level.
+    standard_error
+        Of the size, None where it was not estimated.
+    sentence
+        What is wrong, how much, and what it may be mistaken for.
+    """
+
+    channel: str
+    kind: str
+    size: float
+    unit: str
+    standard_error: float | None
+    sentence: str
+
+    def __str__(self) -> str:
+        return self.sentence
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fault as it stands in the JSON of a diagnosis."""
+        return asdict(self)
+
+
+def sensor_faults(
+    findings: Sequence[SensorFinding],
+    selected: Sequence[str],
+    nuisances: Mapping[str, NuisanceEstimate],
+    collinear_sets: Sequence[CollinearSet],
+    channels: Sequence[str],
+    *,
+    explained: bool,
+) -> tuple[SensorFault, ...]:
+    """Return the faults of sensors.
+
+    Parameters
+    ----------
+    findings
+        Of the checks without a model.
+    selected
+        Nuisances that deviate significantly; those that are errors of sensors count, if the recording is
+        `explained`: what causes a residual that stays is not known.
+    nuisances, collinear_sets, channels
+        As in `Diagnosis`.
+    """
+    found = [SensorFault(f.channel, f.kind, f.size, f.unit, None, f"{f.sentence}.") for f in findings]
+    if explained:
+        for name in selected:
+            error = sensor_error(name)
+            if error is not None:
+                found.append(_estimated(name, *error, nuisances[name], collinear_sets, channels))
+    return tuple(found)
+
+
+def _estimated(
+    name: str,
+    quantity: str,
+    error: str,
+    estimate: NuisanceEstimate,
+    collinear_sets: Sequence[CollinearSet],
+    channels: Sequence[str],
+) -> SensorFault:
+    """Return the fault of a sensor that was estimated as nuisance `name`."""
+    kind = "bias" if error == "offset" else error
+    if kind == "scale" and abs(estimate.value + 2) < REVERSED:
+        kind = "reversed"
+    channel = "all channels"
+    if quantity != "all":
+        channel = next(one for one in SENSOR_CHANNELS[quantity] if one in channels)
+    meaning = MEANINGS[kind].format(
+        size=estimate.value,
+        unit=estimate.unit,
+        factor=1 + estimate.value,
+        milliseconds=1e3 * abs(estimate.value),
+        late="come late" if quantity == "all" else "comes late" if estimate.value > 0 else "comes early",
+    )
+    if quantity == "all" and estimate.value < 0:
+        meaning = meaning.replace("come late", "come early")
+    digits = f" (± {estimate.standard_error:.2g} {estimate.unit})".replace(" -)", ")")
+    others = [
+        other
+        for one in collinear_sets
+        if name in one.members
+        for other in one.members
+        if other != name
+    ]
+    faults = [other for other in others if other in NAMES]
+    sentence = f"The sensor of {channel} {meaning}{digits}."
+    if quantity == "all":
+        sentence = f"All channels {meaning} against the command{digits}."
+    if others:
+        what = "an actuator fault" if faults else "another deviation"
+        sentence += f" This recording does not tell it from {what}: {', '.join(others)}."
+    return SensorFault(channel, kind, estimate.value, estimate.unit, estimate.standard_error, sentence)

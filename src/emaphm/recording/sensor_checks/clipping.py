@@ -1,0 +1,89 @@
+"""A signal that is cut off at the end of its sensor's range."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from emaphm.actuator import Actuator
+from emaphm.arrays import Array
+from emaphm.recording.sensor_checks.resolution import row_noise, runs_of_equal, step_of_counts
+
+
+@dataclass(frozen=True)
+class ClippingSettings:
+    """Which plateaus at the largest or smallest value count as clipped.
+
+    `least_rows` in `least_plateaus` at least. Of a signal whose noise exceeds `noise_counts` counts, no value comes twice
+    in a row but by chance, the largest least of all. Of a smooth one, the slopes on either side of a plateau,
+    over `slope_rows` or a quarter of it, would lead it `excess` counts farther: a smooth maximum in coarse
+    counts is a plateau too, but of less than a count. Values within `near` of a limit of the hardware are its
+    own; of a voltage, from `near_supply` of the supply on: what the source really gives may be less.
+    """
+
+    least_rows: int = 8
+    least_plateaus: int = 2
+    noise_counts: float = 1.5
+    slope_rows: int = 4
+    excess: float = 3.0
+    near: float = 0.03
+    near_supply: float = 0.8
+
+
+CLIPPING = ClippingSettings()
+
+
+def clipped_rows(values: Array, channel: str, command: Array, actuator: Actuator) -> Array:
+    """Return whether each row of `values` (n,) of a channel is cut off, while `command` (n,) moves on."""
+    clipped = np.zeros(values.size, bool)
+    count, noise = step_of_counts(values), row_noise(values)
+    noisy = noise > CLIPPING.noise_counts * count
+    first, lengths = runs_of_equal(values)
+    for level, sign in ((values.max(), 1.0), (values.min(), -1.0)):
+        if level == 0 or count == 0 or _is_limit(level, channel, actuator):
+            continue
+        rows, plateaus = np.zeros(values.size, bool), 0
+        for start, length in zip(first, lengths, strict=True):
+            end = start + length
+            if values[start] == level and length >= 2 and np.ptp(command[start:end]) > 0:
+                cut = noisy or _cut(sign * values, start, end, CLIPPING.excess * max(count, noise))
+                rows[start:end], plateaus = cut, plateaus + cut
+        if rows.sum() >= CLIPPING.least_rows and plateaus >= CLIPPING.least_plateaus:
+            clipped |= rows
+    return clipped
+
+
+def _cut(values: Array, start: int, end: int, least: float) -> bool:
+    """Return whether the slopes before row `start` and after row `end` lead beyond the plateau by `least`.
+
+    A parabola with slope m at both ends of a plateau of n rows is m n / 4 higher in the middle.
+    """
+    width = max(CLIPPING.slope_rows, (end - start) // 4)
+    if start < 2 * width or end + 2 * width > values.size:
+        return False
+    up, up_before = _slope(values[start - width : start]), _slope(values[start - 2 * width : start - width])
+    down, down_after = -_slope(values[end : end + width]), -_slope(values[end + width : end + 2 * width])
+    # What settles gently is not cut: its slope fades.
+    steady = up > 0.3 * up_before and down > 0.3 * down_after
+    return steady and min(up, down) > 0 and min(up, down) * (end - start) / 4 > least
+
+
+def _slope(values: Array) -> float:
+    """Return the slope of a line through `values` (n,) [per row]."""
+    rows = np.arange(values.size) - (values.size - 1) / 2
+    return float(rows @ values / (rows @ rows))
+
+
+def _is_limit(level: float, channel: str, actuator: Actuator) -> bool:
+    """Return whether the hardware itself holds a channel at `level`."""
+    controller, stops, electrical = actuator.controller, actuator.mechanics.end_stops, actuator.electrical
+    limits = {
+        "position_rad": [*map(abs, stops)] if stops else [],
+        "speed_rad_s": [controller.speed_limit] if controller.speed_limit else [],
+        "duty": [1.0],
+        "supply_V": [abs(level)],
+    }.get(channel, [])
+    if channel.startswith("current"):
+        limits = [controller.current_limit]
+    if channel.startswith("voltage") and electrical is not None:
+        return abs(level) > CLIPPING.near_supply * electrical.supply
+    return any(abs(abs(level) / limit - 1) < CLIPPING.near for limit in limits if limit > 0)
