@@ -14,6 +14,7 @@ from emaphm.estimation.search_result import DEFAULT_SCATTER, SearchResult
 from emaphm.estimation.uncertainty.collinearity import CollinearSet, collinear_coordinates, resolving_channels
 from emaphm.estimation.uncertainty.fisher_information import information_lower_bound
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at, local_covariance
+from emaphm.estimation.uncertainty.model_error import apparent_fault_covariance
 from emaphm.random_streams import stream
 
 UNRECORDED_NOISE = 0.03
@@ -31,7 +32,8 @@ class Identifiability:
 def identifiability(result: SearchResult, seed: int) -> Identifiability:
     """Return how well the estimate of `result` is known.
 
-    The covariance is that of the data and the optimiser's scatter. Where the search has not converged, a
+    The covariance is that of the data and the optimiser's scatter, and of the faults that healthy recordings seem
+    to have where a calibration has learned them. Where the search has not converged, a
     Gauss-Newton step remains: towards the optimum that a population method may not have reached, and for the
     model's discrepancy not yet corrected. The covariance then includes its square.
     """
@@ -42,7 +44,8 @@ def identifiability(result: SearchResult, seed: int) -> Identifiability:
         jacobians = jacobians_at(objective, result.point, stream(seed, "Jacobians of the covariance"))
     residual, bias = result.fitted_residual[:rows], result.remaining_bias[:rows]
     local = local_covariance(objective, result.point, residual, jacobians, bias)
-    covariance = local.covariance + result.scatter
+    apparent = apparent_fault_covariance(objective.problem.actuator, space.coordinates)
+    covariance = local.covariance + result.scatter + apparent
     sets = _collinear_sets(result, covariance, seed)
     if not result.converged:
         remaining = space.project(result.point + local.step) - result.point

@@ -14,6 +14,7 @@ from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.diagnosis.text import fault_rows, notes
 from emaphm.diagnosis.verdict import Estimate
 from emaphm.estimation.uncertainty.collinearity import CollinearSet
+from emaphm.estimation.uncertainty.model_error import HealthyComparison
 from emaphm.text_table import format_table
 
 if TYPE_CHECKING:
@@ -60,6 +61,8 @@ class Diagnosis:
         Samples of it, where asked for.
     recording_notes
         What was done to the recording's channels.
+    model_error
+        The residual of each channel beside that of healthy recordings, where a calibration has learned it.
     """
 
     components: Mapping[str, Estimate]
@@ -89,6 +92,7 @@ class Diagnosis:
     moves: bool = True
     posterior: "Posterior | None" = None
     recording_notes: tuple[str, ...] = ()
+    model_error: Mapping[str, HealthyComparison] = field(default_factory=dict)
 
     @property
     def faults(self) -> Faults:
@@ -143,6 +147,7 @@ class Diagnosis:
             "covariance": {"coordinates": list(self.coordinates), "matrix": self.covariance.tolist()},
             **({"posterior": self.posterior.to_dict()} if self.posterior else {}),
             "version": self.version,
+            "model_error": {name: one.to_dict() for name, one in self.model_error.items()},
         }
 
     def to_json(self, path: str | Path | None = None) -> str:
@@ -173,6 +178,7 @@ class Diagnosis:
             self.laws,
             self.collinear_sets,
             self.channels,
+            self.model_error,
             moves=self.moves,
             explained=self.explained,
         )

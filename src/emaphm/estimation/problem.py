@@ -15,6 +15,7 @@ from emaphm.estimation.initial_state import initial_state
 from emaphm.estimation.noise_level import noise_level
 from emaphm.estimation.run_counts import RunCounts
 from emaphm.estimation.sensor_model import all_as_described, as_described, described_noise
+from emaphm.estimation.uncertainty.model_error import row_errors
 from emaphm.recording import Recording, with_equivalent_current
 from emaphm.recording.schema import RESPONSES
 from emaphm.simulation import (
@@ -40,7 +41,8 @@ class Problem:
     model has to observe. The first one is primary: the equivalent current where there is one. `weights`,
     (channels,), are what a residual of each counts, in the unit of the primary channel's residual.
     `temperature_rise_K` is what is known of it, above nominal. `runs` counts
-    the simulations.
+    the simulations. `model_error` is the learned error of the model in each row, (samples,) by channel; empty
+    where the actuator has none.
     """
 
     actuator: Actuator
@@ -54,6 +56,7 @@ class Problem:
     temperature_rise_K: float = 0.0
     workers: int | None = None
     runs: RunCounts = field(default_factory=RunCounts)
+    model_error: Mapping[str, Array] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -93,6 +96,7 @@ class Problem:
             temperature_rise_K=rise,
             workers=workers,
         )
+        problem = replace(problem, model_error=row_errors(problem))
         # To begin with, a residual counts in proportion to its channel.
         return problem.weighted([rms(recording[name]) for name in problem.channels])
 
