@@ -33,8 +33,8 @@ class Actuator(Section):
 
     Frozen and validated. SI units; with ``coordinates = "linear"`` the same fields hold m and N
     where they name rad and N·m. Without `electrical` the current loop is ideal. `friction`, `transmission`,
-    `weight` and `ripple` hold optional laws. `baseline` and `model_error` are what a calibration of the healthy
-    unit has learned: how well its parameters are known, and how wrong the model is all the same.
+    `weight` and `ripple` hold optional laws. `baseline` and `model_error` are what a calibration of the
+    healthy unit has learned: how well its parameters are known, and how wrong the model is all the same.
 
     Source: thesis Tab. 3.1 for the structure and for `Actuator.thesis`; `Actuator.pmsm` has another motor and
     drive.

@@ -10,13 +10,15 @@ from emaphm.actuator.sensors import OF_THE_CHANNEL
 
 LEARNED = "calibration: recordings left out of the fit"
 
+APPARENT = "apparent fault of a healthy unit, rms"
+
 
 class ChannelError(Section):
     """What a calibrated model leaves of one channel of healthy recordings, beside the white noise of a row.
 
     Learned from the residuals of recordings that were left out of the fit, one at a time, with only what is
-    each recording's own estimated: those of the training would be too small. The error of a row is normal about
-    0, with the variance
+    each recording's own estimated: those of the training would be too small. The error of a row is normal
+    about 0, with the variance
 
         σ²(t) = floor² + (speed ω)² + (load τ)² + (acceleration α)²
 
@@ -57,21 +59,21 @@ class ChannelError(Section):
 
 
 class ApparentFaults(Section):
-    """What a diagnosis makes of healthy recordings that were left out of the calibration, component by component.
+    """What a diagnosis makes of healthy recordings that were left out of the calibration.
 
-    The rms of estimate less healthy value beyond what its own standard error explains: an error of the model that
-    looks like a fault, and so leaves no residual. Of `recordings` diagnosed.
+    By component the rms of estimate less healthy value, beyond what its own standard error explains: an error
+    of the model that looks like a fault, and so leaves no residual. Of `recordings` diagnosed.
     """
 
-    friction: float = quantity("apparent fault of a healthy unit, rms", "-", LEARNED, default=0.0, ge=0, le=1)
-    backlash: float = quantity("apparent fault of a healthy unit, rms", "-", LEARNED, default=0.0, ge=0, le=1)
-    short_a: float = quantity("apparent fault of a healthy unit, rms", "-", LEARNED, default=0.0, ge=0, le=1)
-    short_b: float = quantity("apparent fault of a healthy unit, rms", "-", LEARNED, default=0.0, ge=0, le=1)
-    short_c: float = quantity("apparent fault of a healthy unit, rms", "-", LEARNED, default=0.0, ge=0, le=1)
+    friction: float = quantity(APPARENT, "-", LEARNED, default=0.0, ge=0, le=1)
+    backlash: float = quantity(APPARENT, "-", LEARNED, default=0.0, ge=0, le=1)
+    short_a: float = quantity(APPARENT, "-", LEARNED, default=0.0, ge=0, le=1)
+    short_b: float = quantity(APPARENT, "-", LEARNED, default=0.0, ge=0, le=1)
+    short_c: float = quantity(APPARENT, "-", LEARNED, default=0.0, ge=0, le=1)
     eccentricity: float = quantity(
         "apparent fault of a healthy unit, rms", "-", LEARNED, default=0.0, ge=0, le=1
     )
-    gain: float = quantity("apparent fault of a healthy unit, rms", "-", LEARNED, default=0.0, ge=0, le=1)
+    gain: float = quantity(APPARENT, "-", LEARNED, default=0.0, ge=0, le=1)
     recordings: int = Field(description="recordings that were left out and diagnosed", ge=2)
 
     def of(self, coordinate: str) -> float:
@@ -81,9 +83,9 @@ class ApparentFaults(Section):
 
 
 class ModelError(Section):
-    """The error of the model in each channel that a diagnosis may compare, and the `faults` that it looks like.
+    """The error of the model in each channel that a diagnosis may compare; None where none was learned.
 
-    None where nothing was learned.
+    `faults` are those that the error looks like.
     """
 
     faults: ApparentFaults | None = None

@@ -22,8 +22,8 @@ def apparent_faults(
 ) -> ApparentFaults | None:
     """Return the apparent faults of healthy rows, each with the unit as calibrated without it.
 
-    None where fewer than two can be diagnosed: a recording without a current, with parameters of its own, or of
-    which the unit without it makes no finite simulation, cannot.
+    None where fewer than two can be diagnosed: a recording without a current, with parameters of its own, or
+    of which the unit without it makes no finite simulation, cannot.
     """
     found = []
     for row, unit in units:

@@ -1,8 +1,8 @@
 """How wrong a calibrated model is: learned from healthy recordings that were left out of the fit.
 
-Residuals of the training would be too small, as a fit absorbs what looks like its parameters; so each recording
-is left out once, the others fitted, and only what is its own estimated of it. What white noise does not explain
-of its residual is the error of the model.
+Residuals of the training would be too small, as a fit absorbs what looks like its parameters; so each
+recording is left out once, the others fitted, and only what is its own estimated of it. What white noise does
+not explain of its residual is the error of the model.
 """
 
 from collections.abc import Sequence
@@ -31,8 +31,8 @@ from emaphm.estimation.uncertainty.model_error import channel_noise, variance_te
 class ModelErrorSettings:
     """How a model error is learned.
 
-    Recordings are left out one at a time, of more than `most_folds` in as many groups; up to `most_diagnosed` of
-    them are also diagnosed, which takes a second each. The variance at rest is
+    Recordings are left out one at a time, of more than `most_folds` in as many groups; up to `most_diagnosed`
+    of them are also diagnosed, which takes a second each. The variance at rest is
     at least the share `least_floor` of its mean: three recordings do not show that a model is right anywhere.
     The error is at least the share `least_error` of the residual's variance: second differences tell noise
     from the model's error no better. `tests/calibration/test_model_error.py` measures both on made-up errors.
@@ -51,8 +51,8 @@ MODEL_ERROR = ModelErrorSettings()
 class LeftOut:
     """One channel of a recording that was left out.
 
-    `residual` (samples,) and white `noise` (rms) in the channel's unit, what the variance of the error is linear
-    in, `terms` (4, samples), and the `interval` between rows [s].
+    `residual` (samples,) and white `noise` (rms) in the channel's unit, what the variance of the error is
+    linear in, `terms` (4, samples), and the `interval` between rows [s].
     """
 
     residual: Array

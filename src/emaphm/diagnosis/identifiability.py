@@ -32,8 +32,8 @@ class Identifiability:
 def identifiability(result: SearchResult, seed: int) -> Identifiability:
     """Return how well the estimate of `result` is known.
 
-    The covariance is that of the data and the optimiser's scatter, and of the faults that healthy recordings seem
-    to have where a calibration has learned them. Where the search has not converged, a
+    The covariance is that of the data and the optimiser's scatter, and of the faults that healthy recordings
+    seem to have where a calibration has learned them. Where the search has not converged, a
     Gauss-Newton step remains: towards the optimum that a population method may not have reached, and for the
     model's discrepancy not yet corrected. The covariance then includes its square.
     """

@@ -62,16 +62,11 @@ class MapObjective:
         # A perfect channel would leave the others without weight; no model is right to 0.01 %.
         measured = np.array([rms(self.problem.measured[name]) for name in self.problem.channels])
         # Nor is a residual less than what its sensor is described to add, and the model's learned error.
-        known = np.array(
-            [
-                _known_residual(self.problem, *one)
-                for one in zip(self.problem.channels, by_channel, strict=True)
-            ]
-        )
+        channels = zip(self.problem.channels, by_channel, strict=True)
+        known = np.array([_known_residual(self.problem, *one) for one in channels])
         sizes = np.maximum(sizes, np.maximum(LEAST_RESIDUAL * measured, known))
-        return replace(self, problem=self.problem.weighted(_counted(self.problem, sizes))).scale_prior(
-            sizes[0]
-        )
+        weighted = self.problem.weighted(_counted(self.problem, sizes))
+        return replace(self, problem=weighted).scale_prior(sizes[0])
 
     def rescaled(self, rows: Array, other: Self) -> Array:
         """Return `rows` of `outputs` as this objective weights them, given as `other` does."""

@@ -54,6 +54,8 @@ class SearchResult:
         Replicated Jacobians (n, d, channel rows) at the estimate, where they are known already.
     population_cost
         The value that a population method minimised, in the unit of its cost function; None otherwise.
+    alternatives
+        Where other searches of the same recording ended, by the same description or with another law.
     """
 
     objective: MapObjective
@@ -65,6 +67,7 @@ class SearchResult:
     converged: bool = False
     jacobians: Array | None = None
     population_cost: float | None = None
+    alternatives: tuple["SearchResult", ...] = ()
 
     @classmethod
     def at(

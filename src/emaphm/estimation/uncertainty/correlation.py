@@ -22,9 +22,10 @@ def integral_time(residuals: Sequence[Array], intervals: Sequence[float]) -> flo
 
         T = max_f S(f) / σ²,    Var Σ c_i r_i ≤ (T / Δt) σ² Σ c_i²   for any c,
 
-    so Δt of white noise, and the usual integral time where the spectrum has its peak at 0. Of spectra averaged
-    over bands of several widths and over the recordings, each peak less what chance makes of the largest of as
-    many bands; Δt at least, a recording's length at most. A mean that is not 0 is a memory of the whole length.
+    so Δt of white noise, and the usual integral time where the spectrum has its peak at 0. Of spectra
+    averaged over bands of several widths and over the recordings, each peak less what chance makes of the
+    largest of as many bands; Δt at least, a recording's length at most. A mean that is not 0 is a memory of
+    the whole length.
     """
     largest = max(_largest(residuals, intervals, width) for width in BANDS)
     longest = max(len(one) * interval for one, interval in zip(residuals, intervals, strict=True))

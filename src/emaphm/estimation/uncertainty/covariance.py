@@ -69,8 +69,8 @@ def sandwich_covariance(
     channels
         Series of equal length that stand end to end in the rows.
     error_scores
-        Covariance (d, d) of Jacobian times a model error that the residual need not show, as a fit absorbs what
-        looks like a parameter.
+        Covariance (d, d) of Jacobian times a model error that the residual need not show, as a fit absorbs
+        what looks like a parameter.
     """
     statistics = score_statistics(jacobians, residual, channels, error_scores)
     return SandwichCovariance(statistics.information, statistics.covariance(prior_deviation))

@@ -43,8 +43,8 @@ def local_covariance(
 ) -> LocalCovariance:
     """Return the covariance at `point` (d,), by `jacobians` and the `residual` (channel rows,) there.
 
-    The step is towards the optimum; `bias` is the part of the residual that is known to be the model's. Where a
-    calibration has learned the model's error, the covariance has what that makes of an estimate.
+    The step is towards the optimum; `bias` is the part of the residual that is known to be the model's. Where
+    a calibration has learned the model's error, the covariance has what that makes of an estimate.
     """
     faults, deviations = len(objective.space.columns), objective.space.prior_deviations
     channels = len(objective.problem.channels)

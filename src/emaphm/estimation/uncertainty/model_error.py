@@ -1,7 +1,7 @@
-"""The learned error of a calibrated model on a recording: what residual of each channel is no more than healthy.
+"""The learned error of a calibrated model on a recording: which residual is no worse than healthy.
 
-The description's `[model_error]` says how the error varies (`emaphm.actuator.model_error.ChannelError`); here it
-is evaluated for the manoeuvre of a recording. Without that section, nothing here changes a diagnosis.
+The description's `[model_error]` says how the error varies (`emaphm.actuator.model_error.ChannelError`); here
+it is evaluated for the manoeuvre of a recording. Without that section, nothing here changes a diagnosis.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,10 +27,10 @@ if TYPE_CHECKING:
 class HealthySettings:
     """What residual of a channel counts as no worse than healthy.
 
-    Its ratio to the expected rms has the bound that the next healthy recording stays below with `probability`,
-    if the logarithms of the ratios are normal; at least `least`, which switching and noise alone reach, and at
-    most `most`: few recordings that scatter much would else call anything healthy. `make study` (limits) counts
-    what is explained, and false alarms.
+    Its ratio to the expected rms has the bound that the next healthy recording stays below with
+    `probability`, if the logarithms of the ratios are normal; at least `least`, which switching and noise
+    alone reach, and at most `most`: few recordings that scatter much would else call anything healthy. `make
+    study` (limits) counts what is explained, and false alarms.
     """
 
     probability: float = 0.95
@@ -45,8 +45,8 @@ HEALTHY_RESIDUAL = HealthySettings()
 class HealthyComparison:
     """The residual of one channel beside that of healthy recordings, rms in the unit of the channel.
 
-    `ratio` is `residual` over `expected`, and `allowed` the largest one that is no worse than healthy: what the
-    next healthy recording stays below with probability `confidence` if ratios are log-normal, and with
+    `ratio` is `residual` over `expected`, and `allowed` the largest one that is no worse than healthy: what
+    the next healthy recording stays below with probability `confidence` if ratios are log-normal, and with
     probability `rank_confidence` whatever their distribution, as it stays below the largest of `recordings`.
     """
 
@@ -81,10 +81,10 @@ class HealthyComparison:
     def __str__(self) -> str:
         """Return one sentence: the residual, and up to where a healthy recording's may be."""
         return (
-            f"{self.ratio:.2f} times that of {self.recordings} healthy recordings left out of the calibration; up "
-            f"to {self.allowed:.2f} times is no worse than healthy (the next healthy one stays below with "
-            f"{100 * self.confidence:.0f} % if ratios are log-normal; {self.recordings} recordings alone show "
-            f"{100 * self.rank_confidence:.0f} %)."
+            f"{self.ratio:.2f} times that of {self.recordings} healthy recordings left out of the "
+            f"calibration; up to {self.allowed:.2f} times is no worse than healthy (the next healthy one "
+            f"stays below with {100 * self.confidence:.0f} % if ratios are log-normal; {self.recordings} "
+            f"recordings alone show {100 * self.rank_confidence:.0f} %)."
         )
 
     @property
@@ -106,7 +106,7 @@ def variance_terms(problem: "Problem") -> Array:
 
 
 def row_errors(problem: "Problem") -> dict[str, Array]:
-    """Return the rms error of the model in each row of each channel that has a learned one, (samples,) each."""
+    """Return the rms error of the model in each row, (samples,) by channel, where one was learned."""
     learned = {name: problem.actuator.model_error.of(name) for name in problem.measured}
     known = {name: one for name, one in learned.items() if one is not None}
     if not known:
@@ -122,8 +122,8 @@ def _coefficients(error: ChannelError) -> Array:
 def channel_noise(problem: "Problem", channel: str, residual: Array | None = None) -> float:
     """Return the rms of the white noise on a channel, in its unit.
 
-    As its sensor is described; else from the measured channel, or as the least dense part of the spectrum of its
-    `residual` (samples,), whichever shows less: a fast oscillation of the channel passes for noise.
+    As its sensor is described; else from the measured channel, or as the least dense part of the spectrum of
+    its `residual` (samples,), whichever shows less: a fast oscillation of the channel passes for noise.
     """
     described = described_noise(channel, problem.actuator)
     if described is not None:
@@ -148,7 +148,7 @@ def expected_residual(problem: "Problem", residuals: Mapping[str, Array] | None 
 
 
 def error_variance(problem: "Problem", channel: str) -> float:
-    """Return the mean square of the learned error of a channel over the recording, 0 where none was learned."""
+    """Return the mean square of the learned error of a channel over the recording, 0 without one."""
     rows = problem.model_error.get(channel)
     return 0.0 if rows is None else float(np.mean(rows**2))
 
@@ -184,7 +184,7 @@ def _confidence(error: ChannelError, bound: float) -> float:
 
 
 def error_inflation(recordings: int) -> float:
-    """Return the factor on a learned standard deviation that makes normal intervals hold for few `recordings`.
+    """Return the factor on a learned standard deviation, so that normal intervals hold for few `recordings`.
 
     Student's t, with as many degrees of freedom as there were recordings: rows of one are no independent
     evidence on the next.
@@ -193,7 +193,7 @@ def error_inflation(recordings: int) -> float:
 
 
 def apparent_fault_covariance(actuator: Actuator, coordinates: Sequence[str]) -> Array | float:
-    """Return what the faults that healthy recordings seem to have add to the covariance (d, d); 0.0 if unknown."""
+    """Return what the apparent faults of healthy recordings add to the covariance (d, d); 0.0 if unknown."""
     apparent = actuator.model_error.faults
     if apparent is None:
         return 0.0
@@ -215,7 +215,7 @@ def correlated_rows(problem: "Problem", channel: str, residual: float) -> float 
 
 
 def error_scores(problem: "Problem", jacobian: Array) -> Array | float:
-    """Return the covariance (d, d) of a `jacobian` (d, channel rows) times the learned error; 0.0 without one.
+    """Return the covariance (d, d) of `jacobian` (d, channel rows) times the learned error; 0.0 without one.
 
     Σ_c (T_c / Δt) J_c diag(w_c² σ_c²) J_cᵀ, an upper bound over all correlations of integral time T_c: a fit
     absorbs the part of the error that looks like a parameter, so that its residual does not show it.
