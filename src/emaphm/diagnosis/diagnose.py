@@ -116,7 +116,9 @@ def diagnose(
         # Standing, an actuator shows no law of its motion.
         if result.normalised_residual > EXPLAINED_RESIDUAL and _moves(result.objective, result.point):
             result, laws = select_laws(searched, chosen, max_corrections, seed)
+            alternatives = result.alternatives
             result, selected = select_nuisances(result, max_corrections, seed)
+            result = replace(result, alternatives=alternatives)
     result = with_discrepancy(result, seed)
     diagnosis = replace(
         _conclude(result, recording, chosen.name, fitness, seed), selected=selected, laws=laws
@@ -191,8 +193,8 @@ def _conclude(
     """Return the diagnosis at `result`; its counts and time are still to be filled in."""
     objective, problem, space = result.objective, result.objective.problem, result.objective.space
     residual = result.fitted_residual[: problem.samples]
-    known = identifiability(result, seed)
     explained = _explained(result)
+    known = identifiability(result, seed, explained=explained)
     components = estimates(space, result.point, known.covariance, known.collinear_sets)
     return Diagnosis(
         components=components if explained else unexplained(components),

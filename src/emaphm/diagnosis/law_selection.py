@@ -21,8 +21,8 @@ from emaphm.estimation.nuisances import NuisanceSet
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.parameter_variation import ParameterVariation
-from emaphm.estimation.reference_refinement import refine_by_reference
-from emaphm.estimation.reference_scan import CURRENT_LAGS_S, scan
+from emaphm.estimation.reference.refinement import refine_by_reference
+from emaphm.estimation.reference.scan import CURRENT_LAGS_S, scan
 from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
 from emaphm.random_streams import child_seed, stream
 

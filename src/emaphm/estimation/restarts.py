@@ -8,7 +8,7 @@ from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.methods import Method
 from emaphm.estimation.multistart import multistart
 from emaphm.estimation.objective import MapObjective
-from emaphm.estimation.reference_refinement import refine_by_reference
+from emaphm.estimation.reference.refinement import refine_by_reference
 from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
 from emaphm.progress import Progress, subprogress
 from emaphm.random_streams import child_seed

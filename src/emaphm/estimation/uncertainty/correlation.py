@@ -5,11 +5,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.quantiles import normal_quantile
+from emaphm.quantiles import chi_squared_quantile
 
 BANDS = (1, 2, 4, 8, 16, 32)
 """Frequencies that a spectrum is averaged over, each tried: a narrow band shows a long memory, a wide one is
 free of chance."""
+
+CHANCE = 0.05
+"""Probability with which white noise has any band as dense as one that counts."""
 
 NOISE_BANDS = 8
 """Bands of a spectrum of which the least dense one is taken for the white noise alone."""
@@ -23,9 +26,8 @@ def integral_time(residuals: Sequence[Array], intervals: Sequence[float]) -> flo
         T = max_f S(f) / σ²,    Var Σ c_i r_i ≤ (T / Δt) σ² Σ c_i²   for any c,
 
     so Δt of white noise, and the usual integral time where the spectrum has its peak at 0. Of spectra
-    averaged over bands of several widths and over the recordings, each peak less what chance makes of the
-    largest of as many bands; Δt at least, a recording's length at most. A mean that is not 0 is a memory of
-    the whole length.
+    averaged over the recordings and over bands of several widths, the largest peak that white noise does not
+    make by chance, less its standard error; Δt at least, a recording's length at most.
     """
     largest = max(_largest(residuals, intervals, width) for width in BANDS)
     longest = max(len(one) * interval for one, interval in zip(residuals, intervals, strict=True))
@@ -45,9 +47,9 @@ def _largest(residuals: Sequence[Array], intervals: Sequence[float], width: int)
         power = _power(residual)[: len(residual) // 2 // width * width].reshape(-1, width).mean(axis=1)
         spectra.append(power[:bands] / square * interval)
     mean = np.mean(spectra, axis=0)
-    freedom = 2 * width * len(residuals)
-    chance = float(normal_quantile(1 - 0.5 / bands)) * (2 / freedom) ** 0.5 if bands > 1 else 0.0
-    return float(mean.max()) / (1 + chance)
+    freedom, peak = 2 * width * len(residuals), float(mean.max())
+    by_chance = chi_squared_quantile(freedom, 1 - CHANCE / (bands * len(BANDS))) / freedom * min(intervals)
+    return peak / (1 + (2 / freedom) ** 0.5) if peak > by_chance else 0.0
 
 
 def _power(residual: Array) -> Array:

@@ -39,16 +39,23 @@ def jacobians_at(objective: MapObjective, point: Array, rng: np.random.Generator
 
 
 def local_covariance(
-    objective: MapObjective, point: Array, residual: Array, jacobians: Array, bias: Array | float = 0.0
+    objective: MapObjective,
+    point: Array,
+    residual: Array,
+    jacobians: Array,
+    bias: Array | float = 0.0,
+    hidden_scores: Array | float = 0.0,
 ) -> LocalCovariance:
     """Return the covariance at `point` (d,), by `jacobians` and the `residual` (channel rows,) there.
 
     The step is towards the optimum; `bias` is the part of the residual that is known to be the model's. Where
-    a calibration has learned the model's error, the covariance has what that makes of an estimate.
+    a calibration has learned the model's error, the covariance has what that makes of an estimate; so it has
+    what `hidden_scores` (d, d) are the covariance of, Jacobian times an error that the residual does not
+    show.
     """
     faults, deviations = len(objective.space.columns), objective.space.prior_deviations
     channels = len(objective.problem.channels)
-    scores = error_scores(objective.problem, jacobians.mean(axis=0))
+    scores = error_scores(objective.problem, jacobians.mean(axis=0)) + hidden_scores
     sandwich = sandwich_covariance(jacobians, residual, deviations, channels, scores)
     gradient = jacobians.mean(axis=0) @ (residual - bias) / np.mean(residual**2)
     prior = objective.correlated_rows / deviations**2
