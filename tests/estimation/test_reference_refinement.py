@@ -8,7 +8,7 @@ from emaphm.estimation.bias_correction import with_discrepancy
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.problem import Problem
-from emaphm.estimation.reference_refinement import RefinementSettings, refine_by_reference
+from emaphm.estimation.reference.refinement import RefinementSettings, refine_by_reference
 from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
 
 TRUTH = drawn(4, seed=7)[1]

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from emaphm.estimation.reference_scan import scan
+from emaphm.estimation.reference.scan import scan
 
 VALUES = tuple(2.0 ** (i / 2) for i in range(11))
 

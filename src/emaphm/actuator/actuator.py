@@ -9,6 +9,7 @@ from pydantic import Field, ValidationError, model_validator
 from emaphm.actuator.baseline import MOST_HARMONICS, PARTS, SIGNED, Baseline
 from emaphm.actuator.channels import Channels
 from emaphm.actuator.law_sections import Drive, DriveKind, Friction, RippleHarmonic, Transmission, Weight
+from emaphm.actuator.model_error import NOT_LEARNED, ModelError
 from emaphm.actuator.parameters import (
     Controller,
     Electrical,
@@ -33,7 +34,8 @@ class Actuator(Section):
 
     Frozen and validated. SI units; with ``coordinates = "linear"`` the same fields hold m and N
     where they name rad and N·m. Without `electrical` the current loop is ideal. `friction`, `transmission`,
-    `weight` and `ripple` hold optional laws.
+    `weight` and `ripple` hold optional laws. `baseline` and `model_error` are what a calibration of the
+    healthy unit has learned: how well its parameters are known, and how wrong the model is all the same.
 
     Source: thesis Tab. 3.1 for the structure and for `Actuator.thesis`; `Actuator.pmsm` has another motor and
     drive.
@@ -58,6 +60,7 @@ class Actuator(Section):
     reading: Reading = Reading()
     sensors: Sensors = Sensors()
     baseline: Baseline | None = None
+    model_error: ModelError = NOT_LEARNED
 
     @model_validator(mode="after")
     def _drive_with_what_it_needs(self) -> Self:

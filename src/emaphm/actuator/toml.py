@@ -7,7 +7,7 @@ from pydantic import BaseModel, ValidationError
 from emaphm.actuator.quantity import unit_for
 from emaphm.errors import nearest
 
-QUIET = ("channels", "reading", "nuisances", "sensors")
+QUIET = ("channels", "reading", "nuisances", "sensors", "model_error")
 """Sections of which only what differs from the defaults is written."""
 
 LONGEST_QUOTED = 200

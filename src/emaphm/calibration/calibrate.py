@@ -8,12 +8,14 @@ import numpy as np
 from emaphm.actuator import Actuator
 from emaphm.actuator.baseline import Baseline
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
+from emaphm.actuator.model_error import NOT_LEARNED
 from emaphm.calibration import sensor_lag
 from emaphm.calibration.campaign import CampaignRow, Recordings, campaign_rows, check_row
 from emaphm.calibration.conditions import check_nuisances
 from emaphm.calibration.description import Description, Laws, described_with_laws
 from emaphm.calibration.findings import Parameter, found_parameters, found_recordings, found_values
 from emaphm.calibration.law_selection import parameters_of
+from emaphm.calibration.model_error import learned_model_error
 from emaphm.calibration.motion.fit import motion_fit
 from emaphm.calibration.motion.loop import Loop, LoopChoice, chosen_loop
 from emaphm.calibration.motion.result import (
@@ -101,7 +103,7 @@ def calibrate(
     began = time.perf_counter()
     rows = campaign_rows(recordings)
     names = None if free is None else tuple(dict.fromkeys(free))
-    bare = actuator.model_copy(update={"baseline": None})
+    bare = actuator.model_copy(update={"baseline": None, "model_error": NOT_LEARNED})
     _check(rows, bare, names, nuisances)
     settings = FitSettings(nuisances, max_corrections, seed, workers)
     choice = chosen_loop(loop, rows, bare, names or ())
@@ -129,7 +131,7 @@ def calibrate(
         subprogress(on_progress, share, 1.0),
     )
     scanned = {} if lag is None else {sensor_lag.NAME: lag.parameter}
-    return _result(rows, description, fit, scanned, choice, seed, began)
+    return _result(rows, description, fit, scanned, choice, settings, began)
 
 
 def _check(
@@ -168,7 +170,7 @@ def _by_motion(
     began: float,
 ) -> Calibration:
     """Return the calibration by measured motion; errors as in `calibrate`."""
-    bare = actuator.model_copy(update={"baseline": None})
+    bare = actuator.model_copy(update={"baseline": None, "model_error": NOT_LEARNED})
     description = described_for_motion(rows, bare, free, laws)
     _check_described(rows, actuator, description)
     fit = motion_fit(rows, description.actuator, description.free, settings.nuisances)
@@ -214,7 +216,7 @@ def _result(
     fit: UnitFit,
     scanned: Mapping[str, Parameter],
     choice: LoopChoice,
-    seed: int,
+    settings: FitSettings,
     began: float,
 ) -> Calibration:
     """Return the calibration that a fit amounts to; `scanned` are parameters that were found before it."""
@@ -225,18 +227,19 @@ def _result(
     baseline = Baseline.of(
         fit.free, np.outer(size, size) * fit.covariance, tuple(row.recording.source for row in rows)
     )
+    known = calibrated.model_copy(update={"baseline": baseline})
     parameters = {**found_parameters(fit, values, rows, actuator), **scanned}
     problems = [term.objective.problem for term in fit.joint.terms]
     return Calibration(
         parameters,
-        calibrated.model_copy(update={"baseline": baseline}),
+        known.model_copy(update={"model_error": learned_model_error(rows, fit, actuator, known, settings)}),
         found_recordings(fit, rows, calibrated),
         None if fit.uncertainty.alone is None else fit.uncertainty.alone.meta.birge_ratio,
         fit.contradictions is not None and bool(np.any(fit.contradictions.covariance)),
-        collinear_parameters(fit, seed),
+        collinear_parameters(fit, settings.seed),
         sum(problem.runs.of(problem.model)[0] for problem in problems),
         time.perf_counter() - began,
-        seed,
+        settings.seed,
         tuple(law.name for law in description.laws),
         description.selection,
         _unexcited(description, parameters),

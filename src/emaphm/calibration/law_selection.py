@@ -17,19 +17,19 @@ from emaphm.actuator.laws import LAWS, Law
 from emaphm.arrays import Array
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.conditions import joint_objective
+from emaphm.calibration.held_out import folds, left_out_residual, subset
 from emaphm.calibration.unit_fit import FitSettings
 from emaphm.errors import MethodError
 from emaphm.estimation.joint.correction import JointEstimate
 from emaphm.estimation.joint.objective import JointObjective, RecordingTerm
 from emaphm.estimation.joint.search import DESCENT, settle
-from emaphm.estimation.levenberg_marquardt import descend, least_squares
+from emaphm.estimation.levenberg_marquardt import descend
 from emaphm.estimation.objective import LEAST_RESIDUAL
-from emaphm.estimation.parameter_space import Box
 from emaphm.estimation.parameter_variation import ParameterVariation
 from emaphm.estimation.problem import rms
 from emaphm.optimizers import space_filling
 from emaphm.progress import Progress
-from emaphm.random_streams import child_seed, stream
+from emaphm.random_streams import child_seed
 
 NO_LAW = "none"
 """Name of the description without a further law, in the table of a selection."""
@@ -231,13 +231,10 @@ class _Trials:
     def cross_validated(self, fitted: _Fit) -> _Fit:
         """Return the fit with the error of each recording where it was left out."""
         count = len(fitted.joint.terms)
-        folds = min(count, self.settings.most_folds)
-        order = stream(self.fit_settings.seed, "folds").permutation(count)
         held_out = np.empty(count)
-        for fold in range(folds):
-            left_out = {int(r) for r in order[fold::folds]}
+        for left_out in folds(count, self.settings.most_folds, self.fit_settings.seed):
             kept = [r for r in range(count) if r not in left_out]
-            training, start = _subset(fitted.joint, fitted.point, kept)
+            training, start = subset(fitted.joint, fitted.point, kept)
             shared = descend(training, start[np.newaxis], training.box, DESCENT).best[: training.shared]
             for r in left_out:
                 held_out[r] = _held_out_error(fitted.joint, r, shared)
@@ -284,26 +281,6 @@ def _log_error(term: RecordingTerm, residual: Array) -> float:
     return float(np.mean(np.log(np.maximum(errors, LEAST_RESIDUAL))))
 
 
-def _subset(joint: JointObjective, point: Array, kept: Sequence[int]) -> tuple[JointObjective, Array]:
-    """Return the objective of some recordings, and their coordinates of `point` (d,)."""
-    part = replace(joint, terms=tuple(joint.terms[r] for r in kept))
-    start = np.zeros(part.box.lower.size)
-    for index, r in zip(part.indices, kept, strict=True):
-        start[index] = joint.local(r, point)
-    return part, start
-
-
 def _held_out_error(joint: JointObjective, r: int, shared: Array) -> float:
     """Return the logarithm of the error of recording `r` under `shared` (p,); only its own is estimated."""
-    term = joint.terms[r]
-    own = np.zeros(term.own)
-    if term.own:
-        space = term.objective.space
-
-        def outputs(points: Array) -> Array:
-            return term.outputs(np.concatenate([points, np.tile(shared, (len(points), 1))], axis=1))
-
-        box = Box(space.lower[: term.own], space.upper[: term.own])
-        own = least_squares(outputs, term.target, own[np.newaxis], box, DESCENT).best
-    residual = term.objective.residual(np.concatenate([own, shared]), term.correction)
-    return _log_error(term, residual)
+    return _log_error(joint.terms[r], left_out_residual(joint, r, shared))

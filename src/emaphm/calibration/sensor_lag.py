@@ -12,7 +12,7 @@ from emaphm.calibration.description import Description
 from emaphm.calibration.findings import LARGEST_ERROR, Parameter
 from emaphm.calibration.unit_fit import FitSettings, fitted_parameters, searched
 from emaphm.estimation.joint.correction import JointEstimate, corrected_estimate
-from emaphm.estimation.reference_scan import CURRENT_LAGS_S, scan
+from emaphm.estimation.reference.scan import CURRENT_LAGS_S, scan
 
 NAME = "current_lag"
 

@@ -22,6 +22,7 @@ from emaphm.estimation.objective import MapObjective, faults_objective, faults_o
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search import check_fitness, search
 from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
+from emaphm.estimation.uncertainty.model_error import compared_with_healthy
 from emaphm.progress import Progress, subprogress
 from emaphm.recording import Recording, check_plausible
 from emaphm.recording.schema import SCHEMA
@@ -119,7 +120,9 @@ def diagnose(
         # Standing, an actuator shows no law of its motion.
         if result.normalised_residual > EXPLAINED_RESIDUAL and _moves(result.objective, result.point):
             result, laws = select_laws(searched, chosen, max_corrections, seed)
+            alternatives = result.alternatives
             result, selected = select_nuisances(result, max_corrections, seed)
+            result = replace(result, alternatives=alternatives)
     result = with_discrepancy(result, seed)
     diagnosis = replace(
         conclude(result, recording, chosen.name, fitness, seed), selected=selected, laws=laws
@@ -197,8 +200,8 @@ def conclude(
     """Return the diagnosis at `result`; its counts and time are still to be filled in."""
     objective, problem, space = result.objective, result.objective.problem, result.objective.space
     residual = result.fitted_residual[: problem.samples]
-    known = identifiability(result, seed)
     explained = _explained(result)
+    known = identifiability(result, seed, explained=explained)
     components = estimates(space, result.point, known.covariance, known.collinear_sets)
     return Diagnosis(
         components=components if explained else unexplained(components),
@@ -225,12 +228,21 @@ def conclude(
         nuisances=_nuisance_estimates(objective, result.point, known.covariance),
         collinear_sets=known.collinear_sets,
         moves=_moves(objective, result.point),
+        model_error=compared_with_healthy(problem, result.residual_by_channel),
     )
 
 
 def _explained(result: SearchResult) -> bool:
-    """Return whether the estimate explains the recording: by noise, switching and the model's known error."""
+    """Return whether the estimate explains the recording: by noise, switching and the model's known error.
+
+    Where a calibration has learned that error, every channel must be no worse than in healthy recordings.
+    """
     problem = result.objective.problem
+    healthy = compared_with_healthy(problem, result.residual_by_channel)
+    if not all(one.as_healthy for one in healthy.values()):
+        return False
+    if problem.primary in healthy:
+        return True
     corrected = bool(result.correction.any())
     residual = result.fitted_residual[: problem.samples]
     return is_explained(problem.recorded, residual, problem.noise, corrected=corrected) and (

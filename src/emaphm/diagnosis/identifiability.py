@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.arrays import Array
+from emaphm.diagnosis.unexplained import alternatives_covariance, unexplained_scores
 from emaphm.diagnosis.verdict import VERDICT, Z95
 from emaphm.estimation.nuisances import BASELINE, KNOWN_BY
 from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective
@@ -14,6 +15,7 @@ from emaphm.estimation.search_result import DEFAULT_SCATTER, SearchResult
 from emaphm.estimation.uncertainty.collinearity import CollinearSet, collinear_coordinates, resolving_channels
 from emaphm.estimation.uncertainty.fisher_information import information_lower_bound
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at, local_covariance
+from emaphm.estimation.uncertainty.model_error import apparent_fault_covariance
 from emaphm.random_streams import stream
 
 UNRECORDED_NOISE = 0.03
@@ -28,12 +30,15 @@ class Identifiability:
     collinear_sets: tuple[CollinearSet, ...]
 
 
-def identifiability(result: SearchResult, seed: int) -> Identifiability:
+def identifiability(result: SearchResult, seed: int, *, explained: bool = True) -> Identifiability:
     """Return how well the estimate of `result` is known.
 
-    The covariance is that of the data and the optimiser's scatter. Where the search has not converged, a
-    Gauss-Newton step remains: towards the optimum that a population method may not have reached, and for the
-    model's discrepancy not yet corrected. The covariance then includes its square.
+    The covariance is that of the data and the optimiser's scatter, and of the faults that healthy recordings
+    seem to have where a calibration has learned them. Where the recording is not `explained`, it includes an
+    error that is as large as the residual and looks like a parameter; and always the spread of alternatives
+    that fit as well. Where the search has not converged, a Gauss-Newton step remains: towards the optimum
+    that a population method may not have reached, and for the model's discrepancy not yet corrected. The
+    covariance then includes its square.
     """
     objective, space = result.objective, result.objective.space
     rows = objective.channel_rows
@@ -41,8 +46,11 @@ def identifiability(result: SearchResult, seed: int) -> Identifiability:
     if jacobians is None:
         jacobians = jacobians_at(objective, result.point, stream(seed, "Jacobians of the covariance"))
     residual, bias = result.fitted_residual[:rows], result.remaining_bias[:rows]
-    local = local_covariance(objective, result.point, residual, jacobians, bias)
-    covariance = local.covariance + result.scatter
+    hidden = 0.0 if explained else unexplained_scores(result, jacobians.mean(axis=0))
+    local = local_covariance(objective, result.point, residual, jacobians, bias, hidden)
+    apparent = apparent_fault_covariance(objective.problem.actuator, space.coordinates)
+    covariance = local.covariance + result.scatter + apparent
+    covariance = covariance + alternatives_covariance(result, explained=explained)
     sets = collinear_sets(result, covariance, seed)
     if not result.converged:
         remaining = space.project(result.point + local.step) - result.point

@@ -21,8 +21,8 @@ from emaphm.estimation.nuisances import NuisanceSet
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.parameter_variation import ParameterVariation
-from emaphm.estimation.reference_refinement import refine_by_reference
-from emaphm.estimation.reference_scan import CURRENT_LAGS_S, scan
+from emaphm.estimation.reference.refinement import refine_by_reference
+from emaphm.estimation.reference.scan import CURRENT_LAGS_S, scan
 from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
 from emaphm.random_streams import child_seed, stream
 
@@ -64,8 +64,12 @@ LAW_SELECTION = LawSelectionSettings()
 def select_laws(
     result: SearchResult, method: Method, max_corrections: int, seed: int
 ) -> tuple[SearchResult, tuple[str, ...]]:
-    """Return the result with the laws that explain what it does not, and their names."""
+    """Return the result with the laws that explain what it does not, and their names.
+
+    Its alternatives are all other ends that were compared by the reference model.
+    """
     names: tuple[str, ...] = ()
+    ends = [result, *result.alternatives]
     while result.normalised_residual > EXPLAINED_RESIDUAL and len(names) < LAW_SELECTION.most:
         tried = [
             _fitted(result, LAWS[name], method, child_seed(seed, "law selection", name))
@@ -75,11 +79,15 @@ def select_laws(
         outcomes = {one.law: _corrected(one, max_corrections, seed) for one in _promising(tried)}
         if not outcomes:
             break
+        ends += outcomes.values()
         law = min(outcomes, key=lambda name: outcomes[name].residual_variance)
         if outcomes[law].residual_variance > LAW_SELECTION.share * result.residual_variance:
             break
         result, names = refine_by_reference(outcomes[law], seed), (*names, law)
-    return result, names
+        ends.remove(outcomes[law])
+        ends.append(result)
+    others = tuple(replace(one, alternatives=()) for one in ends if one is not result)
+    return replace(result, alternatives=others), names
 
 
 @dataclass(frozen=True, eq=False)

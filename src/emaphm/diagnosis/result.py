@@ -15,6 +15,7 @@ from emaphm.diagnosis.sensor_faults import SensorFault, sensor_faults
 from emaphm.diagnosis.text import fault_rows, notes
 from emaphm.diagnosis.verdict import Estimate
 from emaphm.estimation.uncertainty.collinearity import CollinearSet
+from emaphm.estimation.uncertainty.model_error import HealthyComparison
 from emaphm.recording.sensor_checks import SensorFinding
 from emaphm.text_table import format_table
 
@@ -64,6 +65,8 @@ class Diagnosis:
         What was done to the recording's channels.
     sensor_faults
         Faults of sensors, apart from those of the actuator.
+    model_error
+        The residual of each channel beside that of healthy recordings, where a calibration has learned it.
     """
 
     components: Mapping[str, Estimate]
@@ -106,6 +109,8 @@ class Diagnosis:
             explained=self.explained,
         )
         return replace(self, sensor_faults=found)
+
+    model_error: Mapping[str, HealthyComparison] = field(default_factory=dict)
 
     @property
     def faults(self) -> Faults:
@@ -154,6 +159,7 @@ class Diagnosis:
             "covariance": {"coordinates": list(self.coordinates), "matrix": self.covariance.tolist()},
             **({"posterior": self.posterior.to_dict()} if self.posterior else {}),
             "version": self.version,
+            "model_error": {name: one.to_dict() for name, one in self.model_error.items()},
         }
 
     def to_json(self, path: str | Path | None = None) -> str:
@@ -184,6 +190,7 @@ class Diagnosis:
             self.laws,
             self.collinear_sets,
             self.channels,
+            self.model_error,
             moves=self.moves,
             explained=self.explained,
         )
@@ -194,7 +201,12 @@ class Diagnosis:
             for one in self.sensor_faults
             if one.sentence.removesuffix(".") not in self.recording_notes
         ]
-        return [*of_recording, *of_sensors, *lines, *(self.posterior.notes(self.interval) if self.posterior else [])]
+        return [
+            *of_recording,
+            *of_sensors,
+            *lines,
+            *(self.posterior.notes(self.interval) if self.posterior else []),
+        ]
 
     def summary(self) -> str:
         """Return one line: how well the model explains the recording, and what it took."""

@@ -9,6 +9,7 @@ from emaphm.diagnosis.wording import physical_text
 from emaphm.estimation.nuisances import BASELINE
 from emaphm.estimation.sensor_model import sensor_error
 from emaphm.estimation.uncertainty.collinearity import CollinearSet
+from emaphm.estimation.uncertainty.model_error import HealthyComparison
 
 STANDS_STILL = (
     "The actuator does NOT move: the command is constant, or the actuator is jammed, too weak or switched "
@@ -47,6 +48,7 @@ def notes(
     laws: Sequence[str],
     collinear_sets: Sequence[CollinearSet],
     channels: Sequence[str],
+    model_error: Mapping[str, HealthyComparison],
     *,
     moves: bool,
     explained: bool,
@@ -61,6 +63,7 @@ def notes(
     unknown = [name for name in nuisances if name not in known.keys() | unit.keys() | collinear]
     lines = [STANDS_STILL] if not moves else []
     lines += [NOT_EXPLAINED] if not explained else []
+    lines += [f"Residual of {name}: {one}" for name, one in model_error.items()]
     if known:
         values = ", ".join(f"{name} {estimate}" for name, estimate in known.items())
         lines.append(f"Estimated with the faults: {values}.")

@@ -15,6 +15,7 @@ from emaphm.estimation.initial_state import initial_state
 from emaphm.estimation.noise_level import noise_level
 from emaphm.estimation.run_counts import RunCounts
 from emaphm.estimation.sensor_model import all_as_described, as_described, described_noise
+from emaphm.estimation.uncertainty.model_error import row_errors
 from emaphm.recording import Recording, with_equivalent_current
 from emaphm.recording.schema import RESPONSES
 from emaphm.simulation import (
@@ -40,7 +41,8 @@ class Problem:
     model has to observe. The first one is primary: the equivalent current where there is one. `weights`,
     (channels,), are what a residual of each counts, in the unit of the primary channel's residual.
     `temperature_rise_K` is what is known of it, above nominal. `unusable` says of channels which rows
-    (samples,) are not compared. `runs` counts the simulations.
+    (samples,) are not compared. `model_error` is the learned error of the model in each row, (samples,) by
+    channel; empty where the actuator has none. `runs` counts the simulations.
     """
 
     actuator: Actuator
@@ -55,6 +57,7 @@ class Problem:
     workers: int | None = None
     runs: RunCounts = field(default_factory=RunCounts)
     unusable: Mapping[str, Array] = field(default_factory=dict)
+    model_error: Mapping[str, Array] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -94,6 +97,7 @@ class Problem:
             temperature_rise_K=rise,
             workers=workers,
         )
+        problem = replace(problem, model_error=row_errors(problem))
         # To begin with, a residual counts in proportion to its channel.
         return problem.weighted([rms(recording[name]) for name in problem.channels])
 

@@ -1,12 +1,14 @@
 """Repeated searches, where one leaves more than noise and switching explain."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.methods import Method
 from emaphm.estimation.multistart import multistart
 from emaphm.estimation.objective import MapObjective
-from emaphm.estimation.reference_refinement import refine_by_reference
+from emaphm.estimation.reference.refinement import refine_by_reference
 from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
 from emaphm.progress import Progress, subprogress
 from emaphm.random_streams import child_seed
@@ -24,19 +26,22 @@ def search_with_restarts(
     """Return the best of several searches, each a global search and its bias correction.
 
     Restart at most `MAX_RESTARTS` times while the residual exceeds noise and switching; stop once two
-    searches agree.
+    searches agree. The other ends are the result's alternatives.
     """
     result = _search(objective, method, max_corrections, seed, on_progress)
+    ends = [result]
     for restart in range(MAX_RESTARTS):
         if result.normalised_residual <= EXPLAINED_RESIDUAL:
             break
         other = _search(objective, method, max_corrections, child_seed(seed, "restart", restart))
+        ends.append(other)
         agree = bool(np.all(np.abs(other.point - result.point) < SAME_POINT))
         if other.residual_variance < result.residual_variance:
             result = other
         if agree:
             break
-    return refine_by_reference(result, seed)
+    others = tuple(one for one in ends if one is not result)
+    return replace(refine_by_reference(result, seed), alternatives=others)
 
 
 def _search(

@@ -11,6 +11,7 @@ from emaphm.estimation.discrepancy import Discrepancy
 from emaphm.estimation.noise_level import noise_level
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.sensor_model import described_noise
+from emaphm.estimation.uncertainty.model_error import error_variance, largest_healthy_ratio
 
 DEFAULT_SCATTER = 2e-4
 """Default standard error of the optimiser's end point, used where its scatter was not measured: kinks of
@@ -53,6 +54,8 @@ class SearchResult:
         Replicated Jacobians (n, d, channel rows) at the estimate, where they are known already.
     population_cost
         The value that a population method minimised, in the unit of its cost function; None otherwise.
+    alternatives
+        Where other searches of the same recording ended, by the same description or with another law.
     """
 
     objective: MapObjective
@@ -64,6 +67,7 @@ class SearchResult:
     converged: bool = False
     jacobians: Array | None = None
     population_cost: float | None = None
+    alternatives: tuple["SearchResult", ...] = ()
 
     @classmethod
     def at(
@@ -107,6 +111,13 @@ class SearchResult:
         return self.objective.target - self.outputs - self.correction
 
     @property
+    def residual_by_channel(self) -> dict[str, Array]:
+        """The `residual` of each channel in its own unit, (samples,)."""
+        problem = self.objective.problem
+        rows = self.residual[: self.objective.channel_rows].reshape(len(problem.channels), -1)
+        return dict(zip(problem.channels, rows / problem.weights[:, np.newaxis], strict=True))
+
+    @property
     def remaining_bias(self) -> Array:
         """What a further correction would still change of the outputs, (rows,); 0 where not known."""
         return self.outputs_correction - self.correction
@@ -134,12 +145,17 @@ class SearchResult:
         """The rms residual of the primary channel over that of noise or switching, whichever is larger.
 
         The noise is taken from what changes fast, which has the switching in it; `SMALLEST_SHARE` of the
-        signal adds to it. 1 or so if the estimate is right, see `EXPLAINED_RESIDUAL`.
+        signal adds to it, and the learned error of the model. 1 or so if the estimate is right, see
+        `EXPLAINED_RESIDUAL`, which stands for the scatter between healthy recordings where that was learned.
         """
         switching = 0.0 if self.discrepancy is None else self.discrepancy.switching_variance
         signal = float(np.mean(self.objective.problem.recorded**2))
         expected = max(self.noise_level**2, switching) + SMALLEST_SHARE**2 * signal
-        return float(np.sqrt(self.residual_variance / max(expected, np.finfo(float).tiny)))
+        problem = self.objective.problem
+        expected += error_variance(problem, problem.primary)
+        ratio = float(np.sqrt(self.residual_variance / max(expected, np.finfo(float).tiny)))
+        learned = problem.actuator.model_error.of(problem.primary)
+        return ratio if learned is None else ratio * EXPLAINED_RESIDUAL / largest_healthy_ratio(learned)
 
     @property
     def noise_level(self) -> float:

@@ -50,7 +50,11 @@ class SandwichCovariance:
 
 
 def sandwich_covariance(
-    jacobians: Array, residual: Array, prior_deviation: Array, channels: int = 1
+    jacobians: Array,
+    residual: Array,
+    prior_deviation: Array,
+    channels: int = 1,
+    error_scores: Array | float = 0.0,
 ) -> SandwichCovariance:
     """Return the covariance of a least-squares estimate.
 
@@ -64,12 +68,17 @@ def sandwich_covariance(
         Standard deviation of each parameter before the data, shape (d,).
     channels
         Series of equal length that stand end to end in the rows.
+    error_scores
+        Covariance (d, d) of Jacobian times a model error that the residual need not show, as a fit absorbs
+        what looks like a parameter.
     """
-    statistics = score_statistics(jacobians, residual, channels)
+    statistics = score_statistics(jacobians, residual, channels, error_scores)
     return SandwichCovariance(statistics.information, statistics.covariance(prior_deviation))
 
 
-def score_statistics(jacobians: Array, residual: Array, channels: int = 1) -> ScoreStatistics:
+def score_statistics(
+    jacobians: Array, residual: Array, channels: int = 1, error_scores: Array | float = 0.0
+) -> ScoreStatistics:
     """Return what residuals say of the parameters; parameters as in `sandwich_covariance`."""
     # A perfect fit would make the information infinite: rounding leaves at least this residual.
     rounding = 1e-20 * float(np.mean(jacobians**2)) + np.finfo(float).tiny ** 0.25
@@ -80,5 +89,6 @@ def score_statistics(jacobians: Array, residual: Array, channels: int = 1) -> Sc
     scores = jacobians.mean(axis=0) * residual
     # An event that shows in several channels is one event: scores of one instant belong together.
     together = scores.reshape(len(scores), channels, -1).sum(axis=1)
-    score_covariance = long_run_covariance(together) / variance**2 + LEAST_SCORE_VARIANCE * fisher
+    scatter = long_run_covariance(together) + error_scores
+    score_covariance = scatter / variance**2 + LEAST_SCORE_VARIANCE * fisher
     return ScoreStatistics(fisher, score_covariance)

@@ -6,8 +6,9 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.estimation.finite_differences import replicated_jacobians
-from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective
+from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.uncertainty.covariance import sandwich_covariance
+from emaphm.estimation.uncertainty.model_error import error_scores
 
 JACOBIAN_STEP = 1e-2
 """Step of the differences, in the unit of a coordinate: it bridges the kinks of stick-slip."""
@@ -38,16 +39,26 @@ def jacobians_at(objective: MapObjective, point: Array, rng: np.random.Generator
 
 
 def local_covariance(
-    objective: MapObjective, point: Array, residual: Array, jacobians: Array, bias: Array | float = 0.0
+    objective: MapObjective,
+    point: Array,
+    residual: Array,
+    jacobians: Array,
+    bias: Array | float = 0.0,
+    hidden_scores: Array | float = 0.0,
 ) -> LocalCovariance:
     """Return the covariance at `point` (d,), by `jacobians` and the `residual` (channel rows,) there.
 
-    The step is towards the optimum; `bias` is the part of the residual that is known to be the model's.
+    The step is towards the optimum; `bias` is the part of the residual that is known to be the model's. Where
+    a calibration has learned the model's error, the covariance has what that makes of an estimate; so it has
+    what `hidden_scores` (d, d) are the covariance of, Jacobian times an error that the residual does not
+    show.
     """
     faults, deviations = len(objective.space.columns), objective.space.prior_deviations
-    sandwich = sandwich_covariance(jacobians, residual, deviations, len(objective.problem.channels))
+    channels = len(objective.problem.channels)
+    scores = error_scores(objective.problem, jacobians.mean(axis=0)) + hidden_scores
+    sandwich = sandwich_covariance(jacobians, residual, deviations, channels, scores)
     gradient = jacobians.mean(axis=0) @ (residual - bias) / np.mean(residual**2)
-    prior = CORRELATED_ROWS / deviations**2
+    prior = objective.correlated_rows / deviations**2
     gradient[faults:] -= prior[faults:] * point[faults:]
     step = np.linalg.solve(sandwich.information + np.diag(prior), gradient)
     return LocalCovariance(sandwich.covariance, step)

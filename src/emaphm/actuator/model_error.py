@@ -1,0 +1,115 @@
+"""How wrong the model of a healthy unit is, channel by channel, as its calibration has learned it."""
+
+from typing import Self
+
+from pydantic import Field, model_validator
+
+from emaphm.actuator.parameters import Section
+from emaphm.actuator.quantity import quantity
+from emaphm.actuator.sensors import OF_THE_CHANNEL
+
+LEARNED = "calibration: recordings left out of the fit"
+
+APPARENT = "apparent fault of a healthy unit, rms"
+
+
+class ChannelError(Section):
+    """What a calibrated model leaves of one channel of healthy recordings, beside the white noise of a row.
+
+    Learned from the residuals of recordings that were left out of the fit, one at a time, with only what is
+    each recording's own estimated: those of the training would be too small. The error of a row is normal
+    about 0, with the variance
+
+        σ²(t) = floor² + (speed ω)² + (load τ)² + (acceleration α)²
+
+    of the healthy model's motor speed ω [rad/s], load τ [N·m] and acceleration α [rad/s²], and correlated:
+    the sum over rows, Δt apart, of any coefficients times the error has at most `correlation_time` / Δt times
+    the variance that it would have if the errors were independent.
+
+    Source: a discrepancy between model and reality that is learned beside the parameters, Kennedy and O'Hagan
+    (2001), here without its mean: what few recordings have in common is in the parameters already.
+    """
+
+    floor: float = quantity("rms at rest, without load", OF_THE_CHANNEL, LEARNED, ge=0)
+    speed: float = quantity("rms per motor speed", f"{OF_THE_CHANNEL} / (rad/s)", LEARNED, default=0.0, ge=0)
+    load: float = quantity(
+        "rms per load at the motor", f"{OF_THE_CHANNEL} / (N·m)", LEARNED, default=0.0, ge=0
+    )
+    acceleration: float = quantity(
+        "rms per acceleration of the motor", f"{OF_THE_CHANNEL} / (rad/s²)", LEARNED, default=0.0, ge=0
+    )
+    correlation_time: float = quantity(
+        "largest integral time: peak of the spectrum over the variance", "s", LEARNED, gt=0
+    )
+    scatter: float = quantity(
+        "standard deviation, between recordings, of the logarithm of their rms over the expected one",
+        "-",
+        LEARNED,
+        ge=0,
+    )
+    recordings: int = Field(description="recordings that were left out in turn", ge=2)
+
+    @model_validator(mode="after")
+    def _known_of_something(self) -> Self:
+        if not any((self.floor, self.speed, self.load, self.acceleration)):
+            raise ValueError(
+                "an error of 0 everywhere is no error; leave the channel's section out, or give floor > 0"
+            )
+        return self
+
+
+class ApparentFaults(Section):
+    """What a diagnosis makes of healthy recordings that were left out of the calibration.
+
+    By component the rms of estimate less healthy value, beyond what its own standard error explains: an error
+    of the model that looks like a fault, and so leaves no residual. Of `recordings` diagnosed.
+    """
+
+    friction: float = quantity(APPARENT, "-", LEARNED, default=0.0, ge=0, le=1)
+    backlash: float = quantity(APPARENT, "-", LEARNED, default=0.0, ge=0, le=1)
+    short_a: float = quantity(APPARENT, "-", LEARNED, default=0.0, ge=0, le=1)
+    short_b: float = quantity(APPARENT, "-", LEARNED, default=0.0, ge=0, le=1)
+    short_c: float = quantity(APPARENT, "-", LEARNED, default=0.0, ge=0, le=1)
+    eccentricity: float = quantity(
+        "apparent fault of a healthy unit, rms", "-", LEARNED, default=0.0, ge=0, le=1
+    )
+    gain: float = quantity(APPARENT, "-", LEARNED, default=0.0, ge=0, le=1)
+    recordings: int = Field(description="recordings that were left out and diagnosed", ge=2)
+
+    def of(self, coordinate: str) -> float:
+        """Return the apparent fault of a coordinate of the estimate; those of the eccentricity share one."""
+        name = coordinate.removesuffix("_x").removesuffix("_y")
+        return float(getattr(self, name, 0.0)) if name in ApparentFaults.model_fields else 0.0
+
+
+class ModelError(Section):
+    """The error of the model in each channel that a diagnosis may compare; None where none was learned.
+
+    `faults` are those that the error looks like.
+    """
+
+    faults: ApparentFaults | None = None
+    position_rad: ChannelError | None = None
+    speed_rad_s: ChannelError | None = None
+    angle_rad: ChannelError | None = None
+    current_a_A: ChannelError | None = None
+    current_b_A: ChannelError | None = None
+    current_c_A: ChannelError | None = None
+    current_A: ChannelError | None = None
+    current_d_A: ChannelError | None = None
+    current_q_A: ChannelError | None = None
+    voltage_V: ChannelError | None = None
+    voltage_d_V: ChannelError | None = None
+    voltage_q_V: ChannelError | None = None
+    duty: ChannelError | None = None
+
+    def of(self, channel: str) -> ChannelError | None:
+        """Return the learned error of a channel, None where none was learned."""
+        return getattr(self, channel) if channel in CHANNELS else None
+
+
+CHANNELS = tuple(name for name in ModelError.model_fields if name != "faults")
+"""Channels whose error can be learned."""
+
+NOT_LEARNED = ModelError()
+"""Of an actuator that is not calibrated, or by one recording alone."""

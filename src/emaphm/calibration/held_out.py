@@ -1,0 +1,44 @@
+"""Recordings left out of a joint fit, and what its parameters leave of them."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from emaphm.arrays import Array
+from emaphm.estimation.joint.objective import JointObjective
+from emaphm.estimation.joint.search import DESCENT
+from emaphm.estimation.levenberg_marquardt import least_squares
+from emaphm.estimation.parameter_space import Box
+from emaphm.random_streams import stream
+
+
+def folds(count: int, most: int, seed: int) -> list[set[int]]:
+    """Return the recordings that are left out together: each of `count` once, in `most` groups at most."""
+    groups = min(count, most)
+    order = stream(seed, "folds").permutation(count)
+    return [{int(r) for r in order[fold::groups]} for fold in range(groups)]
+
+
+def subset(joint: JointObjective, point: Array, kept: Sequence[int]) -> tuple[JointObjective, Array]:
+    """Return the objective of some recordings, and their coordinates of `point` (d,)."""
+    part = replace(joint, terms=tuple(joint.terms[r] for r in kept))
+    start = np.zeros(part.box.lower.size)
+    for index, r in zip(part.indices, kept, strict=True):
+        start[index] = joint.local(r, point)
+    return part, start
+
+
+def left_out_residual(joint: JointObjective, r: int, shared: Array) -> Array:
+    """Return what `shared` parameters (p,) leave of recording `r`, (rows,); only its own are estimated."""
+    term = joint.terms[r]
+    own = np.zeros(term.own)
+    if term.own:
+        space = term.objective.space
+
+        def outputs(points: Array) -> Array:
+            return term.outputs(np.concatenate([points, np.tile(shared, (len(points), 1))], axis=1))
+
+        box = Box(space.lower[: term.own], space.upper[: term.own])
+        own = least_squares(outputs, term.target, own[np.newaxis], box, DESCENT).best
+    return term.objective.residual(np.concatenate([own, shared]), term.correction)

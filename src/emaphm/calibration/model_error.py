@@ -1,0 +1,183 @@
+"""How wrong a calibrated model is: learned from healthy recordings that were left out of the fit.
+
+Residuals of the training would be too small, as a fit absorbs what looks like its parameters; so each
+recording is left out once, the others fitted, and only what is its own estimated of it. What white noise does
+not explain of its residual is the error of the model.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from emaphm.actuator import Actuator
+from emaphm.actuator.lumped_parameters import with_lumped_parameters
+from emaphm.actuator.model_error import CHANNELS, NOT_LEARNED, ChannelError, ModelError
+from emaphm.arrays import Array
+from emaphm.calibration.apparent_faults import apparent_faults
+from emaphm.calibration.campaign import CampaignRow
+from emaphm.calibration.findings import found_values
+from emaphm.calibration.held_out import folds, left_out_residual, subset
+from emaphm.estimation.joint.objective import JointObjective
+from emaphm.estimation.joint.search import DESCENT
+from emaphm.calibration.unit_fit import FitSettings, UnitFit
+from emaphm.estimation.levenberg_marquardt import descend
+from emaphm.estimation.problem import Problem
+from emaphm.estimation.uncertainty.correlation import integral_time
+from emaphm.estimation.uncertainty.model_error import channel_noise, variance_terms
+
+
+@dataclass(frozen=True)
+class ModelErrorSettings:
+    """How a model error is learned.
+
+    Recordings are left out one at a time, of more than `most_folds` in as many groups; up to `most_diagnosed`
+    of them are also diagnosed, which takes a second each. The variance at rest is
+    at least the share `least_floor` of its mean: three recordings do not show that a model is right anywhere.
+    The error is at least the share `least_error` of the residual's variance: second differences tell noise
+    from the model's error no better. `tests/calibration/test_model_error.py` measures both on made-up errors.
+    """
+
+    most_folds: int = 5
+    most_diagnosed: int = 5
+    least_floor: float = 0.1
+    least_error: float = 0.01
+
+
+MODEL_ERROR = ModelErrorSettings()
+
+
+@dataclass(frozen=True, eq=False)
+class LeftOut:
+    """One channel of a recording that was left out.
+
+    `residual` (samples,) and white `noise` (rms) in the channel's unit, what the variance of the error is
+    linear in, `terms` (4, samples), and the `interval` between rows [s].
+    """
+
+    residual: Array
+    noise: float
+    terms: Array
+    interval: float
+
+    @property
+    def error_variance(self) -> float:
+        """The mean square of the residual that noise does not explain."""
+        square = float(np.mean(self.residual**2))
+        return max(square - self.noise**2, MODEL_ERROR.least_error * square)
+
+
+def learned_model_error(
+    rows: Sequence[CampaignRow],
+    fit: UnitFit,
+    described: Actuator,
+    calibrated: Actuator,
+    settings: FitSettings,
+) -> ModelError:
+    """Return the error of the model in the recordings `rows` of `fit`; nothing of a single recording.
+
+    Of every channel, and where a diagnosis is possible also the faults that it would find in them. The
+    fit's parameters are deviations from the `described` actuator; `calibrated` has them, and its baseline.
+    """
+    if len(rows) < 2:
+        return NOT_LEARNED
+    corrections = zip(fit.joint.terms, fit.estimate.discrepancies, strict=True)
+    joint = fit.joint.corrected([term.correction + known.mean for term, known in corrections])
+    shared = _fitted_without(joint, fit.point, settings.seed)
+    by_channel: dict[str, list[LeftOut]] = {}
+    for r, values in shared.items():
+        problem = joint.terms[r].objective.problem
+        for name, one in _by_channel(problem, left_out_residual(joint, r, values)).items():
+            by_channel.setdefault(name, []).append(one)
+    channels = ModelError(
+        **{
+            name: channel_error(found)
+            for name, found in by_channel.items()
+            if name in CHANNELS and len(found) > 1 and any(np.any(one.residual) for one in found)
+        }
+    )
+    known = calibrated.model_copy(update={"model_error": channels})
+    diagnosed = [r for r in shared if not rows[r].free][: MODEL_ERROR.most_diagnosed]
+    units = [(rows[r], _unit(fit, described, known, shared[r])) for r in diagnosed]
+    faults = apparent_faults(units, settings.max_corrections, settings.seed, settings.workers)
+    return channels.model_copy(update={"faults": faults})
+
+
+def _unit(fit: UnitFit, described: Actuator, calibrated: Actuator, shared: Array) -> Actuator:
+    """Return the calibrated actuator with other `shared` coordinates (p,) of the fit."""
+    deviations = np.array(
+        [shared[fit.fitted.index(name)] if name in fit.fitted else 0.0 for name in fit.free]
+    )
+    return with_lumped_parameters(calibrated, found_values(replace(fit, deviations=deviations), described))
+
+
+def _fitted_without(joint: JointObjective, point: Array, seed: int) -> dict[int, Array]:
+    """Return the shared coordinates (p,) of a fit without each recording, by its number."""
+    count, found = len(joint.terms), dict[int, Array]()
+    for left_out in folds(count, MODEL_ERROR.most_folds, seed):
+        training, start = subset(joint, point, [r for r in range(count) if r not in left_out])
+        best = descend(training, start[np.newaxis], training.box, DESCENT).best
+        found |= dict.fromkeys(sorted(left_out), best[: training.shared])
+    return found
+
+
+def _by_channel(problem: Problem, residual: Array) -> dict[str, LeftOut]:
+    """Return the channels of a recording whose weighted `residual` (rows,) is known."""
+    rows = residual[: len(problem.channels) * problem.samples].reshape(len(problem.channels), -1)
+    terms = variance_terms(problem)
+    found = {}
+    for name, one, weight in zip(problem.channels, rows, problem.weights, strict=True):
+        noise = channel_noise(problem, name, one / weight)
+        found[name] = LeftOut(one / weight, noise, terms, problem.inputs.interval)
+    return found
+
+
+def channel_error(left_out: Sequence[LeftOut]) -> ChannelError:
+    """Return the error of one channel from two recordings or more; each counts the same, however long.
+
+    The variance is fitted to the squared residuals by least squares without negative coefficients (Lawson and
+    Hanson 1974), and scaled to their mean.
+    """
+    coefficients = _variance_coefficients(left_out)
+    expected = [float(np.mean(coefficients @ one.terms)) + one.noise**2 for one in left_out]
+    squares = [float(np.mean(one.residual**2)) for one in left_out]
+    logs = 0.5 * np.log(np.maximum(squares, np.finfo(float).tiny) / np.array(expected))
+    floor, speed, load, acceleration = np.sqrt(coefficients).tolist()
+    return ChannelError(
+        floor=floor,
+        speed=speed,
+        load=load,
+        acceleration=acceleration,
+        correlation_time=_correlation_time(left_out),
+        scatter=float(np.sqrt(np.sum(logs**2) / (len(logs) - 1))),
+        recordings=len(left_out),
+    )
+
+
+def _variance_coefficients(left_out: Sequence[LeftOut]) -> Array:
+    """Return what the variance has of each term, (4,), at least 0."""
+    from scipy.optimize import nnls
+
+    mean = float(np.mean([one.error_variance for one in left_out]))
+    sizes = np.maximum(np.mean([one.terms.mean(axis=1) for one in left_out], axis=0), np.finfo(float).tiny)
+    design = np.concatenate(
+        [(one.terms / sizes[:, np.newaxis]).T / len(one.residual) ** 0.5 for one in left_out]
+    )
+    target = np.concatenate([(one.residual**2 - one.noise**2) / len(one.residual) ** 0.5 for one in left_out])
+    shares, _ = nnls(design, target)
+    total = float(np.sum(shares))
+    # Of the means of the terms, each 1: they add to the mean variance.
+    shares = shares / total if total > 0 else np.array([1.0, 0.0, 0.0, 0.0])
+    floor = max(float(shares[0]), MODEL_ERROR.least_floor)
+    varying = shares[1:] * ((1 - floor) / max(float(np.sum(shares[1:])), np.finfo(float).tiny))
+    return np.asarray(mean * np.concatenate([[floor], varying]) / sizes)
+
+
+def _correlation_time(left_out: Sequence[LeftOut]) -> float:
+    """Return the integral time [s] of the error, that of the white noise taken out."""
+    interval = min(one.interval for one in left_out)
+    total = integral_time([one.residual for one in left_out], [one.interval for one in left_out])
+    square = float(np.mean([np.mean(one.residual**2) for one in left_out]))
+    noise = float(np.mean([one.noise**2 for one in left_out]))
+    error = float(np.mean([one.error_variance for one in left_out]))
+    return float(max((total * square - noise * interval) / error, interval))

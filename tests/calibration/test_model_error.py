@@ -1,0 +1,136 @@
+"""The learned error of a model: made-up errors of known size and memory, and diagnoses that know theirs."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cases import THESIS
+from emaphm.actuator import Actuator
+from emaphm.actuator.model_error import ChannelError, ModelError
+from emaphm.arrays import Array
+from emaphm.calibration.model_error import LeftOut, channel_error
+from emaphm.errors import ActuatorError
+from emaphm.estimation.uncertainty.correlation import integral_time, white_noise
+from emaphm.estimation.uncertainty.model_error import largest_healthy_ratio
+
+INTERVAL = 1e-3
+ROWS = 4000
+
+
+def autoregressive(memory_s: float, rows: int, rng: np.random.Generator) -> Array:
+    """Return a series of variance 1 with the correlation exp(-t / memory), from its definition."""
+    share = float(np.exp(-INTERVAL / memory_s))
+    values = np.empty(rows)
+    values[0] = rng.normal()
+    for i, new in enumerate(rng.normal(0.0, (1 - share**2) ** 0.5, rows - 1)):
+        values[i + 1] = share * values[i] + new
+    return values
+
+
+def terms(rng: np.random.Generator) -> Array:
+    """Return what a variance may be linear in: a motor that speeds up and down, and no load."""
+    time = INTERVAL * np.arange(ROWS)
+    speed = 50 * np.sin(2 * np.pi * rng.uniform(0.5, 1.0) * time)
+    return np.stack([np.ones(ROWS), speed**2, np.zeros(ROWS), np.gradient(speed, INTERVAL) ** 2])
+
+
+@pytest.mark.parametrize("memory_s", [0.0, 5e-3, 20e-3])
+def test_the_integral_time_is_that_of_the_process(memory_s: float) -> None:
+    rng = np.random.default_rng(1)
+    made = [autoregressive(memory_s, ROWS, rng) if memory_s else rng.normal(size=ROWS) for _ in range(3)]
+    share = float(np.exp(-INTERVAL / memory_s)) if memory_s else 0.0
+    true = INTERVAL * (1 + share) / (1 - share)
+    # The peak of a spectrum from so few rows, less what chance makes of it, is within a factor 2.
+    assert true / 2 < integral_time(made, [INTERVAL] * 3) < 2 * true
+    assert integral_time(made, [INTERVAL] * 3) >= INTERVAL
+
+
+def test_a_constant_error_is_remembered_all_along() -> None:
+    # Less the standard error of a spectrum of 2 degrees of freedom, which is as large as it is.
+    assert integral_time([np.ones(ROWS)], [INTERVAL]) == pytest.approx(ROWS * INTERVAL / 2)
+
+
+def test_white_noise_is_what_is_left_below_a_slow_error() -> None:
+    rng = np.random.default_rng(2)
+    residual = rng.normal(0.0, 0.3, ROWS) + autoregressive(0.1, ROWS, rng)
+    # Of 500 rows a band; the slow error has next to nothing in the last.
+    assert white_noise(residual) == pytest.approx(0.3, rel=0.15)
+
+
+def test_an_error_that_grows_with_speed_is_told_from_a_constant_one() -> None:
+    rng = np.random.default_rng(3)
+    left_out = []
+    for _ in range(3):
+        rows = terms(rng)
+        deviation = np.sqrt(0.1**2 + (0.02 * np.sqrt(rows[1])) ** 2)
+        left_out.append(LeftOut(deviation * autoregressive(3e-3, ROWS, rng), 0.0, rows, INTERVAL))
+    found = channel_error(left_out)
+    assert found.speed == pytest.approx(0.02, rel=0.3)
+    # A floor has a share of the variance at least.
+    assert 0.05 < found.floor < 0.35
+    assert found.load == 0.0
+    assert found.recordings == 3
+    # Independent stretches of 2 T, 600 in each: their rms are alike to some percent.
+    assert found.scatter < 0.1
+
+
+def test_noise_is_no_error_of_the_model() -> None:
+    rng = np.random.default_rng(4)
+    left_out = [LeftOut(rng.normal(0.0, 1.0, ROWS), 1.0, terms(rng), INTERVAL) for _ in range(3)]
+    error = channel_error(left_out)
+    # A hundredth of the variance is left to it.
+    assert error.floor <= 0.2
+
+
+def test_the_more_recordings_scatter_the_more_is_healthy() -> None:
+    def bound(scatter: float, recordings: int) -> float:
+        error = ChannelError(floor=1.0, correlation_time=1e-3, scatter=scatter, recordings=recordings)
+        return largest_healthy_ratio(error)
+
+    # Student's t of 2 degrees of freedom has 2.92 at 95 %, of 29 it has 1.70 (tables).
+    assert bound(0.1, 3) == pytest.approx(np.exp(2.920 * 0.1 * (4 / 3) ** 0.5), rel=1e-3)
+    assert bound(0.1, 30) == pytest.approx(np.exp(1.699 * 0.1 * (31 / 30) ** 0.5), rel=1e-3)
+    assert bound(0.0, 3) == 1.1
+    assert bound(1.0, 2) == 3.0
+
+
+def test_it_is_written_with_units_and_read_again(tmp_path: Path) -> None:
+    error = ChannelError(floor=0.2, speed=1e-3, correlation_time=0.01, scatter=0.05, recordings=3)
+    learned = THESIS.model_copy(update={"model_error": ModelError(current_A=error)})
+    path = tmp_path / "unit.toml"
+    learned.to_toml(path)
+    assert Actuator.from_toml(path) == learned
+    text = path.read_text(encoding="utf-8")
+    assert "[model_error.current_A]" in text
+    assert "floor = 0.2 # unit of the channel: rms at rest" in text
+    THESIS.to_toml(path)
+    assert "model_error" not in path.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("toml", "pieces"),
+    [
+        ("[model_error.curent_A]\nfloor = 0.1", ("model_error.curent_A", "did you mean 'current_a_A'?")),
+        (
+            "[model_error.current_A]\nfloor = 0.1\ncorrelation_time = 0.0\nscatter = 0.1\nrecordings = 3",
+            ("model_error.current_A.correlation_time", "greater than 0"),
+        ),
+        (
+            "[model_error.current_A]\nfloor = 0.1\ncorrelation_time = 0.1\nscatter = 0.1\nrecordings = 1",
+            ("model_error.current_A.recordings", "greater than or equal to 2"),
+        ),
+        (
+            "[model_error.current_A]\nfloor = 0.0\ncorrelation_time = 0.1\nscatter = 0.1\nrecordings = 3",
+            ("model_error.current_A", "give floor > 0"),
+        ),
+    ],
+)
+def test_what_is_impossible_is_named(toml: str, pieces: tuple[str, ...], tmp_path: Path) -> None:
+    path = tmp_path / "unit.toml"
+    THESIS.to_toml(path)
+    path.write_text(path.read_text(encoding="utf-8") + "\n" + toml + "\n", encoding="utf-8")
+    with pytest.raises(ActuatorError) as caught:
+        Actuator.from_toml(path)
+    for piece in pieces:
+        assert piece in str(caught.value)
