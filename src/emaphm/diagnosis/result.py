@@ -39,7 +39,7 @@ class Diagnosis:
     residual_rms_A
         Of recorded less modelled current [A].
     explained
-        Whether that is no more than noise and model account for.
+        Whether the estimate explains the recording: `emaphm.diagnosis.explanation.reasons_against`.
     evaluations, reference_runs
         Simulations of the fitted model, and of the reference model that corrects it.
     time_s, recorded, modelled
@@ -60,6 +60,8 @@ class Diagnosis:
         Samples of it, where asked for.
     recording_notes
         What was done to the recording's channels.
+    reasons
+        Why the recording is not explained: a sentence each, without its full stop; none where it is.
     """
 
     components: Mapping[str, Estimate]
@@ -89,6 +91,7 @@ class Diagnosis:
     moves: bool = True
     posterior: "Posterior | None" = None
     recording_notes: tuple[str, ...] = ()
+    reasons: tuple[str, ...] = ()
 
     @property
     def faults(self) -> Faults:
@@ -134,6 +137,7 @@ class Diagnosis:
             "fitness_name": self.fitness_name,
             "residual_rms_A": self.residual_rms_A,
             "explained": self.explained,
+            "reasons": list(self.reasons),
             "evaluations": self.evaluations,
             "reference_runs": self.reference_runs,
             "seconds": round(self.seconds, 4),
@@ -175,6 +179,7 @@ class Diagnosis:
             self.channels,
             moves=self.moves,
             explained=self.explained,
+            reasons=self.reasons,
         )
         of_recording = [f"{self.recording}: {note}." for note in self.recording_notes]
         return [*of_recording, *lines, *(self.posterior.notes(self.interval) if self.posterior else [])]

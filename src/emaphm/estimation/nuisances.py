@@ -206,6 +206,11 @@ def _prior(actuator: Actuator, name: str) -> float | None:
     return usual.get(name) if given is None else float(given)
 
 
+def has_stated_prior(actuator: Actuator, name: str) -> bool:
+    """Return whether `name` is a nuisance whose prior the description states, and does not leave as usual."""
+    return name in NAMES and getattr(actuator.nuisances, name) is not None
+
+
 def with_wider_priors(actuator: Actuator, names: Sequence[str], factor: float) -> Actuator:
     """Return the actuator with priors of the nuisances `names` wider by `factor`."""
     priors = {name: factor * _deviation(actuator, name) for name in names}
