@@ -8,12 +8,13 @@ import numpy as np
 
 from emaphm.actuator import Actuator
 from emaphm.arrays import Array
+from emaphm.diagnosis.explanation import reasons_against
 from emaphm.diagnosis.identifiability import identifiability
 from emaphm.diagnosis.law_selection import select_laws
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.diagnosis.nuisance_selection import select_nuisances
 from emaphm.diagnosis.result import Diagnosis
-from emaphm.diagnosis.verdict import VERDICT, estimates, is_explained, unexplained
+from emaphm.diagnosis.verdict import VERDICT, estimates, unexplained
 from emaphm.errors import MethodError, nearest
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS, with_discrepancy
 from emaphm.estimation.methods import Method, method_named
@@ -22,8 +23,10 @@ from emaphm.estimation.objective import MapObjective, faults_objective, faults_o
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search import check_fitness, search
 from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
+from emaphm.estimation.uncertainty.local_covariance import jacobians_at
 from emaphm.estimation.uncertainty.model_error import compared_with_healthy
 from emaphm.progress import Progress, subprogress
+from emaphm.random_streams import stream
 from emaphm.recording import Recording, check_plausible
 from emaphm.recording.schema import SCHEMA
 from emaphm.recording.sensor_checks import check_sensors
@@ -200,11 +203,16 @@ def conclude(
     """Return the diagnosis at `result`; its counts and time are still to be filled in."""
     objective, problem, space = result.objective, result.objective.problem, result.objective.space
     residual = result.fitted_residual[: problem.samples]
-    explained = _explained(result)
-    known = identifiability(result, seed, explained=explained)
+    jacobians = result.jacobians
+    if jacobians is None:
+        jacobians = jacobians_at(objective, result.point, stream(seed, "Jacobians of the covariance"))
+    moves = _moves(objective, result.point)
+    healthy = compared_with_healthy(problem, result.residual_by_channel)
+    reasons = reasons_against(result, jacobians, healthy, moves=moves)
+    known = identifiability(replace(result, jacobians=jacobians), seed, explained=not reasons)
     components = estimates(space, result.point, known.covariance, known.collinear_sets)
     return Diagnosis(
-        components=components if explained else unexplained(components),
+        components=components if not reasons else unexplained(components),
         coordinates=space.coordinates,
         covariance=known.covariance,
         method=method,
@@ -212,7 +220,7 @@ def conclude(
         fitness_name=fitness,
         fitness=result.cost,
         residual_rms_A=float(np.sqrt(np.mean(residual**2))),
-        explained=explained,
+        explained=not reasons,
         evaluations=0,
         reference_runs=0,
         seconds=0.0,
@@ -227,26 +235,9 @@ def conclude(
         recording_notes=recording.notes,
         nuisances=_nuisance_estimates(objective, result.point, known.covariance),
         collinear_sets=known.collinear_sets,
-        moves=_moves(objective, result.point),
-        model_error=compared_with_healthy(problem, result.residual_by_channel),
-    )
-
-
-def _explained(result: SearchResult) -> bool:
-    """Return whether the estimate explains the recording: by noise, switching and the model's known error.
-
-    Where a calibration has learned that error, every channel must be no worse than in healthy recordings.
-    """
-    problem = result.objective.problem
-    healthy = compared_with_healthy(problem, result.residual_by_channel)
-    if not all(one.as_healthy for one in healthy.values()):
-        return False
-    if problem.primary in healthy:
-        return True
-    corrected = bool(result.correction.any())
-    residual = result.fitted_residual[: problem.samples]
-    return is_explained(problem.recorded, residual, problem.noise, corrected=corrected) and (
-        not corrected or result.normalised_residual <= EXPLAINED_RESIDUAL
+        moves=moves,
+        model_error=healthy,
+        reasons=reasons,
     )
 
 

@@ -42,7 +42,7 @@ class Diagnosis:
     residual_rms_A
         Of recorded less modelled current [A].
     explained
-        Whether that is no more than noise and model account for.
+        Whether the estimate explains the recording: `emaphm.diagnosis.explanation.reasons_against`.
     evaluations, reference_runs
         Simulations of the fitted model, and of the reference model that corrects it.
     time_s, recorded, modelled
@@ -67,6 +67,8 @@ class Diagnosis:
         Faults of sensors, apart from those of the actuator.
     model_error
         The residual of each channel beside that of healthy recordings, where a calibration has learned it.
+    reasons
+        Why the recording is not explained: a sentence each, without its full stop; none where it is.
     """
 
     components: Mapping[str, Estimate]
@@ -97,6 +99,8 @@ class Diagnosis:
     posterior: "Posterior | None" = None
     recording_notes: tuple[str, ...] = ()
     sensor_faults: tuple[SensorFault, ...] = ()
+    model_error: Mapping[str, HealthyComparison] = field(default_factory=dict)
+    reasons: tuple[str, ...] = ()
 
     def with_sensor_faults(self, findings: Sequence[SensorFinding]) -> "Diagnosis":
         """Return the diagnosis with the faults of sensors: its own, and `findings` made before it."""
@@ -109,8 +113,6 @@ class Diagnosis:
             explained=self.explained,
         )
         return replace(self, sensor_faults=found)
-
-    model_error: Mapping[str, HealthyComparison] = field(default_factory=dict)
 
     @property
     def faults(self) -> Faults:
@@ -150,6 +152,7 @@ class Diagnosis:
             "residual_rms_A": self.residual_rms_A,
             "relative_residual": self.relative_residual,
             "explained": self.explained,
+            "reasons": list(self.reasons),
             "evaluations": self.evaluations,
             "reference_runs": self.reference_runs,
             "seconds": round(self.seconds, 4),
@@ -193,6 +196,7 @@ class Diagnosis:
             self.model_error,
             moves=self.moves,
             explained=self.explained,
+            reasons=self.reasons,
         )
         of_recording = [f"{self.recording}: {note}." for note in self.recording_notes]
         # What was found before the diagnosis stands among the recording's notes.

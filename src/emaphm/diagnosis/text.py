@@ -16,8 +16,8 @@ STANDS_STILL = (
     "off. A recording at rest has almost no information on its faults."
 )
 NOT_EXPLAINED = (
-    "The residual is larger than noise and model error explain: either something else than these faults "
-    "acts, or the search failed. No component is therefore called healthy or degraded."
+    "The recording is not explained: either something else than these faults acts, a channel or the "
+    "description is wrong, or the search failed. No component is therefore called healthy or degraded."
 )
 
 
@@ -52,6 +52,7 @@ def notes(
     *,
     moves: bool,
     explained: bool,
+    reasons: Sequence[str] = (),
 ) -> list[str]:
     """Return lines on motion, residual, nuisances, collinear sets and the unit's baseline.
 
@@ -62,7 +63,7 @@ def notes(
     collinear = {name for one in collinear_sets for name in one.members}
     unknown = [name for name in nuisances if name not in known.keys() | unit.keys() | collinear]
     lines = [STANDS_STILL] if not moves else []
-    lines += [NOT_EXPLAINED] if not explained else []
+    lines += [NOT_EXPLAINED, *(f"Not explained: {reason}." for reason in reasons)] if not explained else []
     lines += [f"Residual of {name}: {one}" for name, one in model_error.items()]
     if known:
         values = ", ".join(f"{name} {estimate}" for name, estimate in known.items())

@@ -38,22 +38,6 @@ class VerdictSettings:
 VERDICT = VerdictSettings()
 
 
-@dataclass(frozen=True)
-class ExplainedSettings:
-    """The largest residual of the current that counts as explained: `noise` and `model` add by squares.
-
-    `noise` is a multiple of the white noise on the recording, `model` a share of the current's rms.
-    """
-
-    noise: float
-    model: float
-
-
-EXPLAINED = {False: ExplainedSettings(1.5, 0.05), True: ExplainedSettings(1.25, 0.02)}
-"""Without and with correction by the reference model. On recordings that the reference model made itself,
-the corrected residual was up to 1.17 times the noise."""
-
-
 NOT_EXPLAINED = "no model of this actuator explains the recording, so what causes its residual is not known"
 
 
@@ -185,13 +169,3 @@ def _eccentricity(
         interval = (phase - half, phase + half)
         angle = Estimate(phase, turning, interval, identifiable=True, verdict=size.verdict)
     return {"eccentricity": size, "eccentricity_phase": angle}
-
-
-def is_explained(recorded: Array, residual: Array, noise: float, *, corrected: bool) -> bool:
-    """Return whether `residual` (samples,) of the `recorded` current is no more than `EXPLAINED` allows.
-
-    `noise` is the rms of the white noise on the recording.
-    """
-    allowed = EXPLAINED[corrected]
-    variance = (allowed.noise * noise) ** 2 + allowed.model**2 * float(np.mean(recorded**2))
-    return bool(np.mean(residual**2) <= variance)

@@ -5,7 +5,7 @@ nothing that matters have another ripple. The discrepancy is therefore the mean 
 point, with a standard error.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -29,12 +29,14 @@ class Discrepancy:
     """The reference model's outputs less the fitted model's at a point.
 
     `mean` and `standard_error`, (rows,), are weighted as the objective's outputs; `switching_variance`
-    is the variance that chaotic switching makes of the primary channel in one run, in the square of its unit.
+    is the variance that chaotic switching makes of the primary channel in one run, in the square of its unit;
+    `channel_variances`, (channels,), are those of all channels, each in the square of its own unit.
     """
 
     mean: Array
     standard_error: Array
     switching_variance: float
+    channel_variances: Array = field(default_factory=lambda: np.zeros(0))
 
     def rescaled(self, objective: MapObjective, before: MapObjective) -> "Discrepancy":
         """Return the discrepancy as `objective` weights the rows, given as `before` does."""
@@ -42,6 +44,7 @@ class Discrepancy:
             objective.rescaled(self.mean, before),
             objective.rescaled(self.standard_error, before),
             self.switching_variance,
+            self.channel_variances,
         )
 
 
@@ -68,12 +71,14 @@ def discrepancies(
     weighted = MapObjective(reference.like(objective.problem), objective.space, objective.prior_weight)
     runs = weighted.outputs(near).reshape(n, repeats, -1)
     variance = runs.var(axis=1, ddof=1)
-    samples = objective.problem.samples
+    samples, weights = objective.problem.samples, objective.problem.weights
+    by_channel = variance[:, : objective.channel_rows].reshape(n, weights.size, samples).mean(axis=2)
     return [
         Discrepancy(
             runs[i].mean(axis=0) - outputs[i],
             (variance[i] / repeats) ** 0.5,
             float(variance[i, :samples].mean()),
+            by_channel[i] / weights**2,
         )
         for i in range(n)
     ]

@@ -226,6 +226,11 @@ def _prior(actuator: Actuator, name: str) -> float | None:
     return None if reach is None else USUAL_ZERO * reach
 
 
+def has_stated_prior(actuator: Actuator, name: str) -> bool:
+    """Return whether `name` is a nuisance whose prior the description states, and does not leave as usual."""
+    return name in NAMES and getattr(actuator.nuisances, name) is not None
+
+
 def _range(actuator: Actuator, quantity: str) -> float | None:
     """Return the largest magnitude of a sensed quantity that the actuator's limits imply, None without one."""
     controller, stops, electrical = actuator.controller, actuator.mechanics.end_stops, actuator.electrical

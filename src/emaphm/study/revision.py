@@ -17,6 +17,7 @@ DECIDING = (
     "study/task.py",
     "study/record.py",
     "study/foreign_plant.py",
+    "study/spoilt",
 )
 """The rooms and files whose code decides what a trial finds. Cases, rigs and methods are in the plan."""
 

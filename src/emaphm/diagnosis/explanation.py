@@ -1,0 +1,168 @@
+"""When an estimate explains a recording, and if not, why: in every channel, and with plausible nuisances."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from emaphm.arrays import Array
+from emaphm.diagnosis.sensor_scores import contradictions
+from emaphm.estimation.noise_level import robust_noise_level, rounding_step
+from emaphm.estimation.nuisances import has_stated_prior, unit_of
+from emaphm.estimation.problem import rms
+from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
+from emaphm.estimation.sensor_model import described_noise, sensor_error
+from emaphm.estimation.uncertainty.model_error import HealthyComparison
+
+
+@dataclass(frozen=True)
+class ResidualSettings:
+    """The largest residual of the current that counts as explained: `noise` and `model` add by squares.
+
+    `noise` is a multiple of the white noise on the recording, `model` a share of the current's rms.
+    """
+
+    noise: float
+    model: float
+
+
+EXPLAINED = {False: ResidualSettings(1.5, 0.05), True: ResidualSettings(1.25, 0.02)}
+"""Without and with correction by the reference model. On recordings that the reference model made itself,
+the corrected residual was up to 1.17 times the noise."""
+
+
+@dataclass(frozen=True)
+class ExplanationSettings:
+    """What else an estimate has to fulfil, to explain a recording; `docs/spoilt.md` shows the effect.
+
+    A channel beside the primary one may have a residual of `channel_model` of its rms, and of
+    `channel_noise` times its noise, rounding and switching. Of every channel's mean square, no more than
+    `unresembled` may be left, beyond rounding and switching: a noise that is measured on the recording itself
+    would otherwise excuse a model that resembles nothing.
+
+    A nuisance may be `prior_deviations` standard deviations of its prior off, where the description states
+    that prior; a prior that is merely usual, as the load's, says nothing against a larger one.
+    """
+
+    channel_noise: float = 1.5
+    channel_model: float = 0.05
+    unresembled: float = 0.5
+    prior_deviations: float = 3.0
+
+
+EXPLANATION = ExplanationSettings()
+
+
+def reasons_against(
+    result: SearchResult, jacobians: Array, healthy: Mapping[str, HealthyComparison], *, moves: bool
+) -> tuple[str, ...]:
+    """Return why the estimate of `result` does not explain the recording, a sentence each; none if it does.
+
+    An estimate explains a recording where all of this holds:
+
+    1. The residual of the primary channel (a current) is one of noise, switching and the model's known error:
+       r² ≤ (a σ)² + (b y)², with σ its noise and y its rms, a and b from `EXPLAINED`. Where the reference
+       model has corrected it, r is also at most `EXPLAINED_RESIDUAL` times noise or switching.
+    2. So is that of every other channel that is compared: r² ≤ c² (σ² + q²/12 + s²) + (m y)², with q the step
+       that it is rounded to, s² the variance of switching, c and m from `EXPLANATION`.
+       Where a calibration has learned the model's error in a channel, this replaces 1 and 2: its residual is
+       no worse than that of healthy recordings.
+    3. The model resembles every channel: r² ≤ u y² + q²/12 + s². Not asked of an actuator at rest.
+    4. No nuisance is farther off than its stated prior allows. The error of a sensor may be: it is reported as
+       a fault of that sensor.
+    5. What is left shows no sensor that comes late, nor one of another scale or zero, beyond what the faults
+       take up (`emaphm.diagnosis.sensor_scores`).
+
+    Parameters
+    ----------
+    result
+        The estimate, and what was minimised.
+    jacobians
+        Of the channels there, (n, d, channel rows).
+    healthy
+        The residuals next to those of healthy recordings, by channel, where they were learned.
+    moves
+        Whether the actuator moved.
+    """
+    found = [f"{name}: the residual is {one}".rstrip(".") for name, one in healthy.items() if not one.as_healthy]
+    if result.objective.problem.primary not in healthy:
+        found += _primary(result)
+    found += [*_channels(result, healthy, moves=moves), *_nuisances(result)]
+    if moves and result.correction.any():
+        found += contradictions(result, jacobians)
+    return tuple(found)
+
+
+def is_explained(recorded: Array, residual: Array, noise: float, *, corrected: bool) -> bool:
+    """Return whether `residual` (samples,) of the `recorded` current is no more than `EXPLAINED` allows.
+
+    `noise` is the rms of the white noise on the recording.
+    """
+    allowed = EXPLAINED[corrected]
+    variance = (allowed.noise * noise) ** 2 + allowed.model**2 * float(np.mean(recorded**2))
+    return bool(np.mean(residual**2) <= variance)
+
+
+def _primary(result: SearchResult) -> Iterator[str]:
+    problem = result.objective.problem
+    corrected = bool(result.correction.any())
+    residual = result.fitted_residual[: problem.samples]
+    noise = problem.noise
+    if described_noise(problem.primary, problem.actuator) is None:
+        # Spikes are no noise, whatever they add to its variance.
+        recorded = problem.recorded
+        noise = min(noise, 1.5 * max(robust_noise_level(recorded), rounding_step(recorded) / 12**0.5))
+    fits = is_explained(problem.recorded, residual, noise, corrected=corrected)
+    if fits and not (corrected and result.normalised_residual > EXPLAINED_RESIDUAL):
+        return
+    yield (
+        f"{problem.primary}: the residual of {_percent(rms(residual), rms(problem.recorded))} is more than "
+        "noise, switching and the model's known error account for"
+    )
+
+
+def _channels(
+    result: SearchResult, healthy: Mapping[str, HealthyComparison], *, moves: bool
+) -> Iterator[str]:
+    problem = result.objective.problem
+    rows = result.objective.channel_rows
+    residuals = result.residual[:rows].reshape(len(problem.channels), -1) / problem.weights[:, np.newaxis]
+    switching = np.zeros(len(problem.channels))
+    if result.discrepancy is not None and result.discrepancy.channel_variances.size:
+        switching = result.discrepancy.channel_variances
+    for name, residual, variance in zip(problem.channels, residuals, switching, strict=True):
+        recorded = problem.measured[name]
+        left, size = float(np.mean(residual**2)), float(np.mean(recorded**2))
+        known = float(variance) + rounding_step(recorded) ** 2 / 12 + (_described(name, result)) ** 2
+        noise = max(robust_noise_level(recorded) ** 2, known)
+        allowed = EXPLANATION.channel_noise**2 * (noise + float(variance))
+        if moves and left > EXPLANATION.unresembled * size + known:
+            yield f"{name}: the model does not resemble it ({_percent(left**0.5, size**0.5)} are left)"
+        elif name not in (problem.primary, *healthy) and left > allowed + EXPLANATION.channel_model**2 * size:
+            yield (
+                f"{name}: the residual of {_percent(left**0.5, size**0.5)} is more than noise, rounding and "
+                "switching account for; its sensor, unit or sign may be wrong"
+            )
+
+
+def _described(name: str, result: SearchResult) -> float:
+    return described_noise(name, result.objective.problem.actuator) or 0.0
+
+
+def _nuisances(result: SearchResult) -> Iterator[str]:
+    space, actuator = result.objective.space, result.objective.problem.actuator
+    for name, values in space.nuisance_values(result.point[np.newaxis]).items():
+        if sensor_error(name) is not None or not has_stated_prior(actuator, name):
+            continue
+        prior = float(getattr(actuator.nuisances, name))
+        deviations = abs(float(values[0])) / prior
+        if deviations > EXPLANATION.prior_deviations:
+            unit = unit_of(name, actuator.coordinates)
+            yield (
+                f"{name}: the estimate of {values[0]:+.3g} {unit} is {deviations:.1f} standard deviations of "
+                f"its prior ({prior:g} {unit}) off; the description or a channel's scale may be wrong"
+            )
+
+
+def _percent(part: float, whole: float) -> str:
+    return f"{100 * part / whole:.3g} %" if whole > 0 else f"{part:.3g}"

@@ -1,0 +1,92 @@
+"""The page of the spoilt recordings: what became of each class, and each answer that is silently wrong.
+
+    python -m emaphm.report.spoilt_page studies/spoilt docs
+
+reads the results that `python -m emaphm.study.spoilt studies/spoilt` wrote, and writes ``spoilt.md``.
+"""
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from emaphm.errors import EmaphmError
+from emaphm.output_files import make_folder, written_whole
+from emaphm.report.markdown import incomplete, table
+from emaphm.study.spoilt.judging import HALF_WIDTHS, LEAST_ERROR, OUTCOMES
+from emaphm.study.spoilt.rates import Results, rows, silent_wrong
+from emaphm.study.spoilt.run import cases, class_of, results
+from emaphm.study.spoilt.source import ADC_BITS, CHANNELS, FAULTS, NOISE_A
+
+
+def spoilt_page(found: Results, total: int) -> str:
+    """Return the page as Markdown, of the results `found` of `total` cases."""
+    return (
+        "\n".join(
+            [
+                "# Spoilt recordings\n",
+                *incomplete(len(found), total),
+                *_introduction(found),
+                table(["class", "cases", *OUTCOMES], rows(found)),
+                "\n## Confident and wrong\n",
+                *_wrong(found),
+                "\n## Why the others are not explained\n",
+                *_reasons(found),
+            ]
+        )
+        + "\n"
+    )
+
+
+def _introduction(found: Results) -> Iterator[str]:
+    spoilt = [case for case in found if not class_of(case).control]
+    yield (
+        "Made by `python -m emaphm.study.spoilt studies/spoilt` and `python -m emaphm.report.spoilt_page "
+        f"studies/spoilt docs`. {len(spoilt)} recordings of the thesis's actuator by the reference model "
+        f"({NOISE_A:g} A of noise, {ADC_BITS} bits), each spoilt in one way, are diagnosed as if nothing "
+        f"were wrong with them, with {len(FAULTS)} sets of true faults ({', '.join(FAULTS)}). Recorded are "
+        + "; ".join(f"*{name}*: {', '.join(channels)}" for name, channels in CHANNELS.items())
+        + ". The first row is the control, which is not spoilt.\n"
+    )
+    yield (
+        "*Refused*: an error message. *Not explained*: a diagnosis that says that the model does not explain "
+        "the recording, and gives no verdict. *Cannot tell*: explained, without a definite verdict. *Right*: "
+        "with definite verdicts that are right, the spoiling being corrected or harmless. *Silent wrong*: "
+        "explained, and a component that is called healthy or degraded is off by more than "
+        f"{LEAST_ERROR:g} and by more than {HALF_WIDTHS:g} half-widths of its interval.\n"
+    )
+
+
+def _wrong(found: Results) -> Iterator[str]:
+    cases_wrong = silent_wrong(found)
+    if not cases_wrong:
+        yield "None."
+    for case, one in cases_wrong:
+        yield f"- {case.name}: {', '.join(one['wrong'])}; residual {100 * one['relative_residual']:.1f} %"
+
+
+def _reasons(found: Results) -> Iterator[str]:
+    """Yield the first reason, or the message of the refusal, that stands for each class."""
+    told: set[str] = set()
+    for case, one in found.items():
+        text = one["refusal"] or next(iter(one["reasons"]), "")
+        if text and case.spoilt_class not in told:
+            told.add(case.spoilt_class)
+            yield f"- {case.spoilt_class} ({case.channels}): {text}"
+
+
+def write_spoilt_page(studies: str | Path, folder: str | Path) -> Path:
+    """Write ``spoilt.md`` to `folder` from the results in `studies`, and return its path."""
+    chosen = cases()
+    page = spoilt_page(results(studies, chosen), len(chosen))
+    make_folder(Path(folder))
+    path = Path(folder) / "spoilt.md"
+    with written_whole(path) as temporary:
+        temporary.write_text(page, encoding="utf-8")
+    return path
+
+
+if __name__ == "__main__":
+    try:
+        write_spoilt_page(sys.argv[1], sys.argv[2])
+    except EmaphmError as error:
+        sys.exit(f"error: {error}")

@@ -1,0 +1,1 @@
+"""Spoilt recordings of a known actuator: whether the diagnosis notices, corrects, or is confidently wrong."""

@@ -1,0 +1,66 @@
+"""What became of a spoilt recording: refused, not explained, undecided, right, or wrong without a word."""
+
+from typing import Any
+
+from emaphm.actuator import Faults
+from emaphm.diagnosis.result import Diagnosis
+from emaphm.diagnosis.verdict import Estimate
+
+LEAST_ERROR = 0.03
+"""Error of a component, in its unit [0, 1], from which it counts as wrong."""
+
+HALF_WIDTHS = 2.0
+"""Half-widths of its 95 % interval that such an error exceeds."""
+
+OUTCOMES = ("refused", "not explained", "cannot tell", "right", "silent wrong")
+"""An error message instead of a diagnosis; a diagnosis that does not claim to explain the recording; one that
+does, without a definite verdict; with definite verdicts that are right; with one that is wrong."""
+
+
+def wrong_components(diagnosis: Diagnosis, truth: Faults) -> list[str]:
+    """Return the components that have a definite verdict, are called identifiable, and are wrong.
+
+    By more than `LEAST_ERROR` and more than `HALF_WIDTHS` half-widths of the interval. The direction of an
+    eccentricity counts where there is an eccentricity in truth.
+    """
+    wrong = []
+    for name, estimate in diagnosis.components.items():
+        error = abs(estimate.value - float(getattr(truth, name)))
+        if name == "eccentricity_phase":
+            error = min(error, 1 - error) if truth.eccentricity > 0 else 0.0
+        low, high = estimate.interval95
+        if definite(estimate) and error > max(LEAST_ERROR, HALF_WIDTHS * (high - low) / 2):
+            wrong.append(name)
+    return wrong
+
+
+def definite(estimate: Estimate) -> bool:
+    """Return whether a component is called healthy or degraded, and its value is claimed to be known."""
+    return estimate.verdict != "cannot tell" and estimate.identifiable
+
+
+def judged(diagnosis: Diagnosis, truth: Faults) -> dict[str, Any]:
+    """Return the outcome of a diagnosis, and what it rests on, ready for JSON."""
+    wrong = wrong_components(diagnosis, truth)
+    if not diagnosis.explained:
+        outcome = "not explained"
+    elif wrong:
+        outcome = "silent wrong"
+    else:
+        outcome = "right" if any(map(definite, diagnosis.components.values())) else "cannot tell"
+    return {
+        "outcome": outcome,
+        "wrong": wrong,
+        "reasons": list(getattr(diagnosis, "reasons", ())),
+        "refusal": "",
+        "values": diagnosis.faults.vector.tolist(),
+        "intervals": [list(one.interval95) for one in diagnosis.components.values()],
+        "verdicts": [one.verdict for one in diagnosis.components.values()],
+        "relative_residual": diagnosis.relative_residual,
+        "also_estimated": [*diagnosis.selected, *diagnosis.laws],
+    }
+
+
+def refused(message: str) -> dict[str, Any]:
+    """Return the outcome of a recording that was refused with that `message`."""
+    return {"outcome": "refused", "wrong": [], "reasons": [], "refusal": message}

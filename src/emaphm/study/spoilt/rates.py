@@ -1,0 +1,35 @@
+"""How often each outcome occurs, by class."""
+
+from collections import Counter
+from collections.abc import Mapping
+from typing import Any
+
+from emaphm.study.spoilt.judging import OUTCOMES
+from emaphm.study.spoilt.run import SpoiltCase, class_of
+
+Results = Mapping[SpoiltCase, Mapping[str, Any]]
+
+
+def counts(results: Results) -> dict[str, Counter[str]]:
+    """Return how many cases of each class ended how, in the order of the classes."""
+    by_class: dict[str, Counter[str]] = {}
+    for case, one in results.items():
+        by_class.setdefault(case.spoilt_class, Counter())[one["outcome"]] += 1
+    return by_class
+
+
+def rows(results: Results) -> list[tuple[str, ...]]:
+    """Return a row of text for each class: its name, its cases, how many ended how; and one of all spoilt."""
+    by_class = counts(results)
+    total = Counter(one["outcome"] for case, one in results.items() if not class_of(case).control)
+    table = [_row(name, tally) for name, tally in by_class.items()]
+    return [*table, _row("all but the control", total)]
+
+
+def _row(name: str, tally: Counter[str]) -> tuple[str, ...]:
+    return (name, str(tally.total()), *(str(tally[outcome] or "") for outcome in OUTCOMES))
+
+
+def silent_wrong(results: Results) -> list[tuple[SpoiltCase, Mapping[str, Any]]]:
+    """Return the cases that are confidently wrong, with what they found."""
+    return [(case, one) for case, one in results.items() if one["outcome"] == "silent wrong"]

@@ -1,0 +1,68 @@
+"""The unspoilt recordings: of a known actuator, by the reference model, with noise and converters."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from emaphm.actuator import Actuator, Chirp, Faults
+from emaphm.recording import Recording
+from emaphm.simulated_recording import simulate
+from emaphm.study.cases import random_faults, small_fault
+
+NOISE_A = 0.05
+"""White noise on every current [A rms]."""
+
+ADC_BITS = 12
+
+AMPLITUDE_RAD = 5e-3
+STOP_HZ = 15.0
+
+CHANNELS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "current": ("current_A",),
+        "voltage": ("current_A", "voltage_V"),
+        "motion": ("current_A", "voltage_V", "position_rad", "speed_rad_s"),
+        "phases": ("current_a_A", "current_b_A", "current_c_A", "angle_rad"),
+    }
+)
+"""What is recorded beside time and command, by the name of the set."""
+
+FAULTS: Mapping[str, Faults] = MappingProxyType(
+    {
+        "healthy": Faults(),
+        "friction": Faults(friction=0.3),
+        "short": small_fault("short", 0.2, 1),
+        "random 1": random_faults(1),
+        "random 2": random_faults(2),
+    }
+)
+"""What is wrong with the actuator in truth, by the name of the case."""
+
+
+@dataclass(frozen=True)
+class Manoeuvre:
+    """A chirp from standstill to `STOP_HZ`: how long it takes [s], and the rows per second [Hz]."""
+
+    duration: float = 0.5
+    sample_rate: float = 5000.0
+
+
+CHIRP = Manoeuvre()
+"""The usual one."""
+
+
+def recorded(
+    actuator: Actuator, faults: Faults, manoeuvre: Manoeuvre, channels: tuple[str, ...], seed: int
+) -> Recording:
+    """Return the unspoilt recording of `actuator` with `faults`: time, command and `channels`."""
+    whole = simulate(
+        actuator,
+        Chirp(AMPLITUDE_RAD, 0.0, STOP_HZ, manoeuvre.duration),
+        faults=faults,
+        duration=manoeuvre.duration,
+        sample_rate=manoeuvre.sample_rate,
+        noise=NOISE_A,
+        adc_bits=ADC_BITS,
+        seed=seed,
+    )
+    return Recording({name: whole[name] for name in ("time_s", "command_rad", *channels)})
