@@ -1,0 +1,72 @@
+"""Features of a cycle: what is left of each channel in each segment, in a few numbers."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from emaphm.arrays import Array
+from emaphm.detection.segments import Segment
+from emaphm.detection.settings import DetectorSettings
+
+NO_SCATTER = 1e-6
+"""Scatter, relative to a channel's own, that counts as none: a constant has no logarithm of its scatter."""
+
+
+@dataclass(frozen=True)
+class Feature:
+    """One number of a cycle: of which channel and segment (its place in the list), and what."""
+
+    channel: str
+    segment: int
+    kind: str
+
+
+KINDS = ("mean", "scatter", "roughness", "coarse roughness")
+"""Mean; logarithms of the rms about the mean, of the difference of successive rows, and of the difference
+of successive means of two rows: the last three tell a trend, a ripple and noise apart."""
+
+
+def feature_names(
+    channels: Sequence[str], segments: Sequence[Segment], settings: DetectorSettings
+) -> tuple[Feature, ...]:
+    """Return the features in the order of `features_of`."""
+    return tuple(
+        Feature(channel, place, kind)
+        for place, segment in enumerate(segments)
+        for kind in _kinds(segment, settings)
+        for channel in channels
+    )
+
+
+def features_of(
+    residuals: Array, segments: Sequence[Segment], scales: Array, settings: DetectorSettings
+) -> Array:
+    """Return the features of cycles.
+
+    Parameters
+    ----------
+    residuals
+        What is left of each channel, (cycles, rows, channels), in its unit.
+    scales
+        Size of each channel's residual in health, (channels,), in its unit.
+
+    Returns
+    -------
+    (cycles, features), without a unit: means are relative to `scales`.
+    """
+    relative = residuals / scales
+    values = []
+    for segment in segments:
+        part = relative[:, segment.rows]
+        values.append(part.mean(axis=1))
+        if len(_kinds(segment, settings)) > 1:
+            pairs = part[:, : part.shape[1] // 2 * 2]
+            coarse = pairs.reshape(len(part), -1, 2, part.shape[2]).mean(axis=2)
+            shapes = (part, np.diff(part, axis=1), np.diff(coarse, axis=1))
+            values += [np.log(np.maximum(one.std(axis=1), NO_SCATTER)) for one in shapes]
+    return np.concatenate(values, axis=1)
+
+
+def _kinds(segment: Segment, settings: DetectorSettings) -> tuple[str, ...]:
+    return KINDS if segment.stop - segment.first >= settings.fewest_rows_of_shape else KINDS[:1]
