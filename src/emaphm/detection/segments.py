@@ -35,32 +35,31 @@ class Segment:
 def segments_of(command: Array, settings: DetectorSettings) -> tuple[Segment, ...]:
     """Return the segments of a manoeuvre.
 
-    A stroke lasts while the command moves one way or holds. From its beginning its segments double in length,
-    from `first_segment` to `longest_segment` of the manoeuvre; what remains joins the last. A stroke shorter
-    than the first segment joins the one before.
+    A stroke lasts while the command moves one way or holds. The segments of a stroke grow from `first_segment`
+    of the manoeuvre, each `growth` times as long as the one before; the last one takes what remains. A stroke
+    shorter than the first segment joins the one before.
 
     Parameters
     ----------
     command
         At each row, (n,) [rad or m].
     """
-    rows = command.size
-    first = max(settings.fewest_rows, round(settings.first_segment * rows))
-    longest = max(first, round(settings.longest_segment * rows))
+    first = _first_length(command.size, settings)
     segments: list[Segment] = []
-    for start, stop, direction in _strokes(command, first):
-        edges = [start]
+    for stroke in strokes_of(command, settings):
+        edges = [stroke.first]
         length = first
-        while stop - edges[-1] >= 1.5 * length:
+        while stroke.stop - edges[-1] >= 2 * length:
             edges.append(edges[-1] + length)
-            length = min(2 * length, longest)
-        edges = [*edges[:-1], stop] if len(edges) > 1 else [start, stop]
-        segments += [Segment(a, b, STROKES[direction]) for a, b in pairwise(edges)]
+            length *= settings.growth
+        edges.append(stroke.stop)
+        segments += [Segment(a, b, stroke.stroke) for a, b in pairwise(edges)]
     return tuple(segments)
 
 
-def _strokes(command: Array, fewest: int) -> list[tuple[int, int, int]]:
-    """Return (first row, stop, direction) of each stroke of `fewest` rows or more."""
+def strokes_of(command: Array, settings: DetectorSettings) -> tuple[Segment, ...]:
+    """Return the strokes of a manoeuvre, each as one segment; `command` as in `segments_of`."""
+    fewest = _first_length(command.size, settings)
     rate = np.diff(command, append=command[-1])
     rate[-1] = rate[-2]
     direction = np.sign(rate) * (np.abs(rate) > AT_REST * np.max(np.abs(rate)))
@@ -75,4 +74,8 @@ def _strokes(command: Array, fewest: int) -> list[tuple[int, int, int]]:
             strokes.append((start, stop, way))
     if len(strokes) > 1 and strokes[0][1] < fewest:
         strokes[:2] = [(0, strokes[1][1], strokes[1][2])]
-    return strokes
+    return tuple(Segment(start, stop, STROKES[way]) for start, stop, way in strokes)
+
+
+def _first_length(rows: int, settings: DetectorSettings) -> int:
+    return max(settings.fewest_rows, round(settings.first_segment * rows))

@@ -14,10 +14,11 @@ class DetectorSettings:
         each. An owner who looks at a cycle a day has one false alarm in three months.
     confidence
         Of the bound on the rate that the runs left out can show.
-    first_segment, longest_segment
-        Length of the first segment after a change of the command's direction and of the longest, as shares
-        of the manoeuvre. Segments double in length in between, as motion settles: reversals show lost
-        motion, steady strokes show friction.
+    first_segment, growth
+        Length of the first segment after a change of the command's direction, as a share of the manoeuvre,
+        and how many times as long the next is: reversals show lost motion, settling and steady motion show
+        friction. More segments say better where, but their covariance needs more healthy cycles: equal ones
+        of a twelfth detect half as many single cycles of the Cranfield rig's backlash.
     fewest_rows
         Rows of a segment at least.
     fewest_rows_of_shape
@@ -44,7 +45,7 @@ class DetectorSettings:
     false_alarm_rate: float = 0.01
     confidence: float = 0.95
     first_segment: float = 1 / 80
-    longest_segment: float = 1 / 5
+    growth: int = 4
     fewest_rows: int = 4
     fewest_rows_of_shape: int = 8
     variance_share: float = 0.9
