@@ -8,9 +8,7 @@ from numpy.typing import NDArray
 from emaphm.arrays import Array
 from emaphm.detection.settings import DetectorSettings
 from emaphm.detection.statistics import HealthyScatter
-from emaphm.detection.thresholds import prediction_bound
-
-Labels = NDArray[np.int64]
+from emaphm.detection.thresholds import Labels, joint_thresholds
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +22,7 @@ class Level:
     scatter
         Of healthy ones.
     t2_threshold, q_threshold
-        What a further healthy one exceeds with half the rate of false alarms each.
+        One of which a further healthy one exceeds with the rate of false alarms.
     alarms, runs
         Runs left out of scatter and thresholds in which something exceeded them, and how many there were.
     """
@@ -70,18 +68,14 @@ def learn_level(
         scores.append(np.stack([scatter.t2(deviations), scatter.q(deviations)], axis=1))
         of_run.append(run)
     found, run = np.concatenate(scores), np.concatenate(of_run)
-    thresholds = _thresholds(found, order.size, settings)
+    rate = settings.false_alarm_rate
+    thresholds = joint_thresholds(found, run, rate)
     alarms = sum(
-        bool(np.any(found[run == one] > _thresholds(found[run != one], order.size - 1, settings)))
+        bool(np.any(found[run == one] > joint_thresholds(found[run != one], run[run != one], rate)))
         for one in order
     )
     scatter = _scatter(features, runs, loads, cycles, settings)
     return Level(cycles, scatter, float(thresholds[0]), float(thresholds[1]), alarms, order.size)
-
-
-def _thresholds(scores: Array, runs: int, settings: DetectorSettings) -> Array:
-    rate = settings.false_alarm_rate / 2
-    return np.array([prediction_bound(column, runs, rate) for column in scores.T])
 
 
 def _scatter(

@@ -41,7 +41,7 @@ class DetectorResult:
     Attributes
     ----------
     t2, q, t2_threshold, q_threshold
-        The statistics and what a healthy one exceeds with half the rate of false alarms each.
+        The statistics and what a healthy one exceeds with the rate of false alarms in one of the two.
     contributions
         To both, by channel and segment; none below 0, their sums are T² and Q.
     nearest

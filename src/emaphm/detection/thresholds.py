@@ -3,31 +3,53 @@
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import NDArray
+
+from emaphm.arrays import Array
+
+Labels = NDArray[np.int64]
 
 FEWEST_POSITIVE = 1e-300
 """Stands for a statistic of 0, which has no logarithm."""
 
+LEAST_DEVIATION = 1e-6
+"""Standard deviation of a statistic's logarithm where healthy cycles are all the same, as simulated ones are."""
 
-def prediction_bound(scores: ArrayLike, groups: int, rate: float) -> float:
-    """Return what a further healthy score exceeds with the probability `rate`.
 
-    The logarithms of the scores are taken as normal; the bound is that of a prediction interval
+def joint_thresholds(scores: Array, runs: Labels, rate: float) -> Array:
+    """Return what a further healthy cycle exceeds, in any of several statistics, with the probability `rate`.
 
-        exp(m + t s √(1 + 1/g)),
-
-    with their mean m and standard deviation s, and Student's quantile t at 1 - rate for g - 1 degrees of
-    freedom [1]. A statistic of a chi² or F distribution has a lighter upper tail than its fitted lognormal,
-    from about ten degrees of freedom on: the bound is then a little too high.
+    The logarithms of each statistic are brought to mean 0 and standard deviation 1; what counts is the largest
+    of a cycle's, whose bound is that of `prediction_bound`. Statistics that go together cost no rate twice.
 
     Parameters
     ----------
     scores
-        Of cycles left out of the training, (n,), above 0.
-    groups
-        g, independent runs that they come from: cycles of a run resemble each other.
+        Of cycles left out of the training, (n, statistics), 0 or above.
+    runs
+        Which run each is of, (n,).
     rate
         Above 0, below 1.
+
+    Returns
+    -------
+    (statistics,), in their units.
+    """
+    logs = np.log(np.maximum(scores, FEWEST_POSITIVE))
+    mean, deviation = logs.mean(axis=0), logs.std(axis=0, ddof=1)
+    deviation = np.maximum(deviation, LEAST_DEVIATION)
+    largest = ((logs - mean) / deviation).max(axis=1)
+    bound = prediction_bound(largest, effective_number(largest, runs), rate)
+    return np.asarray(np.exp(mean + deviation * bound))
+
+
+def prediction_bound(values: Array, number: float, rate: float) -> float:
+    """Return what a further value exceeds with the probability `rate`, by a normal prediction interval [1]:
+
+        m + t s √(1 + 1/n),
+
+    with mean m and standard deviation s of `values`, and Student's quantile t at 1 - rate for n - 1 degrees of
+    freedom; n is the `number` of independent values among them.
 
     References
     ----------
@@ -35,9 +57,31 @@ def prediction_bound(scores: ArrayLike, groups: int, rate: float) -> float:
     """
     from scipy.stats import t
 
-    logs = np.log(np.maximum(np.ravel(scores), FEWEST_POSITIVE))
-    factor = float(t.ppf(1 - rate, groups - 1)) * math.sqrt(1 + 1 / groups)
-    return float(np.exp(logs.mean() + factor * logs.std(ddof=1)))
+    factor = float(t.ppf(1 - rate, number - 1)) * math.sqrt(1 + 1 / number)
+    return float(values.mean() + factor * values.std(ddof=1))
+
+
+def effective_number(values: Array, runs: Labels) -> float:
+    """Return how many independent values are worth as much as `values` (n,) of `runs` (n,), of g runs.
+
+    With the correlation ρ between values of a run, by analysis of variance, and m values a run in the mean,
+    it is n / (1 + (m - 1) ρ), between g and n [1].
+
+    References
+    ----------
+    [1] Kish: Survey Sampling (Wiley, 1965), 5.4.
+    """
+    _, of, counts = np.unique(runs, return_inverse=True, return_counts=True)
+    n, g = values.size, counts.size
+    if n == g or g < 2:
+        return float(g)
+    means = np.bincount(of, values) / counts
+    within = float(np.sum((values - means[of]) ** 2)) / (n - g)
+    between = float(np.sum(counts * (means - values.mean()) ** 2)) / (g - 1)
+    m = n / g
+    total = between + (m - 1) * within
+    correlation = min(max((between - within) / total, 0.0), 1.0) if total > 0 else 1.0
+    return n / (1 + (m - 1) * correlation)
 
 
 def highest_rate(alarms: int, of: int, confidence: float) -> float:
