@@ -20,6 +20,7 @@ ORDER = (
     ("estimation",),
     ("diagnosis",),
     ("calibration", "experiment"),
+    ("detection",),
     ("study",),
     ("plotting",),
     ("report",),

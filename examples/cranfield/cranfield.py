@@ -99,7 +99,9 @@ def read(path: Path) -> dict[Run, list[Recording]]:
     if "profile" not in frame.columns:
         frame = frame.with_columns(profile=pl.lit("one"))
     # Where cycles are not numbered, a new one begins where time starts again.
-    again = ((pl.col("time").diff() < 0) | (pl.col("run").diff() != 0) | (pl.col("load").diff() != 0)).cum_sum()
+    again = (
+        (pl.col("time").diff() < 0) | (pl.col("run").diff() != 0) | (pl.col("load").diff() != 0)
+    ).cum_sum()
     frame = frame.with_columns(cycle=again.fill_null(0))
     runs: dict[Run, list[Recording]] = {}
     keys = ("profile", "load", "run", "cycle")
@@ -113,7 +115,9 @@ def read(path: Path) -> dict[Run, list[Recording]]:
             "load_Nm": np.full(command.size, load * KGF),  # [N]
         }
         source = f"{path.name}, load {load} kgf, run {run}, cycle {cycle}"
-        runs.setdefault((str(profile), load * KGF, int(run)), []).append(Recording(columns, "instant", source))
+        runs.setdefault((str(profile), load * KGF, int(run)), []).append(
+            Recording(columns, "instant", source)
+        )
     return runs
 
 
@@ -133,7 +137,7 @@ def judge_all(
 
 
 def judge_healthy(healthy: dict[Run, list[Recording]], left_out: list[LeftOut]) -> Judged:
-    """Return the healthy set, each run judged by the others; degraded if any run or cycle of it is called so."""
+    """Return the healthy set, each run judged by the others; degraded if a run or a cycle is called so."""
     currents = stroke_currents(healthy)
     called = False
     for run, cycles in currents.items():
@@ -186,13 +190,14 @@ def known_runs(
     foreign = sorted({run[:2] for run in runs} - known)
     for profile, load in foreign:
         print(
-            f"cranfield: {name}: profile '{profile}' at {load / KGF:g} kgf was never recorded healthy; left out",
+            f"cranfield: {name}: profile '{profile}' at {load / KGF:g} kgf was never recorded healthy; "
+            "left out",
             file=sys.stderr,
         )
     rest = {run: cycles for run, cycles in runs.items() if run[:2] in known}
     if not rest:
         raise RecordingError(
-            f"{name}: none of its manoeuvres and loads was recorded healthy; give a healthy file that has them"
+            f"{name}: none of its manoeuvres and loads was recorded healthy; give a healthy file with them"
         )
     return rest
 
@@ -275,8 +280,8 @@ def account(name: str, load: float, one: Judged) -> str:
     return (
         f"{name}, {load / KGF:g} kgf: the friction current is that of the healthy runs within "
         f"{100 * max(abs(change + half), abs(change - half)):.1f} %, while the load takes "
-        f"{100 * one.load_share[load]:.0f} % of its healthy current: the current shows torque there as before, "
-        "but no more friction."
+        f"{100 * one.load_share[load]:.0f} % of its healthy current: the current shows torque there as "
+        "before, but no more friction."
     )
 
 

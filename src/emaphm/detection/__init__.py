@@ -1,4 +1,4 @@
-"""Detection of what the physics does not explain: is a cycle like healthy ones of its manoeuvre and load?"""
+"""What the physics does not explain: whether a cycle is like healthy ones of its manoeuvre and load."""
 
 from emaphm.detection.detector import Detector
 from emaphm.detection.left_out import LeftOut, judged_left_out

@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +14,6 @@ from emaphm.detection.cycle import Cycle, common_channels, cycle_of
 from emaphm.detection.features import feature_names
 from emaphm.detection.level import Level
 from emaphm.detection.manoeuvre import (
-    HealthyAtLoad,
     Manoeuvre,
     command_difference,
     learn_manoeuvre,
@@ -95,7 +95,9 @@ class Detector:
             `groups` has another length, a rate is impossible, or scikit-learn is not installed.
         """
         if not recordings:
-            raise RecordingError("no healthy recordings to learn from; give five runs of a manoeuvre at least")
+            raise RecordingError(
+                "no healthy recordings to learn from; give five runs of a manoeuvre at least"
+            )
         labels = list(range(len(recordings))) if groups is None else list(groups)
         if len(labels) != len(recordings):
             raise MethodError(
@@ -142,7 +144,7 @@ class Detector:
         Parameters
         ----------
         examples
-            Recordings with a fault, of one cycle each, by the fault's name; of any learned manoeuvre and load.
+            Recordings with a fault, of one cycle each, by the fault's name; of a learned manoeuvre and load.
         """
         seeded = list(self.seeded)
         for fault, recordings in examples.items():
@@ -202,10 +204,14 @@ class Detector:
             shown=self.shown(level),
         )
 
+    def shown_rate(self, level: Level) -> float:
+        """Return the highest rate of false alarms that the healthy runs of `level` leave room for."""
+        return highest_rate(level.alarms, level.runs, self.settings.confidence)
+
     def shown(self, level: Level) -> str:
         """Return which rate of false alarms the healthy runs of `level` can show, in words."""
         s = self.settings
-        bound = highest_rate(level.alarms, level.runs, s.confidence)
+        bound = self.shown_rate(level)
         needed = runs_to_show(s.false_alarm_rate, s.confidence)
         text = (
             f"{level.alarms} of {level.runs} healthy runs left out alarmed: at most {100 * bound:.2g} % of "
@@ -228,6 +234,33 @@ class Detector:
 
         return read_detector(Path(path))
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return what `emaphm detect learn --json` prints."""
+        return {
+            "channels": list(self.channels),
+            "model": self.actuator is not None,
+            "false_alarm_rate": self.settings.false_alarm_rate,
+            "manoeuvres": [
+                {
+                    "manoeuvre": one.name,
+                    "loads": [at.name for at in one.loads],
+                    "levels": [
+                        {
+                            "cycles": level.cycles,
+                            "t2_threshold": level.t2_threshold,
+                            "q_threshold": level.q_threshold,
+                            "alarms": level.alarms,
+                            "runs": level.runs,
+                            "shown_rate": self.shown_rate(level),
+                        }
+                        for level in one.levels
+                    ],
+                }
+                for one in self.manoeuvres
+            ],
+            "seeded": list(dict.fromkeys(one.fault for one in self.seeded)),
+        }
+
     def __str__(self) -> str:
         """Return what it was taught, a line a manoeuvre."""
         lines = [f"Looks at {', '.join(self.channels)}{', less the model' if self.actuator else ''}."]
@@ -249,7 +282,7 @@ class Detector:
             nearest = min(zip(differences, self.manoeuvres, strict=True), key=lambda pair: len(pair[0]))
             raise RecordingError(
                 f"{cycle.source}: this manoeuvre was never seen healthy ({nearest[0]}; known: "
-                f"{'; '.join(one.name for one in self.manoeuvres)}); teach the detector healthy recordings of it"
+                f"{'; '.join(one.name for one in self.manoeuvres)}); teach it healthy recordings of this one"
             )
         for k in known:
             load = cycle.cut(self.manoeuvres[k].command.size).load
@@ -257,7 +290,7 @@ class Detector:
                 if same_load(load, at.load, largest, self.settings):
                     return k, place
         raise RecordingError(
-            f"{cycle.source}: this manoeuvre was never seen healthy at the load {cycle.load.mean():.4g} (known: "
+            f"{cycle.source}: never seen healthy at the load {cycle.load.mean():.4g} (known: "
             f"{', '.join(at.name for k in known for at in self.manoeuvres[k].loads)}); teach the detector "
             "healthy recordings at it"
         )
@@ -268,7 +301,11 @@ class Detector:
         t2 = level.scatter.t2_contributions(deviation)[0]
         q = level.scatter.q_contributions(deviation)[0]
         names = feature_names(self.channels, manoeuvre.segments, self.settings)
-        sums = {(place, channel): [0.0, 0.0] for place in range(len(manoeuvre.segments)) for channel in self.channels}
+        sums = {
+            (place, channel): [0.0, 0.0]
+            for place in range(len(manoeuvre.segments))
+            for channel in self.channels
+        }
         for k, name in enumerate(names):
             sums[name.segment, name.channel][0] += float(t2[k])
             sums[name.segment, name.channel][1] += float(q[k])
@@ -289,7 +326,9 @@ class Detector:
         direction = level.scatter.whitened(deviation)[0]
         best: Nearest | None = None
         for fault in dict.fromkeys(one.fault for one in others):
-            ones = [one for one in same if one.fault == fault] or [one for one in others if one.fault == fault]
+            ones = [one for one in same if one.fault == fault] or [
+                one for one in others if one.fault == fault
+            ]
             for one in ones:
                 cosine = _cosine(direction, level.scatter.whitened(one.deviation))
                 if best is None or cosine > best.cosine:
@@ -300,6 +339,3 @@ class Detector:
 def _cosine(one: Array, other: Array) -> float:
     size = float(np.linalg.norm(one) * np.linalg.norm(other))
     return float(one @ other) / size if size > 0 else 0.0
-
-
-__all__ = ["Detector", "HealthyAtLoad", "Manoeuvre", "Seeded"]

@@ -57,8 +57,8 @@ def features_of(
 
     Returns
     -------
-    (cycles, features), without a unit: means are relative to `scales`. The correlations are those of a channel
-    with the first one, the current where it is recorded: how the motion answers it.
+    (cycles, features), without a unit: means are relative to `scales`. The correlations are those of a
+    channel with the first one, the current where it is recorded: how the motion answers it.
     """
     relative = residuals / scales
     values = []
@@ -75,7 +75,7 @@ def features_of(
 
 
 def _correlations(part: Array) -> Array:
-    """Return the Fisher transform of each channel's correlation with the first one, (cycles, channels - 1)."""
+    """Return the Fisher transform of the correlations with the first channel, (cycles, channels - 1)."""
     centred = part - part.mean(axis=1, keepdims=True)
     sizes = np.maximum(np.sqrt(np.mean(centred**2, axis=1)), NO_SCATTER)
     products = np.mean(centred[..., :1] * centred[..., 1:], axis=1)

@@ -26,7 +26,7 @@ def judged_left_out(
     actuator: Actuator | None = None,
     settings: DetectorSettings = DETECTOR,
 ) -> Iterator[LeftOut]:
-    """Yield each healthy run, of one manoeuvre at one load, judged without it in means, scatter and thresholds.
+    """Yield each healthy run as judged without it in means, scatter and thresholds; a run has one load.
 
     Arguments and errors as in `Detector.learn`.
     """

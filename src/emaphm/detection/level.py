@@ -94,9 +94,7 @@ def _centres(features: Array, loads: Labels, taken: NDArray[np.bool_]) -> Array:
     return means
 
 
-def _together(
-    deviations: Array, runs: Labels, loads: Labels, cycles: int
-) -> tuple[Array, Labels, Labels]:
+def _together(deviations: Array, runs: Labels, loads: Labels, cycles: int) -> tuple[Array, Labels, Labels]:
     """Return what is judged: cycles as they are, or the mean of each run at each load; with both labels."""
     if cycles == 1:
         return deviations, runs, loads

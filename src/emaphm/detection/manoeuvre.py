@@ -42,8 +42,10 @@ class HealthyAtLoad:
     def name(self) -> str:
         """The load in words."""
         low, high = float(self.load.min()), float(self.load.max())
-        return f"load {low:.4g}" if high - low <= 1e-3 * max(abs(low), abs(high)) else (
-            f"load {low:.4g} to {high:.4g}"
+        return (
+            f"load {low:.4g}"
+            if high - low <= 1e-3 * max(abs(low), abs(high))
+            else (f"load {low:.4g} to {high:.4g}")
         )
 
 
@@ -90,9 +92,7 @@ class Manoeuvre:
         return features_of(signals - at.mean, self.segments, self.scales, settings) - at.centre
 
 
-def command_difference(
-    command: Array, interval_s: float, cycle: Cycle, settings: DetectorSettings
-) -> str:
+def command_difference(command: Array, interval_s: float, cycle: Cycle, settings: DetectorSettings) -> str:
     """Return how the command of `cycle` differs from `command` (rows,) every `interval_s`, or nothing."""
     if abs(cycle.interval_s / interval_s - 1) > settings.rows_tolerance:
         return f"a row every {cycle.interval_s:.4g} s, not {interval_s:.4g} s"
@@ -137,9 +137,7 @@ def learn_manoeuvre(
         for k, load in enumerate(profiles)
     )
     fewest = min(int(np.sum((runs == run) & (at == load))) for run, load in set(zip(runs, at, strict=True)))
-    levels = tuple(
-        learn_level(features, runs, at, count, settings) for count in dict.fromkeys((1, fewest))
-    )
+    levels = tuple(learn_level(features, runs, at, count, settings) for count in dict.fromkeys((1, fewest)))
     return Manoeuvre(first.command, first.interval_s, segments, scales, loads, levels)
 
 
@@ -167,8 +165,8 @@ def _check_runs(cycles: Sequence[Cycle], runs: Groups, at: Groups, settings: Det
     found = np.unique(runs).size
     if found < settings.fewest_runs:
         raise RecordingError(
-            f"{cycles[0].source}: {found} healthy runs of this manoeuvre, at least {settings.fewest_runs} are "
-            "needed for a threshold; record more, each on its own (cycles of one run resemble each other)"
+            f"{cycles[0].source}: {found} healthy runs of this manoeuvre, at least {settings.fewest_runs} "
+            "are needed for a threshold; record more, each on its own (cycles of one run resemble each other)"
         )
     for load in np.unique(at):
         found = np.unique(runs[at == load]).size

@@ -139,14 +139,14 @@ class DetectorResult:
         """Return the verdict, the largest contributions and what the thresholds rest on."""
         total = self._total()
         largest = sorted(self.contributions, key=self._value, reverse=True)[:MOST_ROWS]
-        rows = [
-            (one.channel, one.segment, f"{100 * self._value(one) / total:.1f} %") for one in largest
-        ]
+        rows = [(one.channel, one.segment, f"{100 * self._value(one) / total:.1f} %") for one in largest]
         statistic = "Q" if self._by_q() else "T²"
         lines = [f"{self.recording}: {self.sentence}."]
         if not self.like_healthy:
             lines.append(format_table(["channel", "segment", f"share of {statistic}"], rows))
-        return "\n".join([*lines, f"Thresholds for {100 * self.false_alarm_rate:g} % of false alarms. {self.shown}."])
+        return "\n".join(
+            [*lines, f"Thresholds for {100 * self.false_alarm_rate:g} % of false alarms. {self.shown}."]
+        )
 
     def _by_q(self) -> bool:
         return self.q / self.q_threshold >= self.t2 / self.t2_threshold

@@ -35,9 +35,9 @@ class Segment:
 def segments_of(command: Array, settings: DetectorSettings) -> tuple[Segment, ...]:
     """Return the segments of a manoeuvre.
 
-    A stroke lasts while the command moves one way or holds. The segments of a stroke grow from `first_segment`
-    of the manoeuvre, each `growth` times as long as the one before; the last one takes what remains. A stroke
-    shorter than the first segment joins the one before.
+    A stroke lasts while the command moves one way or holds. The segments of a stroke grow from
+    `first_segment` of the manoeuvre, each `growth` times as long as the one before; the last one takes what
+    remains. A stroke shorter than the first segment joins the one before.
 
     Parameters
     ----------

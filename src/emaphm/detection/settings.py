@@ -10,7 +10,8 @@ class DetectorSettings:
     Attributes
     ----------
     false_alarm_rate
-        Share of further healthy cycles, or runs, that may be called not like healthy. An owner who looks at a cycle a day has one false alarm in three months.
+        Share of further healthy cycles, or runs, that may be called not like healthy. An owner who looks at
+        a cycle a day has one false alarm in three months.
     confidence
         Of the bound on the rate that the runs left out can show.
     first_segment, growth

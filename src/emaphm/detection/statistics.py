@@ -81,7 +81,7 @@ class HealthyScatter:
         return np.asarray(((deviations / self.scale) @ off @ off.T) ** 2)
 
     def whitened(self, deviations: Array) -> Array:
-        """Return Λ^(-1/2) z over all directions, (n, p): healthy scatter is alike in each of its directions."""
+        """Return Λ^(-1/2) z over all directions, (n, p), whose healthy covariance is the identity."""
         along = (deviations / self.scale) @ self.directions / np.sqrt(self.variances)
         return np.asarray(along @ self.directions.T)
 

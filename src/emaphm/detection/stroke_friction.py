@@ -41,11 +41,14 @@ class StrokeCurrent:
             There is no current, or the command does not go both ways.
         """
         if "current_A" not in recording:
-            raise RecordingError(f"{recording.source}: no current_A, which friction is estimated from; record it")
+            raise RecordingError(
+                f"{recording.source}: no current_A, which friction is estimated from; record it"
+            )
         size = np.abs(recording["current_A"])
         strokes = strokes_of(recording["command_rad"], DETECTOR)
         ways = [
-            [_steady(size, one) for one in strokes if one.stroke == way] for way in ("up-stroke", "down-stroke")
+            [_steady(size, one) for one in strokes if one.stroke == way]
+            for way in ("up-stroke", "down-stroke")
         ]
         if not all(ways):
             raise RecordingError(
@@ -89,23 +92,21 @@ class HealthyFriction:
         """
         if len(runs) < DETECTOR.fewest_runs_of_load:
             raise RecordingError(
-                f"{len(runs)} healthy runs at this load, at least {DETECTOR.fewest_runs_of_load} are needed to "
-                "say how much friction scatters; record more"
+                f"{len(runs)} healthy runs at this load, at least {DETECTOR.fewest_runs_of_load} are needed "
+                "to say how much friction scatters; record more"
             )
         cycles = [np.array([one.friction_A for one in run]) for run in runs]
         means = np.array([one.mean() for one in cycles])
         every = np.concatenate(cycles)
-        return cls(
-            float(means.mean()), float(means.std(ddof=1)), float(every.std(ddof=1)), len(runs)
-        )
+        return cls(float(means.mean()), float(means.std(ddof=1)), float(every.std(ddof=1)), len(runs))
 
     def judge(self, friction_A: float, *, single_cycle: bool = False) -> Estimate:
         """Return the fault component `friction` of a friction current [A], with interval and verdict.
 
         The value is (F / F_healthy - 1) over the scale of the component; below 0 there is less friction than
-        in health. The interval is Student's prediction interval for one further healthy run (or cycle): a mean
-        of many runs has no shorter one, because what changes between days does not average out. The rules of
-        the verdict are those of a diagnosis (`VERDICT`).
+        in health. The interval is Student's prediction interval for one further healthy run (or cycle): a
+        mean of many runs has no shorter one, because what changes between days does not average out. The
+        rules of the verdict are those of a diagnosis (`VERDICT`).
         """
         from scipy.stats import t
 

@@ -13,14 +13,15 @@ FEWEST_POSITIVE = 1e-300
 """Stands for a statistic of 0, which has no logarithm."""
 
 LEAST_DEVIATION = 1e-6
-"""Standard deviation of a statistic's logarithm where healthy cycles are all the same, as simulated ones are."""
+"""Standard deviation of a statistic's logarithm where all healthy cycles are the same, as in simulations."""
 
 
 def joint_thresholds(scores: Array, runs: Labels, rate: float) -> Array:
     """Return what a further healthy cycle exceeds, in any of several statistics, with the probability `rate`.
 
-    The logarithms of each statistic are brought to mean 0 and standard deviation 1; what counts is the largest
-    of a cycle's, whose bound is that of `prediction_bound`. Statistics that go together cost no rate twice.
+    The logarithms of each statistic are brought to mean 0 and standard deviation 1; what counts is the
+    largest of a cycle's, whose bound is that of `prediction_bound`. Statistics that go together cost no rate
+    twice.
 
     Parameters
     ----------
@@ -44,12 +45,12 @@ def joint_thresholds(scores: Array, runs: Labels, rate: float) -> Array:
 
 
 def prediction_bound(values: Array, number: float, rate: float) -> float:
-    """Return what a further value exceeds with the probability `rate`, by a normal prediction interval [1]:
+    """Return what a further value exceeds with the probability `rate`, by a normal prediction interval.
 
-        m + t s √(1 + 1/n),
+        m + t s √(1 + 1/n)
 
-    with mean m and standard deviation s of `values`, and Student's quantile t at 1 - rate for n - 1 degrees of
-    freedom; n is the `number` of independent values among them.
+    with mean m and standard deviation s of `values`, and Student's quantile t at 1 - rate for n - 1 degrees
+    of freedom [1]; n is the `number` of independent values among them.
 
     References
     ----------

@@ -19,6 +19,7 @@ from emaphm.text_table import format_table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from emaphm.detection.result import DetectorResult
     from emaphm.estimation.posterior.samples import Posterior
 
 
@@ -60,6 +61,8 @@ class Diagnosis:
         Samples of it, where asked for.
     recording_notes
         What was done to the recording's channels.
+    healthy_check
+        Whether the recording is like healthy ones, as a detector says; where asked for.
     """
 
     components: Mapping[str, Estimate]
@@ -89,6 +92,7 @@ class Diagnosis:
     moves: bool = True
     posterior: "Posterior | None" = None
     recording_notes: tuple[str, ...] = ()
+    healthy_check: "DetectorResult | None" = None
 
     @property
     def faults(self) -> Faults:
@@ -142,6 +146,7 @@ class Diagnosis:
             "actuator": self.actuator.name,
             "covariance": {"coordinates": list(self.coordinates), "matrix": self.covariance.tolist()},
             **({"posterior": self.posterior.to_dict()} if self.posterior else {}),
+            **({"detector": self.healthy_check.to_dict()} if self.healthy_check else {}),
             "version": self.version,
         }
 
@@ -177,7 +182,9 @@ class Diagnosis:
             explained=self.explained,
         )
         of_recording = [f"{self.recording}: {note}." for note in self.recording_notes]
-        return [*of_recording, *lines, *(self.posterior.notes(self.interval) if self.posterior else [])]
+        posterior = self.posterior.notes(self.interval) if self.posterior else []
+        check = [f"Against healthy recordings: {self.healthy_check.sentence}."] if self.healthy_check else []
+        return [*of_recording, *lines, *posterior, *check]
 
     def summary(self) -> str:
         """Return one line: how well the model explains the recording, and what it took."""

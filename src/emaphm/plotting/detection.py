@@ -78,9 +78,7 @@ def _ratios(axis: "Axes", result: DetectorResult) -> None:
     axis.bar(list(ratios), list(ratios.values()), color=colours, width=0.6)
     axis.axhline(1, color=DARK, linewidth=1, linestyle="--")
     for place, ratio in enumerate(ratios.values()):
-        axis.annotate(
-            f"{ratio:.2g}", (place, ratio), ha="center", va="bottom", fontsize=TEXT, color=DARK
-        )
+        axis.annotate(f"{ratio:.2g}", (place, ratio), ha="center", va="bottom", fontsize=TEXT, color=DARK)
     style_axis(axis, "", "", "× threshold")
 
 
