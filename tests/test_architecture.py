@@ -20,7 +20,7 @@ ORDER = (
     ("estimation",),
     ("diagnosis",),
     ("calibration", "experiment"),
-    ("fleet",),
+    ("detection", "fleet"),
     ("study",),
     ("plotting",),
     ("report",),

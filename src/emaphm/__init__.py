@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         Step,
     )
     from emaphm.calibration import Calibration, CampaignRow, calibrate, read_campaign
+    from emaphm.detection import Detector, DetectorResult
     from emaphm.diagnosis import Diagnosis, diagnose, error_percent
     from emaphm.errors import EmaphmError
     from emaphm.estimation import replay
@@ -40,6 +41,7 @@ _HOMES = {
     "emaphm.actuator": "Actuator Chirp DecayingChirp Faults Ramp Sampled Sine Step",
     "emaphm.errors": "EmaphmError",
     "emaphm.calibration": "Calibration CampaignRow calibrate read_campaign",
+    "emaphm.detection": "Detector DetectorResult",
     "emaphm.diagnosis": "Diagnosis diagnose error_percent",
     "emaphm.estimation": "replay",
     "emaphm.experiment": "Design design",
@@ -57,6 +59,8 @@ __all__ = [
     "Chirp",
     "DecayingChirp",
     "Design",
+    "Detector",
+    "DetectorResult",
     "Diagnosis",
     "EmaphmError",
     "Faults",

@@ -1,11 +1,13 @@
 """The verbs on one recording: each parses, calls the library, and prints."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
+from emaphm.cli.detect import healthy_check
 from emaphm.cli.options import (
     FIGURES,
     ActuatorFile,
@@ -148,6 +150,10 @@ def diagnose(
         bool,
         Parameter(negative="", help="Sample the posterior too, some seconds: for estimates at a bound."),
     ] = False,
+    healthy: Annotated[
+        Path | None,
+        Parameter(help="Also say whether the recording is like healthy ones: a file of 'detect learn'."),
+    ] = None,
     report: Annotated[Path | None, Parameter(help="Write a report of one recording: .html.")] = None,
     joint: Annotated[
         bool,
@@ -180,6 +186,8 @@ def diagnose(
 
         if report:
             raise MethodError("--report is of one recording; diagnose that one alone, without --joint")
+        if healthy:
+            raise MethodError("--healthy is for one recording; judge several by 'emaphm detect judge'")
         settings = batch.settings(
             method=method,
             model=model,
@@ -197,6 +205,7 @@ def diagnose(
             batch.diagnose_each(paths, described, settings, workers, scheduler, out, as_json)
         return
     recorded = recording_of(recording, described)
+    check = None if healthy is None else healthy_check(healthy, recorded)
     # Not before: what cannot be read is refused without waiting for a compiler to be loaded.
     from emaphm.diagnosis import diagnose as identify
     from emaphm.estimation.bias_correction import MAX_CORRECTIONS
@@ -214,6 +223,7 @@ def diagnose(
             seed=seed,
             on_progress=advance,
         )
+    diagnosis = replace(diagnosis, healthy_check=check)
     text = str(diagnosis)
     if report:
         from emaphm.report import write_report

@@ -22,6 +22,7 @@ from emaphm.text_table import format_table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from emaphm.detection.result import DetectorResult
     from emaphm.estimation.posterior.samples import Posterior
 
 
@@ -69,6 +70,8 @@ class Diagnosis:
         The residual of each channel beside that of healthy recordings, where a calibration has learned it.
     reasons
         Why the recording is not explained: a sentence each, without its full stop; none where it is.
+    healthy_check
+        Whether the recording is like healthy ones, as a detector says; where asked for.
     """
 
     components: Mapping[str, Estimate]
@@ -101,6 +104,7 @@ class Diagnosis:
     sensor_faults: tuple[SensorFault, ...] = ()
     model_error: Mapping[str, HealthyComparison] = field(default_factory=dict)
     reasons: tuple[str, ...] = ()
+    healthy_check: "DetectorResult | None" = None
 
     def with_sensor_faults(self, findings: Sequence[SensorFinding]) -> "Diagnosis":
         """Return the diagnosis with the faults of sensors: its own, and `findings` made before it."""
@@ -161,6 +165,7 @@ class Diagnosis:
             "actuator": self.actuator.name,
             "covariance": {"coordinates": list(self.coordinates), "matrix": self.covariance.tolist()},
             **({"posterior": self.posterior.to_dict()} if self.posterior else {}),
+            **({"detector": self.healthy_check.to_dict()} if self.healthy_check else {}),
             "version": self.version,
             "model_error": {name: one.to_dict() for name, one in self.model_error.items()},
         }
@@ -205,12 +210,9 @@ class Diagnosis:
             for one in self.sensor_faults
             if one.sentence.removesuffix(".") not in self.recording_notes
         ]
-        return [
-            *of_recording,
-            *of_sensors,
-            *lines,
-            *(self.posterior.notes(self.interval) if self.posterior else []),
-        ]
+        posterior = self.posterior.notes(self.interval) if self.posterior else []
+        check = [f"Against healthy recordings: {self.healthy_check.sentence}."] if self.healthy_check else []
+        return [*of_recording, *of_sensors, *lines, *posterior, *check]
 
     def summary(self) -> str:
         """Return one line: how well the model explains the recording, and what it took."""

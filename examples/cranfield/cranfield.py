@@ -1,0 +1,289 @@
+"""A ball-screw rig with seeded faults: a detector learned from healthy runs, and friction at each load.
+
+    python examples/cranfield/cranfield.py --healthy FILE --judge FILE... [--json] [--figure FILE]
+
+The data set is public: Ruiz-Carcel and Starr, "Data-based Detection and Diagnosis of Faults in Linear
+Actuators", IEEE Transactions on Instrumentation and Measurement 67(9), 2018. Columns: `set_point` and
+`position_error` [mm], `current` [A, without its sign], `profile`, `load` [kgf], `run`, `group` (a cycle),
+`time` [s]. Every figure of the healthy file is of runs left out of what judges them.
+"""
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from emaphm.detection import Detector, DetectorResult, LeftOut, judged_left_out
+from emaphm.detection.stroke_friction import HealthyFriction, StrokeCurrent, current_per_load
+from emaphm.errors import EmaphmError, RecordingError
+from emaphm.plotting.detection import draw_detected_sets
+from emaphm.recording import Recording
+from emaphm.text_table import format_table
+
+KGF = 9.80665
+"""Newtons in the unit of the column `load`."""
+
+NEEDED = ("set_point", "position_error", "current", "load", "run", "time")
+
+Run = tuple[str, float, int]
+"""Profile, load [N] and number of a run."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A set of runs: the detector's results, and the friction at each load.
+
+    `friction` [N] and `change` (value and half-width of the 95 % interval, relative to healthy) are by load
+    [N]; `degraded` holds the fault components that are called so.
+    """
+
+    runs: list[DetectorResult]
+    cycles: list[DetectorResult]
+    friction: dict[float, float]
+    change: dict[float, tuple[float, float]]
+    load_share: dict[float, float]
+    degraded: list[str]
+
+    def summary(self) -> dict[str, Any]:
+        """Return what --json prints of a set."""
+        return {
+            "runs_detected": detected(self.runs),
+            "cycles_detected": detected(self.cycles),
+            "friction": [self.friction[load] for load in sorted(self.friction)],
+            "degraded": self.degraded,
+        }
+
+
+def main() -> int:
+    """Learn, judge, print; return the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--healthy", type=Path, required=True, help="Parquet of healthy runs.")
+    parser.add_argument("--judge", type=Path, nargs="+", required=True, help="Parquet files to judge.")
+    parser.add_argument("--json", action="store_true", help="Print one JSON object and nothing else.")
+    parser.add_argument("--figure", type=Path, default=None, help="Where to draw: .svg, .png or .pdf.")
+    arguments = parser.parse_args()
+    try:
+        healthy = read(arguments.healthy)
+        # The healthy file itself is always judged, by runs left out.
+        others = [path for path in arguments.judge if path.resolve() != arguments.healthy.resolve()]
+        sets = {path.stem: read(path) for path in others}
+        judged, left_out = judge_all(arguments.healthy.stem, healthy, sets)
+    except EmaphmError as error:
+        print(f"cranfield: {error}", file=sys.stderr)
+        return 2
+    if arguments.json:
+        print(json.dumps(summary(judged, left_out)))
+        return 0
+    print(table(judged, left_out, arguments.healthy.stem))
+    figure = arguments.figure or Path("cranfield.svg")
+    draw_detected_sets({name: one.runs for name, one in judged.items()}).savefig(figure)
+    print(f"\nT² and Q of all runs drawn in {figure}")
+    return 0
+
+
+def read(path: Path) -> dict[Run, list[Recording]]:
+    """Return the cycles of each run in a file, a recording each, in SI units."""
+    try:
+        frame = pl.read_parquet(path)
+    except (OSError, pl.exceptions.PolarsError) as error:
+        raise RecordingError(f"{path}: cannot be read as Parquet ({str(error).splitlines()[0]})") from None
+    missing = [name for name in NEEDED if name not in frame.columns]
+    if missing:
+        raise RecordingError(f"{path}: no column {', '.join(missing)}; give a file of the Cranfield data set")
+    if "profile" not in frame.columns:
+        frame = frame.with_columns(profile=pl.lit("one"))
+    # Where cycles are not numbered, a new one begins where time starts again.
+    again = (
+        (pl.col("time").diff() < 0) | (pl.col("run").diff() != 0) | (pl.col("load").diff() != 0)
+    ).cum_sum()
+    frame = frame.with_columns(cycle=again.fill_null(0))
+    runs: dict[Run, list[Recording]] = {}
+    keys = ("profile", "load", "run", "cycle")
+    for (profile, load, run, cycle), rows in frame.group_by(keys, maintain_order=True):
+        command = rows["set_point"].to_numpy() * 1e-3
+        columns = {
+            "time_s": rows["time"].to_numpy(),
+            "command_rad": command,  # [m]: the actuator is linear
+            "position_rad": command - rows["position_error"].to_numpy() * 1e-3,
+            "current_A": rows["current"].to_numpy(),
+            "load_Nm": np.full(command.size, load * KGF),  # [N]
+        }
+        source = f"{path.name}, load {load} kgf, run {run}, cycle {cycle}"
+        runs.setdefault((str(profile), load * KGF, int(run)), []).append(
+            Recording(columns, "instant", source)
+        )
+    return runs
+
+
+def judge_all(
+    healthy_name: str, healthy: dict[Run, list[Recording]], sets: dict[str, dict[Run, list[Recording]]]
+) -> tuple[dict[str, Judged], list[LeftOut]]:
+    """Return each set as the healthy runs judge it, the healthy one first, by runs left out."""
+    recordings = [one for cycles in healthy.values() for one in cycles]
+    groups = [run for run, cycles in healthy.items() for _ in cycles]
+    left_out = list(judged_left_out(recordings, groups))
+    judged = {healthy_name: judge_healthy(healthy, left_out)}
+    detector = Detector.learn(recordings, groups=groups)
+    currents = stroke_currents(healthy)
+    for name, runs in sets.items():
+        judged[name] = judge_set(known_runs(name, runs, healthy), detector, currents)
+    return judged, left_out
+
+
+def judge_healthy(healthy: dict[Run, list[Recording]], left_out: list[LeftOut]) -> Judged:
+    """Return the healthy set, each run judged by the others; degraded if a run or a cycle is called so."""
+    currents = stroke_currents(healthy)
+    called = False
+    for run, cycles in currents.items():
+        others = {other: ones for other, ones in currents.items() if other != run}
+        reference = reference_friction(others)[run[1]]
+        estimates = [reference.judge(one.friction_A, single_cycle=True) for one in cycles]
+        estimates.append(reference.judge(float(np.mean([one.friction_A for one in cycles]))))
+        called = called or any(one.verdict == "degraded" for one in estimates)
+    friction = in_newtons(currents, currents)
+    return Judged(
+        [one.run for one in left_out],
+        [cycle for one in left_out for cycle in one.cycles],
+        friction,
+        dict.fromkeys(friction, (0.0, 0.0)),
+        dict.fromkeys(friction, 1.0),
+        ["friction"] if called else [],
+    )
+
+
+def judge_set(
+    runs: dict[Run, list[Recording]], detector: Detector, healthy: dict[Run, list[StrokeCurrent]]
+) -> Judged:
+    """Return what the detector and the friction of healthy runs say of a set."""
+    currents = stroke_currents(runs)
+    reference = reference_friction(healthy)
+    change, share, degraded = {}, {}, False
+    for load in sorted({run[1] for run in runs}):
+        ones = [one for run, cycles in currents.items() if run[1] == load for one in cycles]
+        estimate = reference[load].judge(float(np.mean([one.friction_A for one in ones])))
+        degraded = degraded or estimate.verdict == "degraded"
+        scale = 2.0  # friction × (1 + 2 k)
+        change[load] = (scale * estimate.value, scale * (estimate.interval95[1] - estimate.value))
+        before = [one.load_A for run, cycles in healthy.items() if run[1] == load for one in cycles]
+        share[load] = float(np.mean([one.load_A for one in ones]) / np.mean(before))
+    return Judged(
+        [detector.judge(cycles) for cycles in runs.values()],
+        [detector.judge(one) for cycles in runs.values() for one in cycles],
+        in_newtons(currents, healthy),
+        change,
+        share,
+        ["friction"] if degraded else [],
+    )
+
+
+def known_runs(
+    name: str, runs: dict[Run, list[Recording]], healthy: dict[Run, list[Recording]]
+) -> dict[Run, list[Recording]]:
+    """Return the runs whose profile and load were recorded healthy, and say which others there are."""
+    known = {run[:2] for run in healthy}
+    foreign = sorted({run[:2] for run in runs} - known)
+    for profile, load in foreign:
+        print(
+            f"cranfield: {name}: profile '{profile}' at {load / KGF:g} kgf was never recorded healthy; "
+            "left out",
+            file=sys.stderr,
+        )
+    rest = {run: cycles for run, cycles in runs.items() if run[:2] in known}
+    if not rest:
+        raise RecordingError(
+            f"{name}: none of its manoeuvres and loads was recorded healthy; give a healthy file with them"
+        )
+    return rest
+
+
+def stroke_currents(runs: dict[Run, list[Recording]]) -> dict[Run, list[StrokeCurrent]]:
+    """Return the parts of the current in each cycle."""
+    return {run: [StrokeCurrent.of(one) for one in cycles] for run, cycles in runs.items()}
+
+
+def reference_friction(healthy: dict[Run, list[StrokeCurrent]]) -> dict[float, HealthyFriction]:
+    """Return the friction of healthy runs by load [N]."""
+    return {
+        load: HealthyFriction.learn([cycles for run, cycles in healthy.items() if run[1] == load])
+        for load in sorted({run[1] for run in healthy})
+    }
+
+
+def in_newtons(
+    currents: dict[Run, list[StrokeCurrent]], healthy: dict[Run, list[StrokeCurrent]]
+) -> dict[float, float]:
+    """Return the friction force [N] by load [N]: the known loads say how much current a newton takes."""
+    pairs = [(one, run[1]) for run, cycles in healthy.items() for one in cycles]
+    per_newton = current_per_load([one for one, _ in pairs], [load for _, load in pairs])
+    return {
+        load: float(
+            np.mean([one.friction_A for run, ones in currents.items() if run[1] == load for one in ones])
+            / per_newton
+        )
+        for load in sorted({run[1] for run in currents})
+    }
+
+
+def detected(results: Sequence[DetectorResult]) -> float:
+    """Return the share that is not like healthy."""
+    return sum(not one.like_healthy for one in results) / len(results)
+
+
+def summary(judged: dict[str, Judged], left_out: list[LeftOut]) -> dict[str, Any]:
+    """Return what --json prints."""
+    return {
+        "false_alarms": {"runs": detected([one.run for one in left_out]), "of": len(left_out)},
+        "sets": {name: one.summary() for name, one in judged.items()},
+    }
+
+
+def table(judged: dict[str, Judged], left_out: list[LeftOut], healthy_name: str) -> str:
+    """Return the figures as text, with what they rest on."""
+    rows = []
+    for name, one in judged.items():
+        for k, load in enumerate(sorted(one.friction)):
+            change, half = one.change[load]
+            rows.append(
+                (
+                    name if k == 0 else "",
+                    f"{100 * detected(one.runs):.0f} %" if k == 0 else "",
+                    f"{100 * detected(one.cycles):.0f} %" if k == 0 else "",
+                    f"{load / KGF:g}",
+                    f"{one.friction[load]:.0f}",
+                    "-" if name == healthy_name else f"{100 * change:+.1f} ± {100 * half:.1f} %",
+                    "-" if name == healthy_name else f"{100 * one.load_share[load]:.0f} %",
+                    (", ".join(one.degraded) or "none") if k == 0 else "",
+                )
+            )
+    header = ("set", "runs", "cycles", "load [kgf]", "friction [N]", "change", "load's current", "degraded")
+    lines = [format_table(header, rows), "", left_out[0].run.shown + "."]
+    lines += [f"{name}: {one.runs[0].sentence}." for name, one in judged.items() if name != healthy_name]
+    lines += [
+        account(name, load, one)
+        for name, one in judged.items()
+        if name != healthy_name and one.degraded
+        for load, (change, half) in one.change.items()
+        if abs(change) <= half
+    ]
+    return "\n".join(lines)
+
+
+def account(name: str, load: float, one: Judged) -> str:
+    """Return why friction at a load is not called changed, although it is at another."""
+    change, half = one.change[load]
+    return (
+        f"{name}, {load / KGF:g} kgf: the friction current is that of the healthy runs within "
+        f"{100 * max(abs(change + half), abs(change - half)):.1f} %, while the load takes "
+        f"{100 * one.load_share[load]:.0f} % of its healthy current: the current shows torque there as "
+        "before, but no more friction."
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

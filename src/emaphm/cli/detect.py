@@ -1,0 +1,136 @@
+"""The verbs `detect learn` and `detect judge`: they read recordings, call the detector, and print."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import App, Parameter
+
+from emaphm.cli.options import (
+    FIGURES,
+    ActuatorFile,
+    AsJson,
+    Force,
+    check_output,
+    described_actuator,
+    recording_of,
+)
+from emaphm.cli.output import draw, progress, show
+from emaphm.errors import MethodError
+
+if TYPE_CHECKING:
+    from emaphm.actuator import Actuator
+    from emaphm.detection import DetectorResult
+    from emaphm.recording import Recording
+
+app = App(name="detect", help="Say whether cycles are like healthy ones, whatever the cause.")
+
+DetectorFile = Annotated[Path, Parameter(help="Detector that 'detect learn' wrote: .json.")]
+
+
+@app.command
+def learn(
+    *recording: Annotated[Path, Parameter(help="Healthy recordings of one cycle each.")],
+    out: Annotated[Path, Parameter(name=("--out", "-o"), help="Detector to write: .json.")],
+    group: Annotated[
+        Literal["file", "folder"],
+        Parameter(help="What holds the cycles of one run: each file, or all files of a folder."),
+    ] = "file",
+    model: Annotated[
+        bool,
+        Parameter(
+            help="Take off first what the actuator's model explains; --no-model: channels as measured."
+        ),
+    ] = True,
+    false_alarm_rate: Annotated[
+        float, Parameter(help="Share of healthy cycles that may be called not like healthy.")
+    ] = 0.01,
+    seeded: Annotated[
+        tuple[str, ...],
+        Parameter(
+            negative="",
+            help="NAME=FILE, a recording with a known fault, whose direction others are compared with; may be "
+            "repeated.",
+        ),
+    ] = (),
+    actuator: ActuatorFile = "thesis",
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Learn from healthy recordings what healthy looks like, and write it to one file."""
+    check_output(out, (".json",), force=force)
+    described = described_actuator(actuator)
+    recordings = [recording_of(path, described) for path in recording]
+    examples = _examples(seeded, described)
+    from dataclasses import replace
+
+    from emaphm.detection import DETECTOR, Detector
+
+    with progress("learning", as_json):
+        detector = Detector.learn(
+            recordings,
+            groups=[
+                str(path.resolve().parent if group == "folder" else path.resolve()) for path in recording
+            ],
+            actuator=described if model else None,
+            settings=replace(DETECTOR, false_alarm_rate=false_alarm_rate),
+        ).with_seeded(examples)
+    detector.save(out)
+    show({"detector": str(out), **detector.to_dict()}, f"{detector}\nWritten to {out}", as_json)
+
+
+@app.command
+def judge(
+    detector: DetectorFile,
+    *recording: Annotated[Path, Parameter(help="Recordings of one cycle each: .csv, .parquet or .mat.")],
+    together: Annotated[
+        bool, Parameter(negative="", help="Judge all as the cycles of one run: more sensitive.")
+    ] = False,
+    figure: Annotated[
+        Path | None,
+        Parameter(help="Draw T² and Q against the thresholds, and where they come from: .png, .svg, .pdf."),
+    ] = None,
+    actuator: ActuatorFile = "thesis",
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Say of recordings whether they are like the healthy ones, and if not, where."""
+    check_output(figure, FIGURES, force=force)
+    from emaphm.detection import Detector
+
+    known = Detector.load(detector)
+    described = known.actuator or described_actuator(actuator)
+    recordings = [recording_of(path, described) for path in recording]
+    if not recordings:
+        raise MethodError("no recording to judge; name one or more files")
+    results = [known.judge(recordings)] if together else [known.judge(one) for one in recordings]
+    worst = max(results, key=lambda one: one.excess)
+    draw(worst, figure)
+    alarms = sum(not one.like_healthy for one in results)
+    values = {"not_like_healthy": alarms, "of": len(results), "results": [one.to_dict() for one in results]}
+    show(values, _text(results, worst), as_json)
+
+
+def healthy_check(path: Path, recording: "Recording") -> "DetectorResult":
+    """Return what the detector in a file says of a recording."""
+    from emaphm.detection import Detector
+
+    return Detector.load(path).judge(recording)
+
+
+def _text(results: "list[DetectorResult]", worst: "DetectorResult") -> str:
+    if len(results) == 1:
+        return str(worst)
+    lines = [f"{one.recording}: {one.sentence}." for one in results]
+    alarms = sum(not one.like_healthy for one in results)
+    return "\n".join([*lines, f"{alarms} of {len(results)} are not like healthy. {worst.shown}."])
+
+
+def _examples(seeded: tuple[str, ...], actuator: "Actuator") -> dict[str, list[Any]]:
+    """Return the recordings that the --seeded options name, by fault."""
+    examples: dict[str, list[Any]] = {}
+    for assignment in seeded:
+        name, separator, path = assignment.partition("=")
+        if not (separator and name.strip() and path):
+            raise MethodError(f"--seeded {assignment}: give NAME=FILE, e.g. lubrication=dry.csv")
+        examples.setdefault(name.strip(), []).append(recording_of(Path(path), actuator))
+    return examples

@@ -1,0 +1,8 @@
+"""What the physics does not explain: whether a cycle is like healthy ones of its manoeuvre and load."""
+
+from emaphm.detection.detector import Detector
+from emaphm.detection.left_out import LeftOut, judged_left_out
+from emaphm.detection.result import DetectorResult
+from emaphm.detection.settings import DETECTOR, DetectorSettings
+
+__all__ = ["DETECTOR", "Detector", "DetectorResult", "DetectorSettings", "LeftOut", "judged_left_out"]

@@ -1,0 +1,98 @@
+"""A recording as the detector sees it: one cycle of a manoeuvre, its channels less what a model explains."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from emaphm.actuator import Actuator
+from emaphm.arrays import Array
+from emaphm.errors import RecordingError
+from emaphm.estimation.replay import replay
+from emaphm.recording import Recording
+from emaphm.recording.schema import PHASES, RESPONSES
+
+COMPARED = (*RESPONSES, *PHASES)
+"""Channels that a detector looks at, where all recordings have them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cycle:
+    """One cycle.
+
+    Attributes
+    ----------
+    signals
+        (rows, channels), each in its channel's unit: measured, less the model's where one replays it.
+    command, load
+        At each row, (rows,); the load is 0 where none was recorded.
+    interval_s
+        Between rows [s].
+    source
+        Where it comes from, for messages.
+    """
+
+    signals: Array
+    command: Array
+    load: Array
+    interval_s: float
+    source: str
+
+    def cut(self, rows: int) -> "Cycle":
+        """Return the cycle with that many rows: without its last ones, or with the last repeated."""
+        keep = np.minimum(np.arange(rows), self.command.size - 1)
+        return Cycle(self.signals[keep], self.command[keep], self.load[keep], self.interval_s, self.source)
+
+
+def common_channels(recordings: Sequence[Recording]) -> tuple[str, ...]:
+    """Return the channels that all recordings have, of those that a detector looks at.
+
+    Raises
+    ------
+    RecordingError
+        They have none in common.
+    """
+    channels = tuple(name for name in COMPARED if all(name in one for one in recordings))
+    if not channels:
+        raise RecordingError(
+            f"{recordings[0].source}: the {len(recordings)} recordings have no response in common "
+            f"({', '.join(COMPARED[:1])}, position_rad, …); learn from recordings with the same channels"
+        )
+    return channels
+
+
+def cycle_of(recording: Recording, channels: Sequence[str], actuator: Actuator | None) -> Cycle:
+    """Return the cycle in a recording.
+
+    Parameters
+    ----------
+    recording
+        Of one cycle.
+    channels
+        What is looked at, in this order.
+    actuator
+        Replays command and load, so that the residual to its model is looked at; None where the
+        measured channels themselves are.
+
+    Raises
+    ------
+    RecordingError
+        A channel is missing; or the recording cannot be meant for the actuator.
+    """
+    missing = [name for name in channels if name not in recording]
+    if missing:
+        raise RecordingError(
+            f"{recording.source}: no {', '.join(missing)}, which the detector was taught with; record it, "
+            "or learn again without"
+        )
+    modelled = replay(recording, actuator).signals if actuator else {}
+    signals = [recording[name] - modelled[name] if name in modelled else recording[name] for name in channels]
+    load = recording["load_Nm"] if "load_Nm" in recording else np.zeros(recording.samples)
+    return Cycle(
+        np.stack(signals, axis=1), recording["command_rad"], load, recording.interval_s, recording.source
+    )
+
+
+def rms(values: Array) -> float:
+    """Return the root of the mean square of `values`."""
+    return float(np.sqrt(np.mean(values**2)))

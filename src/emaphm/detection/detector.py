@@ -1,0 +1,341 @@
+"""A detector of what is not like healthy, whatever causes it: learned from healthy recordings alone."""
+
+import dataclasses
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from emaphm.actuator import Actuator
+from emaphm.arrays import Array
+from emaphm.detection.cycle import Cycle, common_channels, cycle_of
+from emaphm.detection.features import feature_names
+from emaphm.detection.level import Level
+from emaphm.detection.manoeuvre import (
+    Manoeuvre,
+    command_difference,
+    learn_manoeuvre,
+    same_load,
+)
+from emaphm.detection.result import Contribution, DetectorResult, Nearest
+from emaphm.detection.settings import DETECTOR, DetectorSettings
+from emaphm.detection.thresholds import highest_rate, runs_to_show
+from emaphm.errors import MethodError, RecordingError
+from emaphm.recording import Recording
+
+
+@dataclass(frozen=True, eq=False)
+class Seeded:
+    """Mean deviation of recordings with a seeded fault, (features,), at a load of a manoeuvre.
+
+    `manoeuvre` and `load` are the places in the detector's and the manoeuvre's list.
+    """
+
+    fault: str
+    manoeuvre: int
+    load: int
+    deviation: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Detector:
+    """Knows what healthy cycles look like, and says of others how far from that they are.
+
+    Attributes
+    ----------
+    channels
+        What it looks at.
+    manoeuvres
+        What it knows healthy cycles of.
+    actuator
+        Whose model explains what it can of a recording before; None where channels are taken as measured.
+    seeded
+        Deviations of recordings with known faults.
+    """
+
+    channels: tuple[str, ...]
+    manoeuvres: tuple[Manoeuvre, ...]
+    actuator: Actuator | None = None
+    seeded: tuple[Seeded, ...] = ()
+    settings: DetectorSettings = field(default=DETECTOR)
+
+    @classmethod
+    def learn(
+        cls,
+        recordings: Sequence[Recording],
+        *,
+        groups: Sequence[Hashable] | None = None,
+        actuator: Actuator | None = None,
+        settings: DetectorSettings = DETECTOR,
+    ) -> "Detector":
+        """Learn from healthy recordings, of one cycle each.
+
+        Which of them are the same manoeuvre at the same load is seen from `command_rad` and `load_Nm`
+        (no load where that is absent).
+
+        Parameters
+        ----------
+        recordings
+            Of a healthy unit, five independent runs of each manoeuvre at least.
+        groups
+            The run that each recording is a cycle of: those of one run resemble each other, and are left
+            out together. Each its own where left out.
+        actuator
+            What its model explains of command and load is taken off first; the description of the unit.
+        settings
+            See `DetectorSettings`.
+
+        Raises
+        ------
+        RecordingError
+            Too few runs, no channel in common, or a recording cannot be meant for the actuator.
+        MethodError
+            `groups` has another length, a rate is impossible, or scikit-learn is not installed.
+        """
+        if not recordings:
+            raise RecordingError(
+                "no healthy recordings to learn from; give five runs of a manoeuvre at least"
+            )
+        labels = list(range(len(recordings))) if groups is None else list(groups)
+        if len(labels) != len(recordings):
+            raise MethodError(
+                f"{len(labels)} groups for {len(recordings)} recordings; give the run of each recording"
+            )
+        channels = common_channels(recordings)
+        cycles = [cycle_of(one, channels, actuator) for one in recordings]
+        return cls.of_cycles(cycles, labels, channels, actuator, settings)
+
+    @classmethod
+    def of_cycles(
+        cls,
+        cycles: Sequence[Cycle],
+        groups: Sequence[Hashable],
+        channels: tuple[str, ...],
+        actuator: Actuator | None = None,
+        settings: DetectorSettings = DETECTOR,
+    ) -> "Detector":
+        """Learn from cycles that were prepared before; arguments and errors as in `learn`."""
+        if not 0 < settings.false_alarm_rate < 1:
+            raise MethodError(
+                f"a rate of false alarms of {settings.false_alarm_rate:g} is impossible; give one between "
+                "0 and 1, e.g. 0.01"
+            )
+        largest = max(float(np.abs(one.load).max()) for one in cycles)
+        manoeuvres = []
+        rest = list(range(len(cycles)))
+        while rest:
+            first = cycles[rest[0]]
+            alike = [
+                k
+                for k in rest
+                if not command_difference(first.command, first.interval_s, cycles[k], settings)
+            ]
+            rest = [k for k in rest if k not in alike]
+            manoeuvres.append(
+                learn_manoeuvre([cycles[k] for k in alike], [groups[k] for k in alike], largest, settings)
+            )
+        return cls(channels, tuple(manoeuvres), actuator, (), settings)
+
+    def with_seeded(self, examples: Mapping[str, Sequence[Recording]]) -> "Detector":
+        """Return the detector that also knows in which direction seeded faults lie.
+
+        Parameters
+        ----------
+        examples
+            Recordings with a fault, of one cycle each, by the fault's name; of a learned manoeuvre and load.
+        """
+        seeded = list(self.seeded)
+        for fault, recordings in examples.items():
+            found: dict[tuple[int, int], list[Array]] = {}
+            for recording in recordings:
+                cycle = cycle_of(recording, self.channels, self.actuator)
+                place = self._place(cycle)
+                manoeuvre = self.manoeuvres[place[0]]
+                at = manoeuvre.loads[place[1]]
+                found.setdefault(place, []).append(manoeuvre.deviations([cycle], at, self.settings)[0])
+            seeded += [Seeded(fault, *place, np.mean(ones, axis=0)) for place, ones in found.items()]
+        return dataclasses.replace(self, seeded=tuple(seeded))
+
+    def judge(self, recordings: Recording | Sequence[Recording]) -> DetectorResult:
+        """Say whether a cycle, or the cycles of a run taken together, are like healthy.
+
+        Parameters
+        ----------
+        recordings
+            One cycle; or several of the same manoeuvre and load, whose mean features are judged: more
+            sensitive, as what differs between cycles of one run averages out.
+
+        Raises
+        ------
+        RecordingError
+            The manoeuvre or the load was never seen healthy, cycles differ in them, or a channel is missing.
+        """
+        given = [recordings] if isinstance(recordings, Recording) else list(recordings)
+        return self.judge_cycles([cycle_of(one, self.channels, self.actuator) for one in given])
+
+    def judge_cycles(self, cycles: Sequence[Cycle]) -> DetectorResult:
+        """Judge cycles that were prepared before, together; errors as in `judge`."""
+        if not cycles:
+            raise RecordingError("no recording to judge; give one cycle at least")
+        places = [self._place(one) for one in cycles]
+        for cycle, place in zip(cycles, places, strict=True):
+            if place != places[0]:
+                raise RecordingError(
+                    f"{cycle.source}: another manoeuvre or load than {cycles[0].source}; judge cycles of one "
+                    "manoeuvre at one load together"
+                )
+        manoeuvre = self.manoeuvres[places[0][0]]
+        at = manoeuvre.loads[places[0][1]]
+        level = [one for one in manoeuvre.levels if one.cycles <= len(cycles)][-1]
+        deviation = manoeuvre.deviations(cycles, at, self.settings).mean(axis=0, keepdims=True)
+        return DetectorResult(
+            recording=cycles[0].source,
+            cycles=len(cycles),
+            manoeuvre=f"{manoeuvre.name}, {at.name}",
+            t2=float(level.scatter.t2(deviation)[0]),
+            q=float(level.scatter.q(deviation)[0]),
+            t2_threshold=level.t2_threshold,
+            q_threshold=level.q_threshold,
+            contributions=self._contributions(manoeuvre, level, deviation),
+            nearest=self._nearest(level, places[0], deviation),
+            false_alarm_rate=self.settings.false_alarm_rate,
+            shown=self.shown(level),
+        )
+
+    def shown_rate(self, level: Level) -> float:
+        """Return the highest rate of false alarms that the healthy runs of `level` leave room for."""
+        return highest_rate(level.alarms, level.runs, self.settings.confidence)
+
+    def shown(self, level: Level) -> str:
+        """Return which rate of false alarms the healthy runs of `level` can show, in words."""
+        s = self.settings
+        bound = self.shown_rate(level)
+        needed = runs_to_show(s.false_alarm_rate, s.confidence)
+        text = (
+            f"{level.alarms} of {level.runs} healthy runs left out alarmed: at most {100 * bound:.2g} % of "
+            f"false alarms are shown, with {100 * s.confidence:g} % confidence"
+        )
+        if bound <= s.false_alarm_rate:
+            return text
+        return f"{text}; at most {100 * s.false_alarm_rate:g} % cannot be shown with fewer than {needed} runs"
+
+    def save(self, path: str | Path) -> None:
+        """Write the detector to one JSON file; `OutputError` where it cannot be written."""
+        from emaphm.detection.detector_file import write_detector
+
+        write_detector(self, path)
+
+    @classmethod
+    def load(cls, path: str | Path) -> "Detector":
+        """Read a detector that `save` wrote; `MethodError` where it is none."""
+        from emaphm.detection.detector_file import read_detector
+
+        return read_detector(Path(path))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what `emaphm detect learn --json` prints."""
+        return {
+            "channels": list(self.channels),
+            "model": self.actuator is not None,
+            "false_alarm_rate": self.settings.false_alarm_rate,
+            "manoeuvres": [
+                {
+                    "manoeuvre": one.name,
+                    "loads": [at.name for at in one.loads],
+                    "levels": [
+                        {
+                            "cycles": level.cycles,
+                            "t2_threshold": level.t2_threshold,
+                            "q_threshold": level.q_threshold,
+                            "alarms": level.alarms,
+                            "runs": level.runs,
+                            "shown_rate": self.shown_rate(level),
+                        }
+                        for level in one.levels
+                    ],
+                }
+                for one in self.manoeuvres
+            ],
+            "seeded": list(dict.fromkeys(one.fault for one in self.seeded)),
+        }
+
+    def __str__(self) -> str:
+        """Return what it was taught, a line a manoeuvre."""
+        lines = [f"Looks at {', '.join(self.channels)}{', less the model' if self.actuator else ''}."]
+        for one in self.manoeuvres:
+            lines.append(f"{one.name}: {', '.join(load.name for load in one.loads)}.")
+            for level in one.levels:
+                what = "single cycles" if level.cycles == 1 else f"means of {level.cycles} cycles or more"
+                lines.append(f"  {what}: {self.shown(level)}.")
+        if self.seeded:
+            lines.append(f"Seeded faults: {', '.join(dict.fromkeys(one.fault for one in self.seeded))}.")
+        return "\n".join(lines)
+
+    def _place(self, cycle: Cycle) -> tuple[int, int]:
+        """Return which manoeuvre and which of its loads `cycle` is."""
+        largest = max(float(np.abs(at.load).max()) for one in self.manoeuvres for at in one.loads)
+        differences = [one.difference(cycle, self.settings) for one in self.manoeuvres]
+        known = [k for k, difference in enumerate(differences) if not difference]
+        if not known:
+            nearest = min(zip(differences, self.manoeuvres, strict=True), key=lambda pair: len(pair[0]))
+            raise RecordingError(
+                f"{cycle.source}: this manoeuvre was never seen healthy ({nearest[0]}; known: "
+                f"{'; '.join(one.name for one in self.manoeuvres)}); teach it healthy recordings of this one"
+            )
+        for k in known:
+            load = cycle.cut(self.manoeuvres[k].command.size).load
+            for place, at in enumerate(self.manoeuvres[k].loads):
+                if same_load(load, at.load, largest, self.settings):
+                    return k, place
+        raise RecordingError(
+            f"{cycle.source}: never seen healthy at the load {cycle.load.mean():.4g} (known: "
+            f"{', '.join(at.name for k in known for at in self.manoeuvres[k].loads)}); teach the detector "
+            "healthy recordings at it"
+        )
+
+    def _contributions(
+        self, manoeuvre: Manoeuvre, level: Level, deviation: Array
+    ) -> tuple[Contribution, ...]:
+        t2 = level.scatter.t2_contributions(deviation)[0]
+        q = level.scatter.q_contributions(deviation)[0]
+        names = feature_names(self.channels, manoeuvre.segments, self.settings)
+        sums = {
+            (place, channel): [0.0, 0.0]
+            for place in range(len(manoeuvre.segments))
+            for channel in self.channels
+        }
+        for k, name in enumerate(names):
+            sums[name.segment, name.channel][0] += float(t2[k])
+            sums[name.segment, name.channel][1] += float(q[k])
+        return tuple(
+            Contribution(
+                channel,
+                manoeuvre.segments[place].label(manoeuvre.interval_s),
+                manoeuvre.segments[place].stroke,
+                *both,
+            )
+            for (place, channel), both in sums.items()
+        )
+
+    def _nearest(self, level: Level, place: tuple[int, int], deviation: Array) -> Nearest | None:
+        """Return the seeded fault in whose direction `deviation` lies; at this load where that was seeded."""
+        same = [one for one in self.seeded if (one.manoeuvre, one.load) == place]
+        others = [one for one in self.seeded if one.manoeuvre == place[0]]
+        direction = level.scatter.whitened(deviation)[0]
+        best: Nearest | None = None
+        for fault in dict.fromkeys(one.fault for one in others):
+            ones = [one for one in same if one.fault == fault] or [
+                one for one in others if one.fault == fault
+            ]
+            for one in ones:
+                cosine = _cosine(direction, level.scatter.whitened(one.deviation))
+                if best is None or cosine > best.cosine:
+                    best = Nearest(fault, cosine, cosine >= self.settings.alike)
+        return best
+
+
+def _cosine(one: Array, other: Array) -> float:
+    size = float(np.linalg.norm(one) * np.linalg.norm(other))
+    return float(one @ other) / size if size > 0 else 0.0

@@ -1,0 +1,242 @@
+"""A detector in one JSON file: written, and read back with every size checked."""
+
+import json
+from dataclasses import asdict, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from emaphm.actuator import Actuator
+from emaphm.detection.detector import Detector, Seeded
+from emaphm.detection.features import feature_names
+from emaphm.detection.level import Level
+from emaphm.detection.manoeuvre import HealthyAtLoad, Manoeuvre
+from emaphm.detection.segments import Segment
+from emaphm.detection.settings import DETECTOR, DetectorSettings
+from emaphm.detection.statistics import HealthyScatter
+from emaphm.errors import MethodError
+from emaphm.input_files import read_bytes
+from emaphm.output_files import written_whole
+from emaphm.version import VERSION
+
+if TYPE_CHECKING:
+    from typing import Self
+
+
+FORMAT = "emaphm detector 1"
+
+MOST_BYTES = 256 * 2**20
+"""Largest file that is read [bytes]; a detector of ten channels and fifty segments has some 60 MB."""
+
+Row = list[float]
+Matrix = list[list[float]]
+Positive = Annotated[float, Field(gt=0)]
+Count = Annotated[int, Field(ge=0)]
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, strict=False)
+
+
+class _Segment(_Part):
+    first: Count
+    stop: Count
+    stroke: Literal["up-stroke", "down-stroke", "hold"]
+
+
+class _Load(_Part):
+    load: Row
+    mean: Matrix
+    centre: Row
+
+
+class _Level(_Part):
+    cycles: Annotated[int, Field(ge=1)]
+    scale: list[Positive]
+    directions: Matrix
+    variances: list[Positive]
+    rank: Annotated[int, Field(ge=1)]
+    t2_threshold: Positive
+    q_threshold: Annotated[float, Field(ge=0)]
+    alarms: Count
+    runs: Annotated[int, Field(ge=2)]
+
+
+class _Manoeuvre(_Part):
+    command: Row
+    interval_s: Positive
+    segments: Annotated[list[_Segment], Field(min_length=1)]
+    scales: list[Positive]
+    loads: Annotated[list[_Load], Field(min_length=1)]
+    levels: Annotated[list[_Level], Field(min_length=1)]
+
+
+class _Seeded(_Part):
+    fault: str
+    manoeuvre: Count
+    load: Count
+    deviation: Row
+
+
+class _DetectorFile(_Part):
+    format: Literal["emaphm detector 1"]
+    version: str
+    channels: Annotated[list[str], Field(min_length=1)]
+    settings: dict[str, float]
+    actuator: dict[str, Any] | None
+    manoeuvres: Annotated[list[_Manoeuvre], Field(min_length=1)]
+    seeded: list[_Seeded]
+
+    @model_validator(mode="after")
+    def _sizes_agree(self) -> "Self":
+        for one in self.manoeuvres:
+            _check_sizes(
+                one, len(self.channels), _count_features(one, self.channels, _settings(self.settings))
+            )
+        for seeded in self.seeded:
+            if seeded.manoeuvre >= len(self.manoeuvres):
+                raise ValueError("a seeded fault is of a manoeuvre that is not there")
+            known = self.manoeuvres[seeded.manoeuvre]
+            if seeded.load >= len(known.loads) or len(seeded.deviation) != len(known.loads[0].centre):
+                raise ValueError("a seeded fault has another size than its manoeuvre")
+        return self
+
+
+def write_detector(detector: Detector, path: str | Path) -> None:
+    """Write a detector as JSON; `OutputError` where it cannot be written."""
+    content = {
+        "format": FORMAT,
+        "version": VERSION,
+        "channels": list(detector.channels),
+        "settings": asdict(detector.settings),
+        "actuator": detector.actuator.model_dump(mode="json", exclude_none=True)
+        if detector.actuator
+        else None,
+        "manoeuvres": [_manoeuvre_dict(one) for one in detector.manoeuvres],
+        "seeded": [
+            {
+                "fault": one.fault,
+                "manoeuvre": one.manoeuvre,
+                "load": one.load,
+                "deviation": one.deviation.tolist(),
+            }
+            for one in detector.seeded
+        ],
+    }
+    with written_whole(path) as temporary:
+        temporary.write_text(json.dumps(content, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def read_detector(path: Path) -> Detector:
+    """Return the detector in a JSON file.
+
+    Raises
+    ------
+    MethodError
+        The file is absent, too large, or no detector.
+    """
+    content = read_bytes(path, MOST_BYTES, MethodError)
+    try:
+        held = _DetectorFile.model_validate_json(content)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"]))
+        where = f"'{place}': " if place else ""
+        raise MethodError(
+            f"{path}: no detector ({where}{first['msg']}); write one with 'emaphm detect learn'"
+        ) from None
+    actuator = None if held.actuator is None else Actuator.from_dict(held.actuator, where=str(path))
+    return Detector(
+        tuple(held.channels),
+        tuple(_manoeuvre(one) for one in held.manoeuvres),
+        actuator,
+        tuple(Seeded(one.fault, one.manoeuvre, one.load, np.array(one.deviation)) for one in held.seeded),
+        _settings(held.settings),
+    )
+
+
+def _settings(values: dict[str, float]) -> DetectorSettings:
+    unknown = [name for name in values if not hasattr(DETECTOR, name)]
+    if unknown:
+        raise ValueError(f"unknown setting '{unknown[0]}'")
+    whole = {name: int(v) if isinstance(getattr(DETECTOR, name), int) else v for name, v in values.items()}
+    return replace(DETECTOR, **whole)
+
+
+def _manoeuvre_dict(one: Manoeuvre) -> dict[str, Any]:
+    return {
+        "command": one.command.tolist(),
+        "interval_s": one.interval_s,
+        "segments": [{"first": s.first, "stop": s.stop, "stroke": s.stroke} for s in one.segments],
+        "scales": one.scales.tolist(),
+        "loads": [
+            {"load": at.load.tolist(), "mean": at.mean.tolist(), "centre": at.centre.tolist()}
+            for at in one.loads
+        ],
+        "levels": [
+            {
+                "cycles": level.cycles,
+                "scale": level.scatter.scale.tolist(),
+                "directions": level.scatter.directions.tolist(),
+                "variances": level.scatter.variances.tolist(),
+                "rank": level.scatter.rank,
+                "t2_threshold": level.t2_threshold,
+                "q_threshold": level.q_threshold,
+                "alarms": level.alarms,
+                "runs": level.runs,
+            }
+            for level in one.levels
+        ],
+    }
+
+
+def _manoeuvre(one: _Manoeuvre) -> Manoeuvre:
+    return Manoeuvre(
+        np.array(one.command),
+        one.interval_s,
+        tuple(Segment(s.first, s.stop, s.stroke) for s in one.segments),
+        np.array(one.scales),
+        tuple(HealthyAtLoad(np.array(at.load), np.array(at.mean), np.array(at.centre)) for at in one.loads),
+        tuple(
+            Level(
+                level.cycles,
+                HealthyScatter(
+                    np.array(level.scale), np.array(level.directions), np.array(level.variances), level.rank
+                ),
+                level.t2_threshold,
+                level.q_threshold,
+                level.alarms,
+                level.runs,
+            )
+            for level in one.levels
+        ),
+    )
+
+
+def _count_features(one: _Manoeuvre, channels: list[str], settings: DetectorSettings) -> int:
+    segments = [Segment(s.first, s.stop, s.stroke) for s in one.segments]
+    return len(feature_names(channels, segments, settings))
+
+
+def _check_sizes(one: _Manoeuvre, channels: int, features: int) -> None:
+    rows = len(one.command)
+    edges = [(s.first, s.stop) for s in one.segments]
+    adjoin = edges[0][0] == 0 and edges[-1][1] == rows and all(a < b for a, b in edges)
+    adjoin = adjoin and all(before[1] == after[0] for before, after in pairwise(edges))
+    right = adjoin and len(one.scales) == channels
+    for at in one.loads:
+        right = right and len(at.load) == rows and len(at.centre) == features
+        right = right and _shape(at.mean) == (rows, channels)
+    for level in one.levels:
+        right = right and len(level.scale) == len(level.variances) == features and level.rank <= features
+        right = right and _shape(level.directions) == (features, features)
+    if not right or one.levels[0].cycles != 1:
+        raise ValueError("the sizes of a manoeuvre's parts do not agree")
+
+
+def _shape(matrix: Matrix) -> tuple[int, int]:
+    widths = {len(row) for row in matrix}
+    return len(matrix), widths.pop() if len(widths) == 1 else -1

@@ -1,0 +1,103 @@
+"""Scatter of healthy cycles, or of the means of healthy runs, with thresholds from runs left out."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emaphm.arrays import Array
+from emaphm.detection.settings import DetectorSettings
+from emaphm.detection.statistics import HealthyScatter
+from emaphm.detection.thresholds import Labels, joint_thresholds
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """What is judged together: one cycle, or the mean features of `cycles` or more.
+
+    Attributes
+    ----------
+    cycles
+        The least number that this level is for.
+    scatter
+        Of healthy ones.
+    t2_threshold, q_threshold
+        One of which a further healthy one exceeds with the rate of false alarms.
+    alarms, runs
+        Runs left out of scatter and thresholds in which something exceeded them, and how many there were.
+    """
+
+    cycles: int
+    scatter: HealthyScatter
+    t2_threshold: float
+    q_threshold: float
+    alarms: int
+    runs: int
+
+    def exceeds(self, deviations: Array) -> NDArray[np.bool_]:
+        """Return whether each of `deviations` (n, p) exceeds a threshold: (n,)."""
+        return (self.scatter.t2(deviations) > self.t2_threshold) | (
+            self.scatter.q(deviations) > self.q_threshold
+        )
+
+
+def learn_level(
+    features: Array, runs: Labels, loads: Labels, cycles: int, settings: DetectorSettings
+) -> Level:
+    """Return the scatter and the thresholds of healthy cycles, by cross-validation over runs.
+
+    Parameters
+    ----------
+    features
+        Of all cycles, (n, p).
+    runs, loads
+        Which run and load each is of, (n,).
+    cycles
+        1, or the number from which on the means of runs are judged.
+    """
+    # By load, so that runs at one load are in different folds: each fold leaves some of it to learn from.
+    order = np.array(list(dict.fromkeys(runs[np.lexsort((runs, loads))].tolist())))
+    fold_of = {run: place % settings.most_folds for place, run in enumerate(order.tolist())}
+    folds = np.array([fold_of[run] for run in runs.tolist()])
+    scores, of_run = [], []
+    for fold in np.unique(folds):
+        left = folds == fold
+        scatter = _scatter(features[~left], runs[~left], loads[~left], cycles, settings)
+        centres = _centres(features, loads, ~left)
+        deviations, run, _ = _together(features[left] - centres[left], runs[left], loads[left], cycles)
+        scores.append(np.stack([scatter.t2(deviations), scatter.q(deviations)], axis=1))
+        of_run.append(run)
+    found, run = np.concatenate(scores), np.concatenate(of_run)
+    rate = settings.false_alarm_rate
+    thresholds = joint_thresholds(found, run, rate)
+    alarms = sum(
+        bool(np.any(found[run == one] > joint_thresholds(found[run != one], run[run != one], rate)))
+        for one in order
+    )
+    scatter = _scatter(features, runs, loads, cycles, settings)
+    return Level(cycles, scatter, float(thresholds[0]), float(thresholds[1]), alarms, order.size)
+
+
+def _scatter(
+    features: Array, runs: Labels, loads: Labels, cycles: int, settings: DetectorSettings
+) -> HealthyScatter:
+    everything = np.ones(len(features), dtype=bool)
+    deviations, _, _ = _together(features - _centres(features, loads, everything), runs, loads, cycles)
+    return HealthyScatter.learn(deviations, settings.variance_share)
+
+
+def _centres(features: Array, loads: Labels, taken: NDArray[np.bool_]) -> Array:
+    """Return, for each cycle, the mean features of those `taken` at its load, (n, p)."""
+    means = np.zeros_like(features)
+    for load in np.unique(loads):
+        means[loads == load] = features[taken & (loads == load)].mean(axis=0)
+    return means
+
+
+def _together(deviations: Array, runs: Labels, loads: Labels, cycles: int) -> tuple[Array, Labels, Labels]:
+    """Return what is judged: cycles as they are, or the mean of each run at each load; with both labels."""
+    if cycles == 1:
+        return deviations, runs, loads
+    pairs, of = np.unique(np.stack([runs, loads], axis=1), axis=0, return_inverse=True)
+    means = np.stack([deviations[of == k].mean(axis=0) for k in range(len(pairs))])
+    return means, pairs[:, 0], pairs[:, 1]

@@ -1,0 +1,179 @@
+"""What healthy cycles of one manoeuvre look like, at each of its loads, and how much they scatter."""
+
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emaphm.arrays import Array
+from emaphm.detection.cycle import Cycle, rms
+from emaphm.detection.features import features_of
+from emaphm.detection.level import Level, learn_level
+from emaphm.detection.segments import Segment, segments_of
+from emaphm.detection.settings import DetectorSettings
+from emaphm.errors import RecordingError
+
+Groups = NDArray[np.int64]
+
+LEAST_SCALE = 1e-9
+"""Scatter of a channel, relative to its largest value, that counts as none: rounding alone makes more."""
+
+
+@dataclass(frozen=True, eq=False)
+class HealthyAtLoad:
+    """Healthy cycles at one load.
+
+    Attributes
+    ----------
+    load
+        At each row, (rows,) [N·m or N].
+    mean
+        The mean cycle, (rows, channels), in the channels' units.
+    centre
+        Mean features of what is left of healthy cycles, (features,).
+    """
+
+    load: Array
+    mean: Array
+    centre: Array
+
+    @property
+    def name(self) -> str:
+        """The load in words."""
+        low, high = float(self.load.min()), float(self.load.max())
+        return (
+            f"load {low:.4g}"
+            if high - low <= 1e-3 * max(abs(low), abs(high))
+            else (f"load {low:.4g} to {high:.4g}")
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Manoeuvre:
+    """A manoeuvre as healthy cycles do it.
+
+    Attributes
+    ----------
+    command
+        At each row, (rows,) [rad or m].
+    interval_s
+        Between rows [s].
+    segments
+        Its parts.
+    scales
+        Healthy rms about the mean cycle, (channels,), in the channels' units.
+    loads
+        Its loads.
+    levels
+        Scatter and thresholds of one cycle, and of the mean of a run where all runs have several.
+    """
+
+    command: Array
+    interval_s: float
+    segments: tuple[Segment, ...]
+    scales: Array
+    loads: tuple[HealthyAtLoad, ...]
+    levels: tuple[Level, ...]
+
+    @property
+    def name(self) -> str:
+        """The manoeuvre in words."""
+        low, high = self.command.min(), self.command.max()
+        return f"command {low:.4g} to {high:.4g} in {self.command.size * self.interval_s:.4g} s"
+
+    def difference(self, cycle: Cycle, settings: DetectorSettings) -> str:
+        """Return how `cycle` is another manoeuvre, or nothing."""
+        return command_difference(self.command, self.interval_s, cycle, settings)
+
+    def deviations(self, cycles: Sequence[Cycle], at: HealthyAtLoad, settings: DetectorSettings) -> Array:
+        """Return the features of `cycles` less the healthy ones at that load, (cycles, features)."""
+        signals = np.stack([one.cut(self.command.size).signals for one in cycles])
+        return features_of(signals - at.mean, self.segments, self.scales, settings) - at.centre
+
+
+def command_difference(command: Array, interval_s: float, cycle: Cycle, settings: DetectorSettings) -> str:
+    """Return how the command of `cycle` differs from `command` (rows,) every `interval_s`, or nothing."""
+    if abs(cycle.interval_s / interval_s - 1) > settings.rows_tolerance:
+        return f"a row every {cycle.interval_s:.4g} s, not {interval_s:.4g} s"
+    if abs(cycle.command.size / command.size - 1) > settings.rows_tolerance:
+        return f"{cycle.command.size} rows, not {command.size}"
+    size = float(np.ptp(command)) or float(np.abs(command).max())
+    difference = rms(cycle.cut(command.size).command - command) / size
+    if difference > settings.command_tolerance:
+        return f"its command differs by {100 * difference:.3g} % of the range"
+    return ""
+
+
+def learn_manoeuvre(
+    cycles: Sequence[Cycle], groups: Sequence[Hashable], largest_load: float, settings: DetectorSettings
+) -> Manoeuvre:
+    """Return what healthy `cycles` of one manoeuvre, from the runs `groups` (one a cycle), look like.
+
+    What is left of a cycle is taken to the mean of the other runs at its load, as that of a later cycle is:
+    to a mean that it is part of, it would be nearer.
+
+    Raises
+    ------
+    RecordingError
+        There are too few runs, of the manoeuvre or of one of its loads.
+    """
+    first = cycles[0]
+    signals = np.stack([one.cut(first.command.size).signals for one in cycles])
+    numbers = {group: k for k, group in enumerate(dict.fromkeys(groups))}
+    runs = np.array([numbers[group] for group in groups])
+    profiles, at = _loads(cycles, first.command.size, largest_load, settings)
+    _check_runs(cycles, runs, at, settings)
+    residuals = np.empty_like(signals)
+    for k in range(len(signals)):
+        residuals[k] = signals[k] - signals[(at == at[k]) & (runs != runs[k])].mean(axis=0)
+    sizes = np.abs(signals).max(axis=(0, 1))
+    scales = np.sqrt(np.mean(residuals**2, axis=(0, 1)))
+    scales = np.maximum(scales, np.where(sizes > 0, LEAST_SCALE * sizes, 1.0))
+    segments = segments_of(first.command, settings)
+    features = features_of(residuals, segments, scales, settings)
+    loads = tuple(
+        HealthyAtLoad(load, signals[at == k].mean(axis=0), features[at == k].mean(axis=0))
+        for k, load in enumerate(profiles)
+    )
+    fewest = min(int(np.sum((runs == run) & (at == load))) for run, load in set(zip(runs, at, strict=True)))
+    levels = tuple(learn_level(features, runs, at, count, settings) for count in dict.fromkeys((1, fewest)))
+    return Manoeuvre(first.command, first.interval_s, segments, scales, loads, levels)
+
+
+def same_load(one: Array, other: Array, largest: float, settings: DetectorSettings) -> bool:
+    """Return whether two loads (rows,) are the same, where `largest` is the largest that was learned."""
+    return rms(one - other) <= settings.load_tolerance * largest
+
+
+def _loads(
+    cycles: Sequence[Cycle], rows: int, largest: float, settings: DetectorSettings
+) -> tuple[list[Array], Groups]:
+    """Return the different loads, (rows,) each, and which of them each cycle has, (cycles,)."""
+    profiles: list[Array] = []
+    at = []
+    for cycle in cycles:
+        load = cycle.cut(rows).load
+        known = [k for k, one in enumerate(profiles) if same_load(load, one, largest, settings)]
+        if not known:
+            profiles.append(load)
+        at.append(known[0] if known else len(profiles) - 1)
+    return profiles, np.array(at)
+
+
+def _check_runs(cycles: Sequence[Cycle], runs: Groups, at: Groups, settings: DetectorSettings) -> None:
+    found = np.unique(runs).size
+    if found < settings.fewest_runs:
+        raise RecordingError(
+            f"{cycles[0].source}: {found} healthy runs of this manoeuvre, at least {settings.fewest_runs} "
+            "are needed for a threshold; record more, each on its own (cycles of one run resemble each other)"
+        )
+    for load in np.unique(at):
+        found = np.unique(runs[at == load]).size
+        if found < settings.fewest_runs_of_load:
+            one = cycles[int(np.flatnonzero(at == load)[0])]
+            raise RecordingError(
+                f"{one.source}: {found} healthy runs at the load {one.load.mean():.4g}, at least "
+                f"{settings.fewest_runs_of_load} are needed for a mean cycle; record more there, or leave "
+                "this load out"
+            )

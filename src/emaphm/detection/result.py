@@ -1,0 +1,178 @@
+"""What the detector says of a cycle or a run: how far from healthy, and where."""
+
+import json
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from emaphm.recording.schema import SCHEMA
+from emaphm.text_table import format_table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+MOST_ROWS = 8
+"""Contributions in the table, the largest."""
+
+
+@dataclass(frozen=True)
+class Contribution:
+    """What a channel in a segment adds to T² and to Q."""
+
+    channel: str
+    segment: str
+    stroke: str
+    t2: float
+    q: float
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """The seeded fault whose direction is nearest, the cosine to it, and whether that counts as alike."""
+
+    fault: str
+    cosine: float
+    alike: bool
+
+
+@dataclass(frozen=True)
+class DetectorResult:
+    """How far a cycle, or the mean of several, is from healthy ones of the same manoeuvre and load.
+
+    Attributes
+    ----------
+    t2, q, t2_threshold, q_threshold
+        The statistics and what a healthy one exceeds with the rate of false alarms in one of the two.
+    contributions
+        To both, by channel and segment; none below 0, their sums are T² and Q.
+    nearest
+        Of the seeded faults; None where there are none.
+    false_alarm_rate
+        What the thresholds are set for.
+    shown
+        What of it the healthy runs can show.
+    """
+
+    recording: str
+    cycles: int
+    manoeuvre: str
+    t2: float
+    q: float
+    t2_threshold: float
+    q_threshold: float
+    contributions: tuple[Contribution, ...]
+    nearest: Nearest | None
+    false_alarm_rate: float
+    shown: str
+
+    @property
+    def like_healthy(self) -> bool:
+        """Whether neither statistic exceeds its threshold."""
+        return self.t2 <= self.t2_threshold and self.q <= self.q_threshold
+
+    @property
+    def excess(self) -> float:
+        """The larger of T² and Q, each relative to its threshold."""
+        return max(self.t2 / self.t2_threshold, self.q / self.q_threshold)
+
+    @property
+    def by_channel(self) -> dict[str, float]:
+        """Share of each channel in the statistic that exceeds its threshold most."""
+        return self._shares("channel")
+
+    @property
+    def by_segment(self) -> dict[str, float]:
+        """Share of each segment in the statistic that exceeds its threshold most."""
+        return self._shares("segment")
+
+    @property
+    def sentence(self) -> str:
+        """The verdict in one sentence, without a full stop."""
+        t2, q = self.t2 / self.t2_threshold, self.q / self.q_threshold
+        if self.like_healthy:
+            return f"like healthy (T² {t2:.2g}, Q {q:.2g} × threshold)"
+        size = f"Q {q:.2g} × threshold" if q >= t2 else f"T² {t2:.2g} × threshold"
+        channel, stroke, share = self._most()
+        place = f"in the {stroke}" if stroke == "hold" else f"on the {stroke}"
+        text = f"not like healthy ({size}), mostly {_short(channel)} {place} ({100 * share:.0f} %)"
+        if self.nearest is None:
+            return text
+        if self.nearest.alike:
+            return f"{text}; nearest seeded fault: {self.nearest.fault} (cosine {self.nearest.cosine:.2f})"
+        return f"{text}; like none of the seeded faults"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what `--json` prints under "detector"."""
+        return {
+            "recording": self.recording,
+            "cycles": self.cycles,
+            "manoeuvre": self.manoeuvre,
+            "like_healthy": self.like_healthy,
+            "sentence": self.sentence,
+            "t2": self.t2,
+            "q": self.q,
+            "t2_threshold": self.t2_threshold,
+            "q_threshold": self.q_threshold,
+            "by_channel": self.by_channel,
+            "by_segment": self.by_segment,
+            "contributions": [
+                {"channel": one.channel, "segment": one.segment, "t2": one.t2, "q": one.q}
+                for one in self.contributions
+            ],
+            "nearest": None
+            if self.nearest is None
+            else {"fault": self.nearest.fault, "cosine": self.nearest.cosine, "alike": self.nearest.alike},
+            "false_alarm_rate": self.false_alarm_rate,
+            "shown": self.shown,
+        }
+
+    def to_json(self) -> str:
+        """Return the result as JSON."""
+        return json.dumps(self.to_dict(), indent=2)
+
+    def plot(self) -> "Figure":
+        """Draw T² and Q against their thresholds, and the contributions by channel and segment."""
+        from emaphm.plotting.detection import draw_detection
+
+        return draw_detection(self)
+
+    def __str__(self) -> str:
+        """Return the verdict, the largest contributions and what the thresholds rest on."""
+        total = self._total()
+        largest = sorted(self.contributions, key=self._value, reverse=True)[:MOST_ROWS]
+        rows = [(one.channel, one.segment, f"{100 * self._value(one) / total:.1f} %") for one in largest]
+        statistic = "Q" if self._by_q() else "T²"
+        lines = [f"{self.recording}: {self.sentence}."]
+        if not self.like_healthy:
+            lines.append(format_table(["channel", "segment", f"share of {statistic}"], rows))
+        return "\n".join(
+            [*lines, f"Thresholds for {100 * self.false_alarm_rate:g} % of false alarms. {self.shown}."]
+        )
+
+    def _by_q(self) -> bool:
+        return self.q / self.q_threshold >= self.t2 / self.t2_threshold
+
+    def _value(self, one: Contribution) -> float:
+        return one.q if self._by_q() else one.t2
+
+    def _total(self) -> float:
+        return sum(map(self._value, self.contributions)) or 1.0
+
+    def _shares(self, by: str) -> dict[str, float]:
+        shares: dict[str, float] = {}
+        for one in self.contributions:
+            name = getattr(one, by)
+            shares[name] = shares.get(name, 0.0) + self._value(one) / self._total()
+        return shares
+
+    def _most(self) -> tuple[str, str, float]:
+        """Return the channel and the kind of stroke that contribute most together, and their share."""
+        shares: dict[tuple[str, str], float] = {}
+        for one in self.contributions:
+            pair = (one.channel, one.stroke)
+            shares[pair] = shares.get(pair, 0.0) + self._value(one) / self._total()
+        pair = max(shares, key=lambda one: shares[one])
+        return *pair, shares[pair]
+
+
+def _short(channel: str) -> str:
+    return "current" if channel == "current_A" else SCHEMA[channel].meaning

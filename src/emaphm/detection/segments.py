@@ -1,0 +1,81 @@
+"""Segments of a manoeuvre: strokes of the command, cut finely where they begin."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from emaphm.arrays import Array
+from emaphm.detection.settings import DetectorSettings
+
+AT_REST = 0.01
+"""Rate of the command, relative to its largest, below which it holds."""
+
+STROKES = {1: "up-stroke", -1: "down-stroke", 0: "hold"}
+
+
+@dataclass(frozen=True)
+class Segment:
+    """Rows `first` to `stop` (exclusive) of a manoeuvre, on the stroke of that name."""
+
+    first: int
+    stop: int
+    stroke: str
+
+    @property
+    def rows(self) -> slice:
+        """The rows as a slice."""
+        return slice(self.first, self.stop)
+
+    def label(self, interval_s: float) -> str:
+        """Return its name: the stroke, and from when to when [s]."""
+        return f"{self.stroke}, {self.first * interval_s:.3g} to {self.stop * interval_s:.3g} s"
+
+
+def segments_of(command: Array, settings: DetectorSettings) -> tuple[Segment, ...]:
+    """Return the segments of a manoeuvre.
+
+    A stroke lasts while the command moves one way or holds. The segments of a stroke grow from
+    `first_segment` of the manoeuvre, each `growth` times as long as the one before; the last one takes what
+    remains. A stroke shorter than the first segment joins the one before.
+
+    Parameters
+    ----------
+    command
+        At each row, (n,) [rad or m].
+    """
+    first = _first_length(command.size, settings)
+    segments: list[Segment] = []
+    for stroke in strokes_of(command, settings):
+        edges = [stroke.first]
+        length = first
+        while stroke.stop - edges[-1] >= 2 * length:
+            edges.append(edges[-1] + length)
+            length *= settings.growth
+        edges.append(stroke.stop)
+        segments += [Segment(a, b, stroke.stroke) for a, b in pairwise(edges)]
+    return tuple(segments)
+
+
+def strokes_of(command: Array, settings: DetectorSettings) -> tuple[Segment, ...]:
+    """Return the strokes of a manoeuvre, each as one segment; `command` as in `segments_of`."""
+    fewest = _first_length(command.size, settings)
+    rate = np.diff(command, append=command[-1])
+    rate[-1] = rate[-2]
+    direction = np.sign(rate) * (np.abs(rate) > AT_REST * np.max(np.abs(rate)))
+    edges = [0, *(np.flatnonzero(np.diff(direction)) + 1).tolist(), command.size]
+    strokes: list[tuple[int, int, int]] = []
+    for start, stop in pairwise(edges):
+        way = int(direction[start])
+        same = bool(strokes) and strokes[-1][2] == way
+        if strokes and (stop - start < fewest or same):
+            strokes[-1] = (strokes[-1][0], stop, strokes[-1][2])
+        else:
+            strokes.append((start, stop, way))
+    if len(strokes) > 1 and strokes[0][1] < fewest:
+        strokes[:2] = [(0, strokes[1][1], strokes[1][2])]
+    return tuple(Segment(start, stop, STROKES[way]) for start, stop, way in strokes)
+
+
+def _first_length(rows: int, settings: DetectorSettings) -> int:
+    return max(settings.fewest_rows, round(settings.first_segment * rows))

@@ -1,0 +1,99 @@
+"""T² and Q of a feature vector against the healthy scatter, and what each feature contributes."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from emaphm.arrays import Array
+from emaphm.errors import MethodError
+
+
+@dataclass(frozen=True, eq=False)
+class HealthyScatter:
+    """Principal directions of healthy features, by a covariance that few cycles suffice for.
+
+    With z = x / s, whose shrunk covariance [1] has the directions v_i and the variances λ_i in falling order,
+
+        T² = Σ_{i ≤ k} (v_i·z)² / λ_i,   Q = Σ_{i > k} (v_i·z)²:
+
+    the Mahalanobis distance in the k directions in which healthy cycles differ, and the squared distance
+    from those [2].
+
+    Attributes
+    ----------
+    scale
+        s, healthy standard deviations, (p,), in the features' unit.
+    directions, variances
+        v as columns, (p, p), and λ, (p,), of z.
+    rank
+        k.
+
+    References
+    ----------
+    [1] Ledoit, Wolf: A well-conditioned estimator for large-dimensional covariance matrices, 2004.
+    [2] Qin: Statistical process monitoring: basics and beyond, J. Chemometrics 17, 2003.
+    """
+
+    scale: Array
+    directions: Array
+    variances: Array
+    rank: int
+
+    @classmethod
+    def learn(cls, deviations: Array, variance_share: float, least_scale: float = 1e-6) -> "HealthyScatter":
+        """Return the scatter of healthy `deviations` from their mean, (n, p).
+
+        `rank` is the smallest whose directions hold `variance_share` of the variance. A feature that does not
+        vary counts as one with the standard deviation `least_scale`.
+
+        Raises
+        ------
+        MethodError
+            scikit-learn is not installed.
+        """
+        covariance = _library().LedoitWolf(assume_centered=True)
+        scale = np.maximum(np.sqrt(np.mean(deviations**2, axis=0)), least_scale)
+        shrunk = covariance.fit(deviations / scale).covariance_
+        variances, directions = np.linalg.eigh(shrunk)
+        variances, directions = variances[::-1], directions[:, ::-1]
+        share = np.cumsum(variances) / variances.sum()
+        rank = min(int(np.searchsorted(share, variance_share - 1e-12)) + 1, variances.size)
+        return cls(scale, directions, variances, rank)
+
+    def t2(self, deviations: Array) -> Array:
+        """Return T² of `deviations` (n, p): (n,)."""
+        return np.asarray(self.t2_contributions(deviations).sum(axis=-1))
+
+    def q(self, deviations: Array) -> Array:
+        """Return Q of `deviations` (n, p): (n,)."""
+        return np.asarray(self.q_contributions(deviations).sum(axis=-1))
+
+    def t2_contributions(self, deviations: Array) -> Array:
+        """Return what each feature adds to T², (n, p), none below 0: its squared entry of Λ^(-1/2) z."""
+        kept = slice(0, self.rank)
+        along = (deviations / self.scale) @ self.directions[:, kept] / np.sqrt(self.variances[kept])
+        return np.asarray((along @ self.directions[:, kept].T) ** 2)
+
+    def q_contributions(self, deviations: Array) -> Array:
+        """Return what each feature adds to Q, (n, p): its squared entry of z off the k directions."""
+        off = self.directions[:, self.rank :]
+        return np.asarray(((deviations / self.scale) @ off @ off.T) ** 2)
+
+    def whitened(self, deviations: Array) -> Array:
+        """Return Λ^(-1/2) z over all directions, (n, p), whose healthy covariance is the identity."""
+        along = (deviations / self.scale) @ self.directions / np.sqrt(self.variances)
+        return np.asarray(along @ self.directions.T)
+
+
+def _library() -> Any:
+    try:
+        from sklearn import covariance
+    except ModuleNotFoundError as error:
+        if error.name != "sklearn":
+            raise
+        raise MethodError(
+            "learning a detector needs the library 'scikit-learn'; install it with: "
+            "pip install 'emaphm[detection]'"
+        ) from None
+    return covariance
