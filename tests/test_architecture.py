@@ -20,6 +20,7 @@ ORDER = (
     ("estimation",),
     ("diagnosis",),
     ("calibration", "experiment"),
+    ("history",),
     ("study",),
     ("plotting",),
     ("report",),

@@ -7,7 +7,7 @@ import sys
 
 from cyclopts import App, CycloptsError
 
-from emaphm.cli import study, verbs
+from emaphm.cli import history, study, verbs
 from emaphm.cli.calibrate import calibrate
 from emaphm.cli.design import design
 from emaphm.cli.entry import INTERRUPTED
@@ -42,6 +42,7 @@ app = App(
 for verb in (verbs.demo, verbs.simulate, verbs.diagnose, calibrate, verbs.replay, design):
     app.command(verb)
 app.command(study.app)
+app.command(history.app)
 
 
 def run(arguments: list[str]) -> int:
