@@ -30,6 +30,8 @@ class Address:
             The URL cannot be read, or names another kind of database.
         """
         text = str(where)
+        if "\0" in text:
+            raise HistoryError(f"{text!r}: a history cannot have this name; take the null character out")
         if "://" not in text:
             return cls(text, file=Path(text))
         try:
