@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from emaphm.errors import EmaphmError
     from emaphm.estimation import replay
     from emaphm.experiment import Design, design
+    from emaphm.history import History
     from emaphm.recording import Recording, acquire, read_recording, read_recordings, write_recording
     from emaphm.report import write_report
     from emaphm.simulated_recording import simulate
@@ -45,6 +46,7 @@ _HOMES = {
     "emaphm.diagnosis": "Diagnosis diagnose error_percent",
     "emaphm.estimation": "replay",
     "emaphm.experiment": "Design design",
+    "emaphm.history": "History",
     "emaphm.recording": "Recording acquire read_recording read_recordings write_recording",
     "emaphm.report": "write_report",
     "emaphm.simulated_recording": "simulate",
@@ -64,6 +66,7 @@ __all__ = [
     "Diagnosis",
     "EmaphmError",
     "Faults",
+    "History",
     "Ramp",
     "Recording",
     "Sampled",

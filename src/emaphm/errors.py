@@ -36,6 +36,10 @@ class ExecutionError(EmaphmError):
     """Workers or a scheduler cannot be used, or results cannot be kept."""
 
 
+class HistoryError(EmaphmError):
+    """A history cannot be opened, read or written, or what is to be added contradicts what it holds."""
+
+
 class StudyError(EmaphmError):
     """A study's plan asks for what cannot be, its folder cannot be used, or some of its runs failed."""
 

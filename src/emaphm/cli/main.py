@@ -7,7 +7,7 @@ import sys
 
 from cyclopts import App, CycloptsError
 
-from emaphm.cli import detect, study, verbs
+from emaphm.cli import detect, history, study, verbs
 from emaphm.cli.calibrate import calibrate
 from emaphm.cli.design import design
 from emaphm.cli.entry import INTERRUPTED
@@ -43,6 +43,7 @@ for verb in (verbs.demo, verbs.simulate, verbs.diagnose, calibrate, verbs.replay
     app.command(verb)
 app.command(detect.app)
 app.command(study.app)
+app.command(history.app)
 
 
 def run(arguments: list[str]) -> int:

@@ -1,0 +1,297 @@
+"""`emaphm history …`: units over their flights."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import App, Parameter
+
+from emaphm.cli.options import (
+    ActuatorFile,
+    AsJson,
+    Force,
+    Seed,
+    check_seed,
+    described_actuator,
+    recording_of,
+    whole_number,
+)
+from emaphm.cli.output import progress, show
+
+if TYPE_CHECKING:
+    from emaphm.history import Finding, KeptDiagnosis
+    from emaphm.history.overview import Overview
+
+app = App(name="history", help="Keep diagnoses of units over their flights, removals and shop findings.")
+
+Database = Annotated[
+    str,
+    Parameter(
+        name="--db",
+        env_var="EMAPHM_DB",
+        help="SQLite file, or postgresql://USER@HOST:PORT/DATABASE; a file 'history.sqlite' if left out.",
+    ),
+]
+Unit = Annotated[str, Parameter(help="Serial number of the unit.")]
+Hours = Annotated[float, Parameter(help="Flight hours of the unit since it was new [h].")]
+Part = Annotated[str | None, Parameter(help="Only units of this part number.")]
+Note = Annotated[str, Parameter(help="A sentence for the record.")]
+
+DB = "history.sqlite"
+
+
+@app.command
+def add(
+    recording: Annotated[Path, Parameter(help="Recording: .csv, .parquet or .mat.")],
+    *further: Annotated[Path, Parameter(help="More recordings of the same flight.")],
+    unit: Unit,
+    hours: Hours,
+    cycles: Annotated[
+        int | None, Parameter(converter=whole_number, help="Cycles of the unit since it was new.")
+    ] = None,
+    position: Annotated[
+        str | None, Parameter(help="Place on the aircraft; as at the last flight if left out.")
+    ] = None,
+    part: Annotated[
+        str | None, Parameter(help="Part number of the unit; the actuator's name if left out.")
+    ] = None,
+    actuator: ActuatorFile = "thesis",
+    db: Database = DB,
+    late: Annotated[
+        bool, Parameter(negative="", help="These hours may be below the unit's latest: an old recording.")
+    ] = False,
+    seed: Seed = 0,
+    as_json: AsJson = False,
+) -> None:
+    """Diagnose recordings of one flight and add them; what is in the history already is left as it is."""
+    check_seed(seed)
+    described = described_actuator(actuator)
+    from emaphm.history import Entry, History
+
+    entry = Entry(unit, part or described.name, hours, cycles, position, late)
+    recordings = [recording_of(path, described) for path in (recording, *further)]
+    with History.open(db, create=True) as history:
+        is_new = all(one.serial_number != unit for one in history.units())
+        missing = [history.missing(entry, one, described, seed) for one in recordings]
+        added = []
+        for recorded, to_do in zip(recordings, missing, strict=True):
+            if not to_do:
+                added.append({"recording": recorded.source, "added": False})
+                continue
+            from emaphm.diagnosis import diagnose
+
+            with progress(f"diagnosing {recorded.source}", as_json) as advance:
+                diagnosis = diagnose(recorded, described, seed=seed, on_progress=advance)
+            outcome = history.add(entry, recorded, diagnosis)
+            added.append(
+                {
+                    "recording": recorded.source,
+                    "recording_hash": outcome.recording_hash,
+                    "added": outcome.added,
+                    "explained": diagnosis.explained,
+                    "k": diagnosis.faults.vector.tolist(),
+                }
+            )
+    values = {
+        "unit": unit,
+        "part_number": entry.part_number,
+        "new_unit": is_new,
+        "hours": hours,
+        "cycles": cycles,
+        "db": history.database.address.shown,
+        "recordings": added,
+    }
+    lines = [f"{one['recording']}: {_outcome(one)}" for one in added]
+    where = f"{'new unit' if is_new else 'unit'} {unit} ({entry.part_number}) at {hours:g} h"
+    show(values, "\n".join([*lines, f"{where}, in {values['db']}"]), as_json)
+
+
+@app.command(name="list")
+def list_units(*, part: Part = None, db: Database = DB, as_json: AsJson = False) -> None:
+    """List the units, each with its hours and its latest diagnosis."""
+    from emaphm.history import History
+    from emaphm.text_table import format_table
+
+    with History.open(db) as history:
+        lines = [_overview(one) for one in history.overviews(part)]
+    header = (
+        "part number",
+        "serial number",
+        "hours",
+        "cycles",
+        "recordings",
+        "explained",
+        "degraded at the last",
+    )
+    rows = [
+        (
+            line["part_number"],
+            line["serial_number"],
+            f"{line['hours']:g}",
+            _number(line["cycles"]),
+            str(line["recordings"]),
+            str(line["explained"]),
+            _last(line),
+        )
+        for line in lines
+    ]
+    show({"units": lines}, format_table(header, rows) if rows else "no units", as_json)
+
+
+@app.command(name="show")
+def show_unit(*, unit: Unit, db: Database = DB, as_json: AsJson = False) -> None:
+    """Show what the history holds of a unit; its JSON has the blocks of ISO 13374."""
+    from emaphm.history import History
+    from emaphm.history.blocks import unit_blocks
+    from emaphm.text_table import format_table
+
+    with History.open(db) as history:
+        found = history.unit(unit)
+        values, diagnoses, findings = unit_blocks(found), found.diagnoses(), found.findings()
+    about, position = values["unit"], values["unit"]["position"] or "not known"
+    header = ("hours", "cycles", "recording", "explained", "degraded")
+    rows = [
+        (f"{one.hours:g}", _number(one.flight.cycles), one.recording, _yes(one.explained), _degraded(one))
+        for one in diagnoses
+    ]
+    lines = [
+        f"{about['serial_number']}, part number {about['part_number']}, position {position}",
+        format_table(header, rows),
+        *(
+            f"removed at {one['hours']:g} h: {one['reason']}{_noted(one['note'])}"
+            for one in values["removals"]
+        ),
+        *(_found(one) for one in findings),
+    ]
+    show(values, "\n".join(lines), as_json)
+
+
+@app.command
+def export(
+    *,
+    out: Annotated[Path, Parameter(name=("--out", "-o"), help="File to write: .json, .csv or .parquet.")],
+    part: Part = None,
+    db: Database = DB,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Write the history: .json with the blocks of ISO 13374, .csv or .parquet with a row a diagnosis."""
+    from emaphm.history import History
+    from emaphm.history.export import export as write
+
+    with History.open(db) as history:
+        units = write(history, out, part_number=part, force=force)
+    show({"file": str(out), "units": units}, f"{units} units written to {out}", as_json)
+
+
+@app.command
+def removal(
+    *,
+    unit: Unit,
+    hours: Hours,
+    reason: Annotated[
+        str, Parameter(help="failed or suspected, as seen on the aircraft; scheduled; other.")
+    ] = "other",
+    note: Note = "",
+    db: Database = DB,
+    as_json: AsJson = False,
+) -> None:
+    """Add that a unit was taken off its aircraft."""
+    from emaphm.history import History, Removal
+
+    entry = Removal(hours, reason, note)
+    with History.open(db) as history:
+        added = history.add_removal(unit, entry)
+    values = {"unit": unit, "hours": hours, "reason": reason, "note": note, "added": added}
+    show(values, f"removal of {unit} at {hours:g} h {_added(added)}", as_json)
+
+
+@app.command
+def finding(
+    *,
+    unit: Unit,
+    hours: Hours,
+    component: Annotated[
+        str, Parameter(help="friction, backlash, short_a, short_b, short_c, eccentricity, gain; or unit.")
+    ],
+    condition: Annotated[str, Parameter(help="failed, degraded or healthy, as the shop found it.")],
+    level: Annotated[
+        float | None, Parameter(help="The fault as the shop measured it, from 0 to 1 as in a diagnosis.")
+    ] = None,
+    replaced: Annotated[bool, Parameter(negative="", help="The component was replaced.")] = False,
+    note: Note = "",
+    db: Database = DB,
+    as_json: AsJson = False,
+) -> None:
+    """Add what a shop found of a component, and whether it replaced it."""
+    from emaphm.history import Finding, History
+
+    entry = Finding(hours, component, condition, level, replaced, note)
+    with History.open(db) as history:
+        added = history.add_finding(unit, entry)
+    values = {
+        "unit": unit,
+        "hours": hours,
+        "component": component,
+        "condition": condition,
+        "level": level,
+        "replaced": replaced,
+        "note": note,
+        "added": added,
+    }
+    show(values, f"finding on {component} of {unit} at {hours:g} h {_added(added)}", as_json)
+
+
+def _overview(one: "Overview") -> dict[str, Any]:
+    import json
+
+    document = json.loads(one.document)
+    degraded = [name for name, fault in document["faults"].items() if fault["verdict"] == "degraded"]
+    return {
+        "part_number": one.unit.part_number,
+        "serial_number": one.unit.serial_number,
+        "hours": one.hours,
+        "cycles": one.cycles,
+        "recordings": one.recordings,
+        "explained": one.explained,
+        "last": {"explained": document["explained"], "k": document["k"], "degraded": degraded},
+    }
+
+
+def _last(line: dict[str, Any]) -> str:
+    last = line["last"]
+    return ", ".join(last["degraded"]) or "none" if last["explained"] else "not explained"
+
+
+def _degraded(diagnosis: "KeptDiagnosis") -> str:
+    """Return the degraded components with their estimates."""
+    faults = diagnosis.document["faults"]
+    said = [f"{name} {one['value']:.3f}" for name, one in faults.items() if one["verdict"] == "degraded"]
+    return ", ".join(said) or ("none" if diagnosis.explained else "cannot tell")
+
+
+def _found(one: "Finding") -> str:
+    level = "" if one.level is None else f", level {one.level:g}"
+    replaced = ", replaced" if one.replaced else ""
+    return f"found at {one.hours:g} h: {one.component} {one.condition}{level}{replaced}{_noted(one.note)}"
+
+
+def _outcome(one: dict[str, Any]) -> str:
+    if not one["added"]:
+        return "is in the history already"
+    return "diagnosed and added" if one["explained"] else "added, but no model explains it"
+
+
+def _number(value: int | None) -> str:
+    return "–" if value is None else str(value)
+
+
+def _yes(value: bool) -> str:
+    return "yes" if value else "no"
+
+
+def _noted(note: str) -> str:
+    return f" ({note})" if note else ""
+
+
+def _added(added: bool) -> str:
+    return "added" if added else "is in the history already"

@@ -1,0 +1,40 @@
+"""The history of units: flights, recordings, diagnoses, removals, shop findings, in one database."""
+
+from importlib.util import find_spec
+
+from emaphm.errors import HistoryError
+
+if find_spec("sqlalchemy") is None or find_spec("alembic") is None:
+    raise HistoryError("a history needs further libraries; install them with: pip install 'emaphm[history]'")
+
+from emaphm.history.history import Added, History
+from emaphm.history.kept_diagnosis import DiagnosisSettings, KeptDiagnosis
+from emaphm.history.lives import Life
+from emaphm.history.records import (
+    COMPONENTS,
+    CONDITIONS,
+    REASONS,
+    Entry,
+    Finding,
+    Flight,
+    Removal,
+    Replacement,
+)
+from emaphm.history.unit import Unit
+
+__all__ = [
+    "COMPONENTS",
+    "CONDITIONS",
+    "REASONS",
+    "Added",
+    "DiagnosisSettings",
+    "Entry",
+    "Finding",
+    "Flight",
+    "History",
+    "KeptDiagnosis",
+    "Life",
+    "Removal",
+    "Replacement",
+    "Unit",
+]

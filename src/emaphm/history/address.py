@@ -1,0 +1,57 @@
+"""Where a history is: a SQLite file, or a PostgreSQL database by its URL."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+import sqlalchemy as sa
+from sqlalchemy.exc import ArgumentError
+
+from emaphm.errors import HistoryError
+
+POSTGRESQL = ("postgresql", "postgres", "postgresql+psycopg")
+
+
+@dataclass(frozen=True)
+class Address:
+    """A file or a URL, one of the two; `shown` is what messages say, without a password."""
+
+    shown: str
+    file: Path | None = None
+    url: sa.URL | None = None
+
+    @classmethod
+    def of(cls, where: str | Path) -> Self:
+        """Return the address that a user gives: the path of a file, sqlite:///PATH or postgresql://….
+
+        Raises
+        ------
+        HistoryError
+            The URL cannot be read, or names another kind of database.
+        """
+        text = str(where)
+        if "\0" in text:
+            raise HistoryError(f"{text!r}: a history cannot have this name; take the null character out")
+        if "://" not in text:
+            return cls(text, file=Path(text))
+        try:
+            url = sa.make_url(text)
+        except (ArgumentError, ValueError):
+            # Its text is not repeated: what cannot be read may still hold a password.
+            raise HistoryError(
+                "the database's URL cannot be read; give postgresql://USER@HOST:PORT/DATABASE, or a file"
+            ) from None
+        if url.drivername == "sqlite":
+            if not url.database or url.database == ":memory:":
+                raise HistoryError(f"'{text}' names no file; give the path of one")
+            return cls(url.database, file=Path(url.database))
+        if url.drivername not in POSTGRESQL:
+            raise HistoryError(
+                f"'{url.drivername}://' is no database that a history can be in; give a file, or "
+                "postgresql://USER@HOST:PORT/DATABASE"
+            )
+        # Without its query, which may hold a password too.
+        return cls(
+            url.set(query={}).render_as_string(hide_password=True),
+            url=url.set(drivername="postgresql+psycopg"),
+        )

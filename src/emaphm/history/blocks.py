@@ -1,0 +1,86 @@
+"""A unit's history as JSON, its parts named after the blocks of ISO 13374-1 (data processing).
+
+Data acquisition is the rig's; the blocks from there on are data manipulation, state detection, health
+assessment, prognostic assessment and advisory generation. The last two are no part of a history: null here.
+"""
+
+from dataclasses import asdict
+from typing import Any
+
+from emaphm.history.kept_diagnosis import KeptDiagnosis
+from emaphm.history.records import COMPONENTS, UNIT
+from emaphm.history.unit import Unit
+
+DATA_MANIPULATION = ("recording", "channels", "notes")
+"""What was done to the recording's channels before they were compared."""
+
+STATE_DETECTION = ("explained", "reasons", "moves", "residual_rms_A", "laws", "sensor_faults", "detector")
+"""Whether the recording is what the described actuator does."""
+
+METHOD = (
+    "method",
+    "model",
+    "fitness",
+    "fitness_name",
+    "evaluations",
+    "reference_runs",
+    "seconds",
+    "seed",
+    "version",
+)
+"""How it was computed."""
+
+
+def diagnosis_blocks(diagnosis: KeptDiagnosis) -> dict[str, Any]:
+    """Return a diagnosis in blocks: each key of `emaphm diagnose --json` is in one of them, once."""
+    document = diagnosis.document
+    manipulated = {"recording_hash": diagnosis.recording_hash, **_taken(document, DATA_MANIPULATION)}
+    manipulated["recording"] = diagnosis.recording
+    return {
+        "hours": diagnosis.flight.hours,
+        "cycles": diagnosis.flight.cycles,
+        "position": diagnosis.flight.position,
+        "added_at": diagnosis.added_at,
+        "data_manipulation": manipulated,
+        "state_detection": _taken(document, STATE_DETECTION),
+        # All else is on the faults, also what a later version adds.
+        "health_assessment": {
+            key: value
+            for key, value in document.items()
+            if key not in (*DATA_MANIPULATION, *STATE_DETECTION, *METHOD)
+        },
+        "settings": {"description": diagnosis.settings.description, **_taken(document, METHOD)},
+    }
+
+
+def unit_blocks(unit: Unit) -> dict[str, Any]:
+    """Return all that a history holds of a unit."""
+    flights, removals = unit.flights(), unit.removals()
+    last = flights[-1]
+    is_removed = any(one.hours >= last.hours for one in removals)
+    return {
+        "unit": {
+            "serial_number": unit.serial_number,
+            "part_number": unit.part_number,
+            "position": None if is_removed else last.position,
+            "hours": last.hours,
+            "cycles": last.cycles,
+        },
+        "flights": [asdict(one) for one in flights],
+        "diagnoses": [diagnosis_blocks(one) for one in unit.diagnoses()],
+        "removals": [asdict(one) for one in removals],
+        "findings": [asdict(one) for one in unit.findings()],
+        "replacements": [asdict(one) for one in unit.replacements()],
+        "lives": {
+            name: [
+                asdict(one) | {"censored": one.censored} for one in unit.lives(None if name == UNIT else name)
+            ]
+            for name in COMPONENTS
+        },
+        "prognostic_assessment": None,
+        "advisory_generation": None,
+    }
+
+
+def _taken(document: dict[str, Any], names: tuple[str, ...]) -> dict[str, Any]:
+    return {name: document[name] for name in names if name in document}

@@ -1,0 +1,77 @@
+"""A diagnosis as columns of a row, and back."""
+
+import json
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from emaphm.actuator.faults import NAMES
+from emaphm.arrays import Array
+from emaphm.history.kept_diagnosis import DiagnosisSettings, KeptDiagnosis
+from emaphm.history.records import Flight
+
+if TYPE_CHECKING:
+    import sqlalchemy as sa
+
+    from emaphm.diagnosis import Diagnosis
+
+NUMBER = "<f8"
+"""Of arrays in the database: little-endian double precision, on whatever machine."""
+
+
+def columns_of(diagnosis: "Diagnosis") -> dict[str, Any]:
+    """Return what a row of `DIAGNOSES` holds of a diagnosis itself."""
+    document = _finite(diagnosis.to_dict())
+    del document["covariance"]  # has columns of its own, in a quarter of the space
+    return {
+        "method": diagnosis.method,
+        "model": diagnosis.model,
+        "fitness": diagnosis.fitness_name,
+        "seed": str(diagnosis.seed),
+        "version": diagnosis.version,
+        "explained": bool(diagnosis.explained),
+        "vector": _packed(diagnosis.faults.vector),
+        "standard_errors": _packed([diagnosis.components[name].standard_error for name in NAMES]),
+        "coordinates": json.dumps(list(diagnosis.coordinates)),
+        "covariance": _packed(diagnosis.covariance),
+        "document": json.dumps(document),
+    }
+
+
+def diagnosis_of(row: "sa.Row[Any]", flight: Flight) -> KeptDiagnosis:
+    """Return the diagnosis of a row of `reading.diagnoses`."""
+    coordinates = tuple(json.loads(row.coordinates))
+    return KeptDiagnosis(
+        flight=flight,
+        recording_hash=row.recording_hash,
+        recording=row.recording_name,
+        vector=_unpacked(row.vector),
+        standard_errors=_unpacked(row.standard_errors),
+        explained=row.explained,
+        coordinates=coordinates,
+        covariance=_unpacked(row.covariance).reshape(len(coordinates), len(coordinates)),
+        settings=DiagnosisSettings(row.description_hash, row.method, row.model, row.fitness, int(row.seed)),
+        version=row.version,
+        added_at=row.added_at,
+        text=row.document,
+    )
+
+
+def _packed(values: Any) -> bytes:
+    return np.asarray(values, NUMBER).tobytes()
+
+
+def _unpacked(content: bytes) -> Array:
+    return np.frombuffer(content, NUMBER).astype(float)
+
+
+def _finite(value: Any) -> Any:
+    """Return a JSON value with null for numbers that are not finite."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(item) for item in value]
+    return value

@@ -1,0 +1,239 @@
+"""Connections and transactions: SQLite in write-ahead mode and PostgreSQL, with the same promises.
+
+One transaction writes at a time, on both: on SQLite it begins with the write lock (BEGIN IMMEDIATE), on
+PostgreSQL it locks the table of units. So a check and the rows that it is for are one step, whoever else is
+writing. Readers see one state of the whole history, and wait for nobody.
+"""
+
+import sqlite3
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import Any, Self
+
+import sqlalchemy as sa
+from sqlalchemy.exc import DBAPIError, SQLAlchemyError
+from sqlalchemy.pool import QueuePool
+
+from emaphm.errors import HistoryError
+from emaphm.history.address import Address
+
+
+@dataclass(frozen=True)
+class DatabaseSettings:
+    """Times [s] after which another program, a server or a network is no longer waited for.
+
+    `answer_s`: of the first connection; below the ten seconds in which a user must learn that there is none.
+    `file_s`: for a file that another program holds when it is opened, before `answer_s` is over.
+    `host_s`: of each address of a host name, of which there are often two. `writer_s`: for others who are
+    writing; eight writers at once, of twelve recordings each, are done in about 5 s
+    (`python -m tests.history.faults`).
+    `silence_s`: of a server that stops answering in the middle.
+    """
+
+    answer_s: float = 8.0
+    file_s: float = 6.0
+    host_s: int = 4
+    writer_s: int = 60
+    silence_s: int = 20
+
+
+SETTINGS = DatabaseSettings()
+
+LONGEST_REASON = 300
+"""Characters of a database's own words in a message."""
+
+
+@dataclass(frozen=True)
+class Database:
+    """An open database; `close` gives its connections back."""
+
+    address: Address
+    engine: sa.Engine
+
+    @classmethod
+    def open(cls, address: Address, *, create: bool) -> Self:
+        """Return the database at `address`, once it has answered; `create` makes a file that is missing.
+
+        Raises
+        ------
+        HistoryError
+            There is none, or it does not answer in time.
+        """
+        engine = _of_file(address, create=create) if address.file is not None else _of_server(address)
+        database = cls(address, engine)
+        try:
+            _in_time(database._answer, address)
+        except BaseException:
+            engine.dispose()
+            raise
+        return database
+
+    @property
+    def is_file(self) -> bool:
+        """Whether it is SQLite's."""
+        return self.address.file is not None
+
+    def close(self) -> None:
+        """Give back the connections; SQLite then leaves one file."""
+        self.engine.dispose()
+
+    @contextmanager
+    def reading(self) -> Iterator[sa.Connection]:
+        """Yield a connection to one state of the history.
+
+        Raises
+        ------
+        HistoryError
+            The database fails, in its own words.
+        """
+        with self._errors(), self.engine.connect() as connection:
+            if not self.is_file:
+                connection.execution_options(isolation_level="REPEATABLE READ", postgresql_readonly=True)
+            with connection.begin():
+                yield connection
+
+    @contextmanager
+    def writing(self, lock: str = "LOCK TABLE units IN SHARE ROW EXCLUSIVE MODE") -> Iterator[sa.Connection]:
+        """Yield a connection that alone may write; what it wrote stays if the body ends, all or nothing.
+
+        `lock` is the statement that keeps other writers out on PostgreSQL.
+
+        Raises
+        ------
+        HistoryError
+            The database fails, in its own words.
+        """
+        with self._errors(), self.engine.connect() as connection:
+            connection.execution_options(writing=True)
+            with connection.begin():
+                if not self.is_file:
+                    connection.exec_driver_sql(f"SET LOCAL lock_timeout = '{SETTINGS.writer_s}s'")
+                    connection.exec_driver_sql(lock)
+                yield connection
+
+    def _answer(self) -> None:
+        with self.reading() as connection:
+            # Not SELECT 1, which does not read SQLite's file.
+            sa.inspect(connection).get_table_names()
+
+    @contextmanager
+    def _errors(self) -> Iterator[None]:
+        try:
+            yield
+        except DBAPIError as error:
+            raise _complaint(self.address, error.orig or error) from None
+        except SQLAlchemyError as error:
+            raise _complaint(self.address, error) from None
+
+
+def _of_file(address: Address, *, create: bool) -> sa.Engine:
+    path = address.file
+    assert path is not None  # noqa: S101 - for the type checker
+    try:
+        found = path.exists()
+        if found and not path.is_file():
+            raise HistoryError(f"{path}: is no file; give the name of a file for the history")
+        if not found and not create:
+            raise HistoryError(
+                f"{path}: no such history; 'emaphm history add' makes one, or give another --db"
+            )
+        if not found and not path.absolute().parent.is_dir():
+            raise HistoryError(
+                f"{path}: there is no folder '{path.parent}'; create it, or give another place"
+            )
+        uri = f"{path.absolute().as_uri()}?mode={'rwc' if create else 'rw'}"
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        if isinstance(error, HistoryError):
+            raise
+        raise HistoryError(f"{path}: cannot be opened ({reason}); give another place") from None
+
+    def connect() -> sqlite3.Connection:
+        connection = sqlite3.connect(
+            uri, timeout=SETTINGS.file_s, isolation_level=None, uri=True, check_same_thread=False
+        )
+        connection.execute("PRAGMA foreign_keys = ON")
+        # What was acknowledged also survives a loss of power, not only the end of a process.
+        connection.execute("PRAGMA synchronous = FULL")
+        return connection
+
+    engine = sa.create_engine("sqlite://", creator=connect, poolclass=QueuePool)
+
+    @sa.event.listens_for(engine, "begin")
+    def begin(connection: sa.Connection) -> None:
+        writing = connection.get_execution_options().get("writing", False)
+        if writing:
+            connection.exec_driver_sql(f"PRAGMA busy_timeout = {1000 * SETTINGS.writer_s}")
+        connection.exec_driver_sql("BEGIN IMMEDIATE" if writing else "BEGIN")
+
+    return engine
+
+
+def _of_server(address: Address) -> sa.Engine:
+    if find_spec("psycopg") is None:
+        raise HistoryError(
+            "a history on PostgreSQL needs the library 'psycopg'; install it with: "
+            "pip install 'emaphm[history]'"
+        )
+    assert address.url is not None  # noqa: S101 - for the type checker
+    arguments: dict[str, Any] = {
+        "connect_timeout": SETTINGS.host_s,
+        "tcp_user_timeout": 1000 * SETTINGS.silence_s,
+        "application_name": "emaphm",
+    }
+    # A connection that the server has ended meanwhile is made anew.
+    return sa.create_engine(address.url, connect_args=arguments, pool_pre_ping=True)
+
+
+def _in_time(answer: Callable[[], None], address: Address) -> None:
+    """Call `answer`, and wait no longer for it than a user would: a name server alone may take a minute."""
+    failures: list[BaseException] = []
+
+    def call() -> None:
+        try:
+            answer()
+        except BaseException as error:  # noqa: BLE001 - raised below
+            failures.append(error)
+
+    # A daemon: one that still hangs does not keep the process from ending.
+    thread = threading.Thread(target=call, daemon=True)
+    thread.start()
+    thread.join(SETTINGS.answer_s)
+    if thread.is_alive():
+        raise HistoryError(
+            f"{address.shown}: no answer within {SETTINGS.answer_s:g} s; check the address, and that the "
+            "database runs there"
+        )
+    for failure in failures:
+        raise failure
+
+
+REMEDIES = {
+    "is full": "free space there; what was added before is kept",
+    "no space left": "free space there; what was added before is kept",
+    "disk i/o error": "free space there, or give another place; what was added before is kept",
+    "not a database": "give the file of a history",
+    "malformed": "move it away, and restore a copy",
+    "locked": "another program holds it; try again when that has ended",
+    "lock timeout": "another program holds it; try again when that has ended",
+    "readonly": "make the file and its folder writable, or give another place",
+    "read-only": "make it writable, or give another place",
+    "permission denied": "give a user who may write there",
+    "unable to open": "check the path and its permissions",
+    "password": "check the user and the password",
+    "does not exist": "create it, or give another one",
+}
+"""What to do, by what a database says in its own words."""
+
+
+def _complaint(address: Address, error: BaseException) -> HistoryError:
+    said = " ".join(str(error).split()) or type(error).__name__
+    lower = said.lower()
+    remedy = next(
+        (remedy for words, remedy in REMEDIES.items() if words in lower),
+        "check the address, and that the database runs there",
+    )
+    return HistoryError(f"{address.shown}: the database cannot be used ({said[:LONGEST_REASON]}); {remedy}")

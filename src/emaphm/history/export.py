@@ -1,0 +1,87 @@
+"""A whole history as a file that other programs read: JSON, CSV or Parquet."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from emaphm.actuator.faults import NAMES
+from emaphm.history.blocks import unit_blocks
+from emaphm.history.history import History
+from emaphm.history.kept_diagnosis import KeptDiagnosis
+from emaphm.history.unit import Unit
+from emaphm.output_files import check_writable, written_whole
+
+ENDINGS = (".json", ".csv", ".parquet")
+
+
+def export(history: History, path: Path, *, part_number: str | None = None, force: bool = False) -> int:
+    """Write the units of a history, or those of a part number; return how many they are.
+
+    .json has all that `emaphm history show --json` prints of each unit; .csv and .parquet have a row for each
+    diagnosis: unit, hours, the eight components with standard errors and verdicts.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written there, or has another ending.
+    HistoryError
+        The database fails.
+    """
+    check_writable(path, force=force, endings=ENDINGS)
+    units = history.units(part_number)
+    with written_whole(path) as temporary:
+        if path.suffix.lower() == ".json":
+            _write_json(units, temporary)
+        else:
+            _write_table(units, temporary, path.suffix.lower())
+    return len(units)
+
+
+def _write_json(units: tuple[Unit, ...], path: Path) -> None:
+    """Write one unit a line: a fleet need not fit into memory."""
+    with path.open("w", encoding="utf-8") as file:
+        file.write('{"units": [')
+        for i, unit in enumerate(units):
+            file.write(f"{',' if i else ''}\n{json.dumps(unit_blocks(unit))}")
+        file.write("\n]}\n")
+
+
+def _write_table(units: tuple[Unit, ...], path: Path, ending: str) -> None:
+    import polars as pl
+
+    rows = [_row(unit, diagnosis) for unit in units for diagnosis in unit.diagnoses()]
+    table = pl.DataFrame(rows, schema=_columns(), orient="row")
+    if ending == ".csv":
+        table.write_csv(path)
+    else:
+        table.write_parquet(path)
+
+
+def _columns() -> dict[str, Any]:
+    import polars as pl
+
+    about = dict.fromkeys(("part_number", "serial_number", "position"), pl.String)
+    flight = {"hours": pl.Float64, "cycles": pl.Int64}
+    of_recording = {"recording": pl.String, "recording_hash": pl.String, "explained": pl.Boolean}
+    components = {
+        f"{name}{suffix}": kind
+        for name in NAMES
+        for suffix, kind in (("", pl.Float64), ("_standard_error", pl.Float64), ("_verdict", pl.String))
+    }
+    settings = dict.fromkeys(("method", "model", "seed", "version"), pl.String)
+    return {**about, **flight, **of_recording, **components, **settings}
+
+
+def _row(unit: Unit, diagnosis: KeptDiagnosis) -> tuple[Any, ...]:
+    flight, settings, verdicts = diagnosis.flight, diagnosis.settings, diagnosis.verdicts
+    components = [
+        value
+        for name, estimate, error in zip(NAMES, diagnosis.vector, diagnosis.standard_errors, strict=True)
+        for value in (float(estimate), float(error), verdicts[name])
+    ]
+    return (
+        *(unit.part_number, unit.serial_number, flight.position, flight.hours, flight.cycles),
+        *(diagnosis.recording, diagnosis.recording_hash, diagnosis.explained),
+        *components,
+        *(settings.method, settings.model, str(settings.seed), diagnosis.version),
+    )

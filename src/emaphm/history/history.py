@@ -1,0 +1,154 @@
+"""The history of the units of a fleet."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
+
+from emaphm.history import reading, writing
+from emaphm.history.address import Address
+from emaphm.history.database import Database
+from emaphm.history.fingerprint import description_of, recording_hash
+from emaphm.history.kept_diagnosis import DiagnosisSettings
+from emaphm.history.overview import Overview, overviews
+from emaphm.history.records import Entry, Finding, Removal
+from emaphm.history.schema import bring_up_to_date, check_revision
+from emaphm.history.unit import Unit
+
+if TYPE_CHECKING:
+    from emaphm.actuator import Actuator
+    from emaphm.diagnosis import Diagnosis
+    from emaphm.recording import Recording
+
+
+@dataclass(frozen=True)
+class Added:
+    """What became of a diagnosis: `added`, or there already; and its recording's SHA-256."""
+
+    added: bool
+    recording_hash: str
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """Units, flights, recordings, diagnoses, removals and shop findings, in a SQLite file or on PostgreSQL.
+
+    To be closed, or used in a ``with`` statement. What a method that writes has returned from is on disk;
+    any number of processes may read and write. Each method raises `HistoryError` where the database fails.
+
+    >>> with History.open("fleet.sqlite") as history:                                       # doctest: +SKIP
+    ...     for diagnosis in history.unit("SN 0042").diagnoses():
+    ...         print(diagnosis.hours, diagnosis.vector, diagnosis.explained)
+    """
+
+    database: Database
+
+    @classmethod
+    def open(cls, where: str | Path, *, create: bool = False) -> Self:
+        """Return the history at `where`, made anew if `create` allows; an older form is brought up to date.
+
+        Parameters
+        ----------
+        where
+            A file, or postgresql://USER@HOST:PORT/DATABASE.
+        create
+            Whether to make a history where there is none.
+
+        Raises
+        ------
+        HistoryError
+            There is none, it cannot be reached within ten seconds, is something else, or of a newer version.
+        """
+        database = Database.open(Address.of(where), create=create)
+        try:
+            bring_up_to_date(database, create=create)
+        except BaseException:
+            database.close()
+            raise
+        return cls(database)
+
+    def close(self) -> None:
+        """Give back what is held open."""
+        self.database.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def units(self, part_number: str | None = None) -> tuple[Unit, ...]:
+        """Return all units, or those of a part number, by part and serial number."""
+        with self.database.reading() as connection:
+            rows = reading.units(connection)
+        return tuple(Unit(self.database, row) for row in rows if part_number in (None, row.part_number))
+
+    def unit(self, serial_number: str) -> Unit:
+        """Return a unit; an unknown one raises `HistoryError` with the nearest serial number."""
+        with self.database.reading() as connection:
+            return Unit(self.database, reading.unit(connection, serial_number))
+
+    def overviews(self, part_number: str | None = None) -> tuple[Overview, ...]:
+        """Return a line on each unit, or on those of a part number."""
+        with self.database.reading() as connection:
+            return overviews(connection, part_number)
+
+    def missing(self, entry: Entry, recording: "Recording", actuator: "Actuator", seed: int = 0) -> bool:
+        """Return whether a recording is still to be diagnosed, by the settings that `diagnose` has itself.
+
+        Raises
+        ------
+        HistoryError
+            `entry` contradicts the history: the part number is another, hours or cycles go backwards, or the
+            recording is in it elsewhere.
+        """
+        key = recording_hash(recording)
+        with self.database.reading() as connection:
+            writing.check_entry(connection, entry, key)
+            return not reading.has_diagnosis(
+                connection, key, DiagnosisSettings(description_of(actuator)[0], seed=seed)
+            )
+
+    def add(self, entry: Entry, recording: "Recording", diagnosis: "Diagnosis") -> Added:
+        """Add a diagnosis of a recording; nothing changes where it is there already.
+
+        One of a known recording by other settings is added too; `Unit.diagnoses` then has the new one.
+
+        Raises
+        ------
+        HistoryError
+            As `missing`.
+        """
+        key = recording_hash(recording)
+        digest, toml = description_of(diagnosis.actuator)
+        settings = DiagnosisSettings.of(diagnosis, digest)
+        with self.database.writing() as connection:
+            check_revision(connection, self.database.address.shown)
+            new = writing.add_diagnosis(connection, entry, recording, diagnosis, key, settings, toml)
+        return Added(new, key)
+
+    def add_removal(self, serial_number: str, removal: Removal) -> bool:
+        """Add a removal of a known unit; return False where it is there already.
+
+        Raises
+        ------
+        HistoryError
+            The unit is unknown, or the history has another removal at these hours.
+        """
+        with self.database.writing() as connection:
+            check_revision(connection, self.database.address.shown)
+            return writing.add_removal(connection, reading.unit(connection, serial_number), removal)
+
+    def add_finding(self, serial_number: str, finding: Finding) -> bool:
+        """Add what a shop found of a known unit; return False where it is there already.
+
+        Raises
+        ------
+        HistoryError
+            The unit is unknown, or the history has another finding on this component at these hours.
+        """
+        with self.database.writing() as connection:
+            check_revision(connection, self.database.address.shown)
+            return writing.add_finding(connection, reading.unit(connection, serial_number), finding)

@@ -1,0 +1,110 @@
+"""A diagnosis as a history holds it."""
+
+import json
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from emaphm.actuator.faults import CARTESIAN_NAMES, Faults, to_cartesian
+from emaphm.arrays import Array
+from emaphm.history.records import Flight
+
+if TYPE_CHECKING:
+    from emaphm.diagnosis import Diagnosis
+
+
+@dataclass(frozen=True)
+class DiagnosisSettings:
+    """What a diagnosis depends on beside the recording; `description` is the actuator TOML's SHA-256."""
+
+    description: str
+    method: str = "hybrid"
+    model: str = "averaged"
+    fitness: str = "least_squares"
+    seed: int = 0
+
+    @classmethod
+    def of(cls, diagnosis: "Diagnosis", description: str) -> "DiagnosisSettings":
+        """Return the settings that `diagnosis` was made with."""
+        return cls(description, diagnosis.method, diagnosis.model, diagnosis.fitness_name, diagnosis.seed)
+
+
+@dataclass(frozen=True, eq=False)
+class KeptDiagnosis:
+    """A diagnosis as the history holds it.
+
+    Attributes
+    ----------
+    flight
+        Hours [h], cycles and position at the recording.
+    recording_hash, recording
+        SHA-256 of the recording's channels, and the name under which it was added.
+    vector, standard_errors
+        The eight components in the order of `Faults`, each (8,), normalised.
+    explained
+        Whether the model explains the recording; where not, the estimates are no evidence.
+    coordinates, covariance
+        Names (d,) of the estimator's coordinates (those of `CARTESIAN_NAMES` that the actuator can show, then
+        nuisances), and their full covariance (d, d).
+    settings, version
+        What it was made with.
+    added_at
+        Time of the entry, UTC, ISO 8601.
+    text
+        The rest of what `emaphm diagnose --json` prints, as JSON.
+    """
+
+    flight: Flight
+    recording_hash: str
+    recording: str
+    vector: Array
+    standard_errors: Array
+    explained: bool
+    coordinates: tuple[str, ...]
+    covariance: Array
+    settings: DiagnosisSettings
+    version: str
+    added_at: str
+    text: str = field(repr=False)
+
+    @property
+    def hours(self) -> float:
+        """Flight hours of the unit at the recording [h]."""
+        return self.flight.hours
+
+    @property
+    def faults(self) -> Faults:
+        """The estimated faults."""
+        return Faults.from_vector(self.vector)
+
+    @cached_property
+    def document(self) -> dict[str, Any]:
+        """What `emaphm diagnose --json` printed, the covariance included."""
+        matrix = {"coordinates": list(self.coordinates), "matrix": self.covariance.tolist()}
+        return {**json.loads(self.text), "covariance": matrix}
+
+    @property
+    def verdicts(self) -> dict[str, str]:
+        """The verdict on each component: "healthy", "degraded" or "cannot tell"."""
+        return {name: one["verdict"] for name, one in self.document["faults"].items()}
+
+    @property
+    def cartesian(self) -> Array:
+        """The estimate in the coordinates `CARTESIAN_NAMES`, shape (8,): the eccentricity as a vector."""
+        return np.asarray(to_cartesian(self.vector))
+
+    @property
+    def cartesian_covariance(self) -> Array:
+        """The covariance of `cartesian`, shape (8, 8), the nuisances integrated out.
+
+        A component that the actuator cannot show has the variance of its prior, and no covariance.
+        """
+        variances = self.standard_errors**2
+        variances[6] = variances[5]  # both directions of an eccentricity that cannot be shown
+        result = np.diag(variances)
+        rows = [i for i, name in enumerate(CARTESIAN_NAMES) if name in self.coordinates]
+        there = [self.coordinates.index(CARTESIAN_NAMES[i]) for i in rows]
+        result[np.ix_(rows, rows)] = self.covariance[np.ix_(there, there)]
+        return result

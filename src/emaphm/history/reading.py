@@ -1,0 +1,158 @@
+"""What is read of a history; each function reads from one state of it."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import sqlalchemy as sa
+
+from emaphm.errors import HistoryError, nearest
+from emaphm.history.columns import diagnosis_of
+from emaphm.history.kept_diagnosis import DiagnosisSettings, KeptDiagnosis
+from emaphm.history.records import Finding, Flight, Removal
+from emaphm.history.tables import DESCRIPTIONS, DIAGNOSES, FINDINGS, FLIGHTS, RECORDINGS, REMOVALS, UNITS
+
+
+@dataclass(frozen=True)
+class UnitRow:
+    """A row of `UNITS`."""
+
+    id: int
+    serial_number: str
+    part_number: str
+
+
+def units(connection: sa.Connection) -> tuple[UnitRow, ...]:
+    """Return all units, by part and serial number."""
+    rows = connection.execute(_units().order_by(UNITS.c.part_number, UNITS.c.serial_number))
+    return tuple(UnitRow(*row) for row in rows)
+
+
+def unit_or_none(connection: sa.Connection, serial_number: str) -> UnitRow | None:
+    """Return a unit by its serial number, None where it is not in the history."""
+    row = connection.execute(_units().where(UNITS.c.serial_number == serial_number)).one_or_none()
+    return UnitRow(*row) if row else None
+
+
+def unit(connection: sa.Connection, serial_number: str) -> UnitRow:
+    """Return a unit by its serial number; an unknown one raises `HistoryError` with the nearest."""
+    found = unit_or_none(connection, serial_number)
+    if found is None:
+        known = connection.execute(sa.select(UNITS.c.serial_number)).scalars().all()
+        hint = nearest_serial(serial_number, known) if known else "; the history is empty"
+        raise HistoryError(f"no unit '{serial_number}' in the history{hint}")
+    return found
+
+
+def nearest_serial(serial_number: str, known: Iterable[str]) -> str:
+    """Return a hint at the known serial number closest to one; capitals do not matter in the comparison."""
+    by_lower = {one.lower(): one for one in known}
+    hint = nearest(serial_number, by_lower)
+    for lower, one in by_lower.items():
+        hint = hint.replace(f"'{lower}'", f"'{one}'")
+    return hint
+
+
+def flights(connection: sa.Connection, unit_id: int) -> tuple[Flight, ...]:
+    """Return a unit's flights by hours.
+
+    Where no position was given, it is that of the flight before, unless the unit was removed in between.
+    """
+    removed = (
+        connection.execute(sa.select(REMOVALS.c.hours).where(REMOVALS.c.unit_id == unit_id)).scalars().all()
+    )
+    rows = connection.execute(
+        sa.select(FLIGHTS.c.hours, FLIGHTS.c.cycles, FLIGHTS.c.position)
+        .where(FLIGHTS.c.unit_id == unit_id)
+        .order_by(FLIGHTS.c.hours)
+    )
+    result: list[Flight] = []
+    for hours, cycles, position in rows:
+        before = result[-1] if result else None
+        if position is None and before and not any(before.hours <= one < hours for one in removed):
+            result.append(Flight(hours, cycles, before.position))
+        else:
+            result.append(Flight(hours, cycles, position))
+    return tuple(result)
+
+
+def diagnoses(connection: sa.Connection, unit_id: int) -> tuple[KeptDiagnosis, ...]:
+    """Return the last diagnosis of each of a unit's recordings, by hours and then as they were added."""
+    of_hours = {flight.hours: flight for flight in flights(connection, unit_id)}
+    newest = (
+        sa.select(sa.func.max(DIAGNOSES.c.id))
+        .join(RECORDINGS, RECORDINGS.c.id == DIAGNOSES.c.recording_id)
+        .join(FLIGHTS, FLIGHTS.c.id == RECORDINGS.c.flight_id)
+        .where(FLIGHTS.c.unit_id == unit_id)
+        .group_by(RECORDINGS.c.id)
+    )
+    rows = connection.execute(
+        sa.select(
+            DIAGNOSES,
+            FLIGHTS.c.hours,
+            RECORDINGS.c.hash.label("recording_hash"),
+            RECORDINGS.c.name.label("recording_name"),
+            DESCRIPTIONS.c.hash.label("description_hash"),
+        )
+        .join(RECORDINGS, RECORDINGS.c.id == DIAGNOSES.c.recording_id)
+        .join(FLIGHTS, FLIGHTS.c.id == RECORDINGS.c.flight_id)
+        .join(DESCRIPTIONS, DESCRIPTIONS.c.id == DIAGNOSES.c.description_id)
+        .where(DIAGNOSES.c.id.in_(newest))
+        .order_by(FLIGHTS.c.hours, RECORDINGS.c.id)
+    )
+    return tuple(diagnosis_of(row, of_hours[row.hours]) for row in rows)
+
+
+def has_diagnosis(connection: sa.Connection, recording_hash: str, settings: DiagnosisSettings) -> bool:
+    """Return whether a recording has a diagnosis of these settings."""
+    query = (
+        sa.select(DIAGNOSES.c.id)
+        .join(RECORDINGS, RECORDINGS.c.id == DIAGNOSES.c.recording_id)
+        .join(DESCRIPTIONS, DESCRIPTIONS.c.id == DIAGNOSES.c.description_id)
+        .where(
+            RECORDINGS.c.hash == recording_hash,
+            DESCRIPTIONS.c.hash == settings.description,
+            DIAGNOSES.c.method == settings.method,
+            DIAGNOSES.c.model == settings.model,
+            DIAGNOSES.c.fitness == settings.fitness,
+            DIAGNOSES.c.seed == str(settings.seed),
+        )
+    )
+    return connection.execute(query).first() is not None
+
+
+def description(connection: sa.Connection, unit_id: int) -> str:
+    """Return the actuator TOML of a unit's last diagnosis."""
+    query = (
+        sa.select(DESCRIPTIONS.c.toml)
+        .join(DIAGNOSES, DIAGNOSES.c.description_id == DESCRIPTIONS.c.id)
+        .join(RECORDINGS, RECORDINGS.c.id == DIAGNOSES.c.recording_id)
+        .join(FLIGHTS, FLIGHTS.c.id == RECORDINGS.c.flight_id)
+        .where(FLIGHTS.c.unit_id == unit_id)
+        .order_by(FLIGHTS.c.hours.desc(), DIAGNOSES.c.id.desc())
+        .limit(1)
+    )
+    return str(connection.execute(query).scalar_one())
+
+
+def removals(connection: sa.Connection, unit_id: int) -> tuple[Removal, ...]:
+    """Return a unit's removals by hours."""
+    query = sa.select(REMOVALS).where(REMOVALS.c.unit_id == unit_id).order_by(REMOVALS.c.hours)
+    return tuple(Removal(row.hours, row.reason, row.note) for row in connection.execute(query))
+
+
+def findings(connection: sa.Connection, unit_id: int) -> tuple[Finding, ...]:
+    """Return what shops found of a unit, by hours and component."""
+    query = (
+        sa.select(FINDINGS)
+        .where(FINDINGS.c.unit_id == unit_id)
+        .order_by(FINDINGS.c.hours, FINDINGS.c.component)
+    )
+    return tuple(
+        Finding(row.hours, row.component, row.condition, row.level, row.replaced, row.note)
+        for row in connection.execute(query)
+    )
+
+
+def _units() -> sa.Select[Any]:
+    return sa.select(UNITS.c.id, UNITS.c.serial_number, UNITS.c.part_number)

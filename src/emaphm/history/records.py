@@ -1,0 +1,155 @@
+"""What is put into a history, as values that check themselves: flights, removals, findings."""
+
+import math
+from dataclasses import dataclass
+
+from emaphm.actuator.faults import NAMES
+from emaphm.errors import HistoryError, nearest
+
+UNIT = "unit"
+"""The component of a finding that concerns the unit as a whole."""
+
+COMPONENTS = (*(name for name in NAMES if name != "eccentricity_phase"), UNIT)
+"""What a shop can find, or replace; the direction of an eccentricity is no part of its own."""
+
+REASONS = ("failed", "suspected", "scheduled", "other")
+"""Why a unit was removed; "failed" and "suspected" as it was seen on the aircraft, before any shop."""
+
+CONDITIONS = ("failed", "degraded", "healthy")
+"""What a shop found: no longer within its requirements; worn, but within; nothing wrong."""
+
+LONGEST_NAME = 200
+"""Characters of a serial number, a part number or a position."""
+
+LONGEST_NOTE = 2000
+
+
+@dataclass(frozen=True)
+class Entry:
+    """Whose recordings are added, and when they were made.
+
+    Parameters
+    ----------
+    unit, part_number
+        Serial number, unique in a history, and part number.
+    hours, cycles
+        Flight hours [h] and cycles of the unit since it was new, at the recording.
+    position
+        Place on the aircraft, e.g. "left aileron, inboard"; None: as at its last flight.
+    late
+        Whether `hours` may be below what the history has of the unit already.
+
+    Raises
+    ------
+    HistoryError
+        A name is empty, too long or not printable; hours or cycles are no number of 0 or more.
+    """
+
+    unit: str
+    part_number: str
+    hours: float
+    cycles: int | None = None
+    position: str | None = None
+    late: bool = False
+
+    def __post_init__(self) -> None:
+        check_name(self.unit, "unit")
+        check_name(self.part_number, "part number")
+        check_hours(self.hours)
+        if self.cycles is not None and not 0 <= self.cycles < 2**31:
+            raise HistoryError(f"cycles {self.cycles}: give a whole number of 0 or more")
+        if self.position is not None:
+            check_name(self.position, "position")
+
+
+@dataclass(frozen=True)
+class Flight:
+    """Flight hours [h] and cycles of a unit at one of its flights, and where on the aircraft it was."""
+
+    hours: float
+    cycles: int | None
+    position: str | None
+
+
+@dataclass(frozen=True)
+class Removal:
+    """A unit was taken off the aircraft at `hours` [h], for one of `REASONS`.
+
+    Raises
+    ------
+    HistoryError
+        The reason is unknown, hours are no number of 0 or more, or the note is too long.
+    """
+
+    hours: float
+    reason: str
+    note: str = ""
+
+    def __post_init__(self) -> None:
+        check_hours(self.hours)
+        check_note(self.note)
+        if self.reason not in REASONS:
+            raise HistoryError(f"unknown reason '{self.reason}'{nearest(self.reason, REASONS)}")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What a shop found of one of `COMPONENTS`, of a unit that had `hours` [h]: one of `CONDITIONS`.
+
+    `level` is the fault as the shop measured it, normalised as in `Faults`; `replaced` says whether the
+    component was replaced.
+
+    Raises
+    ------
+    HistoryError
+        A name is unknown, a number is out of its range, or the note is too long.
+    """
+
+    hours: float
+    component: str
+    condition: str
+    level: float | None = None
+    replaced: bool = False
+    note: str = ""
+
+    def __post_init__(self) -> None:
+        check_hours(self.hours)
+        check_note(self.note)
+        if self.component not in COMPONENTS:
+            raise HistoryError(f"unknown component '{self.component}'{nearest(self.component, COMPONENTS)}")
+        if self.condition not in CONDITIONS:
+            raise HistoryError(f"unknown condition '{self.condition}'{nearest(self.condition, CONDITIONS)}")
+        if self.level is not None and not 0 <= self.level <= 1:
+            raise HistoryError(
+                f"level {self.level:g} lies outside [0, 1]; give it normalised, as a diagnosis does"
+            )
+        if self.level is not None and self.component == UNIT:
+            raise HistoryError("a level is one component's, not the unit's; name the component")
+
+
+@dataclass(frozen=True)
+class Replacement:
+    """A component was replaced when the unit had `hours` [h]; the component "unit" stands for all of them."""
+
+    hours: float
+    component: str
+
+
+def check_name(name: str, what: str) -> None:
+    """Refuse a name that a table or a database cannot hold, `HistoryError`."""
+    if not name.strip() or not name.isprintable():
+        raise HistoryError(f"{what} {name!r} is no name; give printable characters")
+    if len(name) > LONGEST_NAME:
+        raise HistoryError(f"{what} '{name[:20]}…' has {len(name)} characters; give {LONGEST_NAME} at most")
+
+
+def check_note(note: str) -> None:
+    """Refuse a note that a database cannot hold, `HistoryError`."""
+    if len(note) > LONGEST_NOTE or not note.replace("\n", " ").isprintable():
+        raise HistoryError(f"a note has up to {LONGEST_NOTE} printable characters; shorten it")
+
+
+def check_hours(hours: float) -> None:
+    """Refuse hours that are no number of 0 or more, `HistoryError`."""
+    if not (math.isfinite(hours) and hours >= 0):
+        raise HistoryError(f"hours {hours:g}: give a number of 0 or more, the unit's since it was new")

@@ -1,0 +1,102 @@
+"""The tables of a history, as the newest migration leaves them.
+
+A recording belongs to a flight, and a flight to a unit: the hours stand once. Arrays are little-endian double
+precision, row by row; documents are JSON.
+"""
+
+import sqlalchemy as sa
+
+METADATA = sa.MetaData()
+
+
+def _of(table: str) -> sa.ForeignKey:
+    return sa.ForeignKey(f"{table}.id")
+
+
+UNITS = sa.Table(
+    "units",
+    METADATA,
+    sa.Column("id", sa.Integer, primary_key=True),
+    sa.Column("serial_number", sa.Text, nullable=False, unique=True),
+    sa.Column("part_number", sa.Text, nullable=False),
+    sa.Column("added_at", sa.Text, nullable=False),
+)
+
+FLIGHTS = sa.Table(
+    "flights",
+    METADATA,
+    sa.Column("id", sa.Integer, primary_key=True),
+    sa.Column("unit_id", sa.Integer, _of("units"), nullable=False),
+    sa.Column("hours", sa.Double, nullable=False),
+    sa.Column("cycles", sa.Integer),
+    sa.Column("position", sa.Text),
+    sa.UniqueConstraint("unit_id", "hours"),
+)
+
+DESCRIPTIONS = sa.Table(
+    "descriptions",
+    METADATA,
+    sa.Column("id", sa.Integer, primary_key=True),
+    sa.Column("hash", sa.Text, nullable=False, unique=True),
+    sa.Column("toml", sa.Text, nullable=False),
+)
+
+RECORDINGS = sa.Table(
+    "recordings",
+    METADATA,
+    sa.Column("id", sa.Integer, primary_key=True),
+    sa.Column("flight_id", sa.Integer, _of("flights"), nullable=False, index=True),
+    sa.Column("hash", sa.Text, nullable=False, unique=True),
+    sa.Column("name", sa.Text, nullable=False),
+    sa.Column("samples", sa.Integer, nullable=False),
+    sa.Column("sample_rate_hz", sa.Double, nullable=False),
+    sa.Column("added_at", sa.Text, nullable=False),
+)
+
+DIAGNOSES = sa.Table(
+    "diagnoses",
+    METADATA,
+    sa.Column("id", sa.Integer, primary_key=True),
+    sa.Column("recording_id", sa.Integer, _of("recordings"), nullable=False),
+    sa.Column("description_id", sa.Integer, _of("descriptions"), nullable=False),
+    sa.Column("method", sa.Text, nullable=False),
+    sa.Column("model", sa.Text, nullable=False),
+    sa.Column("fitness", sa.Text, nullable=False),
+    sa.Column("seed", sa.Text, nullable=False),
+    sa.Column("version", sa.Text, nullable=False),
+    sa.Column("explained", sa.Boolean, nullable=False),
+    sa.Column("vector", sa.LargeBinary, nullable=False),
+    sa.Column("standard_errors", sa.LargeBinary, nullable=False),
+    sa.Column("coordinates", sa.Text, nullable=False),
+    sa.Column("covariance", sa.LargeBinary, nullable=False),
+    sa.Column("document", sa.Text, nullable=False),
+    sa.Column("added_at", sa.Text, nullable=False),
+    sa.UniqueConstraint("recording_id", "description_id", "method", "model", "fitness", "seed"),
+)
+
+REMOVALS = sa.Table(
+    "removals",
+    METADATA,
+    sa.Column("id", sa.Integer, primary_key=True),
+    sa.Column("unit_id", sa.Integer, _of("units"), nullable=False),
+    sa.Column("hours", sa.Double, nullable=False),
+    sa.Column("reason", sa.Text, nullable=False),
+    sa.Column("note", sa.Text, nullable=False),
+    sa.Column("added_at", sa.Text, nullable=False),
+    sa.UniqueConstraint("unit_id", "hours"),
+)
+
+FINDINGS = sa.Table(
+    "findings",
+    METADATA,
+    sa.Column("id", sa.Integer, primary_key=True),
+    sa.Column("unit_id", sa.Integer, _of("units"), nullable=False),
+    sa.Column("hours", sa.Double, nullable=False),
+    sa.Column("component", sa.Text, nullable=False),
+    sa.Column("condition", sa.Text, nullable=False),
+    sa.Column("level", sa.Double),
+    sa.Column("replaced", sa.Boolean, nullable=False),
+    sa.Column("note", sa.Text, nullable=False),
+    sa.Column("added_at", sa.Text, nullable=False),
+    sa.UniqueConstraint("unit_id", "hours", "component"),
+)

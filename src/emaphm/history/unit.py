@@ -1,0 +1,86 @@
+"""One unit of a history."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from emaphm.history import reading
+from emaphm.history.database import Database
+from emaphm.history.kept_diagnosis import KeptDiagnosis
+from emaphm.history.lives import Life, lives_of_component, lives_of_unit
+from emaphm.history.records import Finding, Flight, Removal, Replacement
+
+if TYPE_CHECKING:
+    from emaphm.actuator import Actuator
+
+
+@dataclass(frozen=True, eq=False)
+class Unit:
+    """A unit: its numbers, and what the history holds of it, which is read when asked for.
+
+    Each method raises `HistoryError` where the database fails.
+    """
+
+    database: Database
+    row: reading.UnitRow
+
+    def __repr__(self) -> str:
+        return f"Unit({self.part_number!r}, {self.serial_number!r})"
+
+    @property
+    def serial_number(self) -> str:
+        """The serial number, unique in the history."""
+        return self.row.serial_number
+
+    @property
+    def part_number(self) -> str:
+        """The part number."""
+        return self.row.part_number
+
+    def flights(self) -> tuple[Flight, ...]:
+        """Return the flights of which there is a recording, by hours."""
+        with self.database.reading() as connection:
+            return reading.flights(connection, self.row.id)
+
+    def diagnoses(self) -> tuple[KeptDiagnosis, ...]:
+        """Return the last diagnosis of each recording, by hours, those that explain nothing among them."""
+        with self.database.reading() as connection:
+            return reading.diagnoses(connection, self.row.id)
+
+    def removals(self) -> tuple[Removal, ...]:
+        """Return the removals, by hours."""
+        with self.database.reading() as connection:
+            return reading.removals(connection, self.row.id)
+
+    def findings(self) -> tuple[Finding, ...]:
+        """Return what shops found, by hours."""
+        with self.database.reading() as connection:
+            return reading.findings(connection, self.row.id)
+
+    def replacements(self) -> tuple[Replacement, ...]:
+        """Return what shops replaced, by hours; the component "unit" stands for all of them."""
+        return tuple(Replacement(one.hours, one.component) for one in self.findings() if one.replaced)
+
+    def lives(self, component: str | None = None) -> tuple[Life, ...]:
+        """Return the lives of the unit between its removals, or of one component between its replacements."""
+        with self.database.reading() as connection:
+            findings = reading.findings(connection, self.row.id)
+            removals = reading.removals(connection, self.row.id)
+            flights = reading.flights(connection, self.row.id)
+        hours = max((*(one.hours for one in flights), *(one.hours for one in removals)), default=0.0)
+        if component is None:
+            return lives_of_unit(hours, removals, findings)
+        return lives_of_component(hours, component, findings)
+
+    @cached_property
+    def actuator(self) -> "Actuator":
+        """The description that its last diagnosis was made with."""
+        import tomllib
+
+        from emaphm.actuator import Actuator
+
+        with self.database.reading() as connection:
+            toml = reading.description(connection, self.row.id)
+        return Actuator.from_dict(
+            tomllib.loads(toml), where=f"the description kept of unit '{self.serial_number}'"
+        )

@@ -1,0 +1,201 @@
+"""What is written to a history, and what is refused because it contradicts what is there.
+
+Every function is called with a connection that alone may write, so that what it has checked stays true.
+"""
+
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any
+
+import sqlalchemy as sa
+
+from emaphm.errors import HistoryError
+from emaphm.history.columns import columns_of
+from emaphm.history.reading import UnitRow, has_diagnosis, unit_or_none
+from emaphm.history.records import Entry, Finding, Removal
+from emaphm.history.tables import DESCRIPTIONS, DIAGNOSES, FINDINGS, FLIGHTS, RECORDINGS, REMOVALS, UNITS
+
+if TYPE_CHECKING:
+    from emaphm.diagnosis import Diagnosis
+    from emaphm.history.kept_diagnosis import DiagnosisSettings
+    from emaphm.recording import Recording
+
+
+def check_entry(connection: sa.Connection, entry: Entry, recording_hash: str) -> None:
+    """Refuse an entry that contradicts the history, `HistoryError`; reading alone."""
+    found = unit_or_none(connection, entry.unit)
+    if found is not None and found.part_number != entry.part_number:
+        raise HistoryError(
+            f"unit '{entry.unit}' has the part number '{found.part_number}', the diagnosis is of "
+            f"'{entry.part_number}'; check --unit and --actuator, or give --part"
+        )
+    if not _is_there(connection, entry, recording_hash) and found is not None:
+        _check_hours(connection, found, entry)
+        _check_cycles(connection, found, entry)
+
+
+def _is_there(connection: sa.Connection, entry: Entry, recording_hash: str) -> bool:
+    """Return whether the recording is in the history, in the same place; elsewhere it is refused."""
+    row = connection.execute(
+        sa.select(UNITS.c.serial_number, FLIGHTS.c.hours, FLIGHTS.c.cycles, RECORDINGS.c.name)
+        .join(FLIGHTS, FLIGHTS.c.id == RECORDINGS.c.flight_id)
+        .join(UNITS, UNITS.c.id == FLIGHTS.c.unit_id)
+        .where(RECORDINGS.c.hash == recording_hash)
+    ).one_or_none()
+    if row is None:
+        return False
+    if row.serial_number != entry.unit:
+        raise HistoryError(
+            f"this recording is in the history already, as '{row.name}' of unit '{row.serial_number}'; it "
+            f"cannot be of '{entry.unit}' too, check --unit"
+        )
+    if row.hours != entry.hours:
+        raise HistoryError(
+            f"this recording is in the history already, as '{row.name}' at {row.hours:g} h; it cannot be of "
+            f"{entry.hours:g} h too, check --hours"
+        )
+    if None not in (row.cycles, entry.cycles) and row.cycles != entry.cycles:
+        raise HistoryError(
+            f"this recording is in the history already, as '{row.name}' at {row.cycles} cycles; it cannot be "
+            f"of {entry.cycles} cycles too, check --cycles"
+        )
+    return True
+
+
+def _check_hours(connection: sa.Connection, unit: UnitRow, entry: Entry) -> None:
+    """Refuse hours below what the unit has flown, unless it was said that they are."""
+    latest = max(
+        connection.execute(sa.select(sa.func.max(table.c.hours)).where(table.c.unit_id == unit.id)).scalar()
+        or 0.0
+        for table in (FLIGHTS, REMOVALS)
+    )
+    if entry.hours < latest and not entry.late:
+        raise HistoryError(
+            f"unit '{entry.unit}' has {latest:g} h already, {entry.hours:g} h would be going backwards; "
+            "check --hours, or give --late for an old recording that is added late"
+        )
+
+
+def _check_cycles(connection: sa.Connection, unit: UnitRow, entry: Entry) -> None:
+    """Refuse cycles that fall while hours rise, or two numbers of cycles at the same hours."""
+    if entry.cycles is None:
+        return
+    of_unit = sa.select(FLIGHTS.c.hours, FLIGHTS.c.cycles).where(
+        FLIGHTS.c.unit_id == unit.id, FLIGHTS.c.cycles.is_not(None)
+    )
+    wrong = sa.or_(
+        sa.and_(FLIGHTS.c.hours < entry.hours, FLIGHTS.c.cycles > entry.cycles),
+        sa.and_(FLIGHTS.c.hours > entry.hours, FLIGHTS.c.cycles < entry.cycles),
+        sa.and_(FLIGHTS.c.hours == entry.hours, FLIGHTS.c.cycles != entry.cycles),
+    )
+    row = connection.execute(of_unit.where(wrong).limit(1)).first()
+    if row is not None:
+        raise HistoryError(
+            f"unit '{entry.unit}' had {row.cycles} cycles at {row.hours:g} h, so {entry.cycles} at "
+            f"{entry.hours:g} h cannot be; check --cycles and --hours"
+        )
+
+
+def add_diagnosis(
+    connection: sa.Connection,
+    entry: Entry,
+    recording: "Recording",
+    diagnosis: "Diagnosis",
+    recording_hash: str,
+    settings: "DiagnosisSettings",
+    toml: str,
+) -> bool:
+    """Add a diagnosis with all that it belongs to; return False where it is there already."""
+    check_entry(connection, entry, recording_hash)
+    if has_diagnosis(connection, recording_hash, settings):
+        return False
+    now = _now()
+    unit_id = _id_of(
+        connection,
+        UNITS,
+        {"serial_number": entry.unit},
+        {"part_number": entry.part_number, "added_at": now},
+    )
+    flight_id = _id_of(
+        connection,
+        FLIGHTS,
+        {"unit_id": unit_id, "hours": entry.hours},
+        {"cycles": entry.cycles, "position": entry.position},
+    )
+    # What a recording of the same flight left open.
+    for name, value in (("cycles", entry.cycles), ("position", entry.position)):
+        if value is not None:
+            connection.execute(FLIGHTS.update().where(FLIGHTS.c.id == flight_id).values({name: value}))
+    recording_id = _id_of(
+        connection,
+        RECORDINGS,
+        {"hash": recording_hash},
+        {
+            "flight_id": flight_id,
+            "name": storable(recording.source),
+            "samples": recording.samples,
+            "sample_rate_hz": recording.sample_rate_hz,
+            "added_at": now,
+        },
+    )
+    description_id = _id_of(connection, DESCRIPTIONS, {"hash": settings.description}, {"toml": toml})
+    row = {"recording_id": recording_id, "description_id": description_id, "added_at": now}
+    connection.execute(DIAGNOSES.insert().values(row | columns_of(diagnosis)))
+    return True
+
+
+def add_removal(connection: sa.Connection, unit: UnitRow, removal: Removal) -> bool:
+    """Add a removal; return False where it is there already, and refuse another of the same hours."""
+    key = {"unit_id": unit.id, "hours": removal.hours}
+    values = {"reason": removal.reason, "note": removal.note}
+    return _added(
+        connection, REMOVALS, key, values, f"unit '{unit.serial_number}' at {removal.hours:g} h: a removal"
+    )
+
+
+def add_finding(connection: sa.Connection, unit: UnitRow, finding: Finding) -> bool:
+    """Add a shop's finding; return False where it is there already, and refuse another in its place."""
+    key = {"unit_id": unit.id, "hours": finding.hours, "component": finding.component}
+    values = {
+        "condition": finding.condition,
+        "level": finding.level,
+        "replaced": finding.replaced,
+        "note": finding.note,
+    }
+    what = f"unit '{unit.serial_number}' at {finding.hours:g} h: a finding on {finding.component}"
+    return _added(connection, FINDINGS, key, values, what)
+
+
+def storable(text: str) -> str:
+    """Return text as every database can hold it: a file's name may be no valid Unicode."""
+    return text.encode("utf-8", "backslashreplace").decode().replace("\0", "")
+
+
+def _added(
+    connection: sa.Connection, table: sa.Table, key: dict[str, Any], values: dict[str, Any], what: str
+) -> bool:
+    found = connection.execute(sa.select(table).where(*_equal(table, key))).one_or_none()
+    if found is None:
+        connection.execute(table.insert().values(key | values | {"added_at": _now()}))
+        return True
+    held = {name: getattr(found, name) for name in values}
+    if held != values:
+        told = ", ".join(f"{name} {value!r}" for name, value in held.items() if values[name] != value)
+        raise HistoryError(f"{what} is in the history already, with {told}; nothing was changed")
+    return False
+
+
+def _id_of(connection: sa.Connection, table: sa.Table, key: dict[str, Any], values: dict[str, Any]) -> int:
+    """Return the id of the row with the unique `key`, which is added with `values` where it is missing."""
+    found = connection.execute(sa.select(table.c.id).where(*_equal(table, key))).scalar()
+    if found is None:
+        added = table.insert().values(key | values).returning(table.c.id)
+        found = connection.execute(added).scalar_one()
+    return int(found)
+
+
+def _equal(table: sa.Table, key: dict[str, Any]) -> list[sa.ColumnElement[bool]]:
+    return [table.c[name] == value for name, value in key.items()]
+
+
+def _now() -> str:
+    return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")

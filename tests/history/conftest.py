@@ -1,0 +1,48 @@
+"""Histories in a file and on a server: what holds on one holds on the other."""
+
+import os
+import uuid
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import sqlalchemy as sa
+
+from emaphm.history import History
+
+SERVER = "EMAPHM_POSTGRESQL"
+"""Variable with the URL of a PostgreSQL server that tests may use; `postgresql.sh` starts one."""
+
+
+def server() -> str:
+    """Return the server's URL; a test that needs one is skipped without it."""
+    if SERVER not in os.environ:
+        pytest.skip(f"no PostgreSQL server: set {SERVER} to its URL (tests/history/postgresql.sh starts one)")
+    return os.environ[SERVER]
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def address(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
+    """Return where a history may be made: a file, or a schema of its own on the server."""
+    if request.param == "sqlite":
+        yield str(tmp_path / "history.sqlite")
+        return
+    url = sa.make_url(server())
+    engine = sa.create_engine(url.set(drivername="postgresql+psycopg"))
+    schema = f"history_{uuid.uuid4().hex}"
+    with engine.begin() as connection:
+        connection.exec_driver_sql(f"CREATE SCHEMA {schema}")
+    try:
+        own = url.update_query_dict({"options": f"-csearch_path={schema}"})
+        yield own.render_as_string(hide_password=False)
+    finally:
+        with engine.begin() as connection:
+            connection.exec_driver_sql(f"DROP SCHEMA {schema} CASCADE")
+        engine.dispose()
+
+
+@pytest.fixture
+def history(address: str) -> Iterator[History]:
+    """Return a new history."""
+    with History.open(address, create=True) as opened:
+        yield opened

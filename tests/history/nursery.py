@@ -1,0 +1,142 @@
+"""`python -m tests.history.nursery`: forks writers of a history at its stdin's orders, for tests that kill them.
+
+A Python that has loaded everything takes a millisecond to fork, and two seconds to start. An order is a line
+of JSON, a `Job`; the answer is the writer's process id and, when it has ended, its wait status.
+"""
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import sqlalchemy as sa
+
+from emaphm.history import Entry, History
+from emaphm.history.database import Database
+
+from . import made_up
+
+FLIGHT_H = 10.0
+"""Hours of a unit between two recordings."""
+
+UNITS = 4
+
+
+@dataclass(frozen=True)
+class Job:
+    """What a writer does: add the recordings of these `numbers`, and note each in `acknowledged` when it has.
+
+    `pause_at` makes it note "half" and sleep in the transaction of that number; `die_at` makes it kill itself
+    before that statement, counted from the opening.
+    """
+
+    where: str
+    acknowledged: str
+    numbers: Sequence[int]
+    pause_at: int | None = None
+    die_at: int | None = None
+
+
+def entry(number: int) -> Entry:
+    """Return whose recording a number is; recordings of a unit may come in any order."""
+    return Entry(f"S{number % UNITS}", made_up.PART, FLIGHT_H * (number // UNITS), number // UNITS, late=True)
+
+
+def write(job: Job) -> None:
+    """Do a job."""
+    note = os.open(job.acknowledged, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
+    state = {"number": -1, "statements": 0}
+
+    @sa.event.listens_for(sa.Engine, "before_cursor_execute")
+    def count(*_: Any) -> None:
+        state["statements"] += 1
+        if state["statements"] == job.die_at:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    @sa.event.listens_for(sa.Engine, "after_cursor_execute")
+    def pause(_connection: Any, _cursor: Any, statement: str, *_: Any) -> None:
+        if state["number"] == job.pause_at and statement.startswith("INSERT INTO diagnoses"):
+            os.write(note, b"half\n")
+            time.sleep(600)
+
+    with History.open(job.where, create=True) as history:
+        for number in job.numbers:
+            state["number"] = number
+            history.add(entry(number), made_up.recording(number), made_up.diagnosis(number))
+            os.write(note, f"{number}\n".encode())
+
+
+@dataclass(frozen=True)
+class Nursery:
+    """A process that forks writers."""
+
+    process: "subprocess.Popen[str]"
+
+    def start(self, job: Job) -> int:
+        """Return the id of a process that does the job."""
+        assert self.process.stdin is not None
+        self.process.stdin.write(json.dumps(asdict(job)) + "\n")
+        self.process.stdin.flush()
+        return int(self._line())
+
+    def wait(self, child: int) -> int:
+        """Return the wait status of a writer: 0 where it did all, 9 where it was killed."""
+        assert self.process.stdin is not None
+        self.process.stdin.write(f"{child}\n")
+        self.process.stdin.flush()
+        return int(self._line())
+
+    def _line(self) -> str:
+        assert self.process.stdout is not None
+        return self.process.stdout.readline()
+
+
+@contextlib.contextmanager
+def nursery() -> Iterator[Nursery]:
+    """Yield a nursery, ended with the block."""
+    root = Path(__file__).resolve().parents[2]
+    path = os.pathsep.join([str(root / "src"), str(root), os.environ.get("PYTHONPATH", "")])
+    with subprocess.Popen(  # noqa: S603 - the arguments are this file's
+        [sys.executable, "-W", "ignore", "-m", "tests.history.nursery"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": path},
+    ) as process:
+        yield Nursery(process)
+        process.kill()
+
+
+def main() -> None:
+    """Fork a writer for each job on stdin, wait for one for each process id."""
+    # What the writers would otherwise load, each for itself; opened and closed before the first fork.
+    import alembic.command
+    import psycopg
+
+    loaded = (alembic.command, psycopg, Database, made_up.diagnosis(0))
+    for line in sys.stdin:
+        order = json.loads(line)
+        if isinstance(order, int):
+            print(os.waitpid(order, 0)[1], flush=True)
+            continue
+        child = os.fork()
+        if not child:
+            ended = 1
+            try:
+                write(Job(**order))
+                ended = 0
+            finally:
+                os._exit(ended)
+        print(child, flush=True)
+    del loaded
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,200 @@
+"""What is put into a history is what comes out, once, on either database."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from emaphm.actuator import NAMES
+from emaphm.errors import OutputError
+from emaphm.history import Entry, Finding, Flight, History, Life, Removal, Replacement
+from emaphm.history.blocks import METHOD, diagnosis_blocks, unit_blocks
+from emaphm.history.export import export
+from emaphm.history.fingerprint import recording_hash
+from emaphm.recording import Recording
+
+from . import made_up
+from .made_up import diagnosis, entry, recording
+
+
+def fill(history: History, numbers: range, unit: str = "S1") -> None:
+    for number in numbers:
+        assert history.add(entry(unit, 10.0 * number), recording(number), diagnosis(number)).added
+
+
+def test_what_is_read_is_what_was_added(history: History) -> None:
+    assert history.add(Entry("S1", made_up.PART, 10.5, 7, "left"), recording(1), diagnosis(1)).added
+    (kept,) = history.unit("S1").diagnoses()
+    given = diagnosis(1)
+    assert (kept.hours, kept.flight) == (10.5, Flight(10.5, 7, "left"))
+    assert (kept.recording, kept.recording_hash) == ("1.csv", recording_hash(recording(1)))
+    assert kept.explained is True
+    np.testing.assert_array_equal(kept.vector, given.faults.vector)
+    np.testing.assert_array_equal(kept.covariance, given.covariance)
+    assert kept.coordinates == given.coordinates
+    assert kept.version == given.version
+    assert kept.verdicts == dict.fromkeys(NAMES, "degraded")
+    assert kept.document == json.loads(given.to_json())
+    assert history.unit("S1").actuator == made_up.THESIS
+
+
+def test_the_eccentricity_is_a_vector_with_its_covariance(history: History) -> None:
+    fill(history, range(1, 2))
+    (kept,) = history.unit("S1").diagnoses()
+    np.testing.assert_allclose(kept.cartesian, made_up.cartesian(1))
+    radius = np.hypot(*kept.cartesian[5:7])
+    assert radius == pytest.approx(kept.faults.eccentricity)
+    np.testing.assert_array_equal(kept.cartesian_covariance, diagnosis(1).covariance[:8, :8])
+
+
+def test_a_component_that_cannot_be_shown_has_its_prior_variance(history: History) -> None:
+    from dataclasses import replace
+
+    full = diagnosis(1)
+    shown = [0, 1, 7, 8]  # friction, backlash, gain, load: an actuator without windings
+    prior = 1 / 12**0.5
+    components = {
+        name: replace(one, standard_error=prior) if name.startswith(("short", "ecc")) else one
+        for name, one in full.components.items()
+    }
+    reduced = replace(
+        full,
+        components=components,
+        coordinates=tuple(full.coordinates[i] for i in shown),
+        covariance=full.covariance[np.ix_(shown, shown)],
+    )
+    history.add(entry(), recording(1), reduced)
+    (kept,) = history.unit("S1").diagnoses()
+    expected = np.zeros((8, 8))
+    expected[np.ix_([0, 1, 7], [0, 1, 7])] = full.covariance[np.ix_([0, 1, 7], [0, 1, 7])]
+    expected[range(2, 7), range(2, 7)] = 1 / 12
+    np.testing.assert_allclose(kept.cartesian_covariance, expected)
+
+
+def test_the_same_recording_twice_changes_nothing(history: History) -> None:
+    fill(history, range(1, 4))
+    before = unit_blocks(history.unit("S1"))
+    again = history.add(entry(hours=20.0), recording(2), diagnosis(2))
+    assert not again.added
+    assert not history.missing(entry(hours=20.0), recording(2), made_up.THESIS)
+    assert unit_blocks(history.unit("S1")) == before
+
+
+def test_a_recording_is_known_by_its_values_not_its_name() -> None:
+    held = recording(3)
+    renamed = Recording(held.channels, source="elsewhere.parquet")
+    assert recording_hash(renamed) == recording_hash(held)
+    changed = {**held.channels, "current_A": held["current_A"] + 1e-12}
+    assert recording_hash(Recording(changed)) != recording_hash(held)
+    assert recording_hash(Recording(held.channels, "instant")) != recording_hash(held)
+
+
+def test_other_settings_give_another_diagnosis_and_the_last_counts(history: History) -> None:
+    fill(history, range(1, 3))
+    assert history.missing(entry(hours=10.0), recording(1), made_up.THESIS, seed=5)
+    assert history.add(entry(hours=10.0), recording(1), diagnosis(1, explained=False, seed=5)).added
+    first, second = history.unit("S1").diagnoses()
+    assert (first.settings.seed, second.settings.seed) == (5, 0)
+    (line,) = history.overviews()
+    assert (line.recordings, line.explained, line.hours) == (2, 1, 20.0)
+    assert json.loads(line.document)["recording"] == "2.csv"
+
+
+def test_units_are_listed_by_part_number(history: History) -> None:
+    fill(history, range(1, 3), "S2")
+    fill(history, range(3, 4), "S1")
+    other = made_up.THESIS.model_copy(update={"name": "other"})
+    history.add(entry("X1", part="other"), recording(9), diagnosis(9, actuator=other))
+    assert [unit.serial_number for unit in history.units()] == ["X1", "S1", "S2"]
+    assert [unit.serial_number for unit in history.units("other")] == ["X1"]
+    assert [line.unit.serial_number for line in history.overviews(made_up.PART)] == ["S1", "S2"]
+
+
+def test_a_position_lasts_until_the_unit_is_removed(history: History) -> None:
+    for number, (hours, position) in enumerate([(1, "left"), (2, None), (4, None), (5, "right"), (6, None)]):
+        flown = Entry("S1", made_up.PART, hours, position=position)
+        history.add(flown, recording(number), diagnosis(number))
+    assert history.add_removal("S1", Removal(2.0, "scheduled"))
+    positions = [flight.position for flight in history.unit("S1").flights()]
+    assert positions == ["left", "left", None, "right", "right"]
+
+
+def test_a_recording_may_say_what_another_of_its_flight_left_open(history: History) -> None:
+    history.add(Entry("S1", made_up.PART, 1.0), recording(1), diagnosis(1))
+    history.add(Entry("S1", made_up.PART, 1.0, 4, "left"), recording(2), diagnosis(2))
+    history.add(Entry("S1", made_up.PART, 1.0), recording(3), diagnosis(3))
+    assert history.unit("S1").flights() == (Flight(1.0, 4, "left"),)
+
+
+# Removals, findings, lives
+
+
+def test_removals_and_findings_are_kept_once(history: History) -> None:
+    fill(history, range(1, 3))
+    removal = Removal(20.0, "failed", "jam")
+    finding = Finding(20.0, "backlash", "failed", 0.7, replaced=True, note="nut worn")
+    assert history.add_removal("S1", removal)
+    assert not history.add_removal("S1", removal)
+    assert history.add_finding("S1", finding)
+    assert not history.add_finding("S1", finding)
+    unit = history.unit("S1")
+    assert unit.removals() == (removal,)
+    assert unit.findings() == (finding,)
+    assert unit.replacements() == (Replacement(20.0, "backlash"),)
+
+
+def test_lives_end_by_failure_or_are_censored(history: History) -> None:
+    fill(history, range(1, 6))
+    history.add_removal("S1", Removal(20.0, "failed"))
+    history.add_removal("S1", Removal(40.0, "failed"))
+    history.add_finding("S1", Finding(40.0, "backlash", "degraded", replaced=True))
+    unit = history.unit("S1")
+    # At 20 h no shop has reported; at 40 h it found no failure.
+    assert unit.lives() == (Life(0.0, 20.0, True), Life(20.0, 40.0, False), Life(40.0, 50.0, False))
+    assert unit.lives("backlash") == (Life(0.0, 40.0, False), Life(40.0, 50.0, False))
+    assert unit.lives("friction") == (Life(0.0, 50.0, False),)
+    assert all(life.censored != life.failed for life in unit.lives())
+
+
+def test_a_component_lives_until_it_is_found_failed_or_the_unit_is_exchanged(history: History) -> None:
+    fill(history, range(1, 6))
+    history.add_finding("S1", Finding(20.0, "friction", "failed"))
+    history.add_finding("S1", Finding(30.0, "unit", "healthy", replaced=True))
+    unit = history.unit("S1")
+    assert unit.lives("friction") == (Life(0.0, 20.0, True), Life(20.0, 30.0, False), Life(30.0, 50.0, False))
+    assert unit.lives("gain") == (Life(0.0, 30.0, False), Life(30.0, 50.0, False))
+
+
+# For other programs
+
+
+def test_the_blocks_hold_each_key_of_a_diagnosis_once(history: History) -> None:
+    fill(history, range(1, 2))
+    (kept,) = history.unit("S1").diagnoses()
+    blocks = diagnosis_blocks(kept)
+    parts = [blocks[name] for name in ("data_manipulation", "state_detection", "health_assessment", "settings")]
+    keys = [key for part in parts for key in part]
+    assert len(keys) == len(set(keys))
+    assert set(keys) - {"recording_hash", "description"} == set(kept.document)
+    assert {"explained", "moves"} < set(blocks["state_detection"])
+    assert {"faults", "k", "covariance"} < set(blocks["health_assessment"])
+    assert "notes" in blocks["data_manipulation"]
+    assert set(METHOD) < set(blocks["settings"])
+
+
+def test_an_export_has_every_unit(history: History, tmp_path: Path) -> None:
+    fill(history, range(1, 4), "S1")
+    fill(history, range(4, 6), "S2")
+    assert export(history, tmp_path / "all.json") == 2
+    assert export(history, tmp_path / "all.csv") == 2
+    assert export(history, tmp_path / "all.parquet") == 2
+    units = json.loads((tmp_path / "all.json").read_text())["units"]
+    assert units == [json.loads(json.dumps(unit_blocks(unit))) for unit in history.units()]
+    table = pl.read_parquet(tmp_path / "all.parquet")
+    assert table["serial_number"].to_list() == ["S1"] * 3 + ["S2"] * 2
+    np.testing.assert_array_equal(table.select(NAMES).row(1), diagnosis(2).faults.vector)
+    assert pl.read_csv(tmp_path / "all.csv").select("recording_hash").equals(table.select("recording_hash"))
+    with pytest.raises(OutputError, match="exists already"):
+        export(history, tmp_path / "all.csv")

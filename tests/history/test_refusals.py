@@ -1,0 +1,270 @@
+"""What contradicts a history is refused in one line that says how to correct it, and changes nothing."""
+
+import socket
+import sqlite3
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import sqlalchemy as sa
+
+from emaphm.errors import HistoryError
+from emaphm.history import Entry, Finding, History, Removal, database
+from emaphm.history.address import Address
+from emaphm.history.blocks import unit_blocks
+from emaphm.history.database import Database
+from emaphm.history.schema import VERSION
+
+from . import made_up
+from .conftest import server
+from .made_up import diagnosis, entry, recording
+
+LONGEST_S = 10.0
+"""In which a user learns that there is no database."""
+
+
+@pytest.fixture
+def flown(history: History) -> History:
+    """Return a history with a unit at 10, 20 and 30 h; each tenth hour has a recording of its number."""
+    for number in (1, 2, 3):
+        history.add(Entry("SN-0042", made_up.PART, 10.0 * number, 5 * number), recording(number), diagnosis(number))
+    return history
+
+
+def refusal(call: Callable[[], object]) -> str:
+    """Return the message of what must be refused."""
+    with pytest.raises(HistoryError) as caught:
+        call()
+    message = str(caught.value)
+    assert "\n" not in message
+    assert "Traceback" not in message
+    return message
+
+
+CONTRADICTIONS = {
+    "hours going backwards": (Entry("SN-0042", made_up.PART, 25.0), 7, "30 h already, 25 h .* --late"),
+    "the recording of another unit": (Entry("SN-0043", made_up.PART, 50.0), 2, "'2.csv' of unit 'SN-0042'"),
+    "the recording at other hours": (Entry("SN-0042", made_up.PART, 40.0), 3, "at 30 h; it cannot be of 40 h"),
+    "the recording at other cycles": (Entry("SN-0042", made_up.PART, 30.0, 99), 3, "at 15 cycles"),
+    "another part number": (Entry("SN-0042", "P/N 7", 40.0), 7, "part number 'thesis', .* 'P/N 7'.*--part"),
+    "fewer cycles later": (Entry("SN-0042", made_up.PART, 40.0, 14), 7, "15 cycles at 30 h, so 14 at 40 h"),
+    "two counts at once": (Entry("SN-0042", made_up.PART, 30.0, 16), 7, "15 cycles at 30 h, so 16 at 30 h"),
+    "more cycles earlier": (
+        Entry("SN-0042", made_up.PART, 15.0, 12, late=True),
+        7,
+        "10 cycles at 20 h, so 12 at 15 h",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CONTRADICTIONS)
+def test_a_contradiction_is_refused_before_and_after_the_diagnosis(flown: History, name: str) -> None:
+    made, number, words = CONTRADICTIONS[name]
+    before = unit_blocks(flown.unit("SN-0042"))
+    with pytest.raises(HistoryError, match=words):
+        flown.missing(made, recording(number), made_up.THESIS)
+    assert "check --" in refusal(lambda: flown.add(made, recording(number), diagnosis(number)))
+    assert unit_blocks(flown.unit("SN-0042")) == before
+    assert len(flown.units()) == 1
+
+
+def test_an_old_recording_may_be_added_late(flown: History) -> None:
+    late = Entry("SN-0042", made_up.PART, 15.0, 6, late=True)
+    assert flown.add(late, recording(7), diagnosis(7)).added
+    assert [one.hours for one in flown.unit("SN-0042").diagnoses()] == [10, 15, 20, 30]
+    # What is there already needs no such word.
+    assert not flown.add(entry("SN-0042", 10.0), recording(1), diagnosis(1)).added
+
+
+def test_hours_are_not_below_those_of_a_removal(flown: History) -> None:
+    flown.add_removal("SN-0042", Removal(50.0, "scheduled"))
+    with pytest.raises(HistoryError, match="50 h already"):
+        flown.add(entry("SN-0042", 40.0), recording(7), diagnosis(7))
+
+
+def test_an_unknown_unit_is_answered_with_the_nearest(flown: History) -> None:
+    for call in (
+        lambda: flown.unit("sn-0024"),
+        lambda: flown.add_removal("sn-0024", Removal(1.0, "other")),
+        lambda: flown.add_finding("sn-0024", Finding(1.0, "gain", "healthy")),
+    ):
+        assert refusal(call) == "no unit 'sn-0024' in the history (did you mean 'SN-0042'?)"
+
+
+def test_an_unknown_unit_of_an_empty_history(history: History) -> None:
+    assert refusal(lambda: history.unit("S1")) == "no unit 'S1' in the history; the history is empty"
+
+
+def test_another_removal_or_finding_in_the_same_place_is_refused(flown: History) -> None:
+    flown.add_removal("SN-0042", Removal(30.0, "failed"))
+    flown.add_finding("SN-0042", Finding(30.0, "gain", "failed", 0.9))
+    with pytest.raises(HistoryError, match="a removal is in the history already, with reason 'failed'"):
+        flown.add_removal("SN-0042", Removal(30.0, "scheduled"))
+    with pytest.raises(HistoryError, match=r"a finding on gain is .* with level 0\.9; nothing was changed"):
+        flown.add_finding("SN-0042", Finding(30.0, "gain", "failed", 0.8))
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Entry("", "P", 1.0), "unit '' is no name"),
+        (lambda: Entry("a\nb", "P", 1.0), "printable"),
+        (lambda: Entry("\udc80", "P", 1.0), "printable"),
+        (lambda: Entry("S" * 201, "P", 1.0), "200 at most"),
+        (lambda: Entry("S", " ", 1.0), "part number"),
+        (lambda: Entry("S", "P", -1.0), "hours -1"),
+        (lambda: Entry("S", "P", float("nan")), "hours nan"),
+        (lambda: Entry("S", "P", float("inf")), "hours inf"),
+        (lambda: Entry("S", "P", 1.0, -1), "cycles -1"),
+        (lambda: Entry("S", "P", 1.0, 2**40), "cycles"),
+        (lambda: Entry("S", "P", 1.0, position=""), "position"),
+        (lambda: Removal(1.0, "fialed"), "did you mean 'failed'"),
+        (lambda: Removal(1.0, "other", "\0"), "note"),
+        (lambda: Finding(1.0, "backlas", "failed"), "did you mean 'backlash'"),
+        (lambda: Finding(1.0, "gain", "broken"), "unknown condition 'broken'"),
+        (lambda: Finding(1.0, "gain", "failed", 1.5), r"level 1\.5 lies outside"),
+        (lambda: Finding(1.0, "unit", "failed", 0.5), "name the component"),
+    ],
+)
+def test_what_cannot_be_is_refused(make: Callable[[], object], words: str) -> None:
+    with pytest.raises(HistoryError, match=words):
+        make()
+
+
+# What is opened
+
+
+def test_a_newer_history_is_refused_with_what_to_do(address: str) -> None:
+    with History.open(address, create=True) as older:
+        with older.database.writing() as connection:
+            connection.execute(VERSION.update().values(version_num="0099"))
+        # One that was open while a newer version changed it does not write to it any more.
+        assert "update emaphm" in refusal(lambda: older.add(entry(), recording(1), diagnosis(1)))
+    message = refusal(lambda: History.open(address))
+    assert "form 0099" in message
+    assert "update emaphm" in message
+
+
+def test_there_must_be_a_history_to_read(address: str) -> None:
+    with pytest.raises(HistoryError, match="no such history|holds no history"):
+        History.open(address)
+
+
+def test_somebody_elses_tables_are_left_alone(address: str) -> None:
+    if "://" in address:
+        engine = sa.create_engine(address.replace("postgresql:", "postgresql+psycopg:"))
+        with engine.begin() as connection:
+            connection.exec_driver_sql("CREATE TABLE units (a integer)")
+        engine.dispose()
+    else:
+        with sqlite3.connect(address) as file:
+            file.execute("CREATE TABLE results (a integer)")
+        file.close()
+    with pytest.raises(HistoryError, match="is no history, it has a table"):
+        History.open(address, create=True)
+
+
+@pytest.mark.parametrize(
+    ("where", "words"),
+    [
+        ("absent/history.sqlite", "there is no folder 'absent'"),
+        (".", "is no file"),
+        ("text.csv", "not a database"),
+        ("mysql://user:secret@host/name", "'mysql://' is no database"),
+        ("postgresql://user:secret@host:port/name", "URL cannot be read"),
+        ("sqlite://", "names no file"),
+        ("nul\0", "null character"),
+    ],
+)
+def test_what_is_no_place_for_a_history(
+    where: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("text.csv").write_text("time_s,current_A\n" * 1000, encoding="utf-8")
+    message = refusal(lambda: History.open(where, create=True))
+    assert words in message
+    assert "secret" not in message
+
+
+def test_a_damaged_file_is_called_so(tmp_path: Path) -> None:
+    path = tmp_path / "history.sqlite"
+    with History.open(path, create=True) as whole:
+        whole.add(entry(), recording(1), diagnosis(1))
+    content = bytearray(path.read_bytes())
+    content[4096:] = bytes(len(content) - 4096)
+    path.write_bytes(content)
+    assert "malformed" in refusal(lambda: History.open(path).unit("S1"))
+
+
+# Databases that cannot be reached
+
+
+@pytest.fixture
+def silent() -> Iterator[int]:
+    """Return a port where somebody listens, and never answers."""
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        yield listening.getsockname()[1]
+
+
+def test_a_port_that_nobody_listens_on() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        port = listening.getsockname()[1]
+    began = time.monotonic()
+    message = refusal(lambda: History.open(f"postgresql://me:secret@127.0.0.1:{port}/fleet"))
+    assert time.monotonic() - began < LONGEST_S
+    assert f"postgresql://me:***@127.0.0.1:{port}/fleet" in message
+    assert "check the address" in message
+
+
+def test_a_server_that_never_answers(silent: int) -> None:
+    began = time.monotonic()
+    message = refusal(lambda: History.open(f"postgresql://me:secret@127.0.0.1:{silent}/fleet"))
+    assert time.monotonic() - began < LONGEST_S
+    assert f"127.0.0.1:{silent}/fleet" in message
+    assert "secret" not in message
+
+
+def test_whatever_hangs_is_given_up(silent: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(database, "SETTINGS", replace(database.SETTINGS, answer_s=0.5))
+    address = Address.of(f"postgresql://me@127.0.0.1:{silent}/fleet")
+    assert "no answer within 0.5 s; check the address" in refusal(lambda: Database.open(address, create=False))
+
+
+def test_a_wrong_password_is_not_repeated() -> None:
+    url = sa.make_url(server()).set(password="not this one")  # noqa: S106
+    message = refusal(lambda: History.open(url.render_as_string(hide_password=False)))
+    assert "check the user and the password" in message
+    assert "not this one" not in message
+
+
+def test_a_database_that_does_not_exist() -> None:
+    url = sa.make_url(server()).set(database="no_such")
+    assert "create it" in refusal(lambda: History.open(url.render_as_string(hide_password=False)))
+
+
+def test_a_file_that_another_program_holds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(database, "SETTINGS", replace(database.SETTINGS, file_s=0.2))
+    path = tmp_path / "history.sqlite"
+    History.open(path, create=True).close()
+    holder = sqlite3.connect(path, isolation_level=None)
+    holder.execute("PRAGMA locking_mode = EXCLUSIVE")
+    holder.execute("BEGIN EXCLUSIVE")
+    try:
+        assert "another program holds it" in refusal(lambda: History.open(path))
+    finally:
+        holder.close()
+
+
+def test_a_connection_that_the_server_ended_is_made_anew(flown: History) -> None:
+    if flown.database.is_file:
+        pytest.skip("a file has no server")
+    with flown.database.reading() as connection:
+        ours = connection.exec_driver_sql("SELECT pg_backend_pid()").scalar_one()
+    other = sa.create_engine(sa.make_url(server()).set(drivername="postgresql+psycopg"))
+    with other.begin() as connection:
+        connection.execute(sa.text("SELECT pg_terminate_backend(:pid)"), {"pid": ours})
+    other.dispose()
+    time.sleep(0.1)
+    assert len(flown.unit("SN-0042").diagnoses()) == 3
