@@ -28,11 +28,14 @@ from emaphm.estimation.joint.uncertainty import AloneEstimates, JointUncertainty
 from emaphm.estimation.levenberg_marquardt import descend
 from emaphm.estimation.methods import method_named
 from emaphm.estimation.multistart import MULTISTART
+from emaphm.estimation.objective import CORRELATED_ROWS
 from emaphm.estimation.problem import rms
 from emaphm.estimation.search import search
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.uncertainty.fisher_information import information
+from emaphm.estimation.uncertainty.local_covariance import jacobians_at
 from emaphm.progress import Progress, subprogress
-from emaphm.random_streams import child_seed
+from emaphm.random_streams import child_seed, stream
 from emaphm.recording import Recording, check_plausible
 from emaphm.simulation import AVERAGED
 
@@ -94,7 +97,9 @@ def diagnose_joint(
         joint = joint.corrected([np.zeros_like(term.correction) for term in joint.terms])
     correcting = subprogress(on_progress, ALONE_SHARE, 0.95)
     estimate = corrected_estimate(joint, point, max_corrections, seed, correcting)
-    known = joint_uncertainty(estimate, seed, alone=_alone_estimates(alone, joint, seed))
+    known = joint_uncertainty(
+        estimate, seed, alone=_alone_estimates(alone, joint, seed) if estimate.corrected else None
+    )
     results = [with_discrepancy(one, seed) for one in _by_recording(estimate, known.point)]
     single = [
         conclude(result, recording, METHOD, "least_squares", seed)
@@ -228,6 +233,9 @@ def _merged(
     joint, count = estimate.joint, len(results)
     priors = joint.prior_deviations[: joint.shared]
     covariance = known.covariance + estimate.scatter
+    if not estimate.corrected:
+        bias = _bias(joint, results, known.point, seed)
+        covariance = covariance + np.outer(bias, bias)
     contradicted, named = np.zeros(joint.shared, bool), np.zeros(count, bool)
     if known.alone is not None:
         between = contradictions(known.alone, priors)
@@ -282,6 +290,20 @@ def _merged(
             NAMES[column] for i, column in enumerate(results[0].objective.space.columns) if contradicted[i]
         ),
     )
+
+
+def _bias(joint: JointObjective, results: Sequence[SearchResult], point: Array, seed: int) -> Array:
+    """Return how far the model's discrepancy, where it is known, leads a fit without correction, (d,)."""
+    normals, gradients = list[Array](), list[Array]()
+    for r, result in enumerate(results):
+        rows = result.objective.channel_rows
+        jacobians = jacobians_at(result.objective, result.point, stream(seed, "Jacobians of the bias", r))
+        variance = max(float(np.mean(result.fitted_residual[:rows] ** 2)), np.finfo(float).tiny)
+        normals.append(information(jacobians) / variance)
+        gradients.append(jacobians.mean(axis=0) @ result.remaining_bias[:rows] / variance)
+    prior = np.diag(CORRELATED_ROWS / joint.prior_deviations**2)
+    step = np.linalg.solve(joint.summed_matrices(normals) + prior, joint.summed_vectors(gradients))
+    return np.asarray(joint.box.project(point - step) - point)
 
 
 def _recording(
