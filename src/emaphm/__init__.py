@@ -26,9 +26,11 @@ if TYPE_CHECKING:
     )
     from emaphm.calibration import Calibration, CampaignRow, calibrate, read_campaign
     from emaphm.diagnosis import Diagnosis, diagnose, error_percent
+    from emaphm.diagnosis.joint import JointDiagnosis, diagnose_joint
     from emaphm.errors import EmaphmError
     from emaphm.estimation import replay
     from emaphm.experiment import Design, design
+    from emaphm.fleet import DiagnosisSettings, diagnose_all
     from emaphm.recording import Recording, acquire, read_recording, write_recording
     from emaphm.report import write_report
     from emaphm.simulated_recording import simulate
@@ -41,8 +43,10 @@ _HOMES = {
     "emaphm.errors": "EmaphmError",
     "emaphm.calibration": "Calibration CampaignRow calibrate read_campaign",
     "emaphm.diagnosis": "Diagnosis diagnose error_percent",
+    "emaphm.diagnosis.joint": "JointDiagnosis diagnose_joint",
     "emaphm.estimation": "replay",
     "emaphm.experiment": "Design design",
+    "emaphm.fleet": "DiagnosisSettings diagnose_all",
     "emaphm.recording": "Recording acquire read_recording write_recording",
     "emaphm.report": "write_report",
     "emaphm.simulated_recording": "simulate",
@@ -58,8 +62,10 @@ __all__ = [
     "DecayingChirp",
     "Design",
     "Diagnosis",
+    "DiagnosisSettings",
     "EmaphmError",
     "Faults",
+    "JointDiagnosis",
     "Ramp",
     "Recording",
     "Sampled",
@@ -70,6 +76,8 @@ __all__ = [
     "calibrate",
     "design",
     "diagnose",
+    "diagnose_all",
+    "diagnose_joint",
     "error_percent",
     "read_campaign",
     "read_recording",

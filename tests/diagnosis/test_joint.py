@@ -11,8 +11,7 @@ from emaphm.actuator import NAMES, Actuator, Chirp, Faults
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.cli import main
 from emaphm.diagnosis import diagnose
-from emaphm.diagnosis.joint import diagnose_joint
-from emaphm.diagnosis.joint_result import JointDiagnosis
+from emaphm.diagnosis.joint import JointDiagnosis, diagnose_joint
 from emaphm.errors import MethodError
 from emaphm.recording import Recording, acquire, write_recording
 from emaphm.simulated_recording import simulate
