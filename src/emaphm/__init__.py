@@ -27,9 +27,11 @@ if TYPE_CHECKING:
     from emaphm.calibration import Calibration, CampaignRow, calibrate, read_campaign
     from emaphm.detection import Detector, DetectorResult
     from emaphm.diagnosis import Diagnosis, diagnose, error_percent
+    from emaphm.diagnosis.joint import JointDiagnosis, diagnose_joint
     from emaphm.errors import EmaphmError
     from emaphm.estimation import replay
     from emaphm.experiment import Design, design
+    from emaphm.fleet import DiagnosisSettings, diagnose_all
     from emaphm.history import History
     from emaphm.recording import Recording, acquire, read_recording, read_recordings, write_recording
     from emaphm.report import write_report
@@ -44,8 +46,10 @@ _HOMES = {
     "emaphm.calibration": "Calibration CampaignRow calibrate read_campaign",
     "emaphm.detection": "Detector DetectorResult",
     "emaphm.diagnosis": "Diagnosis diagnose error_percent",
+    "emaphm.diagnosis.joint": "JointDiagnosis diagnose_joint",
     "emaphm.estimation": "replay",
     "emaphm.experiment": "Design design",
+    "emaphm.fleet": "DiagnosisSettings diagnose_all",
     "emaphm.history": "History",
     "emaphm.recording": "Recording acquire read_recording read_recordings write_recording",
     "emaphm.report": "write_report",
@@ -64,9 +68,11 @@ __all__ = [
     "Detector",
     "DetectorResult",
     "Diagnosis",
+    "DiagnosisSettings",
     "EmaphmError",
     "Faults",
     "History",
+    "JointDiagnosis",
     "Ramp",
     "Recording",
     "Sampled",
@@ -77,6 +83,8 @@ __all__ = [
     "calibrate",
     "design",
     "diagnose",
+    "diagnose_all",
+    "diagnose_joint",
     "error_percent",
     "read_campaign",
     "read_recording",

@@ -149,6 +149,7 @@ def test_a_folder_of_something_else_is_refused(made: list[Path], tmp_path: Path)
         (["--method", "hybird"], "did you mean 'hybrid'?"),
         (["--nuisance", "lode"], "unknown nuisance 'lode' (did you mean 'load'?)"),
         (["--joint", "--workers", "2"], "--workers is for recordings diagnosed one by one"),
+        (["--joint", "--method", "de"], "--method is for recordings diagnosed one by one"),
     ],
 )
 def test_options_that_cannot_be_are_refused_before_the_work(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from emaphm.cli.options import check_workers, names_in
 from emaphm.cli.output import counter, progress, show, show_line
-from emaphm.errors import ExecutionError, RecordingError
+from emaphm.errors import MethodError, RecordingError
 
 if TYPE_CHECKING:
     from emaphm.actuator import Actuator
@@ -76,12 +76,22 @@ def diagnose_each(
         )
 
 
-def check_alone(workers: int | None, scheduler: str | None, out: Path | None) -> None:
-    """Refuse options of separate diagnoses for a joint one."""
+def check_joint(
+    chosen: "DiagnosisSettings", workers: int | None, scheduler: str | None, out: Path | None
+) -> None:
+    """Refuse options that a joint diagnosis does not have."""
+    from emaphm.fleet import DiagnosisSettings
+
+    usual = DiagnosisSettings()
     given = {"--workers": workers, "--scheduler": scheduler, "--out": out}
     named = [name for name, value in given.items() if value is not None]
+    named += [
+        f"--{name}"
+        for name in ("method", "model", "fitness", "posterior")
+        if getattr(chosen, name) != getattr(usual, name)
+    ]
     if named:
-        raise ExecutionError(f"{named[0]} is for recordings diagnosed one by one; leave it or --joint out")
+        raise MethodError(f"{named[0]} is for recordings diagnosed one by one; leave it or --joint out")
 
 
 def diagnose_joint(

@@ -199,7 +199,7 @@ def diagnose(
         )
         paths = (recording, *further)
         if joint:
-            batch.check_alone(workers, scheduler, out)
+            batch.check_joint(settings, workers, scheduler, out)
             batch.diagnose_joint(paths, described, settings, as_json)
         else:
             batch.diagnose_each(paths, described, settings, workers, scheduler, out, as_json)

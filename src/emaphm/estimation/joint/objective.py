@@ -98,9 +98,9 @@ class JointBox(Box):
 
     def project(self, points: Array) -> Array:
         """Return `points` (…, d) moved into the bounds and the eccentricity into its circle."""
-        points = np.clip(points, self.lower, self.upper)
+        points = np.array(points, float)
         points[..., self.index] = self.space.project(points[..., self.index])
-        return points
+        return np.clip(points, self.lower, self.upper)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,172 @@
+"""The conclusion of a joint diagnosis: verdicts, intervals, and contradictions between recordings."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emaphm.actuator import NAMES
+from emaphm.arrays import Array
+from emaphm.diagnosis.identifiability import collinear_sets
+from emaphm.diagnosis.joint.result import JointDiagnosis, JointRecording
+from emaphm.diagnosis.result import Diagnosis
+from emaphm.diagnosis.verdict import Estimate, estimates, unexplained
+from emaphm.estimation.joint.contradictions import contradictions, dissenting
+from emaphm.estimation.joint.correction import JointEstimate
+from emaphm.estimation.joint.objective import JointObjective
+from emaphm.estimation.joint.uncertainty import JointUncertainty
+from emaphm.estimation.objective import CORRELATED_ROWS
+from emaphm.estimation.problem import rms
+from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.uncertainty.fisher_information import information
+from emaphm.estimation.uncertainty.local_covariance import jacobians_at
+from emaphm.random_streams import stream
+
+CONTRADICTED = "the recordings contradict each other"
+
+
+def conclusion(
+    alone: Sequence[SearchResult],
+    results: Sequence[SearchResult],
+    single: Sequence[Diagnosis],
+    estimate: JointEstimate,
+    known: JointUncertainty,
+    seed: int,
+) -> JointDiagnosis:
+    """Return the diagnosis of the unit; its counts and time are still to be filled in.
+
+    Parameters
+    ----------
+    alone
+        Where the search of each recording alone ended.
+    results, single
+        The joint estimate as each recording's own result, and what is concluded from that.
+    estimate, known
+        The joint fit, and how well it is known.
+    """
+    joint, count, space = estimate.joint, len(results), results[0].objective.space
+    between = _between(known, joint)
+    covariance = known.covariance + estimate.scatter
+    covariance[: joint.shared, : joint.shared] += between.covariance
+    if not estimate.corrected:
+        bias = _bias(joint, results, known.point, seed)
+        covariance = covariance + np.outer(bias, bias)
+    local = covariance[np.ix_(joint.indices[0], joint.indices[0])]
+    sets = collinear_sets(results[0], local, seed)
+    components = estimates(space, results[0].point, local, sets)
+    if not all(one.explained for one in single):
+        components = unexplained(components)
+    elif not between.agree:
+        components = {name: _undecided(one) for name, one in components.items()}
+    parts = [
+        _recording(one, *pair, contradicts=bool(flag))
+        for one, pair, flag in zip(single, zip(alone, results, strict=True), between.named, strict=True)
+    ]
+    first = single[0]
+    kept = {field.name: getattr(first, field.name) for field in fields(first)}
+    shared = [space.coordinates[i] for i in joint.terms[0].shared_places]
+    residual = np.concatenate([one.recorded - one.modelled for one in single])
+    channels = tuple(dict.fromkeys(name for one in single for name in one.channels))
+    return JointDiagnosis(
+        **kept
+        | {
+            "components": components,
+            "coordinates": tuple(shared),
+            "covariance": covariance[: joint.shared, : joint.shared],
+            "fitness": float(np.mean(residual**2)),
+            "residual_rms_A": rms(residual),
+            "explained": between.agree and all(one.explained for one in single),
+            "recording": first.recording if count == 1 else f"{count} recordings",
+            "time_s": _end_to_end([one.time_s for one in single]),
+            "recorded": np.concatenate([one.recorded for one in single]),
+            "modelled": np.concatenate([one.modelled for one in single]),
+            "channels": channels,
+            "nuisances": {},
+            "collinear_sets": sets,
+            "moves": any(one.moves for one in single),
+            "recording_notes": tuple(
+                f"{one.recording}: {note}" if count > 1 else note
+                for one in single
+                for note in one.recording_notes
+            ),
+        },
+        recordings=tuple(parts),
+        contradicted=tuple(
+            dict.fromkeys(NAMES[column] for i, column in enumerate(space.columns) if between.contradicted[i])
+        ),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Between:
+    """What the recordings contradict each other in.
+
+    `contradicted`, (p,), are the shared coordinates, `named`, (n,), the recordings that contradict the
+    others; `covariance`, (p, p), is what their scatter adds to that of the joint estimate.
+    """
+
+    contradicted: NDArray[np.bool_]
+    named: NDArray[np.bool_]
+    covariance: Array
+
+    @property
+    def agree(self) -> bool:
+        """Whether the recordings do not contradict each other."""
+        return not (self.contradicted.any() or self.named.any())
+
+
+def _between(known: JointUncertainty, joint: JointObjective) -> _Between:
+    shared, count = joint.shared, len(joint.terms)
+    if known.alone is None:
+        return _Between(np.zeros(shared, bool), np.zeros(count, bool), np.zeros((shared, shared)))
+    priors = joint.prior_deviations[:shared]
+    found, named = contradictions(known.alone, priors), dissenting(known.alone, priors)
+    between = _Between(found.contradicted, named, found.covariance)
+    # The mean of recordings that scatter is known the better the more they are; what they contradict each
+    # other in may be any of theirs.
+    return replace(between, covariance=found.covariance / count) if between.agree else between
+
+
+def _bias(joint: JointObjective, results: Sequence[SearchResult], point: Array, seed: int) -> Array:
+    """Return how far the model's discrepancy, where it is known, leads a fit without correction, (d,)."""
+    normals, gradients = list[Array](), list[Array]()
+    for r, result in enumerate(results):
+        rows = result.objective.channel_rows
+        jacobians = jacobians_at(result.objective, result.point, stream(seed, "Jacobians of the bias", r))
+        variance = max(float(np.mean(result.fitted_residual[:rows] ** 2)), np.finfo(float).tiny)
+        normals.append(information(jacobians) / variance)
+        gradients.append(jacobians.mean(axis=0) @ result.remaining_bias[:rows] / variance)
+    prior = np.diag(CORRELATED_ROWS / joint.prior_deviations**2)
+    step = np.linalg.solve(joint.summed_matrices(normals) + prior, joint.summed_vectors(gradients))
+    return np.asarray(joint.box.project(point - step) - point)
+
+
+def _recording(
+    single: Diagnosis, alone: SearchResult, result: SearchResult, *, contradicts: bool
+) -> JointRecording:
+    own = float(np.sqrt(np.mean(alone.fitted_residual[: alone.objective.problem.samples] ** 2)))
+    return JointRecording(
+        single.recording,
+        single.channels,
+        single.explained,
+        single.residual_rms_A,
+        single.relative_residual,
+        single.residual_rms_A / max(own, np.finfo(float).tiny),
+        contradicts,
+        tuple(result.objective.space.faults(alone.point).tolist()),
+        single.nuisances,
+    )
+
+
+def _undecided(one: Estimate) -> Estimate:
+    return replace(one, verdict="cannot tell", reason=one.reason or CONTRADICTED)
+
+
+def _end_to_end(times: Sequence[Array]) -> Array:
+    """Return the times [s] of recordings, each beginning an interval after the end of the one before."""
+    placed, offset = list[Array](), float(times[0][0])
+    for time_s in times:
+        placed.append(time_s - time_s[0] + offset)
+        offset = float(placed[-1][-1] + (time_s[-1] - time_s[0]) / (time_s.size - 1))
+    return np.concatenate(placed)

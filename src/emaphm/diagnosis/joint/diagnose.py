@@ -1,0 +1,149 @@
+"""From several recordings of one unit to one diagnosis: common faults, and what is each recording's own."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from emaphm.actuator import Actuator
+from emaphm.arrays import Array
+from emaphm.diagnosis.diagnose import conclude
+from emaphm.diagnosis.joint.alone import METHOD, alone_estimates, search_alone
+from emaphm.diagnosis.joint.conclusion import conclusion
+from emaphm.diagnosis.joint.result import JointDiagnosis
+from emaphm.errors import MethodError
+from emaphm.estimation.bias_correction import MAX_CORRECTIONS, with_discrepancy
+from emaphm.estimation.joint.correction import JointEstimate, corrected_estimate
+from emaphm.estimation.joint.objective import JointObjective, RecordingTerm
+from emaphm.estimation.joint.uncertainty import joint_uncertainty
+from emaphm.estimation.levenberg_marquardt import descend
+from emaphm.estimation.multistart import MULTISTART
+from emaphm.estimation.search_result import SearchResult
+from emaphm.progress import Progress, subprogress
+from emaphm.recording import Recording, check_plausible
+from emaphm.simulation import AVERAGED
+
+STARTS = 3
+"""Points that the joint descent begins at: the best of what the recordings alone ask for, and their mean."""
+
+ALONE_SHARE = 0.6
+"""Share of the time that the searches of single recordings take."""
+
+
+def diagnose_joint(
+    recordings: Sequence[Recording],
+    actuator: Actuator,
+    *,
+    nuisances: Sequence[str] | None = None,
+    max_corrections: int = MAX_CORRECTIONS,
+    seed: int = 0,
+    workers: int | None = None,
+    on_progress: Progress | None = None,
+) -> JointDiagnosis:
+    """Return the faults of one unit that explain all its `recordings`, with their uncertainty.
+
+    The faults and the deviations from the actuator's baseline are common; nuisances, such as load and
+    temperature, are each recording's own, as are the channels. Where recordings scatter by more than their
+    errors, the covariance includes it; where they contradict each other, no component is called healthy or
+    degraded, and those that contradict the others are named.
+
+    Parameters
+    ----------
+    nuisances, max_corrections, seed, workers, on_progress
+        As for `emaphm.diagnose`. What deviates significantly from the description in one recording is
+        estimated of all. Laws that the description lacks are not looked for.
+
+    Raises
+    ------
+    MethodError
+        There is no recording, they are of different units, one has no current, or a nuisance is unknown.
+    RecordingError
+        A recording cannot be of this actuator, by orders of magnitude.
+    """
+    began = time.perf_counter()
+    _check(recordings, actuator)
+    alone, selected = search_alone(
+        recordings,
+        actuator,
+        nuisances,
+        max_corrections,
+        seed,
+        workers,
+        subprogress(on_progress, 0.0, ALONE_SHARE),
+    )
+    joint, point = _fitted(alone, workers)
+    if max_corrections:
+        joint = joint.corrected([np.zeros_like(term.correction) for term in joint.terms])
+    correcting = subprogress(on_progress, ALONE_SHARE, 0.95)
+    estimate = corrected_estimate(joint, point, max_corrections, seed, correcting)
+    # Without correction the searches stop short of what each recording asks for: steps from the joint
+    # estimate show it.
+    separate = alone_estimates(alone, joint, seed) if estimate.corrected else None
+    known = joint_uncertainty(estimate, seed, alone=separate)
+    results = [with_discrepancy(one, seed) for one in _by_recording(estimate, known.point)]
+    single = [
+        conclude(result, recording, METHOD, "least_squares", seed)
+        for result, recording in zip(results, recordings, strict=True)
+    ]
+    whole = conclusion(alone, results, single, estimate, known, seed)
+    models = [one.objective.problem.runs.of(AVERAGED) for one in results]
+    return replace(
+        whole,
+        selected=selected,
+        evaluations=sum(run for run, _ in models),
+        reference_runs=sum(run for _, run in models),
+        seconds=time.perf_counter() - began,
+    )
+
+
+def _check(recordings: Sequence[Recording], actuator: Actuator) -> None:
+    """Refuse recordings that cannot be of one unit, before the work."""
+    if not recordings:
+        raise MethodError("no recording to diagnose; give those of one unit")
+    serials = {str(one): recording for recording in recordings if (one := _serial(recording)) is not None}
+    if len(serials) > 1:
+        (first, one), (second, other) = list(serials.items())[:2]
+        raise MethodError(
+            f"{other.source} is of unit '{second}', {one.source} of unit '{first}'; a joint estimate is of "
+            "one unit: leave the others out, or diagnose without --joint"
+        )
+    for recording in recordings:
+        check_plausible(recording, actuator)
+
+
+def _serial(recording: Recording) -> object:
+    """Return the unit's serial number, None where the recording carries none."""
+    return getattr(recording, "labels", {}).get("serial")
+
+
+def _fitted(alone: Sequence[SearchResult], workers: int | None) -> tuple[JointObjective, Array]:
+    """Return the joint objective, corrected as each recording alone is, and where its descent ends (d,)."""
+    space = alone[0].objective.space
+    unit = space.nuisances.unit
+    shared = len(space.columns) + unit.priors.size
+    terms = tuple(RecordingTerm(one.objective, shared, one.outputs_correction) for one in alone)
+    joint = JointObjective(terms, unit, MULTISTART.fine.step, workers)
+    point = np.zeros(joint.box.lower.size)
+    for index, one in zip(joint.indices, alone, strict=True):
+        point[index] = one.point
+    starts = np.tile(point, (len(alone) + 1, 1))
+    asked = np.array([one.point[term.shared_places] for one, term in zip(alone, terms, strict=True)])
+    starts[:, : joint.shared] = [*asked, asked.mean(axis=0)]
+    costs = np.array([one.cost for one in joint.evaluate(joint.box.project(starts))])
+    best = np.argsort(costs, kind="stable")[:STARTS]
+    return joint, descend(joint, starts[best], joint.box, MULTISTART.fine).best
+
+
+def _by_recording(estimate: JointEstimate, point: Array) -> list[SearchResult]:
+    """Return the joint estimate as each recording's own result, with its discrepancy."""
+    joint, corrected = estimate.joint, estimate.corrected
+    return [
+        SearchResult.at(
+            term.objective,
+            joint.local(r, point),
+            correction=known.mean if corrected else term.correction,
+            discrepancy=known if corrected else None,
+        )
+        for r, (term, known) in enumerate(zip(joint.terms, estimate.discrepancies, strict=True))
+    ]

@@ -1,0 +1,182 @@
+"""One diagnosis of several recordings of a unit: it knows more than each, and names the odd one out."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cases import THESIS, covered
+from emaphm.actuator import NAMES, Actuator, Chirp, Faults
+from emaphm.actuator.lumped_parameters import with_lumped_parameters
+from emaphm.cli import main
+from emaphm.diagnosis import diagnose
+from emaphm.diagnosis.joint import JointDiagnosis, diagnose_joint
+from emaphm.errors import MethodError
+from emaphm.recording import Recording, acquire, write_recording
+from emaphm.simulated_recording import simulate
+from emaphm.simulation import AVERAGED
+
+CHANNELS = ("time_s", "command_rad", "current_A", "position_rad")
+NOISE = {"current_A": 0.3, "position_rad": 5e-5}
+IDEAL = Actuator.from_dict(THESIS.model_dump() | {"electrical": None})
+"""It has an ideal current loop, and no reference model that an averaged one would be corrected by."""
+
+FAULTS = Faults(friction=0.3, backlash=0.4, gain=0.4)
+
+
+def recorded(
+    faults: Faults,
+    seed: int,
+    *,
+    actuator: Actuator = IDEAL,
+    stop_hz: float = 15.0,
+    duration: float = 0.3,
+    channels: tuple[str, ...] = CHANNELS,
+) -> Recording:
+    """Return what the averaged model records at its own steps, so that only the noise is unexplained."""
+    whole = simulate(
+        actuator,
+        Chirp(stop_hz=stop_hz, duration=duration),
+        faults=faults,
+        model="averaged",
+        sampling="instant",
+        sample_rate=1 / AVERAGED.step,
+        duration=duration,
+    )
+    kept = Recording({name: whole[name] for name in channels}, "instant", f"day {seed}")
+    return acquire(kept, noise={name: NOISE[name] for name in channels if name in NOISE}, seed=seed)
+
+
+def joint(recordings: list[Recording], nuisances: tuple[str, ...] = ("load",)) -> JointDiagnosis:
+    return diagnose_joint(recordings, IDEAL, nuisances=nuisances)
+
+
+def errors(diagnosis: JointDiagnosis) -> np.ndarray:
+    """Return the standard errors of the coordinates, which have no bounds."""
+    return np.asarray(np.sqrt(np.diag(diagnosis.covariance)))
+
+
+def test_of_one_recording_it_is_the_diagnosis_of_that_recording() -> None:
+    day = recorded(FAULTS, 1)
+    together = joint([day])
+    alone = diagnose(day, IDEAL, nuisances=("load",))
+    for name in NAMES:
+        one, other = together.components[name], alone.components[name]
+        # The same data: no more apart than a descent stops short, far less than an error.
+        assert abs(one.value - other.value) < 0.3 * other.standard_error
+        assert one.standard_error == pytest.approx(other.standard_error, rel=0.2)
+        assert (one.verdict, one.identifiable) == (other.verdict, other.identifiable)
+    assert together.explained
+    assert together.relative_residual == pytest.approx(alone.relative_residual, rel=0.02)
+    assert set(alone.to_dict()) <= set(together.to_dict())
+
+
+def test_n_recordings_have_the_error_of_one_over_the_root_of_n() -> None:
+    days = [recorded(FAULTS, seed) for seed in range(9)]
+    alone, nine = np.array([errors(joint([day])) for day in days]), joint(days)
+    # Of nine equal recordings 3; the nine errors are estimates, each good to a third or so.
+    ratio = np.sqrt(np.mean(alone**2, axis=0)) / errors(nine)
+    np.testing.assert_allclose(ratio, 3.0, rtol=0.25)
+    assert nine.explained
+    assert not nine.contradicting
+
+
+def test_the_intervals_hold_the_truth() -> None:
+    rng, inside = np.random.default_rng(0), []
+    for case in range(20):
+        friction, backlash, gain = rng.random(3)
+        faults = Faults(friction=friction, backlash=backlash, gain=gain)
+        loads = rng.normal(0.0, 0.03, 3)
+        days = [
+            recorded(faults, 10 * case + i, actuator=with_lumped_parameters(IDEAL, {"offset": load}))
+            for i, load in enumerate(loads)
+        ]
+        found = joint(days)
+        inside += [
+            covered(faults.vector, found)[NAMES.index(name)] for name in ("friction", "backlash", "gain")
+        ]
+    # Of 60 intervals of 95 %, 51 are inside in all but 1 of 1000 draws.
+    assert sum(inside) >= 51
+
+
+def test_the_reference_model_corrects_every_recording() -> None:
+    faults, days = Faults(friction=0.3, short_b=0.2, eccentricity=0.4, gain=0.4), []
+    for seed in range(4):
+        whole = simulate(THESIS, Chirp(), faults=faults, noise=0.05, seed=seed)
+        days.append(Recording({name: whole[name] for name in CHANNELS[:3]}))
+    found, alone = diagnose_joint(days, THESIS), diagnose(days[0], THESIS)
+    assert found.explained
+    assert sum(covered(faults.vector, found)) >= 7
+    # Of four recordings half; the bound keeps that of a short near healthy from its own.
+    ratio = np.sqrt(np.diag(alone.covariance))[: len(found.coordinates)] / errors(found)
+    assert 1.5 < np.median(ratio) < 3
+
+
+def test_recordings_may_differ_in_length_command_channels_and_load() -> None:
+    loaded = with_lumped_parameters(IDEAL, {"offset": 0.06})
+    days = [
+        recorded(FAULTS, 1),
+        recorded(FAULTS, 2, stop_hz=9.0, duration=0.4, channels=CHANNELS[:3]),
+        recorded(FAULTS, 3, actuator=loaded),
+    ]
+    found = joint(days)
+    assert sum(covered(FAULTS.vector, found)) >= 7
+    assert found.explained
+    loads = [one.nuisances["load"].value for one in found.recordings]
+    np.testing.assert_allclose(loads, [0.0, 0.0, 0.06], atol=3e-3)
+    assert [one.channels for one in found.recordings] == [CHANNELS[2:], CHANNELS[2:3], CHANNELS[2:]]
+    assert found.time_s.shape == found.recorded.shape == found.modelled.shape
+    assert np.all(np.diff(found.time_s) > 0)
+
+
+def test_a_recording_that_contradicts_the_others_is_named_and_no_component_is_judged() -> None:
+    days = [recorded(FAULTS, seed) for seed in range(3)]
+    other = recorded(Faults(friction=0.6, backlash=0.4, gain=0.4), 7)
+    found = joint([*days[:1], other, *days[1:]])
+    assert found.contradicting == ("day 7",)
+    assert "friction" in found.contradicted
+    assert not found.explained
+    assert {one.verdict for one in found.components.values()} == {"cannot tell"}
+    assert [one.contradicts for one in found.recordings] == [False, True, False, False]
+    assert found.recordings[1].misfit_ratio > 1.5
+    assert found.recordings[1].alone[0] == pytest.approx(0.6, abs=0.02)
+    assert "Contradicting the others: day 7. " in str(found)
+
+
+def test_of_two_that_contradict_each_other_neither_is_believed() -> None:
+    found = joint([recorded(FAULTS, 1), recorded(Faults(friction=0.6), 2)])
+    assert found.contradicting == ("day 1", "day 2")
+    assert {one.verdict for one in found.components.values()} == {"cannot tell"}
+
+
+def test_recordings_of_different_units_are_refused() -> None:
+    days = [recorded(FAULTS, seed) for seed in range(3)]
+    for day, serial in zip(days, ("A17", None, "B02"), strict=True):
+        if serial:
+            object.__setattr__(day, "labels", {"serial": serial})
+    with pytest.raises(MethodError, match="day 2 is of unit 'B02', day 0 of unit 'A17'; a joint estimate is"):
+        joint(days)
+    assert joint(days[:2]).explained
+
+
+def test_no_recording_is_refused() -> None:
+    with pytest.raises(MethodError, match="no recording to diagnose"):
+        joint([])
+
+
+def test_the_command_prints_one_object(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    files = [tmp_path / f"day{i}.csv" for i in range(2)]
+    for i, path in enumerate(files):
+        whole = simulate(THESIS, Chirp(), faults=Faults(friction=0.3), noise=0.05, seed=i)
+        write_recording(Recording({name: whole[name] for name in CHANNELS[:3]}), path)
+    arguments = ["diagnose", str(tmp_path), "--joint", "--nuisance", "none"]
+    assert main([*arguments, "--json"]) == 0
+    out, err = capsys.readouterr()
+    assert (out.count("\n"), err) == (1, "")
+    told = json.loads(out)
+    assert [one["recording"] for one in told["recordings"]] == list(map(str, files))
+    low, high = told["faults"]["friction"]["interval95"]
+    assert low < 0.3 < high
+    assert main(arguments) == 0
+    assert "contradicts the others" in capsys.readouterr().out

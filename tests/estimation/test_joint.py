@@ -1,0 +1,99 @@
+"""Joint fits with faults: their Jacobian, and which recordings contradict the others."""
+
+import numpy as np
+
+from cases import THESIS
+from emaphm.actuator import Chirp
+from emaphm.actuator.baseline import Baseline
+from emaphm.estimation.finite_differences import one_sided_jacobians
+from emaphm.estimation.joint.contradictions import dissenting
+from emaphm.estimation.joint.objective import JointObjective, RecordingTerm
+from emaphm.estimation.joint.random_effects import random_effects
+from emaphm.estimation.joint.uncertainty import AloneEstimates
+from emaphm.estimation.objective import faults_objective
+from emaphm.estimation.problem import Problem
+from emaphm.recording import Recording
+from emaphm.simulated_recording import simulate
+
+PRIORS = np.full(3, 0.3)
+
+
+def test_faults_and_baseline_are_shared_and_nuisances_are_each_recordings_own() -> None:
+    known = THESIS.model_copy(update={"baseline": Baseline.of(("inertia",), np.array([[0.01]]), ("made",))})
+    terms = []
+    for names, duration in ((("load", "temperature"), 0.2), (("supply",), 0.1)):
+        whole = simulate(THESIS, Chirp(duration=duration), duration=duration)
+        recording = Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A")})
+        objective = faults_objective(Problem.of(recording, known, channels=None), names)
+        terms.append(RecordingTerm.of(objective, 9))
+    unit = terms[0].objective.space.nuisances.unit
+    joint = JointObjective(tuple(terms), unit, 2e-3, 1)
+    assert (joint.faults, joint.shared, [term.own for term in terms]) == (8, 9, [2, 1])
+    # Away from the bounds, and the eccentricity inside its circle.
+    point = np.array([0.3, 0.4, 0.3, 0.4, 0.3, 0.2, 0.3, 0.4, 0.1, 0.1, -0.1, 0.2])
+    assert joint.box.lower.size == point.size
+    for r, term in enumerate(terms):
+        local = dict(zip(term.objective.space.coordinates, joint.local(r, point), strict=True))
+        assert [local["friction"], local["gain"], local["baseline 1"]] == [0.3, 0.4, 0.1]
+        np.testing.assert_array_equal(joint.local(r, point)[term.shared_places], point[:9])
+    assert [joint.local(0, point)[8], joint.local(0, point)[9], joint.local(1, point)[8]] == [0.1, -0.1, 0.2]
+
+    (at,) = joint.evaluate(point[np.newaxis])
+    ((normal, gradient),) = joint.normal_equations([at])
+
+    def every_row(points: np.ndarray) -> np.ndarray:
+        outcomes = joint.evaluate(points)
+        priors = points[:, 8:9] * (20**0.5 / unit.priors)
+        return np.hstack([-np.array([np.concatenate(one.residual) for one in outcomes]), priors])
+
+    outputs = every_row(point[np.newaxis])
+    (dense,) = one_sided_jacobians(every_row, point[np.newaxis], outputs, joint.box, joint.step)
+    np.testing.assert_allclose(normal, dense @ dense.T, rtol=1e-9, atol=1e-9 * np.abs(normal).max())
+    np.testing.assert_allclose(gradient, -dense @ outputs[0], rtol=1e-6, atol=1e-9 * np.abs(gradient).max())
+    # Beyond the circle, every recording is on it.
+    x = terms[0].objective.space.columns.index(5)
+    point[x : x + 2] = 3.0, 4.0
+    np.testing.assert_allclose(joint.box.project(point)[x : x + 2], [0.6, 0.8])
+
+
+def estimates(points: np.ndarray, deviation: float) -> AloneEstimates:
+    covariances = np.tile(deviation**2 * np.eye(points.shape[1]), (len(points), 1, 1))
+    return AloneEstimates(
+        points, covariances, np.ones(len(points)), random_effects(points, covariances, PRIORS)
+    )
+
+
+def test_errors_alone_contradict_nothing() -> None:
+    rng = np.random.default_rng(1)
+    named = [dissenting(estimates(rng.normal(0.3, 0.05, (5, 3)), 0.05), PRIORS).any() for _ in range(200)]
+    # At a thousandth a set, two or more of 200 have a chance of 2 %.
+    assert sum(named) <= 1
+
+
+def test_those_that_are_off_are_named_and_no_other() -> None:
+    rng = np.random.default_rng(2)
+    for _ in range(50):
+        points = rng.normal(0.3, 0.02, (6, 3))
+        points[1, 0] += 0.4
+        assert dissenting(estimates(points, 0.02), PRIORS).tolist() == [False, True, *[False] * 4]
+        points[4, 2] -= 0.3
+        assert dissenting(estimates(points, 0.02), PRIORS).tolist() == [
+            False,
+            True,
+            False,
+            False,
+            True,
+            False,
+        ]
+
+
+def test_a_difference_too_small_to_matter_is_none() -> None:
+    points = np.full((4, 3), 0.3)
+    points[2] += 0.01
+    assert not dissenting(estimates(points, 1e-4), PRIORS).any()
+
+
+def test_one_alone_contradicts_nothing_and_two_each_other() -> None:
+    points = np.array([[0.3, 0.3, 0.3], [0.3, 0.6, 0.3]])
+    assert dissenting(estimates(points[:1], 0.01), PRIORS).tolist() == [False]
+    assert dissenting(estimates(points, 0.01), PRIORS).tolist() == [True, True]

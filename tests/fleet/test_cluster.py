@@ -1,0 +1,34 @@
+"""A batch on a Dask cluster: as on this machine."""
+
+from pathlib import Path
+
+import pytest
+
+from cases import THESIS
+from emaphm.fleet import diagnose_all
+from execution.test_dask_cluster import Cluster
+
+from .files import QUICK, written
+
+pytest.importorskip("distributed")
+
+
+def test_a_batch_has_the_same_results_on_a_cluster(tmp_path: Path) -> None:
+    files = written(tmp_path / "days", 3)
+    files[1].write_text("broken", encoding="utf-8")
+    here = [one.values for one in diagnose_all(files, THESIS, QUICK, workers=1)]
+    cluster = Cluster(tmp_path)
+    try:
+        cluster.add_worker()
+        there = [
+            one.values
+            for one in diagnose_all(files, THESIS, QUICK, scheduler=cluster.address, folder=tmp_path / "out")
+        ]
+    finally:
+        cluster.close()
+    assert [one["recording"] for one in there] == list(map(str, files))
+    assert there[1] == here[1]
+    for i in (0, 2):
+        assert there[i]["k"] == here[i]["k"]
+    resumed = [one.values for one in diagnose_all(files, THESIS, QUICK, workers=1, folder=tmp_path / "out")]
+    assert resumed == there
