@@ -14,6 +14,7 @@ from emaphm.recording.checks import COUNTING
 from emaphm.recording.io.limits import WAY_OUT
 from emaphm.recording.recording import Recording
 from emaphm.recording.schema import CURRENTS, SCHEMA
+from emaphm.recording.time_unit import time_unit_complaint
 
 MOST_ROWS = 200_000
 """Longest recording that models are fitted to [rows]: 40 s at 5 kHz. A row takes up to 12 kB and 0.5 ms of a
@@ -27,8 +28,9 @@ SMALLEST, LARGEST = 1e-15, 1e15
 """Magnitudes that a channel may have, in its SI unit: no sensor of an actuator gives anything near, and
 squares and products of what lies within stay finite and above 0."""
 
-LONGEST_INTERVAL_S = 0.02
-"""Slower rows show no current loop at all; milliseconds taken for seconds look like this."""
+LONGEST_INTERVAL_S = 0.15
+"""Slower than 10 Hz, with room for jitter, rows show nothing of an actuator but where it stands; milliseconds
+taken for seconds of up to 7 kHz look like this, of faster rows see `recording.time_unit`."""
 
 SHORTEST_INTERVAL_S = 1e-7
 """A tenth of the reference model's own step."""
@@ -75,6 +77,7 @@ def check_plausible(recording: Recording, actuator: Actuator) -> None:
     complaint = (
         _length(recording)
         or _interval(recording)
+        or time_unit_complaint(recording, actuator)
         or _motion(recording, actuator)
         or _end_stops(recording, actuator)
         or _no_current(recording)

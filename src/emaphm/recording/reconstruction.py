@@ -6,6 +6,7 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.recording.akima import AkimaCurve
+from emaphm.recording.band_limited import is_band_limited, spline_of_means, spline_through
 from emaphm.recording.recording import Recording
 
 ROUNDING = 1e-9
@@ -18,9 +19,16 @@ def reconstructed(recording: Recording, name: str) -> Callable[[Array], Array]:
     A smooth curve through the rows (Akima 1970), which does not overshoot next to a jump as splines do. Where
     rows are means, through the interval midpoints, by what a mean over an interval h falls short of a curve's
     midpoint there, h²/24 of its second derivative. A straight line between rows would cut the corners: of a
-    15 Hz command at 1 kHz it loses 0.1 %.
+    15 Hz command at 1 kHz it loses 0.1 %. Of few rows a cycle of a smooth signal, a spline loses less than
+    Akima's curve: of a 15 Hz command at 100 Hz 0.01 % instead of 1 %.
     """
     interval, values = recording.interval_s, recording[name]
+    if is_band_limited(values):
+        if recording.sampling == "mean":
+            spline, end = spline_of_means(values, interval), values.size * interval
+        else:
+            spline, end = spline_through(values, interval), (values.size - 1) * interval
+        return lambda times: spline(np.clip(times, 0.0, end))
     start, last = 0.0, (recording.samples - 1) * interval
     if recording.sampling == "mean":
         bent = np.pad(np.diff(values, 2), 1, mode="edge")

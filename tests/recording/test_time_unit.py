@@ -1,0 +1,55 @@
+"""Milliseconds taken for seconds are noticed in slow rows; true slow rows, whatever their load, are not."""
+
+import numpy as np
+import pytest
+
+from cases import THESIS
+from emaphm.actuator import Chirp, Command, Faults, Sine
+from emaphm.errors import RecordingError
+from emaphm.recording import Recording, check_plausible
+from emaphm.simulated_recording import simulate
+
+FAULTS = (Faults(), Faults(0.5, 0.9, 0.1, 0.6, 0.2, 0.4, 0.8, 0.4))
+KEPT = ("time_s", "command_rad", "current_A")
+
+
+def recorded(command: Command, rate: float, duration: float, faults: Faults, *more: str) -> Recording:
+    def load(t: np.ndarray) -> np.ndarray:
+        return np.asarray(0.1 * np.sin(0.4 * t))
+
+    whole = simulate(
+        THESIS,
+        command,
+        model="averaged",
+        faults=faults,
+        duration=duration,
+        sample_rate=rate,
+        load=load,
+        noise=0.05,
+    )
+    return Recording({name: whole[name] for name in (*KEPT, *more)})
+
+
+@pytest.mark.parametrize("faults", FAULTS)
+def test_a_fast_logger_in_milliseconds_is_noticed_by_the_torque(faults: Faults) -> None:
+    fast = recorded(Chirp(), 20e3, 0.5, faults)
+    check_plausible(fast, THESIS)
+    with pytest.raises(RecordingError, match="times the described inertia: time_s seems to be in millisec"):
+        check_plausible(fast.with_channels({**fast.channels, "time_s": 1e3 * fast["time_s"]}), THESIS)
+
+
+def test_a_fast_logger_in_milliseconds_is_noticed_by_the_speed() -> None:
+    fast = recorded(Sine(), 20e3, 0.5, Faults(), "speed_rad_s")
+    with pytest.raises(
+        RecordingError, match=r"the motor's speed is .* times that of its motion: time_s seems"
+    ):
+        check_plausible(fast.with_channels({**fast.channels, "time_s": 1e3 * fast["time_s"]}), THESIS)
+
+
+@pytest.mark.parametrize("faults", FAULTS)
+@pytest.mark.parametrize("rate", [10.0, 25.0, 40.0])
+@pytest.mark.parametrize("rows_a_cycle", [5.0, 20.0, 100.0])
+def test_slow_rows_in_seconds_are_accepted(faults: Faults, rate: float, rows_a_cycle: float) -> None:
+    fastest = rate / rows_a_cycle
+    for command in (Chirp(stop_hz=fastest, duration=20.0), Sine(frequency_hz=fastest)):
+        check_plausible(recorded(command, rate, 20.0, faults, "position_rad", "speed_rad_s"), THESIS)
