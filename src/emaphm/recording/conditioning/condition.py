@@ -8,6 +8,7 @@ from emaphm.arrays import Array
 from emaphm.recording.checks import check
 from emaphm.recording.conditioning.delays import without_delays
 from emaphm.recording.conditioning.gaps import with_lost_rows, without_short_gaps
+from emaphm.recording.conditioning.outliers import without_outliers
 
 
 def conditioned(
@@ -33,7 +34,7 @@ def conditioned(
     delays
         How late channels were recorded, by name [s].
     reading
-        Longest gap, whether outliers are replaced, bandwidth of the low-pass.
+        Longest gap, and whether outliers are replaced.
     sampling
         What a row is.
     names
@@ -49,5 +50,6 @@ def conditioned(
     columns, lost = with_lost_rows(dict(channels), reading.longest_gap)
     columns, filled = without_short_gaps(columns, reading.longest_gap)
     check(columns, source, names)
+    columns, replaced = without_outliers(columns, constants) if reading.outliers else (columns, ())
     columns, late = without_delays(columns, delays, sampling, source)
-    return columns, (*lost, *filled, *late)
+    return columns, (*lost, *filled, *replaced, *late)

@@ -54,22 +54,25 @@ def sources_in_file(
     held = [*columns.numeric, *columns.unusable]
     entries = {name: channels.entry(name) for name in SCHEMA if name not in known}
     foreign = {name: entry for name, entry in entries.items() if _foreign_names(name, entry)}
-    is_foreign = any(
+    # What emaphm wrote has schema names and no groups; any other file must hold what the entries say.
+    is_foreign = "time_s" not in held or any(
         resolved(there, held, source) for name, entry in foreign.items() for there in _foreign_names(name, entry)
     )
     taken = {there for name, entry in foreign.items() for there in _foreign_names(name, entry)}
     found: dict[str, Source] = {}
     for name, entry in entries.items():
-        own = resolved(name, held, source) if name not in taken else None
-        if entry.value is not None and (is_foreign or not own):
-            found[name] = Source(entry)
-        elif name in foreign and is_foreign:
-            if entry.derived is not None:
-                found[name] = Source(entry)
-            elif there := resolved(str(entry.column), held, source):
+        own = name if name in held and name not in taken else None
+        if name in foreign and is_foreign:
+            there = resolved(entry.column, held, source) if entry.column is not None else None
+            if there or entry.derived is not None:
                 found[name] = Source(entry, there)
             elif own:
                 found[name] = Source(OWN_NAME, own)
+            continue
+        if name not in foreign and name not in taken:
+            own = resolved(name, held, source)
+        if entry.value is not None and (is_foreign or not own):
+            found[name] = Source(entry)
         elif own:
             converted = is_foreign or not foreign
             found[name] = Source(entry if converted else OWN_NAME, own)
