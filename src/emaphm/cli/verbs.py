@@ -17,6 +17,7 @@ from emaphm.cli.options import (
     FigureFile,
     Force,
     Frequency,
+    KnownList,
     RecordingFile,
     SampleRate,
     Seed,
@@ -145,6 +146,7 @@ def diagnose(
         bool,
         Parameter(negative="", help="Sample the posterior too, some seconds: for estimates at a bound."),
     ] = False,
+    known: KnownList = (),
     report: Annotated[Path | None, Parameter(help="Write a report: .html.")] = None,
     seed: Seed = 0,
     force: Force = False,
@@ -154,7 +156,7 @@ def diagnose(
     check_seed(seed)
     check_output(report, (".html",), force=force)
     described = described_actuator(actuator)
-    recorded = recording_of(recording, described)
+    recorded = recording_of(recording, described, known)
     # Not before: what cannot be read is refused without waiting for a compiler to be loaded.
     from emaphm.diagnosis import diagnose as identify
     from emaphm.estimation.bias_correction import MAX_CORRECTIONS
@@ -187,6 +189,7 @@ def replay(
     actuator: ActuatorFile = "thesis",
     model: Annotated[str, Parameter(help="averaged, monitor or reference.")] = "averaged",
     fault: FaultList = (),
+    known: KnownList = (),
     series: Annotated[
         Path | None, Parameter(help="Write time and each channel, measured and modelled: .csv or .parquet.")
     ] = None,
@@ -200,7 +203,7 @@ def replay(
     check_output(series, (".csv", ".parquet"), force=force)
     check_output(figure, FIGURES, force=force)
     described, faults = described_actuator(actuator), fault_vector(fault)
-    recorded = [recording_of(path, described) for path in (recording, *further)]
+    recorded = [recording_of(path, described, known) for path in (recording, *further)]
     from emaphm.estimation.replay import replay_all, write_series
 
     result = replay_all(recorded, described, faults=faults, model=model)

@@ -1,17 +1,17 @@
 """Isolated outliers and drop-outs of one or two rows, replaced by what their neighbours imply.
 
-A Hampel-like rule: the deviation from the running median, against a robust local spread. The chopped current of a
-hysteresis drive, the current pulse of a start and the voltage of a switching drive deviate from their running
-median too, so that three things must come together: the row deviates far from the median of its neighbours,
-relative to how rows usually deviate and to how its own neighbours do; it leaves the channel's usual range, or it
-is exactly 0; and the command did not jump just before.
+A Hampel-like rule: the deviation from the running median, against a robust local spread. The chopped current
+of a hysteresis drive, the current pulse of a start and the voltage of a switching drive deviate from their
+running median too, so that three things must come together: the row deviates far from the median of its
+neighbours, relative to how rows usually deviate and to how its own neighbours do; it leaves the channel's
+usual range, or it is exactly 0; and the command did not jump just before.
 
 References
 ----------
 [1] F. R. Hampel, The influence curve and its role in robust estimation, Journal of the American Statistical
 Association 69 (1974).
-[2] R. K. Pearson, Outliers in process modeling and identification, IEEE Transactions on Control Systems Technology
-10 (2002).
+[2] R. K. Pearson, Outliers in process modeling and identification, IEEE Transactions on Control Systems
+Technology 10 (2002).
 """
 
 from collections.abc import Collection
@@ -33,16 +33,17 @@ NOT_JUDGED = ("time_s", "command_rad", "angle_rad", *HELD)
 class OutlierRule:
     """When a row is an outlier.
 
-    Over 1,850 clean channels (two drives, six commands, 25 Hz to 5 kHz, healthy and three faults), those of eight
-    logs of a servo and of 450 cycles of a ball screw the largest deviation is 0.6 times what the rule asks
-    (``tests/recording/test_outliers.py`` repeats a part of it).
+    Over 1,850 clean channels (two drives, six commands, 25 Hz to 5 kHz, healthy and three faults), those of
+    eight logs of a servo and of 450 cycles of a ball screw the largest deviation is 0.6 times what the rule
+    asks (``tests/recording/test_outliers.py`` repeats a part of it).
     """
 
     half_width: int = 3
     """Rows to either side whose median a row is compared with [-]."""
 
     most_rows: int = 2
-    """Longest outlier [rows]: a median of seven rows sees through three; one of them is left for the spread."""
+    """Longest outlier [rows]: a median of seven rows sees through three; one of them is left for the
+    spread."""
 
     deviation: float = 10.0
     """Least deviation from the median, relative to the spread [-]. Clean channels reach 6."""
@@ -54,7 +55,8 @@ class OutlierRule:
     """Rows above that quantile at least [-], in a short recording."""
 
     beyond_range: float = 1.0
-    """Least deviation, relative to the channel's usual distance from its median, that leaves its range [-]."""
+    """Least deviation, relative to the channel's usual distance from its median, that leaves its range
+    [-]."""
 
     dropped_out: float = 0.1
     """The same for a row that is exactly 0 [-]."""
@@ -69,9 +71,9 @@ class OutlierRule:
 def without_outliers(
     channels: dict[str, Array],
     constants: Collection[str],
-    rule: OutlierRule = OutlierRule(),  # noqa: B008 - frozen
+    rule: OutlierRule = OutlierRule(),
 ) -> tuple[dict[str, Array], tuple[str, ...]]:
-    """Return channels whose outliers are replaced by a curve through the other rows, with a note for each channel.
+    """Return channels with outliers replaced by a curve through the other rows, and a note on each channel.
 
     Parameters
     ----------
@@ -99,10 +101,9 @@ def without_outliers(
         cleaned[name] = values.copy()
         cleaned[name][rows] = curve(time[~found], values[~found], time[rows])
         worst = rows[np.argmax(np.abs(values[rows] - cleaned[name][rows]))]
-        notes += (
-            f"{name}: {rows.size} outlier{'s' if rows.size > 1 else ''} replaced by interpolation, the largest "
-            f"{values[worst]:.4g} at {time[worst]:.6g} s, where its neighbours imply {cleaned[name][worst]:.4g}",
-        )
+        note = f"{name}: {rows.size} outlier{'s' if rows.size > 1 else ''} replaced by interpolation, the "
+        note += f"largest {values[worst]:.4g} at {time[worst]:.6g} s, where its neighbours imply "
+        notes += (f"{note}{cleaned[name][worst]:.4g}",)
     return cleaned, notes
 
 
@@ -121,7 +122,9 @@ def outliers(values: Array, rule: OutlierRule) -> NDArray[np.bool_]:
     # Of a channel that mostly stands still, one count is the usual deviation.
     usual = max(float(np.quantile(deviation, share)), float(steps[steps > 0].min()))
     # Row by row: what remains of the window without the outlier.
-    spread = np.partition(np.abs(windows - medians[:, None]), -1 - rule.most_rows, axis=1)[:, -1 - rule.most_rows]
+    spread = np.partition(np.abs(windows - medians[:, None]), -1 - rule.most_rows, axis=1)[
+        :, -1 - rule.most_rows
+    ]
     middle = float(np.median(values))
     distance = float(np.quantile(np.abs(values - middle), min(0.99, share)))
     far = deviation > rule.deviation * np.maximum(usual, 2 * spread)
@@ -138,8 +141,8 @@ def outliers(values: Array, rule: OutlierRule) -> NDArray[np.bool_]:
 def _after_jumps(command: Array, time: Array, rule: OutlierRule) -> NDArray[np.bool_]:
     bend = np.abs(np.diff(command, 2))
     rows = max(rule.half_width, int(np.ceil(rule.after_jump_s / interval_of(time))))
+    places = np.flatnonzero(bend > rule.jump * np.ptp(command)) + 1
     marks = np.zeros(command.size + 1)
-    for place in np.flatnonzero(bend > rule.jump * np.ptp(command)) + 1:
-        marks[max(0, place - rule.half_width)] += 1
-        marks[min(command.size, place + rows + 1)] -= 1
+    np.add.at(marks, np.maximum(places - rule.half_width, 0), 1)
+    np.add.at(marks, np.minimum(places + rows + 1, command.size), -1)
     return np.cumsum(marks[:-1]) > 0

@@ -26,10 +26,10 @@ class UnreadableError(Exception):
 class Held:
     """What a file holds.
 
-    Rows of the longest column, number of columns; arrays (n,) of the numeric ones by name; complaints about the
-    others by name; distinct texts and the number of each row's text (n,), of those that are texts; times (n,) [s]
-    of the numeric ones that have times of their own. Where rows or columns are more than was asked for, nothing
-    else is read.
+    Rows of the longest column, number of columns; arrays (n,) of the numeric ones by name; complaints about
+    the others by name; distinct texts and the number of each row's text (n,), of those that are texts; times
+    (n,) [s] of the numeric ones that have times of their own. Where rows or columns are more than was asked
+    for, nothing else is read.
     """
 
     rows: int = 0
@@ -56,8 +56,8 @@ class Most:
 def read(kind: str, path: str, most: Most, wanted: Collection[str] = ()) -> Held:
     """Return the columns of a file of one of the kinds in `READERS`.
 
-    Of a kind that names columns by groups, names are "group/name". Of "mdf", only the columns `wanted` are read,
-    by name or "group/name".
+    Of a kind that names columns by groups, names are "group/name". Of "mdf", only the columns `wanted` are
+    read, by name or "group/name".
 
     Raises
     ------
@@ -132,23 +132,31 @@ def _hdf5_file(path: str, most: Most, *, deep: bool) -> Held:
                     items += [(below, item) for below in item]
                 continue
             held.columns += 1
-            if deep and getattr(item, "dtype", None) is not None and item.dtype.names:
-                parts = {f"{key}/{part}": (item.dtype[part], part) for part in item.dtype.names}
-            else:
-                parts = {key: (getattr(item, "dtype", None), None)}
-            for part_key, (dtype, part) in parts.items():
-                complaint = _complaint(item, dtype)
-                if complaint is None and most.exceeded(item.size, len(held.numeric) + 1):
-                    held.rows = item.size
-                    return held
-                if complaint is None and item.id.get_storage_size() == 0:
-                    complaint = "has no values in the file; save it again"
-                if complaint:
-                    held.unusable[part_key] = complaint
-                    continue
-                held.rows = max(held.rows, item.size)
-                held.numeric[part_key] = np.asarray(item[part] if part else item[()], float).ravel()
+            if not _add_data_set(held, key, item, most, deep=deep):
+                return held
     return held
+
+
+def _add_data_set(held: Held, key: str, item: Any, most: Most, *, deep: bool) -> bool:
+    """Add a data set, or each field of a table, to what is held; return whether that is not too much."""
+    dtype = getattr(item, "dtype", None)
+    if deep and dtype is not None and dtype.names:
+        fields = {f"{key}/{part}": (dtype[part], part) for part in dtype.names}
+    else:
+        fields = {key: (dtype, None)}
+    for name, (of_field, part) in fields.items():
+        complaint = _complaint(item, of_field)
+        if complaint is None:
+            held.rows = max(held.rows, item.size)
+            if most.exceeded(held.rows, len(held.numeric) + 1):
+                return False
+            if item.id.get_storage_size() == 0:
+                complaint = "has no values in the file; save it again"
+        if complaint:
+            held.unusable[name] = complaint
+        else:
+            held.numeric[name] = np.asarray(item[part] if part else item[()], float).ravel()
+    return True
 
 
 def _tdms(path: str, most: Most, _: Collection[str]) -> Held:
@@ -214,7 +222,8 @@ def _mdf(path: str, most: Most, wanted: Collection[str]) -> Held:
 
 
 MOST_NAMED = 1000
-"""Columns that are named without being read, for the nearest name to a mistyped one; a bus log has thousands."""
+"""Columns that are named without being read, for the nearest name to a mistyped one; a bus log has
+thousands."""
 
 
 def _group_labels(file: Any) -> list[str]:

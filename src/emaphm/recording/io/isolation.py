@@ -21,9 +21,7 @@ LONGEST_HEADER = 64 * 2**20
 """Longest list of columns and complaints that the process may answer with [bytes]."""
 
 
-def isolated_columns(
-    kind: str, path: Path, limits: ReadLimits, wanted: Collection[str] = ()
-) -> FileColumns:
+def isolated_columns(kind: str, path: Path, limits: ReadLimits, wanted: Collection[str] = ()) -> FileColumns:
     """Read a file by `emaphm.recording.io.foreign_columns`, in another process unless `limits` say otherwise.
 
     Parameters

@@ -58,6 +58,6 @@ def read_mdf(path: Path, limits: ReadLimits, asked_for: Collection[str] = ()) ->
 def _need(module: str, package: str, kind: str, path: Path) -> None:
     if importlib.util.find_spec(module) is None:
         raise RecordingError(
-            f"{path}: {'an' if kind[0] in 'HM' else 'a'} {kind} file needs {package}: pip install {package}; or "
-            "export it as CSV or Parquet"
+            f"{path}: {'an' if kind[0] in 'HM' else 'a'} {kind} file needs {package}: pip install {package}; "
+            "or export it as CSV or Parquet"
         )

@@ -1,4 +1,4 @@
-"""Reading recordings from a file, by the file's ending: its rows become channels, and one or many recordings."""
+"""Reading recordings from a file, by its ending: its rows become one recording, or many."""
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
@@ -39,7 +39,8 @@ READERS: dict[str, Callable[[Path, ReadLimits, Collection[str]], FileColumns]] =
     ".hdf5": read_hdf5,
     ".mf4": read_mdf,
 }
-"""How each kind of file is read; the endings in lower case. The last argument are the columns that are asked for."""
+"""How each kind of file is read; the endings in lower case. The last argument are the columns that are asked
+for."""
 
 Known = Mapping[str, Label]
 
@@ -58,10 +59,10 @@ def read_recording(
 ) -> Recording:
     """Read the one recording of `actuator` that a file holds.
 
-    Columns are found, converted and derived as ``actuator.channels`` says, else by their schema names; rows are
-    left out and cleaned as ``actuator.reading`` says, each with a note. Columns beyond the schema are kept if they
-    have as many rows; those that are constant are labels too. Where `current_A` is absent it is made from the
-    phase currents and `angle_rad` (`equivalent_current`, form "torque").
+    Columns are found, converted and derived as ``actuator.channels`` says, else by their schema names; rows
+    are left out and cleaned as ``actuator.reading`` says, each with a note. Columns beyond the schema are
+    kept if they have as many rows; those that are constant are labels too. Where `current_A` is absent it is
+    made from the phase currents and `angle_rad` (`equivalent_current`, form "torque").
 
     Parameters
     ----------
@@ -89,8 +90,8 @@ def read_recording(
         way = f'split = "{file.reading.split}" makes'
     if len(pieces) != 1:
         raise RecordingError(
-            f"{path}: {way} {len(pieces)} recordings of this file; read them with read_recordings, or cut it: "
-            "emaphm split FILE"
+            f"{path}: {way} {len(pieces)} recordings of this file; read them with read_recordings, or cut "
+            "it: emaphm split FILE"
         )
     return _recording(file, pieces[0])
 
@@ -112,10 +113,11 @@ def read_recordings(
         As for `read_recording`.
     split
         What the file is cut by (`emaphm.recording.splitting.cut`): names of columns with commas between,
-        "period", "rests" or "stretches"; as ``actuator.reading.split`` says where left out, else one recording.
+        "period", "rests" or "stretches"; as ``actuator.reading.split`` says where left out, else one
+        recording.
     on_refused
-        Called with the reason for each piece that is no recording. Where left out, pieces that are too short are
-        passed over, and any other reason is raised.
+        Called with the reason for each piece that is no recording. Where left out, pieces that are too short
+        are passed over, and any other reason is raised.
 
     Raises
     ------
@@ -182,7 +184,9 @@ def _constants(known: Known, source: str) -> dict[str, float]:
     constants = {name: value for name, value in known.items() if name in SCHEMA}
     for name, value in constants.items():
         if name in {"time_s", "command_rad"} or isinstance(value, str) or not np.isfinite(value):
-            raise RecordingError(f"{source}: {name} = {value} cannot hold for a whole recording; give a number")
+            raise RecordingError(
+                f"{source}: {name} = {value} cannot hold for a whole recording; give a number"
+            )
     return {name: float(value) for name, value in constants.items()}
 
 
@@ -213,7 +217,7 @@ def _recording(file: _File, piece: Piece) -> Recording:
 
 
 def _labels(file: _File, further: Mapping[str, NDArray[Any]]) -> dict[str, Label]:
-    """Return what holds for all rows: of each column beyond the schema that is constant, and what is known."""
+    """Return what holds for all rows: constant columns beyond the schema, and what is known."""
     found: dict[str, Label] = {}
     for name, values in further.items():
         first = values[0] if values.size else ""
@@ -225,7 +229,11 @@ def _labels(file: _File, further: Mapping[str, NDArray[Any]]) -> dict[str, Label
         if there is None or there not in found:
             raise RecordingError(
                 f"{file.path}: column '{serial}', the unit's serial number, is "
-                + ("not the same throughout; cut the file by it" if there else "not in the file; correct [reading]")
+                + (
+                    "not the same throughout; cut the file by it"
+                    if there
+                    else "not in the file; correct [reading]"
+                )
             )
         found[SERIAL] = found[there]
     return found | {name: value for name, value in file.known.items() if name not in SCHEMA}
