@@ -23,11 +23,14 @@ Name = Annotated[str, Field(min_length=1)]
 class ChannelEntry(Section):
     """One line of `[channels]`: a name, a number, or a table of these keys.
 
-    Of what the file holds, raw, becomes sign × (scale × raw + offset), which stands in `unit` and is converted
-    into the SI unit of the channel. Without `column`, `derived` and `value` the column has the channel's name.
+    Of what the file holds, raw, becomes sign × (scale × raw + offset), which stands in `unit` and is
+    converted into the SI unit of the channel. Without `column`, `derived` and `value` the column has the
+    channel's name.
     """
 
-    column: Name | None = Field(default=None, description="name in the file, 'group/name' where it has groups")
+    column: Name | None = Field(
+        default=None, description="name in the file, 'group/name' where it has groups"
+    )
     derived: Name | None = Field(
         default=None, description="arithmetic of columns, such as 'command - error', in place of a column"
     )
@@ -53,7 +56,7 @@ class ChannelEntry(Section):
         if isinstance(given, int | float) and not isinstance(given, bool):
             return {"value": given}
         if not isinstance(given, dict | ChannelEntry):
-            raise ValueError("give the name of a column, a number, or a table such as { column = \"name\" }")  # noqa: TRY004 - pydantic's way
+            raise ValueError('give the name of a column, a number, or a table such as { column = "name" }')  # noqa: TRY004 - pydantic's way
         return given
 
     @field_validator("derived")

@@ -1,8 +1,8 @@
 """Arithmetic and conditions on the columns of a file, as an owner writes them in a description.
 
 Allowed are numbers, names of columns, + - * /, parentheses, abs(…), comparisons, and, or, not, and texts in
-quotes to compare with. A name that is no plain word stands between backticks: `` `Drive/set point` ``. The text
-is parsed, never evaluated as Python.
+quotes to compare with. A name that is no plain word stands between backticks: `` `Drive/set point` ``. The
+text is parsed, never evaluated as Python.
 """
 
 import ast
@@ -104,7 +104,9 @@ def _checked(node: ast.expr) -> list[ast.expr]:
             below = [left, right]
         case ast.UnaryOp(op=ast.USub() | ast.UAdd() | ast.Not(), operand=operand):
             below = [operand]
-        case ast.Compare(left=left, ops=ops, comparators=others) if all(type(op) in COMPARISONS for op in ops):
+        case ast.Compare(left=left, ops=ops, comparators=others) if all(
+            type(op) in COMPARISONS for op in ops
+        ):
             below = [left, *others]
         case ast.BoolOp(values=values):
             below = values
@@ -133,24 +135,27 @@ def _value(node: ast.expr, columns: Mapping[str, Any], quoted: tuple[str, ...]) 
 
     match node:
         case ast.Constant(value=value):
-            return value if isinstance(value, str) else float(value)
+            found: Any = value if isinstance(value, str) else float(value)  # type: ignore[arg-type] # a number
         case ast.Name():
-            return columns[_name(node, quoted)]
+            found = columns[_name(node, quoted)]
         case ast.BinOp(left=left, op=op, right=right):
-            return ARITHMETIC[type(op)](of(left), of(right))
-        case ast.UnaryOp(op=ast.Not(), operand=operand):
-            return np.logical_not(of(operand))
-        case ast.UnaryOp(op=ast.USub(), operand=operand):
-            return -of(operand)
-        case ast.UnaryOp(operand=operand):
-            return of(operand)
+            found = ARITHMETIC[type(op)](of(left), of(right))
+        case ast.UnaryOp(op=op, operand=operand):
+            found = _unary(op, of(operand))
         case ast.Call(args=[argument]):
-            return np.abs(of(argument))
+            found = np.abs(of(argument))
         case ast.BoolOp(op=op, values=values):
-            join = np.logical_and if isinstance(op, ast.And) else np.logical_or
-            return reduce(join, map(of, values))
+            found = reduce(np.logical_and if isinstance(op, ast.And) else np.logical_or, map(of, values))
         case ast.Compare(left=left, ops=ops, comparators=others):
             sides = [of(one) for one in (left, *others)]
             pairs = zip(sides, ops, sides[1:], strict=False)
-            return reduce(np.logical_and, (COMPARISONS[type(op)](a, b) for a, op, b in pairs))
-    raise AssertionError(node)
+            found = reduce(np.logical_and, (COMPARISONS[type(op)](a, b) for a, op, b in pairs))
+        case _:
+            raise AssertionError(node)
+    return found
+
+
+def _unary(op: ast.unaryop, value: Any) -> Any:
+    if isinstance(op, ast.Not):
+        return value == 0
+    return -value if isinstance(op, ast.USub) else value

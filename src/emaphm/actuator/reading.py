@@ -27,8 +27,8 @@ class Reading(Section):
     )
     split: Text | None = Field(
         default=None,
-        description="what a file is cut by: names of columns with commas between, 'period' of the command, its "
-        "'rests', or 'stretches' without a gap",
+        description="what a file is cut by: names of columns with commas between, 'period' of the command, "
+        "its 'rests', or 'stretches' without a gap",
     )
     serial: Text | None = Field(
         default=None, description="column with the serial number of the unit, the same throughout a recording"

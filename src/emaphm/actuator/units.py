@@ -12,16 +12,24 @@ from emaphm.errors import nearest
 if TYPE_CHECKING:
     import pint
 
-ALIASES = {"°": "deg", "°C": "degC", "-": "dimensionless", "": "dimensionless", "µ": "u", "·": "*", "²": "**2"}
+ALIASES = {
+    "°": "deg",
+    "°C": "degC",
+    "-": "dimensionless",
+    "": "dimensionless",
+    "µ": "u",
+    "·": "*",
+    "²": "**2",
+}
 """Signs of units that are written otherwise than pint reads them."""
 
 LONGEST = 40
 """Longest unit [characters]."""
 
 COMMON = (
-    "s", "ms", "us", "min", "rad", "mrad", "deg", "turn", "m", "mm", "um", "in", "rad/s", "deg/s", "rpm", "m/s",
-    "mm/s", "A", "mA", "V", "mV", "kV", "N", "kN", "kgf", "lbf", "N*m", "mN*m", "kgf*m", "lbf*in", "K", "degC",
-    "degF", "percent", "dimensionless",
+    "s", "ms", "us", "min", "rad", "mrad", "deg", "turn", "m", "mm", "um", "in", "rad/s", "deg/s", "rpm",
+    "m/s", "mm/s", "A", "mA", "V", "mV", "kV", "N", "kN", "kgf", "lbf", "N*m", "mN*m", "kgf*m", "lbf*in", "K",
+    "degC", "degF", "percent", "dimensionless",
 )  # fmt: skip
 """Units that a mistyped one is compared with; pint knows many more."""
 

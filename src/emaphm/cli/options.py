@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from emaphm.errors import ExecutionError, FaultError, SignalError
+from emaphm.errors import ExecutionError, FaultError, RecordingError, SignalError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -41,13 +41,30 @@ FaultList = Annotated[
         name="--fault", negative="", help="NAME=VALUE, from 0 to 1; friction may be less; may be repeated."
     ),
 ]
-RecordingFile = Annotated[Path, Parameter(help="Recording: .csv, .parquet or .mat.")]
-RecordingsAt = Annotated[Path, Parameter(help="Recordings: .csv, .parquet or .mat; or a folder of them.")]
+RECORDING_KINDS = ".csv, .parquet, .mat, .tdms, .h5, .hdf5 or .mf4"
+RecordingFile = Annotated[Path, Parameter(help=f"Recording: {RECORDING_KINDS}.")]
+RecordingsAt = Annotated[Path, Parameter(help=f"Recordings: {RECORDING_KINDS}; or a folder of them.")]
 Workers = Annotated[
     int | None, Parameter(converter=whole_number, help="Processes side by side; one a core if left out.")
 ]
 Scheduler = Annotated[
     str | None, Parameter(help="Address of a Dask scheduler to run on, e.g. tcp://10.0.0.1:8786.")
+]
+By = Annotated[
+    str | None,
+    Parameter(
+        help="What a file is cut by: columns with commas between, 'period' of the command, its 'rests', or "
+        "'stretches' without a gap. As the TOML says if left out."
+    ),
+]
+KnownList = Annotated[
+    tuple[str, ...],
+    Parameter(
+        name="--known",
+        negative="",
+        help="NAME=VALUE that holds for the whole file: a channel in its SI unit, such as temperature_K=300, "
+        "or a label, such as serial=A17; may be repeated.",
+    ),
 ]
 FigureFile = Annotated[Path | None, Parameter(help="Draw measured against model: .png, .svg or .pdf.")]
 
@@ -95,11 +112,32 @@ def described_actuator(name: str) -> "Actuator":
     return Actuator.load(name)
 
 
-def recording_of(path: Path, actuator: "Actuator") -> Any:
-    """Return the recording in a file, its channels named as `actuator` says."""
+def recording_of(path: Path, actuator: "Actuator", known: tuple[str, ...] = ()) -> Any:
+    """Return the recording in a file, its channels as `actuator` and the --known options say."""
     from emaphm.recording import read_recording
 
-    return read_recording(path, actuator)
+    return read_recording(path, actuator, known=known_values(known))
+
+
+def known_values(assignments: tuple[str, ...]) -> dict[str, float | str]:
+    """Return what the --known options say: numbers of channels, texts of labels."""
+    from emaphm.recording.schema import SCHEMA
+
+    values: dict[str, float | str] = {}
+    for assignment in assignments:
+        name, equals, value = (part.strip() for part in assignment.partition("="))
+        if not (name and equals and value):
+            raise RecordingError(f"--known {assignment}: give NAME=VALUE, e.g. temperature_K=300")
+        if name in values:
+            raise RecordingError(f"--known {name} is given twice; give it once")
+        if name not in SCHEMA:
+            values[name] = value
+            continue
+        try:
+            values[name] = float(value)
+        except ValueError:
+            raise RecordingError(f"--known {assignment}: {name} is a number in {SCHEMA[name].unit}") from None
+    return values
 
 
 def fault_vector(assignments: tuple[str, ...]) -> "Faults":

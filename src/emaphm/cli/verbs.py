@@ -19,6 +19,7 @@ from emaphm.cli.options import (
     FigureFile,
     Force,
     Frequency,
+    KnownList,
     RecordingFile,
     RecordingsAt,
     SampleRate,
@@ -154,6 +155,7 @@ def diagnose(
         Path | None,
         Parameter(help="Also say whether the recording is like healthy ones: a file of 'detect learn'."),
     ] = None,
+    known: KnownList = (),
     report: Annotated[Path | None, Parameter(help="Write a report of one recording: .html.")] = None,
     joint: Annotated[
         bool,
@@ -204,7 +206,7 @@ def diagnose(
         else:
             batch.diagnose_each(paths, described, settings, workers, scheduler, out, as_json)
         return
-    recorded = recording_of(recording, described)
+    recorded = recording_of(recording, described, known)
     check = None if healthy is None else healthy_check(healthy, recorded)
     # Not before: what cannot be read is refused without waiting for a compiler to be loaded.
     from emaphm.diagnosis import diagnose as identify
@@ -239,6 +241,7 @@ def replay(
     actuator: ActuatorFile = "thesis",
     model: Annotated[str, Parameter(help="averaged, monitor or reference.")] = "averaged",
     fault: FaultList = (),
+    known: KnownList = (),
     series: Annotated[
         Path | None, Parameter(help="Write time and each channel, measured and modelled: .csv or .parquet.")
     ] = None,
@@ -252,7 +255,7 @@ def replay(
     check_output(series, (".csv", ".parquet"), force=force)
     check_output(figure, FIGURES, force=force)
     described, faults = described_actuator(actuator), fault_vector(fault)
-    recorded = [recording_of(path, described) for path in (recording, *further)]
+    recorded = [recording_of(path, described, known) for path in (recording, *further)]
     from emaphm.estimation.replay import replay_all, write_series
 
     result = replay_all(recorded, described, faults=faults, model=model)

@@ -10,6 +10,7 @@ from emaphm.recording.conditioning.interpolation import HELD, continuous, curve,
 
 Columns = dict[str, Array]
 
+
 def on_uniform_grid(
     columns: Columns, sampling: Literal["mean", "instant"]
 ) -> tuple[Columns, tuple[str, ...]]:

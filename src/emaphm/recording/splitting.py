@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +23,9 @@ LEAST_REST_S = 0.2
 """Shortest rest of a command at which a file is cut [s]; shorter ones are turning points of a manoeuvre."""
 
 ALIKE = 0.1
-"""Largest rms difference of a command and itself one period later, relative to its deviation from the mean [-].
-A period that is wrong by one row in 324 makes 0.02 on a trapezoid; an unlike manoeuvre makes 0.5 and more."""
+"""Largest rms difference of a command and itself one period later, relative to its deviation from the mean
+[-]. A period that is wrong by one row in 324 makes 0.02 on a trapezoid; an unlike manoeuvre makes 0.5 and
+more."""
 
 
 @dataclass(frozen=True)
@@ -134,8 +136,8 @@ def _by_columns(table: Table, whole: Sequence[Piece], names: Sequence[str], sour
         there = resolved(name, list(columns), source)
         if there is None:
             raise RecordingError(
-                f"{source}: no column '{name}' to cut by{nearest(name, [*columns, PERIOD, RESTS, STRETCHES])}; "
-                "correct the name"
+                f"{source}: no column '{name}' to cut by"
+                f"{nearest(name, [*columns, PERIOD, RESTS, STRETCHES])}; correct the name"
             )
         found[name] = columns[there]
     if not found:
@@ -177,7 +179,7 @@ def _periods(table: Table, piece: Piece, source: str) -> list[Piece]:
             f"{piece.start + 1}; cut at rests, or by a column"
         )
     starts = np.round(np.arange(0.0, piece.rows + 0.5, period)).astype(int) + piece.start
-    pieces = [Piece(int(a), int(b)) for a, b in zip(starts[:-1], starts[1:], strict=True)]
+    pieces = [Piece(a, b) for a, b in pairwise(starts.tolist())]
     rest = piece.stop - int(starts[-1])
     if rest and pieces:
         pieces[-1] = replace(
@@ -201,7 +203,8 @@ def command_period(command: Array) -> float | None:
     spectrum = np.fft.rfft(deviation / rms, 2 * n)
     overlap = n - np.arange(n)
     correlation = np.fft.irfft(np.abs(spectrum) ** 2)[:n] / overlap
-    peaks = np.flatnonzero((correlation[1:-1] >= correlation[:-2]) & (correlation[1:-1] > correlation[2:])) + 1
+    at_peak = (correlation[1:-1] >= correlation[:-2]) & (correlation[1:-1] > correlation[2:])
+    peaks = np.flatnonzero(at_peak) + 1
     for lag in peaks[(peaks >= 2) & (peaks <= n // 2 + 1)].tolist():
         if correlation[lag] < 0.5:
             continue
@@ -218,6 +221,6 @@ def _between_rests(table: Table, piece: Piece) -> list[Piece]:
     resting = at_rest(table.channels["time_s"][rows], table.channels["command_rad"][rows], LEAST_REST_S)
     # Each movement has half of the rest before it and half of the one after it: it begins and ends at rest.
     movements = runs(~resting)
-    middles = [(b + a) // 2 for (_, b), (a, _) in zip(movements, movements[1:], strict=False)]
+    middles = [(b + a) // 2 for (_, b), (a, _) in pairwise(movements)]
     starts = [piece.start, *(piece.start + one for one in middles), piece.stop]
-    return [Piece(a, b) for a, b in zip(starts, starts[1:], strict=False)] if movements else []
+    return [Piece(a, b) for a, b in pairwise(starts)] if movements else []

@@ -1,1 +1,1 @@
-"""From what a file holds to what a recording may hold: one time base, gaps, outliers, bandwidth, each noted."""
+"""From what a file holds to a recording: one time base, gaps, outliers, bandwidth, each noted."""

@@ -8,6 +8,8 @@ from emaphm.arrays import Array
 from emaphm.recording.checks import check
 from emaphm.recording.conditioning.delays import without_delays
 from emaphm.recording.conditioning.gaps import with_lost_rows, without_short_gaps
+from emaphm.recording.conditioning.outliers import without_outliers
+from emaphm.recording.recording import Recording
 
 
 def conditioned(
@@ -21,8 +23,8 @@ def conditioned(
 ) -> tuple[dict[str, Array], tuple[str, ...]]:
     """Return the channels of a recording without short gaps, outliers and delays, and a note on each step.
 
-    What needs none of it is returned as it is, to the last bit. Columns beyond the schema lose and gain rows as
-    the others do, and are not changed otherwise.
+    What needs none of it is returned as it is, to the last bit. Columns beyond the schema lose and gain rows
+    as the others do, and are not changed otherwise.
 
     Parameters
     ----------
@@ -33,7 +35,7 @@ def conditioned(
     delays
         How late channels were recorded, by name [s].
     reading
-        Longest gap, whether outliers are replaced, bandwidth of the low-pass.
+        Longest gap, and whether outliers are replaced.
     sampling
         What a row is.
     names
@@ -49,5 +51,16 @@ def conditioned(
     columns, lost = with_lost_rows(dict(channels), reading.longest_gap)
     columns, filled = without_short_gaps(columns, reading.longest_gap)
     check(columns, source, names)
+    columns, replaced = without_outliers(columns, constants) if reading.outliers else (columns, ())
     columns, late = without_delays(columns, delays, sampling, source)
-    return columns, (*lost, *filled, *late)
+    return columns, (*lost, *filled, *replaced, *late)
+
+
+def cleaned(recording: Recording, constants: Collection[str] = ()) -> Recording:
+    """Return a recording without isolated outliers, with a note on each channel; the same one if it has none.
+
+    Reading does this already (`emaphm.recording.conditioning.outliers`). `constants` names channels that were
+    not measured.
+    """
+    columns, notes = without_outliers(dict(recording.channels), constants)
+    return recording.with_channels(columns, notes) if notes else recording

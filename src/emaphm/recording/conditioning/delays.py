@@ -20,8 +20,8 @@ def without_delays(
 ) -> tuple[dict[str, Array], tuple[str, ...]]:
     """Return channels of which each is taken as much later as it is late, and what was done.
 
-    A delay of whole rows moves rows; others are interpolated (`emaphm.recording.conditioning.interpolation`). Rows
-    at the ends that a channel does not cover then are left out.
+    A delay of whole rows moves rows; others are interpolated (`emaphm.recording.conditioning.interpolation`).
+    Rows at the ends that a channel does not cover then are left out.
 
     Parameters
     ----------
@@ -55,10 +55,14 @@ def without_delays(
         shifted[name] = _taken_later(name, channels[name], time, delay, sampling)
     covered = np.flatnonzero(np.logical_and.reduce([np.isfinite(shifted[name]) for name in late]))
     if not covered.size:
-        raise RecordingError(f"{source}: the delays in the actuator's TOML leave no row that all channels cover")
+        raise RecordingError(
+            f"{source}: the delays in the actuator's TOML leave no row that all channels cover"
+        )
     first, last = int(covered[0]), int(covered[-1]) + 1
     told = ", ".join(f"{name} {1e3 * delay:.6g} ms" for name, delay in late.items())
-    note = f"taken back in time by the delay that the description gives: {told}; {first} rows at the start and "
+    note = (
+        f"taken back in time by the delay that the description gives: {told}; {first} rows at the start and "
+    )
     note += f"{time.size - last} at the end left out"
     return {name: values[first:last] for name, values in shifted.items()}, (note,)
 

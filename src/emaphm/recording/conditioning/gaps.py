@@ -40,10 +40,10 @@ def interval_of(time: Array) -> float:
 
 
 def with_lost_rows(channels: Columns, longest: int) -> tuple[Columns, tuple[str, ...]]:
-    """Return channels with an interpolated row for each that was lost, where at most `longest` follow each other.
+    """Return channels with interpolated rows where at most `longest` in a row were lost.
 
-    A row is lost where a time step is a whole multiple of the usual one, to a quarter of it. Columns beyond the
-    schema are left empty there.
+    A row is lost where a time step is a whole multiple of the usual one, to a quarter of it. Columns beyond
+    the schema are left empty there.
     """
     time = channels["time_s"]
     interval = interval_of(time)
@@ -85,15 +85,14 @@ def without_short_gaps(channels: Columns, longest: int) -> tuple[Columns, tuple[
             continue
         at = np.concatenate([np.arange(a, b) for a, b in gaps])
         filled[name] = _interpolated(name, time, channels[name], at)
-        notes += (
-            f"{name}: {_count(at.size, 'empty cell')} in {_count(len(gaps), 'gap')}, the first at "
-            f"{time[at[0]]:.6g} s, {'held' if name in HELD else 'interpolated'}",
-        )
+        note = f"{name}: {_count(at.size, 'empty cell')} in {_count(len(gaps), 'gap')}, the first at "
+        note += f"{time[at[0]]:.6g} s, {'held' if name in HELD else 'interpolated'}"
+        notes += (note,)
     return filled, notes
 
 
 def _interpolated(name: str, time: Array, values: Array, at: NDArray[np.intp]) -> Array:
-    """Return values (n,) with those of the rows `at` on Akima's curve, or held, if enough others are known."""
+    """Return values (n,) with the rows `at` on a curve through the others, or held."""
     known = np.flatnonzero(np.isfinite(values))
     filled = values.copy()
     if known.size < FEWEST_ROWS:

@@ -1,4 +1,4 @@
-"""Which rows of a file are used: by a condition on columns, by time, and without long rests of the command."""
+"""Which rows of a file are used: by a condition, by time, and without long rests of the command."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,10 +31,12 @@ def kept_rows(table: Table, reading: Reading, source: str) -> NDArray[np.bool_]:
         try:
             found = np.asarray(expression.evaluate(operands))
         except ValueError as error:
-            raise RecordingError(f"{source}: keep = \"{reading.keep}\": {error}; compare like with like") from None
+            raise RecordingError(
+                f'{source}: keep = "{reading.keep}": {error}; compare like with like'
+            ) from None
         if found.shape != time.shape:
             raise RecordingError(
-                f"{source}: keep = \"{reading.keep}\" gives {found.size} values for {time.size} rows; name "
+                f'{source}: keep = "{reading.keep}" gives {found.size} values for {time.size} rows; name '
                 "columns that have a value for each row"
             )
         kept &= found.astype(float) > 0 if found.dtype != bool else found
@@ -73,6 +75,6 @@ def at_rest(time: Array, command: Array, least_s: float) -> NDArray[np.bool_]:
 def _check_some(kept: NDArray[np.bool_], mask: str, source: str) -> None:
     if not np.any(kept):
         raise RecordingError(
-            f"{source}: {mask} under [reading] in the actuator's TOML leaves no row of {kept.size}; correct it, "
-            "or take it out"
+            f"{source}: {mask} under [reading] in the actuator's TOML leaves no row of {kept.size}; correct "
+            "it, or take it out"
         )

@@ -82,8 +82,8 @@ def table_of(
     Raises
     ------
     RecordingError
-        A unit is of another quantity than its channel, a column of an expression is absent, lengths differ, or
-        times of a column cannot be used.
+        A unit is of another quantity than its channel, a column of an expression is absent, lengths differ,
+        or times of a column cannot be used.
     """
     notes: list[str] = []
     every = [*held.numeric, *held.unusable]
@@ -91,7 +91,9 @@ def table_of(
     for where in sources.values():
         if where.entry.derived is not None:
             wanted |= set(columns_of(Expression.parse(where.entry.derived), every, source).values())
-    held, time = _on_one_base(held, sources, [n for n in held.numeric if n in wanted], actuator, source, notes)
+    held, time = _on_one_base(
+        held, sources, [n for n in held.numeric if n in wanted], actuator, source, notes
+    )
     channels: dict[str, Array] = {"time_s": time}
     for name, where in sources.items():
         if name != "time_s" and where.column is not None:
@@ -102,7 +104,9 @@ def table_of(
     constants = {}
     for name, where in sources.items():
         if where.entry.value is not None and where.column is None:
-            constants[name] = _converted(name, where, np.full(time.shape, where.entry.value), actuator, source)
+            constants[name] = _converted(
+                name, where, np.full(time.shape, where.entry.value), actuator, source
+            )
     for name, value in (known or {}).items():
         constants[name] = np.full(time.shape, value)
         notes.append(f"{name} = {value:g} was given for the whole recording")
@@ -147,8 +151,10 @@ def _on_one_base(
             name, own, numeric[name], base, actuator.channels.sampling, source, holds=name in holding
         )
         bases.setdefault(own.size, []).append(name)
-    for names in bases.values():
-        notes.append(f"{', '.join(names)}: brought from times of their own to those of the command")
+    notes += [
+        f"{', '.join(names)}: brought from times of their own to those of the command"
+        for names in bases.values()
+    ]
     return FileColumns(numeric, held.unusable, held.texts), base
 
 
@@ -177,15 +183,15 @@ def _moved(
 ) -> Array:
     if times.shape != values.shape:
         raise RecordingError(
-            f"{source}: column '{name}' has {values.size} rows, its times have {times.size}; give the times of "
-            "this column"
+            f"{source}: column '{name}' has {values.size} rows, its times have {times.size}; give the "
+            "times of this column"
         )
     known = np.isfinite(values) & np.isfinite(times)
     times, values = times[known], values[known]
     if times.size < 2 or np.any(np.diff(times) <= 0) or np.any(np.diff(base) <= 0):
         raise RecordingError(
-            f"{source}: column '{name}' has times of its own, which do not increase; export it with the times "
-            "of the command"
+            f"{source}: column '{name}' has times of its own, which do not increase; export it with the "
+            "times of the command"
         )
     return moved(times, values, base, sampling, holds=holds)
 
@@ -206,7 +212,8 @@ def _converted(name: str, where: Source, raw: Array, actuator: Actuator, source:
         other = "rotary" if actuator.coordinates == "linear" else "linear"
         hint = f', or set coordinates = "{other}"' if target != SCHEMA[name].unit or "rad" in target else ""
         raise RecordingError(
-            f"{source}: unit of {name} under [channels] in the actuator's TOML: {error}; correct the unit{hint}"
+            f"{source}: unit of {name} under [channels] in the actuator's TOML: {error}; correct the "
+            f"unit{hint}"
         ) from None
 
 
@@ -219,7 +226,9 @@ def _derived(
     source: str,
 ) -> Array:
     expression = Expression.parse(str(where.entry.derived))
-    operands = operands_of(expression, {**held.numeric, **held.texts}, channels, source, f"{name} is derived from")
+    operands = operands_of(
+        expression, {**held.numeric, **held.texts}, channels, source, f"{name} is derived from"
+    )
     try:
         raw = np.asarray(expression.evaluate(operands), float)
     except ValueError as error:
@@ -261,7 +270,7 @@ def operands_of(
     sizes = {values.size for values in operands.values()}
     if len(sizes) > 1:
         raise RecordingError(
-            f"{source}: the columns of '{expression.text}' have {' and '.join(map(str, sorted(sizes)))} rows; "
-            "give columns of the same length"
+            f"{source}: the columns of '{expression.text}' have {' and '.join(map(str, sorted(sizes)))} "
+            "rows; give columns of the same length"
         )
     return operands

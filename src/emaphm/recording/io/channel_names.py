@@ -13,7 +13,7 @@ from emaphm.recording.schema import SCHEMA
 
 @dataclass(frozen=True)
 class Source:
-    """Where a channel comes from: its `entry`, and the `column` in the file unless it is derived or a value."""
+    """Where a channel comes from: its `entry`, and its `column` in the file if it is one."""
 
     entry: ChannelEntry
     column: str | None = None
@@ -29,10 +29,10 @@ def sources_in_file(
 ) -> tuple[dict[str, Source], bool]:
     """Return where each schema channel of a file comes from, and whether the file is one of emaphm's own.
 
-    A channel is what its entry says, else the column that has its schema name; one that the file lacks is left
-    out. A file without any of the foreign
-    names is read by schema names alone and without conversion, so that what emaphm wrote for a rig can be read
-    back with that rig's description. Where the format has times of its own, `time_s` may be absent.
+    A channel is what its entry says, else the column that has its schema name; one that the file lacks is
+    left out. A file without any of the foreign names is read by schema names alone and without conversion, so
+    that what emaphm wrote for a rig can be read back with that rig's description. Where the format has times
+    of its own, `time_s` may be absent.
 
     Parameters
     ----------
@@ -54,22 +54,27 @@ def sources_in_file(
     held = [*columns.numeric, *columns.unusable]
     entries = {name: channels.entry(name) for name in SCHEMA if name not in known}
     foreign = {name: entry for name, entry in entries.items() if _foreign_names(name, entry)}
-    is_foreign = any(
-        resolved(there, held, source) for name, entry in foreign.items() for there in _foreign_names(name, entry)
+    # What emaphm wrote has schema names and no groups; any other file must hold what the entries say.
+    is_foreign = "time_s" not in held or any(
+        resolved(there, held, source)
+        for name, entry in foreign.items()
+        for there in _foreign_names(name, entry)
     )
     taken = {there for name, entry in foreign.items() for there in _foreign_names(name, entry)}
     found: dict[str, Source] = {}
     for name, entry in entries.items():
-        own = resolved(name, held, source) if name not in taken else None
-        if entry.value is not None and (is_foreign or not own):
-            found[name] = Source(entry)
-        elif name in foreign and is_foreign:
-            if entry.derived is not None:
-                found[name] = Source(entry)
-            elif there := resolved(str(entry.column), held, source):
+        own = name if name in held and name not in taken else None
+        if name in foreign and is_foreign:
+            there = resolved(entry.column, held, source) if entry.column is not None else None
+            if there or entry.derived is not None:
                 found[name] = Source(entry, there)
             elif own:
                 found[name] = Source(OWN_NAME, own)
+            continue
+        if name not in foreign and name not in taken:
+            own = resolved(name, held, source)
+        if entry.value is not None and (is_foreign or not own):
+            found[name] = Source(entry)
         elif own:
             converted = is_foreign or not foreign
             found[name] = Source(entry if converted else OWN_NAME, own)
@@ -117,10 +122,10 @@ def missing_name(there: str, held: Sequence[str], free: Sequence[str] | None = N
 
 
 def _foreign_names(name: str, entry: ChannelEntry) -> list[str]:
-    """Return the names that only a file of this rig has: of the entry's columns, without those of the schema."""
+    """Return the names in an entry that only a file of this rig has."""
     if entry.derived is not None:
         return [one for one in Expression.parse(entry.derived).names if one not in SCHEMA]
-    return [entry.column] if entry.column not in {None, name} else []  # type: ignore[list-item] # no None
+    return [entry.column] if entry.column not in {None, name} else []
 
 
 def _check_missing(
@@ -135,9 +140,7 @@ def _check_missing(
     promised = [name for name, entry in entries.items() if _foreign_names(name, entry)]
     missing = [name for name in promised if is_foreign and name not in found]
     has_times = bool(columns.times)
-    missing += [
-        name for name in missing_columns({*found, *known}) if not (name == "time_s" and has_times)
-    ]
+    missing += [name for name in missing_columns({*found, *known}) if not (name == "time_s" and has_times)]
     if not missing:
         return
     name = missing[0]

@@ -2,7 +2,7 @@
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,7 +23,7 @@ COMPRESSED = {b"\x1f\x8b": "gzip", b"\x28\xb5\x2f\xfd": "zstd", b"PK\x03\x04": "
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
-def read_csv(path: Path, limits: ReadLimits) -> FileColumns:
+def read_csv(path: Path, limits: ReadLimits, _: Collection[str] = ()) -> FileColumns:
     """Read the columns of a CSV file.
 
     A file may have been cut short within its last number. If its last line has no line end, the last value

@@ -1,4 +1,4 @@
-"""Columns of Parquet and MATLAB 7.3 files, whose libraries can crash on damaged ones.
+"""Columns of Parquet, HDF5, TDMS and MDF files, whose libraries can crash on damaged ones.
 
 Runs as a process of its own (`emaphm.recording.io.isolation`), and imports nothing of emaphm to start fast.
 It answers on stdout with one line of JSON, then the columns' numbers as bytes.
@@ -7,6 +7,8 @@ It answers on stdout with one line of JSON, then the columns' numbers as bytes.
 import json
 import math
 import sys
+from collections.abc import Collection
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -20,24 +22,50 @@ class UnreadableError(Exception):
     """The file cannot be read; the text says why, in one line."""
 
 
-Columns = tuple[int, int, list[str], dict[str, str], list[Any]]
-"""Rows, columns, names of the numeric columns, complaints about the others by name, and the numeric arrays.
+@dataclass
+class Held:
+    """What a file holds.
 
-Where rows or columns are more than was asked for, nothing is read, and the last three are empty.
-"""
+    Rows of the longest column, number of columns; arrays (n,) of the numeric ones by name; complaints about
+    the others by name; distinct texts and the number of each row's text (n,), of those that are texts; times
+    (n,) [s] of the numeric ones that have times of their own. Where rows or columns are more than was asked
+    for, nothing else is read.
+    """
+
+    rows: int = 0
+    columns: int = 0
+    numeric: dict[str, Any] = field(default_factory=dict)
+    unusable: dict[str, str] = field(default_factory=dict)
+    texts: dict[str, tuple[list[str], Any]] = field(default_factory=dict)
+    times: dict[str, Any] = field(default_factory=dict)
 
 
-def read(kind: str, path: str, most_rows: int, most_columns: int, most_numbers: int) -> Columns:
-    """Return the columns of a file of `kind` "parquet" or "hdf5".
+@dataclass(frozen=True)
+class Most:
+    """Rows, columns, and numbers in all that are read [-]."""
+
+    rows: int
+    columns: int
+    numbers: int
+
+    def exceeded(self, rows: int, columns: int) -> bool:
+        """Return whether that is more."""
+        return rows > self.rows or columns > self.columns or rows * columns > self.numbers
+
+
+def read(kind: str, path: str, most: Most, wanted: Collection[str] = ()) -> Held:
+    """Return the columns of a file of one of the kinds in `READERS`.
+
+    Of a kind that names columns by groups, names are "group/name". Of "mdf", only the columns `wanted` are
+    read, by name or "group/name".
 
     Raises
     ------
     UnreadableError
         The library refuses the file.
     """
-    reader = {"parquet": _parquet, "hdf5": _hdf5}[kind]
     try:
-        return reader(path, most_rows, most_columns, most_numbers)
+        return READERS[kind](path, most, wanted)
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # noqa: BLE001 - libraries fail in any way on foreign bytes; polars panics
@@ -45,63 +73,196 @@ def read(kind: str, path: str, most_rows: int, most_columns: int, most_numbers: 
         raise UnreadableError(lines[0].rstrip(".")) from None
 
 
-def _parquet(path: str, most_rows: int, most_columns: int, most_numbers: int) -> Columns:
+def _parquet(path: str, most: Most, _: Collection[str]) -> Held:
     import polars as pl
 
     # As a file object: in a path polars expands * and [].
     with Path(path).open("rb") as file:
         names = list(pl.read_parquet_schema(file))
         file.seek(0)
-        rows = int(pl.scan_parquet(file).select(pl.len()).collect().item())
-        if rows > most_rows or len(names) > most_columns or rows * len(names) > most_numbers:
-            return rows, len(names), [], {}, []
+        held = Held(int(pl.scan_parquet(file).select(pl.len()).collect().item()), len(names))
+        if most.exceeded(held.rows, held.columns):
+            return held
         file.seek(0)
         frame = pl.read_parquet(file)
-    numeric, unusable = {}, {}
     for column in frame.get_columns():
         if column.dtype.is_numeric():
-            numeric[column.name] = np.asarray(column.cast(float).to_numpy(), float)
+            held.numeric[column.name] = np.asarray(column.cast(float).to_numpy(), float)
             continue
         first = repr(column[0]) if len(column) else "nothing"
         shown = first if len(first) <= 30 else f"{first[:27]}..."
-        unusable[column.name] = (
+        held.unusable[column.name] = (
             f"is of type {column.dtype} (row 1: {shown}), not numeric; store it as numbers in its SI unit"
         )
-    return rows, len(names), list(numeric), unusable, list(numeric.values())
+        if column.dtype in {pl.String, pl.Categorical, pl.Enum}:
+            _add_text(held, column.name, column.cast(pl.String).fill_null("").to_numpy())
+    return held
 
 
-def _hdf5(path: str, most_rows: int, most_columns: int, most_numbers: int) -> Columns:
+def _hdf5(path: str, most: Most, _: Collection[str]) -> Held:
+    """Read a MATLAB 7.3 file: variables at the top, without MATLAB's own."""
+    return _hdf5_file(path, most, deep=False)
+
+
+def _hdf5_groups(path: str, most: Most, _: Collection[str]) -> Held:
+    """Read any HDF5 file: data sets in all its groups."""
+    return _hdf5_file(path, most, deep=True)
+
+
+def _hdf5_file(path: str, most: Most, *, deep: bool) -> Held:
     import h5py
 
-    numeric: dict[str, Any] = {}
-    unusable: dict[str, str] = {}
+    held = Held()
     with h5py.File(path, "r") as file:
-        names = [name for name in file if not name.startswith("#")]  # MATLAB's own
-        if len(names) > most_columns:
-            return 0, len(names), [], {}, []
-        for name in names:
-            if not isinstance(file.get(name, getlink=True), h5py.HardLink):
-                unusable[name] = "is a link to elsewhere; save it as a vector of numbers under this name"
+        items = [(name, file) for name in file if not name.startswith("#")]  # MATLAB's own
+        seen = {file.id}
+        while items:
+            if len(items) + held.columns > most.columns:
+                held.columns += len(items)
+                return held
+            name, folder = items.pop(0)
+            key = f"{folder.name.strip('/')}/{name}".strip("/")
+            if not isinstance(folder.get(name, getlink=True), h5py.HardLink):
+                held.unusable[key] = "is a link to elsewhere; save it as a vector of numbers under this name"
                 continue
-            item = file[name]
-            complaint = _complaint(item)
-            if complaint:
-                unusable[name] = complaint
+            item = folder[name]
+            if deep and isinstance(item, h5py.Group):
+                if item.id not in seen:
+                    seen.add(item.id)
+                    items += [(below, item) for below in item]
                 continue
-            if item.size > most_rows or item.size * (len(numeric) + 1) > most_numbers:
-                return item.size, len(numeric) + 1, [], {}, []
+            held.columns += 1
+            if not _add_data_set(held, key, item, most, deep=deep):
+                return held
+    return held
+
+
+def _add_data_set(held: Held, key: str, item: Any, most: Most, *, deep: bool) -> bool:
+    """Add a data set, or each field of a table, to what is held; return whether that is not too much."""
+    dtype = getattr(item, "dtype", None)
+    if deep and dtype is not None and dtype.names:
+        fields = {f"{key}/{part}": (dtype[part], part) for part in dtype.names}
+    else:
+        fields = {key: (dtype, None)}
+    for name, (of_field, part) in fields.items():
+        complaint = _complaint(item, of_field)
+        if complaint is None:
+            held.rows = max(held.rows, item.size)
+            if most.exceeded(held.rows, len(held.numeric) + 1):
+                return False
             if item.id.get_storage_size() == 0:
-                unusable[name] = "has no values in the file; save it again"
-                continue
-            numeric[name] = np.asarray(item[()], float).ravel()
-    rows = max((values.size for values in numeric.values()), default=0)
-    return rows, len(names), list(numeric), unusable, list(numeric.values())
+                complaint = "has no values in the file; save it again"
+        if complaint:
+            held.unusable[name] = complaint
+        else:
+            held.numeric[name] = np.asarray(item[part] if part else item[()], float).ravel()
+    return True
 
 
-def _complaint(item: Any) -> str | None:
+def _tdms(path: str, most: Most, _: Collection[str]) -> Held:
+    from nptdms import TdmsFile
+
+    held = Held()
+    with TdmsFile.open(path) as file:
+        channels = {f"{group.name}/{one.name}": one for group in file.groups() for one in group.channels()}
+        held.rows, held.columns = max(map(len, channels.values()), default=0), len(channels)
+        if most.exceeded(held.rows, held.columns):
+            return held
+        starts = {name: one.properties.get("wf_start_time") for name, one in channels.items()}
+        # A start of 1904 is how LabVIEW writes none.
+        known = [np.datetime64(one) for one in starts.values() if one is not None]
+        first = min(known) if known else None
+        stamps: dict[str, Any] = {}
+        for name, one in channels.items():
+            kind = getattr(one.dtype, "kind", "O")
+            if kind == "M":
+                stamps[name] = np.asarray(one[:])
+            elif kind not in "fiu":
+                held.unusable[name] = "is not numeric; store it as numbers"
+                if kind in "OSU":
+                    _add_text(held, name, np.asarray([str(value) for value in one[:]], object))
+            else:
+                held.numeric[name] = np.asarray(one[:], float)
+                increment = float(one.properties.get("wf_increment", 0.0) or 0.0)
+                if increment > 0:
+                    start = np.datetime64(starts[name]) if starts[name] is not None else first
+                    late = (start - first) / np.timedelta64(1, "s") if first is not None else 0.0
+                    late += float(one.properties.get("wf_start_offset", 0.0) or 0.0)
+                    held.times[name] = late + increment * np.arange(len(one))
+        begin = min((values.min() for values in stamps.values() if values.size), default=None)
+        for name, values in stamps.items():
+            held.numeric[name] = (values - begin) / np.timedelta64(1, "s")
+    return held
+
+
+def _mdf(path: str, most: Most, wanted: Collection[str]) -> Held:
+    from asammdf import MDF
+
+    held = Held()
+    with MDF(path) as file:
+        labels = _group_labels(file)
+        for name, places in file.channels_db.items():
+            keys = [f"{labels[group]}/{name}" for group, _ in places]
+            for key, (group, index) in zip(keys, places, strict=True):
+                if file.masters_db.get(group) == index:
+                    continue
+                if name not in wanted and key not in wanted:
+                    if len(held.unusable) < MOST_NAMED:
+                        held.unusable.setdefault(key, "was not asked for")
+                    continue
+                held.columns += 1
+                held.rows = max(held.rows, file.groups[group].channel_group.cycles_nr)
+                if keys.count(key) > 1:
+                    held.unusable[key] = f"is there {keys.count(key)} times in its group; rename all but one"
+                    continue
+                if most.exceeded(held.rows, held.columns):
+                    return held
+                _add_signal(held, key, file.get(group=group, index=index).validate(copy=False))
+    return held
+
+
+MOST_NAMED = 1000
+"""Columns that are named without being read, for the nearest name to a mistyped one; a bus log has
+thousands."""
+
+
+def _group_labels(file: Any) -> list[str]:
+    """Return what the groups of an MDF file are called: their own names where these differ, else numbers."""
+    names = [str(group.channel_group.acq_name or "") for group in file.groups]
+    return [name if name and names.count(name) == 1 else str(i) for i, name in enumerate(names)]
+
+
+def _add_signal(held: Held, key: str, signal: Any) -> None:
+    values = np.asarray(signal.samples)
+    if values.ndim == 1 and values.dtype.kind in "fiu":
+        held.numeric[key] = values.astype(float)
+        held.times[key] = np.asarray(signal.timestamps, float)
+        return
+    held.unusable[key] = "is not numeric; export it as a channel of real numbers"
+    if values.ndim == 1 and values.dtype.kind in "SU":
+        texts = [one.decode(errors="replace") if isinstance(one, bytes) else str(one) for one in values]
+        _add_text(held, key, np.asarray(texts, object))
+
+
+def _add_text(held: Held, name: str, values: Any) -> None:
+    distinct, numbers = np.unique(values.astype(str), return_inverse=True)
+    if distinct.size <= MOST_TEXTS:
+        held.texts[name] = (distinct.tolist(), numbers.astype(float))
+
+
+MOST_TEXTS = 10_000
+"""Distinct texts of a column that names runs, units or states; a remark to each row is none."""
+
+READERS = {
+    "parquet": _parquet, "hdf5": _hdf5, "hdf5 groups": _hdf5_groups, "tdms": _tdms, "mdf": _mdf
+}  # fmt: skip
+"""How each kind of file is read."""
+
+
+def _complaint(item: Any, dtype: Any) -> str | None:
     what = item.attrs.get("MATLAB_class", "")
     what = what.decode(errors="replace") if isinstance(what, bytes) else str(what)
-    if not hasattr(item, "shape") or what == TEXT_CLASS or item.dtype.kind not in "fiu":
+    if not hasattr(item, "shape") or what == TEXT_CLASS or dtype.kind not in "fiu":
         kind = "a struct" if what == "struct" else "not numeric"
         return f"is {kind}; save it as a vector of real numbers under this name"
     if item.is_virtual or item.external:
@@ -136,18 +297,33 @@ def main() -> None:
     """Answer on stdout."""
     kind, path, rows, columns, numbers, memory_bytes, seconds = sys.argv[1:]
     _guard(int(memory_bytes), float(seconds))
+    # Libraries print; what is meant for the answer must stay clean.
+    answer, sys.stdout = sys.stdout.buffer, sys.stderr
     try:
-        found = read(kind, path, int(rows), int(columns), int(numbers))
+        held = read(kind, path, Most(int(rows), int(columns), int(numbers)), json.load(sys.stdin))
     except UnreadableError as error:
-        sys.stdout.write(json.dumps({"error": str(error)}) + "\n")
+        answer.write(json.dumps({"error": str(error)}).encode() + b"\n")
         return
-    count, width, names, unusable, arrays = found
-    lengths = [values.size for values in arrays]
-    header = {"rows": count, "columns": width, "names": names, "unusable": unusable, "lengths": lengths}
-    sys.stdout.write(json.dumps(header) + "\n")
-    sys.stdout.flush()
-    for values in arrays:
-        sys.stdout.buffer.write(np.ascontiguousarray(values, float).tobytes())
+    # Several columns often have the same times: each array is sent once.
+    arrays: dict[int, Any] = {}
+
+    def place(values: Any) -> int:
+        arrays[id(values)] = values
+        return list(arrays).index(id(values))
+
+    header = {
+        "rows": held.rows,
+        "columns": held.columns,
+        "unusable": held.unusable,
+        "numeric": {name: place(values) for name, values in held.numeric.items()},
+        "times": {name: place(values) for name, values in held.times.items()},
+        "texts": {name: [distinct, place(numbers)] for name, (distinct, numbers) in held.texts.items()},
+        "lengths": [values.size for values in arrays.values()],
+    }
+    answer.write(json.dumps(header).encode() + b"\n")
+    for values in arrays.values():
+        answer.write(np.ascontiguousarray(values, float).tobytes())
+    answer.flush()
 
 
 if __name__ == "__main__":

@@ -1,10 +1,10 @@
-"""Reading in a process of its own: what crashes the Parquet or HDF5 library does not crash the caller."""
+"""Reading in a process of its own: what crashes a format's library does not crash the caller."""
 
 import json
 import os
 import sys
+from collections.abc import Collection
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -14,23 +14,26 @@ from emaphm.recording.io import foreign_columns
 from emaphm.recording.io.file_columns import FileColumns, check_names, tidy
 from emaphm.recording.io.limits import ReadLimits
 
-FORMATS = {"parquet": "Parquet", "hdf5": ".mat"}
+FORMATS = {"parquet": "Parquet", "hdf5": ".mat", "hdf5 groups": "HDF5", "tdms": "TDMS", "mdf": "MDF 4"}
+"""The kinds of `foreign_columns.READERS`, as an error names them."""
 
 LONGEST_HEADER = 64 * 2**20
 """Longest list of columns and complaints that the process may answer with [bytes]."""
 
 
-def isolated_columns(kind: str, path: Path, limits: ReadLimits) -> FileColumns:
+def isolated_columns(kind: str, path: Path, limits: ReadLimits, wanted: Collection[str] = ()) -> FileColumns:
     """Read a file by `emaphm.recording.io.foreign_columns`, in another process unless `limits` say otherwise.
 
     Parameters
     ----------
     kind
-        "parquet" or "hdf5".
+        One of `FORMATS`.
     path
         The file.
     limits
         Of the file and of the process.
+    wanted
+        Names of the columns to read, where not all of a kind are.
 
     Raises
     ------
@@ -41,22 +44,28 @@ def isolated_columns(kind: str, path: Path, limits: ReadLimits) -> FileColumns:
     checked_size(path, limits.file_bytes, RecordingError)
     try:
         if limits.isolated and sys.executable:
-            answer = _answer(kind, path, limits, source)
+            held = _answer(kind, path, limits, wanted, source)
         else:
-            answer = foreign_columns.read(kind, str(path), limits.rows, limits.columns, limits.numbers)
+            most = foreign_columns.Most(limits.rows, limits.columns, limits.numbers)
+            held = foreign_columns.read(kind, str(path), most, wanted)
     except foreign_columns.UnreadableError as error:
         raise _unreadable(kind, source, str(error)) from None
-    rows, columns, names, unusable, arrays = answer
-    limits.check(rows, columns, source)
-    tidied = {name: tidy(name) for name in (*names, *unusable)}
-    check_names([tidied[name] for name in names] + [tidied[name] for name in unusable], source)
+    limits.check(held.rows, held.columns, source)
+    check_names([tidy(name) for name in (*held.numeric, *held.unusable)], source)
     return FileColumns(
-        {tidied[name]: values for name, values in zip(names, arrays, strict=True)},
-        {tidied[name]: complaint for name, complaint in unusable.items()},
+        {tidy(name): values for name, values in held.numeric.items()},
+        {tidy(name): complaint for name, complaint in held.unusable.items()},
+        {
+            tidy(name): np.array(distinct, object)[numbers.astype(int)]
+            for name, (distinct, numbers) in held.texts.items()
+        },
+        {tidy(name): values for name, values in held.times.items()},
     )
 
 
-def _answer(kind: str, path: Path, limits: ReadLimits, source: str) -> Any:
+def _answer(
+    kind: str, path: Path, limits: ReadLimits, wanted: Collection[str], source: str
+) -> foreign_columns.Held:
     import subprocess
 
     command = [sys.executable, "-P", foreign_columns.__file__, kind, str(path.absolute())]
@@ -68,8 +77,8 @@ def _answer(kind: str, path: Path, limits: ReadLimits, source: str) -> Any:
     }
     try:
         done = subprocess.run(  # noqa: S603 - this Python, on a file of this package
-            command, stdin=subprocess.DEVNULL, capture_output=True, check=False, env=environment,
-            timeout=limits.seconds,
+            command, input=json.dumps(sorted(wanted)).encode(), capture_output=True, check=False,
+            env=environment, timeout=limits.seconds,
         )  # fmt: skip
     except subprocess.TimeoutExpired:
         raise _unreadable(kind, source, f"its library is still at it after {limits.seconds:g} s") from None
@@ -85,7 +94,14 @@ def _answer(kind: str, path: Path, limits: ReadLimits, source: str) -> Any:
     for length in answer["lengths"]:
         arrays.append(np.frombuffer(done.stdout, float, length, position))
         position += 8 * length
-    return answer["rows"], answer["columns"], answer["names"], answer["unusable"], arrays
+    return foreign_columns.Held(
+        answer["rows"],
+        answer["columns"],
+        {name: arrays[place] for name, place in answer["numeric"].items()},
+        answer["unusable"],
+        {name: (distinct, arrays[place]) for name, (distinct, place) in answer["texts"].items()},
+        {name: arrays[place] for name, place in answer["times"].items()},
+    )
 
 
 def _unreadable(kind: str, source: str, why: str) -> RecordingError:

@@ -1,6 +1,7 @@
 """MATLAB .mat files of all versions: which reader takes one, and which of its variables are columns."""
 
 import importlib.util
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ BYTE_ORDERS = {b"IM": "<", b"MI": ">"}
 """The last two bytes of the header of version 5, as NumPy writes the byte order."""
 
 
-def read_mat(path: Path, limits: ReadLimits) -> FileColumns:
+def read_mat(path: Path, limits: ReadLimits, _: Collection[str] = ()) -> FileColumns:
     """Read the variables of a .mat file that are vectors of numbers.
 
     Parameters

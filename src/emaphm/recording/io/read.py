@@ -1,7 +1,7 @@
-"""Reading recordings from a file, by the file's ending: its rows become channels, and one or many recordings."""
+"""Reading recordings from a file, by its ending: its rows become one recording, or many."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator, Sampled
-from emaphm.actuator.channels import Channels
 from emaphm.actuator.expression import Expression
 from emaphm.actuator.reading import Reading
-from emaphm.arrays import Array
 from emaphm.errors import RecordingError, SignalError, nearest
 from emaphm.input_files import checked_size
 from emaphm.recording.checks import check
 from emaphm.recording.conditioning.condition import conditioned
+from emaphm.recording.conditioning.low_pass import low_passed
 from emaphm.recording.conditioning.masks import kept_rows
 from emaphm.recording.conditioning.table import Table, table_of
 from emaphm.recording.equivalent_current import with_equivalent_current
@@ -25,19 +24,23 @@ from emaphm.recording.io.channel_names import resolved, sources_in_file
 from emaphm.recording.io.csv_file import read_csv
 from emaphm.recording.io.file_columns import FileColumns
 from emaphm.recording.io.limits import ReadLimits
+from emaphm.recording.io.logger_files import read_hdf5, read_mdf, read_parquet, read_tdms
 from emaphm.recording.io.mat_file import read_mat
-from emaphm.recording.io.parquet_file import read_parquet
 from emaphm.recording.recording import Label, Recording
 from emaphm.recording.schema import SCHEMA
 from emaphm.recording.splitting import Cut, Piece, columns_in, cut, stretches
 
-READERS: dict[str, Callable[[Path, ReadLimits], FileColumns]] = {
+READERS: dict[str, Callable[[Path, ReadLimits, Collection[str]], FileColumns]] = {
     ".csv": read_csv,
     ".parquet": read_parquet,
     ".mat": read_mat,
+    ".tdms": read_tdms,
+    ".h5": read_hdf5,
+    ".hdf5": read_hdf5,
+    ".mf4": read_mdf,
 }
-"""How each kind of file is read; the endings in lower case."""
-
+"""How each kind of file is read; the endings in lower case. The last argument are the columns that are asked
+for."""
 
 Known = Mapping[str, Label]
 
@@ -56,10 +59,10 @@ def read_recording(
 ) -> Recording:
     """Read the one recording of `actuator` that a file holds.
 
-    Columns are found, converted and derived as ``actuator.channels`` says, else by their schema names; rows are
-    left out and cleaned as ``actuator.reading`` says, each with a note. Columns beyond the schema are kept if they
-    have as many rows; those that are constant are labels too. Where `current_A` is absent it is made from the
-    phase currents and `angle_rad` (`equivalent_current`, form "torque").
+    Columns are found, converted and derived as ``actuator.channels`` says, else by their schema names; rows
+    are left out and cleaned as ``actuator.reading`` says, each with a note. Columns beyond the schema are
+    kept if they have as many rows; those that are constant are labels too. Where `current_A` is absent it is
+    made from the phase currents and `angle_rad` (`equivalent_current`, form "torque").
 
     Parameters
     ----------
@@ -87,8 +90,8 @@ def read_recording(
         way = f'split = "{file.reading.split}" makes'
     if len(pieces) != 1:
         raise RecordingError(
-            f"{path}: {way} {len(pieces)} recordings of this file; read them with read_recordings, or cut it: "
-            "emaphm split FILE"
+            f"{path}: {way} {len(pieces)} recordings of this file; read them with read_recordings, or cut "
+            "it: emaphm split FILE"
         )
     return _recording(file, pieces[0])
 
@@ -110,10 +113,11 @@ def read_recordings(
         As for `read_recording`.
     split
         What the file is cut by (`emaphm.recording.splitting.cut`): names of columns with commas between,
-        "period", "rests" or "stretches"; as ``actuator.reading.split`` says where left out, else one recording.
+        "period", "rests" or "stretches"; as ``actuator.reading.split`` says where left out, else one
+        recording.
     on_refused
-        Called with the reason for each piece that is no recording. Where left out, pieces that are too short are
-        passed over, and any other reason is raised.
+        Called with the reason for each piece that is no recording. Where left out, pieces that are too short
+        are passed over, and any other reason is raised.
 
     Raises
     ------
@@ -163,7 +167,7 @@ def _opened(
 ) -> _File:
     source = str(path)
     constants = _constants(known, source)
-    held = _columns(path, limits, actuator.channels)
+    held = _columns(path, limits, _asked_for(actuator, split))
     sources, is_own = sources_in_file(held, actuator.channels, source, constants)
     # What emaphm wrote for this rig has been cut and masked already, and lacks the columns to do it by.
     reading = Reading(longest_gap=actuator.reading.longest_gap) if is_own else actuator.reading
@@ -180,7 +184,9 @@ def _constants(known: Known, source: str) -> dict[str, float]:
     constants = {name: value for name, value in known.items() if name in SCHEMA}
     for name, value in constants.items():
         if name in {"time_s", "command_rad"} or isinstance(value, str) or not np.isfinite(value):
-            raise RecordingError(f"{source}: {name} = {value} cannot hold for a whole recording; give a number")
+            raise RecordingError(
+                f"{source}: {name} = {value} cannot hold for a whole recording; give a number"
+            )
     return {name: float(value) for name, value in constants.items()}
 
 
@@ -205,11 +211,13 @@ def _recording(file: _File, piece: Piece) -> Recording:
     recording = Recording(
         channels, actuator.channels.sampling, source, [*table.notes, *piece.notes, *notes], labels
     )
+    if file.reading.low_pass_hz is not None:
+        recording = low_passed(recording, file.reading.low_pass_hz, table.constants)
     return with_equivalent_current(recording, actuator)
 
 
 def _labels(file: _File, further: Mapping[str, NDArray[Any]]) -> dict[str, Label]:
-    """Return what holds for all rows: of each column beyond the schema that is constant, and what is known."""
+    """Return what holds for all rows: constant columns beyond the schema, and what is known."""
     found: dict[str, Label] = {}
     for name, values in further.items():
         first = values[0] if values.size else ""
@@ -221,7 +229,11 @@ def _labels(file: _File, further: Mapping[str, NDArray[Any]]) -> dict[str, Label
         if there is None or there not in found:
             raise RecordingError(
                 f"{file.path}: column '{serial}', the unit's serial number, is "
-                + ("not the same throughout; cut the file by it" if there else "not in the file; correct [reading]")
+                + (
+                    "not the same throughout; cut the file by it"
+                    if there
+                    else "not in the file; correct [reading]"
+                )
             )
         found[SERIAL] = found[there]
     return found | {name: value for name, value in file.known.items() if name not in SCHEMA}
@@ -238,7 +250,7 @@ def read_signal(path: str | Path, name: str) -> Sampled:
         The values are not finite or the times do not increase.
     """
     path = Path(path)
-    held = _columns(path, ReadLimits(), Channels())
+    held = _columns(path, ReadLimits(), ("time_s", name))
     for needed in ("time_s", name):
         if needed not in held.numeric:
             absent = f"is missing{nearest(needed, held.numeric)}; the file needs time_s and {name}"
@@ -249,12 +261,24 @@ def read_signal(path: str | Path, name: str) -> Sampled:
         raise SignalError(f"{path}: {error}") from None
 
 
-def _columns(path: Path, limits: ReadLimits, channels: Channels) -> FileColumns:
+def _asked_for(actuator: Actuator, split: str | None) -> set[str]:
+    """Return every name of a column that the description, or a way to cut, may mean."""
+    reading, names = actuator.reading, set(SCHEMA)
+    for channel in SCHEMA:
+        entry = actuator.channels.entry(channel)
+        names |= {one for one in (entry.column, entry.time) if one is not None}
+        names |= set(Expression.parse(entry.derived).names) if entry.derived is not None else set()
+    names |= set(Expression.parse(reading.keep).names) if reading.keep is not None else set()
+    names |= {reading.serial} if reading.serial is not None else set()
+    return names | set(columns_in(split or reading.split or ""))
+
+
+def _columns(path: Path, limits: ReadLimits, asked_for: Collection[str]) -> FileColumns:
     if not checked_size(path, limits.file_bytes, RecordingError):
         raise RecordingError(f"{path}: the file is empty; record or copy it again")
     read = READERS.get(path.suffix.lower())
     if read:
-        return read(path, limits)
+        return read(path, limits, asked_for)
     ending = f"unknown file ending '{path.suffix}'" if path.suffix else "the name has no ending"
     raise RecordingError(
         f"{path}: {ending}; a recording ends in {', '.join(READERS)}: convert or rename the file"

@@ -13,6 +13,8 @@ ENDINGS = (".csv", ".parquet")
 def write_recording(recording: Recording, path: str | Path, *, force: bool = False) -> None:
     """Write all columns under their own names; what is read back is the same to the last bit.
 
+    Labels become columns that are the same throughout, which reading makes labels of again.
+
     Parameters
     ----------
     recording
@@ -28,7 +30,10 @@ def write_recording(recording: Recording, path: str | Path, *, force: bool = Fal
         See `check_writable`; also if the operating system refuses half-way, nothing being left then.
     """
     check_writable(path, force=force, endings=ENDINGS)
-    frame = recording.to_frame()
+    import polars as pl
+
+    labels = {name: value for name, value in recording.labels.items() if name not in recording}
+    frame = recording.to_frame().with_columns(**{name: pl.lit(value) for name, value in labels.items()})
     # Through memory: where the disk is full, polars has errors of its own for each format.
     content = io.BytesIO()
     if Path(path).suffix.lower() == ".csv":

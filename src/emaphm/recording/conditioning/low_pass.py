@@ -1,0 +1,54 @@
+"""A zero-phase low-pass on what was measured."""
+
+from collections.abc import Collection
+
+import numpy as np
+
+from emaphm.errors import RecordingError
+from emaphm.recording.conditioning.interpolation import HELD, continuous
+from emaphm.recording.recording import Recording
+from emaphm.recording.schema import SCHEMA
+
+ORDER = 2
+"""Order of the Butterworth filter that runs forward and backward [-]: four in all."""
+
+NOT_FILTERED = ("time_s", "command_rad", *HELD)
+
+HALF_POWER = (np.sqrt(2) - 1) ** (1 / (2 * ORDER))
+"""Bandwidth of the filter run both ways, relative to that of one way [-]: |H|² = 1 / (1 + (f/f_c)^4) is 1/√2
+at f = f_c (√2 - 1)^(1/4)."""
+
+
+def low_passed(recording: Recording, bandwidth_hz: float, constants: Collection[str]) -> Recording:
+    """Return a recording whose measured channels are filtered forward and backward, with a note.
+
+    Parameters
+    ----------
+    recording
+        At a constant rate.
+    bandwidth_hz
+        Where amplitudes fall to 1/√2 [Hz].
+    constants
+        Channels that were not measured.
+
+    Raises
+    ------
+    RecordingError
+        The bandwidth is not below 0.8 times half the rate of the rows.
+    """
+    from scipy.signal import butter, sosfiltfilt
+
+    corner, rate = bandwidth_hz / HALF_POWER, recording.sample_rate_hz
+    if corner >= rate / 2:
+        raise RecordingError(
+            f"{recording.source}: low_pass_hz = {bandwidth_hz:g} needs rows at more than {2 * corner:.4g} Hz, "
+            f"they come at {rate:.4g} Hz; take it out of [reading] in the actuator's TOML"
+        )
+    sections = butter(ORDER, corner, fs=rate, output="sos")
+    channels = dict(recording.channels)
+    filtered = [n for n in channels if n in SCHEMA and n not in NOT_FILTERED and n not in constants]
+    for name in filtered:
+        values = continuous(channels[name]) if name == "angle_rad" else channels[name]
+        channels[name] = np.asarray(sosfiltfilt(sections, values), float)
+    note = f"{', '.join(filtered)}: zero-phase low-pass with a bandwidth of {bandwidth_hz:g} Hz"
+    return recording.with_channels(channels, [note])
