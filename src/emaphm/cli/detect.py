@@ -36,10 +36,7 @@ def learn(
         Parameter(help="What holds the cycles of one run: each file, or all files of a folder."),
     ] = "file",
     model: Annotated[
-        bool,
-        Parameter(
-            help="Take off first what the actuator's model explains; --no-model: channels as measured."
-        ),
+        bool, Parameter(help="Take off what the actuator's model explains; else channels as measured.")
     ] = True,
     false_alarm_rate: Annotated[
         float, Parameter(help="Share of healthy cycles that may be called not like healthy.")

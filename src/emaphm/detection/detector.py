@@ -323,19 +323,22 @@ class Detector:
         """Return the seeded fault in whose direction `deviation` lies; at this load where that was seeded."""
         same = [one for one in self.seeded if (one.manoeuvre, one.load) == place]
         others = [one for one in self.seeded if one.manoeuvre == place[0]]
-        direction = level.scatter.whitened(deviation)[0]
+        found = level.scatter.whitened(deviation)[0]
+        excess = max(float(found @ found) - level.energy, 0.0)
         best: Nearest | None = None
         for fault in dict.fromkeys(one.fault for one in others):
             ones = [one for one in same if one.fault == fault] or [
                 one for one in others if one.fault == fault
             ]
             for one in ones:
-                cosine = _cosine(direction, level.scatter.whitened(one.deviation))
-                if best is None or cosine > best.cosine:
-                    best = Nearest(fault, cosine, cosine >= self.settings.alike)
+                along = _along(found, level.scatter.whitened(one.deviation))
+                share = min(along**2 / excess, 1.0) if along > 0 and excess > 0 else 0.0
+                if best is None or share > best.share:
+                    best = Nearest(fault, share, share >= self.settings.alike)
         return best
 
 
-def _cosine(one: Array, other: Array) -> float:
-    size = float(np.linalg.norm(one) * np.linalg.norm(other))
-    return float(one @ other) / size if size > 0 else 0.0
+def _along(deviation: Array, direction: Array) -> float:
+    """Return the length of `deviation` along `direction`, (features,) both; 0 where that has none."""
+    size = float(np.linalg.norm(direction))
+    return float(deviation @ direction) / size if size > 0 else 0.0

@@ -61,6 +61,7 @@ class _Level(_Part):
     rank: Annotated[int, Field(ge=1)]
     t2_threshold: Positive
     q_threshold: Annotated[float, Field(ge=0)]
+    energy: Annotated[float, Field(ge=0)]
     alarms: Count
     runs: Annotated[int, Field(ge=2)]
 
@@ -185,6 +186,7 @@ def _manoeuvre_dict(one: Manoeuvre) -> dict[str, Any]:
                 "rank": level.scatter.rank,
                 "t2_threshold": level.t2_threshold,
                 "q_threshold": level.q_threshold,
+                "energy": level.energy,
                 "alarms": level.alarms,
                 "runs": level.runs,
             }
@@ -208,6 +210,7 @@ def _manoeuvre(one: _Manoeuvre) -> Manoeuvre:
                 ),
                 level.t2_threshold,
                 level.q_threshold,
+                level.energy,
                 level.alarms,
                 level.runs,
             )

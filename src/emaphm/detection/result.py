@@ -27,10 +27,10 @@ class Contribution:
 
 @dataclass(frozen=True)
 class Nearest:
-    """The seeded fault whose direction is nearest, the cosine to it, and whether that counts as alike."""
+    """The seeded fault along whose direction a deviation lies most, its share, and if that is enough."""
 
     fault: str
-    cosine: float
+    share: float
     alike: bool
 
 
@@ -97,7 +97,7 @@ class DetectorResult:
         if self.nearest is None:
             return text
         if self.nearest.alike:
-            return f"{text}; nearest seeded fault: {self.nearest.fault} (cosine {self.nearest.cosine:.2f})"
+            return f"{text}; nearest seeded fault: {self.nearest.fault} ({100 * self.nearest.share:.0f} %)"
         return f"{text}; like none of the seeded faults"
 
     def to_dict(self) -> dict[str, Any]:
@@ -120,7 +120,7 @@ class DetectorResult:
             ],
             "nearest": None
             if self.nearest is None
-            else {"fault": self.nearest.fault, "cosine": self.nearest.cosine, "alike": self.nearest.alike},
+            else {"fault": self.nearest.fault, "share": self.nearest.share, "alike": self.nearest.alike},
             "false_alarm_rate": self.false_alarm_rate,
             "shown": self.shown,
         }

@@ -37,7 +37,8 @@ class DetectorSettings:
     rows_tolerance
         Largest relative difference in rows, and in sample rate, of cycles of one manoeuvre.
     alike
-        Cosine from which on a deviation has the direction of a seeded fault: half its variance is along it.
+        Share of a deviation, less what healthy scatter adds to its square, that must lie along a seeded
+        fault's direction to be called alike: half.
 
     `python examples/cranfield/cranfield.py` measures detections and false alarms on a rig.
     """
@@ -55,7 +56,7 @@ class DetectorSettings:
     command_tolerance: float = 0.02
     load_tolerance: float = 0.05
     rows_tolerance: float = 0.01
-    alike: float = 0.5**0.5
+    alike: float = 0.5
 
 
 DETECTOR = DetectorSettings()

@@ -56,7 +56,7 @@ class HealthyScatter:
         scale = np.maximum(np.sqrt(np.mean(deviations**2, axis=0)), least_scale)
         shrunk = covariance.fit(deviations / scale).covariance_
         variances, directions = np.linalg.eigh(shrunk)
-        variances, directions = variances[::-1], directions[:, ::-1]
+        variances, directions = variances[::-1].copy(), np.ascontiguousarray(directions[:, ::-1])
         share = np.cumsum(variances) / variances.sum()
         rank = min(int(np.searchsorted(share, variance_share - 1e-12)) + 1, variances.size)
         return cls(scale, directions, variances, rank)
