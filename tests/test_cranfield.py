@@ -1,8 +1,8 @@
 """A measured rig with seeded faults: detections, false alarms and friction, against the published figures.
 
-Ruiz-Carcel and Starr, "Data-based Detection and Diagnosis of Faults in Linear Actuators", IEEE Transactions on
-Instrumentation and Measurement 67(9), 2018: per cycle, at bounds that 10 % of healthy cycles exceed, 88 % at
-the first stage of either fault. An analysis of the same files by hand, at 1 %: runs 100 and 100 %, single
+Ruiz-Carcel and Starr, "Data-based Detection and Diagnosis of Faults in Linear Actuators", IEEE Transactions
+on Instrumentation and Measurement 67(9), 2018: per cycle, at bounds that 10 % of healthy cycles exceed, 88 %
+at the first stage of either fault. An analysis of the same files by hand, at 1 %: runs 100 and 100 %, single
 cycles 79 % (lubrication) and 32 % (backlash).
 """
 

@@ -45,8 +45,7 @@ def learn(
         tuple[str, ...],
         Parameter(
             negative="",
-            help="NAME=FILE, a recording with a known fault, whose direction others are compared with; may be "
-            "repeated.",
+            help="NAME=FILE, a recording with a known fault, to compare others with; may be repeated.",
         ),
     ] = (),
     actuator: ActuatorFile = "thesis",

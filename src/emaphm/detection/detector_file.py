@@ -163,7 +163,10 @@ def _settings(values: dict[str, float]) -> DetectorSettings:
     unknown = [name for name in values if not hasattr(DETECTOR, name)]
     if unknown:
         raise ValueError(f"unknown setting '{unknown[0]}'")
-    whole = {name: int(v) if isinstance(getattr(DETECTOR, name), int) else v for name, v in values.items()}
+    whole: dict[str, Any] = {
+        name: int(value) if isinstance(getattr(DETECTOR, name), int) else value
+        for name, value in values.items()
+    }
     return replace(DETECTOR, **whole)
 
 
