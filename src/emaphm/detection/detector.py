@@ -301,22 +301,17 @@ class Detector:
         t2 = level.scatter.t2_contributions(deviation)[0]
         q = level.scatter.q_contributions(deviation)[0]
         names = feature_names(self.channels, manoeuvre.segments, self.settings)
-        sums = {
-            (place, channel): [0.0, 0.0]
-            for place in range(len(manoeuvre.segments))
-            for channel in self.channels
-        }
-        for k, name in enumerate(names):
-            sums[name.segment, name.channel][0] += float(t2[k])
-            sums[name.segment, name.channel][1] += float(q[k])
+        segments = [manoeuvre.segments[name.segment] for name in names]
         return tuple(
             Contribution(
-                channel,
-                manoeuvre.segments[place].label(manoeuvre.interval_s),
-                manoeuvre.segments[place].stroke,
-                *both,
+                name.channel,
+                segment.label(manoeuvre.interval_s),
+                segment.stroke,
+                name.kind,
+                float(t2[k]),
+                float(q[k]),
             )
-            for (place, channel), both in sums.items()
+            for k, (name, segment) in enumerate(zip(names, segments, strict=True))
         )
 
     def _nearest(self, level: Level, place: tuple[int, int], deviation: Array) -> Nearest | None:

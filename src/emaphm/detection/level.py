@@ -86,9 +86,11 @@ def learn_level(
 def _scatter(
     features: Array, runs: Labels, loads: Labels, cycles: int, settings: DetectorSettings
 ) -> HealthyScatter:
+    """Return the scatter of cycles, or of means: those are few, so cycles say half of how they vary."""
     everything = np.ones(len(features), dtype=bool)
-    deviations, _, _ = _together(features - _centres(features, loads, everything), runs, loads, cycles)
-    return HealthyScatter.learn(deviations, settings.variance_share)
+    single = features - _centres(features, loads, everything)
+    deviations, _, _ = _together(single, runs, loads, cycles)
+    return HealthyScatter.learn(deviations, settings.variance_share, single if cycles > 1 else None)
 
 
 def _centres(features: Array, loads: Labels, taken: NDArray[np.bool_]) -> Array:

@@ -49,7 +49,7 @@ class DetectorSettings:
     growth: int = 4
     fewest_rows: int = 4
     fewest_rows_of_shape: int = 8
-    variance_share: float = 0.9
+    variance_share: float = 0.8
     fewest_runs: int = 5
     fewest_runs_of_load: int = 3
     most_folds: int = 30
