@@ -36,10 +36,7 @@ def learn(
         Parameter(help="What holds the cycles of one run: each file, or all files of a folder."),
     ] = "file",
     model: Annotated[
-        bool,
-        Parameter(
-            help="Take off first what the actuator's model explains; --no-model: channels as measured."
-        ),
+        bool, Parameter(help="Take off what the actuator's model explains; else channels as measured.")
     ] = True,
     false_alarm_rate: Annotated[
         float, Parameter(help="Share of healthy cycles that may be called not like healthy.")
@@ -48,8 +45,7 @@ def learn(
         tuple[str, ...],
         Parameter(
             negative="",
-            help="NAME=FILE, a recording with a known fault, whose direction others are compared with; may be "
-            "repeated.",
+            help="NAME=FILE, a recording with a known fault, to compare others with; may be repeated.",
         ),
     ] = (),
     actuator: ActuatorFile = "thesis",

@@ -301,41 +301,39 @@ class Detector:
         t2 = level.scatter.t2_contributions(deviation)[0]
         q = level.scatter.q_contributions(deviation)[0]
         names = feature_names(self.channels, manoeuvre.segments, self.settings)
-        sums = {
-            (place, channel): [0.0, 0.0]
-            for place in range(len(manoeuvre.segments))
-            for channel in self.channels
-        }
-        for k, name in enumerate(names):
-            sums[name.segment, name.channel][0] += float(t2[k])
-            sums[name.segment, name.channel][1] += float(q[k])
+        segments = [manoeuvre.segments[name.segment] for name in names]
         return tuple(
             Contribution(
-                channel,
-                manoeuvre.segments[place].label(manoeuvre.interval_s),
-                manoeuvre.segments[place].stroke,
-                *both,
+                name.channel,
+                segment.label(manoeuvre.interval_s),
+                segment.stroke,
+                name.kind,
+                float(t2[k]),
+                float(q[k]),
             )
-            for (place, channel), both in sums.items()
+            for k, (name, segment) in enumerate(zip(names, segments, strict=True))
         )
 
     def _nearest(self, level: Level, place: tuple[int, int], deviation: Array) -> Nearest | None:
         """Return the seeded fault in whose direction `deviation` lies; at this load where that was seeded."""
         same = [one for one in self.seeded if (one.manoeuvre, one.load) == place]
         others = [one for one in self.seeded if one.manoeuvre == place[0]]
-        direction = level.scatter.whitened(deviation)[0]
+        found = level.scatter.whitened(deviation)[0]
+        excess = max(float(found @ found) - level.energy, 0.0)
         best: Nearest | None = None
         for fault in dict.fromkeys(one.fault for one in others):
             ones = [one for one in same if one.fault == fault] or [
                 one for one in others if one.fault == fault
             ]
             for one in ones:
-                cosine = _cosine(direction, level.scatter.whitened(one.deviation))
-                if best is None or cosine > best.cosine:
-                    best = Nearest(fault, cosine, cosine >= self.settings.alike)
+                along = _along(found, level.scatter.whitened(one.deviation))
+                share = min(along**2 / excess, 1.0) if along > 0 and excess > 0 else 0.0
+                if best is None or share > best.share:
+                    best = Nearest(fault, share, share >= self.settings.alike)
         return best
 
 
-def _cosine(one: Array, other: Array) -> float:
-    size = float(np.linalg.norm(one) * np.linalg.norm(other))
-    return float(one @ other) / size if size > 0 else 0.0
+def _along(deviation: Array, direction: Array) -> float:
+    """Return the length of `deviation` along `direction`, (features,) both; 0 where that has none."""
+    size = float(np.linalg.norm(direction))
+    return float(deviation @ direction) / size if size > 0 else 0.0

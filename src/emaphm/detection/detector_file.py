@@ -61,6 +61,7 @@ class _Level(_Part):
     rank: Annotated[int, Field(ge=1)]
     t2_threshold: Positive
     q_threshold: Annotated[float, Field(ge=0)]
+    energy: Annotated[float, Field(ge=0)]
     alarms: Count
     runs: Annotated[int, Field(ge=2)]
 
@@ -162,7 +163,10 @@ def _settings(values: dict[str, float]) -> DetectorSettings:
     unknown = [name for name in values if not hasattr(DETECTOR, name)]
     if unknown:
         raise ValueError(f"unknown setting '{unknown[0]}'")
-    whole = {name: int(v) if isinstance(getattr(DETECTOR, name), int) else v for name, v in values.items()}
+    whole: dict[str, Any] = {
+        name: int(value) if isinstance(getattr(DETECTOR, name), int) else value
+        for name, value in values.items()
+    }
     return replace(DETECTOR, **whole)
 
 
@@ -185,6 +189,7 @@ def _manoeuvre_dict(one: Manoeuvre) -> dict[str, Any]:
                 "rank": level.scatter.rank,
                 "t2_threshold": level.t2_threshold,
                 "q_threshold": level.q_threshold,
+                "energy": level.energy,
                 "alarms": level.alarms,
                 "runs": level.runs,
             }
@@ -208,6 +213,7 @@ def _manoeuvre(one: _Manoeuvre) -> Manoeuvre:
                 ),
                 level.t2_threshold,
                 level.q_threshold,
+                level.energy,
                 level.alarms,
                 level.runs,
             )

@@ -26,9 +26,6 @@ SHAPES = ("scatter", "roughness", "coarse roughness")
 """Logarithms of the rms about the mean, of the difference of successive rows, and of the difference of
 successive means of two rows: they tell a trend, a ripple and noise apart."""
 
-MOST_CORRELATED = 0.999
-"""Largest size of a correlation whose Fisher transform is taken: it grows without bound."""
-
 
 def feature_names(
     channels: Sequence[str], segments: Sequence[Segment], settings: DetectorSettings
@@ -39,7 +36,6 @@ def feature_names(
         names += [Feature(channel, place, "mean") for channel in channels]
         if _has_shape(segment, settings):
             names += [Feature(channel, place, shape) for shape in SHAPES for channel in channels]
-            names += [Feature(channel, place, "correlation") for channel in channels[1:]]
     return tuple(names)
 
 
@@ -57,8 +53,7 @@ def features_of(
 
     Returns
     -------
-    (cycles, features), without a unit: means are relative to `scales`. The correlations are those of a
-    channel with the first one, the current where it is recorded: how the motion answers it.
+    (cycles, features), without a unit: means are relative to `scales`.
     """
     relative = residuals / scales
     values = []
@@ -70,17 +65,7 @@ def features_of(
             coarse = pairs.reshape(len(part), -1, 2, part.shape[2]).mean(axis=2)
             shapes = (part, np.diff(part, axis=1), np.diff(coarse, axis=1))
             values += [np.log(np.maximum(one.std(axis=1), NO_SCATTER)) for one in shapes]
-            values.append(_correlations(part))
     return np.concatenate(values, axis=1)
-
-
-def _correlations(part: Array) -> Array:
-    """Return the Fisher transform of the correlations with the first channel, (cycles, channels - 1)."""
-    centred = part - part.mean(axis=1, keepdims=True)
-    sizes = np.maximum(np.sqrt(np.mean(centred**2, axis=1)), NO_SCATTER)
-    products = np.mean(centred[..., :1] * centred[..., 1:], axis=1)
-    correlation = products / (sizes[:, :1] * sizes[:, 1:])
-    return np.asarray(np.arctanh(np.clip(correlation, -MOST_CORRELATED, MOST_CORRELATED)))
 
 
 def _has_shape(segment: Segment, settings: DetectorSettings) -> bool:

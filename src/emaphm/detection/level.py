@@ -23,6 +23,8 @@ class Level:
         Of healthy ones.
     t2_threshold, q_threshold
         One of which a further healthy one exceeds with the rate of false alarms.
+    energy
+        Mean squared size of healthy whitened deviations, of runs left out.
     alarms, runs
         Runs left out of scatter and thresholds in which something exceeded them, and how many there were.
     """
@@ -31,6 +33,7 @@ class Level:
     scatter: HealthyScatter
     t2_threshold: float
     q_threshold: float
+    energy: float
     alarms: int
     runs: int
 
@@ -59,13 +62,14 @@ def learn_level(
     order = np.array(list(dict.fromkeys(runs[np.lexsort((runs, loads))].tolist())))
     fold_of = {run: place % settings.most_folds for place, run in enumerate(order.tolist())}
     folds = np.array([fold_of[run] for run in runs.tolist()])
-    scores, of_run = [], []
+    scores, energies, of_run = [], [], []
     for fold in np.unique(folds):
         left = folds == fold
         scatter = _scatter(features[~left], runs[~left], loads[~left], cycles, settings)
         centres = _centres(features, loads, ~left)
         deviations, run, _ = _together(features[left] - centres[left], runs[left], loads[left], cycles)
         scores.append(np.stack([scatter.t2(deviations), scatter.q(deviations)], axis=1))
+        energies.append(np.sum(scatter.whitened(deviations) ** 2, axis=1))
         of_run.append(run)
     found, run = np.concatenate(scores), np.concatenate(of_run)
     rate = settings.false_alarm_rate
@@ -75,15 +79,18 @@ def learn_level(
         for one in order
     )
     scatter = _scatter(features, runs, loads, cycles, settings)
-    return Level(cycles, scatter, float(thresholds[0]), float(thresholds[1]), alarms, order.size)
+    energy = float(np.mean(np.concatenate(energies)))
+    return Level(cycles, scatter, float(thresholds[0]), float(thresholds[1]), energy, alarms, order.size)
 
 
 def _scatter(
     features: Array, runs: Labels, loads: Labels, cycles: int, settings: DetectorSettings
 ) -> HealthyScatter:
+    """Return the scatter of cycles, or of means: those are few, so cycles say half of how they vary."""
     everything = np.ones(len(features), dtype=bool)
-    deviations, _, _ = _together(features - _centres(features, loads, everything), runs, loads, cycles)
-    return HealthyScatter.learn(deviations, settings.variance_share)
+    single = features - _centres(features, loads, everything)
+    deviations, _, _ = _together(single, runs, loads, cycles)
+    return HealthyScatter.learn(deviations, settings.variance_share, single if cycles > 1 else None)
 
 
 def _centres(features: Array, loads: Labels, taken: NDArray[np.bool_]) -> Array:

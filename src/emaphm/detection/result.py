@@ -16,21 +16,22 @@ MOST_ROWS = 8
 
 @dataclass(frozen=True)
 class Contribution:
-    """What a channel in a segment adds to T² and to Q."""
+    """What a feature of a channel in a segment adds to T² and to Q."""
 
     channel: str
     segment: str
     stroke: str
+    feature: str
     t2: float
     q: float
 
 
 @dataclass(frozen=True)
 class Nearest:
-    """The seeded fault whose direction is nearest, the cosine to it, and whether that counts as alike."""
+    """The seeded fault along whose direction a deviation lies most, its share, and if that is enough."""
 
     fault: str
-    cosine: float
+    share: float
     alike: bool
 
 
@@ -43,7 +44,7 @@ class DetectorResult:
     t2, q, t2_threshold, q_threshold
         The statistics and what a healthy one exceeds with the rate of false alarms in one of the two.
     contributions
-        To both, by channel and segment; none below 0, their sums are T² and Q.
+        To both, by channel, segment and feature; none below 0, their sums are T² and Q.
     nearest
         Of the seeded faults; None where there are none.
     false_alarm_rate
@@ -85,6 +86,11 @@ class DetectorResult:
         return self._shares("segment")
 
     @property
+    def by_feature(self) -> dict[str, float]:
+        """Share of each kind of feature in the statistic that exceeds its threshold most."""
+        return self._shares("feature")
+
+    @property
     def sentence(self) -> str:
         """The verdict in one sentence, without a full stop."""
         t2, q = self.t2 / self.t2_threshold, self.q / self.q_threshold
@@ -97,7 +103,7 @@ class DetectorResult:
         if self.nearest is None:
             return text
         if self.nearest.alike:
-            return f"{text}; nearest seeded fault: {self.nearest.fault} (cosine {self.nearest.cosine:.2f})"
+            return f"{text}; nearest seeded fault: {self.nearest.fault} ({100 * self.nearest.share:.0f} %)"
         return f"{text}; like none of the seeded faults"
 
     def to_dict(self) -> dict[str, Any]:
@@ -114,13 +120,20 @@ class DetectorResult:
             "q_threshold": self.q_threshold,
             "by_channel": self.by_channel,
             "by_segment": self.by_segment,
+            "by_feature": self.by_feature,
             "contributions": [
-                {"channel": one.channel, "segment": one.segment, "t2": one.t2, "q": one.q}
+                {
+                    "channel": one.channel,
+                    "segment": one.segment,
+                    "feature": one.feature,
+                    "t2": one.t2,
+                    "q": one.q,
+                }
                 for one in self.contributions
             ],
             "nearest": None
             if self.nearest is None
-            else {"fault": self.nearest.fault, "cosine": self.nearest.cosine, "alike": self.nearest.alike},
+            else {"fault": self.nearest.fault, "share": self.nearest.share, "alike": self.nearest.alike},
             "false_alarm_rate": self.false_alarm_rate,
             "shown": self.shown,
         }
@@ -139,11 +152,14 @@ class DetectorResult:
         """Return the verdict, the largest contributions and what the thresholds rest on."""
         total = self._total()
         largest = sorted(self.contributions, key=self._value, reverse=True)[:MOST_ROWS]
-        rows = [(one.channel, one.segment, f"{100 * self._value(one) / total:.1f} %") for one in largest]
+        rows = [
+            (one.channel, one.segment, one.feature, f"{100 * self._value(one) / total:.1f} %")
+            for one in largest
+        ]
         statistic = "Q" if self._by_q() else "T²"
         lines = [f"{self.recording}: {self.sentence}."]
         if not self.like_healthy:
-            lines.append(format_table(["channel", "segment", f"share of {statistic}"], rows))
+            lines.append(format_table(["channel", "segment", "feature", f"share of {statistic}"], rows))
         return "\n".join(
             [*lines, f"Thresholds for {100 * self.false_alarm_rate:g} % of false alarms. {self.shown}."]
         )

@@ -37,7 +37,8 @@ class DetectorSettings:
     rows_tolerance
         Largest relative difference in rows, and in sample rate, of cycles of one manoeuvre.
     alike
-        Cosine from which on a deviation has the direction of a seeded fault: half its variance is along it.
+        Share of a deviation, less what healthy scatter adds to its square, that must lie along a seeded
+        fault's direction to be called alike: half.
 
     `python examples/cranfield/cranfield.py` measures detections and false alarms on a rig.
     """
@@ -48,14 +49,14 @@ class DetectorSettings:
     growth: int = 4
     fewest_rows: int = 4
     fewest_rows_of_shape: int = 8
-    variance_share: float = 0.9
+    variance_share: float = 0.8
     fewest_runs: int = 5
     fewest_runs_of_load: int = 3
     most_folds: int = 30
     command_tolerance: float = 0.02
     load_tolerance: float = 0.05
     rows_tolerance: float = 0.01
-    alike: float = 0.5**0.5
+    alike: float = 0.5
 
 
 DETECTOR = DetectorSettings()

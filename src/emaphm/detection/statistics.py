@@ -8,6 +8,9 @@ import numpy as np
 from emaphm.arrays import Array
 from emaphm.errors import MethodError
 
+LEAST_SCALE = 1e-6
+"""Standard deviation of a feature that did not vary: any change of it then counts."""
+
 
 @dataclass(frozen=True, eq=False)
 class HealthyScatter:
@@ -41,24 +44,27 @@ class HealthyScatter:
     rank: int
 
     @classmethod
-    def learn(cls, deviations: Array, variance_share: float, least_scale: float = 1e-6) -> "HealthyScatter":
+    def learn(
+        cls, deviations: Array, variance_share: float, similar: Array | None = None
+    ) -> "HealthyScatter":
         """Return the scatter of healthy `deviations` from their mean, (n, p).
 
-        `rank` is the smallest whose directions hold `variance_share` of the variance. A feature that does not
-        vary counts as one with the standard deviation `least_scale`.
+        `rank` is the smallest whose directions hold `variance_share` of the variance; one direction at least
+        is left for Q. `similar` are more deviations, (m, p), that go together in a similar way: half of the
+        correlations come from them. A feature that does not vary has the scale `LEAST_SCALE`.
 
         Raises
         ------
         MethodError
             scikit-learn is not installed.
         """
-        covariance = _library().LedoitWolf(assume_centered=True)
-        scale = np.maximum(np.sqrt(np.mean(deviations**2, axis=0)), least_scale)
-        shrunk = covariance.fit(deviations / scale).covariance_
+        scale, shrunk = _shrunk_correlations(deviations)
+        if similar is not None:
+            shrunk = (shrunk + _shrunk_correlations(similar)[1]) / 2
         variances, directions = np.linalg.eigh(shrunk)
-        variances, directions = variances[::-1], directions[:, ::-1]
+        variances, directions = variances[::-1].copy(), np.ascontiguousarray(directions[:, ::-1])
         share = np.cumsum(variances) / variances.sum()
-        rank = min(int(np.searchsorted(share, variance_share - 1e-12)) + 1, variances.size)
+        rank = min(int(np.searchsorted(share, variance_share)) + 1, max(variances.size - 1, 1))
         return cls(scale, directions, variances, rank)
 
     def t2(self, deviations: Array) -> Array:
@@ -84,6 +90,13 @@ class HealthyScatter:
         """Return Λ^(-1/2) z over all directions, (n, p), whose healthy covariance is the identity."""
         along = (deviations / self.scale) @ self.directions / np.sqrt(self.variances)
         return np.asarray(along @ self.directions.T)
+
+
+def _shrunk_correlations(deviations: Array) -> tuple[Array, Array]:
+    """Return the standard deviations (p,) of `deviations` (n, p) and their shrunk correlations (p, p)."""
+    scale = np.maximum(np.sqrt(np.mean(deviations**2, axis=0)), LEAST_SCALE)
+    covariance = _library().LedoitWolf(assume_centered=True)
+    return scale, covariance.fit(deviations / scale).covariance_
 
 
 def _library() -> Any:

@@ -1,0 +1,111 @@
+"""`emaphm detect` and `diagnose --healthy`: what they print, and what they refuse."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from emaphm.actuator import Chirp, Faults
+from emaphm.recording import write_recording
+from emaphm.simulated_recording import simulate
+
+from .conftest import Emaphm, Refusal
+from .files import THESIS as DESCRIPTION
+from .files import columns, csv
+
+COMMAND = Chirp(amplitude=5e-3, duration=0.2)
+KEPT = ("time_s", "command_rad", "position_rad", "current_A")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with six healthy recordings, one with more friction, and a detector."""
+    from emaphm.actuator import Actuator
+    from emaphm.detection import Detector
+
+    place = tmp_path_factory.mktemp("recordings")
+    actuator = Actuator.thesis()
+    recordings = []
+    for seed in range(7):
+        faults = Faults(friction=0.25) if seed == 6 else Faults()
+        one = simulate(actuator, COMMAND, faults=faults, duration=0.2, model="averaged", noise=0.1, seed=seed)
+        kept = one.with_channels({name: one[name] for name in KEPT})
+        write_recording(kept, place / ("dry.csv" if seed == 6 else f"healthy{seed}.csv"))
+        recordings.append(kept)
+    Detector.learn(recordings[:6], actuator=actuator).save(place / "known.json")
+    (place / "thesis.toml").write_text(DESCRIPTION, encoding="utf-8")
+    return place
+
+
+def test_it_learns_and_judges(emaphm: Emaphm, folder: Path, tmp_path: Path) -> None:
+    healthy = sorted(folder.glob("healthy*.csv"))
+    detector = tmp_path / "detector.json"
+    learned = emaphm(
+        "detect", "learn", *healthy, "--out", detector, f"--seeded=dry={folder / 'dry.csv'}", "--json"
+    )
+    assert learned.code == 0, learned.err
+    answer = json.loads(learned.out)
+    assert answer["seeded"] == ["dry"]
+    assert answer["manoeuvres"][0]["levels"][0]["runs"] == 6
+    figure = tmp_path / "figure.png"
+    judged = emaphm("detect", "judge", detector, healthy[0], folder / "dry.csv", "--figure", figure, "--json")
+    assert judged.code == 0, judged.err
+    values = json.loads(judged.out)
+    assert (values["not_like_healthy"], values["of"]) == (1, 2)
+    assert [one["like_healthy"] for one in values["results"]] == [True, False]
+    assert values["results"][1]["nearest"]["fault"] == "dry"
+    assert figure.stat().st_size > 1000
+
+
+def test_as_text_it_says_the_sentence_and_what_it_rests_on(emaphm: Emaphm, folder: Path) -> None:
+    judged = emaphm("detect", "judge", folder / "known.json", folder / "dry.csv")
+    assert "dry.csv: not like healthy (" in judged.out
+    assert "of 6 healthy runs left out alarmed" in judged.out
+
+
+def test_a_diagnosis_says_beside_the_faults_whether_it_is_like_healthy(emaphm: Emaphm, folder: Path) -> None:
+    options = ("--no-correction", "--json")  # the recording is the averaged model's own
+    answer = emaphm("diagnose", folder / "dry.csv", "--healthy", folder / "known.json", *options)
+    assert answer.code == 0, answer.err
+    values = json.loads(answer.out)
+    assert values["detector"]["like_healthy"] is False
+    assert values["faults"]["friction"]["verdict"] == "degraded"
+    plain = emaphm("diagnose", folder / "dry.csv", *options)
+    assert "detector" not in json.loads(plain.out)
+
+
+def test_what_it_cannot_do_is_refused_in_one_line(folder: Path, refused: Refusal) -> None:
+    known = folder / "known.json"
+    assert "never seen healthy" in refused("detect", "judge", known, "good.csv")
+    assert "never seen healthy" in refused("diagnose", "good.csv", "--healthy", known)
+    assert "no detector" in refused("detect", "judge", folder / "thesis.toml", "good.csv")
+    assert "no recording to judge" in refused("detect", "judge", known)
+    assert "no healthy recordings" in refused("detect", "learn", "--out", "new.json")
+    assert "at least 5" in refused("detect", "learn", "good.csv", "--out", "new.json")
+    assert "give NAME=FILE" in refused("detect", "learn", "good.csv", "--out", "new.json", "--seeded", "dry")
+    assert ".json" in refused("detect", "learn", "good.csv", "--out", "new.toml")
+    assert "rate of false alarms of 2" in refused(
+        "detect", "learn", "good.csv", "--out", "new.json", "--false-alarm-rate", "2"
+    )
+    assert not Path("new.json").exists()
+
+
+def test_files_of_a_folder_are_one_run(emaphm: Emaphm, tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    paths = []
+    for run in range(5):
+        (tmp_path / f"run{run}").mkdir()
+        for cycle in range(2):
+            path = tmp_path / f"run{run}" / f"{cycle}.csv"
+            one = columns()
+            noisy = {**one, "current_A": one["current_A"] + 0.1 * rng.normal(size=one["time_s"].size)}
+            path.write_bytes(csv(noisy))
+            paths.append(path)
+    out = tmp_path / "detector.json"
+    learned = emaphm("detect", "learn", *paths, "-o", out, "--group", "folder", "--no-model", "--json")
+    assert learned.code == 0, learned.err
+    levels = json.loads(learned.out)["manoeuvres"][0]["levels"]
+    assert [(one["cycles"], one["runs"]) for one in levels] == [(1, 5), (2, 5)]
+    judged = emaphm("detect", "judge", out, *paths[:2], "--together", "--json")
+    assert json.loads(judged.out)["results"][0]["cycles"] == 2

@@ -1,0 +1,197 @@
+"""The detector: its rate of false alarms is the stated one, it finds what is not healthy, and says where."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from emaphm.detection import DETECTOR, Detector, judged_left_out
+from emaphm.errors import MethodError, RecordingError
+from emaphm.recording import Recording
+
+from .rig import Rig, runs
+
+HEALTHY = Rig()
+WORN = Rig(friction=0.9)
+STIFF_UP = Rig(extra_up=0.12)
+
+
+@pytest.fixture(scope="module")
+def detector() -> Detector:
+    recordings, groups = runs(HEALTHY, 20, seed=0, cycles=3)
+    return Detector.learn(recordings, groups=groups)
+
+
+def test_the_rate_of_false_alarms_is_the_stated_one() -> None:
+    alarms = 0
+    for seed in range(12):
+        recordings, _ = runs(HEALTHY, 20, seed=seed)
+        known = Detector.learn(recordings, settings=replace(DETECTOR, false_alarm_rate=0.05))
+        later, _ = runs(HEALTHY, 60, seed=1000 + seed)
+        alarms += sum(not known.judge(one).like_healthy for one in later)
+    # 36 of 720 expected; standard deviation 5.8 by the binomial, 3 of them below: the bound errs high.
+    assert 36 - 3 * 5.8 < alarms < 36 + 3 * 5.8
+
+
+def test_it_finds_what_no_healthy_run_has_and_says_where(detector: Detector) -> None:
+    recordings, _ = runs(STIFF_UP, 1, seed=5, cycles=3)
+    result = detector.judge(recordings)
+    assert not result.like_healthy
+    assert "mostly current on the up-stroke" in result.sentence
+    assert result.by_channel["current_A"] > 0.5
+    assert sum(result.by_channel.values()) == pytest.approx(1)
+    assert sum(one.t2 for one in result.contributions) == pytest.approx(result.t2)
+    assert sum(one.q for one in result.contributions) == pytest.approx(result.q)
+
+
+def test_a_healthy_run_is_like_healthy(detector: Detector) -> None:
+    recordings, _ = runs(HEALTHY, 1, seed=6, cycles=3)
+    assert detector.judge(recordings).like_healthy
+    assert all(detector.judge(one).like_healthy for one in recordings)
+
+
+def test_the_mean_of_a_run_is_more_sensitive_than_a_cycle() -> None:
+    single, together = [], []
+    for seed in range(4):
+        healthy, groups = runs(HEALTHY, 20, seed=seed, cycles=3)
+        known = Detector.learn(healthy, groups=groups)
+        stiff, _ = runs(Rig(extra_up=0.08), 30, seed=70 + seed, cycles=3)
+        single += [not known.judge(one).like_healthy for one in stiff]
+        together += [not known.judge(stiff[k : k + 3]).like_healthy for k in range(0, 90, 3)]
+    # Shares of 360 and 120, standard errors 0.03 and 0.05.
+    assert np.mean(together) > np.mean(single) + 0.1
+
+
+def test_it_says_what_so_few_runs_can_show() -> None:
+    recordings, _ = runs(HEALTHY, 15, seed=8)
+    result = Detector.learn(recordings).judge(recordings[0])
+    assert "at most 1 % cannot be shown with fewer than 299 runs" in result.shown
+    assert "of 15 healthy runs left out" in result.shown
+
+
+def test_the_nearest_seeded_fault_is_named(detector: Detector) -> None:
+    examples = {
+        "friction": runs(WORN, 4, seed=9)[0],
+        "guide": runs(STIFF_UP, 4, seed=10)[0],
+    }
+    taught = detector.with_seeded(examples)
+    for rig, name in ((WORN, "friction"), (STIFF_UP, "guide")):
+        nearest = taught.judge(runs(rig, 1, seed=11, cycles=3)[0]).nearest
+        assert nearest is not None
+        assert (nearest.fault, nearest.alike) == (name, True)
+    # What has the opposite direction is like none of them.
+    opposite = taught.judge(runs(Rig(friction=0.7), 1, seed=12, cycles=3)[0])
+    assert opposite.nearest is not None
+    assert not opposite.nearest.alike
+    assert "like none of the seeded faults" in opposite.sentence
+
+
+def test_left_out_runs_are_judged_without_themselves() -> None:
+    recordings, groups = runs(HEALTHY, 8, seed=13, cycles=2)
+    # One run is far off: only a detector that never saw it can say so.
+    odd, _ = runs(Rig(friction=1.6), 1, seed=14, cycles=2)
+    judged = {one.group: one for one in judged_left_out([*recordings, *odd], [*groups, "odd", "odd"])}
+    assert len(judged) == 9
+    assert not judged["odd"].run.like_healthy
+    assert len(judged["odd"].cycles) == 2
+
+
+def test_saved_and_loaded_it_says_the_same(detector: Detector, tmp_path: Path) -> None:
+    taught = detector.with_seeded({"friction": runs(WORN, 2, seed=15)[0]})
+    taught.save(tmp_path / "detector.json")
+    loaded = Detector.load(tmp_path / "detector.json")
+    later, _ = runs(STIFF_UP, 1, seed=16, cycles=3)
+    assert loaded.judge(later).to_dict() == taught.judge(later).to_dict()
+    assert loaded.settings == taught.settings
+
+
+def test_loads_are_told_apart_and_judged_each_by_its_own() -> None:
+    light, groups = runs(HEALTHY, 8, seed=17, load=100.0)
+    heavy, _ = runs(HEALTHY, 8, seed=18, load=-300.0)
+    known = Detector.learn([*light, *heavy], groups=[*groups, *(100 + k for k in groups)])
+    assert [one.name for one in known.manoeuvres[0].loads] == ["load 100", "load -300"]
+    for load in (100.0, -300.0):
+        assert known.judge(runs(HEALTHY, 1, seed=19, load=load)[0]).like_healthy
+    with pytest.raises(
+        RecordingError, match=r"never seen healthy at the load 200 \(known: load 100, load -300"
+    ):
+        known.judge(runs(HEALTHY, 1, seed=20, load=200.0)[0])
+    with pytest.raises(RecordingError, match="another manoeuvre or load"):
+        known.judge([light[0], heavy[0]])
+
+
+def changed(recording: Recording, **columns: object) -> Recording:
+    return Recording({**recording.channels, **columns}, "instant", "changed.csv")  # type: ignore[dict-item]
+
+
+def test_a_manoeuvre_never_seen_healthy_is_refused(detector: Detector) -> None:
+    one = runs(HEALTHY, 1, seed=21)[0][0]
+    with pytest.raises(
+        RecordingError, match=r"changed\.csv: this manoeuvre was never seen healthy \(its command"
+    ):
+        detector.judge(changed(one, command_rad=one["command_rad"] ** 2))
+    with pytest.raises(RecordingError, match=r"a row every 0\.02 s, not 0\.04 s"):
+        detector.judge(changed(one, time_s=one["time_s"] / 2))
+    short = {name: values[:100] for name, values in one.channels.items()}
+    with pytest.raises(RecordingError, match="100 rows, not 120"):
+        detector.judge(Recording(short))
+
+
+def test_a_missing_channel_is_named(detector: Detector) -> None:
+    one = runs(HEALTHY, 1, seed=22)[0][0]
+    rest = {name: values for name, values in one.channels.items() if name != "position_rad"}
+    with pytest.raises(RecordingError, match="no position_rad, which the detector was taught with"):
+        detector.judge(Recording(rest))
+
+
+def test_too_little_to_learn_from_is_refused() -> None:
+    recordings, groups = runs(HEALTHY, 4, seed=23, cycles=5)
+    with pytest.raises(RecordingError, match="4 healthy runs of this manoeuvre, at least 5"):
+        Detector.learn(recordings, groups=groups)
+    with pytest.raises(RecordingError, match="no healthy recordings"):
+        Detector.learn([])
+    with pytest.raises(MethodError, match="3 groups for 20 recordings"):
+        Detector.learn(recordings, groups=[1, 2, 3])
+    with pytest.raises(MethodError, match="rate of false alarms of 0 is impossible"):
+        Detector.learn(recordings, settings=replace(DETECTOR, false_alarm_rate=0.0))
+    seven, _ = runs(HEALTHY, 7, seed=24)
+    other, _ = runs(HEALTHY, 2, seed=25, load=-100.0)
+    with pytest.raises(RecordingError, match="2 healthy runs at the load -100, at least 3"):
+        Detector.learn([*seven, *other])
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "",
+        "{}",
+        "[1]",
+        '{"format": "emaphm detector 1"}',
+        "\x00\x01",
+        '{"format": "emaphm detector 1", "version": 3',
+    ],
+)
+def test_a_file_that_is_no_detector_is_refused(content: str, tmp_path: Path) -> None:
+    path = tmp_path / "detector.json"
+    path.write_text(content, encoding="utf-8")
+    with pytest.raises(MethodError, match=r"detector\.json: no detector .*write one with"):
+        Detector.load(path)
+    with pytest.raises(MethodError, match="no such file"):
+        Detector.load(tmp_path / "absent.json")
+
+
+def test_a_file_whose_sizes_do_not_agree_is_refused(detector: Detector, tmp_path: Path) -> None:
+    path = tmp_path / "detector.json"
+    detector.save(path)
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace('"channels": ["current_A", ', '"channels": [', 1), encoding="utf-8")
+    with pytest.raises(MethodError, match="sizes of a manoeuvre's parts do not agree"):
+        Detector.load(path)
+
+
+def test_the_figure_shows_both_statistics_and_every_segment(detector: Detector) -> None:
+    result = detector.judge(runs(STIFF_UP, 1, seed=26)[0])
+    figure = result.plot()
+    labels = {text.get_text() for axis in figure.axes for text in axis.get_yticklabels()}
+    assert {"current_A", "position_rad"} <= labels
