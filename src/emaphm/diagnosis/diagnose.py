@@ -16,6 +16,7 @@ from emaphm.diagnosis.result import Diagnosis
 from emaphm.diagnosis.verdict import VERDICT, estimates, is_explained, unexplained
 from emaphm.errors import MethodError, nearest
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS, with_discrepancy
+from emaphm.estimation.channel_swaps import with_channels_exchanged
 from emaphm.estimation.methods import Method, method_named
 from emaphm.estimation.nuisances import unit_of
 from emaphm.estimation.objective import MapObjective, faults_objective, faults_only_objective
@@ -96,7 +97,7 @@ def diagnose(
     check_fitness(chosen, fitness)
     check_plausible(recording, actuator)
     sensors = check_sensors(recording, actuator)
-    recording = sensors.recording
+    recording, exchanged = with_channels_exchanged(sensors.recording, actuator, model_named(model))
     objective = objective_for(recording, actuator, chosen, model_named(model), nuisances, workers)
     objective = objective.ignoring(sensors.unusable)
     if posterior:
@@ -123,7 +124,7 @@ def diagnose(
     result = with_discrepancy(result, seed)
     diagnosis = replace(
         _conclude(result, recording, chosen.name, fitness, seed), selected=selected, laws=laws
-    ).with_sensor_faults(sensors.findings)
+    ).with_sensor_faults((*sensors.findings, *exchanged))
     if posterior:
         from emaphm.estimation.posterior.mcmc import sample
 
