@@ -17,6 +17,7 @@ from emaphm.diagnosis.result import Diagnosis
 from emaphm.diagnosis.verdict import VERDICT, estimates, unexplained
 from emaphm.errors import MethodError, nearest
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS, with_discrepancy
+from emaphm.estimation.channel_swaps import with_channels_exchanged
 from emaphm.estimation.methods import Method, method_named
 from emaphm.estimation.nuisances import unit_of
 from emaphm.estimation.objective import MapObjective, faults_objective, faults_only_objective
@@ -100,7 +101,7 @@ def diagnose(
     check_fitness(chosen, fitness)
     check_plausible(recording, actuator)
     sensors = check_sensors(recording, actuator)
-    recording = sensors.recording
+    recording, exchanged = with_channels_exchanged(sensors.recording, actuator, model_named(model))
     objective = objective_for(recording, actuator, chosen, model_named(model), nuisances, workers)
     objective = objective.ignoring(sensors.unusable)
     if posterior:
@@ -129,7 +130,7 @@ def diagnose(
     result = with_discrepancy(result, seed)
     diagnosis = replace(
         conclude(result, recording, chosen.name, fitness, seed), selected=selected, laws=laws
-    ).with_sensor_faults(sensors.findings)
+    ).with_sensor_faults((*sensors.findings, *exchanged))
     if posterior:
         from emaphm.estimation.posterior.mcmc import sample
 

@@ -86,11 +86,15 @@ class SensorSelectionSettings:
     informative: float = 10.0
     gross_share: float = 0.6
     search_widening: float = 15.0
+    most_corrected: int = 3
     rival_share: float = 1.5
     unexplained_share: float = 0.5
 
 
 SENSOR_SELECTION = SensorSelectionSettings()
+
+
+POSITION_ZERO = "position_offset"
 
 
 def widening(name: str) -> float:
@@ -135,21 +139,26 @@ def _from_afar(
 ) -> tuple[str, SearchResult] | None:
     """Return the error of sensors, and the result with it, that explains what is not explained without.
 
-    A delay of several rows reads as another gain, a scale as shorts: they lead the search so far astray that
-    no descent from there finds back. Each is searched for anew.
+    A delay of several rows reads as another gain, a scale as shorts, a zero as a load: they lead the search so
+    far astray that no descent from there finds back. Each is searched for anew, and the `most_corrected` that
+    explain most are corrected.
     """
     problem = result.objective.problem
     others = result.objective.space.nuisances.others(problem.actuator, tuple(problem.measured))
-    outcomes: list[tuple[str, SearchResult]] = []
+    searched: list[tuple[float, str, MapObjective, Array]] = []
     for name in others:
-        if name != COMMON_DELAY and (sensor_error(name) or ("", ""))[1] != "scale":
+        kind = (sensor_error(name) or ("", ""))[1]
+        if name != COMMON_DELAY and kind not in ("scale", "offset"):
             continue
-        child = child_seed(seed, "nuisance selection from afar", name)
         narrow, _ = with_nuisances(result, names, (name,), SENSOR_SELECTION.search_widening)
         wide, _ = with_nuisances(result, names, (name,))
-        points = multistart(narrow, child).points
-        i = wide.space.coordinates.index(name)
-        points[:, i] *= SENSOR_SELECTION.search_widening / widening(name)
+        found = multistart(narrow, child_seed(seed, "search with a nuisance", name))
+        points = found.points.copy()
+        points[:, wide.space.coordinates.index(name)] *= SENSOR_SELECTION.search_widening / widening(name)
+        searched.append((float(found.costs.min()), name, wide, points))
+    outcomes: list[tuple[str, SearchResult]] = []
+    for _, name, wide, points in sorted(searched, key=lambda one: one[0])[: SENSOR_SELECTION.most_corrected]:
+        child = child_seed(seed, "nuisance selection from afar", name)
         tried = correct_bias(wide, points, max_corrections, child)
         if _explained(tried) and _significant(tried, result, name, child):
             outcomes.append((name, tried))
@@ -311,4 +320,8 @@ def with_nuisances(
         actuator, NuisanceSet.of(wider, chosen, measured, objective.space.nuisances.unit)
     )
     values = dict(zip(objective.space.coordinates, result.point, strict=True))
-    return replace(objective, space=space), np.array([values.get(name, 0.0) for name in space.coordinates])
+    problem = objective.problem
+    if more == (POSITION_ZERO,) or POSITION_ZERO in names:
+        # A recorded position does not say where the manoeuvre starts if its zero is not known.
+        problem = problem.starting_on_command()
+    return replace(objective, problem=problem, space=space), np.array([values.get(name, 0.0) for name in space.coordinates])

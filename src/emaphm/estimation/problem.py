@@ -105,6 +105,11 @@ class Problem:
         """Return the same problem for another model: start, weights and counts are the same."""
         return replace(self, model=model, inputs=self.driving.inputs(model.step_for(self.actuator)))
 
+    def starting_on_command(self) -> Self:
+        """Return the problem whose manoeuvre starts on the command, whatever position was recorded."""
+        angle = float(self.driving.command(np.zeros(1))[0]) / self.actuator.mechanics.gear_ratio
+        return replace(self, start=replace(self.start, angle=angle))
+
     def like(self, other: Self) -> Self:
         """Return the problem with the channels and weights of `other`."""
         return replace(self, channels=other.channels, weights=other.weights)

@@ -1,0 +1,71 @@
+"""Channels that stand under each other's names, by a replay of the healthy actuator."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from emaphm.actuator import Actuator
+from emaphm.actuator.faults import HEALTHY
+from emaphm.arrays import Array
+from emaphm.estimation.problem import Problem, rms
+from emaphm.recording import Recording
+from emaphm.recording.sensor_checks import SensorFinding
+from emaphm.simulation import Model
+
+
+@dataclass(frozen=True)
+class SwapSettings:
+    """When two channels count as exchanged.
+
+    Faults change the signals of an actuator, but not into those of another sensor: exchanged, both come
+    nearer to the model, to `nearer` times their distances in sum, and one to less than `nearest` of the
+    model's rms. Large faults keep a current farther away than that.
+    """
+
+    nearer: float = 0.45
+    nearest: float = 0.6
+
+
+SWAP = SwapSettings()
+
+
+def with_channels_exchanged(
+    recording: Recording, actuator: Actuator, model: Model
+) -> tuple[Recording, tuple[SensorFinding, ...]]:
+    """Return `recording` with two channels exchanged that stand under each other's names, and the finding.
+
+    Unchanged where none do, or where less than two channels can be compared.
+    """
+    problem = Problem.of(recording, actuator, model, channels=None)
+    if len(problem.channels) < 2:
+        return recording, ()
+    modelled = problem.predict(HEALTHY.vector[np.newaxis])[0]
+    measured = [problem.measured[name] for name in problem.channels]
+    pair = _exchanged(measured, list(modelled))
+    if pair is None:
+        return recording, ()
+    a, b = (problem.channels[i] for i in pair)
+    sentence = (
+        f"{a} and {b} are in each other's place: exchanged, both follow the model; they were exchanged. Check "
+        "the names under [channels]"
+    )
+    swapped = {**problem.measured, a: problem.measured[b], b: problem.measured[a]}
+    finding = SensorFinding(f"{a} and {b}", "swapped", 2.0, "channels", sentence)
+    return recording.with_channels(swapped, [sentence]), (finding,)
+
+
+def _exchanged(measured: Sequence[Array], modelled: Sequence[Array]) -> tuple[int, int] | None:
+    """Return the pair of signals that fit the model exchanged, the best where several do."""
+
+    def distance(i: int, j: int) -> float:
+        size = rms(modelled[j] - modelled[j].mean())
+        return rms(measured[i] - modelled[j]) / size if size > 0 else np.inf
+
+    fits = {}
+    for i, j in combinations(range(len(measured)), 2):
+        own, crossed = (distance(i, i), distance(j, j)), (distance(i, j), distance(j, i))
+        if min(crossed) < SWAP.nearest and sum(crossed) < SWAP.nearer * sum(own):
+            fits[i, j] = sum(crossed) / sum(own)
+    return min(fits, key=lambda pair: fits[pair]) if fits else None
