@@ -86,6 +86,8 @@ def select_laws(
         result, names = refine_by_reference(outcomes[law], seed), (*names, law)
         ends.remove(outcomes[law])
         ends.append(result)
+    if len(ends) == 1 + len(result.alternatives) and not names:
+        return result, names
     others = tuple(replace(one, alternatives=()) for one in ends if one is not result)
     return replace(result, alternatives=others), names
 

@@ -21,11 +21,12 @@ from emaphm.quantiles import normal_quantile, student_t_quantile
 class AlternativeSettings:
     """Which other ends of a search count beside the estimate; `make study` (limits, plants) measures it.
 
-    One that leaves at most `comparable` times the mean squared residual, as switching and the kinks of
-    stick-slip make of equal ones; where the recording is explained, one that explains it too.
+    One that leaves at most `comparable` times the mean squared residual: of models that all are wrong by more
+    than noise, the one that leaves least is not the nearest to the truth. Where the recording is explained, one
+    that explains it too.
     """
 
-    comparable: float = 1.5
+    comparable: float = 2.0
 
 
 ALTERNATIVES = AlternativeSettings()
