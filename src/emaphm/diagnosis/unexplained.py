@@ -22,8 +22,8 @@ class AlternativeSettings:
     """Which other ends of a search count beside the estimate; `make study` (limits, plants) measures it.
 
     One that leaves at most `comparable` times the mean squared residual: of models that all are wrong by more
-    than noise, the one that leaves least is not the nearest to the truth. Where the recording is explained, one
-    that explains it too.
+    than noise, the one that leaves least is not the nearest to the truth. Where the recording is explained,
+    one that explains it too.
     """
 
     comparable: float = 2.0
