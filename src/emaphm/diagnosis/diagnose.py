@@ -22,7 +22,7 @@ from emaphm.estimation.objective import MapObjective, faults_objective, faults_o
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search import check_fitness, search
 from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
-from emaphm.estimation.uncertainty.model_error import compared_with_healthy
+from emaphm.estimation.uncertainty.model_error import HealthyComparison, compared_with_healthy
 from emaphm.progress import Progress, subprogress
 from emaphm.recording import Recording, check_plausible
 from emaphm.recording.schema import SCHEMA
@@ -221,8 +221,14 @@ def _conclude(
         nuisances=_nuisance_estimates(objective, result.point, known.covariance),
         collinear_sets=known.collinear_sets,
         moves=_moves(objective, result.point),
-        model_error=compared_with_healthy(problem, result.residual_by_channel),
+        model_error=_beside_healthy(result),
     )
+
+
+def _beside_healthy(result: SearchResult) -> dict[str, HealthyComparison]:
+    """Return each channel's residual beside that of healthy recordings, where a calibration has learned it."""
+    problem = result.objective.problem
+    return compared_with_healthy(problem, result.residual_by_channel) if problem.model_error else {}
 
 
 def _explained(result: SearchResult) -> bool:
@@ -231,7 +237,7 @@ def _explained(result: SearchResult) -> bool:
     Where a calibration has learned that error, every channel must be no worse than in healthy recordings.
     """
     problem = result.objective.problem
-    healthy = compared_with_healthy(problem, result.residual_by_channel)
+    healthy = _beside_healthy(result)
     if not all(one.as_healthy for one in healthy.values()):
         return False
     if problem.primary in healthy:
