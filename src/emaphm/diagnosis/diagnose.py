@@ -226,7 +226,7 @@ def _conclude(
 
 
 def _beside_healthy(result: SearchResult) -> dict[str, HealthyComparison]:
-    """Return each channel's residual beside that of healthy recordings, where a calibration has learned it."""
+    """Return each channel's residual beside that of healthy recordings, where one was learned."""
     problem = result.objective.problem
     return compared_with_healthy(problem, result.residual_by_channel) if problem.model_error else {}
 
