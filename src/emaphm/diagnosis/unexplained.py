@@ -49,6 +49,16 @@ def unexplained_scores(result: SearchResult, jacobian: Array) -> Array:
     return total
 
 
+def inflation(result: SearchResult, *, explained: bool) -> float:
+    """Return the factor on the covariance of an estimate: 1.0 where it explains the recording.
+
+    Else the square of the normalised residual. A fit has taken up of the model's error what is like a
+    parameter, and may have taken up more than it left: as many times more, it is assumed, as it left more
+    than is expected.
+    """
+    return 1.0 if explained else max(1.0, result.normalised_residual) ** 2
+
+
 def alternatives_covariance(result: SearchResult, *, explained: bool) -> Array | float:
     """Return what the spread of the alternatives about the estimate adds to its covariance (d, d).
 
