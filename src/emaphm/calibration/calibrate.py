@@ -29,6 +29,7 @@ from emaphm.calibration.motion.result import (
 )
 from emaphm.calibration.result import Calibration
 from emaphm.calibration.separation import collinear_parameters
+from emaphm.calibration.shaft import shaft_starts
 from emaphm.calibration.unit_fit import FitSettings, UnitFit, fit_unit
 from emaphm.errors import EmaphmError, MethodError
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS
@@ -129,6 +130,7 @@ def calibrate(
         settings,
         description.start,
         subprogress(on_progress, share, 1.0),
+        shaft_starts(rows, description, settings),
     )
     scanned = {} if lag is None else {sensor_lag.NAME: lag.parameter}
     return _result(rows, description, fit, scanned, choice, settings, began)

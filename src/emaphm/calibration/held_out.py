@@ -29,16 +29,22 @@ def subset(joint: JointObjective, point: Array, kept: Sequence[int]) -> tuple[Jo
     return part, start
 
 
-def left_out_residual(joint: JointObjective, r: int, shared: Array) -> Array:
-    """Return what `shared` parameters (p,) leave of recording `r`, (rows,); only its own are estimated."""
+def own_coordinates(joint: JointObjective, r: int, shared: Array) -> Array:
+    """Return the own coordinates of recording `r` that fit it best under `shared` parameters (p,)."""
     term = joint.terms[r]
     own = np.zeros(term.own)
-    if term.own:
-        space = term.objective.space
+    if not term.own:
+        return own
+    space = term.objective.space
 
-        def outputs(points: Array) -> Array:
-            return term.outputs(np.concatenate([points, np.tile(shared, (len(points), 1))], axis=1))
+    def outputs(points: Array) -> Array:
+        return term.outputs(np.concatenate([points, np.tile(shared, (len(points), 1))], axis=1))
 
-        box = Box(space.lower[: term.own], space.upper[: term.own])
-        own = least_squares(outputs, term.target, own[np.newaxis], box, DESCENT).best
+    box = Box(space.lower[: term.own], space.upper[: term.own])
+    return least_squares(outputs, term.target, own[np.newaxis], box, DESCENT).best
+
+
+def left_out_residual(joint: JointObjective, r: int, shared: Array) -> Array:
+    """Return what `shared` parameters (p,) leave of recording `r`, (rows,); only its own are estimated."""
+    term, own = joint.terms[r], own_coordinates(joint, r, shared)
     return term.objective.residual(np.concatenate([own, shared]), term.correction)

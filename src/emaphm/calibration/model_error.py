@@ -17,10 +17,12 @@ from emaphm.arrays import Array
 from emaphm.calibration.apparent_faults import apparent_faults
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.findings import found_values
-from emaphm.calibration.held_out import folds, left_out_residual, subset
+from emaphm.calibration.held_out import folds, left_out_residual, own_coordinates, subset
+from emaphm.estimation.joint.correction import compared, corrected_estimate
 from emaphm.estimation.joint.objective import JointObjective
 from emaphm.estimation.joint.search import DESCENT
 from emaphm.calibration.unit_fit import FitSettings, UnitFit
+from emaphm.estimation.discrepancy import has_reference
 from emaphm.estimation.levenberg_marquardt import descend
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.uncertainty.correlation import integral_time
@@ -31,14 +33,16 @@ from emaphm.estimation.uncertainty.model_error import channel_noise, variance_te
 class ModelErrorSettings:
     """How a model error is learned.
 
-    Recordings are left out one at a time, of more than `most_folds` in as many groups; up to `most_diagnosed`
-    of them are also diagnosed, which takes a second each. The variance at rest is
-    at least the share `least_floor` of its mean: three recordings do not show that a model is right anywhere.
+    Recordings are left out one at a time, of more than `most_folds` in as many groups. The fit without them
+    starts where that of all has ended, and takes `corrections` of its bias; up to `most_diagnosed` of them
+    are also diagnosed, which takes a second each. The variance at rest is at least the share `least_floor` of
+    its mean: three recordings do not show that a model is right anywhere.
     The error is at least the share `least_error` of the residual's variance: second differences tell noise
     from the model's error no better. `tests/calibration/test_model_error.py` measures both on made-up errors.
     """
 
     most_folds: int = 5
+    corrections: int = 2
     most_diagnosed: int = 5
     least_floor: float = 0.1
     least_error: float = 0.01
@@ -81,13 +85,11 @@ def learned_model_error(
     """
     if len(rows) < 2:
         return NOT_LEARNED
-    corrections = zip(fit.joint.terms, fit.estimate.discrepancies, strict=True)
-    joint = fit.joint.corrected([term.correction + known.mean for term, known in corrections])
-    shared = _fitted_without(joint, fit.point, settings.seed)
+    shared = _fitted_without(fit, settings)
     by_channel: dict[str, list[LeftOut]] = {}
     for r, values in shared.items():
-        problem = joint.terms[r].objective.problem
-        for name, one in _by_channel(problem, left_out_residual(joint, r, values)).items():
+        problem = fit.joint.terms[r].objective.problem
+        for name, one in _by_channel(problem, _left_out_residual(fit, r, values, settings)).items():
             by_channel.setdefault(name, []).append(one)
     channels = ModelError(
         **{
@@ -111,14 +113,39 @@ def _unit(fit: UnitFit, described: Actuator, calibrated: Actuator, shared: Array
     return with_lumped_parameters(calibrated, found_values(replace(fit, deviations=deviations), described))
 
 
-def _fitted_without(joint: JointObjective, point: Array, seed: int) -> dict[int, Array]:
+def _fitted_without(fit: UnitFit, settings: FitSettings) -> dict[int, Array]:
     """Return the shared coordinates (p,) of a fit without each recording, by its number."""
-    count, found = len(joint.terms), dict[int, Array]()
-    for left_out in folds(count, MODEL_ERROR.most_folds, seed):
-        training, start = subset(joint, point, [r for r in range(count) if r not in left_out])
-        best = descend(training, start[np.newaxis], training.box, DESCENT).best
+    joint, found = fit.joint, dict[int, Array]()
+    count, corrections = len(joint.terms), min(settings.max_corrections, MODEL_ERROR.corrections)
+    for left_out in folds(count, MODEL_ERROR.most_folds, settings.seed):
+        training, start = subset(joint, fit.point, [r for r in range(count) if r not in left_out])
+        if corrections and _has_reference(training):
+            best = corrected_estimate(training, start, corrections, settings.seed).point
+        else:
+            best = descend(training, start[np.newaxis], training.box, DESCENT).best
         found |= dict.fromkeys(sorted(left_out), best[: training.shared])
     return found
+
+
+def _left_out_residual(fit: UnitFit, r: int, shared: Array, settings: FitSettings) -> Array:
+    """Return what `shared` coordinates (p,) leave of recording `r`, (rows,), with only its own estimated.
+
+    By the reference model where it can run: of the own coordinates in the joint fit and of those that the
+    averaged model fits best now, those that leave less.
+    """
+    corrections = zip(fit.joint.terms, fit.estimate.discrepancies, strict=True)
+    corrected = fit.joint.corrected([term.correction + known.mean for term, known in corrections])
+    alone, point = subset(fit.joint, fit.point, [r])
+    if not (settings.max_corrections and _has_reference(alone)):
+        return left_out_residual(corrected, r, shared)
+    owns = [point[alone.shared :], own_coordinates(corrected, r, shared)]
+    points = alone.box.project(np.array([np.concatenate([shared, own]) for own in owns]))
+    outcomes = compared(alone, points, settings.seed, "left out", r)
+    return min(outcomes, key=lambda one: one.primary_variance).corrected_residuals[0]
+
+
+def _has_reference(joint: JointObjective) -> bool:
+    return all(has_reference(term.objective.problem) for term in joint.terms)
 
 
 def _by_channel(problem: Problem, residual: Array) -> dict[str, LeftOut]:

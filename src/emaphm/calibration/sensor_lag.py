@@ -4,8 +4,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.description import Description
@@ -39,18 +37,9 @@ def found_lag(rows: Sequence[CampaignRow], description: Description, settings: F
         start = found.start
         return corrected_estimate(found.joint, found.point, settings.max_corrections, settings.seed)
 
-    found = scan(CURRENT_LAGS_S, evaluate, _current_variance)
+    found = scan(CURRENT_LAGS_S, evaluate, lambda one: one.primary_variance)
     known = found.deviation < LARGEST_ERROR
     deviation = min(found.deviation, math.log(CURRENT_LAGS_S[-1] / CURRENT_LAGS_S[0]))
     parameter = Parameter(found.value, found.value * deviation, "s", known)
     lagging = with_lumped_parameters(actuator, {NAME: found.value})
     return FoundLag(replace(description, actuator=lagging, free=free, start=start), parameter)
-
-
-def _current_variance(estimate: JointEstimate) -> float:
-    """Return the mean squared corrected residual of the primary channel, in its unit²."""
-    squares = []
-    for term, residual in zip(estimate.joint.terms, estimate.corrected_residuals, strict=True):
-        problem = term.objective.problem
-        squares.append(np.mean((residual[: problem.samples] / problem.weights[0]) ** 2))
-    return float(np.mean(squares))

@@ -134,17 +134,21 @@ def fit_unit(
     settings: FitSettings,
     start: Mapping[str, float] = NO_START,
     on_progress: Progress | None = None,
+    starts: Sequence[SearchedUnit] = (),
 ) -> UnitFit:
     """Return the joint fit of `free` to all `rows`; parameters and errors as in `calibrate`.
 
-    `start` has coordinates of parameters to start from, in addition to the description's.
+    `start` has coordinates of parameters to start from, in addition to the description's; each of `starts` is
+    corrected as if a search had ended there, and the best kept.
     """
     fitted = fitted_parameters(rows, actuator, free)
     found = searched(rows, actuator, fitted, settings, start, subprogress(on_progress, 0.0, 1 / 3))
     correcting = subprogress(on_progress, 1 / 3, 0.9)
-    estimate = corrected_estimate(
-        found.joint, found.point, settings.max_corrections, settings.seed, correcting
-    )
+    ends = [
+        corrected_estimate(one.joint, one.point, settings.max_corrections, settings.seed, correcting)
+        for one in (found, *starts)
+    ]
+    estimate = min(ends, key=lambda one: one.primary_variance)
     unit = found.joint.unit
     open_scales = [only_ratios([row], actuator, fitted) for row in rows]
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.diagnosis.unexplained import alternatives_covariance, unexplained_scores
+from emaphm.diagnosis.unexplained import alternatives_covariance, inflation, unexplained_scores
 from emaphm.diagnosis.verdict import VERDICT, Z95
 from emaphm.estimation.nuisances import BASELINE, KNOWN_BY
 from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective
@@ -35,10 +35,10 @@ def identifiability(result: SearchResult, seed: int, *, explained: bool = True) 
 
     The covariance is that of the data and the optimiser's scatter, and of the faults that healthy recordings
     seem to have where a calibration has learned them. Where the recording is not `explained`, it includes an
-    error that is as large as the residual and looks like a parameter; and always the spread of alternatives
-    that fit as well. Where the search has not converged, a Gauss-Newton step remains: towards the optimum
-    that a population method may not have reached, and for the model's discrepancy not yet corrected. The
-    covariance then includes its square.
+    error that is as large as the residual and looks like a parameter, and is inflated by the normalised
+    residual; and always it includes the spread of alternatives that fit as well. Where the search has not
+    converged, a Gauss-Newton step remains: towards the optimum that a population method may not have reached,
+    and for the model's discrepancy not yet corrected. The covariance then includes its square.
     """
     objective, space = result.objective, result.objective.space
     rows = objective.channel_rows
@@ -49,7 +49,7 @@ def identifiability(result: SearchResult, seed: int, *, explained: bool = True) 
     hidden = 0.0 if explained else unexplained_scores(result, jacobians.mean(axis=0))
     local = local_covariance(objective, result.point, residual, jacobians, bias, hidden)
     apparent = apparent_fault_covariance(objective.problem.actuator, space.coordinates)
-    covariance = local.covariance + result.scatter + apparent
+    covariance = inflation(result, explained=explained) * local.covariance + result.scatter + apparent
     covariance = covariance + alternatives_covariance(result, explained=explained)
     sets = collinear_sets(result, covariance, seed)
     if not result.converged:

@@ -86,6 +86,8 @@ def select_laws(
         result, names = refine_by_reference(outcomes[law], seed), (*names, law)
         ends.remove(outcomes[law])
         ends.append(result)
+    if len(ends) == 1 + len(result.alternatives) and not names:
+        return result, names
     others = tuple(replace(one, alternatives=()) for one in ends if one is not result)
     return replace(result, alternatives=others), names
 
@@ -153,7 +155,11 @@ def _corrected(fit: _Fit, max_corrections: int, seed: int) -> SearchResult:
         objective = replace(fit.objective, problem=replace(problem, actuator=lagging))
         return correct_bias(objective, fit.points, max_corrections, child)
 
-    return scan(CURRENT_LAGS_S, evaluate, lambda one: one.residual_variance).estimate
+    found = scan(CURRENT_LAGS_S, evaluate, lambda one: one.residual_variance)
+    # The value is anywhere between its neighbours: evenly so, a third of the square of the way to one.
+    away = np.array([one.point - found.estimate.point for one in found.neighbours])
+    between = away.T @ away / (3 * len(away))
+    return replace(found.estimate, scatter=found.estimate.scatter + between)
 
 
 def with_law(objective: MapObjective, law: Law) -> MapObjective:

@@ -21,11 +21,12 @@ from emaphm.quantiles import normal_quantile, student_t_quantile
 class AlternativeSettings:
     """Which other ends of a search count beside the estimate; `make study` (limits, plants) measures it.
 
-    One that leaves at most `comparable` times the mean squared residual, as switching and the kinks of
-    stick-slip make of equal ones; where the recording is explained, one that explains it too.
+    One that leaves at most `comparable` times the mean squared residual: of models that all are wrong by more
+    than noise, the one that leaves least is not the nearest to the truth. Where the recording is explained,
+    one that explains it too.
     """
 
-    comparable: float = 1.5
+    comparable: float = 2.0
 
 
 ALTERNATIVES = AlternativeSettings()
@@ -46,6 +47,16 @@ def unexplained_scores(result: SearchResult, jacobian: Array) -> Array:
         rows = integral_time([residual], [problem.inputs.interval]) / problem.inputs.interval
         total += rows * float(weight**2 * np.mean(residual**2)) * part @ part.T
     return total
+
+
+def inflation(result: SearchResult, *, explained: bool) -> float:
+    """Return the factor on the covariance of an estimate: 1.0 where it explains the recording.
+
+    Else the square of the normalised residual. A fit has taken up of the model's error what is like a
+    parameter, and may have taken up more than it left: as many times more, it is assumed, as it left more
+    than is expected.
+    """
+    return 1.0 if explained else max(1.0, result.normalised_residual) ** 2
 
 
 def alternatives_covariance(result: SearchResult, *, explained: bool) -> Array | float:

@@ -41,7 +41,8 @@ def search_with_restarts(
         if agree:
             break
     others = tuple(one for one in ends if one is not result)
-    return replace(refine_by_reference(result, seed), alternatives=others)
+    refined = refine_by_reference(result, seed)
+    return replace(refined, alternatives=others) if others else refined
 
 
 def _search(

@@ -50,6 +50,15 @@ class JointEstimate:
         return any(np.any(one.standard_error) for one in self.discrepancies)
 
     @property
+    def primary_variance(self) -> float:
+        """The mean over recordings of the squared corrected residual of the primary channel, in its unit²."""
+        squares = []
+        for term, residual in zip(self.joint.terms, self.corrected_residuals, strict=True):
+            problem = term.objective.problem
+            squares.append(np.mean((residual[: problem.samples] / problem.weights[0]) ** 2))
+        return float(np.mean(squares))
+
+    @property
     def misfit(self) -> float:
         """The sum of squared normalised residuals less the share of the discrepancies' errors, 0 at least."""
         total = 0.0
@@ -91,17 +100,17 @@ def corrected_estimate(
     """
     if max_corrections == 0 or not any(has_reference(term.objective.problem) for term in joint.terms):
         return _uncorrected(joint, point)
-    (current,) = _compared(joint, point[np.newaxis], seed, "start")
+    (current,) = compared(joint, point[np.newaxis], seed, "start")
     idle, equal = 0, list[JointEstimate]()
     for iteration in range(max_corrections):
         current = current.reweighted()
         candidates = _candidates(current, iteration, seed, settings)
-        compared = _compared(current.joint, candidates, seed, iteration)
-        misfits = np.array([one.misfit for one in compared])
+        outcomes = compared(current.joint, candidates, seed, iteration)
+        misfits = np.array([one.misfit for one in outcomes])
         farthest = int(np.flatnonzero(misfits <= settings.equal_misfits * misfits.min())[-1])
         idle = 0 if misfits[farthest] < settings.progress * current.misfit else idle + 1
         if misfits[farthest] <= settings.equal_misfits * current.misfit:
-            current = compared[farthest]
+            current = outcomes[farthest]
             equal = [*equal, current] if idle else []
         if idle == settings.patience:
             break
@@ -120,7 +129,7 @@ def _none(rows: Array) -> Discrepancy:
     return Discrepancy(np.zeros_like(rows), np.zeros_like(rows), 0.0)
 
 
-def _compared(joint: JointObjective, points: Array, seed: int, *name: str | int) -> list[JointEstimate]:
+def compared(joint: JointObjective, points: Array, seed: int, *name: str | int) -> list[JointEstimate]:
     """Return the estimates at `points` (n, d) with their discrepancies."""
 
     def of_term(r: int) -> tuple[Array, list[Discrepancy]]:

@@ -24,12 +24,14 @@ EQUAL_COSTS = 1.2
 class ScanResult(Generic[T]):
     """The best value of the parameter, its estimate, and the standard error of the value's logarithm.
 
-    Infinite where the least or the largest value that was tried fits as well as the best.
+    Infinite where the least or the largest value that was tried fits as well as the best. `neighbours` are
+    the estimates at the values next to the best: the true value is between them.
     """
 
     value: float
     estimate: T
     deviation: float
+    neighbours: tuple[T, ...] = ()
 
 
 def scan(
@@ -45,7 +47,8 @@ def scan(
     costs = np.array([cost(one) for one in estimates])
     best = int(np.argmin(costs))
     equal = np.flatnonzero(costs <= EQUAL_COSTS * costs[best])
+    neighbours = tuple(estimates[i] for i in (best - 1, best + 1) if 0 <= i < len(values))
     if equal[0] == 0 or equal[-1] == len(values) - 1:
-        return ScanResult(values[best], estimates[best], math.inf)
+        return ScanResult(values[best], estimates[best], math.inf, neighbours)
     width = math.log(values[equal[-1] + 1] / values[equal[0] - 1])
-    return ScanResult(values[best], estimates[best], width / 12**0.5)
+    return ScanResult(values[best], estimates[best], width / 12**0.5, neighbours)
