@@ -198,7 +198,7 @@ def _conclude(
         jacobians = jacobians_at(objective, result.point, stream(seed, "Jacobians of the covariance"))
     known = identifiability(replace(result, jacobians=jacobians), seed)
     moves = _moves(objective, result.point)
-    reasons = reasons_against(result, jacobians, moves=moves)
+    reasons = reasons_against(result, jacobians, seed, moves=moves)
     components = estimates(space, result.point, known.covariance, known.collinear_sets)
     return Diagnosis(
         components=components if not reasons else unexplained(components),

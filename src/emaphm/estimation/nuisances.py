@@ -103,7 +103,7 @@ class NuisanceSet:
         axes = tuple(f"{BASELINE}{i}" for i in range(1, unit.priors.size + 1))
         meaning = np.zeros((len(kept) + len(unit.parameters), len(kept) + len(axes)))
         meaning[: len(kept), : len(kept)] = np.diag(
-            [PRIORS_PER_UNIT * _deviation(actuator, name) for name in kept]
+            [PRIORS_PER_UNIT * usual_deviation(actuator, name) for name in kept]
         )
         meaning[len(kept) :, len(kept) :] = unit.axes
         priors = np.concatenate([np.full(len(kept), 1 / PRIORS_PER_UNIT), unit.priors])
@@ -213,11 +213,11 @@ def has_stated_prior(actuator: Actuator, name: str) -> bool:
 
 def with_wider_priors(actuator: Actuator, names: Sequence[str], factor: float) -> Actuator:
     """Return the actuator with priors of the nuisances `names` wider by `factor`."""
-    priors = {name: factor * _deviation(actuator, name) for name in names}
+    priors = {name: factor * usual_deviation(actuator, name) for name in names}
     return actuator.model_copy(update={"nuisances": actuator.nuisances.model_copy(update=priors)})
 
 
-def _deviation(actuator: Actuator, name: str) -> float:
+def usual_deviation(actuator: Actuator, name: str) -> float:
     """Return the prior standard deviation of a nuisance, in its own unit."""
     prior = _prior(actuator, name)
     if prior is None:
