@@ -209,7 +209,7 @@ def conclude(
         jacobians = jacobians_at(objective, result.point, stream(seed, "Jacobians of the covariance"))
     moves = _moves(objective, result.point)
     healthy = compared_with_healthy(problem, result.residual_by_channel) if problem.model_error else {}
-    reasons = reasons_against(result, jacobians, healthy, moves=moves)
+    reasons = reasons_against(result, jacobians, healthy, seed, moves=moves)
     known = identifiability(replace(result, jacobians=jacobians), seed, explained=not reasons)
     components = estimates(space, result.point, known.covariance, known.collinear_sets)
     return Diagnosis(

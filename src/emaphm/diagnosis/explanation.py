@@ -1,18 +1,20 @@
 """When an estimate explains a recording, and if not, why: in every channel, and with plausible nuisances."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from emaphm.arrays import Array
+from emaphm.diagnosis.known_values import contradicted_values
 from emaphm.diagnosis.sensor_scores import contradictions
 from emaphm.estimation.noise_level import robust_noise_level, rounding_step
 from emaphm.estimation.nuisances import has_stated_prior, unit_of
-from emaphm.estimation.problem import rms
+from emaphm.estimation.problem import comparable_channels, rms
 from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
 from emaphm.estimation.sensor_model import described_noise, sensor_error
 from emaphm.estimation.uncertainty.model_error import HealthyComparison
+from emaphm.recording.schema import PHASES
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,8 @@ the corrected residual was up to 1.17 times the noise."""
 class ExplanationSettings:
     """What else an estimate has to fulfil, to explain a recording; `docs/spoilt.md` shows the effect.
 
+    A noise that is measured on the recording counts up to `spikes` times what most of the rows show.
+
     A channel beside the primary one may have a residual of `channel_model` of its rms, and of
     `channel_noise` times its noise, rounding and switching. Of every channel's mean square, no more than
     `unresembled` may be left, beyond rounding and switching: a noise that is measured on the recording itself
@@ -42,19 +46,28 @@ class ExplanationSettings:
 
     A nuisance may be `prior_deviations` standard deviations of its prior off, where the description states
     that prior; a prior that is merely usual, as the load's, says nothing against a larger one.
+
+    Phase currents may add up to `phase_sum` of their rms, and to `channel_noise` times the noise of the sum.
     """
 
+    spikes: float = 1.5
     channel_noise: float = 1.5
     channel_model: float = 0.05
     unresembled: float = 0.5
     prior_deviations: float = 3.0
+    phase_sum: float = 0.05
 
 
 EXPLANATION = ExplanationSettings()
 
 
 def reasons_against(
-    result: SearchResult, jacobians: Array, healthy: Mapping[str, HealthyComparison], *, moves: bool
+    result: SearchResult,
+    jacobians: Array,
+    healthy: Mapping[str, HealthyComparison],
+    seed: int,
+    *,
+    moves: bool,
 ) -> tuple[str, ...]:
     """Return why the estimate of `result` does not explain the recording, a sentence each; none if it does.
 
@@ -62,7 +75,8 @@ def reasons_against(
 
     1. The residual of the primary channel (a current) is one of noise, switching and the model's known error:
        r² ≤ (a σ)² + (b y)², with σ its noise and y its rms, a and b from `EXPLAINED`. Where the reference
-       model has corrected it, r is also at most `EXPLAINED_RESIDUAL` times noise or switching.
+       model has corrected it, r is also at most `EXPLAINED_RESIDUAL` times noise or switching, or times the
+       root of the sum of their squares where the noise is that of most rows.
     2. So is that of every other channel that is compared: r² ≤ c² (σ² + q²/12 + s²) + (m y)², with q the step
        that it is rounded to, s² the variance of switching, c and m from `EXPLANATION`.
        Where a calibration has learned the model's error in a channel, this replaces 1 and 2: its residual is
@@ -72,6 +86,11 @@ def reasons_against(
        a fault of that sensor.
     5. What is left shows no sensor that comes late, nor one of another scale or zero, beyond what the faults
        take up (`emaphm.diagnosis.sensor_scores`).
+    6. No recorded load or temperature is contradicted (`emaphm.diagnosis.known_values`).
+    7. Three recorded phase currents of a star add up to zero, within `phase_sum` of their size.
+    8. No sensor of the motion stands still where the model moves by more than its noise.
+
+    The fifth and sixth are asked where the reference model has corrected the estimate.
 
     Parameters
     ----------
@@ -81,15 +100,22 @@ def reasons_against(
         Of the channels there, (n, d, channel rows).
     healthy
         The residuals next to those of healthy recordings, by channel, where they were learned.
+    seed
+        For the descents that some of it takes.
     moves
         Whether the actuator moved.
     """
     found = [f"{name}: the residual is {one}".rstrip(".") for name, one in healthy.items() if not one.as_healthy]
-    if result.objective.problem.primary not in healthy:
-        found += _primary(result)
-    found += [*_channels(result, healthy, moves=moves), *_nuisances(result)]
+    found += [
+        *(() if result.objective.problem.primary in healthy else _primary(result)),
+        *_channels(result, healthy, moves=moves),
+        *_nuisances(result),
+        *_phases(result),
+        *(_standing(result) if moves else ()),
+    ]
     if moves and result.correction.any():
-        found += contradictions(result, jacobians)
+        found += contradicted_values(result, seed)
+        found += contradictions(result, jacobians, seed)
     return tuple(found)
 
 
@@ -107,17 +133,19 @@ def _primary(result: SearchResult) -> Iterator[str]:
     problem = result.objective.problem
     corrected = bool(result.correction.any())
     residual = result.fitted_residual[: problem.samples]
-    noise = problem.noise
+    recorded, noise = problem.recorded, problem.noise
+    switching = 0.0 if result.discrepancy is None else result.discrepancy.switching_variance
+    usual = robust_noise_level(recorded) ** 2 + rounding_step(recorded) ** 2 / 12 + switching
     if described_noise(problem.primary, problem.actuator) is None:
         # Spikes are no noise, whatever they add to its variance.
-        recorded = problem.recorded
-        noise = min(noise, 1.5 * max(robust_noise_level(recorded), rounding_step(recorded) / 12**0.5))
-    fits = is_explained(problem.recorded, residual, noise, corrected=corrected)
-    if fits and not (corrected and result.normalised_residual > EXPLAINED_RESIDUAL):
+        noise = min(noise, EXPLANATION.spikes * usual**0.5)
+    exceeds = result.normalised_residual > EXPLAINED_RESIDUAL
+    exceeds &= result.residual_variance > EXPLAINED_RESIDUAL**2 * usual
+    if is_explained(recorded, residual, noise, corrected=corrected) and not (corrected and exceeds):
         return
     yield (
-        f"{problem.primary}: the residual of {_percent(rms(residual), rms(problem.recorded))} is more than "
-        "noise, switching and the model's known error account for"
+        f"{problem.primary}: the residual of {_percent(rms(residual), rms(recorded))} is more than noise, "
+        "switching and the model's known error account for"
     )
 
 
@@ -142,6 +170,41 @@ def _channels(
             yield (
                 f"{name}: the residual of {_percent(left**0.5, size**0.5)} is more than noise, rounding and "
                 "switching account for; its sensor, unit or sign may be wrong"
+            )
+
+
+def _phases(result: SearchResult) -> Iterator[str]:
+    measured = result.objective.problem.measured
+    if not all(name in measured for name in PHASES):
+        return
+    phases = np.stack([measured[name] for name in PHASES])
+    size = rms(phases)
+    total = phases.sum(axis=0)
+    left, noise = rms(total), max(robust_noise_level(total), rounding_step(total) / 12**0.5)
+    if left > EXPLANATION.phase_sum * size + EXPLANATION.channel_noise * noise:
+        yield (
+            f"the phase currents add up to {_percent(left, size)} of their rms, and not to 0; the scale of "
+            "one of them or its sign is wrong, or one is missing"
+        )
+
+
+def _standing(result: SearchResult) -> Iterator[str]:
+    """Yield the sensors of the motion that show one value while the model moves."""
+    problem = result.objective.problem
+    still = tuple(
+        name
+        for name in ("position_rad", "speed_rad_s")
+        if name in problem.measured and np.ptp(problem.measured[name]) == 0
+    )
+    if not still or not set(still) <= set(comparable_channels(problem.actuator, problem.model)):
+        return
+    observing = replace(result.objective, problem=problem.observing(still))
+    modelled = observing.outputs(result.point[np.newaxis])[0, : observing.channel_rows]
+    for name, values in zip(still, modelled.reshape(len(still), -1), strict=True):
+        if np.any(problem.measured[name]) and np.ptp(values) > 0:
+            yield (
+                f"{name} shows {problem.measured[name][0]:.3g} throughout, while by the current the actuator "
+                "moves; it is jammed, or the sensor is frozen"
             )
 
 

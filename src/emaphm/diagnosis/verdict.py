@@ -9,7 +9,7 @@ import numpy as np
 from emaphm.actuator import NAMES
 from emaphm.actuator.faults import HEALTHY
 from emaphm.arrays import Array
-from emaphm.estimation.parameter_space import PRIOR_DEVIATION, ParameterSpace
+from emaphm.estimation.parameter_space import PRIOR_DEVIATION, SHORTS, ParameterSpace
 from emaphm.estimation.uncertainty.collinearity import CollinearSet
 
 Verdict = Literal["healthy", "degraded", "cannot tell"]
@@ -25,19 +25,24 @@ class VerdictSettings:
     Degraded: the whole interval is more than `healthy_margin` away from the healthy value; no model is right
     to a hundredth of the range. Healthy: no value in the interval is more than `hidden_fault` away from it.
     Not identifiable: the interval is longer than `longest_interval`, half the range; a standard error above
-    `uninformative`, a share of the prior's, leaves all of the range open. `make study` (accuracy) counts
-    false alarms and detections.
+    `uninformative`, a share of the prior's, leaves all of the range open. Shorts that differ by less than
+    `equal_shorts` count as equal. `make study` (accuracy) counts false alarms and detections.
     """
 
     healthy_margin: float = 0.02
     hidden_fault: float = 0.1
     longest_interval: float = 0.5
     uninformative: float = 0.7
+    equal_shorts: float = 0.01
 
 
 VERDICT = VerdictSettings()
 
 
+COMMON_SHORTS = (
+    "all three windings seem to have lost the same share: a weaker magnet, or a wrong torque constant, "
+    "temperature or scale of the current would look alike"
+)
 NOT_EXPLAINED = "no model of this actuator explains the recording, so what causes its residual is not known"
 
 
@@ -87,7 +92,24 @@ def estimates(
     if "eccentricity" not in space.fixed:
         collinear = _collinear_with("eccentricity", collinear_sets)
         result |= _eccentricity(space, point, covariance, collinear)
-    return {name: result[name] for name in NAMES}
+    return {name: result[name] for name in NAMES} | _common_shorts(result)
+
+
+def _common_shorts(components: Mapping[str, Estimate]) -> dict[str, Estimate]:
+    """Return the shorts, undecided, where all three windings are degraded and share a part.
+
+    The two smaller ones are then equal within their errors. Three windings that lose the same share of their
+    turns are a coincidence; a weaker magnet, a wrong torque constant or temperature, and a wrong scale of the
+    current lower the flux of all three.
+    """
+    shorts = {name: components[name] for name in SHORTS}
+    if any(one.verdict != "degraded" for one in shorts.values()):
+        return {}
+    least, next_to = sorted(shorts.values(), key=lambda one: one.value)[:2]
+    error = Z95 * float(np.hypot(least.standard_error, next_to.standard_error))
+    if next_to.value - least.value > max(error, VERDICT.equal_shorts):
+        return {}
+    return {name: replace(one, verdict="cannot tell", reason=COMMON_SHORTS) for name, one in shorts.items()}
 
 
 def unexplained(components: Mapping[str, Estimate]) -> dict[str, Estimate]:

@@ -107,7 +107,7 @@ class NuisanceSet:
         axes = tuple(f"{BASELINE}{i}" for i in range(1, unit.priors.size + 1))
         meaning = np.zeros((len(kept) + len(unit.parameters), len(kept) + len(axes)))
         meaning[: len(kept), : len(kept)] = np.diag(
-            [PRIORS_PER_UNIT * _deviation(actuator, name) for name in kept]
+            [PRIORS_PER_UNIT * usual_deviation(actuator, name) for name in kept]
         )
         meaning[len(kept) :, len(kept) :] = unit.axes
         priors = np.concatenate([np.full(len(kept), 1 / PRIORS_PER_UNIT), unit.priors])
@@ -244,11 +244,11 @@ def _range(actuator: Actuator, quantity: str) -> float | None:
 
 def with_wider_priors(actuator: Actuator, factors: Mapping[str, float]) -> Actuator:
     """Return the actuator with priors of nuisances wider by `factors`, by name."""
-    priors = {name: factor * _deviation(actuator, name) for name, factor in factors.items()}
+    priors = {name: factor * usual_deviation(actuator, name) for name, factor in factors.items()}
     return actuator.model_copy(update={"nuisances": actuator.nuisances.model_copy(update=priors)})
 
 
-def _deviation(actuator: Actuator, name: str) -> float:
+def usual_deviation(actuator: Actuator, name: str) -> float:
     """Return the prior standard deviation of a nuisance, in its own unit."""
     prior = _prior(actuator, name)
     if prior is None:

@@ -1,0 +1,72 @@
+"""Recorded loads and temperatures against what the recording itself says of them.
+
+A recorded value is taken as known. Where it is wrong, faults make up for it: windings that are called cold
+read as shorts. The quantity is therefore estimated after all, about the recorded value, by descents from the
+estimate; where they lead far away and leave a smaller residual, the recording contradicts the value.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from emaphm.estimation.multistart import local_search, with_descents
+from emaphm.estimation.nuisances import KNOWN_BY, NuisanceSet, unit_of, usual_deviation, with_wider_priors
+from emaphm.estimation.parameter_space import ParameterSpace
+from emaphm.estimation.search_result import SearchResult
+from emaphm.random_streams import stream
+
+
+@dataclass(frozen=True)
+class KnownValueSettings:
+    """From when on a recorded value is contradicted; `docs/spoilt.md` shows the effect.
+
+    The estimate is `deviations` standard deviations of the quantity's prior off the recorded value, and
+    leaves less than `share` of the mean squared residual. The prior is `widening` times as wide for it.
+    """
+
+    deviations: float = 1.0
+    share: float = 0.985
+    widening: float = 4.0
+    descents: int = 4
+
+
+KNOWN_VALUES = KnownValueSettings()
+
+
+def contradicted_values(result: SearchResult, seed: int) -> list[str]:
+    """Return a sentence on each recorded load or temperature that the recording contradicts."""
+    measured = result.objective.problem.measured
+    known = [name for name in ("load", "temperature") if KNOWN_BY[name] in measured]
+    return [sentence for name in known if (sentence := _contradicted(result, name, seed))]
+
+
+def _contradicted(result: SearchResult, name: str, seed: int) -> str:
+    objective, settings = result.objective, KNOWN_VALUES
+    actuator, channel = objective.problem.actuator, KNOWN_BY[name]
+    if name == "temperature" and actuator.electrical is None:
+        return ""
+    others = tuple(one for one in objective.problem.measured if one != channel)
+    nuisances = objective.space.nuisances
+    wider = with_wider_priors(actuator, {name: settings.widening})
+    free = NuisanceSet.of(wider, (*nuisances.chosen, name), others, nuisances.unit)
+    space = ParameterSpace.of(actuator, free)
+    values = dict(zip(objective.space.coordinates, result.point, strict=True))
+    start = np.array([values.get(one, 0.0) for one in space.coordinates])
+    rows = objective.channel_rows
+    freed = replace(objective, space=space)
+    correction = np.zeros_like(freed.target)
+    correction[:rows] = result.outputs_correction[:rows]
+    rng = stream(seed, "descents with a known value free", name)
+    point = local_search(freed, start, correction, rng, with_descents(settings.descents)).best
+    before = float(np.mean(result.residual[:rows] ** 2))
+    after = float(np.mean(freed.residual(point, correction)[:rows] ** 2))
+    value = float(space.nuisance_values(point[np.newaxis])[name][0])
+    if (
+        abs(value) <= settings.deviations * usual_deviation(actuator, name)
+        or after >= settings.share * before
+    ):
+        return ""
+    return (
+        f"{channel}: the recording itself asks for a {name} that is {value:+.3g} "
+        f"{unit_of(name, actuator.coordinates)} off the recorded one; check that column, or leave it out"
+    )
