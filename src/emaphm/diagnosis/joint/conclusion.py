@@ -12,7 +12,7 @@ from emaphm.diagnosis.identifiability import collinear_sets
 from emaphm.diagnosis.joint.result import JointDiagnosis, JointRecording
 from emaphm.diagnosis.result import Diagnosis
 from emaphm.diagnosis.verdict import Estimate, estimates, unexplained
-from emaphm.estimation.joint.contradictions import contradictions, dissenting, marginal_scatter
+from emaphm.estimation.joint.contradictions import contradictions, dissenting
 from emaphm.estimation.joint.correction import JointEstimate
 from emaphm.estimation.joint.objective import JointObjective
 from emaphm.estimation.joint.uncertainty import JointUncertainty
@@ -125,9 +125,7 @@ def _between(known: JointUncertainty, joint: JointObjective) -> _Between:
     between = _Between(found.contradicted, named, found.covariance)
     # The mean of recordings that scatter is known the better the more they are; what they contradict each
     # other in may be any of theirs.
-    if not between.agree:
-        return between
-    return replace(between, covariance=marginal_scatter(known.alone, priors) / count)
+    return replace(between, covariance=found.covariance / count) if between.agree else between
 
 
 def _bias(joint: JointObjective, results: Sequence[SearchResult], point: Array, seed: int) -> Array:

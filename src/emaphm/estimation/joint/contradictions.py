@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.arrays import Array
-from emaphm.estimation.joint.random_effects import MetaAnalysis, random_effects
+from emaphm.estimation.joint.random_effects import random_effects
 from emaphm.estimation.joint.uncertainty import AloneEstimates
 from emaphm.quantiles import chi_squared_quantile, normal_quantile, student_t_quantile
 
@@ -57,16 +57,6 @@ def contradictions(alone: AloneEstimates, prior_deviations: Array) -> Contradict
     return Contradictions(contradicted, informed, covariance)
 
 
-def marginal_scatter(alone: AloneEstimates, prior_deviations: Array) -> Array:
-    """Return the variance between the recordings, by parameter: a diagonal covariance (p, p).
-
-    0 where errors explain it. As for `dissenting`, all parameters at once would take a curved valley for it.
-    """
-    everyone = np.arange(len(alone.points))
-    by_parameter = [_of_parameter(alone, everyone, j, prior) for j, prior in enumerate(prior_deviations)]
-    return np.diag([float(one.scatter[0, 0]) for one in by_parameter])
-
-
 def dissenting(alone: AloneEstimates, prior_deviations: Array) -> NDArray[np.bool_]:
     """Return which of the n recordings contradict the others, (n,).
 
@@ -96,18 +86,11 @@ def _excess(alone: AloneEstimates, r: int, others: NDArray[np.intp], prior_devia
     p, largest = prior_deviations.size, 0.0
     limit = chi_squared_quantile(1, 1 - CHANCE / (p * (others.size + 1)))
     for j, prior in enumerate(prior_deviations):
-        meta = _of_parameter(alone, others, j, prior)
-        away = float(alone.points[r, j] - meta.mean[0])
-        variance = float(alone.covariances[r, j, j] + meta.covariance[0, 0])
+        own = float(alone.covariances[r, j, j])
+        one = slice(j, j + 1)
+        points, variances = alone.points[others, one], alone.covariances[others, one, one]
+        meta = random_effects(points, variances, prior_deviations[one])
+        away, variance = float(alone.points[r, j] - meta.mean[0]), own + float(meta.covariance[0, 0])
         if variance < (INFORMED * prior) ** 2 and abs(away) > MATERIAL:
             largest = max(largest, away**2 / variance / limit)
     return largest
-
-
-def _of_parameter(
-    alone: AloneEstimates, recordings: NDArray[np.intp], j: int, prior_deviation: float
-) -> MetaAnalysis:
-    """Return the meta-analysis of one parameter alone."""
-    one = slice(j, j + 1)
-    points, variances = alone.points[recordings, one], alone.covariances[recordings, one, one]
-    return random_effects(points, variances, np.array([prior_deviation]))
