@@ -93,6 +93,16 @@ def test_a_difference_too_small_to_matter_is_none() -> None:
     assert not dissenting(estimates(points, 1e-4), PRIORS).any()
 
 
+def test_places_in_one_curved_valley_do_not_contradict_each_other() -> None:
+    along = np.array([-0.15, -0.05, 0.05, 0.15])
+    points = np.stack([0.5 + along, 0.4 + 2 * along**2, np.full(4, 0.3)], axis=1)
+    tangents = np.stack([np.ones(4), 4 * along, np.zeros(4)], axis=1)
+    tangents /= np.linalg.norm(tangents, axis=1)[:, np.newaxis]
+    covariances = 0.2**2 * np.einsum("ni,nj->nij", tangents, tangents) + 0.003**2 * np.eye(3)
+    meta = random_effects(points, covariances, PRIORS)
+    assert not dissenting(AloneEstimates(points, covariances, np.ones(4), meta), PRIORS).any()
+
+
 def test_one_alone_contradicts_nothing_and_two_each_other() -> None:
     points = np.array([[0.3, 0.3, 0.3], [0.3, 0.6, 0.3]])
     assert dissenting(estimates(points[:1], 0.01), PRIORS).tolist() == [False]

@@ -165,7 +165,7 @@ def test_options_that_cannot_be_are_refused_before_the_work(
 def test_folders_without_recordings_and_files_named_twice_are_refused(
     made: list[Path], tmp_path: Path
 ) -> None:
-    with pytest.raises(RecordingError, match=r"the folder holds no recording \(\.csv"):
+    with pytest.raises(RecordingError, match=r"is a folder without recordings \(\.csv"):
         recording_files([tmp_path])
     with pytest.raises(RecordingError, match=r"day0\.csv: is named twice"):
         recording_files([made[0].parent, made[0]])

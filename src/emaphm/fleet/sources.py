@@ -48,6 +48,6 @@ def _of_folder(folder: Path) -> list[Path]:
         raise RecordingError(f"{folder}: cannot be read ({error.strerror}); check its permissions") from None
     if not found:
         raise RecordingError(
-            f"{folder}: the folder holds no recording ({', '.join(READERS)}); name another one, or the files"
+            f"{folder}: is a folder without recordings ({', '.join(READERS)}); name another one, or the files"
         )
     return found

@@ -60,8 +60,8 @@ def contradictions(alone: AloneEstimates, prior_deviations: Array) -> Contradict
 def dissenting(alone: AloneEstimates, prior_deviations: Array) -> NDArray[np.bool_]:
     """Return which of the n recordings contradict the others, (n,).
 
-    Each is left out of the others in turn; the one that is farthest from them is named and removed, until the
-    rest agree. Of two that are left, neither can be told from the other: both are named.
+    Each is left out of the others in turn; the one that is farthest from them in any parameter is named and
+    removed, until the rest agree. Of two that are left, neither can be told from the other: both are named.
     """
     found = np.zeros(len(alone.points), bool)
     while True:
@@ -75,16 +75,22 @@ def dissenting(alone: AloneEstimates, prior_deviations: Array) -> NDArray[np.boo
 def _excess(alone: AloneEstimates, r: int, others: NDArray[np.intp], prior_deviations: Array) -> float:
     """Return how far recording `r` is from the meta-analysis of the `others`, 1 where chance ends.
 
-    Its own estimate less theirs, over the covariances of both, is chi-squared with p degrees of freedom where
-    errors alone are at work; by Bonferroni's correction, `CHANCE` holds for all recordings together. A
-    difference below `MATERIAL` in all that it has information on counts as none.
+    By parameter: its own estimate less theirs, squared, over the variances of both is chi-squared where
+    errors alone are at work; by Bonferroni's correction, `CHANCE` holds for all parameters and recordings
+    together. All parameters at once would not do: along a collinear set, estimates lie far apart in a valley
+    that is curved, so that what each knows of their combination contradicts the others. A parameter without
+    information, or a difference below `MATERIAL`, does not count.
     """
     if not others.size:
         return 0.0
-    meta = random_effects(alone.points[others], alone.covariances[others], prior_deviations)
-    away, covariance = alone.points[r] - meta.mean, alone.covariances[r] + meta.covariance
-    informed = np.diag(covariance) < (INFORMED * prior_deviations) ** 2
-    if not np.any(np.abs(away[informed]) > MATERIAL):
-        return 0.0
-    limit = chi_squared_quantile(away.size, 1 - CHANCE / (others.size + 1))
-    return float(away @ np.linalg.solve(covariance, away)) / limit
+    p, largest = prior_deviations.size, 0.0
+    limit = chi_squared_quantile(1, 1 - CHANCE / (p * (others.size + 1)))
+    for j, prior in enumerate(prior_deviations):
+        own = float(alone.covariances[r, j, j])
+        one = slice(j, j + 1)
+        points, variances = alone.points[others, one], alone.covariances[others, one, one]
+        meta = random_effects(points, variances, prior_deviations[one])
+        away, variance = float(alone.points[r, j] - meta.mean[0]), own + float(meta.covariance[0, 0])
+        if variance < (INFORMED * prior) ** 2 and abs(away) > MATERIAL:
+            largest = max(largest, away**2 / variance / limit)
+    return largest

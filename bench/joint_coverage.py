@@ -1,0 +1,75 @@
+"""Joint diagnoses of n recordings of one unit: coverage and width of their intervals.
+
+Random faults on the base setting of docs/accuracy.md; load, temperature and noise are other ones in each
+recording. `python -m bench.joint_coverage --cases 24 --sizes 1,4,8` takes some minutes.
+"""
+
+import argparse
+from collections.abc import Sequence
+
+import numpy as np
+
+import emaphm as ema
+from emaphm.actuator import NAMES
+from emaphm.arrays import Array
+from emaphm.study import cases
+from emaphm.study.record import recorded
+from emaphm.study.rig import Manoeuvre, Rig
+from emaphm.text_table import format_table
+
+SEEDS = 1000
+"""Seeds of recordings to a case."""
+
+
+def held(diagnosis: ema.Diagnosis, truth: Array) -> list[bool]:
+    """Return for each component whether its 95 % interval holds the truth (8,), the phase on its circle."""
+    inside = []
+    for name, true in zip(NAMES, truth, strict=True):
+        low, high = diagnosis.interval[name]
+        turns = (-1, 0, 1) if name == "eccentricity_phase" else (0,)
+        inside.append(any(low <= true + turn <= high for turn in turns))
+    return inside
+
+
+def measure(count: int, sizes: Sequence[int], channels: tuple[str, ...]) -> list[tuple[str, ...]]:
+    """Return a row of text for each number of recordings, over `count` cases."""
+    actuator, rig = ema.Actuator.thesis(), Rig(label="base setting", channels=channels)
+    found: dict[int, list[tuple[ema.JointDiagnosis, Array]]] = {size: [] for size in sizes}
+    for case in range(count):
+        faults = cases.random_faults(case)
+        recordings = [
+            recorded(rig, actuator, Manoeuvre(), faults, SEEDS * case + i) for i in range(max(sizes))
+        ]
+        for size in sizes:
+            found[size].append((ema.diagnose_joint(recordings[:size], actuator), faults.vector))
+    errors = {
+        size: np.array([[one.standard_error for one in d.components.values()] for d, _ in every])
+        for size, every in found.items()
+    }
+    return [
+        (
+            str(size),
+            f"{100 * np.mean([held(d, truth) for d, truth in every]):.0f} %",
+            f"{np.median(errors[size] / errors[sizes[0]]):.2f}",
+            f"{(sizes[0] / size) ** 0.5:.2f}",
+            str(sum(d.explained for d, _ in every)),
+            str(sum(bool(d.contradicting) for d, _ in every)),
+        )
+        for size, every in found.items()
+    ]
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--cases", type=int, default=24)
+    parser.add_argument("--sizes", default="1,4,8")
+    parser.add_argument("--channels", default="current_A,voltage_V")
+    given = parser.parse_args()
+    sizes = [int(size) for size in given.sizes.split(",")]
+    header = ("recordings", "held", "standard error, relative", "1/√n", "explained", "one named")
+    print(format_table(header, measure(given.cases, sizes, tuple(given.channels.split(",")))))
+
+
+if __name__ == "__main__":
+    main()
