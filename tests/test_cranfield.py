@@ -133,3 +133,24 @@ def test_what_is_no_such_file_is_refused(
     assert (
         "no column set_point, position_error" in ask(example, capsys, "--healthy", path, "--judge", path)[2]
     )
+
+
+def test_a_damaged_cycle_is_left_out_and_named(
+    example: ModuleType, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    frame = pl.read_parquet(data / "normal.parquet").filter((pl.col("run") <= 6) & (pl.col("load") == 20))
+    rows = pl.int_range(pl.len())
+    # A gap in the current of the first cycle, the end of the second cut off, another command in the third.
+    damaged = frame.with_columns(
+        current=pl.when(rows == 100).then(None).otherwise(pl.col("current")),
+        set_point=pl.when(rows.is_between(648, 971)).then(160 - pl.col("set_point")).otherwise("set_point"),
+    ).filter(~rows.is_between(600, 647))
+    healthy, judged = tmp_path / "normal.parquet", tmp_path / "damaged.parquet"
+    frame.write_parquet(healthy)
+    damaged.write_parquet(judged)
+    code, out, err = ask(example, capsys, "--healthy", healthy, "--judge", judged, "--json")
+    assert code == 0
+    lines = err.splitlines()
+    assert len(lines) == 3
+    assert all(line.endswith("left out") for line in lines)
+    assert json.loads(out)["sets"]["damaged"]["runs_detected"] == 0.0
