@@ -125,7 +125,7 @@ def read(path: Path) -> dict[Run, list[Recording]]:
 
 
 def cycle_numbers(frame: pl.DataFrame) -> pl.Expr:
-    """Return the number of each row's cycle: one begins where time starts again or its run or load changes."""
+    """Return each row's cycle: one begins where time starts again, or run or load changes."""
     begins = pl.col("time").diff() < 0
     for name in ("run", "load", "profile", "group"):
         if name in frame.columns:
