@@ -17,6 +17,8 @@ from typing import Any
 import polars as pl
 import pytest
 
+from emaphm.detection import Detector
+
 ROOT = Path(__file__).resolve().parents[1]
 SCRIPT = ROOT / "examples" / "cranfield" / "cranfield.py"
 
@@ -98,6 +100,25 @@ def test_friction_below_healthy_is_possible(found: dict[str, Any]) -> None:
     healthy, loose = found["sets"]["normal"]["friction"], found["sets"]["backlash1"]["friction"]
     assert loose[2] < 0.97 * healthy[2]
     assert found["sets"]["backlash1"]["degraded"] == []
+
+
+def test_a_seeded_fault_is_named_and_never_the_other(example: ModuleType, data: Path) -> None:
+    healthy = example.read(data / "normal.parquet")
+    faults = {name: example.read(data / f"{name}.parquet") for name in ("lackLubrication1", "backlash1")}
+    known = Detector.learn(
+        [one for cycles in healthy.values() for one in cycles],
+        groups=[run for run, cycles in healthy.items() for _ in cycles],
+    ).with_seeded(
+        {
+            name: [one for run, cycles in runs.items() if run[2] % 2 == 0 for one in cycles]
+            for name, runs in faults.items()
+        }
+    )
+    for name, runs in faults.items():
+        nearest = [known.judge(cycles).nearest for run, cycles in runs.items() if run[2] % 2 == 1]
+        named = [one.fault for one in nearest if one is not None and one.alike]
+        assert set(named) == {name}
+        assert len(named) >= 0.95 * len(nearest)
 
 
 def small(data: Path, path: Path, *, runs: int, loads: tuple[int, ...]) -> Path:
