@@ -20,9 +20,11 @@ import numpy as np
 import polars as pl
 
 from emaphm.actuator.parameters import FaultScales
-from emaphm.detection import Detector, DetectorResult, LeftOut, judged_left_out
+from emaphm.detection import DETECTOR, Detector, DetectorResult, LeftOut, judged_left_out
 from emaphm.detection.stroke_friction import HealthyFriction, StrokeCurrent, current_per_load
+from emaphm.detection.thresholds import highest_rate
 from emaphm.errors import EmaphmError, RecordingError
+from emaphm.output_files import check_writable
 from emaphm.plotting.detection import draw_detected_sets
 from emaphm.recording import Recording
 from emaphm.text_table import format_table
@@ -74,10 +76,17 @@ def main() -> int:
     parser.add_argument("--json", action="store_true", help="Print one JSON object and nothing else.")
     parser.add_argument("--figure", type=Path, default=None, help="Where to draw: .svg, .png or .pdf.")
     arguments = parser.parse_args()
+    figure = arguments.figure or Path("cranfield.svg")
     try:
+        if not arguments.json:
+            check_writable(figure, force=True, endings=(".svg", ".png", ".pdf"))
         healthy = read(arguments.healthy)
         # The healthy file itself is always judged, by runs left out.
         others = [path for path in arguments.judge if path.resolve() != arguments.healthy.resolve()]
+        if len({path.stem for path in others}) < len(others):
+            raise RecordingError(
+                "two files to judge have the same name; rename one, as names tell sets apart"
+            )
         sets = {path.stem: read(path) for path in others}
         judged, left_out = judge_all(arguments.healthy.stem, healthy, sets)
     except EmaphmError as error:
@@ -87,7 +96,6 @@ def main() -> int:
         print(json.dumps(summary(judged, left_out)))
         return 0
     print(table(judged, left_out, arguments.healthy.stem))
-    figure = arguments.figure or Path("cranfield.svg")
     draw_detected_sets({name: one.runs for name, one in judged.items()}).savefig(figure)
     print(f"\nT² and Q of all runs drawn in {figure}")
     return 0
@@ -299,7 +307,7 @@ def table(judged: dict[str, Judged], left_out: list[LeftOut], healthy_name: str)
                 )
             )
     header = ("set", "runs", "cycles", "load [kgf]", "friction [N]", "change", "load's current", "degraded")
-    lines = [format_table(header, rows), "", left_out[0].run.shown + "."]
+    lines = [format_table(header, rows), "", shown(left_out)]
     lines += [f"{name}: {one.runs[0].sentence}." for name, one in judged.items() if name != healthy_name]
     lines += [
         account(name, load, one)
@@ -309,6 +317,17 @@ def table(judged: dict[str, Judged], left_out: list[LeftOut], healthy_name: str)
         if abs(change) <= half
     ]
     return "\n".join(lines)
+
+
+def shown(left_out: list[LeftOut]) -> str:
+    """Return what the healthy runs, each judged by a detector that never saw it, show of false alarms."""
+    alarms = sum(not one.run.like_healthy for one in left_out)
+    bound = highest_rate(alarms, len(left_out), DETECTOR.confidence)
+    return (
+        f"False alarms: {100 * DETECTOR.false_alarm_rate:g} % are asked for; {alarms} of {len(left_out)} healthy "
+        f"runs alarmed, each judged by a detector that never saw it, which shows at most {100 * bound:.2g} % "
+        f"with {100 * DETECTOR.confidence:g} % confidence."
+    )
 
 
 def account(name: str, load: float, one: Judged) -> str:

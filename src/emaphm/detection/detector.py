@@ -14,6 +14,7 @@ from emaphm.detection.cycle import Cycle, common_channels, cycle_of
 from emaphm.detection.features import feature_names
 from emaphm.detection.level import Level
 from emaphm.detection.manoeuvre import (
+    HealthyAtLoad,
     Manoeuvre,
     command_difference,
     learn_manoeuvre,
@@ -201,7 +202,7 @@ class Detector:
             contributions=self._contributions(manoeuvre, level, deviation),
             nearest=self._nearest(level, places[0], deviation),
             false_alarm_rate=self.settings.false_alarm_rate,
-            shown=self.shown(level),
+            shown=self.shown(level) + (f"; {drift_note([at])}" if places[0][1] in manoeuvre.drifting else ""),
         )
 
     def shown_rate(self, level: Level) -> float:
@@ -244,6 +245,7 @@ class Detector:
                 {
                     "manoeuvre": one.name,
                     "loads": [at.name for at in one.loads],
+                    "drifting": [one.loads[place].name for place in one.drifting],
                     "levels": [
                         {
                             "cycles": level.cycles,
@@ -269,6 +271,8 @@ class Detector:
             for level in one.levels:
                 what = "single cycles" if level.cycles == 1 else f"means of {level.cycles} cycles or more"
                 lines.append(f"  {what}: {self.shown(level)}.")
+            if one.drifting:
+                lines.append(f"  Note: {drift_note([one.loads[place] for place in one.drifting])}.")
         if self.seeded:
             lines.append(f"Seeded faults: {', '.join(dict.fromkeys(one.fault for one in self.seeded))}.")
         return "\n".join(lines)
@@ -331,6 +335,14 @@ class Detector:
                 if best is None or share > best.share:
                     best = Nearest(fault, share, share >= self.settings.alike)
         return best
+
+
+def drift_note(loads: Sequence[HealthyAtLoad]) -> str:
+    """Return what it means that healthy runs drift at `loads`."""
+    return (
+        f"healthy runs at {' and '.join(at.name for at in loads)} drift in their order: later ones may alarm "
+        "more often than that; teach runs from more days"
+    )
 
 
 def _along(deviation: Array, direction: Array) -> float:
