@@ -324,8 +324,8 @@ def shown(left_out: list[LeftOut]) -> str:
     alarms = sum(not one.run.like_healthy for one in left_out)
     bound = highest_rate(alarms, len(left_out), DETECTOR.confidence)
     return (
-        f"False alarms: {100 * DETECTOR.false_alarm_rate:g} % are asked for; {alarms} of {len(left_out)} healthy "
-        f"runs alarmed, each judged by a detector that never saw it, which shows at most {100 * bound:.2g} % "
+        f"False alarms: {100 * DETECTOR.false_alarm_rate:g} % are asked for; {alarms} of {len(left_out)} "
+        f"healthy runs alarmed, each judged by a detector that never saw it, which shows at most {100 * bound:.2g} % "
         f"with {100 * DETECTOR.confidence:g} % confidence."
     )
 
