@@ -325,8 +325,8 @@ def shown(left_out: list[LeftOut]) -> str:
     bound = highest_rate(alarms, len(left_out), DETECTOR.confidence)
     return (
         f"False alarms: {100 * DETECTOR.false_alarm_rate:g} % are asked for; {alarms} of {len(left_out)} "
-        f"healthy runs alarmed, each judged by a detector that never saw it, which shows at most {100 * bound:.2g} % "
-        f"with {100 * DETECTOR.confidence:g} % confidence."
+        "healthy runs alarmed, each judged by a detector that never saw it. That shows at most "
+        f"{100 * bound:.2g} % with {100 * DETECTOR.confidence:g} % confidence."
     )
 
 
