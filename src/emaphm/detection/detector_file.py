@@ -10,10 +10,11 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from emaphm.actuator import Actuator
-from emaphm.detection.detector import Detector, Seeded
+from emaphm.detection.detector import Detector
 from emaphm.detection.features import feature_names
 from emaphm.detection.level import Level
 from emaphm.detection.manoeuvre import HealthyAtLoad, Manoeuvre
+from emaphm.detection.seeded import Seeded
 from emaphm.detection.segments import Segment
 from emaphm.detection.settings import DETECTOR, DetectorSettings
 from emaphm.detection.statistics import HealthyScatter
