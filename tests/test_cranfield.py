@@ -17,6 +17,8 @@ from typing import Any
 import polars as pl
 import pytest
 
+from emaphm.detection import Detector
+
 ROOT = Path(__file__).resolve().parents[1]
 SCRIPT = ROOT / "examples" / "cranfield" / "cranfield.py"
 
@@ -100,6 +102,25 @@ def test_friction_below_healthy_is_possible(found: dict[str, Any]) -> None:
     assert found["sets"]["backlash1"]["degraded"] == []
 
 
+def test_a_seeded_fault_is_named_and_never_the_other(example: ModuleType, data: Path) -> None:
+    healthy = example.read(data / "normal.parquet")
+    faults = {name: example.read(data / f"{name}.parquet") for name in ("lackLubrication1", "backlash1")}
+    known = Detector.learn(
+        [one for cycles in healthy.values() for one in cycles],
+        groups=[run for run, cycles in healthy.items() for _ in cycles],
+    ).with_seeded(
+        {
+            name: [one for run, cycles in runs.items() if run[2] % 2 == 0 for one in cycles]
+            for name, runs in faults.items()
+        }
+    )
+    for name, runs in faults.items():
+        nearest = [known.judge(cycles).nearest for run, cycles in runs.items() if run[2] % 2 == 1]
+        named = [one.fault for one in nearest if one is not None and one.alike]
+        assert set(named) == {name}
+        assert len(named) >= 0.95 * len(nearest)
+
+
 def small(data: Path, path: Path, *, runs: int, loads: tuple[int, ...]) -> Path:
     frame = pl.read_parquet(data / path.name)
     frame.filter((pl.col("run") <= runs) & pl.col("load").is_in(loads)).write_parquet(path)
@@ -133,3 +154,24 @@ def test_what_is_no_such_file_is_refused(
     assert (
         "no column set_point, position_error" in ask(example, capsys, "--healthy", path, "--judge", path)[2]
     )
+
+
+def test_a_damaged_cycle_is_left_out_and_named(
+    example: ModuleType, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    frame = pl.read_parquet(data / "normal.parquet").filter((pl.col("run") <= 6) & (pl.col("load") == 20))
+    rows = pl.int_range(pl.len())
+    # A gap in the current of the first cycle, the end of the second cut off, another command in the third.
+    damaged = frame.with_columns(
+        current=pl.when(rows == 100).then(None).otherwise(pl.col("current")),
+        set_point=pl.when(rows.is_between(648, 971)).then(160 - pl.col("set_point")).otherwise("set_point"),
+    ).filter(~rows.is_between(600, 647))
+    healthy, judged = tmp_path / "normal.parquet", tmp_path / "damaged.parquet"
+    frame.write_parquet(healthy)
+    damaged.write_parquet(judged)
+    code, out, err = ask(example, capsys, "--healthy", healthy, "--judge", judged, "--json")
+    assert code == 0
+    lines = err.splitlines()
+    assert len(lines) == 3
+    assert all(line.endswith("left out") for line in lines)
+    assert json.loads(out)["sets"]["damaged"]["runs_detected"] == 0.0

@@ -19,9 +19,12 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from emaphm.detection import Detector, DetectorResult, LeftOut, judged_left_out
+from emaphm.actuator.parameters import FaultScales
+from emaphm.detection import DETECTOR, Detector, DetectorResult, LeftOut, judged_left_out
 from emaphm.detection.stroke_friction import HealthyFriction, StrokeCurrent, current_per_load
+from emaphm.detection.thresholds import highest_rate
 from emaphm.errors import EmaphmError, RecordingError
+from emaphm.output_files import check_writable
 from emaphm.plotting.detection import draw_detected_sets
 from emaphm.recording import Recording
 from emaphm.text_table import format_table
@@ -30,6 +33,11 @@ KGF = 9.80665
 """Newtons in the unit of the column `load`."""
 
 NEEDED = ("set_point", "position_error", "current", "load", "run", "time")
+
+CYCLE = ("profile", "load", "run", "cycle")
+
+MOST_ROWS_OFF = 0.01
+"""Largest relative difference in rows between cycles of a file."""
 
 Run = tuple[str, float, int]
 """Profile, load [N] and number of a run."""
@@ -68,20 +76,26 @@ def main() -> int:
     parser.add_argument("--json", action="store_true", help="Print one JSON object and nothing else.")
     parser.add_argument("--figure", type=Path, default=None, help="Where to draw: .svg, .png or .pdf.")
     arguments = parser.parse_args()
+    figure = arguments.figure or Path("cranfield.svg")
     try:
+        if not arguments.json:
+            check_writable(figure, force=True, endings=(".svg", ".png", ".pdf"))
         healthy = read(arguments.healthy)
         # The healthy file itself is always judged, by runs left out.
         others = [path for path in arguments.judge if path.resolve() != arguments.healthy.resolve()]
+        if len({path.stem for path in others}) < len(others):
+            raise RecordingError(
+                "two files to judge have the same name; rename one, as names tell sets apart"
+            )
         sets = {path.stem: read(path) for path in others}
         judged, left_out = judge_all(arguments.healthy.stem, healthy, sets)
     except EmaphmError as error:
-        print(f"cranfield: {error}", file=sys.stderr)
+        say(str(error))
         return 2
     if arguments.json:
         print(json.dumps(summary(judged, left_out)))
         return 0
     print(table(judged, left_out, arguments.healthy.stem))
-    figure = arguments.figure or Path("cranfield.svg")
     draw_detected_sets({name: one.runs for name, one in judged.items()}).savefig(figure)
     print(f"\nT² and Q of all runs drawn in {figure}")
     return 0
@@ -98,27 +112,51 @@ def read(path: Path) -> dict[Run, list[Recording]]:
         raise RecordingError(f"{path}: no column {', '.join(missing)}; give a file of the Cranfield data set")
     if "profile" not in frame.columns:
         frame = frame.with_columns(profile=pl.lit("one"))
-    # Where cycles are not numbered, a new one begins where time starts again.
-    again = (
-        (pl.col("time").diff() < 0) | (pl.col("run").diff() != 0) | (pl.col("load").diff() != 0)
-    ).cum_sum()
-    frame = frame.with_columns(cycle=again.fill_null(0))
+    frame = frame.with_columns(pl.col("load").cast(pl.Float64), cycle=cycle_numbers(frame))
     runs: dict[Run, list[Recording]] = {}
-    keys = ("profile", "load", "run", "cycle")
-    for (profile, load, run, cycle), rows in frame.group_by(keys, maintain_order=True):
-        command = rows["set_point"].to_numpy() * 1e-3
-        columns = {
-            "time_s": rows["time"].to_numpy(),
-            "command_rad": command,  # [m]: the actuator is linear
-            "position_rad": command - rows["position_error"].to_numpy() * 1e-3,
-            "current_A": rows["current"].to_numpy(),
-            "load_Nm": np.full(command.size, load * KGF),  # [N]
-        }
-        source = f"{path.name}, load {load} kgf, run {run}, cycle {cycle}"
-        runs.setdefault((str(profile), load * KGF, int(run)), []).append(
-            Recording(columns, "instant", source)
-        )
+    lengths = frame.group_by("cycle").len()["len"].to_numpy()
+    usual = int(np.bincount(lengths).argmax())
+    for (profile, load, run, cycle), rows in frame.group_by(CYCLE, maintain_order=True):
+        source = f"{path.name}, load {load:g} kgf, run {run}, cycle {cycle}"
+        try:
+            recording = recording_of(rows, load * KGF, source)
+        except RecordingError as error:
+            say(f"{error}; left out")
+            continue
+        if abs(recording.samples - usual) > MOST_ROWS_OFF * usual:
+            say(f"{source}: {recording.samples} rows, others have {usual}; left out")
+            continue
+        runs.setdefault((str(profile), load * KGF, int(run)), []).append(recording)
+    if not runs:
+        raise RecordingError(f"{path}: no cycle of it can be read; see what is said of each")
     return runs
+
+
+def cycle_numbers(frame: pl.DataFrame) -> pl.Expr:
+    """Return each row's cycle: one begins where time starts again, or run or load changes."""
+    begins = pl.col("time").diff() < 0
+    for name in ("run", "load", "profile", "group"):
+        if name in frame.columns:
+            begins = begins | (pl.col(name) != pl.col(name).shift())
+    return begins.fill_null(value=False).cum_sum()
+
+
+def recording_of(rows: pl.DataFrame, load: float, source: str) -> Recording:
+    """Return a cycle in SI units, at a load [N]."""
+    command = rows["set_point"].to_numpy() * 1e-3
+    columns = {
+        "time_s": rows["time"].to_numpy(),
+        "command_rad": command,  # [m]: the actuator is linear
+        "position_rad": command - rows["position_error"].to_numpy() * 1e-3,
+        "current_A": rows["current"].to_numpy(),
+        "load_Nm": np.full(command.size, load),  # [N]
+    }
+    return Recording(columns, "instant", source)
+
+
+def say(text: str) -> None:
+    """Print a line on stderr."""
+    print(f"cranfield: {text}", file=sys.stderr)
 
 
 def judge_all(
@@ -132,7 +170,7 @@ def judge_all(
     detector = Detector.learn(recordings, groups=groups)
     currents = stroke_currents(healthy)
     for name, runs in sets.items():
-        judged[name] = judge_set(known_runs(name, runs, healthy), detector, currents)
+        judged[name] = judge_set(known_runs(name, runs, healthy, detector), detector, currents)
     return judged, left_out
 
 
@@ -168,10 +206,10 @@ def judge_set(
         ones = [one for run, cycles in currents.items() if run[1] == load for one in cycles]
         estimate = reference[load].judge(float(np.mean([one.friction_A for one in ones])))
         degraded = degraded or estimate.verdict == "degraded"
-        scale = 2.0  # friction × (1 + 2 k)
+        scale = FaultScales().friction  # friction × (1 + scale × k)
         change[load] = (scale * estimate.value, scale * (estimate.interval95[1] - estimate.value))
         before = [one.load_A for run, cycles in healthy.items() if run[1] == load for one in cycles]
-        share[load] = float(np.mean([one.load_A for one in ones]) / np.mean(before))
+        share[load] = float(np.mean([one.load_A for one in ones]) / np.mean(before)) if load else np.nan
     return Judged(
         [detector.judge(cycles) for cycles in runs.values()],
         [detector.judge(one) for cycles in runs.values() for one in cycles],
@@ -183,18 +221,22 @@ def judge_set(
 
 
 def known_runs(
-    name: str, runs: dict[Run, list[Recording]], healthy: dict[Run, list[Recording]]
+    name: str, runs: dict[Run, list[Recording]], healthy: dict[Run, list[Recording]], detector: Detector
 ) -> dict[Run, list[Recording]]:
-    """Return the runs whose profile and load were recorded healthy, and say which others there are."""
+    """Return the runs whose profile, load and command were recorded healthy; say which others there are."""
     known = {run[:2] for run in healthy}
     foreign = sorted({run[:2] for run in runs} - known)
     for profile, load in foreign:
-        print(
-            f"cranfield: {name}: profile '{profile}' at {load / KGF:g} kgf was never recorded healthy; "
-            "left out",
-            file=sys.stderr,
-        )
-    rest = {run: cycles for run, cycles in runs.items() if run[:2] in known}
+        say(f"{name}: profile '{profile}' at {load / KGF:g} kgf was never recorded healthy; left out")
+    rest: dict[Run, list[Recording]] = {}
+    for run, cycles in runs.items():
+        for cycle in cycles if run[:2] in known else ():
+            try:
+                detector.judge(cycle)
+            except RecordingError as error:
+                say(f"{error}; left out")
+            else:
+                rest.setdefault(run, []).append(cycle)
     if not rest:
         raise RecordingError(
             f"{name}: none of its manoeuvres and loads was recorded healthy; give a healthy file with them"
@@ -218,13 +260,16 @@ def reference_friction(healthy: dict[Run, list[StrokeCurrent]]) -> dict[float, H
 def in_newtons(
     currents: dict[Run, list[StrokeCurrent]], healthy: dict[Run, list[StrokeCurrent]]
 ) -> dict[float, float]:
-    """Return the friction force [N] by load [N]: the known loads say how much current a newton takes."""
+    """Return the friction force [N] by load [N]: the known loads say how much current a newton takes.
+
+    Where all loads are 0, nothing says it: the friction is in amperes then.
+    """
     pairs = [(one, run[1]) for run, cycles in healthy.items() for one in cycles]
     per_newton = current_per_load([one for one, _ in pairs], [load for _, load in pairs])
     return {
         load: float(
             np.mean([one.friction_A for run, ones in currents.items() if run[1] == load for one in ones])
-            / per_newton
+            / (per_newton if np.isfinite(per_newton) else 1.0)
         )
         for load in sorted({run[1] for run in currents})
     }
@@ -262,7 +307,7 @@ def table(judged: dict[str, Judged], left_out: list[LeftOut], healthy_name: str)
                 )
             )
     header = ("set", "runs", "cycles", "load [kgf]", "friction [N]", "change", "load's current", "degraded")
-    lines = [format_table(header, rows), "", left_out[0].run.shown + "."]
+    lines = [format_table(header, rows), "", shown(left_out)]
     lines += [f"{name}: {one.runs[0].sentence}." for name, one in judged.items() if name != healthy_name]
     lines += [
         account(name, load, one)
@@ -272,6 +317,17 @@ def table(judged: dict[str, Judged], left_out: list[LeftOut], healthy_name: str)
         if abs(change) <= half
     ]
     return "\n".join(lines)
+
+
+def shown(left_out: list[LeftOut]) -> str:
+    """Return what the healthy runs, each judged by a detector that never saw it, show of false alarms."""
+    alarms = sum(not one.run.like_healthy for one in left_out)
+    bound = highest_rate(alarms, len(left_out), DETECTOR.confidence)
+    return (
+        f"False alarms: {100 * DETECTOR.false_alarm_rate:g} % are asked for; {alarms} of {len(left_out)} "
+        "healthy runs alarmed, each judged by a detector that never saw it. That shows at most "
+        f"{100 * bound:.2g} % with {100 * DETECTOR.confidence:g} % confidence."
+    )
 
 
 def account(name: str, load: float, one: Judged) -> str:

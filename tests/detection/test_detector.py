@@ -70,6 +70,25 @@ def test_it_says_what_so_few_runs_can_show() -> None:
     assert "of 15 healthy runs left out" in result.shown
 
 
+def test_healthy_runs_that_drift_are_named() -> None:
+    steady, groups = runs(HEALTHY, 10, seed=30, cycles=3)
+    wearing_in = [Rig(friction=0.8 - 0.02 * k, run_scatter=0.0) for k in range(10)]
+    drifting = [runs(rig, 1, seed=40 + k, cycles=3, load=-100.0)[0] for k, rig in enumerate(wearing_in)]
+    known = Detector.learn(
+        [*steady, *(one for run in drifting for one in run)],
+        groups=[*groups, *(100 + k for k in range(10) for _ in range(3))],
+    )
+    assert [known.manoeuvres[0].loads[place].name for place in known.manoeuvres[0].drifting] == ["load -100"]
+    assert "load -100 drift in their order" in known.judge(drifting[0]).shown
+    assert "drift" not in known.judge(steady[0]).shown
+
+
+def test_few_steady_rigs_seem_to_drift() -> None:
+    found = [Detector.learn(runs(HEALTHY, 12, seed=seed)[0]).manoeuvres[0].drifting for seed in range(40)]
+    # At 1 %, three or more of 40 have the probability 0.8 %.
+    assert sum(map(bool, found)) <= 2
+
+
 def test_the_nearest_seeded_fault_is_named(detector: Detector) -> None:
     examples = {
         "friction": runs(WORN, 4, seed=9)[0],

@@ -14,29 +14,18 @@ from emaphm.detection.cycle import Cycle, common_channels, cycle_of
 from emaphm.detection.features import feature_names
 from emaphm.detection.level import Level
 from emaphm.detection.manoeuvre import (
+    HealthyAtLoad,
     Manoeuvre,
     command_difference,
     learn_manoeuvre,
     same_load,
 )
-from emaphm.detection.result import Contribution, DetectorResult, Nearest
+from emaphm.detection.result import Contribution, DetectorResult
+from emaphm.detection.seeded import Seeded, nearest_seeded
 from emaphm.detection.settings import DETECTOR, DetectorSettings
 from emaphm.detection.thresholds import highest_rate, runs_to_show
 from emaphm.errors import MethodError, RecordingError
 from emaphm.recording import Recording
-
-
-@dataclass(frozen=True, eq=False)
-class Seeded:
-    """Mean deviation of recordings with a seeded fault, (features,), at a load of a manoeuvre.
-
-    `manoeuvre` and `load` are the places in the detector's and the manoeuvre's list.
-    """
-
-    fault: str
-    manoeuvre: int
-    load: int
-    deviation: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,9 +188,9 @@ class Detector:
             t2_threshold=level.t2_threshold,
             q_threshold=level.q_threshold,
             contributions=self._contributions(manoeuvre, level, deviation),
-            nearest=self._nearest(level, places[0], deviation),
+            nearest=nearest_seeded(self.seeded, level, places[0], deviation, self.settings),
             false_alarm_rate=self.settings.false_alarm_rate,
-            shown=self.shown(level),
+            shown=self.shown(level) + (f"; {drift_note([at])}" if places[0][1] in manoeuvre.drifting else ""),
         )
 
     def shown_rate(self, level: Level) -> float:
@@ -244,6 +233,7 @@ class Detector:
                 {
                     "manoeuvre": one.name,
                     "loads": [at.name for at in one.loads],
+                    "drifting": [one.loads[place].name for place in one.drifting],
                     "levels": [
                         {
                             "cycles": level.cycles,
@@ -269,6 +259,8 @@ class Detector:
             for level in one.levels:
                 what = "single cycles" if level.cycles == 1 else f"means of {level.cycles} cycles or more"
                 lines.append(f"  {what}: {self.shown(level)}.")
+            if one.drifting:
+                lines.append(f"  Note: {drift_note([one.loads[place] for place in one.drifting])}.")
         if self.seeded:
             lines.append(f"Seeded faults: {', '.join(dict.fromkeys(one.fault for one in self.seeded))}.")
         return "\n".join(lines)
@@ -314,26 +306,10 @@ class Detector:
             for k, (name, segment) in enumerate(zip(names, segments, strict=True))
         )
 
-    def _nearest(self, level: Level, place: tuple[int, int], deviation: Array) -> Nearest | None:
-        """Return the seeded fault in whose direction `deviation` lies; at this load where that was seeded."""
-        same = [one for one in self.seeded if (one.manoeuvre, one.load) == place]
-        others = [one for one in self.seeded if one.manoeuvre == place[0]]
-        found = level.scatter.whitened(deviation)[0]
-        excess = max(float(found @ found) - level.energy, 0.0)
-        best: Nearest | None = None
-        for fault in dict.fromkeys(one.fault for one in others):
-            ones = [one for one in same if one.fault == fault] or [
-                one for one in others if one.fault == fault
-            ]
-            for one in ones:
-                along = _along(found, level.scatter.whitened(one.deviation))
-                share = min(along**2 / excess, 1.0) if along > 0 and excess > 0 else 0.0
-                if best is None or share > best.share:
-                    best = Nearest(fault, share, share >= self.settings.alike)
-        return best
 
-
-def _along(deviation: Array, direction: Array) -> float:
-    """Return the length of `deviation` along `direction`, (features,) both; 0 where that has none."""
-    size = float(np.linalg.norm(direction))
-    return float(deviation @ direction) / size if size > 0 else 0.0
+def drift_note(loads: Sequence[HealthyAtLoad]) -> str:
+    """Return what it means that healthy runs drift at `loads`."""
+    return (
+        f"healthy runs at {' and '.join(at.name for at in loads)} drift in their order: later ones may alarm "
+        "more often than that; teach runs from more days"
+    )

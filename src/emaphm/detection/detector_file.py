@@ -10,10 +10,11 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from emaphm.actuator import Actuator
-from emaphm.detection.detector import Detector, Seeded
+from emaphm.detection.detector import Detector
 from emaphm.detection.features import feature_names
 from emaphm.detection.level import Level
 from emaphm.detection.manoeuvre import HealthyAtLoad, Manoeuvre
+from emaphm.detection.seeded import Seeded
 from emaphm.detection.segments import Segment
 from emaphm.detection.settings import DETECTOR, DetectorSettings
 from emaphm.detection.statistics import HealthyScatter
@@ -73,6 +74,7 @@ class _Manoeuvre(_Part):
     scales: list[Positive]
     loads: Annotated[list[_Load], Field(min_length=1)]
     levels: Annotated[list[_Level], Field(min_length=1)]
+    drifting: list[Count]
 
 
 class _Seeded(_Part):
@@ -176,6 +178,7 @@ def _manoeuvre_dict(one: Manoeuvre) -> dict[str, Any]:
         "interval_s": one.interval_s,
         "segments": [{"first": s.first, "stop": s.stop, "stroke": s.stroke} for s in one.segments],
         "scales": one.scales.tolist(),
+        "drifting": list(one.drifting),
         "loads": [
             {"load": at.load.tolist(), "mean": at.mean.tolist(), "centre": at.centre.tolist()}
             for at in one.loads
@@ -219,6 +222,7 @@ def _manoeuvre(one: _Manoeuvre) -> Manoeuvre:
             )
             for level in one.levels
         ),
+        tuple(one.drifting),
     )
 
 
@@ -232,7 +236,7 @@ def _check_sizes(one: _Manoeuvre, channels: int, features: int) -> None:
     edges = [(s.first, s.stop) for s in one.segments]
     adjoin = edges[0][0] == 0 and edges[-1][1] == rows and all(a < b for a, b in edges)
     adjoin = adjoin and all(before[1] == after[0] for before, after in pairwise(edges))
-    right = adjoin and len(one.scales) == channels
+    right = adjoin and len(one.scales) == channels and all(place < len(one.loads) for place in one.drifting)
     for at in one.loads:
         right = right and len(at.load) == rows and len(at.centre) == features
         right = right and _shape(at.mean) == (rows, channels)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from emaphm.arrays import Array
 from emaphm.detection.cycle import Cycle, rms
+from emaphm.detection.drift import drifting_loads
 from emaphm.detection.features import features_of
 from emaphm.detection.level import Level, learn_level
 from emaphm.detection.segments import Segment, segments_of
@@ -67,6 +68,8 @@ class Manoeuvre:
         Its loads.
     levels
         Scatter and thresholds of one cycle, and of the mean of a run where all runs have several.
+    drifting
+        Places of the loads at which healthy runs drift in the order in which they were given.
     """
 
     command: Array
@@ -75,6 +78,7 @@ class Manoeuvre:
     scales: Array
     loads: tuple[HealthyAtLoad, ...]
     levels: tuple[Level, ...]
+    drifting: tuple[int, ...] = ()
 
     @property
     def name(self) -> str:
@@ -138,7 +142,8 @@ def learn_manoeuvre(
     )
     fewest = min(int(np.sum((runs == run) & (at == load))) for run, load in set(zip(runs, at, strict=True)))
     levels = tuple(learn_level(features, runs, at, count, settings) for count in dict.fromkeys((1, fewest)))
-    return Manoeuvre(first.command, first.interval_s, segments, scales, loads, levels)
+    drifting = drifting_loads(features, runs, at, levels[0], settings)
+    return Manoeuvre(first.command, first.interval_s, segments, scales, loads, levels, drifting)
 
 
 def same_load(one: Array, other: Array, largest: float, settings: DetectorSettings) -> bool:

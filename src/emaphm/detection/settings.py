@@ -36,6 +36,9 @@ class DetectorSettings:
         Largest rms difference of two loads that count as one, as a share of the largest load learned.
     rows_tolerance
         Largest relative difference in rows, and in sample rate, of cycles of one manoeuvre.
+    drift_directions, drift_significance
+        Principal directions in which healthy runs are tested for a drift with their order, and the
+        significance of all tests together.
     alike
         Share of a deviation, less what healthy scatter adds to its square, that must lie along a seeded
         fault's direction to be called alike: half.
@@ -56,6 +59,8 @@ class DetectorSettings:
     command_tolerance: float = 0.02
     load_tolerance: float = 0.05
     rows_tolerance: float = 0.01
+    drift_directions: int = 3
+    drift_significance: float = 0.01
     alike: float = 0.5
 
 
