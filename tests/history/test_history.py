@@ -174,7 +174,9 @@ def test_the_blocks_hold_each_key_of_a_diagnosis_once(history: History) -> None:
     fill(history, range(1, 2))
     (kept,) = history.unit("S1").diagnoses()
     blocks = diagnosis_blocks(kept)
-    parts = [blocks[name] for name in ("data_manipulation", "state_detection", "health_assessment", "settings")]
+    parts = [
+        blocks[name] for name in ("data_manipulation", "state_detection", "health_assessment", "settings")
+    ]
     keys = [key for part in parts for key in part]
     assert len(keys) == len(set(keys))
     assert set(keys) - {"recording_hash", "description"} == set(kept.document)

@@ -29,7 +29,9 @@ LONGEST_S = 10.0
 def flown(history: History) -> History:
     """Return a history with a unit at 10, 20 and 30 h; each tenth hour has a recording of its number."""
     for number in (1, 2, 3):
-        history.add(Entry("SN-0042", made_up.PART, 10.0 * number, 5 * number), recording(number), diagnosis(number))
+        history.add(
+            Entry("SN-0042", made_up.PART, 10.0 * number, 5 * number), recording(number), diagnosis(number)
+        )
     return history
 
 
@@ -46,7 +48,11 @@ def refusal(call: Callable[[], object]) -> str:
 CONTRADICTIONS = {
     "hours going backwards": (Entry("SN-0042", made_up.PART, 25.0), 7, "30 h already, 25 h .* --late"),
     "the recording of another unit": (Entry("SN-0043", made_up.PART, 50.0), 2, "'2.csv' of unit 'SN-0042'"),
-    "the recording at other hours": (Entry("SN-0042", made_up.PART, 40.0), 3, "at 30 h; it cannot be of 40 h"),
+    "the recording at other hours": (
+        Entry("SN-0042", made_up.PART, 40.0),
+        3,
+        "at 30 h; it cannot be of 40 h",
+    ),
     "the recording at other cycles": (Entry("SN-0042", made_up.PART, 30.0, 99), 3, "at 15 cycles"),
     "another part number": (Entry("SN-0042", "P/N 7", 40.0), 7, "part number 'thesis', .* 'P/N 7'.*--part"),
     "fewer cycles later": (Entry("SN-0042", made_up.PART, 40.0, 14), 7, "15 cycles at 30 h, so 14 at 40 h"),
@@ -148,7 +154,7 @@ def test_a_newer_history_is_refused_with_what_to_do(address: str) -> None:
 
 
 def test_there_must_be_a_history_to_read(address: str) -> None:
-    with pytest.raises(HistoryError, match="no such history|holds no history"):
+    with pytest.raises(HistoryError, match=r"no such history|holds no history"):
         History.open(address)
 
 
@@ -229,7 +235,9 @@ def test_a_server_that_never_answers(silent: int) -> None:
 def test_whatever_hangs_is_given_up(silent: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(database, "SETTINGS", replace(database.SETTINGS, answer_s=0.5))
     address = Address.of(f"postgresql://me@127.0.0.1:{silent}/fleet")
-    assert "no answer within 0.5 s; check the address" in refusal(lambda: Database.open(address, create=False))
+    assert "no answer within 0.5 s; check the address" in refusal(
+        lambda: Database.open(address, create=False)
+    )
 
 
 def test_a_wrong_password_is_not_repeated() -> None:
