@@ -132,7 +132,7 @@ def _fill_oldest(connection: sa.Connection) -> None:
 
 
 def form(address: str) -> str:
-    """Return the form of a history as its mark says, after checking that its tables are those of that form."""
+    """Return the form of a history as its mark says, after checking its tables."""
     database = Database.open(Address.of(address), create=False)
     with database.reading() as connection:
         tables = set(sa.inspect(connection).get_table_names())
