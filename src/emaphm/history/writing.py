@@ -115,16 +115,17 @@ def add_diagnosis(
         {"serial_number": entry.unit},
         {"part_number": entry.part_number, "added_at": now},
     )
+    stated = {"cycles": entry.cycles, "position": entry.position}
     flight_id = _id_of(
         connection,
         FLIGHTS,
         {"unit_id": unit_id, "hours": entry.hours},
-        {"cycles": entry.cycles, "position": entry.position},
+        stated,
     )
-    # What a recording of the same flight left open.
-    for name, value in (("cycles", entry.cycles), ("position", entry.position)):
-        if value is not None:
-            connection.execute(FLIGHTS.update().where(FLIGHTS.c.id == flight_id).values({name: value}))
+    # What an earlier recording of the flight left open.
+    given = {name: value for name, value in stated.items() if value is not None}
+    if given:
+        connection.execute(FLIGHTS.update().where(FLIGHTS.c.id == flight_id).values(given))
     recording_id = _id_of(
         connection,
         RECORDINGS,
