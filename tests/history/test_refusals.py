@@ -84,6 +84,13 @@ def test_an_old_recording_may_be_added_late(flown: History) -> None:
     assert not flown.add(entry("SN-0042", 10.0), recording(1), diagnosis(1)).added
 
 
+def test_cycles_given_late_must_fit_too(history: History) -> None:
+    history.add(entry(hours=10.0), recording(1), diagnosis(1))
+    history.add(Entry("S1", made_up.PART, 20.0, 5), recording(2), diagnosis(2))
+    with pytest.raises(HistoryError, match="5 cycles at 20 h, so 9 at 10 h"):
+        history.add(Entry("S1", made_up.PART, 10.0, 9), recording(1), diagnosis(1, seed=1))
+
+
 def test_hours_are_not_below_those_of_a_removal(flown: History) -> None:
     flown.add_removal("SN-0042", Removal(50.0, "scheduled"))
     with pytest.raises(HistoryError, match="50 h already"):

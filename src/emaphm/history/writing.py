@@ -28,9 +28,12 @@ def check_entry(connection: sa.Connection, entry: Entry, recording_hash: str) ->
             f"unit '{entry.unit}' has the part number '{found.part_number}', the diagnosis is of "
             f"'{entry.part_number}'; check --unit and --actuator, or give --part"
         )
-    if not _is_there(connection, entry, recording_hash) and found is not None:
+    is_there = _is_there(connection, entry, recording_hash)
+    if found is None:
+        return
+    if not is_there:
         _check_hours(connection, found, entry)
-        _check_cycles(connection, found, entry)
+    _check_cycles(connection, found, entry)
 
 
 def _is_there(connection: sa.Connection, entry: Entry, recording_hash: str) -> bool:
