@@ -15,7 +15,7 @@ from emaphm.cli import main
 
 from .conftest import Emaphm
 
-HEAVY = ("numba", "scipy", "polars", "matplotlib", "pydantic", "numpy", "jinja2")
+HEAVY = ("numba", "scipy", "polars", "matplotlib", "pydantic", "numpy", "jinja2", "sqlalchemy", "alembic")
 
 ON_POSIX = pytest.mark.skipif(sys.platform == "win32", reason="needs a POSIX shell and signals")
 
@@ -66,7 +66,7 @@ def ended(process: "subprocess.Popen[bytes]") -> tuple[int, str, str]:
     return process.returncode, (out or b"").decode(), (err or b"").decode()
 
 
-@pytest.mark.parametrize("verb", ["", "demo", "simulate", "diagnose", "calibrate", "replay"])
+@pytest.mark.parametrize("verb", ["", "demo", "simulate", "diagnose", "calibrate", "replay", "history"])
 def test_help_loads_nothing_heavy(verb: str) -> None:
     code = (
         "import json, sys; from emaphm.cli import main; main(sys.argv[1:]); print(json.dumps([*sys.modules]))"

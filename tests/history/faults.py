@@ -1,6 +1,6 @@
-"""`python -m tests.history.faults --kills 50 [--db URL]`: kills a writer, and lets eight write at once.
+"""`python -m tests.history.faults --kills 50 [--db URL]`: kills and crowds writers of a history.
 
-Prints what it found, and ends with 1 if anything acknowledged was lost, or anything is there twice or in part.
+Prints what it found; it ends with 1 if anything acknowledged is lost, or anything is there twice or in part.
 """
 
 import argparse
@@ -42,8 +42,10 @@ def held(where: str) -> list[int]:
     """Return the numbers of the recordings in a history, after checking that each is there as a whole."""
     with History.open(where) as history:
         with history.database.reading() as connection:
-            counts = [connection.execute(sa.select(sa.func.count()).select_from(table)).scalar_one()
-                      for table in (RECORDINGS, DIAGNOSES)]
+            counts = [
+                connection.execute(sa.select(sa.func.count()).select_from(table)).scalar_one()
+                for table in (RECORDINGS, DIAGNOSES)
+            ]
             without = connection.execute(
                 sa.select(sa.func.count())
                 .select_from(UNITS)
@@ -74,7 +76,7 @@ def kill_writers(home: Nursery, where: str, folder: Path, kills: int, seed: int 
     AssertionError
         Something that was acknowledged is lost, or there twice, or what was not is there in part.
     """
-    dice, notes = random.Random(seed), folder / "acknowledged"  # noqa: S311 - nothing secret
+    dice, notes = random.Random(seed), folder / "acknowledged"
     halfway = 0
     for kill in range(kills):
         before = acknowledged(notes)
@@ -109,7 +111,11 @@ def _check(where: str, after: Sequence[int], kill: int) -> None:
     if not after and not _is_made(where):
         return  # killed before there was a history
     numbers = held(where)
-    if len(set(numbers)) < len(numbers) or not set(after) <= set(numbers) or len(numbers) > len(set(after)) + 1:
+    if (
+        len(set(numbers)) < len(numbers)
+        or not set(after) <= set(numbers)
+        or len(numbers) > len(set(after)) + 1
+    ):
         raise AssertionError(f"kill {kill}: {after} were acknowledged, {numbers} are there")
 
 
@@ -124,7 +130,7 @@ def _is_made(where: str) -> bool:
 
 
 def write_at_once(home: Nursery, where: str, folder: Path, writers: int = 8, each: int = 12) -> None:
-    """Let writers add recordings at once, half of them shared with the next writer, to a history yet to be made.
+    """Let writers add recordings at once, half of them the next writer's too, to a new history.
 
     Raises
     ------
@@ -132,10 +138,11 @@ def write_at_once(home: Nursery, where: str, folder: Path, writers: int = 8, eac
         A writer failed, or something is lost or there twice.
     """
     jobs = [
-        Job(where, str(folder / f"writer {i}"), list(range(i * each // 2, i * each // 2 + each))) for i in range(writers)
+        Job(where, str(folder / f"writer {i}"), list(range(i * each // 2, i * each // 2 + each)))
+        for i in range(writers)
     ]
     children = [home.start(job) for job in jobs]
-    if any([home.wait(child) for child in children]):
+    if {home.wait(child) for child in children} != {0}:
         raise AssertionError("a writer failed")
     every = sorted({number for job in jobs for number in job.numbers})
     if held(where) != every:
@@ -147,7 +154,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.history.faults", description=__doc__)
     parser.add_argument("--kills", type=int, default=50)
     parser.add_argument("--writers", type=int, default=8)
-    parser.add_argument("--db", help="an empty PostgreSQL database, whose schemas 'kills' and 'writers' are used")
+    parser.add_argument(
+        "--db", help="an empty PostgreSQL database, whose schemas 'kills' and 'writers' are used"
+    )
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder, nursery() as home:
         places = [str(Path(folder) / "kills.sqlite"), str(Path(folder) / "writers.sqlite")]
@@ -155,13 +164,14 @@ def main() -> int:
             places = [_schema(arguments.db, name) for name in ("kills", "writers")]
         began = time.monotonic()
         halfway = kill_writers(home, places[0], Path(folder), arguments.kills)
+        took = time.monotonic() - began
         print(
-            f"{arguments.kills} kills, {halfway} of a writer halfway: nothing acknowledged lost, nothing twice "
-            f"({time.monotonic() - began:.1f} s)"
+            f"{arguments.kills} kills, {halfway} of a writer halfway, in {took:.1f} s: nothing lost or twice"
         )
         began = time.monotonic()
         write_at_once(home, places[1], Path(folder), arguments.writers)
-        print(f"{arguments.writers} writers at once: nothing lost, nothing twice ({time.monotonic() - began:.1f} s)")
+        took = time.monotonic() - began
+        print(f"{arguments.writers} writers at once, in {took:.1f} s: nothing lost or twice")
     return 0
 
 

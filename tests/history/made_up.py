@@ -23,7 +23,9 @@ def recording(number: int) -> Recording:
     return Recording({"time_s": time, "command_rad": command, "current_A": current}, source=f"{number}.csv")
 
 
-def diagnosis(number: int, *, explained: bool = True, actuator: Actuator = THESIS, seed: int = 0) -> Diagnosis:
+def diagnosis(
+    number: int, *, explained: bool = True, actuator: Actuator = THESIS, seed: int = 0
+) -> Diagnosis:
     """Return a diagnosis with values, and a covariance without zeros, of its number's own."""
     random = np.random.default_rng(number)
     vector = 0.2 + 0.6 * random.random(8)

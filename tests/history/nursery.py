@@ -1,4 +1,4 @@
-"""`python -m tests.history.nursery`: forks writers of a history at its stdin's orders, for tests that kill them.
+"""`python -m tests.history.nursery`: forks writers of a history, for tests that kill them.
 
 A Python that has loaded everything takes a millisecond to fork, and two seconds to start. An order is a line
 of JSON, a `Job`; the answer is the writer's process id and, when it has ended, its wait status.
@@ -103,7 +103,7 @@ def nursery() -> Iterator[Nursery]:
     """Yield a nursery, ended with the block."""
     root = Path(__file__).resolve().parents[2]
     path = os.pathsep.join([str(root / "src"), str(root), os.environ.get("PYTHONPATH", "")])
-    with subprocess.Popen(  # noqa: S603 - the arguments are this file's
+    with subprocess.Popen(
         [sys.executable, "-W", "ignore", "-m", "tests.history.nursery"],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,

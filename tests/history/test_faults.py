@@ -46,7 +46,7 @@ def test_killed_writers_lose_nothing(home: Nursery, address: str, tmp_path: Path
     assert kill_writers(home, address, tmp_path, KILLS) > 0
 
 
-def test_a_kill_within_a_transaction_leaves_nothing_of_it(home: Nursery, address: str, tmp_path: Path) -> None:
+def test_a_kill_within_a_transaction_leaves_nothing(home: Nursery, address: str, tmp_path: Path) -> None:
     notes = tmp_path / "acknowledged"
     child = home.start(Job(address, str(notes), [0, 1, 2], pause_at=1))
     deadline = time.monotonic() + PATIENCE_S
@@ -75,6 +75,12 @@ def test_a_file_is_alone_when_all_have_closed_it(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["history.sqlite"]
 
 
+def add_many(path: Path, numbers: range) -> None:
+    with History.open(path) as history:
+        for number in numbers:
+            history.add(entry(hours=10.0 * number), recording(number), diagnosis(number))
+
+
 def test_a_full_disk_keeps_what_was_there(tmp_path: Path) -> None:
     path = tmp_path / "history.sqlite"
     with History.open(path, create=True) as history:
@@ -83,12 +89,8 @@ def test_a_full_disk_keeps_what_was_there(tmp_path: Path) -> None:
     # Python ignores the signal, and writing beyond the limit fails as on a full disk.
     resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, limits[1]))
     try:
-        with (
-            pytest.raises(HistoryError, match="free space there.*what was added before is kept"),
-            History.open(path) as history,
-        ):
-            for number in range(2, 20):
-                history.add(entry(hours=10.0 * number), recording(number), diagnosis(number))
+        with pytest.raises(HistoryError, match=r"free space there.*what was added before is kept"):
+            add_many(path, range(2, 20))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     with History.open(path) as history:
@@ -115,23 +117,22 @@ def oldest(address: str) -> str:
 
 
 def _fill_oldest(connection: sa.Connection) -> None:
-    """Write as the program did that knew only the first form: later code is not to be trusted with it."""
+    """Write as the program did that knew only the first form."""
     now, (digest, toml) = "2026-01-01T00:00:00Z", description_of(made_up.THESIS)
-    connection.execute(UNITS.insert().values(id=1, serial_number="S1", part_number="thesis", added_at=now))
+    unit = {"id": 1, "serial_number": "S1", "part_number": "thesis", "added_at": now}
+    connection.execute(UNITS.insert().values(unit))
     connection.execute(DESCRIPTIONS.insert().values(id=1, hash=digest, toml=toml))
     for number in (1, 2):
         held_one = recording(number)
         connection.execute(FLIGHTS.insert().values(id=number, unit_id=1, hours=10.0 * number))
         about = {"id": number, "flight_id": number, "hash": recording_hash(held_one), "name": held_one.source}
-        connection.execute(
-            RECORDINGS.insert().values(samples=200, sample_rate_hz=1e3, added_at=now, **about)
-        )
+        connection.execute(RECORDINGS.insert().values(samples=200, sample_rate_hz=1e3, added_at=now, **about))
         row = {"id": number, "recording_id": number, "description_id": 1, "added_at": now}
         connection.execute(DIAGNOSES.insert().values(row | columns_of(diagnosis(number))))
 
 
 def form(address: str) -> str:
-    """Return the form of a history as its mark says, after checking that its tables are those of that form."""
+    """Return the form of a history as its mark says, after checking its tables."""
     database = Database.open(Address.of(address), create=False)
     with database.reading() as connection:
         tables = set(sa.inspect(connection).get_table_names())
@@ -156,7 +157,7 @@ def test_an_old_history_is_brought_up_to_date_in_place(oldest: str) -> None:
 
 
 @pytest.mark.parametrize("age", ["oldest", "new"])
-def test_a_migration_killed_at_any_statement_leaves_the_form_that_was_there(
+def test_a_migration_killed_at_any_statement_changes_nothing(
     home: Nursery, request: pytest.FixtureRequest, address: str, age: str, tmp_path: Path
 ) -> None:
     before = ""

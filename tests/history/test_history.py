@@ -163,7 +163,8 @@ def test_a_component_lives_until_it_is_found_failed_or_the_unit_is_exchanged(his
     history.add_finding("S1", Finding(20.0, "friction", "failed"))
     history.add_finding("S1", Finding(30.0, "unit", "healthy", replaced=True))
     unit = history.unit("S1")
-    assert unit.lives("friction") == (Life(0.0, 20.0, True), Life(20.0, 30.0, False), Life(30.0, 50.0, False))
+    # What failed and was not replaced began no new life.
+    assert unit.lives("friction") == (Life(0.0, 20.0, True), Life(30.0, 50.0, False))
     assert unit.lives("gain") == (Life(0.0, 30.0, False), Life(30.0, 50.0, False))
 
 
@@ -174,7 +175,9 @@ def test_the_blocks_hold_each_key_of_a_diagnosis_once(history: History) -> None:
     fill(history, range(1, 2))
     (kept,) = history.unit("S1").diagnoses()
     blocks = diagnosis_blocks(kept)
-    parts = [blocks[name] for name in ("data_manipulation", "state_detection", "health_assessment", "settings")]
+    parts = [
+        blocks[name] for name in ("data_manipulation", "state_detection", "health_assessment", "settings")
+    ]
     keys = [key for part in parts for key in part]
     assert len(keys) == len(set(keys))
     assert set(keys) - {"recording_hash", "description"} == set(kept.document)

@@ -29,7 +29,9 @@ LONGEST_S = 10.0
 def flown(history: History) -> History:
     """Return a history with a unit at 10, 20 and 30 h; each tenth hour has a recording of its number."""
     for number in (1, 2, 3):
-        history.add(Entry("SN-0042", made_up.PART, 10.0 * number, 5 * number), recording(number), diagnosis(number))
+        history.add(
+            Entry("SN-0042", made_up.PART, 10.0 * number, 5 * number), recording(number), diagnosis(number)
+        )
     return history
 
 
@@ -46,7 +48,11 @@ def refusal(call: Callable[[], object]) -> str:
 CONTRADICTIONS = {
     "hours going backwards": (Entry("SN-0042", made_up.PART, 25.0), 7, "30 h already, 25 h .* --late"),
     "the recording of another unit": (Entry("SN-0043", made_up.PART, 50.0), 2, "'2.csv' of unit 'SN-0042'"),
-    "the recording at other hours": (Entry("SN-0042", made_up.PART, 40.0), 3, "at 30 h; it cannot be of 40 h"),
+    "the recording at other hours": (
+        Entry("SN-0042", made_up.PART, 40.0),
+        3,
+        "at 30 h; it cannot be of 40 h",
+    ),
     "the recording at other cycles": (Entry("SN-0042", made_up.PART, 30.0, 99), 3, "at 15 cycles"),
     "another part number": (Entry("SN-0042", "P/N 7", 40.0), 7, "part number 'thesis', .* 'P/N 7'.*--part"),
     "fewer cycles later": (Entry("SN-0042", made_up.PART, 40.0, 14), 7, "15 cycles at 30 h, so 14 at 40 h"),
@@ -76,6 +82,13 @@ def test_an_old_recording_may_be_added_late(flown: History) -> None:
     assert [one.hours for one in flown.unit("SN-0042").diagnoses()] == [10, 15, 20, 30]
     # What is there already needs no such word.
     assert not flown.add(entry("SN-0042", 10.0), recording(1), diagnosis(1)).added
+
+
+def test_cycles_given_late_must_fit_too(history: History) -> None:
+    history.add(entry(hours=10.0), recording(1), diagnosis(1))
+    history.add(Entry("S1", made_up.PART, 20.0, 5), recording(2), diagnosis(2))
+    with pytest.raises(HistoryError, match="5 cycles at 20 h, so 9 at 10 h"):
+        history.add(Entry("S1", made_up.PART, 10.0, 9), recording(1), diagnosis(1, seed=1))
 
 
 def test_hours_are_not_below_those_of_a_removal(flown: History) -> None:
@@ -148,7 +161,7 @@ def test_a_newer_history_is_refused_with_what_to_do(address: str) -> None:
 
 
 def test_there_must_be_a_history_to_read(address: str) -> None:
-    with pytest.raises(HistoryError, match="no such history|holds no history"):
+    with pytest.raises(HistoryError, match=r"no such history|holds no history"):
         History.open(address)
 
 
@@ -174,6 +187,9 @@ def test_somebody_elses_tables_are_left_alone(address: str) -> None:
         ("text.csv", "not a database"),
         ("mysql://user:secret@host/name", "'mysql://' is no database"),
         ("postgresql://user:secret@host:port/name", "URL cannot be read"),
+        ("postgresql://user:very@secret@host/name", "as %40"),
+        ("postgresql://user@127.0.0.1:1/name?password=secret", "127.0.0.1:1/name: the database"),
+        ("postgresql://user@127.0.0.1:1/name?sslmode=none", "invalid sslmode"),
         ("sqlite://", "names no file"),
         ("nul\0", "null character"),
     ],
@@ -229,7 +245,9 @@ def test_a_server_that_never_answers(silent: int) -> None:
 def test_whatever_hangs_is_given_up(silent: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(database, "SETTINGS", replace(database.SETTINGS, answer_s=0.5))
     address = Address.of(f"postgresql://me@127.0.0.1:{silent}/fleet")
-    assert "no answer within 0.5 s; check the address" in refusal(lambda: Database.open(address, create=False))
+    assert "no answer within 0.5 s; check the address" in refusal(
+        lambda: Database.open(address, create=False)
+    )
 
 
 def test_a_wrong_password_is_not_repeated() -> None:

@@ -18,7 +18,6 @@ from emaphm.cli.options import (
 from emaphm.cli.output import progress, show
 
 if TYPE_CHECKING:
-    from emaphm.history import Finding, KeptDiagnosis
     from emaphm.history.overview import Overview
 
 app = App(name="history", help="Keep diagnoses of units over their flights, removals and shop findings.")
@@ -145,22 +144,17 @@ def show_unit(*, unit: Unit, db: Database = DB, as_json: AsJson = False) -> None
     from emaphm.text_table import format_table
 
     with History.open(db) as history:
-        found = history.unit(unit)
-        values, diagnoses, findings = unit_blocks(found), found.diagnoses(), found.findings()
+        values = unit_blocks(history.unit(unit))
     about, position = values["unit"], values["unit"]["position"] or "not known"
     header = ("hours", "cycles", "recording", "explained", "degraded")
-    rows = [
-        (f"{one.hours:g}", _number(one.flight.cycles), one.recording, _yes(one.explained), _degraded(one))
-        for one in diagnoses
-    ]
     lines = [
         f"{about['serial_number']}, part number {about['part_number']}, position {position}",
-        format_table(header, rows),
+        format_table(header, [_row(one) for one in values["diagnoses"]]),
         *(
             f"removed at {one['hours']:g} h: {one['reason']}{_noted(one['note'])}"
             for one in values["removals"]
         ),
-        *(_found(one) for one in findings),
+        *(_found(one) for one in values["findings"]),
     ]
     show(values, "\n".join(lines), as_json)
 
@@ -262,17 +256,24 @@ def _last(line: dict[str, Any]) -> str:
     return ", ".join(last["degraded"]) or "none" if last["explained"] else "not explained"
 
 
-def _degraded(diagnosis: "KeptDiagnosis") -> str:
-    """Return the degraded components with their estimates."""
-    faults = diagnosis.document["faults"]
-    said = [f"{name} {one['value']:.3f}" for name, one in faults.items() if one["verdict"] == "degraded"]
-    return ", ".join(said) or ("none" if diagnosis.explained else "cannot tell")
+def _row(diagnosis: dict[str, Any]) -> tuple[str, ...]:
+    """Return a diagnosis as a row of text, with the estimates of what is degraded."""
+    explained = diagnosis["state_detection"]["explained"]
+    faults = diagnosis["health_assessment"]["faults"]
+    degraded = [f"{name} {one['value']:.3f}" for name, one in faults.items() if one["verdict"] == "degraded"]
+    return (
+        f"{diagnosis['hours']:g}",
+        _number(diagnosis["cycles"]),
+        diagnosis["data_manipulation"]["recording"],
+        "yes" if explained else "no",
+        ", ".join(degraded) or ("none" if explained else "cannot tell"),
+    )
 
 
-def _found(one: "Finding") -> str:
-    level = "" if one.level is None else f", level {one.level:g}"
-    replaced = ", replaced" if one.replaced else ""
-    return f"found at {one.hours:g} h: {one.component} {one.condition}{level}{replaced}{_noted(one.note)}"
+def _found(one: dict[str, Any]) -> str:
+    level = "" if one["level"] is None else f", level {one['level']:g}"
+    what = f"{one['component']} {one['condition']}{level}{', replaced' if one['replaced'] else ''}"
+    return f"found at {one['hours']:g} h: {what}{_noted(one['note'])}"
 
 
 def _outcome(one: dict[str, Any]) -> str:
@@ -283,10 +284,6 @@ def _outcome(one: dict[str, Any]) -> str:
 
 def _number(value: int | None) -> str:
     return "–" if value is None else str(value)
-
-
-def _yes(value: bool) -> str:
-    return "yes" if value else "no"
 
 
 def _noted(note: str) -> str:

@@ -50,6 +50,8 @@ class Address:
                 f"'{url.drivername}://' is no database that a history can be in; give a file, or "
                 "postgresql://USER@HOST:PORT/DATABASE"
             )
+        if "@" in (url.host or ""):
+            raise HistoryError("the database's URL has an '@' too many; write one in a password as %40")
         # Without its query, which may hold a password too.
         return cls(
             url.set(query={}).render_as_string(hide_password=True),

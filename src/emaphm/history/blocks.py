@@ -7,8 +7,10 @@ assessment, prognostic assessment and advisory generation. The last two are no p
 from dataclasses import asdict
 from typing import Any
 
+from emaphm.history import reading
 from emaphm.history.kept_diagnosis import KeptDiagnosis
-from emaphm.history.records import COMPONENTS, UNIT
+from emaphm.history.lives import lives
+from emaphm.history.records import COMPONENTS
 from emaphm.history.unit import Unit
 
 DATA_MANIPULATION = ("recording", "channels", "notes")
@@ -55,7 +57,11 @@ def diagnosis_blocks(diagnosis: KeptDiagnosis) -> dict[str, Any]:
 
 def unit_blocks(unit: Unit) -> dict[str, Any]:
     """Return all that a history holds of a unit."""
-    flights, removals = unit.flights(), unit.removals()
+    with unit.database.reading() as connection:  # one state of all
+        flights = reading.flights(connection, unit.row.id)
+        diagnoses = reading.diagnoses(connection, unit.row.id)
+        removals = reading.removals(connection, unit.row.id)
+        findings = reading.findings(connection, unit.row.id)
     last = flights[-1]
     is_removed = any(one.hours >= last.hours for one in removals)
     return {
@@ -67,13 +73,15 @@ def unit_blocks(unit: Unit) -> dict[str, Any]:
             "cycles": last.cycles,
         },
         "flights": [asdict(one) for one in flights],
-        "diagnoses": [diagnosis_blocks(one) for one in unit.diagnoses()],
+        "diagnoses": [diagnosis_blocks(one) for one in diagnoses],
         "removals": [asdict(one) for one in removals],
-        "findings": [asdict(one) for one in unit.findings()],
-        "replacements": [asdict(one) for one in unit.replacements()],
+        "findings": [asdict(one) for one in findings],
+        "replacements": [
+            {"hours": one.hours, "component": one.component} for one in findings if one.replaced
+        ],
         "lives": {
             name: [
-                asdict(one) | {"censored": one.censored} for one in unit.lives(None if name == UNIT else name)
+                asdict(one) | {"censored": one.censored} for one in lives(flights, removals, findings, name)
             ]
             for name in COMPONENTS
         },

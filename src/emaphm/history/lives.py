@@ -1,9 +1,9 @@
 """Lives of units and of their components, ended by failure or censored."""
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from emaphm.history.records import UNIT, Finding, Removal
+from emaphm.history.records import UNIT, Finding, Flight, Removal
 
 
 @dataclass(frozen=True)
@@ -20,35 +20,56 @@ class Life:
         return not self.failed
 
 
-def lives_of_unit(hours: float, removals: Iterable[Removal], findings: Iterable[Finding]) -> tuple[Life, ...]:
-    """Return the lives of a unit between its removals, the last up to its latest `hours` [h].
+def lives(
+    flights: Sequence[Flight],
+    removals: Sequence[Removal],
+    findings: Sequence[Finding],
+    component: str | None = None,
+) -> tuple[Life, ...]:
+    """Return the lives of a unit between its removals, or of a component between its replacements.
 
-    A removal ended a life by failure if the shop found so; where no shop has reported (no finding of the
-    same hours), if that was its reason.
+    A removal ended a life of the unit by failure if the shop found so; where no shop has reported (no finding
+    of the same hours), if that was its reason. A component's life ends when it is found failed, or replaced;
+    the next begins with a replacement. The last one goes up to the unit's latest hours, and is censored.
     """
+    hours = max((*(one.hours for one in flights), *(one.hours for one in removals)), default=0.0)
+    is_unit = component in (None, UNIT)
+    ends = _removed(removals, findings) if is_unit else _found(str(component), findings)
+    result: list[Life] = []
+    start: float | None = 0.0
+    for end in ends:
+        if start is not None:
+            result.append(Life(start, end.hours, end.failed))
+        start = end.hours if end.renewed else None
+    if start is not None and hours > start:
+        result.append(Life(start, hours, failed=False))
+    return tuple(result)
+
+
+@dataclass(frozen=True)
+class _End:
+    """Of a life at `hours` [h]; another begins there if the component was `renewed`."""
+
+    hours: float
+    failed: bool
+    renewed: bool
+
+
+def _removed(removals: Sequence[Removal], findings: Sequence[Finding]) -> list[_End]:
     found: dict[float, list[bool]] = {}
     for one in findings:
         found.setdefault(one.hours, []).append(one.condition == "failed")
-    ends = [(one.hours, any(found.get(one.hours, [one.reason == "failed"]))) for one in removals]
-    return _lives(hours, ends)
+    return [
+        _End(one.hours, any(found.get(one.hours, [one.reason == "failed"])), renewed=True) for one in removals
+    ]
 
 
-def lives_of_component(hours: float, component: str, findings: Iterable[Finding]) -> tuple[Life, ...]:
-    """Return the lives of a component: each ended when it was replaced, or found failed."""
-    ends: dict[float, bool] = {}
+def _found(component: str, findings: Sequence[Finding]) -> list[_End]:
+    ends: dict[float, _End] = {}
     for one in findings:
-        if one.component in (component, UNIT):
-            own_failure = one.component == component and one.condition == "failed"
-            if one.replaced or own_failure:
-                ends[one.hours] = ends.get(one.hours, False) or own_failure
-    return _lives(hours, list(ends.items()))
-
-
-def _lives(hours: float, ends: list[tuple[float, bool]]) -> tuple[Life, ...]:
-    result, start = [], 0.0
-    for end, failed in sorted(ends):
-        result.append(Life(start, end, failed))
-        start = end
-    if hours > start:
-        result.append(Life(start, hours, failed=False))
-    return tuple(result)
+        failed = one.component == component and one.condition == "failed"
+        renewed = one.replaced and one.component in (component, UNIT)
+        if failed or renewed:
+            before = ends.get(one.hours, _End(one.hours, failed=False, renewed=False))
+            ends[one.hours] = _End(one.hours, before.failed or failed, before.renewed or renewed)
+    return [ends[hours] for hours in sorted(ends)]

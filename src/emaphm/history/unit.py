@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from emaphm.history import reading
 from emaphm.history.database import Database
 from emaphm.history.kept_diagnosis import KeptDiagnosis
-from emaphm.history.lives import Life, lives_of_component, lives_of_unit
+from emaphm.history.lives import Life, lives
 from emaphm.history.records import Finding, Flight, Removal, Replacement
 
 if TYPE_CHECKING:
@@ -62,15 +62,15 @@ class Unit:
         return tuple(Replacement(one.hours, one.component) for one in self.findings() if one.replaced)
 
     def lives(self, component: str | None = None) -> tuple[Life, ...]:
-        """Return the lives of the unit between its removals, or of one component between its replacements."""
+        """Return the lives of the unit between its removals, or of one component between its replacements.
+
+        See `emaphm.history.lives.lives` for what ends one, and what censors it.
+        """
         with self.database.reading() as connection:
-            findings = reading.findings(connection, self.row.id)
-            removals = reading.removals(connection, self.row.id)
             flights = reading.flights(connection, self.row.id)
-        hours = max((*(one.hours for one in flights), *(one.hours for one in removals)), default=0.0)
-        if component is None:
-            return lives_of_unit(hours, removals, findings)
-        return lives_of_component(hours, component, findings)
+            removals = reading.removals(connection, self.row.id)
+            findings = reading.findings(connection, self.row.id)
+        return lives(flights, removals, findings, component)
 
     @cached_property
     def actuator(self) -> "Actuator":

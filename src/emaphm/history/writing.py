@@ -28,9 +28,12 @@ def check_entry(connection: sa.Connection, entry: Entry, recording_hash: str) ->
             f"unit '{entry.unit}' has the part number '{found.part_number}', the diagnosis is of "
             f"'{entry.part_number}'; check --unit and --actuator, or give --part"
         )
-    if not _is_there(connection, entry, recording_hash) and found is not None:
+    is_there = _is_there(connection, entry, recording_hash)
+    if found is None:
+        return
+    if not is_there:
         _check_hours(connection, found, entry)
-        _check_cycles(connection, found, entry)
+    _check_cycles(connection, found, entry)
 
 
 def _is_there(connection: sa.Connection, entry: Entry, recording_hash: str) -> bool:
@@ -115,16 +118,17 @@ def add_diagnosis(
         {"serial_number": entry.unit},
         {"part_number": entry.part_number, "added_at": now},
     )
+    stated = {"cycles": entry.cycles, "position": entry.position}
     flight_id = _id_of(
         connection,
         FLIGHTS,
         {"unit_id": unit_id, "hours": entry.hours},
-        {"cycles": entry.cycles, "position": entry.position},
+        stated,
     )
-    # What a recording of the same flight left open.
-    for name, value in (("cycles", entry.cycles), ("position", entry.position)):
-        if value is not None:
-            connection.execute(FLIGHTS.update().where(FLIGHTS.c.id == flight_id).values({name: value}))
+    # What an earlier recording of the flight left open.
+    given = {name: value for name, value in stated.items() if value is not None}
+    if given:
+        connection.execute(FLIGHTS.update().where(FLIGHTS.c.id == flight_id).values(given))
     recording_id = _id_of(
         connection,
         RECORDINGS,

@@ -1,0 +1,194 @@
+"""`emaphm history`: a unit's recordings are diagnosed and kept, and what is wrong is said in one line."""
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+import pytest
+
+from emaphm.actuator import NAMES
+from emaphm.cli import main
+
+from .conftest import Emaphm, Refusal
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with the recordings first.csv and second.csv of a wearing actuator."""
+    from emaphm.actuator import Actuator, Chirp, Faults
+    from emaphm.recording import write_recording
+    from emaphm.simulated_recording import simulate
+
+    folder = tmp_path_factory.mktemp("recordings")
+    for seed, (name, friction) in enumerate([("first", 0.2), ("second", 0.4)]):
+        made = simulate(Actuator.thesis(), Chirp(), faults=Faults(friction=friction), noise=0.05, seed=seed)
+        write_recording(made, folder / f"{name}.csv")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def first_flight(recordings: Path) -> Path:
+    """Return a history of unit SN-7: first.csv at 100 h, 40 cycles."""
+    path = recordings / "history.sqlite"
+    unit = ("--unit", "SN-7", "--hours", "100", "--cycles", "40", "--position", "left aileron")
+    assert main(["history", "add", str(recordings / "first.csv"), *unit, "--db", str(path)]) == 0
+    return path
+
+
+@pytest.fixture
+def flown(desk: Path, first_flight: Path) -> Path:
+    """Return the current folder with a copy of `first_flight`, which is the default history."""
+    shutil.copy(first_flight, desk / "history.sqlite")
+    return desk
+
+
+def answer(emaphm: Emaphm, *arguments: str | Path) -> dict[str, Any]:
+    code, out, err = emaphm("history", *arguments, "--json")
+    assert (code, err) == (0, "")
+    result = json.loads(out)
+    assert isinstance(result, dict)
+    return result
+
+
+def test_the_first_recording_makes_the_history_and_the_unit(
+    emaphm: Emaphm, desk: Path, recordings: Path
+) -> None:
+    code, out, err = emaphm("history", "add", recordings / "first.csv", "--unit", "SN-8", "--hours", "100")
+    assert (code, err) == (0, "")
+    assert "diagnosed and added" in out
+    assert "new unit SN-8 (thesis) at 100 h, in history.sqlite" in out
+    assert (desk / "history.sqlite").is_file()
+
+
+def test_adding_diagnoses_what_is_new_and_leaves_the_rest(
+    emaphm: Emaphm, flown: Path, recordings: Path
+) -> None:
+    before = answer(emaphm, "show", "--unit", "SN-7")
+    again = answer(emaphm, "add", recordings / "first.csv", "--unit", "SN-7", "--hours", "100")
+    assert [one["added"] for one in again["recordings"]] == [False]
+    assert answer(emaphm, "show", "--unit", "SN-7") == before
+    both = answer(
+        emaphm,
+        "add",
+        recordings / "second.csv",
+        recordings / "second.csv",
+        "--unit",
+        "SN-7",
+        "--hours",
+        "150",
+    )
+    assert [one["added"] for one in both["recordings"]] == [True, False]
+    assert (both["new_unit"], both["unit"], both["part_number"]) == (False, "SN-7", "thesis")
+    kept = answer(emaphm, "show", "--unit", "SN-7")["diagnoses"]
+    assert [one["hours"] for one in kept] == [100.0, 150.0]
+    friction = [one["health_assessment"]["faults"]["friction"] for one in kept]
+    for one, truth in zip(friction, (0.2, 0.4), strict=True):
+        assert one["verdict"] == "degraded"
+        # As in the tests of diagnoses: within four standard errors.
+        assert one["value"] == pytest.approx(truth, abs=4 * one["standard_error"])
+    assert flown.is_dir()
+
+
+def test_the_kept_diagnosis_is_the_one_that_diagnose_prints(
+    emaphm: Emaphm, flown: Path, recordings: Path
+) -> None:
+    assert flown.is_dir()
+    printed = json.loads(emaphm("diagnose", recordings / "first.csv", "--json").out)
+    (kept,) = answer(emaphm, "show", "--unit", "SN-7")["diagnoses"]
+    blocks = ("data_manipulation", "state_detection", "health_assessment", "settings")
+    joined = {key: value for block in blocks for key, value in kept[block].items()}
+    assert joined["recording_hash"]
+    for key in set(printed) - {"seconds"}:
+        assert joined[key] == printed[key], key
+
+
+def test_json_has_the_blocks_of_iso_13374(emaphm: Emaphm, flown: Path) -> None:
+    assert flown.is_dir()
+    shown = answer(emaphm, "show", "--unit", "SN-7")
+    (kept,) = shown["diagnoses"]
+    assert {"data_manipulation", "state_detection", "health_assessment"} < set(kept)
+    assert {"prognostic_assessment", "advisory_generation"} < set(shown)
+    assert shown["unit"] == {
+        "serial_number": "SN-7",
+        "part_number": "thesis",
+        "position": "left aileron",
+        "hours": 100.0,
+        "cycles": 40,
+    }
+    assert set(kept["health_assessment"]["faults"]) == set(NAMES)
+
+
+def test_removals_and_findings(emaphm: Emaphm, flown: Path) -> None:
+    assert flown.is_dir()
+    removal = ("removal", "--unit", "SN-7", "--hours", "120", "--reason", "suspected", "--note", "slow")
+    finding = ("finding", "--unit", "SN-7", "--hours", "120", "--component", "friction")
+    found = ("--condition", "failed", "--level", "0.31", "--replaced")
+    assert [answer(emaphm, *removal)["added"] for _ in range(2)] == [True, False]
+    assert [answer(emaphm, *finding, *found)["added"] for _ in range(2)] == [True, False]
+    shown = answer(emaphm, "show", "--unit", "SN-7")
+    assert shown["replacements"] == [{"hours": 120.0, "component": "friction"}]
+    (life,) = shown["lives"]["unit"]
+    assert (life["end_hours"], life["failed"], life["censored"]) == (120.0, True, False)
+    text = emaphm("history", "show", "--unit", "SN-7").out
+    assert "removed at 120 h: suspected (slow)" in text
+    assert "found at 120 h: friction failed, level 0.31, replaced" in text
+    assert "position not known" in text
+
+
+def test_list_and_export(emaphm: Emaphm, flown: Path) -> None:
+    (line,) = answer(emaphm, "list")["units"]
+    assert (line["serial_number"], line["hours"], line["recordings"], line["explained"]) == (
+        "SN-7",
+        100.0,
+        1,
+        1,
+    )
+    assert line["last"]["degraded"] == ["friction"]
+    text = emaphm("history", "list").out
+    assert "SN-7" in text
+    assert "friction" in text
+    assert answer(emaphm, "list", "--part", "other")["units"] == []
+    assert answer(emaphm, "export", "-o", "out.csv")["units"] == 1
+    table = pl.read_csv(flown / "out.csv")
+    assert table.select("serial_number", "hours", "friction_verdict").row(0) == ("SN-7", 100.0, "degraded")
+
+
+def test_the_database_may_be_named_once(emaphm: Emaphm, flown: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (flown / "history.sqlite").rename(flown / "fleet.sqlite")
+    monkeypatch.setenv("EMAPHM_DB", "fleet.sqlite")
+    assert len(answer(emaphm, "list")["units"]) == 1
+
+
+REFUSALS = {
+    ("show", "--unit", "sn-8"): "no unit 'sn-8' in the history (did you mean 'SN-7'?)",
+    ("removal", "--unit", "SN-8", "--hours", "3"): "did you mean 'SN-7'",
+    ("add", "second.csv", "--unit", "SN-7", "--hours", "90"): "would be going backwards",
+    ("add", "second.csv", "--unit", "SN-7", "--hours", "-1"): "hours -1",
+    ("add", "second.csv", "--unit", "SN-7", "--hours", "200", "--cycles", "39"): "40 cycles at 100 h",
+    ("add", "second.csv", "--unit", "SN-7", "--hours", "200", "--part", "P2"): "part number 'thesis'",
+    ("add", "second.csv", "--unit", "SN-7", "--hours", "200", "--actuator", "pmsm"): "part number 'thesis'",
+    ("add", "first.csv", "--unit", "SN-9", "--hours", "100"): "of unit 'SN-7'",
+    ("add", "absent.csv", "--unit", "SN-9", "--hours", "100"): "absent.csv: no such file",
+    ("add", "first.csv", "--unit", "SN-7", "--hours", "100", "--db", "no/h.sqlite"): "no folder 'no'",
+    ("finding", "--unit", "SN-7", "--hours", "1", "--component", "frictoin", "--condition", "failed"): (
+        "did you mean 'friction'"
+    ),
+    ("removal", "--unit", "SN-7", "--hours", "1", "--reason", "unknown"): "unknown reason",
+    ("list", "--db", "absent.sqlite"): "no such history",
+    ("list", "--db", "first.csv"): "first.csv: the database cannot be used (file is not a database)",
+    ("list", "--db", "postgresql://me:secret@127.0.0.1:1/fleet"): "postgresql://me:***@127.0.0.1:1/fleet",
+    ("export", "-o", "out.xml"): "unknown file ending '.xml'",
+}
+
+
+@pytest.mark.parametrize("arguments", REFUSALS, ids=" ".join)
+def test_what_is_wrong_is_said_in_one_line(
+    flown: Path, recordings: Path, refused: Refusal, arguments: tuple[str, ...]
+) -> None:
+    for name in ("first.csv", "second.csv"):
+        (flown / name).symlink_to(recordings / name)
+    message = refused("history", *arguments)
+    assert REFUSALS[arguments] in message
+    assert "secret" not in message

@@ -1,0 +1,77 @@
+"""`python -m tests.history.cost --units 1000 --each 100 [--db URL]`: what a history of a fleet costs.
+
+Diagnoses are made up, so the times are those of the database and of the rows alone. A unit is added in one
+transaction, as a bulk loader would; a few more one by one, as `emaphm history add` does.
+"""
+
+import argparse
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from emaphm.history import DiagnosisSettings, History
+from emaphm.history.fingerprint import description_of, recording_hash
+from emaphm.history.writing import add_diagnosis
+
+from .made_up import THESIS, diagnosis, entry, recording
+
+DIFFERENT = 20
+"""Diagnoses that are made up; others repeat them."""
+
+ONE_BY_ONE = 50
+
+
+def fill(history: History, units: int, each: int) -> None:
+    """Add `each` recordings of each unit."""
+    made = [diagnosis(number) for number in range(DIFFERENT)]
+    digest, toml = description_of(THESIS)
+    settings = DiagnosisSettings.of(made[0], digest)
+    for unit in range(units):
+        with history.database.writing() as connection:
+            for number in range(each):
+                held = recording(unit * each + number)
+                whose = entry(f"S{unit:05d}", 10.0 * number)
+                result = made[number % DIFFERENT]
+                add_diagnosis(connection, whose, held, result, recording_hash(held), settings, toml)
+
+
+def add_one_by_one(history: History) -> None:
+    for number in range(ONE_BY_ONE):
+        history.add(entry("LAST", 10.0 * number), recording(10**9 + number), diagnosis(number))
+
+
+def seconds(work: Callable[[], object]) -> float:
+    began = time.perf_counter()
+    work()
+    return time.perf_counter() - began
+
+
+def main() -> int:
+    """Print a line for each kind of use."""
+    parser = argparse.ArgumentParser(prog="python -m tests.history.cost", description=__doc__)
+    parser.add_argument("--units", type=int, default=1000)
+    parser.add_argument("--each", type=int, default=100)
+    parser.add_argument("--db", help="an empty PostgreSQL database; a file if left out")
+    given = parser.parse_args()
+    total = given.units * given.each
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "history.sqlite"
+        with History.open(given.db or file, create=True) as history:
+            took = seconds(lambda: fill(history, given.units, given.each))
+            print(f"add {total} of {given.units} units: {took:.1f} s, {1e3 * took / total:.2f} ms each")
+            took = seconds(lambda: add_one_by_one(history))
+            print(f"add one, on disk when it returns: {1e3 * took / ONE_BY_ONE:.1f} ms")
+            print(f"list: {seconds(history.overviews):.2f} s")
+            took = seconds(lambda: history.unit("S00000").diagnoses())
+            print(f"read a unit's {given.each}: {1e3 * took:.1f} ms")
+            took = seconds(lambda: [unit.diagnoses() for unit in history.units()])
+            print(f"read all: {took:.1f} s")
+        if not given.db:
+            print(f"on disk: {file.stat().st_size / total:.0f} bytes a diagnosis")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
