@@ -153,19 +153,33 @@ def test_low_pass_has_its_bandwidth_and_no_phase(tmp_path: Path, thesis: Actuato
 
 
 BAD: dict[str, tuple[dict[str, Any], dict[str, Any], list[str]]] = {
-    "another quantity": ({}, {"current_A": {"unit": "mm"}}, ["unit of current_A", "mm does not convert into A"]),
-    "a long delay": ({}, {"position_rad": {"delay_s": 0.6}}, ["delay_s = 0.6 of position_rad", "longer than"]),
-    "an unknown operand": (
-        {}, {"load_Nm": {"derived": "forc * number"}}, ["no column 'forc'", "did you mean 'force'"]
+    "another quantity": (
+        {},
+        {"current_A": {"unit": "mm"}},
+        ["unit of current_A", "mm does not convert into A"],
     ),
-    "a mask that leaves nothing": ({"keep": "force > 9"}, {}, ['keep = "force > 9"', "leaves no row of 2500"]),
+    "a long delay": (
+        {},
+        {"position_rad": {"delay_s": 0.6}},
+        ["delay_s = 0.6 of position_rad", "longer than"],
+    ),
+    "an unknown operand": (
+        {},
+        {"load_Nm": {"derived": "forc * number"}},
+        ["no column 'forc'", "did you mean 'force'"],
+    ),
+    "a mask that leaves nothing": (
+        {"keep": "force > 9"},
+        {},
+        ['keep = "force > 9"', "leaves no row of 2500"],
+    ),
     "times that leave nothing": ({"times": [[7.0, 8.0]]}, {}, ["times = [[7.0, 8.0]]", "leaves no row"]),
     "a mask of an unknown column": ({"keep": "enable == 1"}, {}, ["no column 'enable'", "keep"]),
     "a mask of texts and numbers": ({"keep": "mode > 1"}, {}, ["keep", "text"]),
     "an unknown serial number": ({"serial": "SN"}, {}, ["column 'SN'", "not in the file"]),
     "a serial number that changes": ({"serial": "number"}, {}, ["'number'", "not the same throughout"]),
     "a low-pass beyond the rate": ({"low_pass_hz": 2500.0}, {}, ["low_pass_hz = 2500", "5000 Hz"]),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(("reading", "channels", "expected"), BAD.values(), ids=BAD.keys())
@@ -185,7 +199,9 @@ def test_what_cannot_be_is_refused(
         assert part in text
 
 
-def test_a_known_command_is_refused(columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refusal) -> None:
+def test_a_known_command_is_refused(
+    columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refusal
+) -> None:
     path = save(columns, tmp_path)
     assert "cannot hold" in refusal(lambda: read_recording(path, thesis, known={"command_rad": 1.0}))
 

@@ -1,5 +1,6 @@
 """One file as many recordings: by columns, by the period of the command, at rests, at gaps."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ def trapezoids(periods: float, rows: int, phase: float = 0.0) -> np.ndarray:
     return 5e-3 * np.interp(place, [0, 0.25, 0.5, 0.75, 1], [0, 1, 1, 0, 0])
 
 
-def save(columns: dict[str, object], folder: Path) -> Path:
+def save(columns: Mapping[str, object], folder: Path) -> Path:
     path = folder / "long.parquet"
     pl.DataFrame(columns).write_parquet(path)
     return path
@@ -107,7 +108,9 @@ def test_pieces_that_are_no_recording_are_told(tmp_path: Path, thesis: Actuator,
     assert len(read_recordings(path, thesis, split="run", on_refused=refused.append)) == 2
     assert [reason.rpartition(": ")[2] for reason in refused] == ["run 1 has 40 rows, at least 50 are needed"]
     path = save({**pl.read_parquet(path).to_dict(as_series=False), "current_A": current}, tmp_path)
-    assert "run 3: row 1001 of column 'current_A'" in refusal(lambda: read_recordings(path, thesis, split="run"))
+    assert "run 3: row 1001 of column 'current_A'" in refusal(
+        lambda: read_recordings(path, thesis, split="run")
+    )
     assert len(read_recordings(path, thesis, split="run", on_refused=refused.append)) == 1
     assert len(refused) == 3
 

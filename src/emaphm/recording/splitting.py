@@ -188,17 +188,18 @@ def _periods(table: Table, piece: Piece, source: str) -> list[Piece]:
     return pieces
 
 
+@np.errstate(all="ignore")  # a command of 1e308 has no period
 def command_period(command: Array) -> float | None:
     """Return the period of a command (n,) [rows], None where it does not repeat itself at least twice.
 
     With the mean square D(L) of x_{i + L} - x_i, the difference function, it is the first minimum of D after
-    D has exceeded the variance of x, and at which x is like itself (`ALIKE`); between rows by a parabola. Unlike
-    the autocorrelation, D is least at the period itself however few periods there are.
+    D has exceeded the variance of x, and at which x is like itself (`ALIKE`); between rows by a parabola.
+    Unlike the autocorrelation, D is least at the period itself however few periods there are.
 
     References
     ----------
-    [1] A. de Cheveigné, H. Kawahara, YIN, a fundamental frequency estimator for speech and music, Journal of the
-    Acoustical Society of America 111 (2002).
+    [1] A. de Cheveigné, H. Kawahara, YIN, a fundamental frequency estimator for speech and music, Journal of
+    the Acoustical Society of America 111 (2002).
     """
     known = command[np.isfinite(command)]
     if known.size < command.size or known.size < FEWEST_SAMPLES or not np.ptp(known) > 0:

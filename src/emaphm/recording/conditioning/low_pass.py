@@ -15,8 +15,8 @@ ORDER = 2
 NOT_FILTERED = ("time_s", "command_rad", *HELD)
 
 HALF_POWER = (np.sqrt(2) - 1) ** (1 / (2 * ORDER))
-"""Bandwidth of the filter run both ways, relative to that of one way [-]: |H|² = 1 / (1 + (f/f_c)^4) is 1/√2 at
-f = f_c (√2 - 1)^(1/4), frequencies warped as the bilinear transform does, tan(π f / rate)."""
+"""Bandwidth of the filter run both ways, relative to that of one way [-]: |H|² = 1 / (1 + (f/f_c)^4) is 1/√2
+at f = f_c (√2 - 1)^(1/4), frequencies warped as the bilinear transform does, tan(π f / rate)."""
 
 
 def low_passed(recording: Recording, bandwidth_hz: float, constants: Collection[str]) -> Recording:
@@ -41,8 +41,8 @@ def low_passed(recording: Recording, bandwidth_hz: float, constants: Collection[
     rate = recording.sample_rate_hz
     if bandwidth_hz >= rate / 2:
         raise RecordingError(
-            f"{recording.source}: low_pass_hz = {bandwidth_hz:g} needs rows at more than {2 * bandwidth_hz:g} "
-            f"Hz, they come at {rate:.4g} Hz; take it out of [reading] in the actuator's TOML"
+            f"{recording.source}: low_pass_hz = {bandwidth_hz:g} needs more than {2 * bandwidth_hz:g} rows "
+            f"a second, they come at {rate:.4g} Hz; take it out of [reading] in the actuator's TOML"
         )
     corner = rate / np.pi * np.arctan(np.tan(np.pi * bandwidth_hz / rate) / HALF_POWER)
     sections = butter(ORDER, corner, fs=rate, output="sos")
