@@ -102,7 +102,7 @@ def cut(table: Table, kept: NDArray[np.bool_], by: str, longest_gap: int, source
     Raises
     ------
     RecordingError
-        A column is absent, or the command has no period or no rest.
+        A column is absent, or the command has no period.
     """
     whole = stretches(table, kept, longest_gap)
     if by.strip() == PERIOD:
