@@ -34,7 +34,7 @@ class OutlierRule:
     """When a row is an outlier.
 
     Over 1,850 clean channels (two drives, six commands, 25 Hz to 5 kHz, healthy and three faults), those of
-    eight logs of a servo and of 450 cycles of a ball screw the largest deviation is 0.6 times what the rule
+    eight logs of a servo and of 445 cycles of a ball screw the largest deviation is 0.6 times what the rule
     asks (``tests/recording/test_outliers.py`` repeats a part of it).
     """
 
