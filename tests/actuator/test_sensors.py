@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.parameters import Channels
+from emaphm.actuator.channels import Channels
 from emaphm.actuator.sensors import IDEAL, Sensor, Sensors
 from emaphm.errors import ActuatorError
 from emaphm.recording.schema import SCHEMA

@@ -68,7 +68,7 @@ def columns(*, further: bool = True) -> dict[str, Array]:
 
 @cache
 def good(kind: str) -> bytes:
-    """Return the good recording in a format: "csv", "parquet", "mat4", "mat5", "mat5 packed", "mat73"."""
+    """Return the good recording as "csv", "parquet", "hdf5", "tdms", "mdf", "mat73" or another "mat"."""
     file, table = io.BytesIO(), columns()
     if kind == "csv":
         return _csv(table)
@@ -81,10 +81,32 @@ def good(kind: str) -> bytes:
             for name, array in table.items():
                 hdf5[name] = array[None, :]
                 hdf5[name].attrs["MATLAB_class"] = np.bytes_("double")
+    elif kind == "hdf5":
+        import h5py
+
+        with h5py.File(file, "w") as hdf5:
+            for name, array in table.items():
+                hdf5[f"log/{name}"] = array
+    elif kind == "tdms":
+        from nptdms import ChannelObject, TdmsWriter
+
+        with TdmsWriter(file) as tdms:
+            tdms.write_segment([ChannelObject("log", name, array) for name, array in table.items()])
+    elif kind == "mdf":
+        return _mdf(table)
     else:
         options = {"mat4": {"format": "4"}, "mat5": {}, "mat5 packed": {"do_compression": True}}[kind]
         scipy.io.savemat(file, table, **options)  # type: ignore[arg-type] # its stubs forget file objects
     return file.getvalue()
+
+
+def _mdf(table: dict[str, Array]) -> bytes:
+    from asammdf import MDF, Signal
+
+    with tempfile.TemporaryDirectory() as folder, MDF(version="4.10") as mdf:
+        time = table["time_s"]
+        mdf.append([Signal(array, time, name=name) for name, array in table.items() if name != "time_s"])
+        return Path(mdf.save(Path(folder) / "good.mf4")).read_bytes()
 
 
 def _csv(table: dict[str, Array]) -> bytes:
@@ -202,6 +224,11 @@ def toml_channels(random: Random) -> Case:
         (
             f"[channels]\ncurrent_A = {odd}",
             f"[channels]\nsampling = {odd}",
+            f"[channels]\ncurrent_A = {{ unit = {odd} }}",
+            f"[channels]\ncurrent_A = {{ derived = {odd}, scale = {odd} }}",
+            f"[channels]\nposition_rad = {{ delay_s = {odd} }}",
+            f"[reading]\nkeep = {odd}",
+            f"[reading]\nsplit = {odd}\nlow_pass_hz = {odd}",
             f"[nuisances]\nload = {odd}",
             f"[nuisances]\nestimated = [{odd}]",
             f'[baseline]\nnames = ["inertia"]\ncovariance = [[{odd}]]\nrecordings = ["a"]',
@@ -363,3 +390,10 @@ CLASSES: dict[str, tuple[Callable[[Random], Case], int]] = {
 
 if find_spec("h5py"):
     CLASSES["mat 7.3: bytes"] = (_bytewise("mat73", "rec.mat"), 1)
+    CLASSES["hdf5: bytes"] = (_bytewise("hdf5", "rec.h5"), 1)
+
+if find_spec("nptdms"):
+    CLASSES["tdms: bytes"] = (_bytewise("tdms", "rec.tdms"), 1)
+
+if find_spec("asammdf"):
+    CLASSES["mdf: bytes"] = (_bytewise("mdf", "rec.mf4"), 1)

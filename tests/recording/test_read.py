@@ -325,11 +325,15 @@ BAD = {
     "text in csv": (_line(12, lambda line: f"{line[:-3]}x"), ["'temperature_K'", "at row 12,", "no number"]),
     "units below the header": (_line(1, lambda _: "s,rad,rad,rad/s,A,K"), ["'time_s'", "'s' at row 1,"]),
     "empty cells": (
-        _csv_text(lambda x: [f"{one.rpartition(',')[0]}," if 12 <= i < 16 else one for i, one in enumerate(x)]),
+        _csv_text(
+            lambda x: [f"{one.rpartition(',')[0]}," if 12 <= i < 16 else one for i, one in enumerate(x)]
+        ),
         ["row 12 ", "'temperature_K'", "and 3 more"],
     ),
     "blank cells": (
-        _csv_text(lambda x: [f'{one.rpartition(",")[0]}," "' if 12 <= i < 16 else one for i, one in enumerate(x)]),
+        _csv_text(
+            lambda x: [f'{one.rpartition(",")[0]}," "' if 12 <= i < 16 else one for i, one in enumerate(x)]
+        ),
         ["row 12 ", "'temperature_K'", "is empty"],
     ),
     "blank line inside": (_csv_text(lambda x: [*x[:9], "", *x[9:]]), ["row 9 ", "'time_s'", "is empty"]),
@@ -346,7 +350,9 @@ BAD = {
         ["'time_s'", "Datetime", "as numbers"],
     ),
     "hole in parquet": (
-        _parquet_with(current_A=pl.when(~pl.int_range(pl.len()).is_between(41, 50)).then(pl.col("current_A"))),
+        _parquet_with(
+            current_A=pl.when(~pl.int_range(pl.len()).is_between(41, 50)).then(pl.col("current_A"))
+        ),
         ["row 42 ", "'current_A'", "is empty"],
     ),
     "text in mat": (_mat_with(current_A="much"), ["'current_A'", "not numeric", "vector"]),

@@ -40,7 +40,7 @@ app = App(
     help_format="plaintext",  # a parser of Markdown takes longer to import than all else of --help
     suppress_keyboard_interrupt=False,
 )
-for verb in (verbs.demo, verbs.simulate, split, verbs.diagnose, calibrate, verbs.replay, design):
+for verb in (verbs.demo, verbs.simulate, verbs.diagnose, calibrate, verbs.replay, design, split):
     app.command(verb)
 app.command(detect.app)
 app.command(study.app)

@@ -102,7 +102,7 @@ def cut(table: Table, kept: NDArray[np.bool_], by: str, longest_gap: int, source
     Raises
     ------
     RecordingError
-        A column is absent, or the command has no period or no rest.
+        A column is absent, or the command has no period.
     """
     whole = stretches(table, kept, longest_gap)
     if by.strip() == PERIOD:
@@ -188,32 +188,39 @@ def _periods(table: Table, piece: Piece, source: str) -> list[Piece]:
     return pieces
 
 
+@np.errstate(all="ignore")  # a command of 1e308 has no period
 def command_period(command: Array) -> float | None:
     """Return the period of a command (n,) [rows], None where it does not repeat itself at least twice.
 
-    It is the shortest lag at which the autocorrelation has a peak and the command is like itself (`ALIKE`),
-    between rows by a parabola through the peak.
+    With the mean square D(L) of x_{i + L} - x_i, the difference function, it is the first minimum of D after
+    D has exceeded the variance of x, and at which x is like itself (`ALIKE`); between rows by a parabola.
+    Unlike the autocorrelation, D is least at the period itself however few periods there are.
+
+    References
+    ----------
+    [1] A. de Cheveigné, H. Kawahara, YIN, a fundamental frequency estimator for speech and music, Journal of
+    the Acoustical Society of America 111 (2002).
     """
-    known = np.where(np.isfinite(command), command, np.nanmean(command)) if command.size else command
-    deviation = known - known.mean() if known.size else known
-    rms = float(np.sqrt(np.mean(deviation**2))) if known.size else 0.0
-    if command.size < 4 or not rms > 0:
+    known = command[np.isfinite(command)]
+    if known.size < command.size or known.size < FEWEST_SAMPLES or not np.ptp(known) > 0:
         return None
-    n = command.size
-    spectrum = np.fft.rfft(deviation / rms, 2 * n)
-    overlap = n - np.arange(n)
-    correlation = np.fft.irfft(np.abs(spectrum) ** 2)[:n] / overlap
-    at_peak = (correlation[1:-1] >= correlation[:-2]) & (correlation[1:-1] > correlation[2:])
-    peaks = np.flatnonzero(at_peak) + 1
-    for lag in peaks[(peaks >= 2) & (peaks <= n // 2 + 1)].tolist():
-        if correlation[lag] < 0.5:
-            continue
-        unlike = float(np.sqrt(np.mean((known[lag:] - known[:-lag]) ** 2)))
-        if unlike <= ALIKE * rms:
-            before, at, after = correlation[lag - 1 : lag + 2]
-            bend = before - 2 * at + after
-            return lag + float(0.5 * (before - after) / bend) if bend else float(lag)
-    return None
+    deviation = (known - known.mean()) / known.std()
+    n = deviation.size
+    lags = np.arange(n // 2 + 2)
+    products = np.fft.irfft(np.abs(np.fft.rfft(deviation, 2 * n)) ** 2)[lags]
+    squares = np.append(0.0, np.cumsum(deviation**2))
+    differences = (squares[n - lags] + squares[n] - squares[lags] - 2 * products) / (n - lags)
+    beyond = np.flatnonzero(differences > 1)
+    if not beyond.size:
+        return None
+    inner = differences[1:-1]
+    least = np.flatnonzero((inner <= differences[:-2]) & (inner < differences[2:])) + 1
+    found = least[(least > beyond[0]) & (differences[least] <= ALIKE**2)]
+    if not found.size:
+        return None
+    lag = int(found[0])
+    before, at, after = differences[lag - 1 : lag + 2]
+    return lag + float(0.5 * (before - after) / (before - 2 * at + after))
 
 
 def _between_rests(table: Table, piece: Piece) -> list[Piece]:

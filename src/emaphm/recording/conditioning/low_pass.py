@@ -16,7 +16,7 @@ NOT_FILTERED = ("time_s", "command_rad", *HELD)
 
 HALF_POWER = (np.sqrt(2) - 1) ** (1 / (2 * ORDER))
 """Bandwidth of the filter run both ways, relative to that of one way [-]: |H|² = 1 / (1 + (f/f_c)^4) is 1/√2
-at f = f_c (√2 - 1)^(1/4)."""
+at f = f_c (√2 - 1)^(1/4), frequencies warped as the bilinear transform does, tan(π f / rate)."""
 
 
 def low_passed(recording: Recording, bandwidth_hz: float, constants: Collection[str]) -> Recording:
@@ -34,16 +34,17 @@ def low_passed(recording: Recording, bandwidth_hz: float, constants: Collection[
     Raises
     ------
     RecordingError
-        The bandwidth is not below 0.8 times half the rate of the rows.
+        The bandwidth is not below half the rate of the rows.
     """
     from scipy.signal import butter, sosfiltfilt
 
-    corner, rate = bandwidth_hz / HALF_POWER, recording.sample_rate_hz
-    if corner >= rate / 2:
+    rate = recording.sample_rate_hz
+    if bandwidth_hz >= rate / 2:
         raise RecordingError(
-            f"{recording.source}: low_pass_hz = {bandwidth_hz:g} needs rows at more than {2 * corner:.4g} Hz, "
-            f"they come at {rate:.4g} Hz; take it out of [reading] in the actuator's TOML"
+            f"{recording.source}: low_pass_hz = {bandwidth_hz:g} needs more than {2 * bandwidth_hz:g} rows "
+            f"a second, they come at {rate:.4g} Hz; take it out of [reading] in the actuator's TOML"
         )
+    corner = rate / np.pi * np.arctan(np.tan(np.pi * bandwidth_hz / rate) / HALF_POWER)
     sections = butter(ORDER, corner, fs=rate, output="sos")
     channels = dict(recording.channels)
     filtered = [n for n in channels if n in SCHEMA and n not in NOT_FILTERED and n not in constants]

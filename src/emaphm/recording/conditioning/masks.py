@@ -50,6 +50,7 @@ def kept_rows(table: Table, reading: Reading, source: str) -> NDArray[np.bool_]:
     return kept
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def at_rest(time: Array, command: Array, least_s: float) -> NDArray[np.bool_]:
     """Return which rows (n,) lie in a rest of the command of at least `least_s` [s]."""
     from scipy.ndimage import maximum_filter1d, minimum_filter1d

@@ -200,7 +200,8 @@ def _converted(name: str, where: Source, raw: Array, actuator: Actuator, source:
     entry = where.entry
     if not entry.converts:
         return raw
-    values = entry.sign * (entry.scale * raw + entry.offset)
+    with np.errstate(over="ignore", invalid="ignore"):  # the checks refuse what is not finite
+        values = entry.sign * (entry.scale * raw + entry.offset)
     if entry.unit is None:
         return values
     from emaphm.actuator.units import in_unit

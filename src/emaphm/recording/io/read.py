@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator, Sampled
+from emaphm.actuator.channels import OWN_NAME
 from emaphm.actuator.expression import Expression
 from emaphm.actuator.reading import Reading
 from emaphm.errors import RecordingError, SignalError, nearest
@@ -172,11 +173,18 @@ def _opened(
     # What emaphm wrote for this rig has been cut and masked already, and lacks the columns to do it by.
     reading = Reading(longest_gap=actuator.reading.longest_gap) if is_own else actuator.reading
     every = [*held.numeric, *held.unusable]
+    passed_over = [name for name in SCHEMA if is_own and name not in {*sources, *constants}]
+    passed_over = [name for name in passed_over if actuator.channels.entry(name) != OWN_NAME]
     named = list(columns_in(split or reading.split or ""))
     named += Expression.parse(reading.keep).names if reading.keep else ()
     named += [reading.serial] if reading.serial else ()
     needed = [there for name in named if (there := resolved(name, every, source))]
     table = table_of(held, sources, actuator, source, needed=needed, known=constants)
+    if passed_over:
+        table.notes.append(
+            f"no column that [channels] names is in the file: read by the names of the schema, without "
+            f"{', '.join(passed_over)}"
+        )
     return _File(path, actuator, reading, table, kept_rows(table, reading, source), known)
 
 

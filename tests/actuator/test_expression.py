@@ -1,0 +1,65 @@
+"""Arithmetic and conditions in a description: against Python's own, and nothing but what is allowed."""
+
+import numpy as np
+import pytest
+
+from emaphm.actuator.expression import Expression
+
+COLUMNS = {
+    "a": np.array([1.0, 2.0, 3.0]),
+    "b": np.array([2.0, 2.0, 0.0]),
+    "Drive/set point": np.array([1.0, 0.0, 1.0]),
+    "profile": np.array(["trap", "sin", "trap"], object),
+}
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("a - b", [-1, 0, 3]),
+        ("-a + 2 * (b - 1) / 4", [-0.5, -1.5, -3.5]),
+        ("abs(b - a)", [1, 0, 3]),
+        ("a / b", [0.5, 1, np.inf]),
+        ("a + `Drive/set point`", [2, 2, 4]),
+        ("profile == 'trap' and a > 1", [False, False, True]),
+        ("not (1 < a <= 2)", [True, False, True]),
+        ("not b", [False, False, True]),
+        ("profile != 'trap' or a == 3", [False, True, True]),
+    ],
+)
+def test_values(text: str, expected: list[float]) -> None:
+    np.testing.assert_allclose(Expression.parse(text).evaluate(COLUMNS), expected)
+
+
+def test_names_in_their_order() -> None:
+    assert Expression.parse("b * `Drive/set point` - a / b").names == ("b", "Drive/set point", "a")
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("a ** 2", "not allowed"),
+        ("__import__('os').system('true')", "not allowed"),
+        ("a.real", "not allowed"),
+        ("a[0]", "not allowed"),
+        ("max(a, b)", "not allowed"),
+        ("a if b else a", "not allowed"),
+        ("lambda: a", "not allowed"),
+        ("a := 1", "cannot be parsed"),
+        ("a -", "cannot be parsed"),
+        ("", "cannot be parsed"),
+        ("(" * 500 + "a" + ")" * 500, "longer than 1000"),
+        ("(" * 400 + "a" + ")" * 400, "cannot be parsed"),
+        ("True", "write 1 and 0"),
+        ("1 + 1", "names no column"),
+        ("'a' + b", "is a text"),
+    ],
+)
+def test_what_is_not_allowed_is_refused_with_a_reason(text: str, expected: str) -> None:
+    with pytest.raises(ValueError, match=expected):
+        Expression.parse(text)
+
+
+def test_a_text_is_no_number() -> None:
+    with pytest.raises(ValueError, match="text"):
+        Expression.parse("profile < 2").evaluate(COLUMNS)

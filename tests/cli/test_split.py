@@ -1,0 +1,86 @@
+"""`emaphm split`: one long file, many recordings, and a description that fits them."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from emaphm.actuator import Actuator
+from emaphm.actuator.toml import write_toml
+from emaphm.recording import read_recording
+
+from .conftest import Emaphm
+
+CHANNELS = """
+[channels]
+command_rad = { column = "goal", unit = "mrad" }
+current_A = { scale = 2.0 }
+
+[reading]
+split = "run"
+"""
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    """Return a log of three runs; the last one is too short."""
+    time = np.arange(230) / 1e3
+    goal = 5 * np.sin(2 * np.pi * 10 * time)
+    run = np.repeat([1, 2, 3], [100, 100, 30])
+    frame = {"time_s": time, "goal": goal, "current_A": np.cos(2 * np.pi * 10 * time), "run": run}
+    pl.DataFrame(frame).write_csv(tmp_path / "log.csv")
+    (tmp_path / "rig.toml").write_text(f"{write_toml(Actuator.thesis())}\n{CHANNELS}")
+    return tmp_path / "log.csv"
+
+
+def test_split_writes_recordings_and_their_description(emaphm: Emaphm, log: Path, tmp_path: Path) -> None:
+    arguments = (
+        "split",
+        log,
+        "-o",
+        tmp_path / "out",
+        "--actuator",
+        tmp_path / "rig.toml",
+        "--known",
+        "serial=A17",
+    )
+    answer = emaphm(*arguments, "--json")
+    assert answer.code == 0, answer.err
+    found = json.loads(answer.out)
+    assert [Path(one["file"]).name for one in found["recordings"]] == [
+        "log_0001_run_1.csv",
+        "log_0002_run_2.csv",
+    ]
+    assert [one["labels"] for one in found["recordings"]] == [{"run": n, "serial": "A17"} for n in (1.0, 2.0)]
+    assert "run 3 has 30 rows" in found["refused"][0]
+    described = Actuator.from_toml(found["actuator"])
+    second = read_recording(found["recordings"][1]["file"], described)
+    raw = pl.read_csv(log)[100:200]
+    np.testing.assert_allclose(second["command_rad"], 1e-3 * raw["goal"].to_numpy(), rtol=1e-12)
+    np.testing.assert_allclose(second["current_A"], 2 * raw["current_A"].to_numpy())
+    assert second.labels == {"run": 2.0, "serial": "A17"}
+    again = emaphm(*arguments)
+    assert again.code == 2
+    assert "--force" in again.err
+    assert "log_0002_run_2.csv" in emaphm(*arguments, "--force").out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (("--by", "rnu"), "did you mean 'run'"),
+        (("--known", "temperature_K"), "give NAME=VALUE"),
+        (("--known", "temperature_K=warm"), "is a number in K"),
+        (("--known", "a=1", "--known", "a=2"), "given twice"),
+    ],
+)
+def test_what_cannot_be_cut_is_refused(
+    emaphm: Emaphm, log: Path, tmp_path: Path, arguments: tuple[str, ...], expected: str
+) -> None:
+    answer = emaphm("split", log, "-o", tmp_path / "out", "--actuator", tmp_path / "rig.toml", *arguments)
+    assert answer.code == 2
+    assert expected in answer.err
+    assert answer.err.count("\n") == 1
+    assert not (tmp_path / "out").exists()

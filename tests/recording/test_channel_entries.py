@@ -1,0 +1,226 @@
+"""Channels as a description defines them: converted, derived, known, late, masked, with gaps."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+
+from emaphm.actuator import Actuator
+from emaphm.actuator.channels import Channels
+from emaphm.actuator.reading import Reading
+from emaphm.recording import Recording, read_recording, write_recording
+
+from .conftest import Columns, Refusal
+
+
+def save(columns: dict[str, Any], folder: Path, name: str = "rec.parquet") -> Path:
+    path = folder / name
+    frame = pl.DataFrame(columns)
+    frame.write_csv(path) if name.endswith("csv") else frame.write_parquet(path)
+    return path
+
+
+def rig(thesis: Actuator, reading: dict[str, Any] | None = None, **channels: Any) -> Actuator:
+    given = {"channels": Channels(**channels), "reading": Reading(**(reading or {}))}
+    return thesis.model_copy(update=given)
+
+
+def test_units_scale_offset_and_sign(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
+    logged = {
+        "t": 1e3 * columns["time_s"],
+        "goal": np.rad2deg(columns["command_rad"]),
+        "counts": -(columns["current_A"] / 0.01) + 2048,
+        "celsius": columns["temperature_K"] - 273.15,
+        "rpm": columns["speed_rad_s"] * 30 / np.pi,
+    }
+    actuator = rig(
+        thesis,
+        time_s={"column": "t", "unit": "ms"},
+        command_rad={"column": "goal", "unit": "deg"},
+        current_A={"column": "counts", "scale": 0.01, "offset": -20.48, "sign": -1},
+        temperature_K={"column": "celsius", "unit": "degC"},
+        speed_rad_s={"column": "rpm", "unit": "rpm"},
+    )
+    recording = read_recording(save(logged, tmp_path), actuator)
+    for name in ("time_s", "command_rad", "current_A", "temperature_K", "speed_rad_s"):
+        np.testing.assert_allclose(recording[name], columns[name], rtol=1e-12, atol=1e-12, err_msg=name)
+
+
+def test_derived_of_columns_and_of_channels(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
+    error_mrad = 1e3 * (columns["command_rad"] - columns["position_rad"])
+    logged = {k: v for k, v in columns.items() if k != "position_rad"} | {"error": error_mrad}
+    actuator = rig(thesis, position_rad={"derived": "command_rad - 0.001 * error"})
+    recording = read_recording(save(logged, tmp_path), actuator)
+    np.testing.assert_allclose(recording["position_rad"], columns["position_rad"], atol=1e-15)
+
+
+def test_known_values_and_labels(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
+    del columns["temperature_K"]
+    path = save(columns | {"SN": ["A-17"] * 2500, "run": np.full(2500, 3)}, tmp_path)
+    actuator = rig(thesis, {"serial": "SN"}, temperature_K={"value": 20.0, "unit": "degC"})
+    recording = read_recording(path, actuator, known={"load_Nm": 0.02, "rig": "left"})
+    np.testing.assert_allclose(recording["temperature_K"], 293.15)
+    np.testing.assert_array_equal(recording["load_Nm"], 0.02)
+    assert recording.labels == {"SN": "A-17", "serial": "A-17", "run": 3.0, "rig": "left"}
+    # What is written keeps them.
+    write_recording(recording, tmp_path / "again.csv")
+    assert read_recording(tmp_path / "again.csv", thesis).labels["serial"] == "A-17"
+
+
+@pytest.mark.parametrize(("sampling", "atol"), [("instant", 2e-8), ("mean", 2e-8)])
+@pytest.mark.parametrize("delay", [2e-3, 1.37e-3, -0.61e-3])
+def test_a_delay_is_taken_back(
+    columns: Columns, tmp_path: Path, thesis: Actuator, sampling: str, atol: float, delay: float
+) -> None:
+    swing = 2 * np.pi * 4.0
+    time = columns["time_s"]
+    # Means over a row's interval of 0.2 ms of a sine at 4 Hz differ from its middle by 1e-6 of it.
+    shift = 1e-4 if sampling == "mean" else 0.0
+    columns["position_rad"] = 5e-3 * np.sin(swing * (time + shift - delay) - 0.05)
+    actuator = rig(thesis, sampling=sampling, position_rad={"delay_s": delay})
+    recording = read_recording(save(columns, tmp_path), actuator)
+    expected = 5e-3 * np.sin(swing * (recording["time_s"] + shift) - 0.05)
+    np.testing.assert_allclose(recording["position_rad"], expected, atol=atol)
+    lost = 2500 - recording.samples
+    assert abs(delay) * 5000 <= lost <= abs(delay) * 5000 + 2
+    assert "delay" in recording.notes[0]
+
+
+@pytest.mark.parametrize("name", ["rec.csv", "rec.parquet"])
+def test_short_gaps_are_interpolated_with_a_note(
+    columns: Columns, tmp_path: Path, thesis: Actuator, name: str
+) -> None:
+    spoilt = {key: [None if np.isnan(x) else x for x in values] for key, values in columns.items()}
+    for row in (40, 41, 42, 900, 2499):
+        spoilt["position_rad"][row] = None
+    recording = read_recording(save(spoilt, tmp_path, name), thesis)
+    assert recording.samples == 2499
+    np.testing.assert_allclose(recording["position_rad"], columns["position_rad"][:2499], atol=1e-8)
+    np.testing.assert_array_equal(recording["current_A"], columns["current_A"][:2499])
+    assert "the last 1 row left out, where position_rad is empty" in recording.notes[0]
+    assert "position_rad: 4 empty cells in 2 gaps, the first at 0.008 s, interpolated" in recording.notes[1]
+
+
+def test_lost_rows_are_interpolated_with_a_note(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
+    kept = np.delete(np.arange(2500), [100, 101, 700])
+    path = save({name: values[kept] for name, values in columns.items()}, tmp_path)
+    recording = read_recording(path, thesis)
+    np.testing.assert_allclose(recording["time_s"], columns["time_s"], atol=1e-12)
+    np.testing.assert_allclose(recording["position_rad"], columns["position_rad"], atol=1e-8)
+    assert "3 rows lost in 2 places" in recording.notes[0]
+
+
+def test_a_log_with_more_gaps_than_its_owner_allows(
+    columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refusal
+) -> None:
+    columns["position_rad"][100:110] = np.nan
+    path = save(columns, tmp_path)
+    assert "row 101 of column 'position_rad' is empty" in refusal(lambda: read_recording(path, thesis))
+    assert read_recording(path, rig(thesis, {"longest_gap": 10})).samples == 2500
+
+
+def test_masks(columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refusal) -> None:
+    mode = np.where(columns["time_s"] < 0.3, "trap", "sine")
+    path = save(columns | {"on": (columns["time_s"] >= 0.1) * 1, "mode": mode}, tmp_path)
+    by_condition = read_recording(path, rig(thesis, {"keep": "on == 1 and mode == 'trap'"}))
+    np.testing.assert_allclose(by_condition["time_s"][[0, -1]], [0.1, 0.2998])
+    by_time = read_recording(path, rig(thesis, {"times": [[0.1, 0.2998]]}))
+    np.testing.assert_array_equal(by_time["time_s"], by_condition["time_s"])
+    several = refusal(lambda: read_recording(path, rig(thesis, {"times": [[0.1, 0.2], [0.3, 0.4]]})))
+    assert "leave 2 recordings" in several
+
+
+def test_dwell_is_left_out(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
+    moving = columns["time_s"] < 0.25
+    columns["command_rad"] = np.where(moving, columns["command_rad"], columns["command_rad"][1250])
+    recording = read_recording(save(columns, tmp_path), rig(thesis, {"dwell_s": 0.1}))
+    assert abs(recording.samples - 1250) <= 2
+
+
+def test_low_pass_has_its_bandwidth_and_no_phase(tmp_path: Path, thesis: Actuator) -> None:
+    time = np.arange(5000) / 1e3
+    slow, fast = np.sin(2 * np.pi * 2 * time), np.sin(2 * np.pi * 50 * time)
+    path = save({"time_s": time, "command_rad": slow, "current_A": slow + fast}, tmp_path)
+    recording = read_recording(path, rig(thesis, {"low_pass_hz": 50.0}))
+    # At the bandwidth an amplitude is 1/√2; no sine of 2 Hz is late.
+    middle = slice(1000, 4000)
+    expected = slow + fast / np.sqrt(2)
+    np.testing.assert_allclose(recording["current_A"][middle], expected[middle], atol=0.002)
+    np.testing.assert_array_equal(recording["command_rad"], slow)
+    assert "zero-phase low-pass with a bandwidth of 50 Hz" in recording.notes[-1]
+
+
+BAD: dict[str, tuple[dict[str, Any], dict[str, Any], list[str]]] = {
+    "another quantity": (
+        {},
+        {"current_A": {"unit": "mm"}},
+        ["unit of current_A", "mm does not convert into A"],
+    ),
+    "a long delay": (
+        {},
+        {"position_rad": {"delay_s": 0.6}},
+        ["delay_s = 0.6 of position_rad", "longer than"],
+    ),
+    "an unknown operand": (
+        {},
+        {"load_Nm": {"derived": "forc * number"}},
+        ["no column 'forc'", "did you mean 'force'"],
+    ),
+    "a mask that leaves nothing": (
+        {"keep": "force > 9"},
+        {},
+        ['keep = "force > 9"', "leaves no row of 2500"],
+    ),
+    "times that leave nothing": ({"times": [[7.0, 8.0]]}, {}, ["times = [[7.0, 8.0]]", "leaves no row"]),
+    "a mask of an unknown column": ({"keep": "enable == 1"}, {}, ["no column 'enable'", "keep"]),
+    "a mask of texts and numbers": ({"keep": "mode > 1"}, {}, ["keep", "text"]),
+    "an unknown serial number": ({"serial": "SN"}, {}, ["column 'SN'", "not in the file"]),
+    "a serial number that changes": ({"serial": "number"}, {}, ["'number'", "not the same throughout"]),
+    "a low-pass beyond the rate": ({"low_pass_hz": 2500.0}, {}, ["low_pass_hz = 2500", "5000 Hz"]),
+}
+
+
+@pytest.mark.parametrize(("reading", "channels", "expected"), BAD.values(), ids=BAD.keys())
+def test_what_cannot_be_is_refused(
+    columns: Columns,
+    tmp_path: Path,
+    thesis: Actuator,
+    refusal: Refusal,
+    reading: dict[str, Any],
+    channels: dict[str, Any],
+    expected: list[str],
+) -> None:
+    further = {"force": np.ones(2500), "mode": ["a"] * 2500, "number": np.arange(2500)}
+    path = save(columns | further, tmp_path)
+    text = refusal(lambda: read_recording(path, rig(thesis, reading, **channels)))
+    for part in (str(path), *expected):
+        assert part in text
+
+
+def test_a_known_command_is_refused(
+    columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refusal
+) -> None:
+    path = save(columns, tmp_path)
+    assert "cannot hold" in refusal(lambda: read_recording(path, thesis, known={"command_rad": 1.0}))
+
+
+def test_jitter_up_to_a_fifth_is_resampled_with_a_note(columns: Columns) -> None:
+    random = np.random.default_rng(0)
+    steps = 2e-4 * (1 + np.clip(random.normal(0, 0.2, 2499), -0.7, 0.7))
+    time = np.append(0.0, np.cumsum(steps))
+    columns |= {"time_s": time, "command_rad": 5e-3 * np.sin(2 * np.pi * 4 * time)}
+    recording = Recording(columns, "instant")
+    expected = 5e-3 * np.sin(2 * np.pi * 4 * recording["time_s"])
+    np.testing.assert_allclose(recording["command_rad"], expected, atol=1e-8)
+    assert "resampled" in recording.notes[0]
+
+
+def test_a_file_without_any_foreign_name_is_read_by_schema_names_with_a_note(
+    columns: Columns, tmp_path: Path, thesis: Actuator
+) -> None:
+    actuator = rig(thesis, {"keep": "on == 1"}, load_Nm="force", current_A={"column": "I", "unit": "mA"})
+    recording = read_recording(save(columns, tmp_path), actuator)
+    np.testing.assert_array_equal(recording["current_A"], columns["current_A"])
+    assert recording.notes[0].endswith("without load_Nm")

@@ -1,0 +1,162 @@
+"""TDMS, HDF5 and MDF 4 files as their own libraries write them."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from emaphm.actuator import Actuator
+from emaphm.actuator.channels import Channels
+from emaphm.actuator.reading import Reading
+from emaphm.recording import read_recording, read_recordings
+
+from .conftest import Columns, Refusal
+
+ENDINGS = ("tdms", "h5", "mf4")
+SLOW = {"column": "Slow/T", "unit": "degC"}
+START = np.datetime64("2026-01-01T00:00:00")
+
+
+def rig(thesis: Actuator, reading: dict[str, Any] | None = None, **channels: Any) -> Actuator:
+    given = {"channels": Channels(sampling="instant", **channels), "reading": Reading(**(reading or {}))}
+    return thesis.model_copy(update=given)
+
+
+def measured(columns: Columns) -> Columns:
+    return {name: columns[name] for name in ("command_rad", "position_rad", "current_A")}
+
+
+def tdms(columns: Columns, folder: Path, late_s: float = 0.0) -> Path:
+    """Save waveforms at 5 kHz in one group, and another at 100 Hz in a second one, which begins later."""
+    nptdms = pytest.importorskip("nptdms", reason="TDMS files need npTDMS")
+    fast = {"wf_increment": 2e-4, "wf_start_time": START}
+    later = START + np.timedelta64(round(1e6 * late_s), "us")
+    slow = {"wf_increment": 1e-2, "wf_start_time": later}
+    temperature = 20 + np.arange(60) * 0.1
+    objects = [
+        nptdms.ChannelObject("Drive", name, values, fast) for name, values in measured(columns).items()
+    ]
+    objects += [
+        nptdms.ChannelObject("Slow", "T", temperature, slow),
+        nptdms.ChannelObject("Slow", "remark", ["a", "b"]),
+    ]
+    with nptdms.TdmsWriter(str(folder / "rec.tdms")) as file:
+        file.write_segment(objects)
+    return folder / "rec.tdms"
+
+
+def h5(columns: Columns, folder: Path) -> Path:
+    """Save vectors and a table in groups, with links."""
+    h5py = pytest.importorskip("h5py", reason="HDF5 files need h5py")
+    with h5py.File(folder / "rec.h5", "w") as file:
+        for name, values in measured(columns).items():
+            file[f"Drive/log/{name}"] = values
+        file["Drive/log/time_s"] = columns["time_s"]
+        times = np.arange(60) * 1e-2
+        file["Slow"] = np.array(
+            list(zip(times, 20 + times * 10, strict=True)), dtype=[("t", "f8"), ("T", "f4")]
+        )
+        file["Drive/again"] = file["Drive"]  # a circle
+        file["elsewhere"] = h5py.ExternalLink("other.h5", "current")
+        file["nowhere"] = h5py.SoftLink("/Drive/none")
+    return folder / "rec.h5"
+
+
+def mf4(columns: Columns, folder: Path) -> Path:
+    """Save three groups with times of their own; `T` is in two of them, `z` twice in one."""
+    asammdf = pytest.importorskip("asammdf", reason="MDF 4 files need asammdf")
+    time, slow = columns["time_s"], np.arange(60) * 1e-2
+
+    def signal(name: str, values: Any, at: Any) -> Any:
+        return asammdf.Signal(np.asarray(values), at, name=name)
+
+    with asammdf.MDF(version="4.10") as file:
+        file.append(
+            [signal(name, values, time) for name, values in measured(columns).items()], acq_name="Drive"
+        )
+        file.append([signal("T", 20 + slow * 10, slow)], acq_name="Slow")
+        file.append(
+            [signal("T", slow, slow), signal("z", slow, slow), signal("z", slow, slow)], acq_name="Other"
+        )
+        file.save(folder / "rec.mf4", overwrite=True)
+    return folder / "rec.mf4"
+
+
+SAVE: dict[str, Callable[[Columns, Path], Path]] = {"tdms": tdms, "h5": h5, "mf4": mf4}
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_round_trip(columns: Columns, tmp_path: Path, thesis: Actuator, ending: str) -> None:
+    temperature = SLOW | {"time": "Slow/t"} if ending == "h5" else SLOW
+    recording = read_recording(SAVE[ending](columns, tmp_path), rig(thesis, temperature_K=temperature))
+    np.testing.assert_allclose(recording["time_s"], columns["time_s"], atol=1e-12)
+    for name, values in measured(columns).items():
+        np.testing.assert_array_equal(recording[name], values)
+    # 10 K a second, at the times of the command.
+    np.testing.assert_allclose(recording["temperature_K"], 293.15 + 10 * columns["time_s"], atol=1e-5)
+    assert any("Slow/T: brought from times of their own" in note for note in recording.notes)
+
+
+def test_waveforms_that_begin_at_other_times(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
+    path = tdms(columns, tmp_path, late_s=0.1)
+    recording = read_recording(path, rig(thesis, {"longest_gap": 500}, temperature_K=SLOW))
+    np.testing.assert_allclose(recording["time_s"][[0, -1]], [0.1, 0.4998])
+    np.testing.assert_allclose(
+        recording["temperature_K"], 293.15 + 10 * (recording["time_s"] - 0.1), atol=1e-9
+    )
+
+
+def test_texts_of_a_parquet_file_cut_it(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
+    import polars as pl
+
+    profile = np.repeat(["trap", "sine"], [1000, 1500])
+    pl.DataFrame({**columns, "profile": profile}).write_parquet(tmp_path / "rec.parquet")
+    found = read_recordings(tmp_path / "rec.parquet", thesis, split="profile")
+    assert [(one.labels["profile"], one.samples) for one in found] == [("trap", 1000), ("sine", 1500)]
+
+
+BAD = {
+    "no such group": ("tdms", "Drives/current_A", ["no group 'Drives'", "did you mean 'Drive'"]),
+    "no such channel": ("tdms", "Drive/curent_A", ["'Drive/curent_A'", "did you mean 'Drive/current_A'"]),
+    "a text": ("tdms", "Slow/remark", ["'Slow/remark' (current_A) is not numeric"]),
+    "a link out of the file": ("h5", "elsewhere", ["'elsewhere' (current_A) is a link to elsewhere"]),
+    "a link to nowhere": ("h5", "nowhere", ["is a link to elsewhere"]),
+    "the same name in two groups": ("mf4", "T", ["2 columns are named 'T' (Slow/T, Other/T)", "the group"]),
+    "the same name twice in a group": ("mf4", "z", ["'Other/z' (current_A) is there 2 times", "rename"]),
+    "not in the MDF": ("mf4", "Drive/curent_A", ["'Drive/curent_A'", "did you mean 'Drive/current_A'"]),
+}
+
+
+@pytest.mark.parametrize(("ending", "name", "expected"), BAD.values(), ids=BAD.keys())
+def test_what_a_file_does_not_hold_is_refused(
+    columns: Columns,
+    tmp_path: Path,
+    thesis: Actuator,
+    refusal: Refusal,
+    ending: str,
+    name: str,
+    expected: list[str],
+) -> None:
+    path = SAVE[ending](columns, tmp_path)
+    text = refusal(lambda: read_recording(path, rig(thesis, current_A=name)))
+    for part in (str(path), *expected):
+        assert part in text
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize(
+    "spoil", [lambda raw: raw[: len(raw) // 2], lambda raw: raw[::-1]], ids=["cut", "noise"]
+)
+def test_a_damaged_file_is_refused(
+    columns: Columns,
+    tmp_path: Path,
+    thesis: Actuator,
+    refusal: Refusal,
+    ending: str,
+    spoil: Callable[[bytes], bytes],
+) -> None:
+    path = SAVE[ending](columns, tmp_path)
+    path.write_bytes(spoil(path.read_bytes()))
+    assert str(path) in refusal(lambda: read_recording(path, thesis))

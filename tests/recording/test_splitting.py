@@ -1,0 +1,165 @@
+"""One file as many recordings: by columns, by the period of the command, at rests, at gaps."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from emaphm.actuator import Actuator
+from emaphm.actuator.channels import Channels
+from emaphm.actuator.reading import Reading
+from emaphm.recording import read_recording, read_recordings
+from emaphm.recording.splitting import command_period
+
+from .conftest import Columns, Refusal, _measured
+
+
+def trapezoids(periods: float, rows: int, phase: float = 0.0) -> np.ndarray:
+    """Return a command that moves up, rests, moves down and rests, each for a quarter of a period."""
+    place = np.mod(np.arange(round(periods * rows)) / rows + phase, 1.0)
+    return 5e-3 * np.interp(place, [0, 0.25, 0.5, 0.75, 1], [0, 1, 1, 0, 0])
+
+
+def save(columns: Mapping[str, object], folder: Path) -> Path:
+    path = folder / "long.parquet"
+    pl.DataFrame(columns).write_parquet(path)
+    return path
+
+
+def long_file(folder: Path, periods: float = 5.4, **further: object) -> Path:
+    command = trapezoids(periods, 1000)
+    time = np.arange(command.size) / 1e3
+    return save({"time_s": time, "command_rad": command, "current_A": np.cos(time), **further}, folder)
+
+
+@pytest.mark.parametrize("rows", [100.0, 324.0, 1000.4, 77.7])
+@pytest.mark.parametrize("phase", [0.0, 0.3])
+def test_period_of_a_command(rows: float, phase: float) -> None:
+    time = np.arange(2000)
+    place = np.mod(time / rows + phase, 1.0)
+    command = np.interp(place, [0, 0.25, 0.5, 0.75, 1], [0, 1, 1, 0, 0]) + 0.2 * np.sin(4 * np.pi * place)
+    found = command_period(command)
+    assert found is not None
+    assert found == pytest.approx(rows, abs=0.2)
+
+
+@pytest.mark.parametrize("command", [np.arange(500.0), np.sin(np.arange(1000) ** 1.5 / 300), np.ones(400)])
+def test_what_does_not_repeat_has_no_period(command: np.ndarray) -> None:
+    assert command_period(command) is None
+
+
+def test_by_period(tmp_path: Path, thesis: Actuator) -> None:
+    found = read_recordings(long_file(tmp_path), thesis, split="period")
+    assert [one.samples for one in found] == [1000] * 5
+    assert [one.labels["period"] for one in found] == [1, 2, 3, 4, 5]
+    assert "the 400 rows after this period" in found[-1].notes[0]
+    assert found[2].source.endswith("long.parquet: period 3")
+
+
+def test_at_rests(tmp_path: Path, thesis: Actuator) -> None:
+    found = read_recordings(long_file(tmp_path, 2.0), thesis, split="rests")
+    # Up, down, up, down: cut in the middle of each rest of 0.25 s.
+    np.testing.assert_allclose([one["time_s"][0] for one in found], [0, 0.375, 0.875, 1.375], atol=2e-3)
+    assert sum(one.samples for one in found) == 2000
+
+
+def test_by_columns_of_numbers_and_texts(tmp_path: Path, thesis: Actuator, refusal: Refusal) -> None:
+    run = np.repeat([1, 2, 2, 1], [1000, 1000, 1000, 2400])
+    load = np.repeat(["low", "high"], [1500, 3900])
+    path = long_file(tmp_path, run=run, load=load)
+    found = read_recordings(path, thesis, split="run, load")
+    assert [(one.labels["run"], one.labels["load"], one.samples) for one in found] == [
+        (1, "low", 1000),
+        (2, "low", 500),
+        (2, "high", 1500),
+        (1, "high", 2400),
+    ]
+    again = read_recordings(path, thesis, split="run")
+    assert [one.source.rpartition(": ")[2] for one in again] == ["run 1", "run 2", "run 1, part 2"]
+    text = refusal(lambda: read_recordings(path, thesis, split="rnu"))
+    assert "no column 'rnu' to cut by (did you mean 'run'?)" in text
+
+
+def test_at_gaps_masks_and_restarts_of_time(tmp_path: Path, thesis: Actuator) -> None:
+    command = trapezoids(4.0, 1000)
+    time = np.arange(4000) / 1e3
+    time[1000:] += 0.5
+    time[2000:] -= 2.5
+    current = np.cos(time)
+    current[3000:3020] = np.nan
+    on = np.ones(4000)
+    on[3500:3510] = 0
+    path = save({"time_s": time, "command_rad": command, "current_A": current, "on": on}, tmp_path)
+    actuator = thesis.model_copy(update={"reading": Reading(keep="on == 1", split="stretches")})
+    refused: list[str] = []
+    found = read_recordings(path, actuator, on_refused=refused.append)
+    assert [one.samples for one in found] == [1000, 1000, 1000, 480, 490]
+    assert not refused
+
+
+def test_pieces_that_are_no_recording_are_told(tmp_path: Path, thesis: Actuator, refusal: Refusal) -> None:
+    run = np.repeat([1, 2, 3], [40, 960, 4400])
+    current = np.cos(np.arange(5400.0))
+    current[2000] = np.inf
+    path = long_file(tmp_path, run=run)
+    refused: list[str] = []
+    assert len(read_recordings(path, thesis, split="run", on_refused=refused.append)) == 2
+    assert [reason.rpartition(": ")[2] for reason in refused] == ["run 1 has 40 rows, at least 50 are needed"]
+    path = save({**pl.read_parquet(path).to_dict(as_series=False), "current_A": current}, tmp_path)
+    assert "run 3: row 1001 of column 'current_A'" in refusal(
+        lambda: read_recordings(path, thesis, split="run")
+    )
+    assert len(read_recordings(path, thesis, split="run", on_refused=refused.append)) == 1
+    assert len(refused) == 3
+
+
+def test_one_recording_where_nothing_is_cut(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
+    path = save(columns, tmp_path)
+    (found,) = read_recordings(path, thesis)
+    for name in read_recording(path, thesis):
+        np.testing.assert_array_equal(found[name], columns[name])
+
+
+def test_a_file_of_several_is_no_single_recording(tmp_path: Path, thesis: Actuator, refusal: Refusal) -> None:
+    actuator = thesis.model_copy(update={"reading": Reading(split="period")})
+    assert "makes 5 recordings" in refusal(lambda: read_recording(long_file(tmp_path), actuator))
+
+
+def ball_screw(emps: Actuator) -> Actuator:
+    channels = Channels(
+        sampling="instant",
+        time_s="time",
+        command_rad={"column": "set_point", "unit": "mm"},
+        position_rad={"derived": "set_point - position_error", "unit": "mm"},
+        current_A="current",
+        load_Nm={"column": "load", "unit": "kgf"},
+    )
+    return emps.model_copy(update={"channels": channels, "reading": Reading(split="load, run, group")})
+
+
+@pytest.mark.parametrize("name", ["normal", "lackLubrication1", "backlash1"])
+def test_a_real_log_of_some_150_cycles(emps: Actuator, name: str) -> None:
+    path = _measured("cranfield", f"{name}.parquet")
+    found = read_recordings(path, ball_screw(emps))
+    raw = pl.read_parquet(path)
+    assert [one.samples for one in found] == [324] * (raw.height // 324)
+    assert [one.labels["load"] for one in found] == raw["load"].to_list()[::324]
+    assert [one.labels["run"] for one in found] == raw["run"].to_list()[::324]
+    goal, error = raw["set_point"].to_numpy(), raw["position_error"].to_numpy()
+    for number, one in enumerate(found):
+        rows = slice(324 * number, 324 * (number + 1))
+        assert not one.notes  # nothing was cleaned
+        np.testing.assert_allclose(one["position_rad"], 1e-3 * (goal - error)[rows], rtol=1e-12)
+        np.testing.assert_array_equal(one["current_A"], raw["current"].to_numpy()[rows])
+    np.testing.assert_allclose(found[0]["load_Nm"], 20 * 9.80665)
+
+
+def test_a_real_servo_is_cut_where_its_drive_is_switched_off(emps: Actuator) -> None:
+    path = _measured("xl330", "kp200_lift_and_drop.csv")
+    channels = Channels(sampling="instant", command_rad="goal_rad", enabled="torque_enable")
+    reading = Reading(keep="torque_enable == 1", split="stretches")
+    (held,) = read_recordings(path, emps.model_copy(update={"channels": channels, "reading": reading}))
+    assert held.samples == 375
+    assert held.labels["torque_enable"] == 1 or np.all(held["enabled"] == 1)
