@@ -14,6 +14,7 @@ from emaphm.estimation.search_result import DEFAULT_SCATTER, SearchResult
 from emaphm.estimation.uncertainty.collinearity import CollinearSet, collinear_coordinates, resolving_channels
 from emaphm.estimation.uncertainty.fisher_information import information_lower_bound
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at, local_covariance
+from emaphm.estimation.uncertainty.slow_rows import step_by_other_command
 from emaphm.random_streams import stream
 
 UNRECORDED_NOISE = 0.03
@@ -33,7 +34,8 @@ def identifiability(result: SearchResult, seed: int) -> Identifiability:
 
     The covariance is that of the data and the optimiser's scatter. Where the search has not converged, a
     Gauss-Newton step remains: towards the optimum that a population method may not have reached, and for the
-    model's discrepancy not yet corrected. The covariance then includes its square.
+    model's discrepancy not yet corrected. The covariance then includes its square, and that of how far
+    another command behind slow rows would move the estimate.
     """
     objective, space = result.objective, result.objective.space
     rows = objective.channel_rows
@@ -47,6 +49,9 @@ def identifiability(result: SearchResult, seed: int) -> Identifiability:
     if not result.converged:
         remaining = space.project(result.point + local.step) - result.point
         covariance = covariance + np.outer(remaining, remaining)
+    moved = step_by_other_command(objective, result.point, residual, jacobians)
+    if moved is not None:
+        covariance = covariance + np.outer(moved, moved)
     return Identifiability(covariance, sets)
 
 
