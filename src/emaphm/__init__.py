@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from emaphm.diagnosis import Diagnosis, diagnose, error_percent
     from emaphm.errors import EmaphmError
     from emaphm.estimation import replay
-    from emaphm.experiment import Design, design
+    from emaphm.experiment import Design, Segments, design, segments
     from emaphm.recording import Recording, acquire, read_recording, write_recording
     from emaphm.report import write_report
     from emaphm.simulated_recording import simulate
@@ -42,7 +42,7 @@ _HOMES = {
     "emaphm.calibration": "Calibration CampaignRow calibrate read_campaign",
     "emaphm.diagnosis": "Diagnosis diagnose error_percent",
     "emaphm.estimation": "replay",
-    "emaphm.experiment": "Design design",
+    "emaphm.experiment": "Design Segments design segments",
     "emaphm.recording": "Recording acquire read_recording write_recording",
     "emaphm.report": "write_report",
     "emaphm.simulated_recording": "simulate",
@@ -63,6 +63,7 @@ __all__ = [
     "Ramp",
     "Recording",
     "Sampled",
+    "Segments",
     "Sine",
     "Step",
     "__version__",
@@ -74,6 +75,7 @@ __all__ = [
     "read_campaign",
     "read_recording",
     "replay",
+    "segments",
     "simulate",
     "simulate_batch",
     "write_recording",

@@ -11,6 +11,7 @@ from emaphm.cli import study, verbs
 from emaphm.cli.calibrate import calibrate
 from emaphm.cli.design import design
 from emaphm.cli.entry import INTERRUPTED
+from emaphm.cli.segment import segment
 from emaphm.errors import EmaphmError
 
 UNWRITABLE = {
@@ -39,7 +40,7 @@ app = App(
     help_format="plaintext",  # a parser of Markdown takes longer to import than all else of --help
     suppress_keyboard_interrupt=False,
 )
-for verb in (verbs.demo, verbs.simulate, verbs.diagnose, calibrate, verbs.replay, design):
+for verb in (verbs.demo, verbs.simulate, verbs.diagnose, calibrate, verbs.replay, design, segment):
     app.command(verb)
 app.command(study.app)
 
