@@ -29,9 +29,9 @@ class CellSettings:
     than its backlash, or less than `least_motion` of the command's range. Jacobians are taken over at most
     `block_s` [s] at once, `replicates` of them: products of different ones are free of the bias of their
     errors, which slow motion with stick-slip makes large. A residual is expected to be as large as the
-    channel's noise, and `model_error` of its rms (`emaphm.estimation.search_result.SMALLEST_SHARE`), and to be
-    correlated over `correlated_s` [s]: half-widths are then 1 to 3 times those of a diagnosis, of chirps of
-    the thesis's actuator at 5 kHz and at 100 Hz (`emaphm segment`, `emaphm diagnose`).
+    channel's noise, and `model_error` of its rms (`search_result.SMALLEST_SHARE`), and to be correlated over
+    `correlated_s` [s]: half-widths are then 1 to 3 times those of a diagnosis, of chirps of the thesis's
+    actuator at 5 kHz and at 100 Hz (`emaphm segment`, `emaphm diagnose`).
     """
 
     cell_s: float = 0.25

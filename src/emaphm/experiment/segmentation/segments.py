@@ -18,6 +18,9 @@ from emaphm.recording import Recording
 from emaphm.recording.checks import FEWEST_SAMPLES
 from emaphm.recording.plausibility import MOST_ROWS
 
+IN_MOTION = "begins in motion, and without position_rad nothing says where: record the position"
+"""Why what follows the longest stretch of a movement is refused."""
+
 AT_REST = "at rest: the command does not move the actuator"
 
 
@@ -45,7 +48,7 @@ def segments(
     actuator: Actuator,
     *,
     wanted: float = VERDICT.hidden_fault,
-    longest_s: float = 10.0,
+    longest_s: float = 30.0,
     seed: int = 0,
     workers: int | None = None,
     on_progress: Progress | None = None,
@@ -55,7 +58,8 @@ def segments(
     The averaged model is driven with the recorded command; its derivatives at the healthy actuator give the
     information of each cell of a quarter of a second. A stretch grows cell by cell until all that the
     actuator can show is expected to be known to ± `wanted`, or it takes `longest_s`, or a rest begins. Where
-    it ends in motion, it ends where the command is slowest.
+    it ends in motion, it ends where the command is slowest. Without a recorded position a stretch ends only
+    at a rest: where one starts in motion would not be known.
 
     Parameters
     ----------
@@ -140,10 +144,11 @@ class _Cutter:
             taken = (cell + 1) * rows - start
             left = (last - cell - 1) * rows
             halves = self._half_widths(known)
-            enough = all(half <= self.wanted for half in halves.values()) or taken + rows > self.most_rows
+            known_well = all(half <= self.wanted for half in halves.values())
+            enough = (known_well and "position_rad" in self.recording) or taken + rows > self.most_rows
             if left == 0 or (enough and self._fewest_rows <= min(taken - rows, left)):
                 end = (cell + 1) * rows if left == 0 else self._slowest(cell)
-                yield self._segment(start, end, halves)
+                yield self._segment(start, end, halves, in_motion=start > first * rows)
                 start, known = end, np.zeros_like(known)
 
     @property
@@ -173,11 +178,13 @@ class _Cutter:
                 halves[NAMES[i]] = Z95 * float(np.sqrt(variance))
         return halves
 
-    def _segment(self, first: int, last: int, halves: dict[str, float]) -> Segment:
+    def _segment(self, first: int, last: int, halves: dict[str, float], *, in_motion: bool) -> Segment:
         identifies = tuple(name for name, half in halves.items() if half <= self.wanted)
         reason = self._saturated(first, last)
         if not reason and last - first < FEWEST_SAMPLES:
             reason = f"too short: {last - first} rows, a recording has {FEWEST_SAMPLES} at least"
+        if not reason and in_motion and "position_rad" not in self.recording:
+            reason = IN_MOTION
         if not reason and not identifies:
             best = min(halves, key=lambda name: halves[name])
             reason = f"command too small or too slow: {best} would be known to ±{halves[best]:.2g} only"
