@@ -75,12 +75,10 @@ def test_what_is_promised_of_a_stretch_from_rest_is_kept_by_a_diagnosis(cut: Seg
         assert np.ptp(found.interval[name]) / 2 < 2 * first.half_widths[name]
 
 
-def test_a_movement_is_cut_only_where_the_position_was_recorded(whole: Recording, cut: Segments) -> None:
+def test_what_would_begin_in_motion_is_refused(whole: Recording, cut: Segments) -> None:
     assert sum(1.5 < one.start_s < 4.0 for one in cut.stretches) == 1
-    made = simulate(THESIS, flight, duration=14.0, sample_rate=RATE, noise=0.05, adc_bits=12)
-    seen = segments(Recording({name: made[name] for name in (*KEPT, "position_rad")}), THESIS)
-    assert sum(1.5 < one.start_s < 4.0 and one.accepted for one in seen.stretches) > 1
     short = [one for one in segments(whole, THESIS, longest_s=1.0).stretches if 1.5 < one.start_s < 4.0]
+    assert len(short) > 1
     assert [one.reason == IN_MOTION for one in short] == [False] + [True] * (len(short) - 1)
 
 

@@ -26,7 +26,7 @@ def segment(
         float,
         Parameter(help="Half-width of a 95 % interval from which a stretch identifies a component."),
     ] = 0.1,
-    longest: Annotated[float, Parameter(help="Longest stretch [s].")] = 30.0,
+    longest: Annotated[float, Parameter(help="Longest stretch [s].")] = 60.0,
     out: Annotated[
         Path | None,
         Parameter(name=("--out", "-o"), help="Folder for the stretches that identify something, as .csv."),

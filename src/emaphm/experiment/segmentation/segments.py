@@ -9,6 +9,7 @@ from emaphm.actuator import NAMES, Actuator
 from emaphm.arrays import Array
 from emaphm.diagnosis.verdict import VERDICT, Z95
 from emaphm.errors import MethodError
+from emaphm.estimation.discrepancy import LONGEST_S
 from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.search_result import default_scatter
 from emaphm.experiment.segmentation.cells import Cells, block_information
@@ -18,8 +19,9 @@ from emaphm.recording import Recording
 from emaphm.recording.checks import FEWEST_SAMPLES
 from emaphm.recording.plausibility import MOST_ROWS
 
-IN_MOTION = "begins in motion, and without position_rad nothing says where: record the position"
-"""Why what follows the longest stretch of a movement is refused."""
+IN_MOTION = "begins in motion: where the backlash and the controller stand is not known there"
+"""Why what follows the longest stretch of a movement is refused: cut so, recordings of a healthy actuator were
+not explained, with position and speed as without."""
 
 AT_REST = "at rest: the command does not move the actuator"
 
@@ -28,14 +30,12 @@ AT_REST = "at rest: the command does not move the actuator"
 class SegmentSettings:
     """Where stretches end.
 
-    A rest of `rest_s` [s] ends a stretch; a shorter one belongs to it. A stretch that ends in motion takes
-    `shortest_s` [s] at least, the manoeuvre of the thesis. A row is at the limit where its current
-    is above `at_limit` of the current limit; a stretch is saturated with more than `most_at_limit` of such
-    rows: in them the current says nothing of friction, gain or load.
+    A rest of `rest_s` [s] ends a stretch; a shorter one belongs to it. A row is at the limit where its
+    current is above `at_limit` of the current limit; a stretch is saturated with more than `most_at_limit` of
+    such rows: in them the current says nothing of friction, gain or load.
     """
 
     rest_s: float = 1.0
-    shortest_s: float = 0.5
     at_limit: float = 0.98
     most_at_limit: float = 0.3
 
@@ -48,7 +48,7 @@ def segments(
     actuator: Actuator,
     *,
     wanted: float = VERDICT.hidden_fault,
-    longest_s: float = 30.0,
+    longest_s: float = LONGEST_S,
     seed: int = 0,
     workers: int | None = None,
     on_progress: Progress | None = None,
@@ -56,10 +56,8 @@ def segments(
     """Return the stretches of `recording` that will identify faults, and why the others will not.
 
     The averaged model is driven with the recorded command; its derivatives at the healthy actuator give the
-    information of each cell of a quarter of a second. A stretch grows cell by cell until all that the
-    actuator can show is expected to be known to ± `wanted`, or it takes `longest_s`, or a rest begins. Where
-    it ends in motion, it ends where the command is slowest. Without a recorded position a stretch ends only
-    at a rest: where one starts in motion would not be known.
+    information of each cell of a quarter of a second. A stretch is a movement from rest to rest, or its first
+    `longest_s`. It is accepted if one component at least is expected to be known to ± `wanted`.
 
     Parameters
     ----------
@@ -67,7 +65,7 @@ def segments(
         Half-width of a 95 % interval, in the unit of a component, from which a stretch identifies it; the
         default is that of the verdict "healthy".
     longest_s
-        Longest stretch [s].
+        Longest stretch [s]; the default is what the reference model corrects.
     seed, workers
         The same seed gives the same bits, whatever the number of threads.
     on_progress
@@ -143,23 +141,10 @@ class _Cutter:
             known = known + self.information.get(cell, 0.0)
             taken = (cell + 1) * rows - start
             left = (last - cell - 1) * rows
-            halves = self._half_widths(known)
-            known_well = all(half <= self.wanted for half in halves.values())
-            enough = (known_well and "position_rad" in self.recording) or taken + rows > self.most_rows
-            if left == 0 or (enough and self._fewest_rows <= min(taken - rows, left)):
-                end = (cell + 1) * rows if left == 0 else self._slowest(cell)
-                yield self._segment(start, end, halves, in_motion=start > first * rows)
+            if left == 0 or (taken + rows > self.most_rows and left >= FEWEST_SAMPLES):
+                end = (cell + 1) * rows
+                yield self._segment(start, end, self._half_widths(known), in_motion=start > first * rows)
                 start, known = end, np.zeros_like(known)
-
-    @property
-    def _fewest_rows(self) -> int:
-        return max(FEWEST_SAMPLES, round(SEGMENT.shortest_s * self.recording.sample_rate_hz))
-
-    def _slowest(self, cell: int) -> int:
-        """Return the row of a cell at which the command moves least."""
-        first = cell * self.cells.rows
-        speeds = np.abs(np.diff(self.recording["command_rad"][first : first + self.cells.rows + 1]))
-        return first + 1 + int(np.argmin(speeds))
 
     def _half_widths(self, information: Array) -> dict[str, float]:
         """Return the expected half-width of each component; the eccentricity's along its worst direction."""
@@ -183,7 +168,7 @@ class _Cutter:
         reason = self._saturated(first, last)
         if not reason and last - first < FEWEST_SAMPLES:
             reason = f"too short: {last - first} rows, a recording has {FEWEST_SAMPLES} at least"
-        if not reason and in_motion and "position_rad" not in self.recording:
+        if not reason and in_motion:
             reason = IN_MOTION
         if not reason and not identifies:
             best = min(halves, key=lambda name: halves[name])
