@@ -20,8 +20,8 @@ from emaphm.recording.checks import FEWEST_SAMPLES
 from emaphm.recording.plausibility import MOST_ROWS
 
 IN_MOTION = "begins in motion: where the backlash and the controller stand is not known there"
-"""Why what follows the longest stretch of a movement is refused: cut so, recordings of a healthy actuator were
-not explained, with position and speed as without."""
+"""Why what follows the longest stretch of a movement is refused: cut so, recordings of a healthy actuator
+were not explained, with position and speed as without."""
 
 AT_REST = "at rest: the command does not move the actuator"
 
