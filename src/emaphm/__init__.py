@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from emaphm.diagnosis.joint import JointDiagnosis, diagnose_joint
     from emaphm.errors import EmaphmError
     from emaphm.estimation import replay
-    from emaphm.experiment import Design, design
+    from emaphm.experiment import Design, Segments, design, segments
     from emaphm.fleet import DiagnosisSettings, diagnose_all
     from emaphm.history import History
     from emaphm.recording import Recording, acquire, read_recording, read_recordings, write_recording
@@ -48,7 +48,7 @@ _HOMES = {
     "emaphm.diagnosis": "Diagnosis diagnose error_percent",
     "emaphm.diagnosis.joint": "JointDiagnosis diagnose_joint",
     "emaphm.estimation": "replay",
-    "emaphm.experiment": "Design design",
+    "emaphm.experiment": "Design Segments design segments",
     "emaphm.fleet": "DiagnosisSettings diagnose_all",
     "emaphm.history": "History",
     "emaphm.recording": "Recording acquire read_recording read_recordings write_recording",
@@ -76,6 +76,7 @@ __all__ = [
     "Ramp",
     "Recording",
     "Sampled",
+    "Segments",
     "Sine",
     "Step",
     "__version__",
@@ -90,6 +91,7 @@ __all__ = [
     "read_recording",
     "read_recordings",
     "replay",
+    "segments",
     "simulate",
     "simulate_batch",
     "write_recording",

@@ -11,6 +11,7 @@ from emaphm.cli import detect, history, study, verbs
 from emaphm.cli.calibrate import calibrate
 from emaphm.cli.design import design
 from emaphm.cli.entry import INTERRUPTED
+from emaphm.cli.segment import segment
 from emaphm.cli.split import split
 from emaphm.errors import EmaphmError
 
@@ -40,7 +41,17 @@ app = App(
     help_format="plaintext",  # a parser of Markdown takes longer to import than all else of --help
     suppress_keyboard_interrupt=False,
 )
-for verb in (verbs.demo, verbs.simulate, verbs.diagnose, calibrate, verbs.replay, design, split):
+VERBS = (
+    verbs.demo,
+    verbs.simulate,
+    verbs.diagnose,
+    calibrate,
+    verbs.replay,
+    design,
+    segment,
+    split,
+)
+for verb in VERBS:
     app.command(verb)
 app.command(detect.app)
 app.command(study.app)

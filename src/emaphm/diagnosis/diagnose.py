@@ -73,7 +73,7 @@ def diagnose(
         What an optimiser minimises: one of `COST_FUNCTIONS`; least squares where they follow.
     max_corrections
         Most corrections of the model's bias by the reference model (with least squares, actuators with an
-        electrical description, recordings up to 30 s); 0 turns them off.
+        electrical description, recordings up to 60 s); 0 turns them off.
     nuisances
         What is estimated with the faults by a method with least squares: names in
         `emaphm.estimation.nuisances.NAMES`, none where empty, the actuator's own where left out; then

@@ -16,6 +16,7 @@ from emaphm.estimation.uncertainty.collinearity import CollinearSet, collinear_c
 from emaphm.estimation.uncertainty.fisher_information import information_lower_bound
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at, local_covariance
 from emaphm.estimation.uncertainty.model_error import apparent_fault_covariance
+from emaphm.estimation.uncertainty.slow_rows import step_by_other_command
 from emaphm.random_streams import stream
 
 UNRECORDED_NOISE = 0.03
@@ -38,7 +39,8 @@ def identifiability(result: SearchResult, seed: int, *, explained: bool = True) 
     error that is as large as the residual and looks like a parameter, and is inflated by the normalised
     residual; and always it includes the spread of alternatives that fit as well. Where the search has not
     converged, a Gauss-Newton step remains: towards the optimum that a population method may not have reached,
-    and for the model's discrepancy not yet corrected. The covariance then includes its square.
+    and for the model's discrepancy not yet corrected. The covariance then includes its square, and that of
+    how far another command behind slow rows would move the estimate.
     """
     objective, space = result.objective, result.objective.space
     rows = objective.channel_rows
@@ -55,6 +57,9 @@ def identifiability(result: SearchResult, seed: int, *, explained: bool = True) 
     if not result.converged:
         remaining = space.project(result.point + local.step) - result.point
         covariance = covariance + np.outer(remaining, remaining)
+    moved = step_by_other_command(objective, result.point, residual, jacobians)
+    if moved is not None:
+        covariance = covariance + np.outer(moved, moved)
     return Identifiability(covariance, sets)
 
 

@@ -20,8 +20,8 @@ REFERENCE_RUNS = 16
 RUN_SEPARATION = 1e-5
 """Standard deviation of the runs about a point, in coordinates: the switching differs, nothing else does."""
 
-LONGEST_S = 30.0
-"""Recordings up to here are compared [s]: beyond, the reference model's steps would fill gigabytes."""
+LONGEST_S = 60.0
+"""Recordings up to here are compared [s]: beyond, the reference model's steps would fill a gigabyte."""
 
 
 @dataclass(frozen=True, eq=False)

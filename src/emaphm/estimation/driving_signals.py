@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Self
 
 from emaphm.actuator import Command, Load
-from emaphm.recording import Recording, held, reconstructed
+from emaphm.recording import Recording, held, other_curve, reconstructed
 from emaphm.simulation import Inputs
 from emaphm.simulation.engine.inputs import Sampling
 
@@ -14,7 +14,8 @@ class DrivingSignals:
     """What drives a model as functions of time [s], and the rows that the outputs are compared in.
 
     `command` [rad] at the user, `load` [N·m] at the motor; `samples` rows, `interval` [s] apart. `supply` [V]
-    and `enabled` (0 where the drive is switched off, else 1) are None where they were not recorded.
+    and `enabled` (0 where the drive is switched off, else 1) are None where they were not recorded, and
+    `other_command`, which has the same rows as the command, where these are dense.
     """
 
     command: Command
@@ -24,6 +25,7 @@ class DrivingSignals:
     sampling: Sampling
     supply: Command | None = None
     enabled: Command | None = None
+    other_command: Command | None = None
 
     @classmethod
     def of(cls, recording: Recording) -> Self:
@@ -36,6 +38,7 @@ class DrivingSignals:
             recording.sampling,
             reconstructed(recording, "supply_V") if "supply_V" in recording else None,
             held(recording, "enabled") if "enabled" in recording else None,
+            other_curve(recording, "command_rad"),
         )
 
     def inputs(self, step: float) -> Inputs:

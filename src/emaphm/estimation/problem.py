@@ -16,17 +16,9 @@ from emaphm.estimation.noise_level import noise_level
 from emaphm.estimation.run_counts import RunCounts
 from emaphm.estimation.sensor_model import all_as_described, as_described, described_noise
 from emaphm.estimation.uncertainty.model_error import row_errors
-from emaphm.recording import Recording, with_equivalent_current
+from emaphm.recording import Recording, quiet_noise_level, with_equivalent_current
 from emaphm.recording.schema import RESPONSES
-from emaphm.simulation import (
-    AVERAGED,
-    Initial,
-    Inputs,
-    Model,
-    Plant,
-    observe_batch,
-    run,
-)
+from emaphm.simulation import AVERAGED, Initial, Inputs, Model, Plant, observe_batch, run
 from emaphm.simulation.engine.plant import structure_of
 
 SAME_AS = {"current_q_A": "current_A", "voltage_q_V": "voltage_V"}
@@ -147,7 +139,9 @@ class Problem:
     def noise(self) -> float:
         """The rms of the white noise on the primary channel: as its sensor is described, else as measured."""
         described = described_noise(self.primary, self.actuator)
-        return noise_level(self.recorded) if described is None else described
+        if described is not None:
+            return described
+        return min(noise_level(self.recorded), quiet_noise_level(self.recorded, self.inputs.interval))
 
     @property
     def observed(self) -> Array:

@@ -11,7 +11,8 @@ from emaphm.recording.equivalent_current import (
 from emaphm.recording.io.read import read_recording, read_recordings, read_signal
 from emaphm.recording.io.write import write_recording
 from emaphm.recording.plausibility import check_plausible
-from emaphm.recording.reconstruction import held, reconstructed
+from emaphm.recording.quiet_rows import quiet_noise_level
+from emaphm.recording.reconstruction import held, other_curve, reconstructed
 from emaphm.recording.recording import Recording
 
 __all__ = [
@@ -23,6 +24,8 @@ __all__ = [
     "equivalent_current",
     "full_scales",
     "held",
+    "other_curve",
+    "quiet_noise_level",
     "read_recording",
     "read_recordings",
     "read_signal",

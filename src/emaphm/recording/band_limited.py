@@ -30,30 +30,38 @@ SMOOTHNESS = SmoothnessSettings()
 
 def is_band_limited(values: Array) -> bool:
     """Return whether `values` (n,) are few rows a cycle of a smooth signal, by `SMOOTHNESS`."""
-    if values.size < 2 * DEGREE:
-        return False
+    return values.size >= 2 * DEGREE and SMOOTHNESS.fewest <= _ratio(values) <= SMOOTHNESS.most
+
+
+def is_well_sampled(values: Array) -> bool:
+    """Return whether `values` (n,) are more rows a cycle of a smooth signal than any curve needs."""
+    return _ratio(values) < SMOOTHNESS.fewest
+
+
+def _ratio(values: Array) -> float:
+    """Return the rms of the fourth differences over that of the second ones, 0 without any curvature."""
     curvature = float(np.mean(np.diff(values, 2) ** 2))
-    ratio = float(np.mean(np.diff(values, 4) ** 2)) / max(curvature, np.finfo(float).tiny)
-    return SMOOTHNESS.fewest**2 <= ratio <= SMOOTHNESS.most**2
+    fourth = float(np.mean(np.diff(values, 4) ** 2))
+    return (fourth / curvature) ** 0.5 if curvature > 0 else 0.0
 
 
-def spline_through(values: Array, interval: float) -> Callable[[Array], Array]:
-    """Return the spline of degree five through `values` (n,) at i × interval, as a function of time [s]."""
+def spline_through(values: Array, interval: float, degree: int = DEGREE) -> Callable[[Array], Array]:
+    """Return the spline of a `degree` through `values` (n,) at i × interval, as a function of time [s]."""
     from scipy.interpolate import make_interp_spline
 
-    return _as_function(make_interp_spline(np.arange(values.size) * interval, values, k=DEGREE))
+    return _as_function(make_interp_spline(np.arange(values.size) * interval, values, k=degree))
 
 
-def spline_of_means(values: Array, interval: float) -> Callable[[Array], Array]:
+def spline_of_means(values: Array, interval: float, degree: int = DEGREE) -> Callable[[Array], Array]:
     """Return the curve whose means over [i h, (i + 1) h), h the interval, are `values` (n,).
 
-    The derivative of the spline of degree six through the running sums of the means: a histospline.
+    The derivative of the spline of a `degree` through the running sums of the means: a histospline.
     """
     from scipy.interpolate import make_interp_spline
 
     mean = float(np.mean(values))
     sums = interval * np.concatenate([[0.0], np.cumsum(values - mean)])
-    integral = make_interp_spline(np.arange(sums.size) * interval, sums, k=DEGREE)
+    integral = make_interp_spline(np.arange(sums.size) * interval, sums, k=degree)
     derivative = _as_function(integral.derivative())
     return lambda times: derivative(times) + mean
 

@@ -13,6 +13,9 @@ from emaphm.random_streams import stream
 
 Sampling = Literal["mean", "instant"]
 
+MOST_AT_ONCE = 5_000_000
+"""Steps that a signal is evaluated at in one call; each takes some 40 bytes for a moment."""
+
 LARGEST_SIGNAL = 1e15
 """Largest command [rad] or load [N·m]: beyond, products of it leave the range of floating-point numbers."""
 
@@ -78,19 +81,21 @@ class Inputs:
             raise SignalError(f"noise on the reference current, {noise:g} A, is not an rms; give 0 or more")
         substeps = max(1, math.ceil(interval / step * (1 - 1e-9)))
         steps = samples * substeps
-        t = np.asarray(np.arange(steps) * (interval / substeps))
+        step = interval / substeps
         zero = np.broadcast_to(0.0, steps)
         rng = stream(seed, "controller noise")
         return cls(
-            command=_checked("command", command(t), steps),
-            load=_checked("load", load(t) if callable(load) else np.broadcast_to(float(load), steps), steps),
+            command=_evaluated("command", command, steps, step),
+            load=_evaluated("load", load, steps, step)
+            if callable(load)
+            else _checked("load", np.broadcast_to(float(load), steps), steps),
             noise=rng.normal(0.0, noise, steps) if noise else zero,
             samples=samples,
             substeps=substeps,
             interval=interval,
             enabled=np.broadcast_to(1.0, steps)
             if enabled is None
-            else _checked("enabling", enabled(t), steps),
+            else _evaluated("enabling", enabled, steps, step),
             sampling=sampling,
         )
 
@@ -112,6 +117,17 @@ class Inputs:
     def rows(self, values: Array) -> Array:
         """Return values given at every step, shape (samples × substeps,), as rows of output, (samples,)."""
         return np.asarray(values.reshape(self.samples, self.substeps)[:, : self.window].mean(axis=1))
+
+
+def _evaluated(what: str, signal: Command, steps: int, step: float) -> Array:
+    """Return a signal at every step, (steps,); by `MOST_AT_ONCE`, as its own temporaries are as large."""
+    if steps <= MOST_AT_ONCE:
+        return _checked(what, signal(np.asarray(np.arange(steps) * step)), steps)
+    values = np.empty(steps)
+    for first in range(0, steps, MOST_AT_ONCE):
+        index = np.arange(first, min(first + MOST_AT_ONCE, steps))
+        values[first : first + index.size] = _checked(what, signal(np.asarray(index * step)), index.size)
+    return values
 
 
 def _checked(what: str, values: Any, steps: int) -> Array:

@@ -1,0 +1,51 @@
+"""The verb that cuts a long recording into stretches that identify something."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from emaphm.cli.options import (
+    ActuatorFile,
+    AsJson,
+    Force,
+    RecordingFile,
+    Seed,
+    check_seed,
+    described_actuator,
+    recording_of,
+)
+from emaphm.cli.output import progress, show
+
+
+def segment(
+    recording: RecordingFile,
+    *,
+    actuator: ActuatorFile = "thesis",
+    wanted: Annotated[
+        float,
+        Parameter(help="Half-width of a 95 % interval from which a stretch identifies a component."),
+    ] = 0.1,
+    longest: Annotated[float, Parameter(help="Longest stretch [s].")] = 60.0,
+    out: Annotated[
+        Path | None,
+        Parameter(name=("--out", "-o"), help="Folder for the stretches that identify something, as .csv."),
+    ] = None,
+    seed: Seed = 0,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Cut a long recording into stretches that will identify faults, and say why the others will not."""
+    from emaphm.experiment.segmentation import segments
+
+    check_seed(seed)
+    described = described_actuator(actuator)
+    whole = recording_of(recording, described)
+    with progress("segmenting", as_json) as advance:
+        result = segments(whole, described, wanted=wanted, longest_s=longest, seed=seed, on_progress=advance)
+    text, values = str(result), result.to_dict()
+    if out is not None:
+        written = [str(path) for path in result.write(out, force=force)]
+        text += f"\n{len(written)} recordings written to {out}."
+        values["written"] = written
+    show(values, text, as_json)

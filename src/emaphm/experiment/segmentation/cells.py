@@ -1,0 +1,149 @@
+"""Cells of a recording: where the command moves the actuator, and what each cell will tell of the faults."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emaphm.actuator import Actuator
+from emaphm.actuator.faults import HEALTHY
+from emaphm.arrays import Array
+from emaphm.estimation.finite_differences import replicated_jacobians
+from emaphm.estimation.noise_level import noise_level
+from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective, faults_objective
+from emaphm.estimation.parameter_space import ParameterSpace
+from emaphm.estimation.problem import Problem, rms
+from emaphm.estimation.uncertainty.local_covariance import JACOBIAN_STEP
+from emaphm.random_streams import stream
+from emaphm.recording import Recording, quiet_noise_level, with_equivalent_current
+from emaphm.recording.checks import FEWEST_SAMPLES
+
+
+@dataclass(frozen=True)
+class CellSettings:
+    """How a recording is divided, and what is computed of a cell.
+
+    A cell takes `cell_s` [s], `fewest_rows` at least. It is at rest where the command moves the motor less
+    than its backlash, or less than `least_motion` of the command's range. Jacobians are taken over at most
+    `block_s` [s] at once, `replicates` of them: products of different ones are free of the bias of their
+    errors, which slow motion with stick-slip makes large. A residual is expected to be as large as the
+    channel's noise, and `model_error` of its rms (`search_result.SMALLEST_SHARE`), and to be correlated over
+    `correlated_s` [s]: half-widths are then 1 to 3 times those of a diagnosis, of chirps of the thesis's
+    actuator at 5 kHz and at 100 Hz (`emaphm segment`, `emaphm diagnose`).
+    """
+
+    cell_s: float = 0.25
+    fewest_rows: int = 4
+    least_motion: float = 1e-3
+    block_s: float = 20.0
+    replicates: int = 6
+    model_error: float = 5e-3
+    correlated_s: float = 5e-4
+
+
+CELLS = CellSettings()
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """`rows` of a cell, and which cells `move`, (cells,); the last rows that fill no cell are left out."""
+
+    rows: int
+    moves: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, recording: Recording, actuator: Actuator) -> "Cells":
+        """Return the cells of a recording."""
+        rows = max(CELLS.fewest_rows, round(CELLS.cell_s * recording.sample_rate_hz))
+        count = recording.samples // rows
+        command = recording["command_rad"]
+        # From each cell into the next: a step between two cells is a movement.
+        reaching = [command[i * rows : (i + 1) * rows + 1] for i in range(count)]
+        ranges = np.array([np.ptp(cell) for cell in reaching])
+        gap = actuator.mechanics.backlash * actuator.mechanics.gear_ratio
+        least = max(abs(gap), CELLS.least_motion * float(np.ptp(command)))
+        return cls(rows, ranges > least)
+
+    def blocks(self, interval: float) -> Iterator[tuple[int, int]]:
+        """Yield first and last cell (exclusive) of each run of moving cells, of at most `block_s`.
+
+        A short one takes cells at rest in addition, until it has the rows that a recording needs.
+        """
+        fewest = min(-(-FEWEST_SAMPLES // self.rows), self.moves.size)
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], self.moves.astype(int), [0]])))
+        most = max(1, int(CELLS.block_s / (self.rows * interval)))
+        for first, last in edges.reshape(-1, 2):
+            for start in range(first, last, most):
+                stop = min(start + most, last)
+                begin = min(start, max(self.moves.size - fewest, 0))
+                yield begin, max(stop, begin + fewest)
+
+
+def cell_information(
+    objective: MapObjective, cells: int, rows: int, rng: np.random.Generator
+) -> NDArray[np.float64]:
+    """Return the information (cells, d, d) of each cell of an objective's problem, at the healthy actuator.
+
+    Mean products of different replicated Jacobians, over the variance that `expected_objective` weights by,
+    and over the rows that a residual is correlated over.
+    """
+    space = objective.space
+    jacobians = replicated_jacobians(
+        lambda points: objective.outputs(points)[:, : objective.channel_rows],
+        space.points(HEALTHY.vector),
+        space,
+        JACOBIAN_STEP,
+        CELLS.replicates,
+        rng,
+    )
+    n, d = jacobians.shape[:2]
+    by_channel = jacobians.reshape(n, d, len(objective.problem.channels), -1)[..., : cells * rows]
+    by_cell = by_channel.reshape(n, d, -1, cells, rows)
+    total = by_cell.sum(axis=0)
+    products = np.einsum("dcir,ecir->ide", total, total) - np.einsum("ndcir,necir->ide", by_cell, by_cell)
+    variance = (objective.prior_weight / CORRELATED_ROWS**0.5) ** 2
+    correlated = max(1.0, CELLS.correlated_s / objective.problem.inputs.interval)
+    return np.asarray(products / (n * (n - 1) * variance * correlated))
+
+
+def expected_objective(
+    recording: Recording, actuator: Actuator, sizes: dict[str, float], workers: int | None
+) -> MapObjective:
+    """Return what a diagnosis would minimise on a stretch, residuals weighted by their expected `sizes`."""
+    problem = Problem.of(recording, actuator, workers=workers, channels=None)
+    kept = tuple(name for name in problem.channels if sizes.get(name, 0.0) > 0)
+    expected = [sizes[name] for name in kept]
+    weighted = problem.observing(kept).weighted(expected)
+    return faults_objective(weighted, None).scale_prior(expected[0])
+
+
+def expected_residuals(recording: Recording) -> dict[str, float]:
+    """Return the size of the residual that is expected of each channel, in its unit."""
+    interval = recording.interval_s
+    return {
+        name: math.hypot(
+            min(noise_level(values), quiet_noise_level(values, interval)), CELLS.model_error * rms(values)
+        )
+        for name, values in recording.channels.items()
+        if name not in ("time_s", "command_rad")
+    }
+
+
+def block_information(
+    recording: Recording, actuator: Actuator, cells: Cells, seed: int, workers: int | None
+) -> Iterator[tuple[int, Array, ParameterSpace]]:
+    """Yield first cell, information (cells, d, d) and parameter space of each block that moves."""
+    recording = with_equivalent_current(recording, actuator)
+    sizes = expected_residuals(recording)
+    for first, last in cells.blocks(recording.interval_s):
+        part = stretch(recording, first * cells.rows, last * cells.rows)
+        objective = expected_objective(part, actuator, sizes, workers)
+        rng = stream(seed, "Jacobians of a block", first)
+        yield first, cell_information(objective, last - first, cells.rows, rng), objective.space
+
+
+def stretch(recording: Recording, first: int, last: int) -> Recording:
+    """Return the rows from `first` to `last` (exclusive) as a recording."""
+    return recording.with_channels({name: values[first:last] for name, values in recording.channels.items()})

@@ -1,0 +1,196 @@
+"""Cutting a long recording, of a flight or a day on the rig, into stretches that identify something."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from emaphm.actuator import NAMES, Actuator
+from emaphm.arrays import Array
+from emaphm.diagnosis.verdict import VERDICT, Z95
+from emaphm.errors import MethodError
+from emaphm.estimation.discrepancy import LONGEST_S
+from emaphm.estimation.parameter_space import ParameterSpace
+from emaphm.estimation.search_result import default_scatter
+from emaphm.experiment.segmentation.cells import Cells, block_information
+from emaphm.experiment.segmentation.result import Segment, Segments
+from emaphm.progress import Progress
+from emaphm.recording import Recording
+from emaphm.recording.checks import FEWEST_SAMPLES
+from emaphm.recording.plausibility import MOST_ROWS
+
+IN_MOTION = "begins in motion: where the backlash and the controller stand is not known there"
+"""Why what follows the longest stretch of a movement is refused: cut so, recordings of a healthy actuator
+were not explained, with position and speed as without."""
+
+AT_REST = "at rest: the command does not move the actuator"
+
+
+@dataclass(frozen=True)
+class SegmentSettings:
+    """Where stretches end.
+
+    A rest of `rest_s` [s] ends a stretch; a shorter one belongs to it. A row is at the limit where its
+    current is above `at_limit` of the current limit; a stretch is saturated with more than `most_at_limit` of
+    such rows: in them the current says nothing of friction, gain or load.
+    """
+
+    rest_s: float = 1.0
+    at_limit: float = 0.98
+    most_at_limit: float = 0.3
+
+
+SEGMENT = SegmentSettings()
+
+
+def segments(
+    recording: Recording,
+    actuator: Actuator,
+    *,
+    wanted: float = VERDICT.hidden_fault,
+    longest_s: float = LONGEST_S,
+    seed: int = 0,
+    workers: int | None = None,
+    on_progress: Progress | None = None,
+) -> Segments:
+    """Return the stretches of `recording` that will identify faults, and why the others will not.
+
+    The averaged model is driven with the recorded command; its derivatives at the healthy actuator give the
+    information of each cell of a quarter of a second. A stretch is a movement from rest to rest, or its first
+    `longest_s`. It is accepted if one component at least is expected to be known to ± `wanted`.
+
+    Parameters
+    ----------
+    wanted
+        Half-width of a 95 % interval, in the unit of a component, from which a stretch identifies it; the
+        default is that of the verdict "healthy".
+    longest_s
+        Longest stretch [s]; the default is what the reference model corrects.
+    seed, workers
+        The same seed gives the same bits, whatever the number of threads.
+    on_progress
+        Called with the fraction done, from 0 to 1.
+
+    Raises
+    ------
+    MethodError
+        `wanted` or `longest_s` is not above 0, or the model has nothing to compare with the recording.
+    """
+    if not 0 < wanted <= 1:
+        raise MethodError(f"a precision of ±{wanted:g} is impossible; give more than 0, up to 1")
+    if not longest_s > 0:
+        raise MethodError(f"stretches of {longest_s:g} s are impossible; give more than 0")
+    cells = Cells.of(recording, actuator)
+    space = ParameterSpace.of(actuator)
+    information: dict[int, Array] = {}
+    for first, of_cells, found in block_information(recording, actuator, cells, seed, workers):
+        space = found
+        information.update({first + i: one for i, one in enumerate(of_cells)})
+        if on_progress is not None:
+            on_progress((first + len(of_cells)) / cells.moves.size)
+    most_rows = min(int(longest_s * recording.sample_rate_hz), MOST_ROWS)
+    cutter = _Cutter(recording, actuator, cells, information, space, wanted, max(most_rows, FEWEST_SAMPLES))
+    return Segments(recording, actuator.name, tuple(cutter.stretches()), wanted, seed)
+
+
+@dataclass(frozen=True, eq=False)
+class _Cutter:
+    """What the stretches are cut from; `information` (d, d) by cell, of those that move."""
+
+    recording: Recording
+    actuator: Actuator
+    cells: Cells
+    information: dict[int, Array]
+    space: ParameterSpace
+    wanted: float
+    most_rows: int
+
+    def stretches(self) -> Iterator[Segment]:
+        """Yield the stretches in order; together they are the whole recording."""
+        start = 0
+        for first, last in self._movements():
+            if first * self.cells.rows > start:
+                yield self._rest(start, first * self.cells.rows)
+                start = first * self.cells.rows
+            for segment in self._cut(start, first, last):
+                yield segment
+                start = segment.rows[1]
+        if start < self.recording.samples:
+            yield self._rest(start, self.recording.samples)
+
+    def _movements(self) -> Iterator[tuple[int, int]]:
+        """Yield first and last cell (exclusive) of each movement, with the short rests in it."""
+        moving = np.flatnonzero(self.cells.moves)
+        if not moving.size:
+            return
+        apart = SEGMENT.rest_s / (self.cells.rows * self.recording.interval_s)
+        fewest = -(-FEWEST_SAMPLES // self.cells.rows)
+        reached = 0
+        for run in np.split(moving, np.flatnonzero(np.diff(moving) > max(apart, 1)) + 1):
+            # The motion ends after the command, and a recording has rows enough.
+            first = max(int(run[0]), reached)
+            last = min(max(int(run[-1]) + 2, first + fewest), self.cells.moves.size)
+            if last > first:
+                yield first, last
+                reached = last
+
+    def _cut(self, start: int, first: int, last: int) -> Iterator[Segment]:
+        """Yield the stretches of a movement from row `start`, of the cells `first` to `last` (exclusive)."""
+        known, rows = np.zeros((self.space.dimensions,) * 2), self.cells.rows
+        for cell in range(first, last):
+            known = known + self.information.get(cell, 0.0)
+            taken = (cell + 1) * rows - start
+            left = (last - cell - 1) * rows
+            if left == 0 or (taken + rows > self.most_rows and left >= FEWEST_SAMPLES):
+                end = (cell + 1) * rows
+                yield self._segment(start, end, self._half_widths(known), in_motion=start > first * rows)
+                start, known = end, np.zeros_like(known)
+
+    def _half_widths(self, information: Array) -> dict[str, float]:
+        """Return the expected half-width of each component; the eccentricity's along its worst direction."""
+        space = self.space
+        prior = np.diag(space.prior_deviations**-2)
+        values, axes = np.linalg.eigh((information + information.T) / 2)
+        # Free of bias, the information is of either sign by chance where there is none.
+        positive = axes * np.maximum(values, 0.0) @ axes.T
+        covariance = np.linalg.inv(positive + prior) + default_scatter(space.dimensions)
+        halves = {}
+        for column, i in enumerate(space.columns):
+            variance = covariance[column, column]
+            if NAMES[i] == "eccentricity":
+                variance = np.linalg.eigvalsh(covariance[column : column + 2, column : column + 2])[-1]
+            if NAMES[i] != "eccentricity_phase":
+                halves[NAMES[i]] = Z95 * float(np.sqrt(variance))
+        return halves
+
+    def _segment(self, first: int, last: int, halves: dict[str, float], *, in_motion: bool) -> Segment:
+        identifies = tuple(name for name, half in halves.items() if half <= self.wanted)
+        reason = self._saturated(first, last)
+        if not reason and last - first < FEWEST_SAMPLES:
+            reason = f"too short: {last - first} rows, a recording has {FEWEST_SAMPLES} at least"
+        if not reason and in_motion:
+            reason = IN_MOTION
+        if not reason and not identifies:
+            best = min(halves, key=lambda name: halves[name])
+            reason = f"command too small or too slow: {best} would be known to ±{halves[best]:.2g} only"
+        return self._made(first, last, halves, () if reason else identifies, reason)
+
+    def _saturated(self, first: int, last: int) -> str:
+        """Return why the current of a stretch says little, nothing where it is within its limit."""
+        if "current_A" not in self.recording:
+            return ""
+        level = SEGMENT.at_limit * self.actuator.controller.current_limit
+        share = float(np.mean(np.abs(self.recording["current_A"][first:last]) >= level))
+        if share <= SEGMENT.most_at_limit:
+            return ""
+        return f"saturated: the current is at its limit in {100 * share:.0f} % of the rows"
+
+    def _rest(self, first: int, last: int) -> Segment:
+        return self._made(first, last, {}, (), AT_REST)
+
+    def _made(
+        self, first: int, last: int, halves: dict[str, float], identifies: tuple[str, ...], reason: str
+    ) -> Segment:
+        time, interval = self.recording["time_s"], self.recording.interval_s
+        end = float(time[last - 1]) + interval
+        return Segment((first, last), float(time[first]), end, halves, identifies, reason)

@@ -1,0 +1,57 @@
+"""The verb `segment`: what it prints and writes, and what it refuses."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from emaphm.actuator import Actuator
+from emaphm.recording import Recording, write_recording
+from emaphm.simulated_recording import simulate
+from emaphm.version import VERSION
+
+from .conftest import Emaphm
+from .test_verbs import parsed
+
+
+@pytest.fixture
+def flight(tmp_path: Path) -> Path:
+    def command(t: np.ndarray) -> np.ndarray:
+        return np.where((t >= 2.0) & (t < 4.0), 5e-3 * np.sin(2 * np.pi * 3.0 * (t - 2.0)), 0.0)
+
+    made = simulate(Actuator.thesis(), command, model="averaged", duration=6.0, sample_rate=500.0, noise=0.05)
+    path = tmp_path / "flight.csv"
+    write_recording(Recording({name: made[name] for name in ("time_s", "command_rad", "current_A")}), path)
+    return path
+
+
+def test_segment_prints_and_writes_the_stretches(emaphm: Emaphm, flight: Path, tmp_path: Path) -> None:
+    said = parsed(emaphm, "segment", str(flight), "-o", str(tmp_path / "cut"), "--seed", "2")
+    assert said.keys() == {
+        "recording",
+        "actuator",
+        "wanted",
+        "accepted",
+        "segments",
+        "seed",
+        "version",
+        "written",
+    }
+    assert (said["accepted"], said["seed"], said["version"]) == (1, 2, VERSION)
+    assert [one["accepted"] for one in said["segments"]] == [False, True, False]
+    assert said["segments"][0]["reason"].startswith("at rest")
+    assert "friction" in said["segments"][1]["identifies"]
+    assert [Path(one).name for one in said["written"]] == ["stretch_001.csv"]
+    assert parsed(emaphm, "diagnose", said["written"][0])["explained"] in (True, False)
+
+
+def test_segment_prints_a_table(emaphm: Emaphm, flight: Path) -> None:
+    text = emaphm("segment", flight).out
+    assert "refused because" in text
+    assert "1 of 3 stretches identify something to ±0.1" in text
+
+
+def test_segment_refuses_in_one_line(emaphm: Emaphm, flight: Path) -> None:
+    code, out, err = emaphm("segment", flight, "--wanted", "2")
+    assert (code, out) == (2, "")
+    assert err == "emaphm: a precision of ±2 is impossible; give more than 0, up to 1\n"

@@ -1,0 +1,103 @@
+"""Slow rows: the noise on them, the commands that they allow, and what another command would change."""
+
+import numpy as np
+import pytest
+
+from cases import THESIS
+from emaphm.actuator import Chirp, Command, Faults, Step
+from emaphm.diagnosis import Diagnosis, diagnose
+from emaphm.estimation.problem import Problem
+from emaphm.recording import Recording, other_curve, quiet_noise_level, reconstructed
+from emaphm.simulated_recording import simulate
+from emaphm.simulation import REFERENCE
+from emaphm.simulation.engine import inputs
+
+KEPT = ("time_s", "command_rad", "current_A")
+
+
+def recorded(rate: float, duration: float, command: Command, noise: float = 0.05) -> Recording:
+    whole = simulate(THESIS, command, duration=duration, sample_rate=rate, noise=noise)
+    return Recording({name: whole[name] for name in KEPT})
+
+
+@pytest.fixture(scope="module")
+def slow() -> Recording:
+    """Return a healthy unit at 100 Hz, where the chirp ends at 6.7 rows a cycle."""
+    return recorded(100.0, 2.0, Chirp(stop_hz=15.0, duration=2.0))
+
+
+@pytest.fixture(scope="module")
+def found(slow: Recording) -> Diagnosis:
+    return diagnose(slow, THESIS, workers=1)
+
+
+def test_a_healthy_unit_is_not_degraded_by_slow_rows(found: Diagnosis) -> None:
+    assert found.explained
+    assert "degraded" not in {one.verdict for one in found.components.values()}
+    for name in ("friction", "backlash", "short_a", "short_b", "short_c", "eccentricity", "gain"):
+        low, high = found.interval[name]
+        assert low <= getattr(Faults(), name) <= high
+
+
+def test_claims_shrink_with_the_rate() -> None:
+    half = {}
+    for rate in (25.0, 500.0):
+        said = diagnose(recorded(rate, 5.0, Chirp(stop_hz=3.0, duration=5.0)), THESIS, workers=1)
+        half[rate] = {name: np.ptp(said.interval[name]) for name in ("friction", "backlash", "gain")}
+    assert all(half[25.0][name] > 2 * half[500.0][name] for name in half[25.0])
+
+
+def test_the_model_driven_by_slow_rows_is_right() -> None:
+    exact = recorded(100.0, 2.0, Chirp(stop_hz=15.0, duration=2.0), noise=0.0)
+    problem = Problem.of(exact, THESIS, REFERENCE)
+    off = problem.predict_primary(Faults().vector[np.newaxis])[0] - exact["current_A"]
+    # Akima's curve left 8 % and more of the current here; switching and the ends of the spline are left.
+    assert np.sqrt(np.mean(off**2)) < 0.02 * np.sqrt(np.mean(exact["current_A"] ** 2))
+
+
+@pytest.mark.parametrize("noise", [0.05, 0.3])
+def test_the_noise_on_slow_rows_is_not_that_of_the_jumps(noise: float) -> None:
+    current = recorded(200.0, 5.0, Chirp(stop_hz=15.0, duration=5.0), noise)["current_A"]
+    by_rms = float(np.sqrt(np.mean(np.diff(current, 2) ** 2) / 6))
+    quiet = quiet_noise_level(current, 5e-3)
+    assert noise * 0.9 < quiet < max(2 * noise, 0.1)
+    assert quiet < by_rms
+    assert quiet_noise_level(current, 2e-3) == np.inf
+
+
+def test_noise_alone_is_found_as_it_is() -> None:
+    drawn = np.random.default_rng(0).normal(0.0, 0.2, 20_000)
+    assert quiet_noise_level(drawn, 0.1) == pytest.approx(0.2, rel=0.03)  # the error of a median
+
+
+@pytest.mark.parametrize(
+    ("rate", "command", "other"),
+    [
+        (5000.0, Chirp(), False),
+        (5000.0, Step(), False),
+        (40.0, Chirp(stop_hz=5.0, duration=5.0), True),
+        (40.0, Step(start=1.0), True),
+        (100.0, Chirp(stop_hz=0.5, duration=5.0), False),
+    ],
+)
+def test_another_command_is_possible_where_rows_are_few(rate: float, command: Command, other: bool) -> None:
+    duration = 0.5 if rate > 1000 else 5.0
+    whole = simulate(THESIS, command, model="averaged", duration=duration, sample_rate=rate)
+    recording = Recording({name: whole[name] for name in KEPT})
+    curve = other_curve(recording, "command_rad")
+    assert (curve is not None) is other
+    if curve is not None:
+        middles = (np.arange(50) + 0.5) / 50 / rate
+        times = (recording["time_s"][:, np.newaxis] + middles)[5:-5]
+        means = curve(times.ravel()).reshape(times.shape).mean(axis=1)
+        # Both have the rows that were recorded, and differ between them.
+        np.testing.assert_allclose(means, recording["command_rad"][5:-5], rtol=0, atol=2e-5)
+        assert np.ptp(curve(times.ravel()) - reconstructed(recording, "command_rad")(times.ravel())) > 0
+
+
+def test_signals_evaluated_in_parts_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = inputs.Inputs.of(Chirp(), np.cos, samples=50, interval=1e-3, step=5e-5)
+    monkeypatch.setattr(inputs, "MOST_AT_ONCE", 77)
+    parts = inputs.Inputs.of(Chirp(), np.cos, samples=50, interval=1e-3, step=5e-5)
+    np.testing.assert_array_equal(parts.command, whole.command)
+    np.testing.assert_array_equal(parts.load, whole.load)

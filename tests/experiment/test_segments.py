@@ -1,0 +1,116 @@
+"""A flight cut into stretches: rests and small commands are refused with the reason, the rest identifies."""
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cases import THESIS
+from emaphm.arrays import Array
+from emaphm.diagnosis import diagnose
+from emaphm.errors import MethodError
+from emaphm.experiment import Segments, segments
+from emaphm.experiment.segmentation.segments import IN_MOTION
+from emaphm.recording import Recording, read_recording
+from emaphm.simulated_recording import simulate
+
+KEPT = ("time_s", "command_rad", "current_A", "voltage_V")
+RATE = 1000.0
+
+
+def flight(t: Array) -> Array:
+    """Rest, a sine, rest, a motion hardly above the backlash, rest, a sweep, rest: 14 s."""
+    command = np.zeros_like(t)
+    for start, end, amplitude, hertz in ((2.0, 4.0, 5e-3, 3.0), (6.0, 7.0, 3e-5, 2.0)):
+        on = (t >= start) & (t < end)
+        command[on] = amplitude * np.sin(2 * np.pi * hertz * (t[on] - start))
+    on = (t >= 10.0) & (t < 12.0)
+    command[on] = 5e-3 * np.sin(2 * np.pi * 3.0 * (t[on] - 10.0) ** 2)
+    return command
+
+
+@pytest.fixture(scope="module")
+def whole() -> Recording:
+    made = simulate(THESIS, flight, duration=14.0, sample_rate=RATE, noise=0.05, adc_bits=12)
+    return Recording({name: made[name] for name in KEPT}, source="flight")
+
+
+@pytest.fixture(scope="module")
+def cut(whole: Recording) -> Segments:
+    return segments(whole, THESIS)
+
+
+def test_the_stretches_are_the_whole_recording_in_order(whole: Recording, cut: Segments) -> None:
+    edges = [one.rows for one in cut.stretches]
+    assert edges[0][0] == 0
+    assert edges[-1][1] == whole.samples
+    assert all(before[1] == after[0] for before, after in itertools.pairwise(edges))
+
+
+def test_rests_are_refused_and_motions_are_not(cut: Segments) -> None:
+    resting = [one for one in cut.stretches if one.reason.startswith("at rest")]
+    assert (round(resting[0].start_s), round(resting[0].end_s)) == (0, 2)
+    assert sum(one.end_s - one.start_s for one in resting) == pytest.approx(14 - 5, abs=2.0)
+    for start, end in ((2.0, 4.0), (10.0, 12.0)):
+        inside = [one for one in cut.accepted if start - 0.3 <= one.start_s and one.end_s <= end + 0.6]
+        assert inside
+        assert all("friction" in one.identifies for one in inside)
+
+
+def test_a_command_that_is_too_small_is_refused_with_what_would_be_known(whole: Recording) -> None:
+    strict = segments(whole, THESIS, wanted=1e-3).stretches
+    refused = [one for one in strict if 5.5 < one.start_s < 6.5]
+    assert refused
+    assert all("command too small or too slow: " in one.reason for one in refused)
+    assert "would be known to ±" in refused[0].reason
+
+
+def test_what_is_promised_of_a_stretch_from_rest_is_kept_by_a_diagnosis(cut: Segments) -> None:
+    first = cut.accepted[0]
+    found = diagnose(cut.recordings()[0], THESIS, workers=1)
+    assert found.explained
+    for name in first.identifies:
+        # The prediction is cautious, of a healthy actuator, and its derivatives have errors.
+        assert np.ptp(found.interval[name]) / 2 < 2 * first.half_widths[name]
+
+
+def test_what_would_begin_in_motion_is_refused(whole: Recording, cut: Segments) -> None:
+    assert sum(1.5 < one.start_s < 4.0 for one in cut.stretches) == 1
+    short = [one for one in segments(whole, THESIS, longest_s=1.0).stretches if 1.5 < one.start_s < 4.0]
+    assert len(short) > 1
+    assert [one.reason == IN_MOTION for one in short] == [False] + [True] * (len(short) - 1)
+
+
+def test_a_saturated_stretch_is_refused(whole: Recording) -> None:
+    limit = THESIS.controller.current_limit
+    current = whole["current_A"].copy()
+    current[2000:4000] = limit * np.sign(current[2000:4000])
+    saturated = whole.with_channels({**whole.channels, "current_A": current})
+    reasons = [one.reason for one in segments(saturated, THESIS).stretches if 1.5 < one.start_s < 3.5]
+    assert reasons
+    assert all("saturated: the current is at its limit in" in reason for reason in reasons)
+
+
+def test_same_seed_same_stretches(whole: Recording, cut: Segments) -> None:
+    assert segments(whole, THESIS, workers=1).to_dict() == cut.to_dict()
+
+
+def test_the_stretches_are_written_as_recordings(cut: Segments, tmp_path: Path) -> None:
+    paths = cut.write(tmp_path / "cut")
+    assert len(paths) == len(cut.accepted)
+    for path, one in zip(paths, cut.recordings(), strict=True):
+        np.testing.assert_array_equal(read_recording(path, THESIS)["current_A"], one["current_A"])
+
+
+@pytest.mark.parametrize(("more", "message"), [({"wanted": 0.0}, "precision"), ({"longest_s": -1.0}, "-1 s")])
+def test_what_cannot_be_is_refused(whole: Recording, more: dict[str, float], message: str) -> None:
+    with pytest.raises(MethodError, match=message):
+        segments(whole, THESIS, **more)  # type: ignore[arg-type]
+
+
+def test_a_recording_at_rest_throughout_is_one_refusal() -> None:
+    ones = np.ones(400)
+    still = Recording({"time_s": np.arange(400) * 1e-2, "command_rad": 1e-3 * ones, "current_A": ones})
+    only = segments(still, THESIS).stretches
+    assert [one.reason for one in only] == ["at rest: the command does not move the actuator"]
