@@ -14,13 +14,20 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.estimation.bias_correction import correct_bias
+from emaphm.estimation.finite_differences import replicated_jacobians
 from emaphm.estimation.multistart import local_search, multistart, with_descents
 from emaphm.estimation.nuisances import PRIORS_PER_UNIT, NuisanceSet, with_wider_priors
 from emaphm.estimation.objective import MapObjective
-from emaphm.estimation.parameter_space import ParameterSpace
+from emaphm.estimation.parameter_space import Box, ParameterSpace
 from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult, default_scatter
 from emaphm.estimation.sensor_model import COMMON_DELAY, sensor_error, sensor_of
-from emaphm.estimation.uncertainty.local_covariance import jacobians_at, local_covariance
+from emaphm.estimation.uncertainty.local_covariance import (
+    JACOBIAN_STEP,
+    REPLICATES,
+    jacobians_at,
+    local_covariance,
+)
+from emaphm.estimation.uncertainty.long_run_variance import long_run_covariance
 from emaphm.random_streams import child_seed, stream
 
 
@@ -65,7 +72,7 @@ class SensorSelectionSettings:
     voltage × 0.5 6, a current × 1.2 5 (3 random fault vectors each). Descents separate them.
 
     Priors are `widening` times as wide, those of delays `delay_widening`: flat for whatever can be recorded,
-    -3 to 5 times the scale, 20 rows of a delay at 5 kHz. A search begins within `search_widening` times the
+    up to 11 times the scale, 20 rows of a delay at 5 kHz. A search begins within `search_widening` times the
     prior: 15 % of scale, 3 ms of delay, and twice that.
 
     The data must determine one to `informative` prior standard deviations at the estimate without it, where a
@@ -81,7 +88,7 @@ class SensorSelectionSettings:
 
     tried_score: float = 1.8
     most_tried: int = 3
-    widening: float = 100.0
+    widening: float = 250.0
     delay_widening: float = 5.0
     informative: float = 10.0
     gross_share: float = 0.6
@@ -94,7 +101,8 @@ class SensorSelectionSettings:
 SENSOR_SELECTION = SensorSelectionSettings()
 
 
-POSITION_ZERO = "position_offset"
+ZEROS_OF_START = {"position_offset": "position_rad", "speed_offset": "speed_rad_s"}
+"""Zeros of the sensors that say where a manoeuvre starts, by nuisance."""
 
 
 def widening(name: str) -> float:
@@ -206,28 +214,85 @@ def _candidates(
     if not others:
         return result, []
     wide, start = _with_nuisances(result, names, others)
-    jacobians = jacobians_at(wide, start, stream(seed, "Jacobians of the score test", *names))
+    jacobians = _jacobians(wide, start, stream(seed, "Jacobians of the score test", *names))
+    residual = result.residual[: objective.channel_rows]
+    own = [i for i, name in enumerate(wide.space.coordinates) if name in objective.space.coordinates]
     starts: dict[str, tuple[float, MapObjective, Array]] = {}
     for name in others:
         extended, point = _with_nuisances(result, names, (name,))
-        # Jacobians were taken for all at once; each is judged as if it alone were estimated too.
-        kept = [i for i, other in enumerate(wide.space.coordinates) if other in extended.space.coordinates]
-        residual = result.residual[: objective.channel_rows]
-        local = local_covariance(extended, point, residual, jacobians[:, kept])
-        i = extended.space.coordinates.index(name)
-        error = float((local.covariance + default_scatter(point.size))[i, i] ** 0.5)
-        score = float(abs(local.step[i])) / error
+        i, column = extended.space.coordinates.index(name), wide.space.coordinates.index(name)
+        if sensor_error(name):
+            others_step, size, error = _linear_error(
+                jacobians[:, own], jacobians[0, column], residual, len(objective.problem.channels)
+            )
+            step = np.insert(others_step, i, size)
+        else:
+            # Jacobians were taken for all at once; each is judged as if it alone were estimated too.
+            kept = [
+                k for k, other in enumerate(wide.space.coordinates) if other in extended.space.coordinates
+            ]
+            local = local_covariance(extended, point, residual, jacobians[:, kept])
+            step = local.step
+            error = float((local.covariance + default_scatter(point.size))[i, i] ** 0.5)
         if error < _informative(name) / PRIORS_PER_UNIT / widening(name):
-            starts[name] = score, extended, point + local.step
+            starts[name] = float(abs(step[i])) / error, extended, point + step
     starts |= _gross_starts(result, names, others)
     candidates = [
         _refit_with(name, *starts[name][1:], result, seed)
         for name in _worth_trying({name: score for name, (score, _, _) in starts.items()})
     ]
     candidates = [candidate for candidate in candidates if candidate.share < SELECTION.tried_share]
-    own = [i for i, name in enumerate(wide.space.coordinates) if name in objective.space.coordinates]
     known = replace(result, jacobians=jacobians[:, own])
     return known, sorted(candidates, key=lambda candidate: candidate.share)
+
+
+def _jacobians(objective: MapObjective, point: Array, rng: np.random.Generator) -> Array:
+    """Return replicated Jacobians (n, d, channel rows) about `point` (d,), those of sensors' errors once.
+
+    These are linear in the model's signals, and have no kinks: one central difference serves all replicates.
+    """
+    coordinates = objective.space.coordinates
+    errors = [i for i, name in enumerate(coordinates) if sensor_error(name)]
+    others = [i for i in range(len(coordinates)) if i not in errors]
+
+    def outputs(points: Array) -> Array:
+        return objective.outputs(points)[:, : objective.channel_rows]
+
+    def of_others(points: Array) -> Array:
+        whole = np.tile(point, (len(points), 1))
+        whole[:, others] = points
+        return outputs(whole)
+
+    rest = Box(objective.space.lower[others], objective.space.upper[others])
+    jacobians = replicated_jacobians(of_others, point[others], rest, JACOBIAN_STEP, REPLICATES, rng)
+    result = np.empty((REPLICATES, len(coordinates), objective.channel_rows))
+    result[:, others] = jacobians
+    if errors:
+        moves = JACOBIAN_STEP * np.eye(len(coordinates))[errors]
+        sides = outputs(np.concatenate([point + moves, point - moves]))
+        result[:, errors] = (sides[: len(errors)] - sides[len(errors) :]) / (2 * JACOBIAN_STEP)
+    return result
+
+
+def _linear_error(
+    jacobians: Array, derivative: Array, residual: Array, channels: int
+) -> tuple[Array, float, float]:
+    """Return the step (d,) of the others, the size of one more coordinate's own, and its standard error.
+
+    By regression of the `residual` (rows,) on the `derivative` (rows,) less what the other coordinates,
+    `jacobians` (n, d, rows), explain of it (Frisch and Waugh 1933); the scores are as correlated as the
+    sandwich covariance takes them.
+    """
+    mean = jacobians.mean(axis=0)
+    normal = mean @ mean.T
+    ridge = 1e-9 * float(np.trace(normal)) * np.eye(len(normal))
+    shares = np.linalg.solve(normal + ridge, mean @ derivative)
+    alone = derivative - shares @ mean
+    power = max(float(alone @ alone), np.finfo(float).tiny)
+    size = float(alone @ residual) / power
+    scores = (alone * (residual - size * alone)).reshape(channels, -1).sum(axis=0)
+    variance = float(long_run_covariance(scores[np.newaxis])[0, 0])
+    return -size * shares, size, max(variance, np.finfo(float).tiny) ** 0.5 / power
 
 
 def _informative(name: str) -> float:
@@ -321,7 +386,10 @@ def _with_nuisances(
     )
     values = dict(zip(objective.space.coordinates, result.point, strict=True))
     problem = objective.problem
-    if more == (POSITION_ZERO,) or POSITION_ZERO in names:
-        # A recorded position does not say where the manoeuvre starts if its zero is not known.
-        problem = problem.starting_on_command()
-    return replace(objective, problem=problem, space=space), np.array([values.get(name, 0.0) for name in space.coordinates])
+    for name, channel in ZEROS_OF_START.items():
+        # What is recorded does not say where the manoeuvre starts if its zero is not known.
+        if more == (name,) or name in names:
+            problem = problem.starting_without(channel)
+    return replace(objective, problem=problem, space=space), np.array(
+        [values.get(name, 0.0) for name in space.coordinates]
+    )

@@ -201,7 +201,12 @@ class Diagnosis:
             for one in self.sensor_faults
             if one.sentence.removesuffix(".") not in self.recording_notes
         ]
-        return [*of_recording, *of_sensors, *lines, *(self.posterior.notes(self.interval) if self.posterior else [])]
+        return [
+            *of_recording,
+            *of_sensors,
+            *lines,
+            *(self.posterior.notes(self.interval) if self.posterior else []),
+        ]
 
     def summary(self) -> str:
         """Return one line: how well the model explains the recording, and what it took."""

@@ -112,11 +112,7 @@ def _estimated(
         meaning = meaning.replace("come late", "come early")
     digits = f" (± {estimate.standard_error:.2g} {estimate.unit})".replace(" -)", ")")
     others = [
-        other
-        for one in collinear_sets
-        if name in one.members
-        for other in one.members
-        if other != name
+        other for one in collinear_sets if name in one.members for other in one.members if other != name
     ]
     faults = [other for other in others if other in NAMES]
     sentence = f"The sensor of {channel} {meaning}{digits}."

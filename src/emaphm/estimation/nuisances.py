@@ -17,8 +17,8 @@ from emaphm.actuator.parameters import Nuisances
 from emaphm.actuator.quantity import unit_for
 from emaphm.arrays import Array
 from emaphm.errors import MethodError, nearest
-from emaphm.estimation.sensor_model import SENSOR_CHANNELS, sensor_error
 from emaphm.estimation.parameter_variation import ParameterVariation, variation_unit, varied
+from emaphm.estimation.sensor_model import SENSOR_CHANNELS, sensor_error
 
 COPPER = 3.93e-3
 """Temperature coefficient of the resistance of copper at 20 °C [1/K] (IEC 60028)."""

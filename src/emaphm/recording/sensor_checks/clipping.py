@@ -6,7 +6,7 @@ import numpy as np
 
 from emaphm.actuator import Actuator
 from emaphm.arrays import Array
-from emaphm.recording.sensor_checks.resolution import row_noise, runs_of_equal, step_of_counts
+from emaphm.recording.sensor_checks.resolution import Mask, row_noise, runs_of_equal, step_of_counts
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class ClippingSettings:
 CLIPPING = ClippingSettings()
 
 
-def clipped_rows(values: Array, channel: str, command: Array, actuator: Actuator) -> Array:
+def clipped_rows(values: Array, channel: str, command: Array, actuator: Actuator) -> Mask:
     """Return whether each row of `values` (n,) of a channel is cut off, while `command` (n,) moves on."""
     clipped = np.zeros(values.size, bool)
     count, noise = step_of_counts(values), row_noise(values)
