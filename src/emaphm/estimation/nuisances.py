@@ -18,7 +18,7 @@ from emaphm.actuator.quantity import unit_for
 from emaphm.arrays import Array
 from emaphm.errors import MethodError, nearest
 from emaphm.estimation.parameter_variation import ParameterVariation, variation_unit, varied
-from emaphm.estimation.sensor_model import SENSOR_CHANNELS, sensor_error
+from emaphm.estimation.sensors.sensor_model import SENSOR_CHANNELS, sensor_error
 
 COPPER = 3.93e-3
 """Temperature coefficient of the resistance of copper at 20 °C [1/K] (IEC 60028)."""
@@ -227,7 +227,7 @@ def _prior(actuator: Actuator, name: str) -> float | None:
 
 
 def _range(actuator: Actuator, quantity: str) -> float | None:
-    """Return the largest magnitude of a sensed quantity that the actuator's limits imply, None without one."""
+    """Return the largest magnitude of a quantity that the actuator's limits imply, None without one."""
     controller, stops, electrical = actuator.controller, actuator.mechanics.end_stops, actuator.electrical
     return {
         "current": controller.current_limit,

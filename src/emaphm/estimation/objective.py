@@ -14,7 +14,7 @@ from emaphm.estimation.nuisances import NO_NUISANCES, NuisanceSet
 from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.parameter_variation import ParameterVariation
 from emaphm.estimation.problem import Problem, rms
-from emaphm.estimation.sensor_model import described_noise, sensor_error, with_unknown_errors
+from emaphm.estimation.sensors.sensor_model import described_noise, sensor_error, with_unknown_errors
 from emaphm.recording.sensor_checks.resolution import Mask
 from emaphm.simulation import Model
 

@@ -14,7 +14,7 @@ from emaphm.estimation.driving_signals import DrivingSignals
 from emaphm.estimation.initial_state import initial_state
 from emaphm.estimation.noise_level import noise_level
 from emaphm.estimation.run_counts import RunCounts
-from emaphm.estimation.sensor_model import all_as_described, as_described, described_noise
+from emaphm.estimation.sensors.sensor_model import all_as_described, as_described, described_noise
 from emaphm.recording import Recording, with_equivalent_current
 from emaphm.recording.schema import RESPONSES
 from emaphm.recording.sensor_checks.resolution import Mask
@@ -103,7 +103,7 @@ class Problem:
         return replace(self, model=model, inputs=self.driving.inputs(model.step_for(self.actuator)))
 
     def starting_without(self, channel: str) -> Self:
-        """Return the problem whose start is not taken from the position's or the speed's zero: their `channel`.
+        """Return the problem whose start does not depend on the zero of a `channel`, position or speed.
 
         Without a position the manoeuvre starts on the command, without a speed at rest.
         """

@@ -133,9 +133,11 @@ def with_unknown_errors(
 def shifted(signal: Array, interval: float, delay: Array) -> Array:
     """Return a signal (n, samples) later by `delay` (n,) [s], of either sign.
 
-    Cubic between the rows; before the first and beyond the last one as at that row.
+    Cubic between the rows; at rest before the first one, and beyond the one that would follow the last.
     """
     rows = signal.shape[-1]
     ahead = int(np.ceil(max(-float(np.min(delay)), 0.0) / interval))
-    longer = np.pad(signal, ((0, 0), (0, ahead)), mode="edge")
+    # What follows the last row is the same whatever the other delays are: a parabola's next, then at rest.
+    after = 3 * (signal[:, -1:] - signal[:, -2:-1]) + signal[:, -3:-2]
+    longer = np.concatenate([signal, np.repeat(after, ahead + 1, axis=1)], axis=1)
     return delayed(longer, interval, delay + ahead * interval)[:, ahead : ahead + rows]
