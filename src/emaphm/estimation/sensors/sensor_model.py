@@ -101,7 +101,7 @@ def with_unknown_errors(
         Values (n,) by name: s relative, o and r in the channel's unit, d in s; those without a sensor error
         are left out.
     measured
-        Signals (samples,) by channel.
+        Signals (samples,) by channel; one that was not measured keeps its last value beyond the end.
     interval
         Between rows [s].
     """
@@ -124,7 +124,7 @@ def with_unknown_errors(
             signal += nuisances[name][:, np.newaxis]
         if (name := f"{quantity}_drift") in nuisances:
             signal += nuisances[name][:, np.newaxis] * time
-        if np.any(delay < 0):
+        if channel in measured and np.any(delay < 0):
             beyond = np.arange(rows) > rows - 2 + delay[:, np.newaxis] / interval
             np.copyto(signal, measured[channel], where=beyond & (delay < 0)[:, np.newaxis])
     return signals
