@@ -53,11 +53,11 @@ def test_a_misspelt_nuisance_is_answered_with_the_nearest(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_only_temperature_and_supply_need_windings(name: str) -> None:
+def test_only_temperature_supply_and_voltage_need_windings(name: str) -> None:
     actuator = described(hinge=1.0)
     ideal = actuator.model_copy(update={"electrical": None})
     assert NuisanceSet.of(actuator, (name,), ()).names == (name,)
-    if name in ("temperature", "supply"):
+    if name in ("temperature", "supply") or name.startswith("voltage"):
         with pytest.raises(MethodError, match=rf"'{name}' needs an \[electrical\] section"):
             NuisanceSet.of(ideal, (name,), ())
     else:
@@ -175,14 +175,21 @@ def test_a_load_that_was_not_recorded_and_the_nuisance_have_one_sign() -> None:
 
 def test_units_are_those_of_the_description() -> None:
     units = {name: unit_of(name) for name in NAMES}
+    of_channels = {"current": "A", "voltage": "V", "position": "rad", "speed": "rad/s"}
+    of_errors = {"offset": None, "drift": None, "scale": "-", "delay": "s"}
+    errors = {
+        f"{quantity}_{kind}": unit or own
+        for quantity, own in of_channels.items()
+        for kind, unit in of_errors.items()
+    }
     assert units == {
+        **errors,
+        "delay": "s",
         "load": "N·m",
         "hinge": "N·m/rad",
         "temperature": "K",
         "supply": "-",
         "inertia": "-",
-        "current_offset": "A",
-        "current_scale": "-",
     }
 
 

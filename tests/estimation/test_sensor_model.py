@@ -15,6 +15,7 @@ from emaphm.estimation.initial_state import initial_state
 from emaphm.estimation.noise_level import noise_level
 from emaphm.estimation.objective import faults_objective, faults_only_objective
 from emaphm.estimation.problem import Problem
+from emaphm.estimation.sensors.sensor_model import with_unknown_errors
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 from emaphm.simulation.laws.sensors import sensed
@@ -116,3 +117,56 @@ def test_a_manoeuvre_starts_where_the_true_position_is() -> None:
 def test_a_delay_as_long_as_the_recording_is_refused() -> None:
     with pytest.raises(MethodError, match="correct it under"):
         replay(simulated(THESIS), rig(current_A=Sensor(delay=0.5)))
+
+
+def errors_of(**values: float) -> dict[str, Any]:
+    return {name: np.array([value]) for name, value in values.items()}
+
+
+def test_errors_of_the_sensors_act_on_their_own_channel() -> None:
+    time = np.arange(200) / 1e3
+    signals = np.stack([np.sin(20 * time), np.cos(20 * time)])[np.newaxis]
+    measured = {"current_A": np.zeros(200), "voltage_V": np.zeros(200)}
+    errors = errors_of(voltage_scale=-2.0, voltage_offset=0.3, voltage_drift=0.5, position_scale=1.0)
+    shown = with_unknown_errors(signals.copy(), ("current_A", "voltage_V"), errors, measured, 1e-3)
+    np.testing.assert_array_equal(shown[0, 0], signals[0, 0])
+    np.testing.assert_allclose(shown[0, 1], -signals[0, 1] + 0.3 + 0.5 * np.arange(200) / 199)
+
+
+@pytest.mark.parametrize("delay", [2.5e-3, 1e-4, -3.7e-3])
+def test_a_delay_moves_a_channel_either_way(delay: float) -> None:
+    # A sine of 3 Hz that begins at rest in its trough: between rows of 1 ms a cubic is exact to 1e-7.
+    def sine(t: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+        return np.asarray(-np.cos(20 * np.maximum(t, 0.0)))
+
+    time = np.arange(300) / 1e3
+    measured = {"current_A": np.full(300, 7.0)}
+    errors = errors_of(delay=delay / 2, current_delay=delay / 2)
+    shown = with_unknown_errors(sine(time)[np.newaxis, np.newaxis], ("current_A",), errors, measured, 1e-3)
+    known = time - delay < time[-2]
+    np.testing.assert_allclose(shown[0, 0][known], sine(time - delay)[known], atol=2e-5)
+    # What an early channel takes from beyond the end is as measured.
+    beyond = time - delay > time[-1] + 1e-9
+    np.testing.assert_array_equal(shown[0, 0][beyond], 7.0)
+
+
+def test_errors_of_the_sensors_need_no_runs_of_their_own() -> None:
+    problem = Problem.of(simulated(THESIS), THESIS)
+    objective = faults_objective(problem, ["current_offset", "delay"])
+    points = np.tile(objective.space.points(SHORT.vector), (5, 1))
+    points[:, -1] = np.linspace(-0.1, 0.1, 5)
+    alone = [objective.outputs(point[np.newaxis])[0] for point in points]
+    before = problem.runs.of(problem.model)[0]
+    # A delay is taken from another row where others in the batch are early: rounding differs.
+    np.testing.assert_allclose(objective.outputs(points), alone, rtol=0, atol=1e-9)
+    assert problem.runs.of(problem.model)[0] == before + 1
+
+
+def test_rows_that_are_given_up_leave_no_residual() -> None:
+    recording = simulated(THESIS)
+    spoilt = np.zeros(recording.samples, bool)
+    spoilt[100:200] = True
+    objective = faults_objective(Problem.of(recording, THESIS), ()).ignoring({"current_A": spoilt})
+    residual = objective.residual(objective.space.points(SHORT.vector))
+    assert not residual[:2500][spoilt].any()
+    assert residual[:2500][~spoilt].any()

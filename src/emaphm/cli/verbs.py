@@ -143,7 +143,8 @@ def diagnose(
         str | None,
         Parameter(
             help="What is estimated with the faults, with commas between: load, hinge, temperature, supply, "
-            "inertia, current_offset, current_scale; or 'none'. As the TOML says if left out, and what "
+            "inertia, delay, current_offset, current_scale, current_drift, current_delay, and the same of "
+            "voltage, position and speed; or 'none'. As the TOML says if left out, and what "
             "deviates significantly."
         ),
     ] = None,

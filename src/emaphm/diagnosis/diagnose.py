@@ -17,13 +17,13 @@ from emaphm.diagnosis.result import Diagnosis
 from emaphm.diagnosis.verdict import VERDICT, estimates, unexplained
 from emaphm.errors import MethodError, nearest
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS, with_discrepancy
-from emaphm.estimation.channel_swaps import with_channels_exchanged
 from emaphm.estimation.methods import Method, method_named
 from emaphm.estimation.nuisances import unit_of
 from emaphm.estimation.objective import MapObjective, faults_objective, faults_only_objective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search import check_fitness, search
 from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
+from emaphm.estimation.sensors.channel_swaps import with_channels_exchanged
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at
 from emaphm.estimation.uncertainty.model_error import compared_with_healthy
 from emaphm.progress import Progress, subprogress

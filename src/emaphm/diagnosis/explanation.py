@@ -12,7 +12,7 @@ from emaphm.estimation.noise_level import robust_noise_level, rounding_step
 from emaphm.estimation.nuisances import has_stated_prior, unit_of
 from emaphm.estimation.problem import comparable_channels, rms
 from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
-from emaphm.estimation.sensor_model import described_noise, sensor_error
+from emaphm.estimation.sensors.sensor_model import described_noise, sensor_error
 from emaphm.estimation.uncertainty.model_error import HealthyComparison
 from emaphm.recording.schema import PHASES
 

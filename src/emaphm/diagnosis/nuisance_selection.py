@@ -7,112 +7,26 @@ faults. It is kept if it is still significant, deviates by more than every actua
 smaller.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-
 import numpy as np
 
-from emaphm.arrays import Array
+from emaphm.diagnosis.nuisance_candidates import (
+    SELECTION,
+    SENSOR_SELECTION,
+    Candidate,
+    widening,
+    with_nuisances,
+    worthwhile_candidates,
+)
 from emaphm.estimation.bias_correction import correct_bias
-from emaphm.estimation.multistart import local_search, multistart, with_descents
-from emaphm.estimation.nuisances import PRIORS_PER_UNIT, NuisanceSet, with_wider_priors
-from emaphm.estimation.objective import MapObjective
-from emaphm.estimation.parameter_space import ParameterSpace
-from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult, default_scatter
-from emaphm.estimation.sensor_model import COMMON_DELAY, sensor_error, sensor_of
-from emaphm.estimation.uncertainty.local_covariance import jacobians_at, local_covariance
+from emaphm.estimation.multistart import multistart
+from emaphm.estimation.nuisances import PRIORS_PER_UNIT
+from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
+from emaphm.estimation.sensors.sensor_model import COMMON_DELAY, sensor_error
+from emaphm.estimation.uncertainty.local_covariance import (
+    jacobians_at,
+    local_covariance,
+)
 from emaphm.random_streams import child_seed, stream
-
-
-@dataclass(frozen=True)
-class NuisanceSelectionSettings:
-    """When a nuisance is tried, and when it is kept; `make study` (limits, inertia and supply) measures them.
-
-    Tried: a score above `tried_score` standard errors, and descents that leave less than `tried_share` of the
-    mean squared residual. Derivatives at a wrong estimate make scores unreliable: 5 % of inertia had 1.6 to 7
-    where line voltage was recorded, the actuator as described up to 4. Descents separate them: with 5 % of
-    inertia they left 0.998 at most, 0.98 mostly; as described 0.996 and more, but for 1 recording in 100.
-
-    Kept: an estimate `certain_score` standard errors off nominal with a smaller residual, or `likely_score`
-    with less than `likely_share` of it. 5 % of inertia, once estimated, left 0.65 to 0.92; the actuator as
-    described no less than chance, 0.976. It must also be off by `least_deviation`, a share of its prior's
-    standard deviation: less is expected of every actuator.
-
-    The data must determine the nuisance to `informative`, a share of its prior's standard deviation.
-    The prior of what is tried is `widening` times as wide: it would otherwise shrink a large deviation.
-    """
-
-    tried_score: float = 1.0
-    tried_share: float = 0.995
-    certain_score: float = 3.0
-    likely_score: float = 1.5
-    likely_share: float = 0.95
-    least_deviation: float = 0.5
-    informative: float = 1.0
-    widening: float = 4.0
-    descents: int = 2
-
-
-SELECTION = NuisanceSelectionSettings()
-
-
-@dataclass(frozen=True)
-class SensorSelectionSettings:
-    """What is different for errors of sensors: faults of a sensor are of any size, and there are many kinds.
-
-    Tried: the `most_tried` of the largest scores, `tried_score` at least. Even large faults score no more
-    than 2 to 5 where the search has bent the actuator's faults to them: 1 to 5 rows of delay 2.2 to 3.7, a
-    voltage × 0.5 6, a current × 1.2 5 (3 random fault vectors each). Descents separate them.
-
-    Priors are `widening` times as wide, those of delays `delay_widening`: flat for whatever can be recorded,
-    -3 to 5 times the scale, 20 rows of a delay at 5 kHz. A search begins within `search_widening` times the
-    prior: 15 % of scale, 3 ms of delay, and twice that.
-
-    The data must determine one to `informative` prior standard deviations at the estimate without it, where a
-    wrong estimate makes standard errors large too.
-
-    Where a factor leaves less than `gross_share` of a channel's rms residual, descents begin at that factor:
-    a reversed sensor is beyond what the derivatives show.
-
-    Of candidates whose descents leave up to `rival_share` times the least residual, that with the least one
-    after its own correction is kept: errors of one channel look like those of another. One that leaves the
-    recording unexplained has to leave less than `unexplained_share` of the residual.
-    """
-
-    tried_score: float = 1.8
-    most_tried: int = 3
-    widening: float = 100.0
-    delay_widening: float = 5.0
-    informative: float = 10.0
-    gross_share: float = 0.6
-    search_widening: float = 15.0
-    most_corrected: int = 3
-    rival_share: float = 1.5
-    unexplained_share: float = 0.5
-
-
-SENSOR_SELECTION = SensorSelectionSettings()
-
-
-POSITION_ZERO = "position_offset"
-
-
-def widening(name: str) -> float:
-    """Return how many times as wide as the description's the prior of a tried nuisance is."""
-    error = sensor_error(name)
-    if error is None:
-        return SELECTION.widening
-    return SENSOR_SELECTION.delay_widening if error[1] == "delay" else SENSOR_SELECTION.widening
-
-
-@dataclass(frozen=True, eq=False)
-class _Candidate:
-    """A nuisance, the objective and point (d,) that descents with it lead to, and the share of residual."""
-
-    name: str
-    objective: MapObjective
-    point: Array
-    share: float
 
 
 def select_nuisances(
@@ -121,7 +35,7 @@ def select_nuisances(
     """Return the result with the significant nuisances estimated too, and their names."""
     names: tuple[str, ...] = ()
     while True:
-        result, candidates = _candidates(result, names, seed)
+        result, candidates = worthwhile_candidates(result, names, seed)
         best = _best(result, candidates, max_corrections, seed)
         if not _explained(result if best is None else best[1]):
             best = _from_afar(result, names, max_corrections, seed) or best
@@ -139,13 +53,13 @@ def _from_afar(
 ) -> tuple[str, SearchResult] | None:
     """Return the error of sensors, and the result with it, that explains what is not explained without.
 
-    A delay of several rows reads as another gain, a scale as shorts, a zero as a load: they lead the search so
-    far astray that no descent from there finds back. Each is searched for anew, and the `most_corrected` that
-    explain most are corrected.
+    A delay of several rows reads as another gain, a scale as shorts, a zero as a load: they lead the search
+    so far astray that no descent from there finds back. Each is searched for anew, and the `most_corrected`
+    that explain most are corrected.
     """
     problem = result.objective.problem
     others = result.objective.space.nuisances.others(problem.actuator, tuple(problem.measured))
-    searched: list[tuple[float, str, MapObjective, Array]] = []
+    searched = []
     for name in others:
         kind = (sensor_error(name) or ("", ""))[1]
         if name != COMMON_DELAY and kind not in ("scale", "offset"):
@@ -166,7 +80,7 @@ def _from_afar(
 
 
 def _best(
-    result: SearchResult, candidates: list[_Candidate], max_corrections: int, seed: int
+    result: SearchResult, candidates: list[Candidate], max_corrections: int, seed: int
 ) -> tuple[str, SearchResult] | None:
     """Return the candidate that explains most and its result, None where none is significant."""
     kept: list[tuple[str, SearchResult]] = []
@@ -193,100 +107,6 @@ def _significant(tried: SearchResult, before: SearchResult, name: str, seed: int
     return significant and bool(abs(value) > least)
 
 
-def _candidates(
-    result: SearchResult, names: tuple[str, ...], seed: int
-) -> tuple[SearchResult, list[_Candidate]]:
-    """Return the nuisances worth trying, of those neither estimated nor known; the most promising first.
-
-    `names` were selected before, and are estimated in `result`, which is returned with its Jacobians.
-    """
-    objective = result.objective
-    problem = objective.problem
-    others = objective.space.nuisances.others(problem.actuator, tuple(problem.measured))
-    if not others:
-        return result, []
-    wide, start = with_nuisances(result, names, others)
-    jacobians = jacobians_at(wide, start, stream(seed, "Jacobians of the score test", *names))
-    starts: dict[str, tuple[float, MapObjective, Array]] = {}
-    for name in others:
-        extended, point = with_nuisances(result, names, (name,))
-        # Jacobians were taken for all at once; each is judged as if it alone were estimated too.
-        kept = [i for i, other in enumerate(wide.space.coordinates) if other in extended.space.coordinates]
-        residual = result.residual[: objective.channel_rows]
-        local = local_covariance(extended, point, residual, jacobians[:, kept])
-        i = extended.space.coordinates.index(name)
-        error = float((local.covariance + default_scatter(point.size))[i, i] ** 0.5)
-        score = float(abs(local.step[i])) / error
-        if error < _informative(name) / PRIORS_PER_UNIT / widening(name):
-            starts[name] = score, extended, point + local.step
-    starts |= _gross_starts(result, names, others)
-    candidates = [
-        _refit_with(name, *starts[name][1:], result, seed)
-        for name in _worth_trying({name: score for name, (score, _, _) in starts.items()})
-    ]
-    candidates = [candidate for candidate in candidates if candidate.share < SELECTION.tried_share]
-    own = [i for i, name in enumerate(wide.space.coordinates) if name in objective.space.coordinates]
-    known = replace(result, jacobians=jacobians[:, own])
-    return known, sorted(candidates, key=lambda candidate: candidate.share)
-
-
-def _informative(name: str) -> float:
-    """Return the standard error that the data must give at most, in standard deviations of the prior."""
-    return SENSOR_SELECTION.informative if sensor_error(name) else SELECTION.informative
-
-
-def _worth_trying(scores: Mapping[str, float]) -> list[str]:
-    """Return the names whose scores are large enough, of sensors' errors the most promising alone."""
-    sensors = sorted((name for name in scores if sensor_error(name)), key=lambda name: -scores[name])
-    likely = [name for name in sensors if scores[name] > SENSOR_SELECTION.tried_score]
-    chosen = likely[: SENSOR_SELECTION.most_tried]
-    return [
-        name
-        for name, score in scores.items()
-        if name in chosen or (name not in sensors and score > SELECTION.tried_score)
-    ]
-
-
-def _gross_starts(
-    result: SearchResult, names: tuple[str, ...], others: tuple[str, ...]
-) -> dict[str, tuple[float, MapObjective, Array]]:
-    """Return scores, objectives and points to begin with of scales that are far off, by the nuisance."""
-    problem = result.objective.problem
-    measured = result.objective.target[: result.objective.channel_rows].reshape(len(problem.channels), -1)
-    residuals = result.residual[: result.objective.channel_rows].reshape(measured.shape)
-    starts = {}
-    for channel, target, residual in zip(problem.channels, measured, residuals, strict=True):
-        name = f"{sensor_of(channel)}_scale"
-        model = target - residual
-        power = float(model @ model)
-        if name not in others or power == 0:
-            continue
-        factor = float(model @ target) / power
-        left = float(np.mean((target - factor * model) ** 2))
-        if left < SENSOR_SELECTION.gross_share**2 * float(np.mean(residual**2)):
-            extended, point = with_nuisances(result, names, (name,))
-            deviation = float(extended.space.nuisances.prior_deviations[-1])
-            i = extended.space.coordinates.index(name)
-            point[i] = (factor - 1) / float(extended.space.nuisances.meaning[-1, -1]) if deviation else 0.0
-            starts[name] = np.inf, extended, point
-    return starts
-
-
-def _refit_with(
-    name: str, objective: MapObjective, start: Array, result: SearchResult, seed: int
-) -> _Candidate:
-    """Return where descents lead from `start` (d,) under the correction of `result`."""
-    rows = result.objective.channel_rows
-    correction = np.zeros_like(objective.target)
-    correction[:rows] = result.outputs_correction[:rows]
-    rng = stream(seed, "descents of the score test", name)
-    start = objective.space.project(start)
-    point = local_search(objective, start, correction, rng, with_descents(SELECTION.descents)).best
-    residual = objective.residual(point, correction)[:rows]
-    share = float(np.mean(residual**2) / np.mean(result.residual[:rows] ** 2))
-    return _Candidate(name, objective, point, share)
-
-
 def _share_of_residual(tried: SearchResult, before: SearchResult) -> float:
     """Return the mean squared residual of the channels in `tried`, relative to that in `before`."""
     rows = before.objective.channel_rows
@@ -302,26 +122,3 @@ def _score(result: SearchResult, name: str, seed: int) -> float:
     residual = result.residual[: objective.channel_rows]
     local = local_covariance(objective, result.point, residual, jacobians)
     return float(abs(result.point[i]) / (local.covariance + result.scatter)[i, i] ** 0.5)
-
-
-def with_nuisances(
-    result: SearchResult, names: tuple[str, ...], more: tuple[str, ...], factor: float | None = None
-) -> tuple[MapObjective, Array]:
-    """Return the objective with `more` nuisances, and the point (d,) of `result` in its space.
-
-    They have wide priors, as have `names`, which were selected before; `factor` times as wide where given.
-    """
-    objective = result.objective
-    actuator, measured = objective.problem.actuator, tuple(objective.problem.measured)
-    chosen = (*objective.space.nuisances.chosen, *more)
-    factors = {name: widening(name) for name in (*names, *more)}
-    wider = with_wider_priors(actuator, factors | (dict.fromkeys(more, factor) if factor else {}))
-    space = ParameterSpace.of(
-        actuator, NuisanceSet.of(wider, chosen, measured, objective.space.nuisances.unit)
-    )
-    values = dict(zip(objective.space.coordinates, result.point, strict=True))
-    problem = objective.problem
-    if more == (POSITION_ZERO,) or POSITION_ZERO in names:
-        # A recorded position does not say where the manoeuvre starts if its zero is not known.
-        problem = problem.starting_on_command()
-    return replace(objective, problem=problem, space=space), np.array([values.get(name, 0.0) for name in space.coordinates])

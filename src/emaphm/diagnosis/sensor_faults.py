@@ -6,7 +6,7 @@ from typing import Any
 
 from emaphm.actuator import NAMES
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
-from emaphm.estimation.sensor_model import SENSOR_CHANNELS, sensor_error
+from emaphm.estimation.sensors.sensor_model import SENSOR_CHANNELS, sensor_error
 from emaphm.estimation.uncertainty.collinearity import CollinearSet
 from emaphm.recording.sensor_checks import SensorFinding
 
@@ -112,11 +112,7 @@ def _estimated(
         meaning = meaning.replace("come late", "come early")
     digits = f" (± {estimate.standard_error:.2g} {estimate.unit})".replace(" -)", ")")
     others = [
-        other
-        for one in collinear_sets
-        if name in one.members
-        for other in one.members
-        if other != name
+        other for one in collinear_sets if name in one.members for other in one.members if other != name
     ]
     faults = [other for other in others if other in NAMES]
     sentence = f"The sensor of {channel} {meaning}{digits}."

@@ -7,7 +7,7 @@ from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.diagnosis.verdict import Estimate
 from emaphm.diagnosis.wording import physical_text
 from emaphm.estimation.nuisances import BASELINE
-from emaphm.estimation.sensor_model import sensor_error
+from emaphm.estimation.sensors.sensor_model import sensor_error
 from emaphm.estimation.uncertainty.collinearity import CollinearSet
 from emaphm.estimation.uncertainty.model_error import HealthyComparison
 
@@ -76,7 +76,8 @@ def notes(
         )
     if described := [name for name in selected if sensor_error(name) is None]:
         lines.append(
-            f"Also estimated, because it deviates significantly from the description: {', '.join(described)}. "
+            "Also estimated, because it deviates significantly from the description: "
+            f"{', '.join(described)}. "
             "If this persists, correct the actuator's file; taken as known, it would read as faults."
         )
     lines += [f"Known only in combination: {one}" for one in collinear_sets]

@@ -17,8 +17,8 @@ from emaphm.actuator.parameters import Nuisances
 from emaphm.actuator.quantity import unit_for
 from emaphm.arrays import Array
 from emaphm.errors import MethodError, nearest
-from emaphm.estimation.sensor_model import SENSOR_CHANNELS, sensor_error
 from emaphm.estimation.parameter_variation import ParameterVariation, variation_unit, varied
+from emaphm.estimation.sensors.sensor_model import ERROR_KINDS, SENSOR_CHANNELS, sensor_error
 
 COPPER = 3.93e-3
 """Temperature coefficient of the resistance of copper at 20 °C [1/K] (IEC 60028)."""
@@ -41,7 +41,7 @@ KNOWN_BY = {"load": "load_Nm", "hinge": "load_Nm", "temperature": "temperature_K
 WIDEST = 4.0
 """Bound of a nuisance, in standard deviations of its prior."""
 
-NEEDS_WINDINGS = ("temperature", "supply")
+NEEDS_WINDINGS = ("temperature", "supply", *(f"voltage_{kind}" for kind in ERROR_KINDS))
 
 USUAL_ZERO = 2e-3
 """Standard deviation of a sensor's zero, and of its drift, relative to the range that it measures."""
@@ -132,6 +132,7 @@ class NuisanceSet:
             for name in NAMES
             if name not in (*self.chosen, *self.parameters)
             and _matters(actuator, name, channels)
+            and _shows(name, channels)
             and _prior(actuator, name) is not None
         )
 
@@ -198,15 +199,16 @@ NO_NUISANCES = NuisanceSet((), np.zeros(0), np.zeros(0), (), np.zeros((0, 0)), (
 
 def _matters(actuator: Actuator, name: str, channels: Sequence[str]) -> bool:
     """Return whether a nuisance is not made known by `channels`, and acts on what the actuator has."""
-    error = sensor_error(name)
-    if error is not None:
-        return _sensed(*error, channels)
     acts = name not in NEEDS_WINDINGS or actuator.electrical is not None
     return acts and KNOWN_BY.get(name) not in channels
 
 
-def _sensed(quantity: str, kind: str, channels: Sequence[str]) -> bool:
+def _shows(name: str, channels: Sequence[str]) -> bool:
     """Return whether a sensor's error shows in `channels`; the delay of the only one is that of all."""
+    error = sensor_error(name)
+    if error is None:
+        return True
+    quantity, kind = error
     shown = [one for one, names in SENSOR_CHANNELS.items() if any(name in channels for name in names)]
     if quantity == "all":
         return bool(shown)
@@ -232,7 +234,7 @@ def has_stated_prior(actuator: Actuator, name: str) -> bool:
 
 
 def _range(actuator: Actuator, quantity: str) -> float | None:
-    """Return the largest magnitude of a sensed quantity that the actuator's limits imply, None without one."""
+    """Return the largest magnitude of a quantity that the actuator's limits imply, None without one."""
     controller, stops, electrical = actuator.controller, actuator.mechanics.end_stops, actuator.electrical
     return {
         "current": controller.current_limit,

@@ -14,8 +14,9 @@ from emaphm.estimation.nuisances import NO_NUISANCES, NuisanceSet
 from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.parameter_variation import ParameterVariation
 from emaphm.estimation.problem import Problem, rms
-from emaphm.estimation.sensor_model import described_noise, sensor_error, with_unknown_errors
+from emaphm.estimation.sensors.sensor_model import described_noise, sensor_error, with_unknown_errors
 from emaphm.estimation.uncertainty.model_error import channel_noise, correlated_rows, error_variance
+from emaphm.recording.sensor_checks.resolution import Mask
 from emaphm.simulation import Model
 
 CORRELATED_ROWS = 20
@@ -138,7 +139,7 @@ class MapObjective:
             self.problem.actuator, values, self.problem.temperature_rise_K
         )
 
-    def ignoring(self, unusable: Mapping[str, Array]) -> Self:
+    def ignoring(self, unusable: Mapping[str, Mask]) -> Self:
         """Return the objective that compares no `unusable` rows, (samples,) by channel."""
         return replace(self, problem=replace(self.problem, unusable=unusable)) if unusable else self
 

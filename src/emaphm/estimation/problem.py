@@ -14,10 +14,11 @@ from emaphm.estimation.driving_signals import DrivingSignals
 from emaphm.estimation.initial_state import initial_state
 from emaphm.estimation.noise_level import noise_level
 from emaphm.estimation.run_counts import RunCounts
-from emaphm.estimation.sensor_model import all_as_described, as_described, described_noise
+from emaphm.estimation.sensors.sensor_model import all_as_described, as_described, described_noise
 from emaphm.estimation.uncertainty.model_error import row_errors
 from emaphm.recording import Recording, quiet_noise_level, with_equivalent_current
 from emaphm.recording.schema import RESPONSES
+from emaphm.recording.sensor_checks.resolution import Mask
 from emaphm.simulation import AVERAGED, Initial, Inputs, Model, Plant, observe_batch, run
 from emaphm.simulation.engine.plant import structure_of
 
@@ -48,7 +49,7 @@ class Problem:
     temperature_rise_K: float = 0.0
     workers: int | None = None
     runs: RunCounts = field(default_factory=RunCounts)
-    unusable: Mapping[str, Array] = field(default_factory=dict)
+    unusable: Mapping[str, Mask] = field(default_factory=dict)
     model_error: Mapping[str, Array] = field(default_factory=dict)
 
     @classmethod
@@ -97,8 +98,13 @@ class Problem:
         """Return the same problem for another model: start, weights and counts are the same."""
         return replace(self, model=model, inputs=self.driving.inputs(model.step_for(self.actuator)))
 
-    def starting_on_command(self) -> Self:
-        """Return the problem whose manoeuvre starts on the command, whatever position was recorded."""
+    def starting_without(self, channel: str) -> Self:
+        """Return the problem whose start does not depend on the zero of a `channel`, position or speed.
+
+        Without a position the manoeuvre starts on the command, without a speed at rest.
+        """
+        if channel == "speed_rad_s":
+            return replace(self, start=replace(self.start, speed=0.0))
         angle = float(self.driving.command(np.zeros(1))[0]) / self.actuator.mechanics.gear_ratio
         return replace(self, start=replace(self.start, angle=angle))
 

@@ -10,7 +10,7 @@ from emaphm.arrays import Array
 from emaphm.estimation.discrepancy import Discrepancy
 from emaphm.estimation.noise_level import noise_level
 from emaphm.estimation.objective import MapObjective
-from emaphm.estimation.sensor_model import described_noise
+from emaphm.estimation.sensors.sensor_model import described_noise
 from emaphm.estimation.uncertainty.model_error import error_variance, largest_healthy_ratio
 
 DEFAULT_SCATTER = 2e-4

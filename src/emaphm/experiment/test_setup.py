@@ -14,7 +14,7 @@ from emaphm.errors import MethodError, SignalError, nearest
 from emaphm.estimation.driving_signals import DrivingSignals
 from emaphm.estimation.objective import MapObjective, faults_objective
 from emaphm.estimation.problem import Problem
-from emaphm.estimation.sensor_model import all_as_described
+from emaphm.estimation.sensors.sensor_model import all_as_described
 from emaphm.experiment.excitation import Excitation
 from emaphm.optimizers import space_filling
 from emaphm.random_streams import child_seed

@@ -15,7 +15,7 @@ from emaphm.actuator.faults import HEALTHY
 from emaphm.actuator.model_error import ChannelError
 from emaphm.arrays import Array
 from emaphm.estimation.noise_level import noise_level
-from emaphm.estimation.sensor_model import described_noise
+from emaphm.estimation.sensors.sensor_model import described_noise
 from emaphm.estimation.uncertainty.correlation import white_noise
 from emaphm.quantiles import normal_quantile, student_t_distribution, student_t_quantile
 

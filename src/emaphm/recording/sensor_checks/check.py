@@ -1,6 +1,6 @@
 """All checks of sensors that need no model: what is spoilt is corrected or given up, and always named."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Container, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,7 @@ from emaphm.recording.sensor_checks.finding import SensorFinding
 from emaphm.recording.sensor_checks.freezing import frozen_rows
 from emaphm.recording.sensor_checks.held_samples import held_rows, interpolated
 from emaphm.recording.sensor_checks.phases import phase_findings
+from emaphm.recording.sensor_checks.resolution import Mask
 
 CHECKED = (*CURRENTS, "angle_rad", "voltage_V", "voltage_d_V", "voltage_q_V", "position_rad", "speed_rad_s")
 """Channels whose sensors are checked: those that answer the command."""
@@ -33,7 +34,7 @@ class CheckedRecording:
     """
 
     recording: Recording
-    unusable: Mapping[str, Array]
+    unusable: Mapping[str, Mask]
     findings: tuple[SensorFinding, ...]
 
 
@@ -52,7 +53,7 @@ def check_sensors(recording: Recording, actuator: Actuator) -> CheckedRecording:
     columns = dict(recording.channels)
     corrected, findings = phase_findings(recording, actuator)
     columns |= corrected
-    unusable: dict[str, Array] = {}
+    unusable: dict[str, Mask] = {}
     for name in CHECKED:
         if name not in recording or np.ptp(columns[name]) == 0:
             continue
@@ -71,15 +72,15 @@ def check_sensors(recording: Recording, actuator: Actuator) -> CheckedRecording:
     _check_left(kept, recording, findings)
     notes = [finding.sentence for finding in findings]
     rows = {name: unusable[name] for name in unusable if name not in left_out}
-    if spoilt_phases := [rows[name] for name in (*PHASES, "angle_rad") if name in rows]:
-        if "current_A" not in recording:
-            rows["current_A"] = np.any(spoilt_phases, axis=0)
+    of_phases = [rows[name] for name in (*PHASES, "angle_rad") if name in rows]
+    if of_phases and "current_A" not in recording:
+        rows["current_A"] = np.any(of_phases, axis=0)
     return CheckedRecording(recording.with_channels(kept, notes), rows, tuple(findings))
 
 
 def _spoilt_rows(
     values: Array, name: str, recording: Recording, actuator: Actuator
-) -> tuple[Array, list[SensorFinding]]:
+) -> tuple[Mask, list[SensorFinding]]:
     command = recording["command_rad"]
     unit = unit_for(SCHEMA[name].unit, actuator.coordinates)
     clipped = clipped_rows(values, name, command, actuator)
@@ -103,7 +104,7 @@ def _spoilt_rows(
     return frozen | clipped, findings
 
 
-def _held(name: str, held: Array) -> SensorFinding:
+def _held(name: str, held: Mask) -> SensorFinding:
     count = int(held.sum())
     sentence = (
         f"{name} repeats the value of the row before in {count} rows {_place(held)} although it moves: lost "
@@ -112,17 +113,19 @@ def _held(name: str, held: Array) -> SensorFinding:
     return SensorFinding(name, "held", float(count), "rows", sentence, held)
 
 
-def _place(rows: Array) -> str:
+def _place(rows: Mask) -> str:
     where = np.flatnonzero(rows)
     return f"(between row {where[0] + 1} and row {where[-1] + 1})"
 
 
 def _check_left(kept: Mapping[str, Array], recording: Recording, findings: list[SensorFinding]) -> None:
     """Refuse a recording that nothing is left of."""
-    current: Callable[[], bool] = lambda: "current_A" in kept or all(
-        name in kept for name in (*PHASES, "angle_rad")
-    )
-    if any(name in recording for name in CURRENTS) and not current() and "current_q_A" not in kept:
+    ways = (("current_A",), ("current_q_A",), (*PHASES, "angle_rad"))
+
+    def measured(columns: Container[str]) -> bool:
+        return any(all(name in columns for name in way) for way in ways)
+
+    if measured(recording) and not measured(kept):
         raise RecordingError(
             f"{recording.source}: {findings[0].sentence}; too little of the current is left to diagnose, "
             "record it again"

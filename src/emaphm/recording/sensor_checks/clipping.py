@@ -6,18 +6,19 @@ import numpy as np
 
 from emaphm.actuator import Actuator
 from emaphm.arrays import Array
-from emaphm.recording.sensor_checks.resolution import row_noise, runs_of_equal, step_of_counts
+from emaphm.recording.sensor_checks.resolution import Mask, row_noise, runs_of_equal, step_of_counts
 
 
 @dataclass(frozen=True)
 class ClippingSettings:
     """Which plateaus at the largest or smallest value count as clipped.
 
-    `least_rows` in `least_plateaus` at least. Of a signal whose noise exceeds `noise_counts` counts, no value comes twice
-    in a row but by chance, the largest least of all. Of a smooth one, the slopes on either side of a plateau,
-    over `slope_rows` or a quarter of it, would lead it `excess` counts farther: a smooth maximum in coarse
-    counts is a plateau too, but of less than a count. Values within `near` of a limit of the hardware are its
-    own; of a voltage, from `near_supply` of the supply on: what the source really gives may be less.
+    `least_rows` in `least_plateaus` at least. Of a signal whose noise exceeds `noise_counts` counts, no value
+    comes twice in a row but by chance, the largest least of all. Of a smooth one, the slopes on either side
+    of a plateau, over `slope_rows` or a quarter of it, would lead it `excess` counts farther: a smooth
+    maximum in coarse counts is a plateau too, but of less than a count. Values within `near` of a limit of
+    the hardware are its own; of a voltage, from `near_supply` of the supply on: what the source really gives
+    may be less.
     """
 
     least_rows: int = 8
@@ -32,7 +33,7 @@ class ClippingSettings:
 CLIPPING = ClippingSettings()
 
 
-def clipped_rows(values: Array, channel: str, command: Array, actuator: Actuator) -> Array:
+def clipped_rows(values: Array, channel: str, command: Array, actuator: Actuator) -> Mask:
     """Return whether each row of `values` (n,) of a channel is cut off, while `command` (n,) moves on."""
     clipped = np.zeros(values.size, bool)
     count, noise = step_of_counts(values), row_noise(values)

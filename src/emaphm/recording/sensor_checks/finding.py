@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from emaphm.arrays import Array
+from emaphm.recording.sensor_checks.resolution import Mask
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,4 +30,4 @@ class SensorFinding:
     size: float
     unit: str
     sentence: str
-    rows: Array = field(default_factory=lambda: np.zeros(0, bool))
+    rows: Mask = field(default_factory=lambda: np.zeros(0, bool))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.recording.sensor_checks.resolution import row_noise, runs_of_equal, step_of_counts
+from emaphm.recording.sensor_checks.resolution import Mask, row_noise, runs_of_equal, step_of_counts
 
 
 @dataclass(frozen=True)
@@ -13,8 +13,8 @@ class FreezingSettings:
     """Which runs of equal values count as frozen.
 
     `least_rows` at least, and `least_share` of the command's range commanded meanwhile: of a resting actuator
-    all signals rest. A signal whose noise exceeds `noise_counts` counts cannot repeat a value by chance for so
-    long. Without noise, what ends the run tells: a jump of `jump` times the usual step of a row and its
+    all signals rest. A signal whose noise exceeds `noise_counts` counts cannot repeat a value by chance for
+    so long. Without noise, what ends the run tells: a jump of `jump` times the usual step of a row and its
     counts. An actuator that is jammed or stands at an end stop starts from rest.
     """
 
@@ -27,7 +27,7 @@ class FreezingSettings:
 FREEZING = FreezingSettings()
 
 
-def frozen_rows(values: Array, command: Array) -> Array:
+def frozen_rows(values: Array, command: Array) -> Mask:
     """Return whether each row of `values` (n,) is frozen, while `command` (n,) moves on."""
     frozen = np.zeros(values.size, bool)
     first, lengths = runs_of_equal(values)
@@ -54,7 +54,7 @@ def frozen_rows(values: Array, command: Array) -> Array:
     return frozen
 
 
-def _noise_of(values: Array, excluded: Array) -> float:
+def _noise_of(values: Array, excluded: Mask) -> float:
     """Return the row noise of `values` (n,) in their longest stretch that is not `excluded` (n,)."""
     first, lengths = runs_of_equal(excluded.astype(float))
     kept = [(length, start) for start, length in zip(first, lengths, strict=True) if not excluded[start]]

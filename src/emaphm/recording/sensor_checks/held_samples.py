@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.recording.sensor_checks.resolution import row_noise, runs_of_equal, step_of_counts
+from emaphm.recording.sensor_checks.resolution import Mask, row_noise, runs_of_equal, step_of_counts
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class HeldSettings:
 HELD = HeldSettings()
 
 
-def held_rows(values: Array) -> Array:
+def held_rows(values: Array) -> Mask:
     """Return whether each row of `values` (n,) only repeats the one before it, where that can be told.
 
     A held row is followed by a jump of all that was missed. Rows where the signal hardly moves are not told:
@@ -56,7 +56,7 @@ def held_rows(values: Array) -> Array:
     return nothing if few else held
 
 
-def interpolated(values: Array, held: Array) -> Array:
+def interpolated(values: Array, held: Mask) -> Array:
     """Return `values` (n,) with those that were `held` (n,) put on a line between the rows on either side."""
     rows = np.arange(values.size)
     return np.interp(rows, rows[~held], values[~held])

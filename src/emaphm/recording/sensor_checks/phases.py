@@ -88,20 +88,24 @@ def _ordered(
     if np.ptp(np.unwrap(angle)) * pairs < 2 * np.pi:
         return {}, []
     of_motor = sinusoidal_equivalent_current if actuator.drive_kind == "foc" else equivalent_current
-    magnitude = float(np.sqrt(np.mean(np.square(list(phases.values())))))
+    magnitude = _rms(np.stack(list(phases.values())))
     shares = {
-        order: float(np.sqrt(np.mean(of_motor(np.stack([phases[name] for name in order]), angle, pairs) ** 2)))
+        order: _rms(of_motor(np.stack([phases[name] for name in order]), angle, pairs))
         for order in permutations(PHASES)
     }
     best = max(shares, key=lambda order: shares[order])
-    # A current that makes all the torque it can: rms of the phases times √(3/2), in either shape of the field.
+    # A current that makes all the torque it can: rms of the phases × √(3/2), in either shape of the field.
     right = PHASE.right * 1.5**0.5 * magnitude
     if best == PHASES or shares[best] < max(right, PHASE.better * shares[PHASES]):
         return {}, []
     moved = [name for name, true in zip(PHASES, best, strict=True) if name != true]
     sentence = (
-        f"{' and '.join(moved)} are in each other's place, by the torque that they make at the recorded angle; "
-        f"they were taken as {', '.join(best)}. Check the wiring, or the names under [channels]"
+        f"{' and '.join(moved)} are in each other's place, by the torque that they make at the recorded "
+        f"angle; they were taken as {', '.join(best)}. Check the wiring, or the names under [channels]"
     )
     finding = SensorFinding(" and ".join(moved), "swapped", float(len(moved)), "channels", sentence)
     return {name: phases[true] for name, true in zip(PHASES, best, strict=True)}, [finding]
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))

@@ -1,8 +1,14 @@
 """How finely a sensor resolves its quantity: the step of its counts, and its noise."""
 
+from typing import TypeAlias
+
 import numpy as np
+from numpy.typing import NDArray
 
 from emaphm.arrays import Array
+
+Mask: TypeAlias = NDArray[np.bool_]
+"""Whether each row of a channel is spoilt."""
 
 SCATTER_OF_NORMAL = 1.4826
 """Standard deviation of a normal distribution over its median absolute deviation."""
@@ -26,7 +32,7 @@ def row_noise(values: Array) -> float:
     return SCATTER_OF_NORMAL * float(np.median(np.abs(third))) / 20**0.5 if third.size else 0.0
 
 
-def runs_of_equal(values: Array) -> tuple[Array, Array]:
+def runs_of_equal(values: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return the first rows and the lengths of all runs of equal values in `values` (n,)."""
     changes = np.flatnonzero(np.diff(values) != 0) + 1
     first = np.concatenate([[0], changes])

@@ -101,10 +101,12 @@ def with_unknown_errors(
         Values (n,) by name: s relative, o and r in the channel's unit, d in s; those without a sensor error
         are left out.
     measured
-        Signals (samples,) by channel.
+        Signals (samples,) by channel; one that was not measured keeps its last value beyond the end.
     interval
         Between rows [s].
     """
+    if not any(sensor_error(name) for name in nuisances):
+        return signals
     rows = signals.shape[-1]
     time = np.linspace(0.0, 1.0, rows)
     for i, channel in enumerate(channels):
@@ -122,7 +124,7 @@ def with_unknown_errors(
             signal += nuisances[name][:, np.newaxis]
         if (name := f"{quantity}_drift") in nuisances:
             signal += nuisances[name][:, np.newaxis] * time
-        if np.any(delay < 0):
+        if channel in measured and np.any(delay < 0):
             beyond = np.arange(rows) > rows - 2 + delay[:, np.newaxis] / interval
             np.copyto(signal, measured[channel], where=beyond & (delay < 0)[:, np.newaxis])
     return signals
@@ -131,9 +133,11 @@ def with_unknown_errors(
 def shifted(signal: Array, interval: float, delay: Array) -> Array:
     """Return a signal (n, samples) later by `delay` (n,) [s], of either sign.
 
-    Cubic between the rows; before the first and beyond the last one as at that row.
+    Cubic between the rows; at rest before the first one, and beyond the one that would follow the last.
     """
     rows = signal.shape[-1]
     ahead = int(np.ceil(max(-float(np.min(delay)), 0.0) / interval))
-    longer = np.pad(signal, ((0, 0), (0, ahead)), mode="edge")
+    # What follows the last row is the same whatever the other delays are: a parabola's next, then at rest.
+    after = 3 * (signal[:, -1:] - signal[:, -2:-1]) + signal[:, -3:-2]
+    longer = np.concatenate([signal, np.repeat(after, ahead + 1, axis=1)], axis=1)
     return delayed(longer, interval, delay + ahead * interval)[:, ahead : ahead + rows]

@@ -48,8 +48,8 @@ def with_channels_exchanged(
         return recording, ()
     a, b = (problem.channels[i] for i in pair)
     sentence = (
-        f"{a} and {b} are in each other's place: exchanged, both follow the model; they were exchanged. Check "
-        "the names under [channels]"
+        f"{a} and {b} are in each other's place: they follow the model exchanged, and were exchanged. "
+        "Check the names under [channels]"
     )
     swapped = {**problem.measured, a: problem.measured[b], b: problem.measured[a]}
     finding = SensorFinding(f"{a} and {b}", "swapped", 2.0, "channels", sentence)

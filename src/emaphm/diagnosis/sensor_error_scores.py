@@ -1,0 +1,63 @@
+"""Derivatives by errors of sensors, and what a regression on them finds."""
+
+import numpy as np
+
+from emaphm.arrays import Array
+from emaphm.estimation.finite_differences import replicated_jacobians
+from emaphm.estimation.objective import MapObjective
+from emaphm.estimation.parameter_space import Box
+from emaphm.estimation.sensors.sensor_model import sensor_error
+from emaphm.estimation.uncertainty.local_covariance import (
+    JACOBIAN_STEP,
+    REPLICATES,
+)
+from emaphm.estimation.uncertainty.long_run_variance import long_run_covariance
+
+
+def jacobians_with_errors(objective: MapObjective, point: Array, rng: np.random.Generator) -> Array:
+    """Return replicated Jacobians (n, d, channel rows) about `point` (d,), those of sensors' errors once.
+
+    These are linear in the model's signals, and have no kinks: one central difference serves all replicates.
+    """
+    coordinates = objective.space.coordinates
+    errors = [i for i, name in enumerate(coordinates) if sensor_error(name)]
+    others = [i for i in range(len(coordinates)) if i not in errors]
+
+    def outputs(points: Array) -> Array:
+        return objective.outputs(points)[:, : objective.channel_rows]
+
+    def of_others(points: Array) -> Array:
+        whole = np.tile(point, (len(points), 1))
+        whole[:, others] = points
+        return outputs(whole)
+
+    rest = Box(objective.space.lower[others], objective.space.upper[others])
+    jacobians = replicated_jacobians(of_others, point[others], rest, JACOBIAN_STEP, REPLICATES, rng)
+    result = np.empty((REPLICATES, len(coordinates), objective.channel_rows))
+    result[:, others] = jacobians
+    if errors:
+        moves = JACOBIAN_STEP * np.eye(len(coordinates))[errors]
+        sides = outputs(np.concatenate([point + moves, point - moves]))
+        result[:, errors] = (sides[: len(errors)] - sides[len(errors) :]) / (2 * JACOBIAN_STEP)
+    return result
+
+
+def regressed_error(
+    jacobians: Array, derivative: Array, residual: Array, channels: int
+) -> tuple[Array, float, float]:
+    """Return the step (d,) of the others, the size of one more coordinate's own, and its standard error.
+
+    By regression of the `residual` (rows,) on the `derivative` (rows,) less what the other coordinates,
+    `jacobians` (n, d, rows), explain of it (Frisch and Waugh 1933); the scores are as correlated as the
+    sandwich covariance takes them.
+    """
+    mean = jacobians.mean(axis=0)
+    normal = mean @ mean.T
+    ridge = 1e-9 * float(np.trace(normal)) * np.eye(len(normal))
+    shares = np.linalg.solve(normal + ridge, mean @ derivative)
+    alone = derivative - shares @ mean
+    power = max(float(alone @ alone), np.finfo(float).tiny)
+    size = float(alone @ residual) / power
+    scores = (alone * (residual - size * alone)).reshape(channels, -1).sum(axis=0)
+    variance = float(long_run_covariance(scores[np.newaxis])[0, 0])
+    return -size * shares, size, max(variance, np.finfo(float).tiny) ** 0.5 / power

@@ -1,0 +1,150 @@
+"""What a sensor's own signal shows of its faults is found, and a healthy one raises no alarm."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from cases import THESIS
+from emaphm.actuator import Chirp, Faults
+from emaphm.arrays import Array
+from emaphm.errors import RecordingError
+from emaphm.recording import Recording
+from emaphm.recording.schema import PHASES
+from emaphm.recording.sensor_checks import check_sensors
+from emaphm.recording.sensor_checks.clipping import clipped_rows
+from emaphm.recording.sensor_checks.freezing import frozen_rows
+from emaphm.recording.sensor_checks.held_samples import held_rows, interpolated
+from emaphm.simulated_recording import simulate
+
+LINE = ("time_s", "command_rad", "current_A", "voltage_V", "position_rad", "speed_rad_s")
+OF_PHASES = ("time_s", "command_rad", *PHASES, "angle_rad", "voltage_V")
+
+
+@pytest.fixture(scope="module")
+def whole() -> Recording:
+    return simulate(THESIS, Chirp(), noise=0.05, adc_bits=12)
+
+
+def with_fault(
+    recording: Recording, names: tuple[str, ...], spoil: Callable[[dict[str, Array]], None]
+) -> Recording:
+    columns = {name: np.array(recording[name]) for name in names}
+    spoil(columns)
+    return Recording(columns)
+
+
+def kinds(recording: Recording) -> list[tuple[str, str]]:
+    return [(one.channel, one.kind) for one in check_sensors(recording, THESIS).findings]
+
+
+@pytest.mark.parametrize("names", [LINE, OF_PHASES], ids=["line", "phases"])
+@pytest.mark.parametrize("bits", [None, 8, 12])
+@pytest.mark.parametrize("faults", [Faults(), Faults(friction=0.8, short_b=0.5, eccentricity=0.4)])
+def test_a_sound_sensor_raises_no_alarm(faults: Faults, bits: int | None, names: tuple[str, ...]) -> None:
+    for noise in (0.0, 0.05):
+        recording = simulate(THESIS, Chirp(), faults=faults, noise=noise, adc_bits=bits)
+        assert kinds(Recording({name: recording[name] for name in names})) == []
+
+
+def test_a_resting_actuator_raises_no_alarm() -> None:
+    # It moves to a place and stays there: position, speed and voltage do not change any more.
+    def there(t: Array) -> Array:
+        return 5e-3 * np.clip(t / 0.05, 0.0, 1.0)
+
+    recording = simulate(THESIS, there, duration=0.4, noise=0.05, adc_bits=12)
+    assert kinds(Recording({name: recording[name] for name in LINE})) == []
+
+
+@pytest.mark.parametrize("name", LINE[2:])
+def test_a_frozen_channel_is_found_and_its_rows_are_given_up(whole: Recording, name: str) -> None:
+    def freeze(columns: dict[str, Array]) -> None:
+        columns[name][1000:1500] = columns[name][1000]
+
+    checked = check_sensors(with_fault(whole, LINE, freeze), THESIS)
+    (finding,) = checked.findings
+    assert (finding.channel, finding.kind) == (name, "frozen")
+    assert finding.size == pytest.approx(0.1, abs=0.002)  # a signal may repeat its value before and after
+    assert checked.unusable[name][1001:1500].all()
+    assert finding.sentence in checked.recording.notes
+
+
+@pytest.mark.parametrize("name", ["current_A", "position_rad", "speed_rad_s"])
+def test_a_clipped_channel_is_found(whole: Recording, name: str) -> None:
+    def clip(columns: dict[str, Array]) -> None:
+        limit = 0.7 * np.abs(columns[name]).max()
+        columns[name] = np.clip(columns[name], -limit, limit)
+
+    checked = check_sensors(with_fault(whole, LINE, clip), THESIS)
+    assert (name, "clipped") in [(one.channel, one.kind) for one in checked.findings]
+    finding = next(one for one in checked.findings if one.kind == "clipped")
+    assert finding.size == pytest.approx(0.7 * np.abs(whole[name]).max())
+
+
+def test_lost_samples_are_found_and_interpolated() -> None:
+    # A clean sine: what was lost is known, and a straight line between rows errs by its curvature alone.
+    true = np.sin(2 * np.pi * np.arange(1000) / 200)
+    lost = np.arange(5, 1000, 50)
+    values = true.copy()
+    values[lost] = values[lost - 1]
+    held = held_rows(values)
+    moving = np.abs(np.diff(true, prepend=0.0)) > 0.2 * np.abs(np.diff(true)).max()
+    np.testing.assert_array_equal(held[moving], np.isin(np.arange(1000), lost)[moving])
+    curvature = (2 * np.pi / 200) ** 2 / 2
+    np.testing.assert_allclose(interpolated(values, held)[moving], true[moving], atol=curvature)
+    assert not held_rows(true).any()
+
+
+def test_a_jam_is_no_frozen_sensor() -> None:
+    # The position stops where the actuator jams and stays there to the end; nothing says the sensor froze.
+    command = np.sin(2 * np.pi * np.arange(1000) / 500)
+    position = np.where(np.arange(1000) < 300, command, command[300])
+    assert not frozen_rows(position, command).any()
+
+
+def test_the_hardware_holds_a_channel_at_its_own_limits() -> None:
+    command = np.sin(2 * np.pi * np.arange(1000) / 200)
+    speed = 2 * THESIS.controller.speed_limit * command if THESIS.controller.speed_limit else command
+    limit = THESIS.controller.speed_limit
+    assert limit is not None
+    assert not clipped_rows(np.clip(speed, -limit, limit), "speed_rad_s", command, THESIS).any()
+    assert clipped_rows(np.clip(speed, -0.8 * limit, 0.8 * limit), "speed_rad_s", command, THESIS).any()
+
+
+def test_a_phase_of_another_scale_is_made_of_the_others(whole: Recording) -> None:
+    def scale(columns: dict[str, Array]) -> None:
+        columns["current_b_A"] = 1.2 * columns["current_b_A"]
+
+    checked = check_sensors(with_fault(whole, OF_PHASES, scale), THESIS)
+    (finding,) = checked.findings
+    assert (finding.channel, finding.kind) == ("current_b_A", "scale")
+    assert finding.size == pytest.approx(0.2, abs=0.01)
+    # Two sensors' noise and counts, five standard deviations.
+    error = checked.recording["current_b_A"] - whole["current_b_A"]
+    assert np.abs(error).max() < 5 * 3**0.5 * 0.06
+
+
+def test_a_reversed_phase_is_found(whole: Recording) -> None:
+    def reverse(columns: dict[str, Array]) -> None:
+        columns["current_c_A"] = -columns["current_c_A"]
+
+    assert kinds(with_fault(whole, OF_PHASES, reverse)) == [("current_c_A", "reversed")]
+
+
+@pytest.mark.parametrize("order", [(1, 0, 2), (2, 1, 0), (1, 2, 0)])
+def test_phases_in_each_others_place_are_put_right(whole: Recording, order: tuple[int, ...]) -> None:
+    def swap(columns: dict[str, Array]) -> None:
+        columns.update({name: whole[PHASES[i]] for name, i in zip(PHASES, order, strict=True)})
+
+    checked = check_sensors(with_fault(whole, OF_PHASES, swap), THESIS)
+    assert [one.kind for one in checked.findings] == ["swapped"]
+    for name in PHASES:
+        np.testing.assert_array_equal(checked.recording[name], whole[name])
+
+
+def test_a_recording_whose_current_is_mostly_frozen_is_refused(whole: Recording) -> None:
+    def freeze(columns: dict[str, Array]) -> None:
+        columns["current_A"][600:2200] = columns["current_A"][600]
+
+    with pytest.raises(RecordingError, match=r"current_A is frozen .* record it again"):
+        check_sensors(with_fault(whole, LINE, freeze), THESIS)
