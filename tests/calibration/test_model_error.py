@@ -172,6 +172,16 @@ def test_a_healthy_recording_of_a_plant_that_the_model_lacks_is_no_worse_than_he
     assert diagnosis.to_dict()["model_error"]["current_A"]["as_healthy"] is True
 
 
+def test_noise_that_no_healthy_recording_had_explains_nothing(unit: Actuator) -> None:
+    noisy = recorded(12)
+    rng = np.random.default_rng(6)
+    columns = {name: noisy[name] for name in noisy}
+    columns["current_A"] = rng.normal(0.0, 3.0, noisy.samples)
+    diagnosis = diagnose(Recording(columns), unit, nuisances=THESIS.nuisances.estimated, workers=1)
+    assert not diagnosis.explained
+    assert diagnosis.model_error["current_A"].ratio > 3
+
+
 def test_without_it_the_model_does_not_explain_that_recording(unit: Actuator) -> None:
     bare = unit.model_copy(update={"model_error": NOT_LEARNED})
     diagnosis = diagnose(recorded(10), bare, nuisances=THESIS.nuisances.estimated, workers=1)
