@@ -6,13 +6,19 @@ import numpy as np
 import pytest
 
 from cases import THESIS
-from emaphm.actuator import Actuator
-from emaphm.actuator.model_error import ChannelError, ModelError
+from emaphm.actuator import Actuator, Chirp, Faults
+from emaphm.actuator.model_error import NOT_LEARNED, ChannelError, ModelError
 from emaphm.arrays import Array
+from emaphm.calibration import calibrate
 from emaphm.calibration.model_error import LeftOut, channel_error
+from emaphm.diagnosis import diagnose
+from emaphm.diagnosis.verdict import VERDICT
 from emaphm.errors import ActuatorError
 from emaphm.estimation.uncertainty.correlation import integral_time, white_noise
 from emaphm.estimation.uncertainty.model_error import largest_healthy_ratio
+from emaphm.recording import Recording
+from emaphm.study import foreign_plant
+from emaphm.study.rig import ForeignFeatures, Stribeck
 
 INTERVAL = 1e-3
 ROWS = 4000
@@ -134,3 +140,62 @@ def test_what_is_impossible_is_named(toml: str, pieces: tuple[str, ...], tmp_pat
         Actuator.from_toml(path)
     for piece in pieces:
         assert piece in str(caught.value)
+
+
+# A plant whose friction is smooth, which nobody named: three healthy recordings teach how wrong the model is.
+
+SMOOTH = ForeignFeatures(friction=Stribeck(speed=20.0, smoothing=1.0))
+FREE = ("inertia", "viscous", "coulomb")
+
+
+def recorded(seed: int, faults: Faults = Faults()) -> Recording:  # noqa: B008 - frozen
+    whole = foreign_plant.simulate(THESIS, Chirp(), SMOOTH, faults=faults, noise=0.05, adc_bits=12, seed=seed)
+    kept = {name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")}
+    return Recording(kept, whole.sampling, f"day {seed}")
+
+
+@pytest.fixture(scope="module")
+def unit() -> Actuator:
+    return calibrate([recorded(seed) for seed in range(3)], THESIS, FREE, workers=1).actuator
+
+
+def test_a_healthy_recording_of_a_plant_that_the_model_lacks_is_no_worse_than_healthy(unit: Actuator) -> None:
+    diagnosis = diagnose(recorded(10), unit, nuisances=THESIS.nuisances.estimated, workers=1)
+    assert diagnosis.explained
+    for one in diagnosis.components.values():
+        assert one.verdict != "degraded"
+    beside = diagnosis.model_error["current_A"]
+    assert beside.ratio == pytest.approx(1.0, abs=0.15)
+    assert beside.recordings == 3
+    assert beside.rank_confidence == 0.75
+    assert "3 healthy recordings left out of the calibration" in "\n".join(diagnosis.notes())
+    assert diagnosis.to_dict()["model_error"]["current_A"]["as_healthy"] is True
+
+
+def test_noise_that_no_healthy_recording_had_explains_nothing(unit: Actuator) -> None:
+    noisy = recorded(12)
+    rng = np.random.default_rng(6)
+    columns = {name: noisy[name] for name in noisy}
+    columns["current_A"] = rng.normal(0.0, 3.0, noisy.samples)
+    diagnosis = diagnose(Recording(columns), unit, nuisances=THESIS.nuisances.estimated, workers=1)
+    assert not diagnosis.explained
+    assert diagnosis.model_error["current_A"].ratio > 3
+
+
+def test_without_it_the_model_does_not_explain_that_recording(unit: Actuator) -> None:
+    bare = unit.model_copy(update={"model_error": NOT_LEARNED})
+    diagnosis = diagnose(recorded(10), bare, nuisances=THESIS.nuisances.estimated, workers=1)
+    assert not diagnosis.explained
+    assert diagnosis.model_error == {}
+
+
+def test_a_large_fault_is_still_told_from_healthy(unit: Actuator) -> None:
+    faulty = recorded(11, Faults(short_a=0.4))
+    diagnosis = diagnose(faulty, unit, nuisances=THESIS.nuisances.estimated, workers=1)
+    low, high = diagnosis.interval["short_a"]
+    assert VERDICT.healthy_margin < low < 0.4 < high
+
+
+def test_one_recording_teaches_no_error() -> None:
+    one = calibrate([recorded(0)], THESIS, FREE, workers=1, max_corrections=0)
+    assert one.actuator.model_error == NOT_LEARNED

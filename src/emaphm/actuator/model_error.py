@@ -38,6 +38,13 @@ class ChannelError(Section):
     acceleration: float = quantity(
         "rms per acceleration of the motor", f"{OF_THE_CHANNEL} / (rad/s²)", LEARNED, default=0.0, ge=0
     )
+    noise: float | None = quantity(
+        "white noise of a healthy recording's rows, rms; of any size where left out",
+        OF_THE_CHANNEL,
+        LEARNED,
+        default=None,
+        ge=0,
+    )
     correlation_time: float = quantity(
         "largest integral time: peak of the spectrum over the variance", "s", LEARNED, gt=0
     )

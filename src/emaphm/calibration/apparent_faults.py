@@ -22,8 +22,9 @@ def apparent_faults(
 ) -> ApparentFaults | None:
     """Return the apparent faults of healthy rows, each with the unit as calibrated without it.
 
-    None where fewer than two can be diagnosed: a recording without a current, with parameters of its own, or
-    of which the unit without it makes no finite simulation, cannot.
+    Only what is estimated by default is, for time: no further nuisance or law is tried. None where fewer than
+    two can be diagnosed: a recording without a current, with parameters of its own, or of which the unit
+    without it makes no finite simulation, cannot.
     """
     found = []
     for row, unit in units:
@@ -33,6 +34,7 @@ def apparent_faults(
                     row.completed(),
                     row.described(unit),
                     max_corrections=max_corrections,
+                    nuisances=unit.nuisances.estimated,
                     seed=seed,
                     workers=workers,
                 )

@@ -175,6 +175,7 @@ def channel_error(left_out: Sequence[LeftOut]) -> ChannelError:
         speed=speed,
         load=load,
         acceleration=acceleration,
+        noise=float(np.sqrt(np.mean([one.noise**2 for one in left_out]))),
         correlation_time=_correlation_time(left_out),
         scatter=float(np.sqrt(np.sum(logs**2) / (len(logs) - 1))),
         recordings=len(left_out),

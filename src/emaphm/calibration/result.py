@@ -10,7 +10,7 @@ from emaphm.calibration.findings import Parameter, RecordingResult
 from emaphm.calibration.law_selection import LawTrial
 from emaphm.calibration.motion.loop import CLOSED, LoopChoice
 from emaphm.calibration.separation import CollinearParameters
-from emaphm.calibration.text import law_table, parameter_table, recording_notes
+from emaphm.calibration.text import law_table, model_error_notes, parameter_table, recording_notes
 from emaphm.estimation.replay import Replay
 from emaphm.text_table import format_table
 from emaphm.version import VERSION
@@ -79,6 +79,7 @@ class Calibration:
             "loop_reason": self.loop.reason,
             "relative_error": dict(self.relative_error),
             "force_error": self.force_error,
+            "model_error": self.actuator.model_error.model_dump(mode="json", exclude_none=True),
             "birge_ratio": self.birge_ratio,
             "scattered": self.scattered,
             "collinear": [asdict(one) for one in self.collinear_sets],
@@ -137,4 +138,5 @@ class Calibration:
             f"Nothing in these recordings excites the law '{name}'; {manoeuvre} would."
             for name, manoeuvre in self.unexcited.items()
         ]
-        return [*lines, *recording_notes(self.recordings, self.birge_ratio, self.scattered)]
+        lines += recording_notes(self.recordings, self.birge_ratio, self.scattered)
+        return [*lines, *model_error_notes(self.actuator.model_error, self.actuator.coordinates)]

@@ -3,8 +3,12 @@
 import math
 from collections.abc import Collection, Mapping, Sequence
 
+from emaphm.actuator import NAMES
+from emaphm.actuator.model_error import CHANNELS, ModelError
+from emaphm.actuator.quantity import unit_for
 from emaphm.calibration.findings import Parameter, RecordingResult
 from emaphm.calibration.law_selection import LawTrial
+from emaphm.recording.schema import SCHEMA
 from emaphm.text_table import NOTHING, format_table
 
 WORSE = 1.5
@@ -70,4 +74,22 @@ def recording_notes(
             f"The {len(recordings)} recordings scatter {birge_ratio:.2g} times as much as their own standard "
             "errors explain" + ("; those above include it." if scattered else ", no more than by chance.")
         )
+    return lines
+
+
+def model_error_notes(learned: ModelError, coordinates: str) -> list[str]:
+    """Return a line on what recordings left out of the fit teach of the model's error, if anything."""
+    errors = {name: one for name in CHANNELS if (one := learned.of(name)) is not None}
+    lines = []
+    if errors:
+        sizes = ", ".join(
+            f"{name} {one.floor:.2g} {unit_for(SCHEMA[name].unit, coordinates)} at rest"
+            for name, one in errors.items()
+        )
+        lines.append(f"Error of the model beside noise, in recordings left out of the fit: {sizes}.")
+    if learned.faults is not None:
+        apparent = {name: learned.faults.of(name) for name in NAMES if learned.faults.of(name) > 0}
+        if apparent:
+            values = ", ".join(f"{name} {value:.2g}" for name, value in apparent.items())
+            lines.append(f"In recordings left out, the model's error looks like faults: {values}.")
     return lines

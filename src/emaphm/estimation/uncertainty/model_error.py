@@ -31,8 +31,12 @@ class HealthySettings:
     `probability`, if the logarithms of the ratios are normal; at least `least`, which switching and noise
     alone reach, and at most `most`: few recordings that scatter much would else call anything healthy. `make
     study` (limits) counts what is explained, and false alarms.
+
+    White noise of a channel up to `most_noise` times that of the healthy recordings is expected: faults
+    change the ripple, but noise that only this recording has explains nothing.
     """
 
+    most_noise: float = 2.0
     probability: float = 0.95
     least: float = 1.1
     most: float = 3.0
@@ -142,9 +146,19 @@ def expected_residual(problem: "Problem", residuals: Mapping[str, Array] | None 
     for name in problem.channels:
         if name in problem.model_error:
             residual = None if residuals is None else residuals[name]
-            variance = channel_noise(problem, name, residual) ** 2 + error_variance(problem, name)
+            noise = healthy_noise(problem, name, channel_noise(problem, name, residual))
+            variance = noise**2 + error_variance(problem, name)
             found[name] = float(variance**0.5)
     return found
+
+
+def healthy_noise(problem: "Problem", channel: str, noise: float) -> float:
+    """Return the share of a channel's white `noise` (rms) that a healthy recording may have, in its unit."""
+    error = problem.actuator.model_error.of(channel)
+    known = None if error is None else error.noise
+    if known is None or described_noise(channel, problem.actuator) is not None:
+        return noise
+    return min(noise, HEALTHY_RESIDUAL.most_noise * known)
 
 
 def error_variance(problem: "Problem", channel: str) -> float:
