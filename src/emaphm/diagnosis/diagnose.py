@@ -8,6 +8,7 @@ import numpy as np
 
 from emaphm.actuator import Actuator
 from emaphm.arrays import Array
+from emaphm.diagnosis.alternatives import with_alternatives
 from emaphm.diagnosis.explanation import reasons_against
 from emaphm.diagnosis.identifiability import identifiability
 from emaphm.diagnosis.law_selection import select_laws
@@ -200,8 +201,9 @@ def _conclude(
     moves = _moves(objective, result.point)
     reasons = reasons_against(result, jacobians, seed, moves=moves)
     components = estimates(space, result.point, known.covariance, known.collinear_sets)
+    components = unexplained(components) if reasons else with_alternatives(components, result, seed)
     return Diagnosis(
-        components=components if not reasons else unexplained(components),
+        components=components,
         coordinates=space.coordinates,
         covariance=known.covariance,
         method=method,

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.arrays import Array
+from emaphm.diagnosis.recorded_noise import rounding_step
 from emaphm.estimation.levenberg_marquardt import movable
 from emaphm.estimation.multistart import local_search, with_descents
-from emaphm.estimation.noise_level import rounding_step
 from emaphm.estimation.objective import CORRELATED_ROWS
 from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.problem import rms
@@ -103,8 +103,9 @@ def _share_left(result: SearchResult, error: SensorScore, seed: int) -> float:
     left = []
     for correction in (result.outputs_correction, with_error):
         rng = stream(seed, "descents with a sensor's error")
-        found = local_search(objective, result.point, correction, rng, with_descents(SENSOR_SCORES.descents))
-        left.append(float(np.mean(objective.residual(found.best, correction)[:rows] ** 2)))
+        descents = with_descents(SENSOR_SCORES.descents)
+        point = local_search(objective, result.point, correction, rng, descents).best
+        left.append(float(np.mean(objective.residual(point, correction)[:rows] ** 2)))
     return left[1] / left[0] if left[0] > 0 else 1.0
 
 
