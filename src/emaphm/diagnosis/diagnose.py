@@ -201,7 +201,9 @@ def _conclude(
     moves = _moves(objective, result.point)
     reasons = reasons_against(result, jacobians, seed, moves=moves)
     components = estimates(space, result.point, known.covariance, known.collinear_sets)
-    components = unexplained(components) if reasons else with_alternatives(components, result, seed)
+    components = (
+        unexplained(components) if reasons else with_alternatives(components, result, jacobians, seed)
+    )
     return Diagnosis(
         components=components,
         coordinates=space.coordinates,
