@@ -52,8 +52,8 @@ def _contradicted(result: SearchResult, name: str, seed: int) -> str:
     rise, prior = objective.problem.temperature_rise_K, usual_deviation(actuator, name)
     if name == "temperature" and abs(rise) > settings.farthest * prior:
         return (
-            f"{channel} is {rise:+.3g} K off nominal, {abs(rise) / prior:.1f} standard deviations of its prior "
-            f"({prior:g} K); check that column, or give a wider one under [nuisances] of the actuator"
+            f"{channel} is {rise:+.3g} K off nominal, {abs(rise) / prior:.1f} standard deviations of its "
+            f"prior ({prior:g} K); check that column, or give a wider one under [nuisances] of the actuator"
         )
     others = tuple(one for one in objective.problem.measured if one != channel)
     nuisances = objective.space.nuisances
