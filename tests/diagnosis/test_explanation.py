@@ -10,7 +10,7 @@ from cases import HEALTHY, THESIS
 from emaphm.actuator import Chirp, Faults
 from emaphm.arrays import Array
 from emaphm.diagnosis import Diagnosis, diagnose
-from emaphm.diagnosis.explanation import reasons_against
+from emaphm.diagnosis.explanation import idle_channels, reasons_against
 from emaphm.diagnosis.recorded_noise import robust_noise_level, rounding_step
 from emaphm.diagnosis.sensor_scores import SensorScore, sensor_scores, taken_up_of_a_delay
 from emaphm.estimation.objective import faults_objective
@@ -55,6 +55,13 @@ def test_what_the_model_made_itself_is_explained() -> None:
 )
 def test_a_spoilt_channel_is_named(name: str, spoilt: Array, said: str) -> None:
     assert said in reasons(at_the_truth({name: spoilt}))
+
+
+def test_a_channel_that_shows_nothing_is_not_ignored_silently() -> None:
+    assert idle_channels(at_the_truth({}).objective.problem) == ()
+    idle = at_the_truth({"voltage_V": np.zeros(WHOLE.samples)}).objective.problem
+    (note,) = idle_channels(idle)
+    assert note.startswith("voltage_V is 0 throughout and is not compared")
 
 
 def test_spikes_are_no_noise() -> None:

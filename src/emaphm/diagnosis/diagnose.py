@@ -9,7 +9,7 @@ import numpy as np
 from emaphm.actuator import Actuator
 from emaphm.arrays import Array
 from emaphm.diagnosis.alternatives import with_alternatives
-from emaphm.diagnosis.explanation import reasons_against
+from emaphm.diagnosis.explanation import idle_channels, reasons_against
 from emaphm.diagnosis.identifiability import identifiability
 from emaphm.diagnosis.law_selection import select_laws
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
@@ -225,7 +225,7 @@ def _conclude(
         recorded=problem.recorded,
         modelled=problem.recorded - residual,
         channels=problem.channels,
-        recording_notes=recording.notes,
+        recording_notes=(*recording.notes, *(idle_channels(problem) if moves else ())),
         nuisances=_nuisance_estimates(objective, result.point, known.covariance),
         collinear_sets=known.collinear_sets,
         moves=moves,

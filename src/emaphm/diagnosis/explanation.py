@@ -10,7 +10,7 @@ from emaphm.diagnosis.known_values import contradicted_values
 from emaphm.diagnosis.recorded_noise import robust_noise_level, rounding_step, usual_variance
 from emaphm.diagnosis.sensor_scores import contradictions
 from emaphm.estimation.nuisances import has_stated_prior, unit_of
-from emaphm.estimation.problem import comparable_channels, rms
+from emaphm.estimation.problem import Problem, comparable_channels, rms
 from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
 from emaphm.estimation.sensor_model import described_noise
 from emaphm.recording.schema import PHASES
@@ -104,6 +104,16 @@ def reasons_against(result: SearchResult, jacobians: Array, seed: int, *, moves:
         found += contradicted_values(result, seed)
         found += contradictions(result, jacobians, seed)
     return tuple(found)
+
+
+def idle_channels(problem: Problem) -> tuple[str, ...]:
+    """Return a note on each recorded channel that is not compared, because it shows one value throughout."""
+    return tuple(
+        f"{name} is {problem.measured[name][0]:.3g} throughout and is not compared; check its sensor, or "
+        "leave the column out"
+        for name in comparable_channels(problem.actuator, problem.model)
+        if name in problem.measured and name not in problem.channels and np.ptp(problem.measured[name]) == 0
+    )
 
 
 def is_explained(recorded: Array, residual: Array, noise: float, *, corrected: bool) -> bool:
