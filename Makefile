@@ -30,6 +30,8 @@ study: $(INSTALLED)  ## run what is missing of the studies in studies/, write th
 	$(BIN)/emaphm study report studies/limits --out docs
 	$(BIN)/emaphm study report studies/pmsm --out docs
 	$(BIN)/python -m emaphm.report.comparison_page studies docs/comparison
+	$(BIN)/python -m emaphm.study.spoilt studies/spoilt
+	$(BIN)/python -m emaphm.report.spoilt_page studies/spoilt docs
 
 docs: $(INSTALLED)  ## draw the figures of the README and the examples
 	$(BIN)/emaphm demo --out docs/demo --force

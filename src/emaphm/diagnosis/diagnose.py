@@ -8,7 +8,8 @@ import numpy as np
 
 from emaphm.actuator import Actuator
 from emaphm.arrays import Array
-from emaphm.diagnosis.explanation import reasons_against
+from emaphm.diagnosis.alternatives import with_alternatives
+from emaphm.diagnosis.explanation import idle_channels, reasons_against
 from emaphm.diagnosis.identifiability import identifiability
 from emaphm.diagnosis.law_selection import select_laws
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
@@ -212,8 +213,11 @@ def conclude(
     reasons = reasons_against(result, jacobians, healthy, seed, moves=moves)
     known = identifiability(replace(result, jacobians=jacobians), seed, explained=not reasons)
     components = estimates(space, result.point, known.covariance, known.collinear_sets)
+    components = (
+        unexplained(components) if reasons else with_alternatives(components, result, jacobians, seed)
+    )
     return Diagnosis(
-        components=components if not reasons else unexplained(components),
+        components=components,
         coordinates=space.coordinates,
         covariance=known.covariance,
         method=method,
@@ -233,7 +237,7 @@ def conclude(
         recorded=problem.recorded,
         modelled=problem.recorded - residual,
         channels=problem.channels,
-        recording_notes=recording.notes,
+        recording_notes=(*recording.notes, *(idle_channels(problem) if moves else ())),
         nuisances=_nuisance_estimates(objective, result.point, known.covariance),
         collinear_sets=known.collinear_sets,
         moves=moves,

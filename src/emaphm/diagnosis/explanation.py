@@ -7,10 +7,10 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.diagnosis.known_values import contradicted_values
+from emaphm.diagnosis.recorded_noise import robust_noise_level, rounding_step, usual_variance
 from emaphm.diagnosis.sensor_scores import contradictions
-from emaphm.estimation.noise_level import robust_noise_level, rounding_step
 from emaphm.estimation.nuisances import has_stated_prior, unit_of
-from emaphm.estimation.problem import comparable_channels, rms
+from emaphm.estimation.problem import Problem, comparable_channels, rms
 from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
 from emaphm.estimation.sensors.sensor_model import described_noise, sensor_error
 from emaphm.estimation.uncertainty.model_error import HealthyComparison
@@ -39,10 +39,10 @@ class ExplanationSettings:
 
     A noise that is measured on the recording counts up to `spikes` times what most of the rows show.
 
-    A channel beside the primary one may have a residual of `channel_model` of its rms, and of
-    `channel_noise` times its noise, rounding and switching. Of every channel's mean square, no more than
-    `unresembled` may be left, beyond rounding and switching: a noise that is measured on the recording itself
-    would otherwise excuse a model that resembles nothing.
+    A channel beside the primary one may have a residual of `channel_model` of its rms (`uncorrected_model`
+    where the reference model was not asked), and of `channel_noise` times its noise, rounding and switching.
+    Of every channel's mean square, no more than `unresembled` may be left, beyond rounding and switching: a
+    noise that is measured on the recording itself would otherwise excuse a model that resembles nothing.
 
     A nuisance may be `prior_deviations` standard deviations of its prior off, where the description states
     that prior; a prior that is merely usual, as the load's, says nothing against a larger one.
@@ -53,6 +53,7 @@ class ExplanationSettings:
     spikes: float = 1.5
     channel_noise: float = 1.5
     channel_model: float = 0.05
+    uncorrected_model: float = 0.15
     unresembled: float = 0.5
     prior_deviations: float = 3.0
     phase_sum: float = 0.05
@@ -119,6 +120,16 @@ def reasons_against(
     return tuple(found)
 
 
+def idle_channels(problem: Problem) -> tuple[str, ...]:
+    """Return a note on each recorded channel that is not compared, because it shows one value throughout."""
+    return tuple(
+        f"{name} is {problem.measured[name][0]:.3g} throughout and is not compared; check its sensor, or "
+        "leave the column out"
+        for name in comparable_channels(problem.actuator, problem.model)
+        if name in problem.measured and name not in problem.channels and np.ptp(problem.measured[name]) == 0
+    )
+
+
 def is_explained(recorded: Array, residual: Array, noise: float, *, corrected: bool) -> bool:
     """Return whether `residual` (samples,) of the `recorded` current is no more than `EXPLAINED` allows.
 
@@ -135,7 +146,7 @@ def _primary(result: SearchResult) -> Iterator[str]:
     residual = result.fitted_residual[: problem.samples]
     recorded, noise = problem.recorded, problem.noise
     switching = 0.0 if result.discrepancy is None else result.discrepancy.switching_variance
-    usual = robust_noise_level(recorded) ** 2 + rounding_step(recorded) ** 2 / 12 + switching
+    usual = usual_variance(recorded) + switching
     if described_noise(problem.primary, problem.actuator) is None:
         # Spikes are no noise, whatever they add to its variance.
         noise = min(noise, EXPLANATION.spikes * usual**0.5)
@@ -155,9 +166,9 @@ def _channels(
     problem = result.objective.problem
     rows = result.objective.channel_rows
     residuals = result.residual[:rows].reshape(len(problem.channels), -1) / problem.weights[:, np.newaxis]
-    switching = np.zeros(len(problem.channels))
+    switching, model = np.zeros(len(problem.channels)), EXPLANATION.uncorrected_model
     if result.discrepancy is not None and result.discrepancy.channel_variances.size:
-        switching = result.discrepancy.channel_variances
+        switching, model = result.discrepancy.channel_variances, EXPLANATION.channel_model
     for name, residual, variance in zip(problem.channels, residuals, switching, strict=True):
         recorded = problem.measured[name]
         left, size = float(np.mean(residual**2)), float(np.mean(recorded**2))
@@ -166,7 +177,7 @@ def _channels(
         allowed = EXPLANATION.channel_noise**2 * (noise + float(variance))
         if moves and left > EXPLANATION.unresembled * size + known:
             yield f"{name}: the model does not resemble it ({_percent(left**0.5, size**0.5)} are left)"
-        elif name not in (problem.primary, *healthy) and left > allowed + EXPLANATION.channel_model**2 * size:
+        elif name not in (problem.primary, *healthy) and left > allowed + model**2 * size:
             yield (
                 f"{name}: the residual of {_percent(left**0.5, size**0.5)} is more than noise, rounding and "
                 "switching account for; its sensor, unit or sign may be wrong"

@@ -20,10 +20,14 @@ from emaphm.random_streams import stream
 class KnownValueSettings:
     """From when on a recorded value is contradicted; `docs/spoilt.md` shows the effect.
 
-    The estimate is `deviations` standard deviations of the quantity's prior off the recorded value, and
+    A temperature is `farthest` standard deviations of its prior off nominal: current alone could not tell it
+    from shorts, and the description calls it next to impossible.
+
+    Or the estimate is `deviations` standard deviations of the quantity's prior off the recorded value, and
     leaves less than `share` of the mean squared residual. The prior is `widening` times as wide for it.
     """
 
+    farthest: float = 3.0
     deviations: float = 1.0
     share: float = 0.985
     widening: float = 4.0
@@ -45,6 +49,12 @@ def _contradicted(result: SearchResult, name: str, seed: int) -> str:
     actuator, channel = objective.problem.actuator, KNOWN_BY[name]
     if name == "temperature" and actuator.electrical is None:
         return ""
+    rise, prior = objective.problem.temperature_rise_K, usual_deviation(actuator, name)
+    if name == "temperature" and abs(rise) > settings.farthest * prior:
+        return (
+            f"{channel} is {rise:+.3g} K off nominal, {abs(rise) / prior:.1f} standard deviations of its "
+            f"prior ({prior:g} K); check that column, or give a wider one under [nuisances] of the actuator"
+        )
     others = tuple(one for one in objective.problem.measured if one != channel)
     nuisances = objective.space.nuisances
     wider = with_wider_priors(actuator, {name: settings.widening})

@@ -12,14 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.arrays import Array
+from emaphm.diagnosis.recorded_noise import rounding_step
 from emaphm.estimation.levenberg_marquardt import movable
 from emaphm.estimation.multistart import local_search, with_descents
-from emaphm.estimation.noise_level import rounding_step
 from emaphm.estimation.objective import CORRELATED_ROWS
 from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.problem import rms
 from emaphm.estimation.search_result import SMALLEST_SHARE, SearchResult
-from emaphm.estimation.uncertainty.fisher_information import information
 from emaphm.estimation.uncertainty.long_run_variance import long_run_covariance
 from emaphm.random_streams import stream
 
@@ -103,9 +102,19 @@ def _share_left(result: SearchResult, error: SensorScore, seed: int) -> float:
     left = []
     for correction in (result.outputs_correction, with_error):
         rng = stream(seed, "descents with a sensor's error")
-        found = local_search(objective, result.point, correction, rng, with_descents(SENSOR_SCORES.descents))
-        left.append(float(np.mean(objective.residual(found.best, correction)[:rows] ** 2)))
+        descents = with_descents(SENSOR_SCORES.descents)
+        point = local_search(objective, result.point, correction, rng, descents).best
+        left.append(float(np.mean(objective.residual(point, correction)[:rows] ** 2)))
     return left[1] / left[0] if left[0] > 0 else 1.0
+
+
+def taken_up_of_a_delay(result: SearchResult, jacobians: Array, delay: float) -> Array:
+    """Return by how much the parameters (d,) are off where all that was measured came a `delay` [s] late."""
+    fit = _LinearFit.at(result, jacobians)
+    kind = ("delay", "" if len(result.objective.problem.channels) > 1 else result.objective.problem.primary)
+    direction = next(values for which, values, _ in _directions(result) if which == kind)
+    shift = delay * direction
+    return np.asarray(np.linalg.solve(fit.normal, fit.jacobian @ shift))
 
 
 def sensor_scores(result: SearchResult, jacobians: Array) -> tuple[SensorScore, ...]:
@@ -126,12 +135,8 @@ def sensor_scores(result: SearchResult, jacobians: Array) -> tuple[SensorScore, 
     """
     objective = result.objective
     residual = result.residual[: objective.channel_rows]
-    prior = float(np.mean(residual**2)) * CORRELATED_ROWS / objective.space.prior_deviations**2
-    # A component may be anywhere; what is known of it beforehand does not draw it anywhere.
-    centred = np.where(np.arange(prior.size) < len(objective.space.columns), 0.0, prior * result.point)
-    jacobian = jacobians.mean(axis=0)
-    normal = information(jacobians) + np.diag(prior)
-    fit = _LinearFit(objective.space, result.point, jacobian, normal, jacobian @ residual - centred)
+    fit = _LinearFit.at(result, jacobians)
+    jacobian = fit.jacobian
     kinds, directions, roundings = zip(*_directions(result), strict=True)
     along = np.array(directions)
     effects, asked = along @ jacobian.T, along @ residual
@@ -179,6 +184,18 @@ class _LinearFit:
     jacobian: Array
     normal: Array
     gradient: Array
+
+    @classmethod
+    def at(cls, result: SearchResult, jacobians: Array) -> "_LinearFit":
+        """Return the linear model at the estimate of `result`, by `jacobians` (n, d, channel rows)."""
+        space = result.objective.space
+        residual = result.residual[: result.objective.channel_rows]
+        prior = float(np.mean(residual**2)) * CORRELATED_ROWS / space.prior_deviations**2
+        # A component may be anywhere; what is known of it beforehand does not draw it anywhere.
+        centred = np.where(np.arange(prior.size) < len(space.columns), 0.0, prior * result.point)
+        jacobian = jacobians.mean(axis=0)
+        normal = jacobian @ jacobian.T + np.diag(prior)
+        return cls(space, result.point, jacobian, normal, jacobian @ residual - centred)
 
     def taken_up(self, effect: Array, asked: float, square: float) -> Array:
         """Return what the parameters take up of a direction, (d,): 0 for those that a bound holds.

@@ -24,9 +24,10 @@ class VerdictSettings:
 
     Degraded: the whole interval is more than `healthy_margin` away from the healthy value; no model is right
     to a hundredth of the range. Healthy: no value in the interval is more than `hidden_fault` away from it.
-    Not identifiable: the interval is longer than `longest_interval`, half the range; a standard error above
-    `uninformative`, a share of the prior's, leaves all of the range open. Shorts that differ by less than
-    `equal_shorts` count as equal. `make study` (accuracy) counts false alarms and detections.
+    Not identifiable: the interval is longer than `longest_interval`, half the range. Where only the bounds of
+    the range make it shorter, nothing is said of the component; a standard error above `uninformative`, a
+    share of the prior's, leaves all of the range open. Shorts that differ by less than `equal_shorts` are
+    equal. `make study` (accuracy) counts false alarms and detections.
     """
 
     healthy_margin: float = 0.02
@@ -146,6 +147,9 @@ def _component(
         return _unknown(value, error, limits, unconstrained)
     least, most = limits
     low, high = interval = (max(value - Z95 * error, least), min(value + Z95 * error, most))
+    if 2 * Z95 * error > VERDICT.longest_interval and high - low < 2 * Z95 * error:
+        # Only the bound of the range makes it shorter: the search may have ended there for whatever reason.
+        return Estimate(value, error, interval, False, "cannot tell", unconstrained)
     identifiable = high - low <= VERDICT.longest_interval
     verdict = _verdict(low, high, healthy)
     reason = ""

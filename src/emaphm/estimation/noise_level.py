@@ -1,14 +1,8 @@
-"""The white noise and the rounding on a smooth signal."""
+"""The white noise on a smooth signal."""
 
 import numpy as np
 
 from emaphm.arrays import Array
-
-NORMAL_QUARTILE = 0.6744897501960817
-"""Median magnitude of a standard normal number."""
-
-SAME_COUNT = 1e-9
-"""Distance of two values, relative to their column's range, below which they are the same count."""
 
 
 def noise_level(values: Array) -> float:
@@ -18,19 +12,3 @@ def noise_level(values: Array) -> float:
     signal that is smooth over three rows.
     """
     return float(np.sqrt(np.mean(np.diff(values, 2) ** 2) / 6))
-
-
-def robust_noise_level(values: Array) -> float:
-    """Return the rms of the white noise on a smooth signal (n,), whatever a minority of its rows shows.
-
-    From the median magnitude of its second differences: spikes and jumps are no noise.
-    """
-    return float(np.median(np.abs(np.diff(values, 2))) / (NORMAL_QUARTILE * 6**0.5))
-
-
-def rounding_step(values: Array) -> float:
-    """Return the step that a column (n,) is rounded to: the smallest distance between two of its values."""
-    steps = np.diff(np.unique(values))
-    # Values of one count may differ by the rounding of the file.
-    steps = steps[steps > SAME_COUNT * np.ptp(values)] if steps.size else steps
-    return float(steps.min()) if steps.size else 0.0

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from emaphm.actuator import Actuator, Chirp, Faults
-from emaphm.recording import Recording
+from emaphm.recording import Recording, acquire, full_scales
+from emaphm.recording.schema import CURRENTS
 from emaphm.simulated_recording import simulate
 from emaphm.study.cases import random_faults, small_fault
 
@@ -61,8 +62,10 @@ def recorded(
         faults=faults,
         duration=manoeuvre.duration,
         sample_rate=manoeuvre.sample_rate,
-        noise=NOISE_A,
-        adc_bits=ADC_BITS,
         seed=seed,
     )
-    return Recording({name: whole[name] for name in ("time_s", "command_rad", *channels)})
+    # The angle comes from an encoder that counts finely, and not from a converter over all turns.
+    scales = {name: scale for name, scale in full_scales(actuator).items() if name != "angle_rad"}
+    noise = {name: NOISE_A for name in channels if name in CURRENTS}
+    kept = Recording({name: whole[name] for name in ("time_s", "command_rad", *channels)})
+    return acquire(kept, noise=noise, adc_bits=ADC_BITS, full_scale=scales, seed=seed)

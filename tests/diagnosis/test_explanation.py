@@ -1,0 +1,160 @@
+"""What explains a recording: residuals of every channel, plausible nuisances, sensors that agree."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cases import HEALTHY, THESIS
+from emaphm.actuator import Chirp, Faults
+from emaphm.arrays import Array
+from emaphm.diagnosis import Diagnosis, diagnose
+from emaphm.diagnosis.explanation import idle_channels, reasons_against
+from emaphm.diagnosis.recorded_noise import robust_noise_level, rounding_step
+from emaphm.diagnosis.sensor_scores import SensorScore, sensor_scores, taken_up_of_a_delay
+from emaphm.estimation.objective import faults_objective
+from emaphm.estimation.problem import Problem
+from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.uncertainty.local_covariance import jacobians_at
+from emaphm.recording import Recording
+from emaphm.simulated_recording import simulate
+
+CHANNELS = ("current_A", "voltage_V", "position_rad", "speed_rad_s")
+WHOLE = simulate(THESIS, Chirp(), model="averaged", noise=0.05, duration=0.3)
+COLUMNS = {name: WHOLE[name] for name in ("time_s", "command_rad", *CHANNELS)}
+
+
+def at_the_truth(columns: Mapping[str, Array]) -> SearchResult:
+    """Return the healthy estimate of a recording that the averaged model made, as if it were corrected."""
+    recording = Recording({**COLUMNS, **columns})
+    objective = faults_objective(Problem.of(recording, THESIS, channels=None), None)
+    result = SearchResult.at(objective, objective.space.points(HEALTHY))
+    # Weighted by its residuals, as a search leaves it.
+    result = result.reweighted()
+    return replace(result, correction=np.full_like(result.correction, 1e-12))
+
+
+def reasons(result: SearchResult) -> str:
+    jacobians = jacobians_at(result.objective, result.point, np.random.default_rng(0))
+    return "; ".join(reasons_against(result, jacobians, 0, moves=True))
+
+
+def test_what_the_model_made_itself_is_explained() -> None:
+    assert reasons(at_the_truth({})) == ""
+
+
+@pytest.mark.parametrize(
+    ("name", "spoilt", "said"),
+    [
+        ("current_A", np.random.default_rng(0).normal(0, 3, WHOLE.samples), "does not resemble"),
+        ("voltage_V", -WHOLE["voltage_V"], "voltage_V: the model does not resemble it"),
+        ("speed_rad_s", 1.2 * WHOLE["speed_rad_s"], "speed_rad_s: the residual"),
+        ("position_rad", np.full(WHOLE.samples, 1e-3), "position_rad shows 0.001 throughout"),
+    ],
+)
+def test_a_spoilt_channel_is_named(name: str, spoilt: Array, said: str) -> None:
+    assert said in reasons(at_the_truth({name: spoilt}))
+
+
+def test_a_channel_that_shows_nothing_is_not_ignored_silently() -> None:
+    assert idle_channels(at_the_truth({}).objective.problem) == ()
+    idle = at_the_truth({"voltage_V": np.zeros(WHOLE.samples)}).objective.problem
+    (note,) = idle_channels(idle)
+    assert note.startswith("voltage_V is 0 throughout and is not compared")
+
+
+def test_spikes_are_no_noise() -> None:
+    current = WHOLE["current_A"].copy()
+    current[[100, 400, 700, 900, 1200]] = 22.0
+    assert "current_A: the residual" in reasons(at_the_truth({"current_A": current}))
+
+
+def test_phase_currents_add_up_to_zero() -> None:
+    phases = {
+        f"current_{p}_A": np.sin(np.arange(WHOLE.samples) / 20 - k * 2.0944) for k, p in enumerate("abc")
+    }
+    assert "add up" not in reasons(at_the_truth(phases))
+    spoilt = {**phases, "current_a_A": 1.2 * phases["current_a_A"]}
+    assert "the phase currents add up to" in reasons(at_the_truth(spoilt))
+
+
+def test_a_temperature_far_off_its_prior_is_no_explanation() -> None:
+    result = at_the_truth({})
+    point = result.point.copy()
+    # A coordinate has five standard deviations of its prior to a unit.
+    point[result.objective.space.coordinates.index("temperature")] = -4 / 5
+    said = reasons(replace(result, point=point, known_outputs=None))
+    assert "temperature: the estimate of -120 K is 4.0 standard deviations" in said
+
+
+@pytest.mark.parametrize("kind", ["delay", "scale", "offset"])
+def test_an_error_in_the_residual_is_found_at_its_size(kind: str) -> None:
+    result = at_the_truth({})
+    problem = result.objective.problem
+    jacobians = jacobians_at(result.objective, result.point, np.random.default_rng(0))
+    exact = dict(zip(problem.channels, problem.predict(HEALTHY)[0], strict=True))
+    current = exact["current_A"]
+    size, added = {
+        "delay": (1e-5, -np.gradient(current, problem.inputs.interval)),
+        "scale": (1e-3, current),
+        "offset": (1e-3, np.full(current.size, np.sqrt(np.mean(current**2)))),
+    }[kind]
+    measured = {**problem.measured, **exact, "current_A": current + size * added}
+    objective = replace(result.objective, problem=replace(problem, measured=measured))
+    off = SearchResult.at(objective, result.point)
+    found = {(one.kind, one.channel): one for one in sensor_scores(off, jacobians)}
+    assert found[kind, "current_A"].size == pytest.approx(size, rel=1e-3)
+
+
+def test_a_delay_reads_as_a_lower_gain() -> None:
+    result = at_the_truth({})
+    jacobians = jacobians_at(result.objective, result.point, np.random.default_rng(0))
+    gain = result.objective.space.coordinates.index("gain")
+    late, early = (taken_up_of_a_delay(result, jacobians, one)[gain] for one in (2e-4, -2e-4))
+    assert late < 0 < early
+    assert late == pytest.approx(-early)
+
+
+def test_an_error_within_rounding_is_no_suspect() -> None:
+    assert SensorScore("scale", "position_rad", 0.11, 0.02).is_suspect()
+    assert not SensorScore("scale", "position_rad", 0.11, 0.02, rounding=0.2).is_suspect()
+    assert not SensorScore("scale", "position_rad", 0.01, 0.001).is_suspect()
+
+
+def test_noise_and_rounding_of_a_column() -> None:
+    rng, smooth = np.random.default_rng(0), np.sin(np.arange(20_000) / 500)
+    noisy = smooth + rng.normal(0, 0.01, smooth.size)
+    # 20,000 rows know a median's scale to some percent.
+    assert robust_noise_level(noisy) == pytest.approx(0.01, rel=0.05)
+    noisy[::100] = 5.0
+    assert robust_noise_level(noisy) == pytest.approx(0.01, rel=0.1)
+    assert rounding_step(np.round(smooth / 0.01) * 0.01) == pytest.approx(0.01)
+    assert rounding_step(np.zeros(5)) == 0.0
+
+
+def diagnosed(late: int, **known: float) -> Diagnosis:
+    whole = simulate(THESIS, Chirp(), faults=Faults(short_b=0.2), noise=0.05, adc_bits=12)
+    rows = np.clip(np.arange(whole.samples) - late, 0, whole.samples - 1)
+    columns = {name: whole[name] for name in ("time_s", "command_rad")}
+    columns |= {name: whole[name][rows] for name in CHANNELS[:2]}
+    columns |= {name: np.full(whole.samples, value) for name, value in known.items()}
+    return diagnose(Recording(columns), THESIS)
+
+
+def test_the_true_temperature_is_believed_and_a_wrong_one_contradicted() -> None:
+    nominal = THESIS.electrical.temperature if THESIS.electrical else 0.0
+    right = diagnosed(0, temperature_K=nominal)
+    assert right.explained
+    assert right.reasons == ()
+    wrong = diagnosed(0, temperature_K=200.0)
+    assert not wrong.explained
+    assert any("temperature" in reason for reason in wrong.reasons)
+    assert {one.verdict for one in wrong.components.values()} == {"cannot tell"}
+    assert wrong.to_dict()["reasons"] == list(wrong.reasons)
+    assert all(f"Not explained: {reason}." in str(wrong) for reason in wrong.reasons)
+
+
+@pytest.mark.parametrize("late", [-1, 1])
+def test_a_row_of_delay_is_no_degraded_gain(late: int) -> None:
+    assert diagnosed(late).components["gain"].verdict != "degraded"
