@@ -37,7 +37,7 @@ def at_the_truth(columns: Mapping[str, Array]) -> SearchResult:
 
 def reasons(result: SearchResult) -> str:
     jacobians = jacobians_at(result.objective, result.point, np.random.default_rng(0))
-    return "; ".join(reasons_against(result, jacobians, 0, moves=True))
+    return "; ".join(reasons_against(result, jacobians, {}, 0, moves=True))
 
 
 def test_what_the_model_made_itself_is_explained() -> None:

@@ -18,11 +18,11 @@ from emaphm.calibration.apparent_faults import apparent_faults
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.findings import found_values
 from emaphm.calibration.held_out import folds, left_out_residual, own_coordinates, subset
+from emaphm.calibration.unit_fit import FitSettings, UnitFit
+from emaphm.estimation.discrepancy import has_reference
 from emaphm.estimation.joint.correction import compared, corrected_estimate
 from emaphm.estimation.joint.objective import JointObjective
 from emaphm.estimation.joint.search import DESCENT
-from emaphm.calibration.unit_fit import FitSettings, UnitFit
-from emaphm.estimation.discrepancy import has_reference
 from emaphm.estimation.levenberg_marquardt import descend
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.uncertainty.correlation import integral_time

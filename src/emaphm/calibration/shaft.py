@@ -17,11 +17,11 @@ from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.conditions import joint_objective
 from emaphm.calibration.description import Description
 from emaphm.calibration.held_out import subset
-from emaphm.estimation.joint.correction import compared
-from emaphm.estimation.joint.objective import JointObjective
 from emaphm.calibration.unit_fit import FitSettings, SearchedUnit, fitted_parameters, searched
 from emaphm.errors import MethodError
 from emaphm.estimation.discrepancy import has_reference
+from emaphm.estimation.joint.correction import compared
+from emaphm.estimation.joint.objective import JointObjective
 from emaphm.estimation.parameter_variation import ParameterVariation
 
 NAMES = ("stiffness", "damping")

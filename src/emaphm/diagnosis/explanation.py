@@ -83,8 +83,8 @@ def reasons_against(
        Where a calibration has learned the model's error in a channel, this replaces 1 and 2: its residual is
        no worse than that of healthy recordings.
     3. The model resembles every channel: r² ≤ u y² + q²/12 + s². Not asked of an actuator at rest.
-    4. No nuisance is farther off than its stated prior allows. The error of a sensor may be: it is reported as
-       a fault of that sensor.
+    4. No nuisance is farther off than its stated prior allows. The error of a sensor may be: it is reported
+       as a fault of that sensor.
     5. What is left shows no sensor that comes late, nor one of another scale or zero, beyond what the faults
        take up (`emaphm.diagnosis.sensor_scores`).
     6. No recorded load or temperature is contradicted (`emaphm.diagnosis.known_values`).
@@ -106,7 +106,8 @@ def reasons_against(
     moves
         Whether the actuator moved.
     """
-    found = [f"{name}: the residual is {one}".rstrip(".") for name, one in healthy.items() if not one.as_healthy]
+    unlike = {name: one for name, one in healthy.items() if not one.as_healthy}
+    found = [f"{name}: the residual is {one}".rstrip(".") for name, one in unlike.items()]
     found += [
         *(() if result.objective.problem.primary in healthy else _primary(result)),
         *_channels(result, healthy, moves=moves),
