@@ -13,6 +13,9 @@ from emaphm.recording.sensor_checks import SensorFinding
 REVERSED = 0.2
 """Largest deviation of a factor from -1 that is called a reversed sensor: a reversal has no size."""
 
+CERTAIN = 3.0
+"""Standard errors that an estimated error of a sensor is off zero at least to be called a fault."""
+
 MEANINGS = {
     "bias": "shows {size:.3g} {unit} at zero",
     "scale": "shows {factor:.4g} times its quantity",
@@ -81,7 +84,7 @@ def sensor_faults(
     if explained:
         for name in selected:
             error = sensor_error(name)
-            if error is not None:
+            if error is not None and abs(nuisances[name].value) > CERTAIN * nuisances[name].standard_error:
                 found.append(_estimated(name, *error, nuisances[name], collinear_sets, channels))
     return tuple(found)
 
