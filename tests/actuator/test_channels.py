@@ -53,7 +53,6 @@ def described(lines: str) -> Actuator:
         ("[channels]\ncurrent_A = { unit = 'mmm' }", ["channels.current_A.unit", "did you mean 'mm'"]),
         ("[channels]\npostion_rad = 'I'", ["channels.postion_rad", "did you mean 'position_rad'"]),
         ("[channels]\ncurrent_A = true", ["channels.current_A", "the name of a column"]),
-        ("[channels]\ncurrent_A = ''", ["channels.current_A.column", "at least 1"]),
         ("[channels]\ncurrent_A = { sign = 2 }", ["channels.current_A.sign", "1 or -1"]),
         ("[channels]\ncurrent_A = { scale = 0 }", ["channels.current_A", "scale of 0"]),
         ("[channels]\ncurrent_A = { column = 'I', derived = 'a - b' }", ["column and derived", "keep one"]),

@@ -32,9 +32,9 @@ def columns() -> Columns:
 
 
 def with_value(name: str, row: int, value: float) -> Columns:
-    """Return `columns` with one value replaced; rows count from 1, as messages do."""
+    """Return `columns` with a value replaced, or a gap of five; rows count from 1, as messages do."""
     spoiled = columns()
-    spoiled[name][row - 1] = value
+    spoiled[name][row - 1 : row + (4 if np.isnan(value) else 0)] = value
     return spoiled
 
 

@@ -48,11 +48,11 @@ BAD_RECORDINGS: dict[str, tuple[bytes, tuple[str, ...]]] = {
     ),
     "infinite.csv": (files.csv(files.with_value("speed_rad_s", 7, -np.inf)), ("row 7", "'speed_rad_s'")),
     "nan.parquet": (
-        files.parquet(files.with_value("command_rad", 200, np.nan)),
-        ("row 200", "'command_rad'"),
+        files.parquet(files.with_value("command_rad", 190, np.nan)),
+        ("row 190", "'command_rad'"),
     ),
     "null.parquet": (
-        files.parquet(files.columns() | {"current_A": [None, *files.columns()["current_A"][1:]]}),
+        files.parquet(files.columns() | {"current_A": [*[None] * 5, *files.columns()["current_A"][5:]]}),
         ("row 1 ", "'current_A'"),
     ),
     "nan.mat": (files.mat(files.with_value("current_A", 42, np.nan)), ("row 42", "'current_A'")),
@@ -78,8 +78,8 @@ BAD_RECORDINGS: dict[str, tuple[bytes, tuple[str, ...]]] = {
     "struct.mat": (files.mat({"rig": files.columns()}), ("no column 'time_s'", "rig")),
     # time
     "gap.csv": (
-        files.csv(files.columns() | {"time_s": np.delete(np.arange(201) / 1e3, 41)}),
-        ("not uniform", "row 42", "0.002 s", "0.001 s"),
+        files.csv(files.columns() | {"time_s": np.delete(np.arange(205) / 1e3, range(41, 46))}),
+        ("not uniform", "row 42", "0.006 s", "0.001 s"),
     ),
     "decreasing.csv": (
         files.csv(files.with_value("time_s", 42, 0.0)),
