@@ -28,7 +28,7 @@ class ChannelEntry(Section):
     channel's name.
     """
 
-    column: Name | None = Field(
+    column: str | None = Field(
         default=None, description="name in the file, 'group/name' where it has groups"
     )
     derived: Name | None = Field(
