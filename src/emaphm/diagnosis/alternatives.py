@@ -28,14 +28,14 @@ class AlternativeSettings:
     """Which other explanations are tried, and when one counts; `docs/spoilt.md` shows the effect.
 
     A `delay` [s] of all that was measured, in whole rows, late and early. It explains as well where
-    descents with it leave less than `share` of the mean squared residual: true recordings left 1.07 and more,
-    one that was late by 1 ms 1.003. Less than `promising` is corrected by the reference model, up to
-    `corrections` times. A component counts as another where it is off by more than `difference`
-    and more than the half-width of its interval.
+    descents with it leave less than `share` of the mean squared residual: true recordings left 1.04 and more
+    (1.02 with 0.5 A of noise), ones that were late or early by 1 ms 0.92 to 1.003. Less than `promising` is
+    corrected by the reference model, up to `corrections` times. A component counts as another where it is off
+    by more than `difference` and more than the half-width of its interval.
 
     A delay up to `tolerance` [s] is never excluded, one row at 5 kHz or the lag of a filter at 700 Hz: a gain
     that is nearer to healthy than such a delay makes it, 0.04 on the thesis's actuator, is not degraded. The
-    tolerance is the largest that leaves gains of 5 % degraded (limits, base setting).
+    tolerance is about the largest that leaves gains of 5 % degraded.
     """
 
     delay: float = 4e-4
