@@ -10,9 +10,9 @@ from cases import HEALTHY, THESIS
 from emaphm.actuator import Chirp, Faults
 from emaphm.arrays import Array
 from emaphm.diagnosis import Diagnosis, diagnose
-from emaphm.diagnosis.explanation import idle_channels, reasons_against
-from emaphm.diagnosis.recorded_noise import robust_noise_level, rounding_step
-from emaphm.diagnosis.sensor_scores import SensorScore, sensor_scores, taken_up_of_a_delay
+from emaphm.diagnosis.explanation.reasons import idle_channels, reasons_against
+from emaphm.diagnosis.explanation.recorded_noise import robust_noise_level, rounding_step
+from emaphm.diagnosis.explanation.sensor_scores import SensorScore, sensor_scores, taken_up_of_a_delay
 from emaphm.estimation.objective import faults_objective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult

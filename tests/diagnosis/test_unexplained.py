@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from cases import HEALTHY, THESIS, reference_recordings
+from emaphm.diagnosis.explanation.unexplained import alternatives_covariance, inflation, unexplained_scores
 from emaphm.diagnosis.identifiability import identifiability
-from emaphm.diagnosis.unexplained import alternatives_covariance, inflation, unexplained_scores
 from emaphm.estimation.objective import faults_objective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult

@@ -12,7 +12,7 @@ from cases import HEALTHY, THESIS
 from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.arrays import Array
 from emaphm.diagnosis import Estimate
-from emaphm.diagnosis.explanation import is_explained
+from emaphm.diagnosis.explanation.reasons import is_explained
 from emaphm.diagnosis.verdict import COMMON_SHORTS, NOT_EXPLAINED, estimates, unexplained
 from emaphm.diagnosis.wording import physical_text
 from emaphm.estimation.noise_level import noise_level

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
-from emaphm.estimation.smoothing import _gaussian_filter
+from emaphm.estimation.global_search.smoothing import _gaussian_filter
 
 
 @pytest.mark.parametrize("deviation", [0.1, 0.3, 1.0, 4.0, 6.2, 300.0])

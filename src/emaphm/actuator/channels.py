@@ -28,9 +28,7 @@ class ChannelEntry(Section):
     channel's name.
     """
 
-    column: str | None = Field(
-        default=None, description="name in the file, 'group/name' where it has groups"
-    )
+    column: str | None = Field(default=None, description="name in the file, 'group/name' where it has groups")
     derived: Name | None = Field(
         default=None, description="arithmetic of columns, such as 'command - error', in place of a column"
     )

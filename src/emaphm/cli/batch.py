@@ -5,13 +5,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from emaphm.cli.options import check_workers, names_in
+from emaphm.cli.options import check_workers, known_values, names_in
 from emaphm.cli.output import counter, progress, show, show_line
 from emaphm.errors import MethodError, RecordingError
 
 if TYPE_CHECKING:
     from emaphm.actuator import Actuator
     from emaphm.fleet import DiagnosisSettings
+    from emaphm.fleet.sources import FileReading
 
 
 def settings(*, correction: bool, nuisance: str | None, **others: Any) -> "DiagnosisSettings":
@@ -30,6 +31,7 @@ def diagnose_each(
     paths: Sequence[Path],
     actuator: "Actuator",
     chosen: "DiagnosisSettings",
+    reading: "FileReading",
     workers: int | None,
     scheduler: str | None,
     out: Path | None,
@@ -53,6 +55,7 @@ def diagnose_each(
                 files,
                 actuator,
                 chosen,
+                reading=reading,
                 workers=workers,
                 scheduler=scheduler,
                 folder=out,
@@ -94,14 +97,25 @@ def check_joint(
         raise MethodError(f"{named[0]} is for recordings diagnosed one by one; leave it or --joint out")
 
 
+def reading(by: str | None, known: tuple[str, ...]) -> "FileReading":
+    """Return how files are read, as the options --by and --known say."""
+    from emaphm.fleet.sources import FileReading
+
+    return FileReading(by, known_values(known))
+
+
 def diagnose_joint(
-    paths: Sequence[Path], actuator: "Actuator", chosen: "DiagnosisSettings", as_json: bool
+    paths: Sequence[Path],
+    actuator: "Actuator",
+    chosen: "DiagnosisSettings",
+    reading: "FileReading",
+    as_json: bool,
 ) -> None:
     """Print one diagnosis of the unit that all recordings are of."""
     from emaphm.diagnosis.joint import diagnose_joint as identify
     from emaphm.fleet.sources import recording_files, recordings_in
 
-    recordings = [one for path in recording_files(paths) for one in recordings_in(path, actuator)]
+    recordings = [one for path in recording_files(paths) for one in recordings_in(path, actuator, reading)]
     with progress("diagnosing", as_json) as advance:
         diagnosis = identify(
             recordings,

@@ -13,6 +13,7 @@ from emaphm.cli.options import (
     ActuatorFile,
     Amplitude,
     AsJson,
+    By,
     CommandName,
     Duration,
     FaultList,
@@ -156,6 +157,7 @@ def diagnose(
         Path | None,
         Parameter(help="Also say whether the recording is like healthy ones: a file of 'detect learn'."),
     ] = None,
+    by: By = None,
     known: KnownList = (),
     report: Annotated[Path | None, Parameter(help="Write a report of one recording: .html.")] = None,
     joint: Annotated[
@@ -183,7 +185,7 @@ def diagnose(
     check_seed(seed)
     check_output(report, (".html",), force=force)
     described = described_actuator(actuator)
-    several = joint or further or workers or scheduler or out or recording.is_dir()
+    several = joint or further or workers or scheduler or out or by or recording.is_dir()
     if several:
         from emaphm.cli import batch
 
@@ -200,12 +202,12 @@ def diagnose(
             posterior=posterior,
             seed=seed,
         )
-        paths = (recording, *further)
+        paths, files = (recording, *further), batch.reading(by, known)
         if joint:
             batch.check_joint(settings, workers, scheduler, out)
-            batch.diagnose_joint(paths, described, settings, as_json)
+            batch.diagnose_joint(paths, described, settings, files, as_json)
         else:
-            batch.diagnose_each(paths, described, settings, workers, scheduler, out, as_json)
+            batch.diagnose_each(paths, described, settings, files, workers, scheduler, out, as_json)
         return
     recorded = recording_of(recording, described, known)
     check = None if healthy is None else healthy_check(healthy, recorded)

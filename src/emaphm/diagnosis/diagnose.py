@@ -8,13 +8,13 @@ import numpy as np
 
 from emaphm.actuator import Actuator
 from emaphm.arrays import Array
-from emaphm.diagnosis.alternatives import with_alternatives
-from emaphm.diagnosis.explanation import idle_channels, reasons_against
+from emaphm.diagnosis.explanation.alternatives import with_alternatives
+from emaphm.diagnosis.explanation.reasons import idle_channels, reasons_against
 from emaphm.diagnosis.identifiability import identifiability
-from emaphm.diagnosis.law_selection import select_laws
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
-from emaphm.diagnosis.nuisance_selection import select_nuisances
 from emaphm.diagnosis.result import Diagnosis
+from emaphm.diagnosis.selection.law_selection import select_laws
+from emaphm.diagnosis.selection.nuisance_selection import select_nuisances
 from emaphm.diagnosis.verdict import VERDICT, estimates, unexplained
 from emaphm.errors import MethodError, nearest
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS, with_discrepancy
@@ -78,9 +78,10 @@ def diagnose(
     nuisances
         What is estimated with the faults by a method with least squares: names in
         `emaphm.estimation.nuisances.NAMES`, none where empty, the actuator's own where left out; then
-        also what deviates significantly from the description (`emaphm.diagnosis.nuisance_selection`).
-        A recorded load or temperature counts as known. What the actuator's baseline leaves open is the
-        unit's, not the recording's: a method with least squares estimates it whatever is named here.
+        also what deviates significantly from the description
+        (`emaphm.diagnosis.selection.nuisance_selection`). A recorded load or temperature counts as known.
+        What the actuator's baseline leaves open is the unit's, not the recording's: a method with least
+        squares estimates it whatever is named here.
     seed, workers
         The same seed gives the same bits, whatever the number of threads.
     posterior

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.diagnosis.unexplained import alternatives_covariance, inflation, unexplained_scores
+from emaphm.diagnosis.explanation.unexplained import alternatives_covariance, inflation, unexplained_scores
 from emaphm.diagnosis.verdict import VERDICT, Z95
 from emaphm.estimation.nuisances import BASELINE, KNOWN_BY
 from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective

@@ -12,8 +12,8 @@ import numpy as np
 from emaphm.arrays import Array
 from emaphm.estimation.discrepancy import discrepancies, has_reference, reference_problem
 from emaphm.estimation.finite_differences import replicated_jacobians
+from emaphm.estimation.global_search.multistart import LOCAL_SEARCH, local_search, with_descents
 from emaphm.estimation.levenberg_marquardt import movable
-from emaphm.estimation.multistart import LOCAL_SEARCH, local_search, with_descents
 from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective
 from emaphm.estimation.parameter_space import PRIOR_DEVIATION
 from emaphm.estimation.problem import Problem

@@ -5,11 +5,11 @@ import numpy as np
 from emaphm.errors import MethodError, nearest
 from emaphm.estimation.cost_functions import COST_FUNCTIONS
 from emaphm.estimation.discrepancy import has_reference
+from emaphm.estimation.global_search.multistart import local_search, multistart
+from emaphm.estimation.global_search.population_search import OnBestFaults, population_search
+from emaphm.estimation.global_search.restarts import search_with_restarts
 from emaphm.estimation.methods import Method
-from emaphm.estimation.multistart import local_search, multistart
 from emaphm.estimation.objective import MapObjective
-from emaphm.estimation.population_search import OnBestFaults, population_search
-from emaphm.estimation.restarts import search_with_restarts
 from emaphm.estimation.search_result import SearchResult
 from emaphm.progress import Progress, subprogress
 from emaphm.random_streams import stream

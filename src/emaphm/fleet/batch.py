@@ -14,6 +14,7 @@ from emaphm.execution import OnTask, Outcome, ResultStore, Task, check_workers, 
 from emaphm.execution.folder import WorkFolder, difference
 from emaphm.fleet.result import BatchResult
 from emaphm.fleet.settings import DiagnosisSettings
+from emaphm.fleet.sources import FileReading
 from emaphm.fleet.task import broken, is_whole, perform, revision
 
 SETTINGS = "settings.json"
@@ -24,6 +25,7 @@ def diagnose_all(
     actuator: Actuator,
     settings: DiagnosisSettings = DiagnosisSettings(),  # noqa: B008 - frozen
     *,
+    reading: FileReading = FileReading(),  # noqa: B008 - frozen
     workers: int | None = None,
     scheduler: str | None = None,
     folder: str | Path | None = None,
@@ -39,6 +41,8 @@ def diagnose_all(
     ----------
     files
         Of recordings; see `emaphm.fleet.recording_files` for folders.
+    reading
+        How files are read: what each is cut by, what is known of all of it.
     workers
         Processes on this machine; one a core where left out. More than one needs the usual
         ``if __name__ == "__main__":`` in a script.
@@ -61,8 +65,8 @@ def diagnose_all(
     settings.check(actuator)
     check_workers(scheduler)
     paths = [Path(file).absolute() if scheduler else Path(file) for file in files]
-    kept = None if folder is None else _prepared(Path(folder), actuator, settings)
-    return _results(_Batch(paths, actuator, settings, workers, scheduler, kept, on_file))
+    kept = None if folder is None else _prepared(Path(folder), actuator, settings, reading)
+    return _results(_Batch(paths, actuator, settings, reading, workers, scheduler, kept, on_file))
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +76,7 @@ class _Batch:
     paths: Sequence[Path]
     actuator: Actuator
     settings: DiagnosisSettings
+    reading: FileReading
     workers: int | None
     scheduler: str | None
     folder: WorkFolder | None
@@ -80,7 +85,7 @@ class _Batch:
     def tasks(self) -> list[Task]:
         """Return one task a file."""
         expected = revision() if self.folder or self.scheduler else ""
-        arguments = (self.actuator, self.settings, expected)
+        arguments = (self.actuator, self.settings, self.reading, expected)
         return [
             Task(i, perform, (str(path), *arguments), self._key(path), str(path))
             for i, path in enumerate(self.paths)
@@ -150,13 +155,16 @@ def _in_order(
             yield task, waiting.pop(task.index)
 
 
-def _prepared(path: Path, actuator: Actuator, settings: DiagnosisSettings) -> WorkFolder:
+def _prepared(
+    path: Path, actuator: Actuator, settings: DiagnosisSettings, reading: FileReading
+) -> WorkFolder:
     """Return the folder at `path`, begun or of the same settings."""
     folder = WorkFolder(path, SETTINGS, "batch of diagnoses", ExecutionError)
     here = {
         "revision": revision(),
         "actuator": actuator.model_dump(mode="json"),
         "settings": settings.to_dict(),
+        "reading": reading.to_dict(),
     }
     text = json.dumps(here, indent=1)
     if not folder.settings.exists():

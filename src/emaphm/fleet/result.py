@@ -51,7 +51,7 @@ class BatchResult:
         found = [] if values["moves"] else ["stands still"]
         found += [f"also estimated: {', '.join(values['suspected'])}"] if values["suspected"] else []
         found += [f"laws that the description lacks: {', '.join(values['laws'])}"] if values["laws"] else []
-        return (*found, *values["notes"])
+        return (*found, *values["reasons"], *values["notes"])
 
     @property
     def row(self) -> "BatchRow":

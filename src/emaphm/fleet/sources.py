@@ -1,11 +1,13 @@
 """Where recordings come from: files and folders named by the user, and what a file holds."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from emaphm.actuator import Actuator
 from emaphm.errors import RecordingError
-from emaphm.recording import Recording, read_recording
+from emaphm.recording import Recording, read_recordings
 from emaphm.recording.io.read import READERS
 
 
@@ -28,9 +30,21 @@ def recording_files(paths: Iterable[Path]) -> list[Path]:
     return files
 
 
-def recordings_in(path: Path, actuator: Actuator) -> list[Recording]:
-    """Return the recordings of `actuator` in the file at `path`; errors as in `read_recording`."""
-    return [read_recording(path, actuator)]
+@dataclass(frozen=True)
+class FileReading:
+    """How each file of a batch is read: the arguments of `emaphm.read_recordings` by these names."""
+
+    split: str | None = None
+    known: Mapping[str, float | str] = field(default_factory=dict)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the settings, ready for `json.dumps`."""
+        return {"split": self.split, "known": dict(self.known)}
+
+
+def recordings_in(path: Path, actuator: Actuator, reading: FileReading) -> list[Recording]:
+    """Return the recordings of `actuator` in the file at `path`; errors as in `read_recordings`."""
+    return read_recordings(path, actuator, split=reading.split, known=reading.known)
 
 
 def _repeats(files: list[Path]) -> bool:

@@ -7,7 +7,7 @@ from emaphm.actuator import Actuator
 from emaphm.errors import EmaphmError, ExecutionError
 from emaphm.execution.revision import revision_of
 from emaphm.fleet.settings import DiagnosisSettings
-from emaphm.fleet.sources import recordings_in
+from emaphm.fleet.sources import FileReading, recordings_in
 from emaphm.recording import Recording
 
 DECIDING = (
@@ -36,7 +36,7 @@ def revision() -> str:
 
 
 def perform(
-    path: str, actuator: Actuator, settings: DiagnosisSettings, expected: str
+    path: str, actuator: Actuator, settings: DiagnosisSettings, reading: FileReading, expected: str
 ) -> list[dict[str, Any]]:
     """Return what `emaphm diagnose --json` prints, of each recording in the file at `path`.
 
@@ -54,7 +54,7 @@ def perform(
             "the same one there"
         )
     try:
-        recordings = recordings_in(Path(path), actuator)
+        recordings = recordings_in(Path(path), actuator, reading)
     except EmaphmError as error:
         return [broken(path, str(error))]
     return [_diagnosed(recording, actuator, settings) for recording in recordings]

@@ -11,8 +11,8 @@ import numpy as np
 from emaphm.actuator import Actuator
 from emaphm.diagnosis.diagnose import objective_for
 from emaphm.diagnosis.identifiability import identifiability
-from emaphm.diagnosis.nuisance_candidates import with_nuisances
-from emaphm.diagnosis.nuisance_selection import select_nuisances
+from emaphm.diagnosis.selection.nuisance_candidates import with_nuisances
+from emaphm.diagnosis.selection.nuisance_selection import select_nuisances
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.joint.objective import JointObjective
 from emaphm.estimation.joint.random_effects import random_effects

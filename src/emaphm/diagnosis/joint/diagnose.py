@@ -14,11 +14,11 @@ from emaphm.diagnosis.joint.conclusion import conclusion
 from emaphm.diagnosis.joint.result import JointDiagnosis
 from emaphm.errors import MethodError
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS, with_discrepancy
+from emaphm.estimation.global_search.multistart import MULTISTART
 from emaphm.estimation.joint.correction import JointEstimate, corrected_estimate
 from emaphm.estimation.joint.objective import JointObjective, RecordingTerm
 from emaphm.estimation.joint.uncertainty import joint_uncertainty
 from emaphm.estimation.levenberg_marquardt import descend
-from emaphm.estimation.multistart import MULTISTART
 from emaphm.estimation.search_result import SearchResult
 from emaphm.progress import Progress, subprogress
 from emaphm.recording import Recording, check_plausible
@@ -101,20 +101,15 @@ def _check(recordings: Sequence[Recording], actuator: Actuator) -> None:
     """Refuse recordings that cannot be of one unit, before the work."""
     if not recordings:
         raise MethodError("no recording to diagnose; give those of one unit")
-    serials = {str(one): recording for recording in recordings if (one := _serial(recording)) is not None}
+    serials = {str(one): recording for recording in recordings if (one := recording.labels.get("serial"))}
     if len(serials) > 1:
-        (first, one), (second, other) = list(serials.items())[:2]
+        (first, recording), (second, other) = list(serials.items())[:2]
         raise MethodError(
-            f"{other.source} is of unit '{second}', {one.source} of unit '{first}'; a joint estimate is of "
+            f"{other.source} is of unit '{second}', {recording.source} of unit '{first}'; a joint estimate is of "
             "one unit: leave the others out, or diagnose without --joint"
         )
     for recording in recordings:
         check_plausible(recording, actuator)
-
-
-def _serial(recording: Recording) -> object:
-    """Return the unit's serial number, None where the recording carries none."""
-    return getattr(recording, "labels", {}).get("serial")
 
 
 def _fitted(alone: Sequence[SearchResult], workers: int | None) -> tuple[JointObjective, Array]:

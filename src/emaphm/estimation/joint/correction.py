@@ -13,9 +13,9 @@ from emaphm.arrays import Array
 from emaphm.estimation.bias_correction import BIAS_CORRECTION, BiasCorrectionSettings
 from emaphm.estimation.discrepancy import Discrepancy, discrepancies, has_reference, reference_problem
 from emaphm.estimation.finite_differences import replicated_jacobians
+from emaphm.estimation.global_search.multistart import LOCAL_SEARCH, MULTISTART
 from emaphm.estimation.joint.objective import JointObjective
 from emaphm.estimation.levenberg_marquardt import descend, movable
-from emaphm.estimation.multistart import LOCAL_SEARCH, MULTISTART
 from emaphm.estimation.objective import CORRELATED_ROWS
 from emaphm.estimation.parameter_space import PRIOR_DEVIATION
 from emaphm.estimation.search_result import default_scatter

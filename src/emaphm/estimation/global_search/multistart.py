@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from emaphm.arrays import Array
+from emaphm.estimation.global_search.smoothing import low_pass
 from emaphm.estimation.levenberg_marquardt import LeastSquaresResult, LeastSquaresSettings, least_squares
 from emaphm.estimation.objective import MapObjective
-from emaphm.estimation.smoothing import low_pass
 from emaphm.optimizers import space_filling
 from emaphm.progress import Progress
 from emaphm.random_streams import child_seed

@@ -12,11 +12,11 @@ import numpy as np
 
 from emaphm.actuator.faults import HEALTHY
 from emaphm.arrays import Array
-from emaphm.diagnosis.sensor_scores import taken_up_of_a_delay
+from emaphm.diagnosis.explanation.sensor_scores import taken_up_of_a_delay
 from emaphm.diagnosis.verdict import Estimate
 from emaphm.estimation.bias_correction import compared
 from emaphm.estimation.discrepancy import reference_problem
-from emaphm.estimation.multistart import local_search, with_descents
+from emaphm.estimation.global_search.multistart import local_search, with_descents
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult

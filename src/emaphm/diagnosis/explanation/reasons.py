@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.diagnosis.known_values import contradicted_values
-from emaphm.diagnosis.recorded_noise import robust_noise_level, rounding_step, usual_variance
-from emaphm.diagnosis.sensor_scores import contradictions
+from emaphm.diagnosis.explanation.known_values import contradicted_values
+from emaphm.diagnosis.explanation.recorded_noise import robust_noise_level, rounding_step, usual_variance
+from emaphm.diagnosis.explanation.sensor_scores import contradictions
 from emaphm.estimation.nuisances import has_stated_prior, unit_of
 from emaphm.estimation.problem import Problem, comparable_channels, rms
 from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
@@ -86,8 +86,8 @@ def reasons_against(
     4. No nuisance is farther off than its stated prior allows. The error of a sensor may be: it is reported
        as a fault of that sensor.
     5. What is left shows no sensor that comes late, nor one of another scale or zero, beyond what the faults
-       take up (`emaphm.diagnosis.sensor_scores`).
-    6. No recorded load or temperature is contradicted (`emaphm.diagnosis.known_values`).
+       take up (`emaphm.diagnosis.explanation.sensor_scores`).
+    6. No recorded load or temperature is contradicted (`emaphm.diagnosis.explanation.known_values`).
     7. Three recorded phase currents of a star add up to zero, within `phase_sum` of their size.
     8. No sensor of the motion stands still where the model moves by more than its noise.
 

@@ -15,8 +15,8 @@ from emaphm.actuator.laws import LAWS, Law
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.arrays import Array
 from emaphm.estimation.bias_correction import correct_bias
+from emaphm.estimation.global_search.multistart import local_search, multistart
 from emaphm.estimation.methods import Method
-from emaphm.estimation.multistart import local_search, multistart
 from emaphm.estimation.nuisances import NuisanceSet
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.parameter_space import ParameterSpace

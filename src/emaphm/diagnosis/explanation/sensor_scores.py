@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.diagnosis.recorded_noise import rounding_step
+from emaphm.diagnosis.explanation.recorded_noise import rounding_step
+from emaphm.estimation.global_search.multistart import local_search, with_descents
 from emaphm.estimation.levenberg_marquardt import movable
-from emaphm.estimation.multistart import local_search, with_descents
 from emaphm.estimation.objective import CORRELATED_ROWS
 from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.problem import rms

@@ -9,7 +9,7 @@ smaller.
 
 import numpy as np
 
-from emaphm.diagnosis.nuisance_candidates import (
+from emaphm.diagnosis.selection.nuisance_candidates import (
     SELECTION,
     SENSOR_SELECTION,
     Candidate,
@@ -18,7 +18,7 @@ from emaphm.diagnosis.nuisance_candidates import (
     worthwhile_candidates,
 )
 from emaphm.estimation.bias_correction import correct_bias
-from emaphm.estimation.multistart import multistart
+from emaphm.estimation.global_search.multistart import multistart
 from emaphm.estimation.nuisances import PRIORS_PER_UNIT
 from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
 from emaphm.estimation.sensors.sensor_model import COMMON_DELAY, sensor_error

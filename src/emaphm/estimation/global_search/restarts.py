@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from emaphm.estimation.bias_correction import correct_bias
+from emaphm.estimation.global_search.multistart import multistart
 from emaphm.estimation.methods import Method
-from emaphm.estimation.multistart import multistart
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.reference.refinement import refine_by_reference
 from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult

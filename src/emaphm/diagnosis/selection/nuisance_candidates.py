@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.diagnosis.sensor_error_scores import jacobians_with_errors, regressed_error
-from emaphm.estimation.multistart import local_search, with_descents
+from emaphm.diagnosis.selection.sensor_error_scores import jacobians_with_errors, regressed_error
+from emaphm.estimation.global_search.multistart import local_search, with_descents
 from emaphm.estimation.nuisances import PRIORS_PER_UNIT, NuisanceSet, with_wider_priors
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.parameter_space import ParameterSpace

@@ -1,0 +1,1 @@
+"""What is estimated though nobody asked: nuisances, errors of sensors, laws."""

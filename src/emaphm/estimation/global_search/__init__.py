@@ -1,0 +1,1 @@
+"""From anywhere in the range to the basin of the optimum."""
