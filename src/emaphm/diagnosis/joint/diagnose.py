@@ -105,8 +105,8 @@ def _check(recordings: Sequence[Recording], actuator: Actuator) -> None:
     if len(serials) > 1:
         (first, recording), (second, other) = list(serials.items())[:2]
         raise MethodError(
-            f"{other.source} is of unit '{second}', {recording.source} of unit '{first}'; a joint estimate is of "
-            "one unit: leave the others out, or diagnose without --joint"
+            f"{other.source} is of unit '{second}', {recording.source} of unit '{first}'; a joint estimate "
+            "is of one unit: leave the others out, or diagnose without --joint"
         )
     for recording in recordings:
         check_plausible(recording, actuator)
