@@ -115,7 +115,7 @@ def test_the_installed_command_runs_whatever_lies_in_the_folder(desk: Path) -> N
 
 
 def test_a_defect_of_ours_is_not_hidden(emaphm: Emaphm, desk: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(*_: object) -> None:
+    def broken(*_: object, **__: object) -> None:
         raise ZeroDivisionError
 
     assert desk.is_dir()
@@ -297,7 +297,7 @@ def test_an_interruption_ends_it_without_traceback_or_half_a_file(
 def test_an_interruption_is_said(
     desk: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def interrupted(*_: object) -> None:
+    def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
     assert desk.is_dir()

@@ -10,7 +10,8 @@ from cases import THESIS, drawn, reference_recordings
 from emaphm.actuator import NAMES, Actuator, Chirp, Faults
 from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
-from emaphm.diagnosis import Diagnosis, diagnose, error_percent, law_selection
+from emaphm.diagnosis import Diagnosis, diagnose, error_percent
+from emaphm.diagnosis.selection import law_selection
 from emaphm.diagnosis.selection.law_selection import ONLY_WHILE_SWITCHING, SUSPECTS, select_laws, with_law
 from emaphm.diagnosis.verdict import NOT_EXPLAINED
 from emaphm.estimation.bias_correction import with_discrepancy

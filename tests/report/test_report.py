@@ -155,7 +155,7 @@ def test_a_degraded_component_of_unknown_size_is_given_no_size(faulty: Diagnosis
     write_report(replace(faulty, components=dict(faulty.components) | {"friction": unknown}), path)
     text = Page(path).text
     assert "Degraded: friction, backlash" in text
-    assert "dry friction ×" not in text
+    assert "dry friction × 1." not in text
     assert "that of friction is not identifiable" in text
     assert f"friction – 0.2000 to 0.8000 degraded {reason}" in text
     assert "None: this recording decides on all eight components." in text

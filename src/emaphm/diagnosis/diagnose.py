@@ -214,9 +214,10 @@ def conclude(
     reasons = reasons_against(result, jacobians, healthy, seed, moves=moves)
     known = identifiability(replace(result, jacobians=jacobians), seed, explained=not reasons)
     components = estimates(space, result.point, known.covariance, known.collinear_sets)
-    components = (
-        unexplained(components) if reasons else with_alternatives(components, result, jacobians, seed)
-    )
+    if reasons:
+        components = unexplained(components, space.fixed)
+    else:
+        components = with_alternatives(components, result, jacobians, seed)
     return Diagnosis(
         components=components,
         coordinates=space.coordinates,

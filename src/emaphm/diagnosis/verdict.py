@@ -1,6 +1,6 @@
 """From an estimate and its covariance to a statement about each fault component."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -113,10 +113,13 @@ def _common_shorts(components: Mapping[str, Estimate]) -> dict[str, Estimate]:
     return {name: replace(one, verdict="cannot tell", reason=COMMON_SHORTS) for name, one in shorts.items()}
 
 
-def unexplained(components: Mapping[str, Estimate]) -> dict[str, Estimate]:
-    """Return the components of a recording that is not explained: none is called healthy or degraded."""
+def unexplained(components: Mapping[str, Estimate], fixed: Collection[str] = ()) -> dict[str, Estimate]:
+    """Return the components of a recording that is not explained: none is called healthy or degraded.
+
+    Those that are `fixed`, for the description cannot show them, keep that reason.
+    """
     return {
-        name: replace(one, verdict="cannot tell", reason=one.reason or NOT_EXPLAINED)
+        name: replace(one, verdict="cannot tell", reason=one.reason if name in fixed else NOT_EXPLAINED)
         for name, one in components.items()
     }
 

@@ -56,7 +56,7 @@ def conclusion(
     sets = collinear_sets(results[0], local, seed)
     components = estimates(space, results[0].point, local, sets)
     if not all(one.explained for one in single):
-        components = unexplained(components)
+        components = unexplained(components, space.fixed)
     elif not between.agree:
         components = {name: _undecided(one) for name, one in components.items()}
     parts = [

@@ -100,11 +100,24 @@ def _significant(tried: SearchResult, before: SearchResult, name: str, seed: int
     significant = (score >= SELECTION.certain_score and share < 1) or (
         score >= SELECTION.likely_score and share < SELECTION.likely_share
     )
-    if sensor_error(name) and not _explained(tried):
-        significant = significant and share < SENSOR_SELECTION.unexplained_share
+    if sensor_error(name):
+        significant = significant and _is_of_a_sensor(tried, name, share)
     value = tried.point[tried.objective.space.coordinates.index(name)]
     least = SELECTION.least_deviation / PRIORS_PER_UNIT / widening(name)
     return significant and bool(abs(value) > least)
+
+
+def _is_of_a_sensor(tried: SearchResult, name: str, share: float) -> bool:
+    """Return whether an estimated error of a sensor is more than chance and the rows' distance make of it."""
+    objective = tried.objective
+    if not _explained(tried) and share >= SENSOR_SELECTION.unexplained_share:
+        return False
+    if share >= 1 - SENSOR_SELECTION.chance / objective.channel_rows:
+        return False
+    kind = (sensor_error(name) or ("", ""))[1]
+    value = float(objective.space.nuisance_values(tried.point[np.newaxis])[name][0])
+    least = SENSOR_SELECTION.least_rows * objective.problem.inputs.interval
+    return kind != "delay" or abs(value) > least
 
 
 def _share_of_residual(tried: SearchResult, before: SearchResult) -> float:
