@@ -15,7 +15,6 @@ from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.parameter_variation import ParameterVariation
 from emaphm.estimation.problem import Problem, rms
 from emaphm.estimation.sensors.sensor_model import described_noise, sensor_error, with_unknown_errors
-from emaphm.estimation.uncertainty.model_error import channel_noise, correlated_rows, error_variance
 from emaphm.recording.sensor_checks.resolution import Mask
 from emaphm.simulation import Model
 
@@ -34,14 +33,13 @@ class MapObjective:
     """A problem, the space that its explanation is sought in, and the weight of the priors.
 
     `prior_weight` is the residual of the primary channel, in its unit, that a nuisance one prior standard
-    deviation off is worth; `correlated_rows` of the residual count as one observation against it. The rows of
-    `outputs` are the weighted channels end to end, then one row for each nuisance coordinate.
+    deviation off is worth. The rows of `outputs` are the weighted channels end to end, then one row for each
+    nuisance coordinate.
     """
 
     problem: Problem
     space: ParameterSpace
     prior_weight: float
-    correlated_rows: float = CORRELATED_ROWS
 
     @classmethod
     def of(cls, problem: Problem, space: ParameterSpace) -> Self:
@@ -50,8 +48,7 @@ class MapObjective:
 
     def scale_prior(self, residual_rms: float) -> Self:
         """Return the objective with priors weighed against a residual of the primary channel of that rms."""
-        rows = correlated_rows(self.problem, self.problem.primary, residual_rms) or CORRELATED_ROWS
-        return replace(self, prior_weight=float(residual_rms) * rows**0.5, correlated_rows=rows)
+        return replace(self, prior_weight=float(residual_rms) * CORRELATED_ROWS**0.5)
 
     def reweighted(self, residual: Array) -> Self:
         """Return the objective with each channel, and the priors, weighted by its `residual` (rows,).
@@ -62,12 +59,12 @@ class MapObjective:
         sizes = np.sqrt(np.mean(by_channel**2, axis=1)) / self.problem.weights
         # A perfect channel would leave the others without weight; no model is right to 0.01 %.
         measured = np.array([rms(self.problem.measured[name]) for name in self.problem.channels])
-        # Nor is a residual less than what its sensor is described to add, and the model's learned error.
-        channels = zip(self.problem.channels, by_channel, strict=True)
-        known = np.array([_known_residual(self.problem, *one) for one in channels])
-        sizes = np.maximum(sizes, np.maximum(LEAST_RESIDUAL * measured, known))
-        weighted = self.problem.weighted(_counted(self.problem, sizes))
-        return replace(self, problem=weighted).scale_prior(sizes[0])
+        # Nor is a residual less than what its sensor is described to add.
+        noise = np.array(
+            [described_noise(name, self.problem.actuator) or 0.0 for name in self.problem.channels]
+        )
+        sizes = np.maximum(sizes, np.maximum(LEAST_RESIDUAL * measured, noise))
+        return replace(self, problem=self.problem.weighted(sizes)).scale_prior(sizes[0])
 
     def rescaled(self, rows: Array, other: Self) -> Array:
         """Return `rows` of `outputs` as this objective weights them, given as `other` does."""
@@ -146,29 +143,6 @@ class MapObjective:
     def by(self, model: Model) -> Self:
         """Return the same objective of another model."""
         return replace(self, problem=self.problem.by(model))
-
-
-def _known_residual(problem: Problem, channel: str, weighted: Array) -> float:
-    """Return the rms residual that a channel has at least: described noise, or noise and learned model error.
-
-    `weighted` (samples,) is its residual as the problem weights it.
-    """
-    variance = error_variance(problem, channel)
-    if not variance:
-        return described_noise(channel, problem.actuator) or 0.0
-    residual = weighted / problem.weights[problem.channels.index(channel)]
-    return float((channel_noise(problem, channel, residual) ** 2 + variance) ** 0.5)
-
-
-def _counted(problem: Problem, sizes: Array) -> Array:
-    """Return the residuals' `sizes` (channels,), larger where learned errors make fewer rows independent."""
-    rows = [
-        correlated_rows(problem, name, float(size))
-        for name, size in zip(problem.channels, sizes, strict=True)
-    ]
-    if not any(rows):
-        return sizes
-    return np.asarray(sizes * np.sqrt([one or CORRELATED_ROWS for one in rows]))
 
 
 def faults_objective(

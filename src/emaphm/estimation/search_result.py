@@ -141,21 +141,35 @@ class SearchResult:
         return float(np.mean(self.residual[: self.objective.problem.samples] ** 2))
 
     @property
-    def normalised_residual(self) -> float:
+    def residual_over_noise(self) -> float:
         """The rms residual of the primary channel over that of noise or switching, whichever is larger.
 
         The noise is taken from what changes fast, which has the switching in it; `SMALLEST_SHARE` of the
-        signal adds to it, and the learned error of the model. 1 or so if the estimate is right, see
-        `EXPLAINED_RESIDUAL`, which stands for the scatter between healthy recordings where that was learned.
+        signal adds to it. 1 or so if the estimate and the model are right. A search goes on by it: a learned
+        error of the model is no reason to stop before the optimum.
         """
+        return self._relative_to(0.0)
+
+    @property
+    def normalised_residual(self) -> float:
+        """`residual_over_noise`, where the learned error of the model is expected too.
+
+        1 or so if the estimate is right, see `EXPLAINED_RESIDUAL`, which stands for the scatter between
+        healthy recordings where that was learned.
+        """
+        problem = self.objective.problem
+        learned = problem.actuator.model_error.of(problem.primary)
+        if learned is None:
+            return self.residual_over_noise
+        ratio = self._relative_to(error_variance(problem, problem.primary))
+        return ratio * EXPLAINED_RESIDUAL / largest_healthy_ratio(learned)
+
+    def _relative_to(self, error: float) -> float:
+        """Return the rms residual over that of noise or switching and of a model `error` of that variance."""
         switching = 0.0 if self.discrepancy is None else self.discrepancy.switching_variance
         signal = float(np.mean(self.objective.problem.recorded**2))
-        expected = max(self.noise_level**2, switching) + SMALLEST_SHARE**2 * signal
-        problem = self.objective.problem
-        expected += error_variance(problem, problem.primary)
-        ratio = float(np.sqrt(self.residual_variance / max(expected, np.finfo(float).tiny)))
-        learned = problem.actuator.model_error.of(problem.primary)
-        return ratio if learned is None else ratio * EXPLAINED_RESIDUAL / largest_healthy_ratio(learned)
+        expected = max(self.noise_level**2, switching) + SMALLEST_SHARE**2 * signal + error
+        return float(np.sqrt(self.residual_variance / max(expected, np.finfo(float).tiny)))
 
     @property
     def noise_level(self) -> float:

@@ -91,7 +91,8 @@ def reasons_against(
     7. Three recorded phase currents of a star add up to zero, within `phase_sum` of their size.
     8. No sensor of the motion stands still where the model moves by more than its noise.
 
-    The fifth and sixth are asked where the reference model has corrected the estimate.
+    The fifth and sixth are asked where the reference model has corrected the estimate; the fifth only where
+    no error of the model was learned, whose direction may be that of a sensor's.
 
     Parameters
     ----------
@@ -117,7 +118,8 @@ def reasons_against(
     ]
     if moves and result.correction.any():
         found += contradicted_values(result, seed)
-        found += contradictions(result, jacobians, seed)
+        if not healthy:
+            found += contradictions(result, jacobians, seed)
     return tuple(found)
 
 

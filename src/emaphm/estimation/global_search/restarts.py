@@ -31,7 +31,7 @@ def search_with_restarts(
     result = _search(objective, method, max_corrections, seed, on_progress)
     ends = [result]
     for restart in range(MAX_RESTARTS):
-        if result.normalised_residual <= EXPLAINED_RESIDUAL:
+        if result.residual_over_noise <= EXPLAINED_RESIDUAL:
             break
         other = _search(objective, method, max_corrections, child_seed(seed, "restart", restart))
         ends.append(other)

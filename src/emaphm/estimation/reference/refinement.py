@@ -49,8 +49,8 @@ def refine_by_reference(
     If its residual exceeds noise and switching, or the shaft gives: its oscillation looks like noise.
     """
     oscillates = result.objective.problem.actuator.transmission is not None
-    explained = result.normalised_residual <= EXPLAINED_RESIDUAL
-    if result.normalised_residual > settings.farthest or (explained and not oscillates):
+    explained = result.residual_over_noise <= EXPLAINED_RESIDUAL
+    if result.residual_over_noise > settings.farthest or (explained and not oscillates):
         return result
     reference = reference_problem(result.objective)
     idle, difference = 0, settings.jacobian_step
@@ -62,7 +62,7 @@ def refine_by_reference(
             result = best
         idle = 0 if progress else idle + 1
         difference *= 1.0 if progress else settings.reduction
-        explained = result.normalised_residual <= EXPLAINED_RESIDUAL
+        explained = result.residual_over_noise <= EXPLAINED_RESIDUAL
         if idle == settings.patience or (explained and not oscillates):
             break
     return result

@@ -215,19 +215,6 @@ def apparent_fault_covariance(actuator: Actuator, coordinates: Sequence[str]) ->
     return np.diag(deviations**2)
 
 
-def correlated_rows(problem: "Problem", channel: str, residual: float) -> float | None:
-    """Return the rows over which a `residual` of that rms is correlated; None where no error was learned.
-
-    Its noise is white, the model error has its correlation time; each counts by its variance.
-    """
-    error = problem.actuator.model_error.of(channel)
-    variance = error_variance(problem, channel)
-    if error is None or not variance or not residual > 0:
-        return None
-    share = min(variance / residual**2, 1.0)
-    return max(1.0, share * error.correlation_time / problem.inputs.interval + 1 - share)
-
-
 def error_scores(problem: "Problem", jacobian: Array) -> Array | float:
     """Return the covariance (d, d) of `jacobian` (d, channel rows) times the learned error; 0.0 without one.
 
