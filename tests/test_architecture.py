@@ -21,6 +21,7 @@ ORDER = (
     ("diagnosis",),
     ("calibration", "experiment"),
     ("history",),
+    ("prognosis",),
     ("study",),
     ("plotting",),
     ("report",),

@@ -1,0 +1,1 @@
+"""How long a unit will last: requirements, degradation, remaining useful life, metrics, advice."""
