@@ -89,7 +89,8 @@ def noises(
 ) -> tuple[Array, Array, Array]:
     """Return the variances that process noise adds over `hours`: of the level, of both, of the rate.
 
-    The level deviates from its law by a Wiener process of variance q² = ρ²/T an hour; the rate of a law that
+    The level deviates from its law by a Wiener process of variance q² = ρ²/T an hour, a law under which
+    nothing moves by one of `quiet`² times that; the rate of a law that
     moves by one of r² = (ϱ/T)²/T an hour, which the level integrates:
 
         Q = [[q² h + r² h³/3, r² h²/2], [., r² h]]
@@ -101,7 +102,7 @@ def noises(
     Variance of the level [-], covariance [1/h], variance of the rate [1/h²].
     """
     h = np.asarray(hours, float)
-    q = settings.noise**2 / life_scale
     moving = (law == LINEAR) | (law == EXPONENTIAL) | (law == POWER_LAW)
+    q = np.where(moving, 1.0, settings.quiet**2) * settings.noise**2 / life_scale
     r = np.where(moving, (settings.rate_noise / life_scale) ** 2 / life_scale, 0.0)
     return q * h + r * h**3 / 3, r * h**2 / 2, r * h

@@ -13,12 +13,13 @@ class DegradationSettings:
     """Prior of the degradation of a component, before any of it is seen.
 
     The law has the prior probabilities `laws`, in the order of `LAWS`: a component that stays as it is must
-    be the likeliest single case, as most components of most units are. `life_scale` [h] is the time T in which
-    the level changes by about one, its logarithm uniform: from a component that is worn out in some hundred
-    hours to one that outlives the aircraft's 60,000 flight hours. `exponent` is that of the power law, from
-    running-in to accelerating wear; `growth` the time constant of the exponential law as a share of T.
-    `noise` is the standard deviation by which a level deviates from its law over T, by a Wiener process;
-    `rate_noise` that of the rate, as a share of 1/T. `change_hours` [h] is the mean time after which a
+    be the likeliest single case, as most components of most units are. `life_scale` [h] is the time T in
+    which the level changes by about one, its logarithm uniform: from a component that is worn out in some
+    hundred hours to one that outlives the aircraft's 60,000 flight hours. `exponent` is that of the power
+    law, from running-in to accelerating wear; `growth` the time constant of the exponential law as a share of
+    T. `noise` is the standard deviation by which a level deviates from its law over T, by a Wiener process;
+    `quiet` what is left of it where nothing degrades: 0.013 in 1,000 h at most. `rate_noise` is that of the
+    rate, as a share of 1/T. `change_hours` [h] is the mean time after which a
     component takes up another law: longer than a life, so that it changes few forecasts.
     `new_level` is the standard deviation of a new component's level about the healthy value: what baselines
     of units differ by, and diagnoses of healthy recordings show.
@@ -32,8 +33,9 @@ class DegradationSettings:
     exponent: tuple[float, float] = (0.5, 3.0)
     growth: tuple[float, float] = (0.15, 1.0)
     noise: float = 0.03
+    quiet: float = 0.2
     rate_noise: float = 0.3
-    change_hours: float = 50_000.0
+    change_hours: float = 20_000.0
     new_level: float = 0.03
     first_hours: float = 1.0
     """Age [h] at which a power law begins: at age 0 its rate may be infinite."""
@@ -43,13 +45,13 @@ class DegradationSettings:
 class FilterSettings:
     """Size of the particle filter.
 
-    `particles` is the number of banks: with 400, an update takes 3 to 4 ms on one core, and the median of the
+    `particles` is the number of banks: with 1,000, an update takes 5 ms on one core, and the median of the
     RUL repeats from seed to seed to some percent (`python -m tests.prognosis.calibration --seeds`).
     Resampled where fewer than `effective_share` of them carry the weight, the usual half. After it, copies
     differ again by `jitter` in the logarithms of life scale and shape; their prior's width is 5.7.
     """
 
-    particles: int = 400
+    particles: int = 1000
     effective_share: float = 0.5
     jitter: float = 0.1
 
