@@ -18,6 +18,7 @@ from emaphm.actuator.parameters import (
     Nuisances,
     Section,
 )
+from emaphm.actuator.requirements import MOST_REQUIREMENTS, Requirement
 from emaphm.actuator.sensors import Sensors
 from emaphm.actuator.toml import validation_message, write_toml
 from emaphm.errors import ActuatorError
@@ -56,6 +57,9 @@ class Actuator(Section):
     channels: Channels = Channels()
     sensors: Sensors = Sensors()
     baseline: Baseline | None = None
+    requirements: tuple[Requirement, ...] = Field(
+        default=(), strict=False, max_length=MOST_REQUIREMENTS, description="what the actuator must do"
+    )
 
     @model_validator(mode="after")
     def _drive_with_what_it_needs(self) -> Self:

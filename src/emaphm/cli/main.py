@@ -11,6 +11,8 @@ from emaphm.cli import history, study, verbs
 from emaphm.cli.calibrate import calibrate
 from emaphm.cli.design import design
 from emaphm.cli.entry import INTERRUPTED
+from emaphm.cli.limits import limits
+from emaphm.cli.prognose import prognose
 from emaphm.errors import EmaphmError
 
 UNWRITABLE = {
@@ -43,6 +45,8 @@ for verb in (verbs.demo, verbs.simulate, verbs.diagnose, calibrate, verbs.replay
     app.command(verb)
 app.command(study.app)
 app.command(history.app)
+for verb in (limits, prognose):
+    app.command(verb)
 
 
 def run(arguments: list[str]) -> int:

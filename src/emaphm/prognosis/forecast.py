@@ -127,7 +127,8 @@ def first_passage(hours: Array, margin: Array, noise: Array, random: np.random.G
     References
     ----------
     [1] Beghin, Orsingher: On the maximum of the generalized Brownian bridge, Lithuanian Mathematical Journal
-        39 (1999). Folks, Chhikara: The inverse Gaussian distribution, J. Royal Statistical Society B 40 (1978).
+        39 (1999). Folks, Chhikara: The inverse Gaussian distribution, Journal of the Royal Statistical
+        Society B 40 (1978).
     """
     n = margin.shape[1]
     passed = np.where(margin[0] <= 0, 0.0, np.inf)
