@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 def limits(*, actuator: ActuatorFile = "thesis", fault: FaultList = (), as_json: AsJson = False) -> None:
-    """Show at which level of each fault each [[requirements]] of the actuator fails, other faults as given."""
+    """Show at which level of each fault each of the actuator's [[requirements]] fails."""
     faults = fault_vector(fault)
     described = described_actuator(actuator)
     from emaphm.prognosis import Requirements, failure_levels

@@ -50,7 +50,7 @@ def prognose(
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Say how long a unit will last, from its history: remaining useful life, probability of failure, advice."""
+    """Say how long a unit will last, from its history: remaining useful life, risk, advice."""
     check_seed(seed)
     check_output(figure, FIGURES, force=force)
     check_output(report, (".html", ".htm"), force=force)

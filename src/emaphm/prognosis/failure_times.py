@@ -27,14 +27,11 @@ class FailureTimes:
         """The RUL: when each path fails its first requirement, (n,) [h]."""
         return np.asarray(self.hours.min(axis=0))
 
-    def commonest(self, within: float) -> int | None:
-        """Return the limit that most paths fail first within that time [h], else at all; None where none does."""
-        which = self.hours.argmin(axis=0)
-        for end in (within, np.finfo(float).max):
-            failed = which[self.first <= end]
-            if failed.size:
-                return int(np.bincount(failed, minlength=len(self.limits)).argmax())
-        return None
+    @property
+    def commonest(self) -> int | None:
+        """The limit that most paths fail first; None where none fails."""
+        failed = self.hours.argmin(axis=0)[np.isfinite(self.first)]
+        return int(np.bincount(failed).argmax()) if failed.size else None
 
 
 def failure_times(made: Paths, requirements: Requirements, *, seed: int) -> FailureTimes:
@@ -114,8 +111,9 @@ def _of_measures(made: Paths, requirements: Requirements, measures: list[Limit])
             is_below = values < 0
             high, margin_high = np.where(is_below, middle, high), np.where(is_below, values, margin_high)
             low, margin_low = np.where(is_below, low, middle), np.where(is_below, margin_low, values)
-        with np.errstate(invalid="ignore"):
-            share = np.where(np.isfinite(margin_high), margin_low / (margin_low - margin_high), 1.0)
-        times = made.hours[low] + np.nan_to_num(share) * (made.hours[high] - made.hours[low])
+        known = fails & np.isfinite(margin_high)
+        share = np.where(fails, 1.0, 0.0)
+        share[known] = margin_low[known] / (margin_low[known] - margin_high[known])
+        times = made.hours[low] + share * (made.hours[high] - made.hours[low])
         found.append(np.where(at_first[row] < 0, 0.0, np.where(fails, times, np.inf)))
     return found

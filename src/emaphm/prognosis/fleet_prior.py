@@ -32,8 +32,8 @@ def fleet_prior(others: Sequence[Evidence], prior: Prior | None = None, *, seed:
 
     Each of the others is followed from the general prior; draws from what is then believed of it, all units
     alike, are what the new unit may be: its hypothesis is one of theirs with probability n / (n + 2), n being
-    their number, else of the general prior. A rate is taken back to the new component's by its law. This is an
-    empirical Bayes estimate of the distribution over units, which is wider than it by each unit's own
+    their number, else of the general prior. A rate is taken back to the new component's by its law. This is
+    an empirical Bayes estimate of the distribution over units, which is wider than it by each unit's own
     uncertainty.
 
     Errors as in `follow`.

@@ -73,8 +73,8 @@ def failure_levels(actuator: Actuator, faults: Faults = HEALTHY) -> tuple[Failur
 
 
 def _crossing(levels: Array, margin: Array) -> float | None:
-    """Return the first level (of n) at which the margin (n,) falls below 0, None where it never does."""
-    below = margin < 0
+    """Return the first level (of n) at which the margin (n,) falls to 0, None where it never does."""
+    below = margin <= 0
     if not below.any():
         return None
     i = int(np.argmax(below))

@@ -19,7 +19,7 @@ from emaphm.prognosis.result import Prognosis
 from emaphm.prognosis.settings import CONSTANT, FORECAST, ForecastSettings
 
 ENOUGH = 3
-"""Explained diagnoses from which on a rate is seen rather than assumed: two give one without a check of it."""
+"""Explained diagnoses from which on a rate is seen rather than assumed: two give one that nothing checks."""
 
 MOST_PAST = 12
 """Earlier forecasts of a figure of the RUL against time."""
@@ -58,10 +58,13 @@ class Question:
             raise PrognosisError(f"a risk of {self.risk:g} is no probability: give one between 0 and 1")
 
 
+DEFAULT_QUESTION = Question()
+
+
 def prognose(
     evidence: Evidence,
     actuator: Actuator,
-    question: Question = Question(),  # noqa: B008 - frozen
+    question: Question = DEFAULT_QUESTION,
     *,
     prior: Prior | None = None,
     seed: int = 0,
@@ -90,7 +93,7 @@ def prognose(
     requirements = Requirements(actuator)
     followed = follow(evidence, prior, seed=seed)
     made, times = _forecast(followed.belief, evidence, requirements, settings)
-    limit = times.commonest(question.horizon)
+    limit = times.commonest
     component = None if limit is None else responsible(made, times, limit, requirements)
     born = followed.belief.born[CARTESIAN_NAMES.index(_coordinate(component))] if component else 0.0
     return Prognosis(
@@ -116,7 +119,7 @@ def prognose(
 
 
 def past_lives(prognosis: Prognosis, settings: ForecastSettings = FORECAST) -> list[tuple[float, np.ndarray]]:
-    """Return the RUL as it was forecast at up to `MOST_PAST` earlier diagnoses: pairs of hours and samples [h]."""
+    """Return the RUL as forecast at up to `MOST_PAST` earlier diagnoses: pairs of hours and samples [h]."""
     beliefs = prognosis.past
     chosen = np.unique(np.linspace(0, len(beliefs) - 1, min(MOST_PAST, len(beliefs))).astype(int))
     requirements = Requirements(prognosis.actuator)
@@ -154,16 +157,16 @@ def _notes(evidence: Evidence, requirements: Requirements, times: FailureTimes, 
     notes = []
     used, kept = len(evidence.used), len(evidence.observations)
     if used < ENOUGH:
-        source = f"{prior.units} other units" if prior.fleet is not None else "the general prior"
+        source = "the general prior says" if prior.fleet is None else f"{prior.units} other units say"
         notes.append(
-            f"{used} explained diagnos{'is' if used == 1 else 'es'}, {ENOUGH} are needed to see a rate: until "
-            f"then the prognosis is mostly what {source} say{'' if prior.fleet is not None else 's'}"
+            f"explained diagnoses: {used}; {ENOUGH} are needed to see a rate, until then the prognosis is "
+            f"mostly what {source}"
         )
     if kept > used:
         notes.append(f"{kept - used} of {kept} diagnoses are not explained and not used")
     if not requirements.stated:
         notes.append(
-            "the actuator states no [[requirements]]: a failure is taken to be a level of 1, the end of its scale"
+            "the actuator states no [[requirements]]: a failure is taken to be a level of 1, the end of scale"
         )
     hidden = [name for name, seen in zip(CARTESIAN_NAMES, evidence.seen, strict=True) if not seen]
     if hidden:

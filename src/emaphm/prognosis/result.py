@@ -37,7 +37,7 @@ class Prognosis:
     paths
         The forecast levels.
     component, limit
-        What most likely fails first, within the horizon if anything does; None where nothing fails.
+        What most likely fails first, None where no path fails.
     belief, past
         Of the degradation, now and at the diagnoses that were used.
     """
@@ -77,14 +77,14 @@ class Prognosis:
         return float(np.mean(self.sample <= self.horizon))
 
     def probabilities(self) -> dict[str, float]:
-        """Return by requirement the probability that it fails within the horizon, whatever fails before it."""
+        """Return by requirement the probability that it fails within the horizon, others failing or not."""
         return {
             limit.label: float(np.mean(row <= self.horizon))
             for limit, row in zip(self.times.limits, self.times.hours, strict=True)
         }
 
     def levels(self) -> dict[str, dict[str, Any]]:
-        """Return of each component its level now, median and 90 % interval, and the probabilities of its laws."""
+        """Return of each component its level now, median and 90 % interval, and its laws' probabilities."""
         vectors = vectors_of(self.paths.level[0])
         laws = self.belief.law_probabilities()
         result = {}
