@@ -39,9 +39,9 @@ MOST_SHOWN = 3.0
 def draw_prognosis(prognosis: "Prognosis") -> "Figure":
     """Draw the health of all components over time, and the distribution of the RUL."""
     figure = new_figure(PAGE_WIDTH, 7.5)
-    upper, lower = figure.subfigures(2, 1, height_ratios=(3, 1.3))
-    _healths(upper, prognosis)
-    _distribution(lower.subplots(), prognosis)
+    parts = figure.subfigures(2, 1, squeeze=False, height_ratios=(3, 1.3)).ravel()
+    _healths(parts[0], prognosis)
+    _distribution(parts[1].subplots(), prognosis)
     figure_title(figure, f"unit {shortened(prognosis.evidence.unit, LONGEST_NAME)}")
     return figure
 
@@ -68,9 +68,9 @@ def draw_fan(prognosis: "Prognosis", past: list[tuple[float, Array]]) -> "Figure
     hours = np.array([at for at, _ in points])
     top = prognosis.paths.hours[-1]
     for low, high, opacity in BANDS:
-        ends = [[min(quantile(sample, p), top) for _, sample in points] for p in (low, high)]
+        lower, upper = ([min(quantile(sample, p), top) for _, sample in points] for p in (low, high))
         label = f"{100 * (high - low):.0f} %"
-        axis.fill_between(hours, *ends, color=BLUE, alpha=opacity, linewidth=0, label=label)
+        axis.fill_between(hours, lower, upper, color=BLUE, alpha=opacity, linewidth=0, label=label)
     axis.plot(
         hours, [min(quantile(s, 0.5), top) for _, s in points], "o-", color=BLUE, markersize=3, label="median"
     )
@@ -98,11 +98,11 @@ def _health(axis: "Axes", name: str, prognosis: "Prognosis") -> None:
         chosen = [one for one in prognosis.evidence.observations if one.explained is explained]
         if chosen:
             hours = [one.hours for one in chosen]
-            levels = [_level(one.level, name) for one in chosen]
+            seen = [float(_level(one.level, name)) for one in chosen]
             errors = [1.645 * np.sqrt(_variance(one.covariance, one.level, name)) for one in chosen]
             axis.errorbar(
                 hours,
-                levels,
+                seen,
                 np.minimum(errors, 1.0),
                 fmt="." if explained else "x",
                 color=colour,

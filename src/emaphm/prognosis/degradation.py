@@ -4,23 +4,35 @@ A particle holds a law with its parameters for each component, and one Kalman fi
 of all components together: given the laws they are linear-Gaussian, and so is a diagnosis, whose full
 covariance is taken. All particles' filters advance together, as arrays.
 
+Each component has weights of its own, from the likelihood of its own estimate, and is resampled on its own: a
+block particle filter [3]. A whole unit's particle would have to be right in eight laws at once, which needs
+many times as many. This is exact where the estimates of a diagnosis are uncorrelated. Where they are
+correlated, levels and rates take all of the covariance, and only the choice between laws does without what the
+others' errors say.
+
 References
 ----------
 [1] Doucet, de Freitas, Murphy, Russell: Rao-Blackwellised particle filtering for dynamic Bayesian networks,
     Conference on Uncertainty in Artificial Intelligence (2000).
 [2] Liu, West: Combined parameter and state estimation in simulation-based filtering, in: Sequential Monte
     Carlo Methods in Practice (2001).
+[3] Rebeschini, van Handel: Can local particle filters beat the curse of dimensionality?, Annals of Applied
+    Probability 25 (2015).
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from emaphm.arrays import Array
-from emaphm.prognosis.laws import Numbers, noises, transition
+from emaphm.prognosis.laws import Mask, Numbers, noises, transition
 from emaphm.prognosis.prior import COMPONENTS, NEW, Hypotheses, Prior, is_moving, is_waiting
 from emaphm.prognosis.settings import EXPONENTIAL, FILTER, POWER_LAW, FilterSettings
 from emaphm.random_streams import stream
+
+ROUNDING = 1e-9
+"""Share of a rate's variance below which what the level leaves of it is a rounding error."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +50,8 @@ class Belief:
     levels, mixed, rates
         Their covariances, (n, 8, 8): of the levels; of levels (rows) and rates (columns); of the rates.
     log_weights
-        Natural logarithms of the particles' weights, (n,); their exponentials sum to 1.
+        Natural logarithms of the particles' weights for each component, (n, 8); the exponentials of a column
+        sum to 1.
     seed, steps
         Source of all randomness, and how many steps have drawn from it.
     """
@@ -75,20 +88,30 @@ class Belief:
             levels=zero + prior.settings.new_level**2 * np.eye(COMPONENTS),
             mixed=zero,
             rates=drawn.rate_deviation[:, :, np.newaxis] ** 2 * np.eye(COMPONENTS),
-            log_weights=np.full(n, -np.log(n)),
+            log_weights=np.full((n, COMPONENTS), -np.log(n)),
             prior=prior,
             seed=seed,
         )
 
     @property
     def weights(self) -> Array:
-        """Weights of the particles, (n,), which sum to 1."""
-        return np.exp(self.log_weights)
+        """Weights of the particles for each component, (n, 8); columns sum to 1."""
+        return np.asarray(np.exp(self.log_weights))
 
     @property
-    def effective_number(self) -> float:
-        """1 / Σ w², between 1 and n."""
-        return float(1 / np.sum(self.weights**2))
+    def effective_number(self) -> Array:
+        """1 / Σ w² of each component, (8,), between 1 and n."""
+        return np.asarray(1 / np.sum(self.weights**2, axis=0))
+
+    @property
+    def mean_level(self) -> Array:
+        """Mean level of each component, (8,)."""
+        return np.asarray(np.sum(self.weights * self.level, axis=0))
+
+    @property
+    def mean_rate(self) -> Array:
+        """Mean rate of each component [1/h], (8,)."""
+        return np.asarray(np.sum(self.weights * self.rate, axis=0))
 
     def hypotheses(self) -> Hypotheses:
         """Return the particles' hypotheses, with the present rates, each array (n, 8)."""
@@ -98,7 +121,9 @@ class Belief:
     def law_probabilities(self) -> Array:
         """Return the probability of each law for each component, (8, laws)."""
         count = len(self.prior.settings.laws)
-        return np.stack([self.weights @ (self.law == number) for number in range(count)], axis=1)
+        return np.stack(
+            [(self.weights * (self.law == number)).sum(axis=0) for number in range(count)], axis=1
+        )
 
 
 def predicted(belief: Belief, hours: float) -> Belief:
@@ -146,7 +171,7 @@ def predicted(belief: Belief, hours: float) -> Belief:
 
 
 def updated(belief: Belief, estimate: Array, covariance: Array, settings: FilterSettings = FILTER) -> Belief:
-    """Return the belief after a diagnosis at its hours; resampled where too few particles carry the weight.
+    """Return the belief after a diagnosis at its hours; a component that few particles carry is resampled.
 
     Parameters
     ----------
@@ -156,6 +181,7 @@ def updated(belief: Belief, estimate: Array, covariance: Array, settings: Filter
     """
     innovation = estimate - belief.level
     total = belief.levels + covariance
+    variance = np.einsum("nii->ni", total)
     sides = np.concatenate([innovation[:, :, np.newaxis], belief.levels, belief.mixed], axis=2)
     solved = np.linalg.solve(total, sides)
     seen, of_levels, of_mixed = (
@@ -165,28 +191,28 @@ def updated(belief: Belief, estimate: Array, covariance: Array, settings: Filter
     )
     to_rates = np.swapaxes(belief.mixed, 1, 2)
     levels = belief.levels - belief.levels @ of_levels
-    diagonals = np.einsum("nii->ni", np.linalg.cholesky(total))
-    log_likelihood = -0.5 * np.einsum("ni,ni->n", innovation, seen[:, :, 0]) - np.log(diagonals).sum(axis=1)
-    log_weights = belief.log_weights + log_likelihood
-    log_weights -= log_weights.max()
-    log_weights -= np.log(np.exp(log_weights).sum())
+    rates = belief.rates - to_rates @ of_mixed
+    log_weights = belief.log_weights - 0.5 * (innovation**2 / variance + np.log(variance))
+    log_weights -= log_weights.max(axis=0)
+    log_weights -= np.log(np.exp(log_weights).sum(axis=0))
     after = replace(
         belief,
         level=belief.level + (belief.levels @ seen)[:, :, 0],
         rate=belief.rate + (to_rates @ seen)[:, :, 0],
+        # Kept symmetric: what rounding leaves would grow with the rates of an exponential law.
         levels=(levels + np.swapaxes(levels, 1, 2)) / 2,
         mixed=belief.mixed - belief.levels @ of_mixed,
-        rates=belief.rates - to_rates @ of_mixed,
+        rates=(rates + np.swapaxes(rates, 1, 2)) / 2,
         log_weights=log_weights,
         steps=belief.steps + 1,
     )
     few = after.effective_number < settings.effective_share * len(log_weights)
-    return _resampled(after, settings) if few else after
+    return _resampled(after, few, settings) if few.any() else after
 
 
-def replaced(belief: Belief, components: Array) -> Belief:
+def replaced(belief: Belief, components: Mask) -> Belief:
     """Return the belief after the replacement of `components`, (8,) of True and False, at its hours."""
-    n = len(belief.log_weights)
+    n = len(belief.law)
     random = stream(belief.seed, "degradation", belief.steps, "replacement")
     where = np.broadcast_to(components, (n, COMPONENTS))
     after = _with_hypotheses(belief, where, belief.prior.draw(n, random))
@@ -227,7 +253,7 @@ def _changed(belief: Belief, step: float) -> Belief:
     )
 
 
-def _with_hypotheses(belief: Belief, where: Array, drawn: Hypotheses) -> Belief:
+def _with_hypotheses(belief: Belief, where: Mask, drawn: Hypotheses) -> Belief:
     """Return the belief with other hypotheses and rates `where` (n, 8) is True."""
     mixed, rates = belief.mixed.copy(), belief.rates.copy()
     mixed[np.broadcast_to(where[:, np.newaxis, :], mixed.shape)] = 0.0
@@ -244,31 +270,87 @@ def _with_hypotheses(belief: Belief, where: Array, drawn: Hypotheses) -> Belief:
     )
 
 
-def _resampled(belief: Belief, settings: FilterSettings) -> Belief:
-    """Return equally weighted particles, drawn systematically, whose copies differ a little in parameters."""
+def _resampled(belief: Belief, few: Mask, settings: FilterSettings) -> Belief:
+    """Return a belief whose components `few` (8,) are resampled, and their copies differ a little."""
     random = stream(belief.seed, "degradation", belief.steps, "resampling")
-    n = len(belief.log_weights)
-    rows = systematic(belief.weights, n, random)
+    n = len(belief.law)
+    rows = drawn_rows(belief, n, random)
+    rows[:, ~few] = np.arange(n)[:, np.newaxis]
+    after = recombined(belief, rows)
     s = belief.prior.settings
-    factors = np.exp(settings.jitter * random.standard_normal((2, n, COMPONENTS)))
-    law, shape = belief.law[rows], belief.shape[rows] * factors[1]
-    shape = np.where(law == EXPONENTIAL, np.clip(shape, *s.growth), shape)
-    shape = np.where(law == POWER_LAW, np.clip(shape, *s.exponent), shape)
+    factors = np.where(few, np.exp(settings.jitter * random.standard_normal((2, n, COMPONENTS))), 1.0)
+    shape = after.shape * factors[1]
+    shape = np.where(after.law == EXPONENTIAL, np.clip(shape, *s.growth), shape)
+    shape = np.where(after.law == POWER_LAW, np.clip(shape, *s.exponent), shape)
     return replace(
-        belief,
-        law=law,
-        life_scale=np.clip(belief.life_scale[rows] * factors[0], *s.life_scale),
+        after,
+        life_scale=np.clip(after.life_scale * factors[0], *s.life_scale),
         shape=shape,
-        level=belief.level[rows],
-        rate=belief.rate[rows],
-        levels=belief.levels[rows],
-        mixed=belief.mixed[rows],
-        rates=belief.rates[rows],
-        log_weights=np.full(n, -np.log(n)),
+        log_weights=np.where(few, -np.log(n), belief.log_weights),
     )
 
 
-def systematic(weights: Array, count: int, random: np.random.Generator) -> np.ndarray:
+def drawn_rows(belief: Belief, count: int, random: np.random.Generator) -> NDArray[np.intp]:
+    """Return rows of the particles for each component, (count, 8), drawn by its weights, in any order."""
+    columns = [random.permutation(systematic(one, count, random)) for one in belief.weights.T]
+    return np.stack(columns, axis=1)
+
+
+def recombined(belief: Belief, rows: NDArray[np.intp]) -> Belief:
+    """Return the belief with component c of particle i taken from particle `rows`[i, c], equally weighted.
+
+    A component brings the means and the covariance of its level and rate. How components are correlated is
+    that of all particles, by their weights: covariances are averaged between x/σ_x and the part of v that x
+    does not say, (v - k x)/σ_v|x, k = cov(v, x)/σ_x², so that the new ones are positive definite too.
+    """
+    a, k, s = _own(belief)
+    inverse_a, inverse_s = 1 / a, np.divide(1.0, s, out=np.zeros_like(s), where=s > 0)
+    w = belief.weights.mean(axis=1)
+    k_rows, k_columns = k[:, :, np.newaxis], k[:, np.newaxis, :]
+    back = np.swapaxes(belief.mixed, 1, 2)
+    of_v = belief.rates - k_rows * belief.mixed - back * k_columns + k_rows * k_columns * belief.levels
+    levels = _mean_product(w, belief.levels, inverse_a, inverse_a)
+    mixed = _mean_product(w, belief.mixed - belief.levels * k_columns, inverse_a, inverse_s)
+    rates = _mean_product(w, of_v, inverse_s, inverse_s)
+    np.fill_diagonal(levels, 1.0)
+    np.fill_diagonal(mixed, 0.0)
+    np.fill_diagonal(rates, 1.0)
+    columns = np.arange(COMPONENTS)
+    a, k, s = a[rows, columns], k[rows, columns], s[rows, columns]
+    k_rows, k_columns = k[:, :, np.newaxis], k[:, np.newaxis, :]
+    new_levels = levels * a[:, :, np.newaxis] * a[:, np.newaxis, :]
+    new_mixed = mixed * a[:, :, np.newaxis] * s[:, np.newaxis, :] + new_levels * k_columns
+    new_rates = rates * s[:, :, np.newaxis] * s[:, np.newaxis, :] + k_rows * new_mixed
+    new_rates += np.swapaxes(new_mixed, 1, 2) * k_columns - k_rows * k_columns * new_levels
+    return replace(
+        belief,
+        law=belief.law[rows, columns],
+        life_scale=belief.life_scale[rows, columns],
+        shape=belief.shape[rows, columns],
+        level=belief.level[rows, columns],
+        rate=belief.rate[rows, columns],
+        levels=new_levels,
+        mixed=new_mixed,
+        rates=new_rates,
+        log_weights=np.full(rows.shape, -np.log(len(rows))),
+    )
+
+
+def _own(belief: Belief) -> tuple[Array, Array, Array]:
+    """Return σ_x, k and σ_v|x of each particle's components, (n, 8) each, as in `recombined`."""
+    variance = np.einsum("nii->ni", belief.levels)
+    k = np.einsum("nii->ni", belief.mixed) / variance
+    of_rate = np.einsum("nii->ni", belief.rates)
+    rest = of_rate - k**2 * variance
+    return np.sqrt(variance), k, np.sqrt(np.where(rest > ROUNDING * of_rate, rest, 0.0))
+
+
+def _mean_product(weights: Array, values: Array, left: Array, right: Array) -> Array:
+    """Return the weighted mean of diag(left) values diag(right), (8, 8)."""
+    return np.asarray(np.einsum("n,nij,ni,nj->ij", weights, values, left, right, optimize=True))
+
+
+def systematic(weights: Array, count: int, random: np.random.Generator) -> NDArray[np.intp]:
     """Return `count` indices of `weights` (n,), each as often as its weight asks, to one more or less."""
     places = (np.arange(count) + random.random()) / count * np.sum(weights)
     return np.minimum(np.searchsorted(np.cumsum(weights), places), len(weights) - 1)

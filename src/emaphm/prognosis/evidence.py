@@ -9,6 +9,7 @@ from emaphm.actuator.faults import CARTESIAN_NAMES
 from emaphm.arrays import Array
 from emaphm.errors import PrognosisError
 from emaphm.prognosis.degradation import Belief, predicted, replaced, updated
+from emaphm.prognosis.laws import Mask
 from emaphm.prognosis.prior import COMPONENTS, Prior
 from emaphm.prognosis.settings import FILTER, FilterSettings
 
@@ -35,7 +36,7 @@ class Observation:
     hours: float
     level: Array
     covariance: Array
-    seen: Array
+    seen: Mask
     explained: bool = True
 
 
@@ -66,8 +67,12 @@ class Evidence:
             for one in unit.diagnoses()
         )
         replacements = tuple((one.hours, one.component) for one in unit.replacements())
-        ends = [one.hours for one in (*unit.flights(), *unit.removals())]
-        hours = max([*ends, *(hours for hours, _ in replacements)], default=0.0)
+        known = [
+            *(one.hours for one in unit.flights()),
+            *(one.hours for one in unit.removals()),
+            *(hours for hours, _ in replacements),
+        ]
+        hours = max(known, default=0.0)
         return cls(unit.serial_number, unit.part_number, hours, observations, replacements)
 
     @property
@@ -76,9 +81,11 @@ class Evidence:
         return tuple(one for one in self.observations if one.explained)
 
     @property
-    def seen(self) -> Array:
+    def seen(self) -> Mask:
         """Which components any used observation has seen, (8,) of True and False."""
-        return np.any([one.seen for one in self.used], axis=0) if self.used else np.ones(COMPONENTS, bool)
+        if not self.used:
+            return np.ones(COMPONENTS, bool)
+        return np.asarray(np.any([one.seen for one in self.used], axis=0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +127,7 @@ def follow(evidence: Evidence, prior: Prior, *, seed: int = 0, settings: FilterS
     return Followed(predicted(belief, evidence.hours), tuple(past))
 
 
-def _which(component: str) -> Array:
+def _which(component: str) -> Mask:
     """Return which coordinates a component has, (8,) of True and False."""
     if component == WHOLE_UNIT:
         return np.ones(COMPONENTS, bool)

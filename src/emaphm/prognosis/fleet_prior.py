@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from emaphm.prognosis.degradation import systematic
+from emaphm.prognosis.degradation import drawn_rows, recombined
 from emaphm.prognosis.evidence import Evidence, follow
 from emaphm.prognosis.prior import COMPONENTS, Hypotheses, Prior, is_moving, rate_when_new
 from emaphm.prognosis.settings import FILTER
@@ -52,8 +52,8 @@ def fleet_prior(others: Sequence[Evidence], prior: Prior | None = None, *, seed:
 def _learnt(evidence: Evidence, general: Prior, seed: int) -> Hypotheses:
     """Return hypotheses of a new unit as one unit teaches them, each array (DRAWN, 8)."""
     belief = follow(evidence, general, seed=seed, settings=FILTER).belief
-    rows = systematic(belief.weights, DRAWN, stream(seed, "fleet's prior", evidence.unit))
-    held = Hypotheses(*(part[rows] for part in belief.hypotheses()))
+    rows = drawn_rows(belief, DRAWN, stream(seed, "fleet's prior", evidence.unit))
+    held = recombined(belief, rows).hypotheses()
     age = np.broadcast_to(belief.hours - belief.born, (DRAWN, COMPONENTS))
     factor = rate_when_new(held, age, general.settings)
     rate = np.where(is_moving(held.law), held.rate / factor, 0.0)

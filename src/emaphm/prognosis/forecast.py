@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.prognosis.degradation import Belief, systematic
+from emaphm.prognosis.degradation import Belief, drawn_rows, recombined, systematic
 from emaphm.prognosis.laws import Numbers, noises, transition
 from emaphm.prognosis.prior import COMPONENTS, Prior, is_moving, is_waiting
 from emaphm.prognosis.settings import FORECAST, ForecastSettings
@@ -51,12 +51,13 @@ def drawn_states(belief: Belief, count: int) -> State:
     levels.
     """
     random = stream(belief.seed, "forecast", belief.steps, "states")
-    rows = systematic(belief.weights, 2 * count, random)
-    level, weights = _within_bounds(belief.level[rows], belief.levels[rows], random)
-    kept = systematic(weights, count, random)
-    rows, level = rows[kept], level[kept]
-    rate = _rates_given_levels(belief, rows, level, random)
-    return State(belief.law[rows], belief.life_scale[rows], belief.shape[rows], _in_circle(level), rate)
+    units = recombined(belief, drawn_rows(belief, 2 * count, random))
+    level, weights = _within_bounds(units.level, units.levels, random)
+    rate = _rates_given_levels(units, level, random)
+    rows = systematic(weights, count, random)
+    return State(
+        units.law[rows], units.life_scale[rows], units.shape[rows], _in_circle(level[rows]), rate[rows]
+    )
 
 
 def paths(
@@ -186,18 +187,17 @@ def _within_bounds(mean: Array, covariance: Array, random: np.random.Generator) 
     return np.clip(level, LOWEST, HIGHEST), weights
 
 
-def _rates_given_levels(belief: Belief, rows: np.ndarray, level: Array, random: np.random.Generator) -> Array:
-    """Return rates (n, 8) [1/h] of the particles `rows`, drawn given their levels (n, 8)."""
-    mixed = belief.mixed[rows]
-    gain = np.swapaxes(np.linalg.solve(belief.levels[rows], mixed), 1, 2)
-    mean = belief.rate[rows] + np.einsum("nij,nj->ni", gain, level - belief.level[rows])
-    covariance = belief.rates[rows] - gain @ mixed
+def _rates_given_levels(belief: Belief, level: Array, random: np.random.Generator) -> Array:
+    """Return rates (n, 8) [1/h] of the particles, drawn given their levels (n, 8)."""
+    gain = np.swapaxes(np.linalg.solve(belief.levels, belief.mixed), 1, 2)
+    mean = belief.rate + np.einsum("nij,nj->ni", gain, level - belief.level)
+    covariance = belief.rates - gain @ belief.mixed
     deviation = np.sqrt(np.maximum(np.einsum("nii->ni", covariance), 0.0))
     scale = np.where(deviation > 0, deviation, 1.0)
     correlation = covariance / scale[:, :, np.newaxis] / scale[:, np.newaxis, :]
     root = np.linalg.cholesky(correlation + SINGULAR * np.eye(COMPONENTS))
     shocks = np.einsum("nij,nj->ni", root, random.standard_normal(mean.shape))
-    return np.where(is_moving(belief.law[rows]), mean + deviation * shocks, 0.0)
+    return np.where(is_moving(belief.law), mean + deviation * shocks, 0.0)
 
 
 def _in_circle(level: Array) -> Array:

@@ -17,6 +17,9 @@ LARGEST_EXPONENT = 30.0
 
 Numbers = NDArray[np.int8]
 
+Mask = NDArray[np.bool_]
+"""True and False, any shape; a docstring gives it."""
+
 
 def transition(
     law: Numbers,

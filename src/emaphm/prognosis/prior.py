@@ -1,5 +1,6 @@
 """What is believed of a component's degradation before it is seen: in general, or learnt from a fleet."""
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -7,7 +8,7 @@ import numpy as np
 
 from emaphm.actuator.faults import CARTESIAN_NAMES, HEALTHY, to_cartesian
 from emaphm.arrays import Array
-from emaphm.prognosis.laws import Numbers, rate_scale, transition
+from emaphm.prognosis.laws import Mask, Numbers, rate_scale, transition
 from emaphm.prognosis.settings import (
     DEGRADATION,
     EXPONENTIAL,
@@ -62,18 +63,17 @@ class Prior:
         rows = random.integers(len(self.fleet.law), size=own.law.shape)
         is_fleets = random.random(own.law.shape) < self.fleet_share
         columns = np.arange(COMPONENTS)
-        return Hypotheses(
-            *(
-                np.where(is_fleets, theirs[rows, columns], mine)
-                for theirs, mine in zip(self.fleet, own, strict=True)
-            )
-        )
+        chosen = [
+            np.where(is_fleets, theirs[rows, columns], mine)
+            for theirs, mine in zip(tuple(self.fleet), tuple(own), strict=True)
+        ]
+        return Hypotheses(*chosen)
 
     def general(self, shape: tuple[int, ...], age: Array, random: np.random.Generator) -> Hypotheses:
         """Return hypotheses by the settings alone, of components of that `age` [h], each of `shape`."""
         s = self.settings
         law = random.choice(len(s.laws), size=shape, p=s.laws).astype(np.int8)
-        life_scale = np.exp(random.uniform(*np.log(s.life_scale), shape))
+        life_scale = np.exp(random.uniform(math.log(s.life_scale[0]), math.log(s.life_scale[1]), shape))
         uniform = random.random(shape)
         p = np.exp(np.log(s.exponent[0]) + uniform * np.log(s.exponent[1] / s.exponent[0]))
         growth = np.exp(np.log(s.growth[0]) + uniform * np.log(s.growth[1] / s.growth[0]))
@@ -102,11 +102,11 @@ def rate_when_new(hypotheses: Hypotheses, age: Array, settings: DegradationSetti
     return growth
 
 
-def is_moving(law: Numbers) -> np.ndarray:
+def is_moving(law: Numbers) -> Mask:
     """Return whether a component of that law has a rate."""
     return np.asarray((law == LINEAR) | (law == EXPONENTIAL) | (law == POWER_LAW))
 
 
-def is_waiting(law: Numbers) -> np.ndarray:
+def is_waiting(law: Numbers) -> Mask:
     """Return whether a component is of sudden onset, before it."""
     return np.asarray(law == SUDDEN_ONSET)

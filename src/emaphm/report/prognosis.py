@@ -7,7 +7,7 @@ from emaphm.plotting.prognosis import draw_fan, draw_health, draw_life
 from emaphm.plotting.svg import plain_style, svg
 from emaphm.prognosis.prognose import past_lives
 from emaphm.prognosis.result import Prognosis, advice_text, hours_text
-from emaphm.report.document import Document, Facts, Heading, Items, Paragraph, Picture
+from emaphm.report.document import Block, Document, Facts, Heading, Items, Paragraph, Picture
 from emaphm.text_table import Table
 
 
@@ -34,7 +34,7 @@ def document(prognosis: Prognosis) -> Document:
         past = past_lives(prognosis)
         fan = svg(draw_fan(prognosis, past)) if past else None
     horizon = f"{prognosis.horizon:g} h"
-    blocks = [
+    blocks: list[Block] = [
         Paragraph(advice_text(prognosis.advice), warning=prognosis.advice.action != "fly on"),
         Facts(
             {
