@@ -81,7 +81,8 @@ def main() -> None:
             f"λ = {share}: {len(units)} units; alpha-lambda {np.mean(good):.2f} (last slope "
             f"{np.mean(slope_good):.2f}); coverage of 90 % {coverage(transforms):.2f}; CRPS "
             f"{np.mean(scores):.0f} h (last slope {np.mean(slope_scores):.0f} h); late by more than 20 % "
-            f"{late_prediction_rate(late, 0.2):.2f}; Brier within {HORIZON:g} h {brier(probabilities, fails):.3f}"
+            f"{late_prediction_rate(late, 0.2):.2f}; Brier within {HORIZON:g} h "
+            f"{brier(probabilities, fails):.3f}"
         )
         worst = sorted(zip(transforms, (one.law for one in units), strict=True))
         print("  transforms:", " ".join(f"{value:.2f}{law[0]}" for value, law in worst))

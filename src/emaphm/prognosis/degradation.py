@@ -7,8 +7,8 @@ covariance is taken. All particles' filters advance together, as arrays.
 Each component has weights of its own, from the likelihood of its own estimate, and is resampled on its own: a
 block particle filter [3]. A whole unit's particle would have to be right in eight laws at once, which needs
 many times as many. This is exact where the estimates of a diagnosis are uncorrelated. Where they are
-correlated, levels and rates take all of the covariance, and only the choice between laws does without what the
-others' errors say.
+correlated, levels and rates take all of the covariance, and only the choice between laws does without what
+the others' errors say.
 
 References
 ----------
