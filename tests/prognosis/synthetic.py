@@ -50,7 +50,7 @@ def _shape(law: str, t: Array, random: np.random.Generator) -> Array:
         return t
     if law == "exponential":
         rate = random.uniform(1, 4)
-        return np.expm1(rate * np.minimum(t, 3)) / np.expm1(rate)
+        return np.asarray(np.expm1(rate * np.minimum(t, 3)) / np.expm1(rate))
     if law == "power law":
         return np.asarray(t ** random.uniform(0.6, 2.5))
     if law == "onset":
@@ -58,8 +58,8 @@ def _shape(law: str, t: Array, random: np.random.Generator) -> Array:
         return np.maximum(t - start, 0) / (1 - start)
     if law == "saturating":
         rate = random.uniform(0.5, 1.5)
-        return -np.expm1(-rate * t) / -np.expm1(-rate)
-    return np.cumsum(random.random(t.size) < 12 * 5 / (t[-1] / t[1] * 5) * t[-1]) / 12.0
+        return np.asarray(np.expm1(-rate * t) / np.expm1(-rate))
+    return np.asarray(np.cumsum(random.random(t.size) < 12 * t[1]) / 12)  # twelve steps in a life
 
 
 def observed(one: Truth, upto: float, every: float = 40.0) -> Evidence:

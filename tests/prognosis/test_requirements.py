@@ -142,7 +142,7 @@ def test_requirements_are_kept_in_the_file() -> None:
     assert "requirements" not in write_toml(THESIS)
 
 
-WRONG = {
+WRONG: dict[str, dict[str, object]] = {
     "not both": {"component": "friction", "measure": "bandwidth", "at_most": 0.5},
     "give component or measure": {"at_most": 0.5},
     "needs a limit": {"component": "friction"},

@@ -63,11 +63,17 @@ class Prior:
         rows = random.integers(len(self.fleet.law), size=own.law.shape)
         is_fleets = random.random(own.law.shape) < self.fleet_share
         columns = np.arange(COMPONENTS)
-        chosen = [
-            np.where(is_fleets, theirs[rows, columns], mine)
-            for theirs, mine in zip(tuple(self.fleet), tuple(own), strict=True)
-        ]
-        return Hypotheses(*chosen)
+
+        def chosen(theirs: Array, mine: Array) -> Array:
+            return np.asarray(np.where(is_fleets, theirs[rows, columns], mine))
+
+        return Hypotheses(
+            law=np.where(is_fleets, self.fleet.law[rows, columns], own.law),
+            life_scale=chosen(self.fleet.life_scale, own.life_scale),
+            shape=chosen(self.fleet.shape, own.shape),
+            rate=chosen(self.fleet.rate, own.rate),
+            rate_deviation=chosen(self.fleet.rate_deviation, own.rate_deviation),
+        )
 
     def general(self, shape: tuple[int, ...], age: Array, random: np.random.Generator) -> Hypotheses:
         """Return hypotheses by the settings alone, of components of that `age` [h], each of `shape`."""

