@@ -56,7 +56,7 @@ def prognose(
     check_output(report, (".html", ".htm"), force=force)
     costs = _costs(failure_cost, replacement_cost)
     described = described_actuator(actuator) if actuator is not None else None
-    from emaphm.prognosis import Evidence, Question, fleet_prior
+    from emaphm.prognosis import Evidence, Question, fellows, fleet_prior
     from emaphm.prognosis import prognose as ask
 
     question = Question(horizon, risk, costs)
@@ -65,9 +65,8 @@ def prognose(
     with History.open(db) as history:
         found = history.unit(unit)
         evidence, described = Evidence.of(found), described or found.actuator
-        others = history.units(found.part_number) if fleet else ()
-        fellows = [Evidence.of(one) for one in others if one.serial_number != found.serial_number]
-    result = ask(evidence, described, question, prior=fleet_prior(fellows, seed=seed), seed=seed)
+        others = fellows(history, found) if fleet else []
+    result = ask(evidence, described, question, prior=fleet_prior(others, seed=seed), seed=seed)
     draw(result, figure)
     if report is not None:
         from emaphm.report.prognosis import write_prognosis

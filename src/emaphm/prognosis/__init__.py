@@ -2,7 +2,7 @@
 
 from emaphm.prognosis.advice import Advice, Costs
 from emaphm.prognosis.evidence import Evidence, Observation
-from emaphm.prognosis.fleet_prior import fleet_prior
+from emaphm.prognosis.fleet_prior import fellows, fleet_prior
 from emaphm.prognosis.limits import FailureLevels, failure_levels
 from emaphm.prognosis.prior import Prior
 from emaphm.prognosis.prognose import Question, prognose
@@ -21,6 +21,7 @@ __all__ = [
     "Question",
     "Requirements",
     "failure_levels",
+    "fellows",
     "fleet_prior",
     "prognose",
 ]

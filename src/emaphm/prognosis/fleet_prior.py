@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,8 +12,14 @@ from emaphm.prognosis.prior import COMPONENTS, Hypotheses, Prior, is_moving, rat
 from emaphm.prognosis.settings import FILTER
 from emaphm.random_streams import stream
 
-MOST_UNITS = 40
-"""Units that are followed; those with most diagnoses are taken. Each takes 5 ms a diagnosis."""
+if TYPE_CHECKING:
+    from emaphm.history import History, Unit
+
+MOST_UNITS = 30
+"""Units that are followed; those with most explained diagnoses are taken."""
+
+FOLLOWED_BY = replace(FILTER, particles=300)
+"""Their filter: a third of a prognosis's particles, since its draws are pooled; 2 ms a diagnosis."""
 
 WEIGHT_OF_GENERAL = 2.0
 """Units that the general prior counts as: with two of a fleet, half of what is expected is the fleet's."""
@@ -25,6 +32,20 @@ SPREAD = 0.3
 
 DRAWN = 200
 """Particles that each unit gives."""
+
+
+def fellows(history: "History", unit: "Unit") -> list[Evidence]:
+    """Return what a history says of the other units of the part number that teach most.
+
+    Those with most explained diagnoses, `MOST_UNITS` at most; `HistoryError` where the database fails.
+    """
+    others = [
+        one
+        for one in history.overviews(unit.part_number)
+        if one.explained >= FEWEST_DIAGNOSES and one.unit.serial_number != unit.serial_number
+    ]
+    others.sort(key=lambda one: (-one.explained, one.unit.serial_number))
+    return [Evidence.of(history.unit(one.unit.serial_number)) for one in others[:MOST_UNITS]]
 
 
 def fleet_prior(others: Sequence[Evidence], prior: Prior | None = None, *, seed: int = 0) -> Prior:
@@ -51,7 +72,7 @@ def fleet_prior(others: Sequence[Evidence], prior: Prior | None = None, *, seed:
 
 def _learnt(evidence: Evidence, general: Prior, seed: int) -> Hypotheses:
     """Return hypotheses of a new unit as one unit teaches them, each array (DRAWN, 8)."""
-    belief = follow(evidence, general, seed=seed, settings=FILTER).belief
+    belief = follow(evidence, general, seed=seed, settings=FOLLOWED_BY).belief
     rows = drawn_rows(belief, DRAWN, stream(seed, "fleet's prior", evidence.unit))
     held = recombined(belief, rows).hypotheses()
     age = np.broadcast_to(belief.hours - belief.born, (DRAWN, COMPONENTS))

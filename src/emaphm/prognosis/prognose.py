@@ -14,7 +14,7 @@ from emaphm.prognosis.evidence import Evidence, follow
 from emaphm.prognosis.failure_times import FailureTimes, failure_times, responsible
 from emaphm.prognosis.forecast import Paths, drawn_states, paths
 from emaphm.prognosis.prior import NEW, Prior
-from emaphm.prognosis.requirements import Requirements
+from emaphm.prognosis.requirements import Requirements, vectors_of
 from emaphm.prognosis.result import Prognosis
 from emaphm.prognosis.settings import CONSTANT, FORECAST, ForecastSettings
 
@@ -100,6 +100,7 @@ def prognose(
         evidence=evidence,
         actuator=actuator,
         horizon=question.horizon,
+        values=requirements.values(vectors_of(made.level[0])),
         times=times,
         paths=made,
         component=component,

@@ -32,6 +32,8 @@ class Prognosis:
     ----------
     horizon
         Flight hours from now on for which `probability_of_failure` holds [h].
+    values
+        What each limit is on, now: of each path, (limits, n), in its unit.
     times
         When each forecast path fails each requirement.
     paths
@@ -45,6 +47,7 @@ class Prognosis:
     evidence: Evidence
     actuator: Actuator
     horizon: float
+    values: Array = field(repr=False)
     times: FailureTimes
     paths: Paths = field(repr=False)
     component: str | None
@@ -83,6 +86,20 @@ class Prognosis:
             for limit, row in zip(self.times.limits, self.times.hours, strict=True)
         }
 
+    def requirements(self) -> dict[str, dict[str, Any]]:
+        """Return of each requirement its value now, median and 90 % interval, and when it may fail."""
+        probabilities = self.probabilities()
+        result: dict[str, dict[str, Any]] = {}
+        for limit, row in zip(self.times.limits, self.values, strict=True):
+            low, middle, high = (quantile(row, p) for p in (INTERVAL90[0], 0.5, INTERVAL90[1]))
+            result[limit.label] = {
+                "value": finite(middle),
+                "interval90": [finite(low), finite(high)],
+                "unit": limit.unit,
+                "probability_of_failure": probabilities[limit.label],
+            }
+        return result
+
     def levels(self) -> dict[str, dict[str, Any]]:
         """Return of each component its level now, median and 90 % interval, and its laws' probabilities."""
         vectors = vectors_of(self.paths.level[0])
@@ -111,7 +128,7 @@ class Prognosis:
             "component": self.component,
             "requirement": self.limit.label if self.limit else None,
             "advice": self.advice.to_dict(evidence.hours),
-            "requirements": self.probabilities(),
+            "requirements": self.requirements(),
             "levels": self.levels(),
             "diagnoses": {"used": len(evidence.used), "kept": len(evidence.observations)},
             "prior": {"fleet_units": self.belief.prior.units, "fleet_share": self.belief.prior.fleet_share},
@@ -132,7 +149,7 @@ class Prognosis:
             )
             for name, one in self.levels().items()
         ]
-        asked = [(name, f"{100 * p:.1f} %") for name, p in self.probabilities().items()]
+        asked = [requirement_row(name, one) for name, one in self.requirements().items()]
         cause = f", by {self.component} ({self.limit.label})" if self.limit else ""
         lines = [
             f"{evidence.unit}, part number {evidence.part_number}, at {evidence.hours:g} h",
@@ -142,7 +159,7 @@ class Prognosis:
             "",
             format_table(("component", "level", "90 % interval", "likeliest law"), rows),
             "",
-            format_table(("requirement", f"fails within {self.horizon:g} h"), asked),
+            format_table(("requirement", "now", "90 % interval", f"fails within {self.horizon:g} h"), asked),
             *([""] if self.notes else []),
             *(f"note: {note}" for note in self.notes),
         ]
@@ -169,6 +186,15 @@ def finite(hours: float) -> float | None:
 def hours_text(hours: float) -> str:
     """Return hours as text, words for `inf`."""
     return f"{hours:,.0f} h" if math.isfinite(hours) else "no failure in sight"
+
+
+def requirement_row(name: str, one: dict[str, Any]) -> tuple[str, ...]:
+    """Return a requirement as a row of text, as in `Prognosis.requirements`."""
+    value, low, high = (
+        "not reached" if x is None else f"{x:.4g}" for x in (one["value"], *one["interval90"])
+    )
+    unit = "" if one["unit"] == "-" else f" {one['unit']}"
+    return name, f"{value}{unit}", f"{low} to {high}", f"{100 * one['probability_of_failure']:.1f} %"
 
 
 def advice_text(given: Advice) -> str:

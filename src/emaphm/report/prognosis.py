@@ -6,7 +6,7 @@ from emaphm.output_files import check_writable, written_whole
 from emaphm.plotting.prognosis import draw_fan, draw_health, draw_life
 from emaphm.plotting.svg import plain_style, svg
 from emaphm.prognosis.prognose import past_lives
-from emaphm.prognosis.result import Prognosis, advice_text, hours_text
+from emaphm.prognosis.result import Prognosis, advice_text, hours_text, requirement_row
 from emaphm.report.document import Block, Document, Facts, Heading, Items, Paragraph, Picture
 from emaphm.text_table import Table
 
@@ -72,12 +72,11 @@ def document(prognosis: Prognosis) -> Document:
                 fan,
             )
         )
-    probabilities = prognosis.probabilities().items()
     blocks += [
         Heading(2, "Requirements"),
         Table(
-            ("requirement", f"fails within {horizon}"),
-            tuple((name, f"{100 * p:.1f} %") for name, p in probabilities),
+            ("requirement", "now", "90 % interval", f"fails within {horizon}"),
+            tuple(requirement_row(name, one) for name, one in prognosis.requirements().items()),
         ),
     ]
     subtitle = f"Prognosis of an electromechanical actuator, part number {evidence.part_number}"
