@@ -18,6 +18,7 @@ from emaphm.prognosis.forecast import Paths, drawn_states, paths
 from emaphm.prognosis.metrics import Prediction, probability_integral_transform
 from emaphm.prognosis.prior import NEW, Prior
 from emaphm.prognosis.requirements import Requirements
+from emaphm.prognosis.settings import ForecastSettings
 
 ERROR = 0.01
 EVERYTHING = np.ones(8, bool)
@@ -194,3 +195,27 @@ def test_same_seed_same_numbers() -> None:
     one, same, other = (prognose(wearing(6), WORN, seed=seed) for seed in (1, 1, 2))
     assert np.array_equal(one.sample, same.sample)
     assert not np.array_equal(one.sample, other.sample)
+
+
+@pytest.mark.parametrize("case", range(16))
+def test_odd_histories_have_a_prognosis_too(case: int) -> None:
+    """Gaps of years, singular or tiny covariances, levels beyond bounds, replacements: numbers, no failure."""
+    random = np.random.default_rng(case)
+    observations = []
+    for hours in np.sort(random.uniform(0, 10 ** random.uniform(1, 4.7), random.integers(0, 12))):
+        root = 10 ** random.uniform(-9, 0) * random.standard_normal((8, random.integers(1, 12)))
+        level = np.clip(NEW + random.standard_normal(8) * 10 ** random.uniform(-3, 0), -1, 1)
+        seen = EVERYTHING.copy()
+        seen[2:7] = case % 4 > 0
+        observations.append(
+            Observation(float(hours), level, root @ root.T, seen, bool(random.random() < 0.9))
+        )
+    replacements = tuple(
+        (float(random.uniform(0, 50_000)), name) for name in ("unit", "eccentricity") if random.random() < 0.3
+    )
+    ends = [one.hours for one in observations] + [hours for hours, _ in replacements]
+    evidence = Evidence("S1", "P1", max(ends, default=0.0), tuple(observations), replacements)
+    made = prognose(evidence, THESIS, seed=case, settings=ForecastSettings(paths=200, steps=60))
+    assert np.all(made.sample >= 0)
+    assert np.all(np.isfinite(made.paths.level))
+    json.dumps(made.to_dict(), allow_nan=False)

@@ -35,6 +35,16 @@ ROUNDING = 1e-9
 """Share of a rate's variance below which what the level leaves of it is a rounding error."""
 
 
+LARGEST_LEVEL = 3.0
+"""Mean and standard deviation of a level that are told apart from larger ones: levels are in [-1, 1]."""
+
+LARGEST_RATE = 0.05
+"""Of a rate [1/h]: a component that is worn out within a day."""
+
+LEAST_VARIANCE = 1e-12
+"""Of a level: what rounding may leave of it is no smaller, nor negative."""
+
+
 @dataclass(frozen=True, eq=False)
 class Belief:
     """What is believed of a unit at flight `hours` [h]: n particles of 8 components (`CARTESIAN_NAMES`).
@@ -158,16 +168,17 @@ def predicted(belief: Belief, hours: float) -> Belief:
         (levels, mixed, rates), noises(belief.law, belief.life_scale, step, s), strict=True
     ):
         np.einsum("nii->ni", part)[...] += variance
-    return replace(
+    after = replace(
         belief,
         hours=hours,
-        level=belief.level + reach * belief.rate,
-        rate=growth * belief.rate,
+        level=np.clip(belief.level + reach * belief.rate, -LARGEST_LEVEL, LARGEST_LEVEL),
+        rate=np.clip(growth * belief.rate, -LARGEST_RATE, LARGEST_RATE),
         levels=levels,
         mixed=mixed,
         rates=rates,
         steps=belief.steps + 1,
     )
+    return _limited(after)
 
 
 def updated(belief: Belief, estimate: Array, covariance: Array, settings: FilterSettings = FILTER) -> Belief:
@@ -192,6 +203,9 @@ def updated(belief: Belief, estimate: Array, covariance: Array, settings: Filter
     to_rates = np.swapaxes(belief.mixed, 1, 2)
     levels = belief.levels - belief.levels @ of_levels
     rates = belief.rates - to_rates @ of_mixed
+    for part, least in ((levels, LEAST_VARIANCE), (rates, 0.0)):
+        diagonal = np.einsum("nii->ni", part)
+        diagonal[...] = np.maximum(diagonal, least)
     log_weights = belief.log_weights - 0.5 * (innovation**2 / variance + np.log(variance))
     log_weights -= log_weights.max(axis=0)
     log_weights -= np.log(np.exp(log_weights).sum(axis=0))
@@ -228,6 +242,28 @@ def replaced(belief: Belief, components: Mask) -> Belief:
         levels=levels,
         mixed=mixed,
         steps=belief.steps + 1,
+    )
+
+
+def _limited(belief: Belief) -> Belief:
+    """Return the belief with no standard deviation above `LARGEST_LEVEL` or `LARGEST_RATE`.
+
+    What grows exponentially over a long gap between diagnoses would else leave the range in which the next
+    update is computed without loss of digits.
+    """
+    of_level = np.sqrt(np.einsum("nii->ni", belief.levels))
+    of_rate = np.sqrt(np.einsum("nii->ni", belief.rates))
+    if of_level.max() <= LARGEST_LEVEL and of_rate.max() <= LARGEST_RATE:
+        return belief
+    a, s = (
+        LARGEST_LEVEL / np.maximum(of_level, LARGEST_LEVEL),
+        LARGEST_RATE / np.maximum(of_rate, LARGEST_RATE),
+    )
+    return replace(
+        belief,
+        levels=belief.levels * a[:, :, np.newaxis] * a[:, np.newaxis, :],
+        mixed=belief.mixed * a[:, :, np.newaxis] * s[:, np.newaxis, :],
+        rates=belief.rates * s[:, :, np.newaxis] * s[:, np.newaxis, :],
     )
 
 
@@ -338,7 +374,7 @@ def recombined(belief: Belief, rows: NDArray[np.intp]) -> Belief:
 
 def _own(belief: Belief) -> tuple[Array, Array, Array]:
     """Return σ_x, k and σ_v|x of each particle's components, (n, 8) each, as in `recombined`."""
-    variance = np.einsum("nii->ni", belief.levels)
+    variance = np.maximum(np.einsum("nii->ni", belief.levels), LEAST_VARIANCE)
     k = np.einsum("nii->ni", belief.mixed) / variance
     of_rate = np.einsum("nii->ni", belief.rates)
     rest = of_rate - k**2 * variance

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.prognosis.degradation import Belief, drawn_rows, recombined, systematic
+from emaphm.prognosis.degradation import LARGEST_RATE, Belief, drawn_rows, recombined, systematic
 from emaphm.prognosis.laws import Numbers, noises, transition
 from emaphm.prognosis.prior import COMPONENTS, Prior, is_moving, is_waiting
 from emaphm.prognosis.settings import FORECAST, ForecastSettings
@@ -15,8 +15,8 @@ LOWEST = np.array([0.0, 0.0, 0.0, 0.0, 0.0, -1.0, -1.0, 0.0])
 HIGHEST = np.ones(COMPONENTS)
 """Bounds of the levels, in the order of `CARTESIAN_NAMES`; an eccentricity is within its circle."""
 
-SINGULAR = 1e-9
-"""Added to the diagonal of a correlation matrix, so that rounding leaves it positive definite."""
+SINGULAR = (1e-9, 1e-6, 1e-3)
+"""Added to the diagonals of correlation matrices: the first that makes them positive definite is taken."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +174,7 @@ def _within_bounds(mean: Array, covariance: Array, random: np.random.Generator) 
     """Return normal levels (n, 8) drawn within their bounds, and the weights (n,) that make them exact."""
     from scipy.special import ndtr, ndtri
 
-    root = np.linalg.cholesky(covariance)
+    root = _root(covariance)
     drawn = np.zeros_like(mean)
     weights = np.ones(len(mean))
     for c in range(mean.shape[1]):
@@ -192,12 +192,26 @@ def _rates_given_levels(belief: Belief, level: Array, random: np.random.Generato
     gain = np.swapaxes(np.linalg.solve(belief.levels, belief.mixed), 1, 2)
     mean = belief.rate + np.einsum("nij,nj->ni", gain, level - belief.level)
     covariance = belief.rates - gain @ belief.mixed
+    shocks = np.einsum("nij,nj->ni", _root(covariance), random.standard_normal(mean.shape))
+    return np.where(is_moving(belief.law), np.clip(mean + shocks, -LARGEST_RATE, LARGEST_RATE), 0.0)
+
+
+def _root(covariance: Array) -> Array:
+    """Return lower triangular roots of covariances (n, 8, 8), which may be singular.
+
+    Those that rounding has spoilt lose their correlations.
+    """
     deviation = np.sqrt(np.maximum(np.einsum("nii->ni", covariance), 0.0))
     scale = np.where(deviation > 0, deviation, 1.0)
     correlation = covariance / scale[:, :, np.newaxis] / scale[:, np.newaxis, :]
-    root = np.linalg.cholesky(correlation + SINGULAR * np.eye(COMPONENTS))
-    shocks = np.einsum("nij,nj->ni", root, random.standard_normal(mean.shape))
-    return np.where(is_moving(belief.law), mean + deviation * shocks, 0.0)
+    for added in SINGULAR:
+        try:
+            return np.asarray(
+                np.linalg.cholesky(correlation + added * np.eye(COMPONENTS)) * deviation[:, :, np.newaxis]
+            )
+        except np.linalg.LinAlgError:
+            continue
+    return np.asarray(deviation[:, :, np.newaxis] * np.eye(COMPONENTS))
 
 
 def _in_circle(level: Array) -> Array:

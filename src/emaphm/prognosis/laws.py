@@ -12,8 +12,8 @@ from emaphm.prognosis.settings import (
     DegradationSettings,
 )
 
-LARGEST_EXPONENT = 30.0
-"""Of the exponential law's growth in one step: e to this is far beyond any level."""
+LARGEST_EXPONENT = 7.0
+"""Of the exponential law's growth in one step: a thousandfold takes a level out of its bounds."""
 
 Numbers = NDArray[np.int8]
 
