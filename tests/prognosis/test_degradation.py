@@ -10,7 +10,9 @@ from emaphm.prognosis.degradation import Belief, predicted, replaced, systematic
 from emaphm.prognosis.prior import NEW, Prior
 from emaphm.prognosis.settings import LINEAR, DegradationSettings, FilterSettings
 
-ALL_LINEAR = DegradationSettings(laws=(0, 1, 0, 0, 0), life_scale=(1000.0, 1000.0 + 1e-9), change_hours=1e15)
+ALL_LINEAR = DegradationSettings(
+    laws=(0, 1, 0, 0, 0), life_scale=(1000.0, 1000.0 + 1e-9), change_hours=1e15, roughness=(1.0, 1.0)
+)
 FEW = FilterSettings(particles=20)
 
 

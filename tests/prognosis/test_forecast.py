@@ -27,7 +27,7 @@ def states(law: int, count: int, *, level: float, rate: float, life_scale: float
     laws[:, 0] = law
     levels, rates = np.tile(NEW, (count, 1)), np.zeros(shape)
     levels[:, 0], rates[:, 0] = level, rate
-    return State(laws, np.full(shape, life_scale), np.full(shape, 0.5), levels, rates)
+    return State(laws, np.full(shape, life_scale), np.full(shape, 0.5), np.ones(shape), levels, rates)
 
 
 @pytest.mark.parametrize(("start", "rate"), [(0.4, 1e-3), (0.5, 5e-4)])
@@ -123,9 +123,9 @@ def test_laws_are_the_functions_that_name_them() -> None:
 def test_process_noise_adds_up() -> None:
     """The level's variance by an integrated Wiener process of the rate: q² t + r² t³ / 3, in any cuts."""
     law, scale, s = np.array([LINEAR], np.int8), np.array([500.0]), DegradationSettings()
-    whole = [part[0] for part in noises(law, scale, 200.0, s)]
+    whole = [part[0] for part in noises(law, scale, np.ones(1), 200.0, s)]
     ll, lr, rr = 0.0, 0.0, 0.0
     for _ in range(20):
-        a, b, c = (part[0] for part in noises(law, scale, 10.0, s))
+        a, b, c = (part[0] for part in noises(law, scale, np.ones(1), 10.0, s))
         ll, lr, rr = ll + 20 * lr + 100 * rr + a, lr + 10 * rr + b, rr + c
     assert (ll, lr, rr) == pytest.approx(whole, rel=1e-9)

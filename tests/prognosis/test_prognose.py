@@ -199,7 +199,7 @@ def test_same_seed_same_numbers() -> None:
 
 @pytest.mark.parametrize("case", range(16))
 def test_odd_histories_have_a_prognosis_too(case: int) -> None:
-    """Gaps of years, singular or tiny covariances, levels beyond bounds, replacements: numbers, no failure."""
+    """Gaps of years, singular or tiny covariances, levels beyond bounds, replacements: numbers, no error."""
     random = np.random.default_rng(case)
     observations = []
     for hours in np.sort(random.uniform(0, 10 ** random.uniform(1, 4.7), random.integers(0, 12))):

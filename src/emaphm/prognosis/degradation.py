@@ -53,8 +53,8 @@ class Belief:
     ----------
     born
         Flight hours [h] at which each component was new, shape (8,).
-    law, life_scale, shape
-        Of each particle and component, (n, 8): as in `transition`.
+    law, life_scale, shape, roughness
+        Of each particle and component, (n, 8): as in `Hypotheses`.
     level, rate
         Means of the Kalman filters, (n, 8); [-], [1/h].
     levels, mixed, rates
@@ -71,6 +71,7 @@ class Belief:
     law: Numbers
     life_scale: Array
     shape: Array
+    roughness: Array
     level: Array
     rate: Array
     levels: Array
@@ -93,6 +94,7 @@ class Belief:
             law=drawn.law,
             life_scale=drawn.life_scale,
             shape=drawn.shape,
+            roughness=drawn.roughness,
             level=np.tile(NEW, (n, 1)),
             rate=drawn.rate,
             levels=zero + prior.settings.new_level**2 * np.eye(COMPONENTS),
@@ -126,7 +128,7 @@ class Belief:
     def hypotheses(self) -> Hypotheses:
         """Return the particles' hypotheses, with the present rates, each array (n, 8)."""
         deviation = np.sqrt(np.maximum(np.einsum("nii->ni", self.rates), 0.0))
-        return Hypotheses(self.law, self.life_scale, self.shape, self.rate, deviation)
+        return Hypotheses(self.law, self.life_scale, self.shape, self.roughness, self.rate, deviation)
 
     def law_probabilities(self) -> Array:
         """Return the probability of each law for each component, (8, laws)."""
@@ -165,7 +167,7 @@ def predicted(belief: Belief, hours: float) -> Belief:
     mixed = (belief.mixed + belief.rates * reach[:, :, np.newaxis]) * growth[:, np.newaxis, :]
     rates = belief.rates * growth[:, :, np.newaxis] * growth[:, np.newaxis, :]
     for part, variance in zip(
-        (levels, mixed, rates), noises(belief.law, belief.life_scale, step, s), strict=True
+        (levels, mixed, rates), noises(belief.law, belief.life_scale, belief.roughness, step, s), strict=True
     ):
         np.einsum("nii->ni", part)[...] += variance
     after = replace(
@@ -286,6 +288,7 @@ def _changed(belief: Belief, step: float) -> Belief:
         law=np.where(goes_on, drawn.law, after.law),
         life_scale=np.where(goes_on, drawn.life_scale, after.life_scale),
         shape=np.where(goes_on, drawn.shape, after.shape),
+        roughness=np.where(goes_on, drawn.roughness, after.roughness),
     )
 
 
@@ -300,6 +303,7 @@ def _with_hypotheses(belief: Belief, where: Mask, drawn: Hypotheses) -> Belief:
         law=np.where(where, drawn.law, belief.law),
         life_scale=np.where(where, drawn.life_scale, belief.life_scale),
         shape=np.where(where, drawn.shape, belief.shape),
+        roughness=np.where(where, drawn.roughness, belief.roughness),
         rate=np.where(where, drawn.rate, belief.rate),
         mixed=mixed,
         rates=rates,
@@ -314,7 +318,7 @@ def _resampled(belief: Belief, few: Mask, settings: FilterSettings) -> Belief:
     rows[:, ~few] = np.arange(n)[:, np.newaxis]
     after = recombined(belief, rows)
     s = belief.prior.settings
-    factors = np.where(few, np.exp(settings.jitter * random.standard_normal((2, n, COMPONENTS))), 1.0)
+    factors = np.where(few, np.exp(settings.jitter * random.standard_normal((3, n, COMPONENTS))), 1.0)
     shape = after.shape * factors[1]
     shape = np.where(after.law == EXPONENTIAL, np.clip(shape, *s.growth), shape)
     shape = np.where(after.law == POWER_LAW, np.clip(shape, *s.exponent), shape)
@@ -322,6 +326,7 @@ def _resampled(belief: Belief, few: Mask, settings: FilterSettings) -> Belief:
         after,
         life_scale=np.clip(after.life_scale * factors[0], *s.life_scale),
         shape=shape,
+        roughness=np.clip(after.roughness * factors[2], *s.roughness),
         log_weights=np.where(few, -np.log(n), belief.log_weights),
     )
 
@@ -363,6 +368,7 @@ def recombined(belief: Belief, rows: NDArray[np.intp]) -> Belief:
         law=belief.law[rows, columns],
         life_scale=belief.life_scale[rows, columns],
         shape=belief.shape[rows, columns],
+        roughness=belief.roughness[rows, columns],
         level=belief.level[rows, columns],
         rate=belief.rate[rows, columns],
         levels=new_levels,

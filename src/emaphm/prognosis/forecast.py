@@ -21,11 +21,12 @@ SINGULAR = (1e-9, 1e-6, 1e-3)
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Units that may be: law, life_scale [h], shape, level [-], rate [1/h] of each component, (n, 8) each."""
+    """Units that may be: hypotheses as in `Hypotheses`, level [-] and rate [1/h], (n, 8) each."""
 
     law: Numbers
     life_scale: Array
     shape: Array
+    roughness: Array
     level: Array
     rate: Array
 
@@ -56,7 +57,12 @@ def drawn_states(belief: Belief, count: int) -> State:
     rate = _rates_given_levels(units, level, random)
     rows = systematic(weights, count, random)
     return State(
-        units.law[rows], units.life_scale[rows], units.shape[rows], _in_circle(level[rows]), rate[rows]
+        units.law[rows],
+        units.life_scale[rows],
+        units.shape[rows],
+        units.roughness[rows],
+        _in_circle(level[rows]),
+        rate[rows],
     )
 
 
@@ -91,12 +97,13 @@ def paths(
                 state,
                 law=np.where(sets_in, new.law, state.law),
                 life_scale=np.where(sets_in, new.life_scale, state.life_scale),
+                roughness=np.where(sets_in, new.roughness, state.roughness),
                 rate=np.where(sets_in, rate, state.rate),
             )
         reach, growth = transition(state.law, state.life_scale, state.shape, age + hours[i], part * step, s)
         reach = np.where(is_waiting(state.law), 0.0, reach)
-        of_level, _, _ = noises(state.law, state.life_scale, 1.0, replace(s, rate_noise=0.0))
-        _, _, of_rate = noises(state.law, state.life_scale, step, s)
+        of_level, _, _ = noises(state.law, state.life_scale, state.roughness, 1.0, replace(s, rate_noise=0.0))
+        _, _, of_rate = noises(state.law, state.life_scale, state.roughness, step, s)
         noise[i] = np.sqrt(of_level)
         shock = np.sqrt(of_rate) * random.standard_normal(state.law.shape)
         # The mean rate of the step has half of the shock: the integral of a Wiener process, to first order.
@@ -166,6 +173,7 @@ def _changed(state: State, age: Array, step: float, prior: Prior, random: np.ran
         law=np.where(changes, drawn.law, state.law),
         life_scale=np.where(changes, drawn.life_scale, state.life_scale),
         shape=np.where(changes, drawn.shape, state.shape),
+        roughness=np.where(changes, drawn.roughness, state.roughness),
         rate=np.where(changes & ~goes_on, rate, state.rate),
     )
 

@@ -88,7 +88,7 @@ def rate_scale(
 
 
 def noises(
-    law: Numbers, life_scale: Array, hours: Array | float, settings: DegradationSettings
+    law: Numbers, life_scale: Array, roughness: Array, hours: Array | float, settings: DegradationSettings
 ) -> tuple[Array, Array, Array]:
     """Return the variances that process noise adds over `hours`: of the level, of both, of the rate.
 
@@ -98,7 +98,8 @@ def noises(
 
         Q = [[q² h + r² h³/3, r² h²/2], [., r² h]]
 
-    Parameters and shapes as in `transition`.
+    Both ρ and ϱ are those of the settings times the component's `roughness` [-]. Other parameters and shapes
+    as in `transition`.
 
     Returns
     -------
@@ -106,6 +107,6 @@ def noises(
     """
     h = np.asarray(hours, float)
     moving = (law == LINEAR) | (law == EXPONENTIAL) | (law == POWER_LAW)
-    q = np.where(moving, 1.0, settings.quiet**2) * settings.noise**2 / life_scale
-    r = np.where(moving, (settings.rate_noise / life_scale) ** 2 / life_scale, 0.0)
+    q = np.where(moving, 1.0, settings.quiet**2) * (roughness * settings.noise) ** 2 / life_scale
+    r = np.where(moving, (roughness * settings.rate_noise / life_scale) ** 2 / life_scale, 0.0)
     return q * h + r * h**3 / 3, r * h**2 / 2, r * h

@@ -31,6 +31,8 @@ class Hypotheses(NamedTuple):
         Numbers of `LAWS`.
     life_scale, shape
         T [h]; time constant as a share of T, or exponent.
+    roughness
+        Of the process noise, relative to the settings' [-].
     rate, rate_deviation
         Mean and standard deviation of the rate [1/h] when the component is new, or at an onset or change.
     """
@@ -38,6 +40,7 @@ class Hypotheses(NamedTuple):
     law: Numbers
     life_scale: Array
     shape: Array
+    roughness: Array
     rate: Array
     rate_deviation: Array
 
@@ -71,6 +74,7 @@ class Prior:
             law=np.where(is_fleets, self.fleet.law[rows, columns], own.law),
             life_scale=chosen(self.fleet.life_scale, own.life_scale),
             shape=chosen(self.fleet.shape, own.shape),
+            roughness=chosen(self.fleet.roughness, own.roughness),
             rate=chosen(self.fleet.rate, own.rate),
             rate_deviation=chosen(self.fleet.rate_deviation, own.rate_deviation),
         )
@@ -85,13 +89,14 @@ class Prior:
         growth = np.exp(np.log(s.growth[0]) + uniform * np.log(s.growth[1] / s.growth[0]))
         form = np.where(law == EXPONENTIAL, growth, p)
         deviation = rate_scale(law, life_scale, form, age, s)
-        return Hypotheses(law, life_scale, form, np.zeros(shape), deviation)
+        roughness = np.exp(random.uniform(math.log(s.roughness[0]), math.log(s.roughness[1]), shape))
+        return Hypotheses(law, life_scale, form, roughness, np.zeros(shape), deviation)
 
     def after_onset(self, shape: tuple[int, ...], random: np.random.Generator) -> Hypotheses:
         """Return linear hypotheses, each of `shape`, for components whose degradation has just set in."""
         drawn = self.general(shape, np.zeros(shape), random)
         law = np.full(shape, LINEAR, np.int8)
-        return Hypotheses(law, drawn.life_scale, drawn.shape, np.zeros(shape), 1 / drawn.life_scale)
+        return drawn._replace(law=law, rate_deviation=1 / drawn.life_scale)
 
 
 def rate_when_new(hypotheses: Hypotheses, age: Array, settings: DegradationSettings) -> Array:

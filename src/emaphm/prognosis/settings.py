@@ -19,7 +19,8 @@ class DegradationSettings:
     law, from running-in to accelerating wear; `growth` the time constant of the exponential law as a share of
     T. `noise` is the standard deviation by which a level deviates from its law over T, by a Wiener process;
     `quiet` what is left of it where nothing degrades: 0.013 in 1,000 h at most. `rate_noise` is that of the
-    rate, as a share of 1/T. `change_hours` [h] is the mean time after which a
+    rate, as a share of 1/T. All three are multiplied by the component's roughness, drawn from `roughness`
+    with its logarithm uniform: what wears evenly is told from what does not. `change_hours` [h] is the mean time after which a
     component takes up another law: longer than a life, so that it changes few forecasts.
     `new_level` is the standard deviation of a new component's level about the healthy value: what baselines
     of units differ by, and diagnoses of healthy recordings show.
@@ -35,6 +36,7 @@ class DegradationSettings:
     noise: float = 0.03
     quiet: float = 0.2
     rate_noise: float = 0.3
+    roughness: tuple[float, float] = (0.1, 1.5)
     change_hours: float = 20_000.0
     new_level: float = 0.03
     first_hours: float = 1.0
