@@ -20,13 +20,14 @@ class DegradationSettings:
     T. `noise` is the standard deviation by which a level deviates from its law over T, by a Wiener process;
     `quiet` what is left of it where nothing degrades: 0.013 in 1,000 h at most. `rate_noise` is that of the
     rate, as a share of 1/T. All three are multiplied by the component's roughness, drawn from `roughness`
-    with its logarithm uniform: what wears evenly is told from what does not. `change_hours` [h] is the mean time after which a
-    component takes up another law: longer than a life, so that it changes few forecasts.
+    with its logarithm uniform: what wears evenly is told from what does not. `change_hours` [h] is the mean
+    time after which a component takes up another law: longer than most lives, so that it changes few
+    forecasts.
     `new_level` is the standard deviation of a new component's level about the healthy value: what baselines
     of units differ by, and diagnoses of healthy recordings show.
 
     All are chosen, not fitted: no fleet's histories were at hand. `python -m tests.prognosis.calibration`
-    measures the coverage of the intervals on units drawn from this prior.
+    measures predictions with them on synthetic units, whose laws are not drawn from this prior.
     """
 
     laws: tuple[float, ...] = (0.4, 0.2, 0.1, 0.1, 0.2)
