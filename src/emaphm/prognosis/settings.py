@@ -18,7 +18,7 @@ class DegradationSettings:
     hundred hours to one that outlives the aircraft's 60,000 flight hours. `exponent` is that of the power
     law, from running-in to accelerating wear; `growth` the time constant of the exponential law as a share of
     T. `noise` is the standard deviation by which a level deviates from its law over T, by a Wiener process;
-    `quiet` what is left of it where nothing degrades: 0.013 in 1,000 h at most. `rate_noise` is that of the
+    `quiet` what is left of it where nothing degrades: 0.02 in 1,000 h at most. `rate_noise` is that of the
     rate, as a share of 1/T. All three are multiplied by the component's roughness, drawn from `roughness`
     with its logarithm uniform: what wears evenly is told from what does not. `change_hours` [h] is the mean
     time after which a component takes up another law: longer than most lives, so that it changes few
