@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from emaphm.arrays import Array
-from emaphm.prognosis.degradation import Belief, predicted, replaced, systematic, updated
+from emaphm.prognosis.belief import Belief
+from emaphm.prognosis.degradation import predicted, replaced, updated
 from emaphm.prognosis.prior import NEW, Prior
+from emaphm.prognosis.resampling import systematic
 from emaphm.prognosis.settings import LINEAR, DegradationSettings, FilterSettings
 
 ALL_LINEAR = DegradationSettings(

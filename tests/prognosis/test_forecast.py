@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import invgauss, kstest, norm, truncnorm
 
-from emaphm.prognosis.degradation import Belief
+from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.forecast import State, drawn_states, first_passage, paths
 from emaphm.prognosis.laws import noises, transition
 from emaphm.prognosis.prior import NEW, Prior

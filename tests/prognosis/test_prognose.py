@@ -12,7 +12,7 @@ from emaphm.actuator.requirements import Requirement
 from emaphm.arrays import Array
 from emaphm.errors import PrognosisError
 from emaphm.prognosis import Evidence, Observation, Question, fleet_prior, prognose
-from emaphm.prognosis.degradation import Belief
+from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.failure_times import failure_times, responsible
 from emaphm.prognosis.forecast import Paths, drawn_states, paths
 from emaphm.prognosis.metrics import Prediction, probability_integral_transform

@@ -20,122 +20,23 @@ References
     Probability 25 (2015).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from emaphm.arrays import Array
-from emaphm.prognosis.laws import Mask, Numbers, noises, transition
-from emaphm.prognosis.prior import COMPONENTS, NEW, Hypotheses, Prior, is_moving, is_waiting
+from emaphm.prognosis.belief import LEAST_VARIANCE, Belief
+from emaphm.prognosis.laws import Mask, noises, transition
+from emaphm.prognosis.prior import COMPONENTS, NEW, Hypotheses, is_moving, is_waiting
+from emaphm.prognosis.resampling import drawn_rows, recombined
 from emaphm.prognosis.settings import EXPONENTIAL, FILTER, POWER_LAW, FilterSettings
 from emaphm.random_streams import stream
-
-ROUNDING = 1e-9
-"""Share of a rate's variance below which what the level leaves of it is a rounding error."""
-
 
 LARGEST_LEVEL = 3.0
 """Mean and standard deviation of a level that are told apart from larger ones: levels are in [-1, 1]."""
 
 LARGEST_RATE = 0.05
 """Of a rate [1/h]: a component that is worn out within a day."""
-
-LEAST_VARIANCE = 1e-12
-"""Of a level: what rounding may leave of it is no smaller, nor negative."""
-
-
-@dataclass(frozen=True, eq=False)
-class Belief:
-    """What is believed of a unit at flight `hours` [h]: n particles of 8 components (`CARTESIAN_NAMES`).
-
-    Attributes
-    ----------
-    born
-        Flight hours [h] at which each component was new, shape (8,).
-    law, life_scale, shape, roughness
-        Of each particle and component, (n, 8): as in `Hypotheses`.
-    level, rate
-        Means of the Kalman filters, (n, 8); [-], [1/h].
-    levels, mixed, rates
-        Their covariances, (n, 8, 8): of the levels; of levels (rows) and rates (columns); of the rates.
-    log_weights
-        Natural logarithms of the particles' weights for each component, (n, 8); the exponentials of a column
-        sum to 1.
-    seed, steps
-        Source of all randomness, and how many steps have drawn from it.
-    """
-
-    hours: float
-    born: Array
-    law: Numbers
-    life_scale: Array
-    shape: Array
-    roughness: Array
-    level: Array
-    rate: Array
-    levels: Array
-    mixed: Array
-    rates: Array
-    log_weights: Array
-    prior: Prior
-    seed: int
-    steps: int = 0
-
-    @classmethod
-    def new(cls, prior: Prior, *, seed: int = 0, settings: FilterSettings = FILTER) -> "Belief":
-        """Return what is believed of a new unit, at 0 h."""
-        n = settings.particles
-        drawn = prior.draw(n, stream(seed, "degradation", "new"))
-        zero = np.zeros((n, COMPONENTS, COMPONENTS))
-        return cls(
-            hours=0.0,
-            born=np.zeros(COMPONENTS),
-            law=drawn.law,
-            life_scale=drawn.life_scale,
-            shape=drawn.shape,
-            roughness=drawn.roughness,
-            level=np.tile(NEW, (n, 1)),
-            rate=drawn.rate,
-            levels=zero + prior.settings.new_level**2 * np.eye(COMPONENTS),
-            mixed=zero,
-            rates=drawn.rate_deviation[:, :, np.newaxis] ** 2 * np.eye(COMPONENTS),
-            log_weights=np.full((n, COMPONENTS), -np.log(n)),
-            prior=prior,
-            seed=seed,
-        )
-
-    @property
-    def weights(self) -> Array:
-        """Weights of the particles for each component, (n, 8); columns sum to 1."""
-        return np.asarray(np.exp(self.log_weights))
-
-    @property
-    def effective_number(self) -> Array:
-        """1 / Σ w² of each component, (8,), between 1 and n."""
-        return np.asarray(1 / np.sum(self.weights**2, axis=0))
-
-    @property
-    def mean_level(self) -> Array:
-        """Mean level of each component, (8,)."""
-        return np.asarray(np.sum(self.weights * self.level, axis=0))
-
-    @property
-    def mean_rate(self) -> Array:
-        """Mean rate of each component [1/h], (8,)."""
-        return np.asarray(np.sum(self.weights * self.rate, axis=0))
-
-    def hypotheses(self) -> Hypotheses:
-        """Return the particles' hypotheses, with the present rates, each array (n, 8)."""
-        deviation = np.sqrt(np.maximum(np.einsum("nii->ni", self.rates), 0.0))
-        return Hypotheses(self.law, self.life_scale, self.shape, self.roughness, self.rate, deviation)
-
-    def law_probabilities(self) -> Array:
-        """Return the probability of each law for each component, (8, laws)."""
-        count = len(self.prior.settings.laws)
-        return np.stack(
-            [(self.weights * (self.law == number)).sum(axis=0) for number in range(count)], axis=1
-        )
 
 
 def predicted(belief: Belief, hours: float) -> Belief:
@@ -329,70 +230,3 @@ def _resampled(belief: Belief, few: Mask, settings: FilterSettings) -> Belief:
         roughness=np.clip(after.roughness * factors[2], *s.roughness),
         log_weights=np.where(few, -np.log(n), belief.log_weights),
     )
-
-
-def drawn_rows(belief: Belief, count: int, random: np.random.Generator) -> NDArray[np.intp]:
-    """Return rows of the particles for each component, (count, 8), drawn by its weights, in any order."""
-    columns = [random.permutation(systematic(one, count, random)) for one in belief.weights.T]
-    return np.stack(columns, axis=1)
-
-
-def recombined(belief: Belief, rows: NDArray[np.intp]) -> Belief:
-    """Return the belief with component c of particle i taken from particle `rows`[i, c], equally weighted.
-
-    A component brings the means and the covariance of its level and rate. How components are correlated is
-    that of all particles, by their weights: covariances are averaged between x/σ_x and the part of v that x
-    does not say, (v - k x)/σ_v|x, k = cov(v, x)/σ_x², so that the new ones are positive definite too.
-    """
-    a, k, s = _own(belief)
-    inverse_a, inverse_s = 1 / a, np.divide(1.0, s, out=np.zeros_like(s), where=s > 0)
-    w = belief.weights.mean(axis=1)
-    k_rows, k_columns = k[:, :, np.newaxis], k[:, np.newaxis, :]
-    back = np.swapaxes(belief.mixed, 1, 2)
-    of_v = belief.rates - k_rows * belief.mixed - back * k_columns + k_rows * k_columns * belief.levels
-    levels = _mean_product(w, belief.levels, inverse_a, inverse_a)
-    mixed = _mean_product(w, belief.mixed - belief.levels * k_columns, inverse_a, inverse_s)
-    rates = _mean_product(w, of_v, inverse_s, inverse_s)
-    np.fill_diagonal(levels, 1.0)
-    np.fill_diagonal(mixed, 0.0)
-    np.fill_diagonal(rates, 1.0)
-    columns = np.arange(COMPONENTS)
-    a, k, s = a[rows, columns], k[rows, columns], s[rows, columns]
-    k_rows, k_columns = k[:, :, np.newaxis], k[:, np.newaxis, :]
-    new_levels = levels * a[:, :, np.newaxis] * a[:, np.newaxis, :]
-    new_mixed = mixed * a[:, :, np.newaxis] * s[:, np.newaxis, :] + new_levels * k_columns
-    new_rates = rates * s[:, :, np.newaxis] * s[:, np.newaxis, :] + k_rows * new_mixed
-    new_rates += np.swapaxes(new_mixed, 1, 2) * k_columns - k_rows * k_columns * new_levels
-    return replace(
-        belief,
-        law=belief.law[rows, columns],
-        life_scale=belief.life_scale[rows, columns],
-        shape=belief.shape[rows, columns],
-        roughness=belief.roughness[rows, columns],
-        level=belief.level[rows, columns],
-        rate=belief.rate[rows, columns],
-        levels=new_levels,
-        mixed=new_mixed,
-        rates=new_rates,
-        log_weights=np.full(rows.shape, -np.log(len(rows))),
-    )
-
-
-def _own(belief: Belief) -> tuple[Array, Array, Array]:
-    """Return σ_x, k and σ_v|x of each particle's components, (n, 8) each, as in `recombined`."""
-    variance = np.maximum(np.einsum("nii->ni", belief.levels), LEAST_VARIANCE)
-    k = np.einsum("nii->ni", belief.mixed) / variance
-    of_rate = np.einsum("nii->ni", belief.rates)
-    rest = of_rate - k**2 * variance
-    return np.sqrt(variance), k, np.sqrt(np.where(rest > ROUNDING * of_rate, rest, 0.0))
-
-
-def _mean_product(weights: Array, values: Array, left: Array, right: Array) -> Array:
-    """Return the weighted mean of diag(left) values diag(right), (8, 8)."""
-    return np.asarray(np.einsum("n,nij,ni,nj->ij", weights, values, left, right, optimize=True))
-
-
-def systematic(weights: Array, count: int, random: np.random.Generator) -> NDArray[np.intp]:
-    """Return `count` indices of `weights` (n,), each as often as its weight asks, to one more or less."""
-    places = (np.arange(count) + random.random()) / count * np.sum(weights)
-    return np.minimum(np.searchsorted(np.cumsum(weights), places), len(weights) - 1)

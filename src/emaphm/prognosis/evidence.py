@@ -8,7 +8,8 @@ import numpy as np
 from emaphm.actuator.faults import CARTESIAN_NAMES
 from emaphm.arrays import Array
 from emaphm.errors import PrognosisError
-from emaphm.prognosis.degradation import Belief, predicted, replaced, updated
+from emaphm.prognosis.belief import Belief
+from emaphm.prognosis.degradation import predicted, replaced, updated
 from emaphm.prognosis.laws import Mask
 from emaphm.prognosis.prior import COMPONENTS, Prior
 from emaphm.prognosis.settings import FILTER, FilterSettings

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from emaphm.prognosis.degradation import drawn_rows, recombined
 from emaphm.prognosis.evidence import Evidence, follow
 from emaphm.prognosis.prior import COMPONENTS, Hypotheses, Prior, is_moving, rate_when_new
+from emaphm.prognosis.resampling import drawn_rows, recombined
 from emaphm.prognosis.settings import FILTER
 from emaphm.random_streams import stream
 

@@ -5,9 +5,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.prognosis.degradation import LARGEST_RATE, Belief, drawn_rows, recombined, systematic
+from emaphm.prognosis.belief import Belief
+from emaphm.prognosis.degradation import LARGEST_RATE
 from emaphm.prognosis.laws import Numbers, noises, transition
 from emaphm.prognosis.prior import COMPONENTS, Prior, is_moving, is_waiting
+from emaphm.prognosis.resampling import drawn_rows, recombined, systematic
 from emaphm.prognosis.settings import FORECAST, ForecastSettings
 from emaphm.random_streams import stream
 

@@ -9,7 +9,7 @@ from emaphm.actuator import Actuator
 from emaphm.actuator.faults import CARTESIAN_NAMES
 from emaphm.errors import PrognosisError
 from emaphm.prognosis.advice import Costs, advice
-from emaphm.prognosis.degradation import Belief
+from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.evidence import Evidence, follow
 from emaphm.prognosis.failure_times import FailureTimes, failure_times, responsible
 from emaphm.prognosis.forecast import Paths, drawn_states, paths

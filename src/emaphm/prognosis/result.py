@@ -9,7 +9,7 @@ import numpy as np
 from emaphm.actuator import NAMES, Actuator
 from emaphm.arrays import Array
 from emaphm.prognosis.advice import Advice
-from emaphm.prognosis.degradation import Belief
+from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.evidence import Evidence
 from emaphm.prognosis.failure_times import FailureTimes
 from emaphm.prognosis.forecast import Paths
