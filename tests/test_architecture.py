@@ -21,7 +21,7 @@ ORDER = (
     ("diagnosis",),
     ("calibration", "experiment"),
     ("detection", "history"),
-    ("fleet",),
+    ("fleet", "prognosis"),
     ("study",),
     ("plotting",),
     ("report",),

@@ -40,6 +40,10 @@ class HistoryError(EmaphmError):
     """A history cannot be opened, read or written, or what is to be added contradicts what it holds."""
 
 
+class PrognosisError(EmaphmError):
+    """Nothing can be predicted from what is given, or what a prediction is asked for is impossible."""
+
+
 class StudyError(EmaphmError):
     """A study's plan asks for what cannot be, its folder cannot be used, or some of its runs failed."""
 

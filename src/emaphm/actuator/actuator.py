@@ -20,6 +20,7 @@ from emaphm.actuator.parameters import (
     Section,
 )
 from emaphm.actuator.reading import Reading
+from emaphm.actuator.requirements import MOST_REQUIREMENTS, Requirement
 from emaphm.actuator.sensors import Sensors
 from emaphm.actuator.toml import validation_message, write_toml
 from emaphm.errors import ActuatorError
@@ -61,6 +62,9 @@ class Actuator(Section):
     sensors: Sensors = Sensors()
     baseline: Baseline | None = None
     model_error: ModelError = NOT_LEARNED
+    requirements: tuple[Requirement, ...] = Field(
+        default=(), strict=False, max_length=MOST_REQUIREMENTS, description="what the actuator must do"
+    )
 
     @model_validator(mode="after")
     def _drive_with_what_it_needs(self) -> Self:

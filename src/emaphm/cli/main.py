@@ -11,6 +11,8 @@ from emaphm.cli import detect, history, study, verbs
 from emaphm.cli.calibrate import calibrate
 from emaphm.cli.design import design
 from emaphm.cli.entry import INTERRUPTED
+from emaphm.cli.limits import limits
+from emaphm.cli.prognose import prognose
 from emaphm.cli.segment import segment
 from emaphm.cli.split import split
 from emaphm.errors import EmaphmError
@@ -50,6 +52,8 @@ VERBS = (
     design,
     segment,
     split,
+    limits,
+    prognose,
 )
 for verb in VERBS:
     app.command(verb)

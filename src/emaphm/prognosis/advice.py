@@ -1,0 +1,125 @@
+"""What to do with a unit, given the distribution of its remaining useful life, and the risk of it."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from emaphm.arrays import Array
+from emaphm.errors import PrognosisError
+
+WIDE = 3.0
+"""Ratio of the RUL's median to the hours that the risk allows, from which an inspection is worth more than a
+replacement: most of the life would be thrown away for want of knowledge."""
+
+
+@dataclass(frozen=True)
+class Costs:
+    """Of a failure with its consequences, and of a planned replacement; any currency, above 0.
+
+    Raises
+    ------
+    PrognosisError
+        A cost is not above 0, or a failure costs no more than a replacement.
+    """
+
+    failure: float
+    replacement: float
+
+    def __post_init__(self) -> None:
+        for name, cost in (("failure", self.failure), ("replacement", self.replacement)):
+            if not 0 < cost < math.inf:
+                raise PrognosisError(f"the cost of a {name}, {cost:g}, is no cost; give a number above 0")
+        if self.failure <= self.replacement:
+            raise PrognosisError(
+                f"a failure for {self.failure:g} is no dearer than a replacement for {self.replacement:g}: "
+                "nothing is gained by replacing before it; give the cost of a failure with its consequences"
+            )
+
+
+@dataclass(frozen=True)
+class Advice:
+    """One of "fly on", "inspect by", "replace before", in how many hours [h], and the risk until then.
+
+    `risk` is the probability of failure within these hours.
+    """
+
+    action: str
+    hours: float
+    risk: float
+    reason: str
+
+    def to_dict(self, now: float) -> dict[str, Any]:
+        """Return the advice as JSON, `now` being the unit's flight hours [h]."""
+        return {
+            "action": self.action,
+            "in_hours": self.hours,
+            "at_hours": now + self.hours,
+            "risk": self.risk,
+            "reason": self.reason,
+        }
+
+
+def advice(
+    sample: Array, horizon: float, *, risk: float, age: float = 0.0, costs: Costs | None = None
+) -> Advice:
+    """Return what to do.
+
+    Without costs, a unit flies as long as its probability of failure is at most `risk`. With costs it flies
+    as long as that is cheapest by the hour (age replacement [1]): until the t that minimises
+
+        (c_r (1 - F(t)) + c_f F(t)) / (a + E[min(RUL, t)]).
+
+    Parameters
+    ----------
+    sample
+        Of the RUL [h], (n,), `inf` for no failure in sight.
+    horizon
+        How far is planned [h].
+    risk
+        Largest accepted probability of failure.
+    age
+        a, hours that the unit has flown for its last replacement [h].
+
+    References
+    ----------
+    [1] Barlow, Hunter: Optimum preventive maintenance policies, Operations Research 8 (1960).
+    """
+    ordered = np.sort(np.asarray(sample, float))
+    within = float(np.mean(ordered <= horizon))
+    if ordered[int(0.5 * (ordered.size - 1))] == 0:
+        return Advice("replace before", 0.0, 1.0, "a requirement is violated already")
+    limit, why = _until(ordered, risk, age, costs)
+    if limit >= horizon:
+        return Advice("fly on", horizon, within, f"{why} beyond the horizon")
+    limit = max(limit, 0.0)
+    until = float(np.mean(ordered <= limit))
+    median = float(ordered[(ordered.size - 1) // 2])
+    if median > WIDE * limit:
+        return Advice(
+            "inspect by",
+            limit,
+            until,
+            f"{why} then, though the unit may well last longer: another diagnosis will tell",
+        )
+    return Advice("replace before", limit, until, f"{why} then")
+
+
+def _until(ordered: Array, risk: float, age: float, costs: Costs | None) -> tuple[float, str]:
+    """Return how long to fly [h], and what happens then."""
+    if costs is None:
+        allowed = math.floor(risk * ordered.size + 1e-9)
+        return float(ordered[min(allowed, ordered.size - 1)]), f"the risk exceeds {100 * risk:g} %"
+    ends = np.unique(ordered[np.isfinite(ordered)])
+    if not ends.size:
+        return math.inf, "a replacement is cheaper"
+    # Just before a failure of the sample: between two of them, flying on only adds hours.
+    failed = np.searchsorted(ordered, ends, "left") / ordered.size
+    flown = np.array([np.minimum(ordered, end).mean() for end in ends])
+    rates = (costs.replacement * (1 - failed) + costs.failure * failed) / (age + flown + 1e-9)
+    best = int(np.argmin(rates))
+    never = costs.failure * np.isfinite(ordered).mean() / (age + np.minimum(ordered, ends[-1]).mean() + 1e-9)
+    if never <= rates[best]:
+        return math.inf, "a replacement is cheaper"
+    return float(ends[best]), "a replacement is cheaper"

@@ -1,0 +1,107 @@
+"""What is believed of the degradation of a unit: particles, each with a Kalman filter."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from emaphm.arrays import Array
+from emaphm.prognosis.laws import Numbers
+from emaphm.prognosis.prior import COMPONENTS, NEW, Hypotheses, Prior
+from emaphm.prognosis.settings import FILTER, FilterSettings
+from emaphm.random_streams import stream
+
+LEAST_VARIANCE = 1e-12
+"""Of a level: what rounding may leave of it is no smaller, nor negative."""
+
+
+@dataclass(frozen=True, eq=False)
+class Belief:
+    """What is believed of a unit at flight `hours` [h]: n particles of 8 components (`CARTESIAN_NAMES`).
+
+    Attributes
+    ----------
+    born
+        Flight hours [h] at which each component was new, shape (8,).
+    law, life_scale, shape, roughness
+        Of each particle and component, (n, 8): as in `Hypotheses`.
+    level, rate
+        Means of the Kalman filters, (n, 8); [-], [1/h].
+    levels, mixed, rates
+        Their covariances, (n, 8, 8): of the levels; of levels (rows) and rates (columns); of the rates.
+    log_weights
+        Natural logarithms of the particles' weights for each component, (n, 8); the exponentials of a column
+        sum to 1.
+    seed, steps
+        Source of all randomness, and how many steps have drawn from it.
+    """
+
+    hours: float
+    born: Array
+    law: Numbers
+    life_scale: Array
+    shape: Array
+    roughness: Array
+    level: Array
+    rate: Array
+    levels: Array
+    mixed: Array
+    rates: Array
+    log_weights: Array
+    prior: Prior
+    seed: int
+    steps: int = 0
+
+    @classmethod
+    def new(cls, prior: Prior, *, seed: int = 0, settings: FilterSettings = FILTER) -> "Belief":
+        """Return what is believed of a new unit, at 0 h."""
+        n = settings.particles
+        drawn = prior.draw(n, stream(seed, "degradation", "new"))
+        zero = np.zeros((n, COMPONENTS, COMPONENTS))
+        return cls(
+            hours=0.0,
+            born=np.zeros(COMPONENTS),
+            law=drawn.law,
+            life_scale=drawn.life_scale,
+            shape=drawn.shape,
+            roughness=drawn.roughness,
+            level=np.tile(NEW, (n, 1)),
+            rate=drawn.rate,
+            levels=zero + prior.settings.new_level**2 * np.eye(COMPONENTS),
+            mixed=zero,
+            rates=drawn.rate_deviation[:, :, np.newaxis] ** 2 * np.eye(COMPONENTS),
+            log_weights=np.full((n, COMPONENTS), -np.log(n)),
+            prior=prior,
+            seed=seed,
+        )
+
+    @property
+    def weights(self) -> Array:
+        """Weights of the particles for each component, (n, 8); columns sum to 1."""
+        return np.asarray(np.exp(self.log_weights))
+
+    @property
+    def effective_number(self) -> Array:
+        """1 / Σ w² of each component, (8,), between 1 and n."""
+        return np.asarray(1 / np.sum(self.weights**2, axis=0))
+
+    @property
+    def mean_level(self) -> Array:
+        """Mean level of each component, (8,)."""
+        return np.asarray(np.sum(self.weights * self.level, axis=0))
+
+    @property
+    def mean_rate(self) -> Array:
+        """Mean rate of each component [1/h], (8,)."""
+        return np.asarray(np.sum(self.weights * self.rate, axis=0))
+
+    def hypotheses(self) -> Hypotheses:
+        """Return the particles' hypotheses, with the present rates, each array (n, 8)."""
+        deviation = np.sqrt(np.maximum(np.einsum("nii->ni", self.rates), 0.0))
+        return Hypotheses(self.law, self.life_scale, self.shape, self.roughness, self.rate, deviation)
+
+    def law_probabilities(self) -> Array:
+        """Return the probability of each law for each component, (8, laws)."""
+        count = len(self.prior.settings.laws)
+        return np.stack(
+            [(self.weights * (self.law == number)).sum(axis=0) for number in range(count)], axis=1
+        )

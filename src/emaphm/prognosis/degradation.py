@@ -1,0 +1,232 @@
+"""Degradation of a unit's components from its diagnoses: a Rao-Blackwellised particle filter.
+
+A particle holds a law with its parameters for each component, and one Kalman filter for the levels and rates
+of all components together: given the laws they are linear-Gaussian, and so is a diagnosis, whose full
+covariance is taken. All particles' filters advance together, as arrays.
+
+Each component has weights of its own, from the likelihood of its own estimate, and is resampled on its own: a
+block particle filter [3]. A whole unit's particle would have to be right in eight laws at once, which needs
+many times as many. This is exact where the estimates of a diagnosis are uncorrelated. Where they are
+correlated, levels and rates take all of the covariance, and only the choice between laws does without what
+the others' errors say.
+
+References
+----------
+[1] Doucet, de Freitas, Murphy, Russell: Rao-Blackwellised particle filtering for dynamic Bayesian networks,
+    Conference on Uncertainty in Artificial Intelligence (2000).
+[2] Liu, West: Combined parameter and state estimation in simulation-based filtering, in: Sequential Monte
+    Carlo Methods in Practice (2001).
+[3] Rebeschini, van Handel: Can local particle filters beat the curse of dimensionality?, Annals of Applied
+    Probability 25 (2015).
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from emaphm.arrays import Array
+from emaphm.prognosis.belief import LEAST_VARIANCE, Belief
+from emaphm.prognosis.laws import Mask, noises, transition
+from emaphm.prognosis.prior import COMPONENTS, NEW, Hypotheses, is_moving, is_waiting
+from emaphm.prognosis.resampling import drawn_rows, recombined
+from emaphm.prognosis.settings import EXPONENTIAL, FILTER, POWER_LAW, FilterSettings
+from emaphm.random_streams import stream
+
+LARGEST_LEVEL = 3.0
+"""Mean and standard deviation of a level that are told apart from larger ones: levels are in [-1, 1]."""
+
+LARGEST_RATE = 0.05
+"""Of a rate [1/h]: a component that is worn out within a day."""
+
+
+def predicted(belief: Belief, hours: float) -> Belief:
+    """Return the belief at later flight `hours` [h]: onsets and changes of law are drawn, the rest follows.
+
+    A component of sudden onset sets in with probability 1 - exp(-h/T) in h hours, at a moment of which each
+    is equally likely; any component takes up another law with probability 1 - exp(-h/`change_hours`).
+    """
+    step = hours - belief.hours
+    if step <= 0:
+        return belief
+    belief = _changed(belief, step)
+    random = stream(belief.seed, "degradation", belief.steps, "onset")
+    s = belief.prior.settings
+    sets_in = is_waiting(belief.law) & (
+        random.random(belief.law.shape) < -np.expm1(-step / belief.life_scale)
+    )
+    reach, growth = transition(
+        belief.law, belief.life_scale, belief.shape, belief.hours - belief.born, step, s
+    )
+    reach = np.where(is_waiting(belief.law), 0.0, reach)
+    if sets_in.any():
+        belief = _with_hypotheses(belief, sets_in, belief.prior.after_onset(belief.law.shape, random))
+        reach = np.where(sets_in, step * random.random(reach.shape), reach)
+    # x⁺ = x + d v, v⁺ = g v: F = [[I, diag d], [0, diag g]], so that P⁺ = F P Fᵀ + Q needs no matrix product.
+    across = belief.mixed * reach[:, np.newaxis, :]
+    levels = belief.levels + across + np.swapaxes(across, 1, 2)
+    levels += belief.rates * reach[:, :, np.newaxis] * reach[:, np.newaxis, :]
+    mixed = (belief.mixed + belief.rates * reach[:, :, np.newaxis]) * growth[:, np.newaxis, :]
+    rates = belief.rates * growth[:, :, np.newaxis] * growth[:, np.newaxis, :]
+    for part, variance in zip(
+        (levels, mixed, rates), noises(belief.law, belief.life_scale, belief.roughness, step, s), strict=True
+    ):
+        np.einsum("nii->ni", part)[...] += variance
+    after = replace(
+        belief,
+        hours=hours,
+        level=np.clip(belief.level + reach * belief.rate, -LARGEST_LEVEL, LARGEST_LEVEL),
+        rate=np.clip(growth * belief.rate, -LARGEST_RATE, LARGEST_RATE),
+        levels=levels,
+        mixed=mixed,
+        rates=rates,
+        steps=belief.steps + 1,
+    )
+    return _limited(after)
+
+
+def updated(belief: Belief, estimate: Array, covariance: Array, settings: FilterSettings = FILTER) -> Belief:
+    """Return the belief after a diagnosis at its hours; a component that few particles carry is resampled.
+
+    Parameters
+    ----------
+    estimate, covariance
+        Of the levels, (8,) and (8, 8), in the coordinates `CARTESIAN_NAMES`. A component that was not seen
+        has a very large variance.
+    """
+    innovation = estimate - belief.level
+    total = belief.levels + covariance
+    variance = np.einsum("nii->ni", total)
+    sides = np.concatenate([innovation[:, :, np.newaxis], belief.levels, belief.mixed], axis=2)
+    solved = np.linalg.solve(total, sides)
+    seen, of_levels, of_mixed = (
+        solved[:, :, :1],
+        solved[:, :, 1 : 1 + COMPONENTS],
+        solved[:, :, 1 + COMPONENTS :],
+    )
+    to_rates = np.swapaxes(belief.mixed, 1, 2)
+    levels = belief.levels - belief.levels @ of_levels
+    rates = belief.rates - to_rates @ of_mixed
+    for part, least in ((levels, LEAST_VARIANCE), (rates, 0.0)):
+        diagonal = np.einsum("nii->ni", part)
+        diagonal[...] = np.maximum(diagonal, least)
+    log_weights = belief.log_weights - 0.5 * (innovation**2 / variance + np.log(variance))
+    log_weights -= log_weights.max(axis=0)
+    log_weights -= np.log(np.exp(log_weights).sum(axis=0))
+    after = replace(
+        belief,
+        level=belief.level + (belief.levels @ seen)[:, :, 0],
+        rate=belief.rate + (to_rates @ seen)[:, :, 0],
+        # Kept symmetric: what rounding leaves would grow with the rates of an exponential law.
+        levels=(levels + np.swapaxes(levels, 1, 2)) / 2,
+        mixed=belief.mixed - belief.levels @ of_mixed,
+        rates=(rates + np.swapaxes(rates, 1, 2)) / 2,
+        log_weights=log_weights,
+        steps=belief.steps + 1,
+    )
+    few = after.effective_number < settings.effective_share * len(log_weights)
+    return _resampled(after, few, settings) if few.any() else after
+
+
+def replaced(belief: Belief, components: Mask) -> Belief:
+    """Return the belief after the replacement of `components`, (8,) of True and False, at its hours."""
+    n = len(belief.law)
+    random = stream(belief.seed, "degradation", belief.steps, "replacement")
+    where = np.broadcast_to(components, (n, COMPONENTS))
+    after = _with_hypotheses(belief, where, belief.prior.draw(n, random))
+    levels, mixed = after.levels.copy(), after.mixed.copy()
+    levels[:, components, :] = levels[:, :, components] = 0.0
+    mixed[:, components, :] = 0.0
+    own = np.flatnonzero(components)
+    levels[:, own, own] = belief.prior.settings.new_level**2
+    return replace(
+        after,
+        born=np.where(components, belief.hours, belief.born),
+        level=np.where(components, NEW, belief.level),
+        levels=levels,
+        mixed=mixed,
+        steps=belief.steps + 1,
+    )
+
+
+def _limited(belief: Belief) -> Belief:
+    """Return the belief with no standard deviation above `LARGEST_LEVEL` or `LARGEST_RATE`.
+
+    What grows exponentially over a long gap between diagnoses would else leave the range in which the next
+    update is computed without loss of digits.
+    """
+    of_level = np.sqrt(np.einsum("nii->ni", belief.levels))
+    of_rate = np.sqrt(np.einsum("nii->ni", belief.rates))
+    if of_level.max() <= LARGEST_LEVEL and of_rate.max() <= LARGEST_RATE:
+        return belief
+    a, s = (
+        LARGEST_LEVEL / np.maximum(of_level, LARGEST_LEVEL),
+        LARGEST_RATE / np.maximum(of_rate, LARGEST_RATE),
+    )
+    return replace(
+        belief,
+        levels=belief.levels * a[:, :, np.newaxis] * a[:, np.newaxis, :],
+        mixed=belief.mixed * a[:, :, np.newaxis] * s[:, np.newaxis, :],
+        rates=belief.rates * s[:, :, np.newaxis] * s[:, np.newaxis, :],
+    )
+
+
+def _changed(belief: Belief, step: float) -> Belief:
+    """Return the belief with the laws that change within `step` [h] drawn anew.
+
+    What moves on keeps its rate, since only the law is another; what begins to move has a new one.
+    """
+    random = stream(belief.seed, "degradation", belief.steps, "change")
+    s = belief.prior.settings
+    changes = random.random(belief.law.shape) < -np.expm1(-step / s.change_hours)
+    if not changes.any():
+        return belief
+    age = np.broadcast_to(belief.hours - belief.born, belief.law.shape)
+    drawn = belief.prior.general(belief.law.shape, age, random)
+    goes_on = changes & is_moving(belief.law) & is_moving(drawn.law)
+    after = _with_hypotheses(belief, changes & ~goes_on, drawn)
+    return replace(
+        after,
+        law=np.where(goes_on, drawn.law, after.law),
+        life_scale=np.where(goes_on, drawn.life_scale, after.life_scale),
+        shape=np.where(goes_on, drawn.shape, after.shape),
+        roughness=np.where(goes_on, drawn.roughness, after.roughness),
+    )
+
+
+def _with_hypotheses(belief: Belief, where: Mask, drawn: Hypotheses) -> Belief:
+    """Return the belief with other hypotheses and rates `where` (n, 8) is True."""
+    mixed, rates = belief.mixed.copy(), belief.rates.copy()
+    mixed[np.broadcast_to(where[:, np.newaxis, :], mixed.shape)] = 0.0
+    rates[where[:, np.newaxis, :] | where[:, :, np.newaxis]] = 0.0
+    np.einsum("nii->ni", rates)[where] = drawn.rate_deviation[where] ** 2
+    return replace(
+        belief,
+        law=np.where(where, drawn.law, belief.law),
+        life_scale=np.where(where, drawn.life_scale, belief.life_scale),
+        shape=np.where(where, drawn.shape, belief.shape),
+        roughness=np.where(where, drawn.roughness, belief.roughness),
+        rate=np.where(where, drawn.rate, belief.rate),
+        mixed=mixed,
+        rates=rates,
+    )
+
+
+def _resampled(belief: Belief, few: Mask, settings: FilterSettings) -> Belief:
+    """Return a belief whose components `few` (8,) are resampled, and their copies differ a little."""
+    random = stream(belief.seed, "degradation", belief.steps, "resampling")
+    n = len(belief.law)
+    rows = drawn_rows(belief, n, random)
+    rows[:, ~few] = np.arange(n)[:, np.newaxis]
+    after = recombined(belief, rows)
+    s = belief.prior.settings
+    factors = np.where(few, np.exp(settings.jitter * random.standard_normal((3, n, COMPONENTS))), 1.0)
+    shape = after.shape * factors[1]
+    shape = np.where(after.law == EXPONENTIAL, np.clip(shape, *s.growth), shape)
+    shape = np.where(after.law == POWER_LAW, np.clip(shape, *s.exponent), shape)
+    return replace(
+        after,
+        life_scale=np.clip(after.life_scale * factors[0], *s.life_scale),
+        shape=shape,
+        roughness=np.clip(after.roughness * factors[2], *s.roughness),
+        log_weights=np.where(few, -np.log(n), belief.log_weights),
+    )

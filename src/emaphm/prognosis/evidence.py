@@ -1,0 +1,153 @@
+"""What a history says of a unit's degradation, and the filter's way through it."""
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from emaphm.actuator.faults import CARTESIAN_NAMES
+from emaphm.arrays import Array
+from emaphm.errors import PrognosisError
+from emaphm.prognosis.belief import Belief
+from emaphm.prognosis.degradation import predicted, replaced, updated
+from emaphm.prognosis.laws import Mask
+from emaphm.prognosis.prior import COMPONENTS, Prior
+from emaphm.prognosis.settings import FILTER, FilterSettings
+
+if TYPE_CHECKING:
+    from emaphm.history import Unit
+
+UNSEEN_VARIANCE = 1e6
+"""Of a level that a diagnosis could not see: such an observation says nothing."""
+
+LEAST_ERROR = 1e-3
+"""Standard error that a level has at least: a diagnosis without noise would leave its covariance singular."""
+
+WHOLE_UNIT = "unit"
+"""The component of a replacement of all of them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """A diagnosis at flight `hours` [h]: levels (8,), covariance (8, 8), which components it saw (8,).
+
+    In the coordinates `CARTESIAN_NAMES`. One that is not `explained` is shown and not used.
+    """
+
+    hours: float
+    level: Array
+    covariance: Array
+    seen: Mask
+    explained: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What is known of a unit: its flight hours now [h], its observations by hours, its replacements.
+
+    `replacements` are pairs of hours [h] and component, "unit" standing for all of them.
+    """
+
+    unit: str
+    part_number: str
+    hours: float
+    observations: tuple[Observation, ...] = ()
+    replacements: tuple[tuple[float, str], ...] = ()
+
+    @classmethod
+    def of(cls, unit: "Unit") -> "Evidence":
+        """Return what a history says of `unit`; `HistoryError` where its database fails."""
+        observations = tuple(
+            Observation(
+                one.hours,
+                one.cartesian,
+                one.cartesian_covariance,
+                np.array([name in one.coordinates for name in CARTESIAN_NAMES]),
+                one.explained,
+            )
+            for one in unit.diagnoses()
+        )
+        replacements = tuple((one.hours, one.component) for one in unit.replacements())
+        known = [
+            *(one.hours for one in unit.flights()),
+            *(one.hours for one in unit.removals()),
+            *(hours for hours, _ in replacements),
+        ]
+        hours = max(known, default=0.0)
+        return cls(unit.serial_number, unit.part_number, hours, observations, replacements)
+
+    @property
+    def used(self) -> tuple[Observation, ...]:
+        """The observations that the model explains."""
+        return tuple(one for one in self.observations if one.explained)
+
+    @property
+    def seen(self) -> Mask:
+        """Which components any used observation has seen, (8,) of True and False."""
+        if not self.used:
+            return np.ones(COMPONENTS, bool)
+        return np.asarray(np.any([one.seen for one in self.used], axis=0))
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """The belief now, and those at the hours of the observations that were used."""
+
+    belief: Belief
+    past: tuple[Belief, ...] = field(repr=False)
+
+
+def follow(evidence: Evidence, prior: Prior, *, seed: int = 0, settings: FilterSettings = FILTER) -> Followed:
+    """Return what is believed of a unit after its observations and replacements, by hours.
+
+    A replacement at the hours of an observation comes after it.
+
+    Raises
+    ------
+    PrognosisError
+        An observation is not finite, its hours are below 0, or its covariance is not positive definite.
+    """
+    belief, past = Belief.new(prior, seed=seed, settings=settings), []
+    events: list[tuple[float, int, Observation | str]] = [
+        *((one.hours, 0, one) for one in evidence.used),
+        *((hours, 1, component) for hours, component in evidence.replacements),
+    ]
+    for hours, _, event in sorted(events, key=lambda one: one[:2]):
+        belief = predicted(belief, hours)
+        if isinstance(event, str):
+            belief = replaced(belief, _which(event))
+            continue
+        try:
+            belief = updated(belief, event.level, _usable(evidence.unit, event), settings)
+        except np.linalg.LinAlgError:
+            raise PrognosisError(
+                f"unit '{evidence.unit}': the covariance of the diagnosis at {hours:g} h is not positive "
+                "definite; diagnose its recording again"
+            ) from None
+        past.append(belief)
+    return Followed(predicted(belief, evidence.hours), tuple(past))
+
+
+def _which(component: str) -> Mask:
+    """Return which coordinates a component has, (8,) of True and False."""
+    if component == WHOLE_UNIT:
+        return np.ones(COMPONENTS, bool)
+    return np.array([name.startswith(component) for name in CARTESIAN_NAMES])
+
+
+def _usable(unit: str, observation: Observation) -> Array:
+    """Return the covariance to update with, (8, 8)."""
+    if not (
+        observation.hours >= 0
+        and np.all(np.isfinite(observation.level))
+        and np.all(np.isfinite(observation.covariance))
+    ):
+        raise PrognosisError(
+            f"unit '{unit}': the diagnosis at {observation.hours:g} h is not finite; "
+            "diagnose its recording again"
+        )
+    covariance = observation.covariance + LEAST_ERROR**2 * np.eye(COMPONENTS)
+    hidden = ~observation.seen
+    covariance[hidden, :] = covariance[:, hidden] = 0.0
+    covariance[hidden, hidden] = UNSEEN_VARIANCE
+    return covariance

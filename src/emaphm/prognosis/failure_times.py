@@ -1,0 +1,119 @@
+"""When each path of a forecast fails each requirement, and which component is responsible."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from emaphm.actuator import NAMES
+from emaphm.actuator.faults import CARTESIAN_NAMES, HEALTHY
+from emaphm.arrays import Array
+from emaphm.prognosis.forecast import Paths, first_passage
+from emaphm.prognosis.requirements import COMPONENTS, Limit, Requirements, vectors_of
+from emaphm.random_streams import stream
+
+MOST_ATTRIBUTED = 200
+"""Failures of a measure that are looked at for the component responsible: the commonest is what is asked."""
+
+
+@dataclass(frozen=True, eq=False)
+class FailureTimes:
+    """When n paths fail each limit, (limits, n) [h] from now on, `inf` where they do not."""
+
+    limits: tuple[Limit, ...]
+    hours: Array
+
+    @property
+    def first(self) -> Array:
+        """The RUL: when each path fails its first requirement, (n,) [h]."""
+        return np.asarray(self.hours.min(axis=0))
+
+    @property
+    def commonest(self) -> int | None:
+        """The limit that most paths fail first; None where none fails."""
+        failed = self.hours.argmin(axis=0)[np.isfinite(self.first)]
+        return int(np.bincount(failed).argmax()) if failed.size else None
+
+
+def failure_times(made: Paths, requirements: Requirements, *, seed: int) -> FailureTimes:
+    """Return when the paths fail the requirements of an actuator.
+
+    A level's first passage is exact between two times of the forecast (`first_passage`). That of a measure is
+    found by bisection along each path at those times: it takes a measure that has failed to stay so.
+
+    Raises
+    ------
+    MethodError
+        The averaged model did not stay finite.
+    """
+    random = stream(seed, "forecast", "first passage")
+    rows = {
+        i: first_passage(made.hours, *_margin_of_level(made, limit), random)
+        for i, limit in enumerate(requirements.limits)
+        if limit.component is not None
+    }
+    measures = [limit for limit in requirements.limits if limit.component is None]
+    if measures:
+        rows |= {
+            requirements.limits.index(limit): times
+            for limit, times in zip(measures, _of_measures(made, requirements, measures), strict=True)
+        }
+    return FailureTimes(requirements.limits, np.stack([rows[i] for i in range(len(rows))]))
+
+
+def responsible(made: Paths, times: FailureTimes, limit: int, requirements: Requirements) -> str | None:
+    """Return the component whose degradation makes most paths fail a limit; None where none fails it.
+
+    Of a measure: the component without whose fault the margin at the failure would be largest.
+    """
+    chosen = times.limits[limit]
+    if chosen.component is not None:
+        return chosen.component
+    failed = np.flatnonzero(np.isfinite(times.hours[limit]))[:MOST_ATTRIBUTED]
+    if not failed.size:
+        return None
+    steps = np.searchsorted(made.hours, times.hours[limit][failed])
+    vectors = vectors_of(made.level[np.minimum(steps, made.hours.size - 1), failed])
+    without = np.repeat(vectors[np.newaxis], len(COMPONENTS), axis=0)
+    for i, name in enumerate(COMPONENTS):
+        without[i, :, NAMES.index(name)] = HEALTHY.vector[NAMES.index(name)]
+    margins = requirements.margins(without.reshape(-1, len(NAMES)), [chosen])
+    best = margins.reshape(len(COMPONENTS), -1).argmax(axis=0)
+    return COMPONENTS[int(np.bincount(best, minlength=len(COMPONENTS)).argmax())]
+
+
+def _margin_of_level(made: Paths, limit: Limit) -> tuple[Array, Array]:
+    """Return the margin (m, n) of a limit on a level, and the noise of its Wiener process (m - 1, n)."""
+    if limit.component == "eccentricity":
+        x = CARTESIAN_NAMES.index("eccentricity_x")
+        radius = np.hypot(made.level[:, :, x], made.level[:, :, x + 1])
+        return limit.margin(radius), np.maximum(made.noise[:, :, x], made.noise[:, :, x + 1])
+    column = CARTESIAN_NAMES.index(str(limit.component))
+    return limit.margin(made.level[:, :, column]), made.noise[:, :, column]
+
+
+def _of_measures(made: Paths, requirements: Requirements, measures: list[Limit]) -> list[Array]:
+    """Return the failure times (n,) of each of the limits `measures`."""
+    n = made.level.shape[1]
+    paths = np.arange(n)
+
+    def margins(steps: Array) -> Array:
+        return requirements.margins(vectors_of(made.level[steps, paths]), measures)
+
+    at_first, at_last = margins(np.zeros(n, int)), margins(np.full(n, made.hours.size - 1))
+    found = []
+    for row in range(len(measures)):
+        low, high = np.zeros(n, int), np.full(n, made.hours.size - 1)
+        margin_low, margin_high = at_first[row].copy(), at_last[row].copy()
+        fails = (margin_high < 0) & (margin_low >= 0)
+        while fails.any() and np.any(high - low > 1):
+            middle = (low + high) // 2
+            values = margins(middle)[row]
+            is_below = values < 0
+            high, margin_high = np.where(is_below, middle, high), np.where(is_below, values, margin_high)
+            low, margin_low = np.where(is_below, low, middle), np.where(is_below, margin_low, values)
+        known = fails & np.isfinite(margin_high)
+        share = np.where(fails, 1.0, 0.0)
+        share[known] = margin_low[known] / (margin_low[known] - margin_high[known])
+        times = made.hours[low] + share * (made.hours[high] - made.hours[low])
+        found.append(np.where(at_first[row] < 0, 0.0, np.where(fails, times, np.inf)))
+    return found

@@ -1,0 +1,233 @@
+"""From what is believed of a unit to paths of its levels, and to when they first cross a limit."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from emaphm.arrays import Array
+from emaphm.prognosis.belief import Belief
+from emaphm.prognosis.degradation import LARGEST_RATE
+from emaphm.prognosis.laws import Numbers, noises, transition
+from emaphm.prognosis.prior import COMPONENTS, Prior, is_moving, is_waiting
+from emaphm.prognosis.resampling import drawn_rows, recombined, systematic
+from emaphm.prognosis.settings import FORECAST, ForecastSettings
+from emaphm.random_streams import stream
+
+LOWEST = np.array([0.0, 0.0, 0.0, 0.0, 0.0, -1.0, -1.0, 0.0])
+HIGHEST = np.ones(COMPONENTS)
+"""Bounds of the levels, in the order of `CARTESIAN_NAMES`; an eccentricity is within its circle."""
+
+SINGULAR = (1e-9, 1e-6, 1e-3)
+"""Added to the diagonals of correlation matrices: the first that makes them positive definite is taken."""
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Units that may be: hypotheses as in `Hypotheses`, level [-] and rate [1/h], (n, 8) each."""
+
+    law: Numbers
+    life_scale: Array
+    shape: Array
+    roughness: Array
+    level: Array
+    rate: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Paths:
+    """Levels of n units over the time from now on: `hours` (m,) [h], the first 0; `level` (m, n, 8).
+
+    `noise` is the standard deviation of each level's Wiener process in each step [1/√h], (m - 1, n, 8).
+    """
+
+    hours: Array
+    level: Array
+    noise: Array
+
+
+def drawn_states(belief: Belief, count: int) -> State:
+    """Return `count` units as likely as each other, drawn from the belief given that levels are in bounds.
+
+    The filters know no bounds: a constraint that was fed at each update would count again and again. Here it
+    is applied once, exactly: each level is drawn within its bounds given those before it, and the unit is
+    weighted with the probabilities of these bounds (Geweke, Hajivassiliou, Keane); then the rates given the
+    levels.
+    """
+    random = stream(belief.seed, "forecast", belief.steps, "states")
+    units = recombined(belief, drawn_rows(belief, 2 * count, random))
+    level, weights = _within_bounds(units.level, units.levels, random)
+    rate = _rates_given_levels(units, level, random)
+    rows = systematic(weights, count, random)
+    return State(
+        units.law[rows],
+        units.life_scale[rows],
+        units.shape[rows],
+        units.roughness[rows],
+        _in_circle(level[rows]),
+        rate[rows],
+    )
+
+
+def paths(
+    state: State,
+    age: Array,
+    prior: Prior,
+    *,
+    seed: int,
+    settings: ForecastSettings = FORECAST,
+) -> Paths:
+    """Return what becomes of the units in `state`, whose components have the `age` (8,) [h] now.
+
+    Onsets and changes of law happen as in the filter; levels stay within their bounds.
+    """
+    random = stream(seed, "forecast", "paths")
+    hours = _grid(settings)
+    levels = np.empty((hours.size, *state.level.shape))
+    noise = np.empty((hours.size - 1, *state.level.shape))
+    levels[0] = state.level
+    s = prior.settings
+    for i, step in enumerate(np.diff(hours)):
+        state = _changed(state, age + hours[i], step, prior, random)
+        sets_in = is_waiting(state.law) & (
+            random.random(state.law.shape) < -np.expm1(-step / state.life_scale)
+        )
+        part = np.where(sets_in, random.random(state.law.shape), 1.0)
+        if sets_in.any():
+            new = prior.after_onset(state.law.shape, random)
+            rate = new.rate + new.rate_deviation * random.standard_normal(state.law.shape)
+            state = replace(
+                state,
+                law=np.where(sets_in, new.law, state.law),
+                life_scale=np.where(sets_in, new.life_scale, state.life_scale),
+                roughness=np.where(sets_in, new.roughness, state.roughness),
+                rate=np.where(sets_in, rate, state.rate),
+            )
+        reach, growth = transition(state.law, state.life_scale, state.shape, age + hours[i], part * step, s)
+        reach = np.where(is_waiting(state.law), 0.0, reach)
+        of_level, _, _ = noises(state.law, state.life_scale, state.roughness, 1.0, replace(s, rate_noise=0.0))
+        _, _, of_rate = noises(state.law, state.life_scale, state.roughness, step, s)
+        noise[i] = np.sqrt(of_level)
+        shock = np.sqrt(of_rate) * random.standard_normal(state.law.shape)
+        # The mean rate of the step has half of the shock: the integral of a Wiener process, to first order.
+        level = state.level + reach * state.rate + 0.5 * step * shock
+        level += noise[i] * np.sqrt(step) * random.standard_normal(state.law.shape)
+        levels[i + 1] = level
+        state = replace(
+            state, level=_in_circle(np.clip(level, LOWEST, HIGHEST)), rate=growth * state.rate + shock
+        )
+    return Paths(hours, levels, noise)
+
+
+def first_passage(hours: Array, margin: Array, noise: Array, random: np.random.Generator) -> Array:
+    """Return when each of n margins first falls to 0 [h], shape (n,); `inf` where it does not.
+
+    Between two times the margin is a Brownian bridge. From m_0 to m_1, both above 0, in h hours it touches 0
+    with probability exp(-2 m_0 m_1 / (q² h)); if it does, the time t of the first passage has
+    t / (h - t) ~ inverse Gaussian(m_0 / |m_1|, m_0² / (q² h)).
+
+    Parameters
+    ----------
+    hours
+        Increasing times [h], shape (m,), the first 0.
+    margin
+        At these times, (m, n). The first passage is at 0 where it begins at 0 or less.
+    noise
+        q, standard deviation of the margin's Wiener process in each step [1/√h], (m - 1, n).
+
+    References
+    ----------
+    [1] Beghin, Orsingher: On the maximum of the generalized Brownian bridge, Lithuanian Mathematical Journal
+        39 (1999). Folks, Chhikara: The inverse Gaussian distribution, Journal of the Royal Statistical
+        Society B 40 (1978).
+    """
+    n = margin.shape[1]
+    passed = np.where(margin[0] <= 0, 0.0, np.inf)
+    for i, step in enumerate(np.diff(hours)):
+        start, end = margin[i], margin[i + 1]
+        variance = noise[i] ** 2 * step
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            touches = np.where(end <= 0, 1.0, np.exp(-2 * start * end / variance))
+        crosses = np.isinf(passed) & (random.random(n) < np.nan_to_num(touches))
+        if not crosses.any():
+            continue
+        a, b = start[crosses], np.maximum(np.abs(end[crosses]), 1e-12)
+        smooth = np.maximum(variance[crosses], 1e-12 * a**2)
+        ratio = random.wald(np.maximum(a / b, 1e-300), np.maximum(a**2 / smooth, 1e-300))
+        passed[crosses] = hours[i] + step * ratio / (1 + ratio)
+    return passed
+
+
+def _grid(settings: ForecastSettings) -> Array:
+    """Return the times of the forecast [h], their steps growing geometrically from the first one."""
+    ratio = np.geomspace(1.0, settings.longest_hours / settings.first_step, settings.steps)
+    return np.concatenate([[0.0], settings.first_step * ratio])
+
+
+def _changed(state: State, age: Array, step: float, prior: Prior, random: np.random.Generator) -> State:
+    changes = random.random(state.law.shape) < -np.expm1(-step / prior.settings.change_hours)
+    if not changes.any():
+        return state
+    drawn = prior.general(state.law.shape, np.broadcast_to(age, state.law.shape), random)
+    rate = drawn.rate + drawn.rate_deviation * random.standard_normal(state.law.shape)
+    goes_on = is_moving(state.law) & is_moving(drawn.law)
+    return replace(
+        state,
+        law=np.where(changes, drawn.law, state.law),
+        life_scale=np.where(changes, drawn.life_scale, state.life_scale),
+        shape=np.where(changes, drawn.shape, state.shape),
+        roughness=np.where(changes, drawn.roughness, state.roughness),
+        rate=np.where(changes & ~goes_on, rate, state.rate),
+    )
+
+
+def _within_bounds(mean: Array, covariance: Array, random: np.random.Generator) -> tuple[Array, Array]:
+    """Return normal levels (n, 8) drawn within their bounds, and the weights (n,) that make them exact."""
+    from scipy.special import ndtr, ndtri
+
+    root = _root(covariance)
+    drawn = np.zeros_like(mean)
+    weights = np.ones(len(mean))
+    for c in range(mean.shape[1]):
+        centre = mean[:, c] + np.einsum("nj,nj->n", root[:, c, :c], drawn[:, :c])
+        low, high = (ndtr((bound[c] - centre) / root[:, c, c]) for bound in (LOWEST, HIGHEST))
+        inside = np.maximum(high - low, 1e-12)
+        weights *= inside
+        drawn[:, c] = ndtri(np.clip(low + inside * random.random(len(mean)), 1e-12, 1 - 1e-12))
+    level = mean + np.einsum("nij,nj->ni", root, drawn)
+    return np.clip(level, LOWEST, HIGHEST), weights
+
+
+def _rates_given_levels(belief: Belief, level: Array, random: np.random.Generator) -> Array:
+    """Return rates (n, 8) [1/h] of the particles, drawn given their levels (n, 8)."""
+    gain = np.swapaxes(np.linalg.solve(belief.levels, belief.mixed), 1, 2)
+    mean = belief.rate + np.einsum("nij,nj->ni", gain, level - belief.level)
+    covariance = belief.rates - gain @ belief.mixed
+    shocks = np.einsum("nij,nj->ni", _root(covariance), random.standard_normal(mean.shape))
+    return np.where(is_moving(belief.law), np.clip(mean + shocks, -LARGEST_RATE, LARGEST_RATE), 0.0)
+
+
+def _root(covariance: Array) -> Array:
+    """Return lower triangular roots of covariances (n, 8, 8), which may be singular.
+
+    Those that rounding has spoilt lose their correlations.
+    """
+    deviation = np.sqrt(np.maximum(np.einsum("nii->ni", covariance), 0.0))
+    scale = np.where(deviation > 0, deviation, 1.0)
+    correlation = covariance / scale[:, :, np.newaxis] / scale[:, np.newaxis, :]
+    for added in SINGULAR:
+        try:
+            return np.asarray(
+                np.linalg.cholesky(correlation + added * np.eye(COMPONENTS)) * deviation[:, :, np.newaxis]
+            )
+        except np.linalg.LinAlgError:
+            continue
+    return np.asarray(deviation[:, :, np.newaxis] * np.eye(COMPONENTS))
+
+
+def _in_circle(level: Array) -> Array:
+    """Return levels (…, 8) with the eccentricity no longer than 1."""
+    radius = np.maximum(np.hypot(level[..., 5], level[..., 6]), 1.0)
+    result = level.copy()
+    result[..., 5] /= radius
+    result[..., 6] /= radius
+    return result

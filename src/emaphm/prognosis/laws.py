@@ -1,0 +1,112 @@
+"""Laws of degradation: how level and rate of a component go on, given the law."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emaphm.arrays import Array
+from emaphm.prognosis.settings import (
+    CONSTANT,
+    EXPONENTIAL,
+    LINEAR,
+    POWER_LAW,
+    DegradationSettings,
+)
+
+LARGEST_EXPONENT = 7.0
+"""Of the exponential law's growth in one step: a thousandfold takes a level out of its bounds."""
+
+Numbers = NDArray[np.int8]
+
+Mask = NDArray[np.bool_]
+"""True and False, any shape; a docstring gives it."""
+
+
+def transition(
+    law: Numbers,
+    life_scale: Array,
+    shape: Array,
+    age: Array,
+    hours: Array | float,
+    settings: DegradationSettings,
+) -> tuple[Array, Array]:
+    """Return reach and growth of the rate over `hours`, each of the shape of `law`.
+
+    Level x [-] and rate v = dx/dt [1/h] go on linearly, given the law:
+
+        x⁺ = x + d v,    v⁺ = g v
+
+        constant, sudden onset before its onset    d = 0                        g = 1
+        linear, sudden onset after it              d = h                        g = 1
+        exponential, time constant τ = s T         d = τ (exp(h/τ) - 1)         g = exp(h/τ)
+        power law, x - x_0 ∝ a^p                   d = a/p (((a+h)/a)^p - 1)    g = ((a+h)/a)^(p-1)
+
+    A negative v falls. Before its onset, a component of sudden onset has v = 0.
+
+    Parameters
+    ----------
+    law
+        Numbers of `LAWS`, any shape.
+    life_scale
+        T [h].
+    shape
+        s of the exponential law, p of the power law; no meaning for the others.
+    age
+        a, hours since the component was new [h].
+    hours
+        h, the step [h].
+
+    Returns
+    -------
+    d [h], g [-].
+    """
+    h, age = np.broadcast_to(hours, law.shape), np.broadcast_to(age, law.shape)
+    reach = np.where(law == CONSTANT, 0.0, h)
+    growth = np.ones(law.shape)
+    rows = law == EXPONENTIAL
+    if rows.any():
+        tau = shape[rows] * life_scale[rows]
+        exponent = np.minimum(h[rows] / tau, LARGEST_EXPONENT)
+        reach[rows], growth[rows] = tau * np.expm1(exponent), np.exp(exponent)
+    rows = law == POWER_LAW
+    if rows.any():
+        a = np.maximum(age[rows], settings.first_hours)
+        ratio, p = (a + h[rows]) / a, shape[rows]
+        reach[rows], growth[rows] = a / p * (ratio**p - 1), ratio ** (p - 1)
+    return reach, growth
+
+
+def rate_scale(
+    law: Numbers, life_scale: Array, shape: Array, age: Array, settings: DegradationSettings
+) -> Array:
+    """Return the standard deviation of an unknown rate [1/h]: that which changes the level by 1 within T.
+
+    0 for the laws under which nothing moves yet: constant, and sudden onset before its onset.
+    """
+    reach, _ = transition(law, life_scale, shape, age, life_scale, settings)
+    moving = (law == LINEAR) | (law == EXPONENTIAL) | (law == POWER_LAW)
+    return np.where(moving, 1 / np.maximum(reach, life_scale * 1e-3), 0.0)
+
+
+def noises(
+    law: Numbers, life_scale: Array, roughness: Array, hours: Array | float, settings: DegradationSettings
+) -> tuple[Array, Array, Array]:
+    """Return the variances that process noise adds over `hours`: of the level, of both, of the rate.
+
+    The level deviates from its law by a Wiener process of variance q² = ρ²/T an hour, a law under which
+    nothing moves by one of `quiet`² times that; the rate of a law that
+    moves by one of r² = (ϱ/T)²/T an hour, which the level integrates:
+
+        Q = [[q² h + r² h³/3, r² h²/2], [., r² h]]
+
+    Both ρ and ϱ are those of the settings times the component's `roughness` [-]. Other parameters and shapes
+    as in `transition`.
+
+    Returns
+    -------
+    Variance of the level [-], covariance [1/h], variance of the rate [1/h²].
+    """
+    h = np.asarray(hours, float)
+    moving = (law == LINEAR) | (law == EXPONENTIAL) | (law == POWER_LAW)
+    q = np.where(moving, 1.0, settings.quiet**2) * (roughness * settings.noise) ** 2 / life_scale
+    r = np.where(moving, (roughness * settings.rate_noise / life_scale) ** 2 / life_scale, 0.0)
+    return q * h + r * h**3 / 3, r * h**2 / 2, r * h

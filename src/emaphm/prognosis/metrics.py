@@ -1,0 +1,224 @@
+"""Metrics of predictions of remaining useful life (RUL) against the time at which the unit really failed.
+
+All times are flight hours [h]; a prediction is a sample of the RUL, in which `inf` stands for no failure in
+sight. The true RUL at hours t is failure - t. λ is a time as a share of the way from the first prediction to
+the failure: t_λ = t_1 + λ (failure - t_1).
+
+`progpy` computes relative accuracy on the time of the event and not on the RUL, which makes every prediction
+look better the older the unit is, and takes back no horizon. Convert before comparing: see
+`relative_accuracy` and `PrognosticHorizon`.
+
+References
+----------
+[1] Saxena, Celaya, Saha, Saha, Goebel: Metrics for offline evaluation of prognostic performance,
+    International Journal of Prognostics and Health Management 1 (2010).
+[2] Gneiting, Raftery: Strictly proper scoring rules, prediction, and estimation, Journal of the American
+    Statistical Association 102 (2007).
+[3] Brier: Verification of forecasts expressed in terms of probability, Monthly Weather Review 78 (1950).
+[4] Dawid: Present position and potential developments: the prequential approach, Journal of the Royal
+    Statistical Society A 147 (1984).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from emaphm.arrays import Array
+from emaphm.errors import PrognosisError
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """A predicted RUL at flight `hours` [h]: a sample [h], shape (n,), of equal weights, at least one value.
+
+    Raises
+    ------
+    PrognosisError
+        The sample is empty, or a value is negative or no number.
+    """
+
+    hours: float
+    sample: Array
+
+    def __post_init__(self) -> None:
+        sample = np.sort(np.asarray(self.sample, float).ravel())
+        if not sample.size or not sample[0] >= 0 or np.isnan(sample[-1]):
+            raise PrognosisError(
+                f"the prediction at {self.hours:g} h needs a sample of RUL values of 0 or more, got "
+                f"{sample.size} values"
+            )
+        object.__setattr__(self, "sample", sample)
+
+    @property
+    def median(self) -> float:
+        """Median of the RUL [h]; `inf` where no failure is in sight."""
+        return self.quantile(0.5)
+
+    def quantile(self, probability: float) -> float:
+        """Return the quantile of the RUL [h]: the least value that is not below that share of the sample."""
+        place = int(np.ceil(probability * self.sample.size)) - 1
+        return float(self.sample[min(max(place, 0), self.sample.size - 1)])
+
+    def share_within(self, low: float, high: float) -> float:
+        """Return the probability that low ≤ RUL ≤ high [h]."""
+        last = np.searchsorted(self.sample, high, "right")
+        return float(last - np.searchsorted(self.sample, low, "left")) / self.sample.size
+
+
+@dataclass(frozen=True)
+class PrognosticHorizon:
+    """How long before the failure the predictions were good [h], 0 where they never were.
+
+    first
+        From the first good prediction on (the definition of [1] as `progpy` computes it).
+    lasting
+        From the first good prediction on after which all were good: a horizon that is later lost is none.
+    """
+
+    first: float
+    lasting: float
+
+
+def prognostic_horizon(
+    predictions: Sequence[Prediction], failure: float, *, alpha: float = 0.2, beta: float = 0.5
+) -> PrognosticHorizon:
+    """Return how long before `failure` the predictions were good: P(|RUL - RUL*| ≤ α L) ≥ β.
+
+    Here L is the whole life `failure`, so that the band has the same width at all times [1, 3.1]; in
+    `alpha_lambda` it narrows with the RUL.
+    """
+    good = [
+        one.share_within(failure - one.hours - alpha * failure, failure - one.hours + alpha * failure) >= beta
+        for one in predictions
+    ]
+    hours = [one.hours for one in predictions]
+    first = next((failure - t for t, is_good in zip(hours, good, strict=True) if is_good), 0.0)
+    lasting = 0.0
+    for t, is_good in zip(reversed(hours), reversed(good), strict=True):
+        if not is_good:
+            break
+        lasting = failure - t
+    return PrognosticHorizon(first, lasting)
+
+
+def at_share_of_life(predictions: Sequence[Prediction], failure: float, share: float) -> Prediction:
+    """Return the last prediction at or before t_λ, λ being `share`.
+
+    Raises
+    ------
+    PrognosisError
+        There is no prediction before the failure, or the share is outside [0, 1].
+    """
+    if not 0 <= share <= 1:
+        raise PrognosisError(f"λ = {share:g} is no share of life; give a value from 0 to 1")
+    before = [one for one in predictions if one.hours < failure]
+    if not before:
+        raise PrognosisError(f"no prediction before the failure at {failure:g} h; predict earlier")
+    reached = before[0].hours + share * (failure - before[0].hours)
+    return [one for one in before if one.hours <= reached][-1]
+
+
+def alpha_lambda(
+    predictions: Sequence[Prediction],
+    failure: float,
+    share: float,
+    *,
+    alpha: float = 0.2,
+    beta: float = 0.5,
+) -> bool:
+    """Return whether the prediction at t_λ is good: P((1 - α) RUL* ≤ RUL ≤ (1 + α) RUL*) ≥ β [1, 3.2]."""
+    one = at_share_of_life(predictions, failure, share)
+    true = failure - one.hours
+    return one.share_within((1 - alpha) * true, (1 + alpha) * true) >= beta
+
+
+def relative_accuracy(prediction: Prediction, failure: float) -> float:
+    """Return 1 - |median RUL - RUL*| / RUL* [1, 3.3]; -∞ where no failure is in sight.
+
+    `progpy` has 1 - |median end of life - failure| / failure, which is 1 - (RUL* / failure) (1 - this one).
+    """
+    true = failure - prediction.hours
+    if not true > 0:
+        raise PrognosisError(
+            f"relative accuracy at {prediction.hours:g} h: the failure at {failure:g} h is not later"
+        )
+    return 1 - abs(prediction.median - true) / true
+
+
+def cumulative_relative_accuracy(predictions: Sequence[Prediction], failure: float) -> float:
+    """Return the mean relative accuracy of all predictions before the failure, equally weighted [1, 3.4]."""
+    before = [one for one in predictions if one.hours < failure]
+    if not before:
+        raise PrognosisError(f"no prediction before the failure at {failure:g} h; predict earlier")
+    return float(np.mean([relative_accuracy(one, failure) for one in before]))
+
+
+def probability_integral_transform(prediction: Prediction, true: float) -> float:
+    """Return P(RUL < true) + P(RUL = true) / 2 [4]; uniform on [0, 1] over many calibrated predictions."""
+    below = np.searchsorted(prediction.sample, true, "left")
+    upto = np.searchsorted(prediction.sample, true, "right")
+    return float(below + upto) / (2 * prediction.sample.size)
+
+
+def coverage(transforms: ArrayLike, share: float = 0.9) -> float:
+    """Return how many of the probability integral transforms (n,) lie in the central interval of `share`."""
+    values = np.asarray(transforms, float)
+    return float(np.mean(np.abs(values - 0.5) <= share / 2))
+
+
+def crps(sample: ArrayLike, true: float, *, longest: float = np.inf) -> float:
+    """Return the continuous ranked probability score [h] of a sample (n,) against the `true` RUL.
+
+    CRPS = ∫ (F(x) - 1[x ≥ true])² dx = E|X - true| - ½ E|X - X'|            [2, eq. 20, 21]
+
+    Values above `longest` [h] count as `longest`, the true one too: a sample that holds `inf`, no failure
+    in sight, has a finite score only up to a time that is looked at.
+    """
+    x = np.minimum(np.sort(np.asarray(sample, float)), longest)
+    n = x.size
+    if not np.isfinite(x[-1]):
+        return float(np.inf)
+    # E|X - X'| of a sorted sample: 2 Σ (2 i - n - 1) x_i / n², i from 1.
+    spread = 2 * np.sum((2 * np.arange(1, n + 1) - n - 1) * x) / n**2
+    return float(np.mean(np.abs(x - min(true, longest))) - spread / 2)
+
+
+def brier(probabilities: ArrayLike, happened: ArrayLike) -> float:
+    """Return the Brier score of "fails within H": the mean of (probability - 1 or 0)² [3]."""
+    p, o = np.asarray(probabilities, float), np.asarray(happened, bool)
+    if p.shape != o.shape or not p.size or not np.all((p >= 0) & (p <= 1)):
+        raise PrognosisError("the Brier score takes as many probabilities in [0, 1] as outcomes, one or more")
+    return float(np.mean((p - o) ** 2))
+
+
+def late_prediction_rate(predictions: Sequence[tuple[Prediction, float]], margin: float = 0.0) -> float:
+    """Return the share of predictions, each with its true RUL [h], whose median exceeds the true RUL.
+
+    Only those count that exceed it by more than `margin`, a share of the true RUL.
+    """
+    if not predictions:
+        raise PrognosisError("no predictions; give one or more")
+    return float(np.mean([one.median > (1 + margin) * true for one, true in predictions]))
+
+
+def wasted_life(removals: ArrayLike, failures: ArrayLike) -> float:
+    """Return the mean share of life that was left when units were removed at hours (n,), failures at (n,).
+
+    A unit that failed before its removal wasted nothing.
+    """
+    at, end = np.asarray(removals, float), np.asarray(failures, float)
+    if at.shape != end.shape or not np.all(end > 0):
+        raise PrognosisError("wasted life takes a removal for each failure, whose hours are above 0")
+    return float(np.mean(np.maximum(1 - at / end, 0.0)))
+
+
+def false_alarms_per_1000_hours(alarms: Sequence[tuple[float, float]], flown: float, within: float) -> float:
+    """Return how many alarms, pairs of hours [h] and true RUL [h] there, had a true RUL above `within`.
+
+    Per 1,000 of the `flown` hours, which are those of all units; a true RUL that is not known is `inf`.
+    """
+    if not flown > 0:
+        raise PrognosisError(f"{flown:g} flown hours; give those of all units, above 0")
+    return 1000 * sum(true > within for _, true in alarms) / flown

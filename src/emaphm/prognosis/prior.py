@@ -1,0 +1,123 @@
+"""What is believed of a component's degradation before it is seen: in general, or learnt from a fleet."""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from emaphm.actuator.faults import CARTESIAN_NAMES, HEALTHY, to_cartesian
+from emaphm.arrays import Array
+from emaphm.prognosis.laws import Mask, Numbers, rate_scale, transition
+from emaphm.prognosis.settings import (
+    DEGRADATION,
+    EXPONENTIAL,
+    LINEAR,
+    POWER_LAW,
+    SUDDEN_ONSET,
+    DegradationSettings,
+)
+
+COMPONENTS = len(CARTESIAN_NAMES)
+
+NEW = to_cartesian(HEALTHY.vector)
+"""Levels of a healthy unit, shape (8,), in the order of `CARTESIAN_NAMES`."""
+
+
+class Hypotheses(NamedTuple):
+    """Laws with their parameters, and what is known of the rate under each; any one shape.
+
+    law
+        Numbers of `LAWS`.
+    life_scale, shape
+        T [h]; time constant as a share of T, or exponent.
+    roughness
+        Of the process noise, relative to the settings' [-].
+    rate, rate_deviation
+        Mean and standard deviation of the rate [1/h] when the component is new, or at an onset or change.
+    """
+
+    law: Numbers
+    life_scale: Array
+    shape: Array
+    roughness: Array
+    rate: Array
+    rate_deviation: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """The prior of the degradation: `settings`, and where a fleet was seen, its hypotheses.
+
+    A component's hypothesis is one of the fleet's, `fleet` of shape (k, 8), with probability `fleet_share`,
+    else drawn by the settings: a fleet of few units has seen few ways to degrade.
+    """
+
+    settings: DegradationSettings = DEGRADATION
+    fleet: Hypotheses | None = None
+    fleet_share: float = 0.0
+    units: int = 0
+
+    def draw(self, particles: int, random: np.random.Generator) -> Hypotheses:
+        """Return hypotheses of new components, each array (particles, 8)."""
+        own = self.general((particles, COMPONENTS), np.zeros((particles, COMPONENTS)), random)
+        if self.fleet is None:
+            return own
+        rows = random.integers(len(self.fleet.law), size=own.law.shape)
+        is_fleets = random.random(own.law.shape) < self.fleet_share
+        columns = np.arange(COMPONENTS)
+
+        def chosen(theirs: Array, mine: Array) -> Array:
+            return np.asarray(np.where(is_fleets, theirs[rows, columns], mine))
+
+        return Hypotheses(
+            law=np.where(is_fleets, self.fleet.law[rows, columns], own.law),
+            life_scale=chosen(self.fleet.life_scale, own.life_scale),
+            shape=chosen(self.fleet.shape, own.shape),
+            roughness=chosen(self.fleet.roughness, own.roughness),
+            rate=chosen(self.fleet.rate, own.rate),
+            rate_deviation=chosen(self.fleet.rate_deviation, own.rate_deviation),
+        )
+
+    def general(self, shape: tuple[int, ...], age: Array, random: np.random.Generator) -> Hypotheses:
+        """Return hypotheses by the settings alone, of components of that `age` [h], each of `shape`."""
+        s = self.settings
+        law = random.choice(len(s.laws), size=shape, p=s.laws).astype(np.int8)
+        life_scale = np.exp(random.uniform(math.log(s.life_scale[0]), math.log(s.life_scale[1]), shape))
+        uniform = random.random(shape)
+        p = np.exp(np.log(s.exponent[0]) + uniform * np.log(s.exponent[1] / s.exponent[0]))
+        growth = np.exp(np.log(s.growth[0]) + uniform * np.log(s.growth[1] / s.growth[0]))
+        form = np.where(law == EXPONENTIAL, growth, p)
+        deviation = rate_scale(law, life_scale, form, age, s)
+        roughness = np.exp(random.uniform(math.log(s.roughness[0]), math.log(s.roughness[1]), shape))
+        return Hypotheses(law, life_scale, form, roughness, np.zeros(shape), deviation)
+
+    def after_onset(self, shape: tuple[int, ...], random: np.random.Generator) -> Hypotheses:
+        """Return linear hypotheses, each of `shape`, for components whose degradation has just set in."""
+        drawn = self.general(shape, np.zeros(shape), random)
+        law = np.full(shape, LINEAR, np.int8)
+        return drawn._replace(law=law, rate_deviation=1 / drawn.life_scale)
+
+
+def rate_when_new(hypotheses: Hypotheses, age: Array, settings: DegradationSettings) -> Array:
+    """Return by what to divide the rate at `age` [h] to get that of the new component, any one shape."""
+    start = np.full_like(age, settings.first_hours)
+    _, growth = transition(
+        hypotheses.law,
+        hypotheses.life_scale,
+        hypotheses.shape,
+        start,
+        np.maximum(age - start, 0.0),
+        settings,
+    )
+    return growth
+
+
+def is_moving(law: Numbers) -> Mask:
+    """Return whether a component of that law has a rate."""
+    return np.asarray((law == LINEAR) | (law == EXPONENTIAL) | (law == POWER_LAW))
+
+
+def is_waiting(law: Numbers) -> Mask:
+    """Return whether a component is of sudden onset, before it."""
+    return np.asarray(law == SUDDEN_ONSET)

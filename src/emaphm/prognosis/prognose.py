@@ -1,0 +1,182 @@
+"""Prognosis of a unit: from its diagnoses to the distribution of its remaining useful life, and advice."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from emaphm.actuator import Actuator
+from emaphm.actuator.faults import CARTESIAN_NAMES
+from emaphm.errors import PrognosisError
+from emaphm.prognosis.advice import Costs, advice
+from emaphm.prognosis.belief import Belief
+from emaphm.prognosis.evidence import Evidence, follow
+from emaphm.prognosis.failure_times import FailureTimes, failure_times, responsible
+from emaphm.prognosis.forecast import Paths, drawn_states, paths
+from emaphm.prognosis.prior import NEW, Prior
+from emaphm.prognosis.requirements import Requirements, vectors_of
+from emaphm.prognosis.result import Prognosis
+from emaphm.prognosis.settings import CONSTANT, FORECAST, ForecastSettings
+
+ENOUGH = 3
+"""Explained diagnoses from which on a rate is seen rather than assumed: two give one that nothing checks."""
+
+MOST_PAST = 12
+"""Earlier forecasts of a figure of the RUL against time."""
+
+LONGEST_HORIZON = 1e6
+"""Of a forecast [h]."""
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is asked of a prognosis: how far is planned, and what a failure may cost.
+
+    Parameters
+    ----------
+    horizon
+        Flight hours from now on, within which the probability of failure is asked [h].
+    risk
+        Largest accepted probability of failure, for the advice without costs.
+
+    Raises
+    ------
+    PrognosisError
+        The horizon is not above 0, or the risk is no probability.
+    """
+
+    horizon: float = 1000.0
+    risk: float = 0.05
+    costs: Costs | None = None
+
+    def __post_init__(self) -> None:
+        if not 0 < self.horizon <= LONGEST_HORIZON:
+            raise PrognosisError(
+                f"a horizon of {self.horizon:g} h: give hours above 0, {LONGEST_HORIZON:g} at most"
+            )
+        if not 0 < self.risk < 1:
+            raise PrognosisError(f"a risk of {self.risk:g} is no probability: give one between 0 and 1")
+
+
+DEFAULT_QUESTION = Question()
+
+
+def prognose(
+    evidence: Evidence,
+    actuator: Actuator,
+    question: Question = DEFAULT_QUESTION,
+    *,
+    prior: Prior | None = None,
+    seed: int = 0,
+    settings: ForecastSettings = FORECAST,
+) -> Prognosis:
+    """Return the remaining useful life of a unit against the requirements of `actuator`.
+
+    Parameters
+    ----------
+    evidence
+        The unit's diagnoses and replacements.
+    prior
+        Of its degradation; the general one where left out, or `fleet_prior` of other units.
+    seed
+        Source of all randomness.
+
+    Raises
+    ------
+    PrognosisError
+        A diagnosis cannot be used.
+    MethodError
+        The averaged model did not stay finite.
+    """
+    prior = prior or Prior()
+    settings = replace(settings, longest_hours=max(settings.longest_hours, 2 * question.horizon))
+    requirements = Requirements(actuator)
+    followed = follow(evidence, prior, seed=seed)
+    made, times = _forecast(followed.belief, evidence, requirements, settings)
+    limit = times.commonest
+    component = None if limit is None else responsible(made, times, limit, requirements)
+    born = followed.belief.born[CARTESIAN_NAMES.index(_coordinate(component))] if component else 0.0
+    return Prognosis(
+        evidence=evidence,
+        actuator=actuator,
+        horizon=question.horizon,
+        values=requirements.values(vectors_of(made.level[0])),
+        times=times,
+        paths=made,
+        component=component,
+        limit=None if limit is None else times.limits[limit],
+        advice=advice(
+            times.first,
+            question.horizon,
+            risk=question.risk,
+            age=evidence.hours - float(born),
+            costs=question.costs,
+        ),
+        belief=followed.belief,
+        past=followed.past,
+        seed=seed,
+        notes=tuple(_notes(evidence, requirements, times, prior)),
+    )
+
+
+def past_lives(prognosis: Prognosis, settings: ForecastSettings = FORECAST) -> list[tuple[float, np.ndarray]]:
+    """Return the RUL as forecast at up to `MOST_PAST` earlier diagnoses: pairs of hours and samples [h]."""
+    beliefs = prognosis.past
+    chosen = np.unique(np.linspace(0, len(beliefs) - 1, min(MOST_PAST, len(beliefs))).astype(int))
+    requirements = Requirements(prognosis.actuator)
+    return [
+        (
+            beliefs[i].hours,
+            _forecast(beliefs[i], prognosis.evidence, requirements, settings)[1].first,
+        )
+        for i in chosen
+    ]
+
+
+def _forecast(
+    belief: Belief, evidence: Evidence, requirements: Requirements, settings: ForecastSettings
+) -> tuple[Paths, FailureTimes]:
+    state = drawn_states(belief, settings.paths)
+    hidden = ~evidence.seen
+    state = replace(
+        state,
+        law=np.where(hidden, CONSTANT, state.law).astype(np.int8),
+        level=np.where(hidden, NEW, state.level),
+        rate=np.where(hidden, 0.0, state.rate),
+    )
+    made = paths(state, belief.hours - belief.born, belief.prior, seed=belief.seed, settings=settings)
+    if hidden.any():
+        made.level[:, :, hidden] = NEW[hidden]
+    return made, failure_times(made, requirements, seed=belief.seed)
+
+
+def _coordinate(component: str) -> str:
+    return "eccentricity_x" if component == "eccentricity" else component
+
+
+def _notes(evidence: Evidence, requirements: Requirements, times: FailureTimes, prior: Prior) -> list[str]:
+    notes = []
+    used, kept = len(evidence.used), len(evidence.observations)
+    if used < ENOUGH:
+        source = "the general prior says" if prior.fleet is None else f"{prior.units} other units say"
+        notes.append(
+            f"explained diagnoses: {used}; {ENOUGH} are needed to see a rate, until then the prognosis is "
+            f"mostly what {source}"
+        )
+    if kept > used:
+        notes.append(f"{kept - used} of {kept} diagnoses are not explained and not used")
+    if not requirements.stated:
+        notes.append(
+            "the actuator states no [[requirements]]: a failure is taken to be a level of 1, the end of scale"
+        )
+    hidden = [name for name, seen in zip(CARTESIAN_NAMES, evidence.seen, strict=True) if not seen]
+    if hidden:
+        notes.append(f"never seen by a diagnosis, and taken as healthy: {', '.join(hidden)}")
+    violated = [
+        limit.label for limit, row in zip(times.limits, times.hours, strict=True) if np.median(row) == 0
+    ]
+    if violated:
+        notes.append(f"violated already: {', '.join(violated)}")
+    if math.isinf(float(np.median(times.first))):
+        notes.append("no failure in sight in more than half of the forecast paths")
+    return notes

@@ -1,0 +1,104 @@
+"""Requirements as margins: how far a unit with given faults is from failing each."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from emaphm.actuator import NAMES, Actuator
+from emaphm.actuator.faults import from_cartesian
+from emaphm.actuator.quantity import unit_for
+from emaphm.actuator.requirements import MEASURE_UNITS, Requirement
+from emaphm.arrays import Array
+from emaphm.prognosis.capability import measured
+
+COMPONENTS = tuple(name for name in NAMES if name != "eccentricity_phase")
+"""What can degrade; the direction of an eccentricity is none of its own."""
+
+FULL_SCALE = tuple(Requirement(component=name, at_most=1.0) for name in COMPONENTS if name != "gain")
+"""Requirements of an actuator that states none: each level is below the end of its scale."""
+
+
+@dataclass(frozen=True)
+class Limit:
+    """One side of a requirement: its value is at most (`upper`) or at least `bound`.
+
+    `label` is its name in results, unique among those of an actuator.
+    """
+
+    requirement: Requirement
+    bound: float
+    upper: bool
+    label: str
+    unit: str
+
+    @property
+    def component(self) -> str | None:
+        """The component whose level it limits, None where it limits a measure."""
+        return self.requirement.component
+
+    def margin(self, value: Array) -> Array:
+        """Return how far `value`, any shape, is from the bound, in its unit; negative beyond it."""
+        return self.bound - value if self.upper else value - self.bound
+
+
+@dataclass(frozen=True)
+class Requirements:
+    """What `actuator` must do, as its limits."""
+
+    actuator: Actuator
+
+    @property
+    def stated(self) -> bool:
+        """Whether the actuator states requirements; else they are `FULL_SCALE`."""
+        return bool(self.actuator.requirements)
+
+    @cached_property
+    def limits(self) -> tuple[Limit, ...]:
+        """The limits of all requirements, in their order."""
+        found: list[Limit] = []
+        for one in self.actuator.requirements or FULL_SCALE:
+            unit = unit_for(MEASURE_UNITS[one.measure], self.actuator.coordinates) if one.measure else "-"
+            for bound, upper in ((one.at_most, True), (one.at_least, False)):
+                if bound is not None:
+                    label = _label(one, bound, unit, upper=upper)
+                    again = sum(other.label.startswith(label) for other in found)
+                    found.append(Limit(one, bound, upper, f"{label} ({again + 1})" if again else label, unit))
+        return tuple(found)
+
+    def values(self, vectors: Array) -> Array:
+        """Return what each limit is on, of the fault `vectors` (n, 8) in [0, 1]: (limits, n), in its unit.
+
+        Raises
+        ------
+        MethodError
+            The averaged model did not stay finite.
+        """
+        known: dict[Requirement, Array] = {}
+        rows = []
+        for limit in self.limits:
+            if limit.component is not None:
+                rows.append(vectors[:, NAMES.index(limit.component)])
+                continue
+            run = limit.requirement.model_copy(update={"name": None, "at_most": None, "at_least": None})
+            if run not in known:
+                known[run] = measured(self.actuator, run, vectors)
+            rows.append(known[run])
+        return np.stack(rows)
+
+    def margins(self, vectors: Array, limits: Sequence[Limit] | None = None) -> Array:
+        """Return the margins of the fault `vectors` (n, 8): (limits, n); errors as in `values`."""
+        values = self.values(vectors)
+        chosen = range(len(self.limits)) if limits is None else [self.limits.index(one) for one in limits]
+        return np.stack([self.limits[i].margin(values[i]) for i in chosen])
+
+
+def vectors_of(levels: Array) -> Array:
+    """Return fault vectors of levels (…, 8) in the coordinates `CARTESIAN_NAMES`, put within [0, 1]."""
+    return np.clip(from_cartesian(levels), 0.0, 1.0)
+
+
+def _label(one: Requirement, bound: float, unit: str, *, upper: bool) -> str:
+    what = one.name or f"{one.component or one.measure}"
+    return f"{what} {'at most' if upper else 'at least'} {bound:g}{'' if unit == '-' else f' {unit}'}"

@@ -1,0 +1,80 @@
+"""Particles drawn by their weights, each component on its own."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emaphm.arrays import Array
+from emaphm.prognosis.belief import LEAST_VARIANCE, Belief
+from emaphm.prognosis.prior import COMPONENTS
+
+ROUNDING = 1e-9
+"""Share of a rate's variance below which what the level leaves of it is a rounding error."""
+
+
+def drawn_rows(belief: Belief, count: int, random: np.random.Generator) -> NDArray[np.intp]:
+    """Return rows of the particles for each component, (count, 8), drawn by its weights, in any order."""
+    columns = [random.permutation(systematic(one, count, random)) for one in belief.weights.T]
+    return np.stack(columns, axis=1)
+
+
+def recombined(belief: Belief, rows: NDArray[np.intp]) -> Belief:
+    """Return the belief with component c of particle i taken from particle `rows`[i, c], equally weighted.
+
+    A component brings the means and the covariance of its level and rate. How components are correlated is
+    that of all particles, by their weights: covariances are averaged between x/σ_x and the part of v that x
+    does not say, (v - k x)/σ_v|x, k = cov(v, x)/σ_x², so that the new ones are positive definite too.
+    """
+    a, k, s = _own(belief)
+    inverse_a, inverse_s = 1 / a, np.divide(1.0, s, out=np.zeros_like(s), where=s > 0)
+    w = belief.weights.mean(axis=1)
+    k_rows, k_columns = k[:, :, np.newaxis], k[:, np.newaxis, :]
+    back = np.swapaxes(belief.mixed, 1, 2)
+    of_v = belief.rates - k_rows * belief.mixed - back * k_columns + k_rows * k_columns * belief.levels
+    levels = _mean_product(w, belief.levels, inverse_a, inverse_a)
+    mixed = _mean_product(w, belief.mixed - belief.levels * k_columns, inverse_a, inverse_s)
+    rates = _mean_product(w, of_v, inverse_s, inverse_s)
+    np.fill_diagonal(levels, 1.0)
+    np.fill_diagonal(mixed, 0.0)
+    np.fill_diagonal(rates, 1.0)
+    columns = np.arange(COMPONENTS)
+    a, k, s = a[rows, columns], k[rows, columns], s[rows, columns]
+    k_rows, k_columns = k[:, :, np.newaxis], k[:, np.newaxis, :]
+    new_levels = levels * a[:, :, np.newaxis] * a[:, np.newaxis, :]
+    new_mixed = mixed * a[:, :, np.newaxis] * s[:, np.newaxis, :] + new_levels * k_columns
+    new_rates = rates * s[:, :, np.newaxis] * s[:, np.newaxis, :] + k_rows * new_mixed
+    new_rates += np.swapaxes(new_mixed, 1, 2) * k_columns - k_rows * k_columns * new_levels
+    return replace(
+        belief,
+        law=belief.law[rows, columns],
+        life_scale=belief.life_scale[rows, columns],
+        shape=belief.shape[rows, columns],
+        roughness=belief.roughness[rows, columns],
+        level=belief.level[rows, columns],
+        rate=belief.rate[rows, columns],
+        levels=new_levels,
+        mixed=new_mixed,
+        rates=new_rates,
+        log_weights=np.full(rows.shape, -np.log(len(rows))),
+    )
+
+
+def _own(belief: Belief) -> tuple[Array, Array, Array]:
+    """Return σ_x, k and σ_v|x of each particle's components, (n, 8) each, as in `recombined`."""
+    variance = np.maximum(np.einsum("nii->ni", belief.levels), LEAST_VARIANCE)
+    k = np.einsum("nii->ni", belief.mixed) / variance
+    of_rate = np.einsum("nii->ni", belief.rates)
+    rest = of_rate - k**2 * variance
+    return np.sqrt(variance), k, np.sqrt(np.where(rest > ROUNDING * of_rate, rest, 0.0))
+
+
+def _mean_product(weights: Array, values: Array, left: Array, right: Array) -> Array:
+    """Return the weighted mean of diag(left) values diag(right), (8, 8)."""
+    return np.asarray(np.einsum("n,nij,ni,nj->ij", weights, values, left, right, optimize=True))
+
+
+def systematic(weights: Array, count: int, random: np.random.Generator) -> NDArray[np.intp]:
+    """Return `count` indices of `weights` (n,), each as often as its weight asks, to one more or less."""
+    places = (np.arange(count) + random.random()) / count * np.sum(weights)
+    return np.minimum(np.searchsorted(np.cumsum(weights), places), len(weights) - 1)

@@ -1,0 +1,208 @@
+"""The prognosis of a unit: what was found, as text and as JSON."""
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from emaphm.actuator import NAMES, Actuator
+from emaphm.arrays import Array
+from emaphm.prognosis.advice import Advice
+from emaphm.prognosis.belief import Belief
+from emaphm.prognosis.evidence import Evidence
+from emaphm.prognosis.failure_times import FailureTimes
+from emaphm.prognosis.forecast import Paths
+from emaphm.prognosis.requirements import COMPONENTS, Limit, vectors_of
+from emaphm.prognosis.settings import LAWS
+from emaphm.text_table import format_table
+from emaphm.version import VERSION
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+INTERVAL90 = (0.05, 0.95)
+
+
+@dataclass(frozen=True, eq=False)
+class Prognosis:
+    """The remaining useful life (RUL) of a unit.
+
+    Attributes
+    ----------
+    horizon
+        Flight hours from now on for which `probability_of_failure` holds [h].
+    values
+        What each limit is on, now: of each path, (limits, n), in its unit.
+    times
+        When each forecast path fails each requirement.
+    paths
+        The forecast levels.
+    component, limit
+        What most likely fails first, None where no path fails.
+    belief, past
+        Of the degradation, now and at the diagnoses that were used.
+    """
+
+    evidence: Evidence
+    actuator: Actuator
+    horizon: float
+    values: Array = field(repr=False)
+    times: FailureTimes
+    paths: Paths = field(repr=False)
+    component: str | None
+    limit: Limit | None
+    advice: Advice
+    belief: Belief = field(repr=False)
+    past: tuple[Belief, ...] = field(repr=False)
+    seed: int
+    notes: tuple[str, ...] = ()
+
+    @property
+    def sample(self) -> Array:
+        """The RUL of each path [h], shape (n,), `inf` where no failure is in sight."""
+        return self.times.first
+
+    @property
+    def median(self) -> float:
+        """Median of the RUL [h], `inf` where no failure is in sight."""
+        return quantile(self.sample, 0.5)
+
+    @property
+    def interval90(self) -> tuple[float, float]:
+        """5 to 95 % of the RUL [h]; `inf` where no failure is in sight."""
+        low, high = (quantile(self.sample, p) for p in INTERVAL90)
+        return low, high
+
+    @property
+    def probability_of_failure(self) -> float:
+        """Probability that a requirement fails within the horizon."""
+        return float(np.mean(self.sample <= self.horizon))
+
+    def probabilities(self) -> dict[str, float]:
+        """Return by requirement the probability that it fails within the horizon, others failing or not."""
+        return {
+            limit.label: float(np.mean(row <= self.horizon))
+            for limit, row in zip(self.times.limits, self.times.hours, strict=True)
+        }
+
+    def requirements(self) -> dict[str, dict[str, Any]]:
+        """Return of each requirement its value now, median and 90 % interval, and when it may fail."""
+        probabilities = self.probabilities()
+        result: dict[str, dict[str, Any]] = {}
+        for limit, row in zip(self.times.limits, self.values, strict=True):
+            low, middle, high = (quantile(row, p) for p in (INTERVAL90[0], 0.5, INTERVAL90[1]))
+            result[limit.label] = {
+                "value": finite(middle),
+                "interval90": [finite(low), finite(high)],
+                "unit": limit.unit,
+                "probability_of_failure": probabilities[limit.label],
+            }
+        return result
+
+    def levels(self) -> dict[str, dict[str, Any]]:
+        """Return of each component its level now, median and 90 % interval, and its laws' probabilities."""
+        vectors = vectors_of(self.paths.level[0])
+        laws = self.belief.law_probabilities()
+        result = {}
+        for name in COMPONENTS:
+            column = NAMES.index(name)
+            low, middle, high = np.quantile(vectors[:, column], (INTERVAL90[0], 0.5, INTERVAL90[1]))
+            result[name] = {
+                "median": float(middle),
+                "interval90": [float(low), float(high)],
+                "laws": {law: float(p) for law, p in zip(LAWS, laws[column], strict=True)},
+            }
+        return result
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the prognosis as JSON; null where no failure is in sight."""
+        evidence = self.evidence
+        return {
+            "unit": evidence.unit,
+            "part_number": evidence.part_number,
+            "hours": evidence.hours,
+            "rul_hours": {"median": finite(self.median), "interval90": [finite(x) for x in self.interval90]},
+            "horizon_hours": self.horizon,
+            "probability_of_failure": self.probability_of_failure,
+            "component": self.component,
+            "requirement": self.limit.label if self.limit else None,
+            "advice": self.advice.to_dict(evidence.hours),
+            "requirements": self.requirements(),
+            "levels": self.levels(),
+            "diagnoses": {"used": len(evidence.used), "kept": len(evidence.observations)},
+            "prior": {"fleet_units": self.belief.prior.units, "fleet_share": self.belief.prior.fleet_share},
+            "notes": list(self.notes),
+            "seed": self.seed,
+            "version": VERSION,
+        }
+
+    def __str__(self) -> str:
+        low, high = (hours_text(x) for x in self.interval90)
+        evidence = self.evidence
+        rows = [
+            (
+                name,
+                f"{one['median']:.3f}",
+                "{:.3f} to {:.3f}".format(*one["interval90"]),
+                _likeliest(one["laws"]),
+            )
+            for name, one in self.levels().items()
+        ]
+        asked = [requirement_row(name, one) for name, one in self.requirements().items()]
+        cause = f", by {self.component} ({self.limit.label})" if self.limit else ""
+        lines = [
+            f"{evidence.unit}, part number {evidence.part_number}, at {evidence.hours:g} h",
+            f"remaining useful life: {hours_text(self.median)} (90 %: {low} to {high}){cause}",
+            f"probability of failure within {self.horizon:g} h: {100 * self.probability_of_failure:.1f} %",
+            f"advice: {advice_text(self.advice)}",
+            "",
+            format_table(("component", "level", "90 % interval", "likeliest law"), rows),
+            "",
+            format_table(("requirement", "now", "90 % interval", f"fails within {self.horizon:g} h"), asked),
+            *([""] if self.notes else []),
+            *(f"note: {note}" for note in self.notes),
+        ]
+        return "\n".join(lines)
+
+    def plot(self) -> "Figure":
+        """Return the figure of health over time and of the RUL; the drawing is `plotting.prognosis`'s."""
+        from emaphm.plotting.prognosis import draw_prognosis
+
+        return draw_prognosis(self)
+
+
+def quantile(sample: Array, probability: float) -> float:
+    """Return a quantile of a sample (n,) that may hold `inf`: the least value not below that share of it."""
+    place = math.ceil(probability * sample.size) - 1
+    return float(np.sort(sample)[min(max(place, 0), sample.size - 1)])
+
+
+def finite(hours: float) -> float | None:
+    """Return hours, None for `inf`."""
+    return hours if math.isfinite(hours) else None
+
+
+def hours_text(hours: float) -> str:
+    """Return hours as text, words for `inf`."""
+    return f"{hours:,.0f} h" if math.isfinite(hours) else "no failure in sight"
+
+
+def requirement_row(name: str, one: dict[str, Any]) -> tuple[str, ...]:
+    """Return a requirement as a row of text, as in `Prognosis.requirements`."""
+    value, low, high = (
+        "not reached" if x is None else f"{x:.4g}" for x in (one["value"], *one["interval90"])
+    )
+    unit = "" if one["unit"] == "-" else f" {one['unit']}"
+    return name, f"{value}{unit}", f"{low} to {high}", f"{100 * one['probability_of_failure']:.1f} %"
+
+
+def advice_text(given: Advice) -> str:
+    """Return advice as a sentence with its risk."""
+    when = f"for {given.hours:,.0f} h" if given.action == "fly on" else f"within {given.hours:,.0f} h"
+    return f"{given.action}: {when}, at a risk of {100 * given.risk:.1f} % ({given.reason})"
+
+
+def _likeliest(laws: dict[str, float]) -> str:
+    name = max(laws, key=laws.__getitem__)
+    return f"{name} ({100 * laws[name]:.0f} %)"

@@ -1,0 +1,79 @@
+"""What tunes the prognosis, each number with its unit and why it has this value."""
+
+from dataclasses import dataclass
+
+LAWS = ("constant", "linear", "exponential", "power law", "sudden onset")
+"""Laws of degradation; the number of a law is its place here."""
+
+CONSTANT, LINEAR, EXPONENTIAL, POWER_LAW, SUDDEN_ONSET = range(len(LAWS))
+
+
+@dataclass(frozen=True)
+class DegradationSettings:
+    """Prior of the degradation of a component, before any of it is seen.
+
+    The law has the prior probabilities `laws`, in the order of `LAWS`: a component that stays as it is must
+    be the likeliest single case, as most components of most units are. `life_scale` [h] is the time T in
+    which the level changes by about one, its logarithm uniform: from a component that is worn out in some
+    hundred hours to one that outlives the aircraft's 60,000 flight hours. `exponent` is that of the power
+    law, from running-in to accelerating wear; `growth` the time constant of the exponential law as a share of
+    T. `noise` is the standard deviation by which a level deviates from its law over T, by a Wiener process;
+    `quiet` what is left of it where nothing degrades: 0.02 in 1,000 h at most. `rate_noise` is that of the
+    rate, as a share of 1/T. All three are multiplied by the component's roughness, drawn from `roughness`
+    with its logarithm uniform: what wears evenly is told from what does not. `change_hours` [h] is the mean
+    time after which a component takes up another law: longer than most lives, so that it changes few
+    forecasts.
+    `new_level` is the standard deviation of a new component's level about the healthy value: what baselines
+    of units differ by, and diagnoses of healthy recordings show.
+
+    All are chosen, not fitted: no fleet's histories were at hand. `python -m tests.prognosis.calibration`
+    measures predictions with them on synthetic units, whose laws are not drawn from this prior.
+    """
+
+    laws: tuple[float, ...] = (0.4, 0.2, 0.1, 0.1, 0.2)
+    life_scale: tuple[float, float] = (200.0, 60_000.0)
+    exponent: tuple[float, float] = (0.5, 3.0)
+    growth: tuple[float, float] = (0.15, 1.0)
+    noise: float = 0.03
+    quiet: float = 0.2
+    rate_noise: float = 0.3
+    roughness: tuple[float, float] = (0.1, 1.5)
+    change_hours: float = 20_000.0
+    new_level: float = 0.03
+    first_hours: float = 1.0
+    """Age [h] at which a power law begins: at age 0 its rate may be infinite."""
+
+
+@dataclass(frozen=True)
+class FilterSettings:
+    """Size of the particle filter.
+
+    `particles` is the number of banks: with 1,000, an update takes 5 ms on one core, and the median of the
+    RUL repeats from seed to seed to 1 % (`python -m tests.prognosis.calibration --seeds`).
+    Resampled where fewer than `effective_share` of them carry the weight, the usual half. After it, copies
+    differ again by `jitter` in the logarithms of life scale and shape; their prior's width is 5.7.
+    """
+
+    particles: int = 1000
+    effective_share: float = 0.5
+    jitter: float = 0.1
+
+
+@dataclass(frozen=True)
+class ForecastSettings:
+    """Size and reach of the forecast.
+
+    `paths` drawn from the filter: a probability of 5 % is then right to 0.7 % (one standard error).
+    `longest_hours` [h] is how far is looked; a RUL beyond is "no failure in sight". `steps` grow from
+    `first_step` [h]: crossings between two of them are drawn exactly for a level (`first_passage`).
+    """
+
+    paths: int = 1000
+    longest_hours: float = 20_000.0
+    first_step: float = 2.0
+    steps: int = 120
+
+
+DEGRADATION = DegradationSettings()
+FILTER = FilterSettings()
+FORECAST = ForecastSettings()

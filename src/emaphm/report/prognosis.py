@@ -1,0 +1,83 @@
+"""Report of a prognosis as one HTML page."""
+
+from pathlib import Path
+
+from emaphm.output_files import check_writable, written_whole
+from emaphm.plotting.prognosis import draw_fan, draw_health, draw_life
+from emaphm.plotting.svg import plain_style, svg
+from emaphm.prognosis.prognose import past_lives
+from emaphm.prognosis.result import Prognosis, advice_text, hours_text, requirement_row
+from emaphm.report.document import Block, Document, Facts, Heading, Items, Paragraph, Picture
+from emaphm.text_table import Table
+
+
+def write_prognosis(prognosis: Prognosis, path: str | Path, *, force: bool = False) -> None:
+    """Write `prognosis` as one HTML file that needs nothing else; the same prognosis gives the same bytes.
+
+    Raises
+    ------
+    OutputError
+        See `emaphm.output_files.check_writable`; also if writing fails. No file is left then.
+    """
+    check_writable(path, force=force, endings=(".html", ".htm"))
+    page = document(prognosis).to_html()
+    with written_whole(path) as temporary:
+        temporary.write_text(page, encoding="utf-8", errors="replace")
+
+
+def document(prognosis: Prognosis) -> Document:
+    """Return the report as a document."""
+    evidence = prognosis.evidence
+    low, high = (hours_text(x) for x in prognosis.interval90)
+    with plain_style():
+        health, life = svg(draw_health(prognosis)), svg(draw_life(prognosis))
+        past = past_lives(prognosis)
+        fan = svg(draw_fan(prognosis, past)) if past else None
+    horizon = f"{prognosis.horizon:g} h"
+    blocks: list[Block] = [
+        Paragraph(advice_text(prognosis.advice), warning=prognosis.advice.action != "fly on"),
+        Facts(
+            {
+                "Remaining useful life": f"{hours_text(prognosis.median)} (90 %: {low} to {high})",
+                f"Probability of failure within {horizon}": f"{100 * prognosis.probability_of_failure:.1f} %",
+                "Fails first": prognosis.limit.label if prognosis.limit else "nothing in sight",
+                "Component responsible": prognosis.component or "none",
+                "Diagnoses": f"{len(evidence.used)} used of {len(evidence.observations)}",
+                "Prior": f"{prognosis.belief.prior.units} other units of the part number",
+                "Seed": str(prognosis.seed),
+            }
+        ),
+        *([Items(prognosis.notes)] if prognosis.notes else []),
+        Heading(2, "Health over time"),
+        Picture(
+            "health.svg",
+            "Level of each component over flight hours, with bands of the forecast and limits",
+            "Levels from 0 to 1: diagnoses with 90 % intervals, forecast with bands of 50 and 90 %, limits.",
+            health,
+        ),
+        Heading(2, "Remaining useful life"),
+        Picture(
+            "life.svg",
+            "Probability of failure over flight hours",
+            "Probability that a requirement has failed by then.",
+            life,
+        ),
+    ]
+    if fan is not None:
+        blocks.append(
+            Picture(
+                "fan.svg",
+                "Fan chart of the remaining useful life",
+                "RUL as it was forecast at earlier diagnoses, from what was known then.",
+                fan,
+            )
+        )
+    blocks += [
+        Heading(2, "Requirements"),
+        Table(
+            ("requirement", "now", "90 % interval", f"fails within {horizon}"),
+            tuple(requirement_row(name, one) for name, one in prognosis.requirements().items()),
+        ),
+    ]
+    subtitle = f"Prognosis of an electromechanical actuator, part number {evidence.part_number}"
+    return Document(f"{evidence.unit} at {evidence.hours:g} h", subtitle, tuple(blocks))

@@ -1,0 +1,156 @@
+"""`emaphm prognose` and `emaphm limits`: what they answer, and what they refuse in one line."""
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from emaphm.actuator import NAMES, Actuator, Faults
+from emaphm.actuator.toml import write_toml
+from emaphm.history import Finding, History
+from history import made_up
+
+from .conftest import Emaphm, Refusal
+
+LIMITED = 'component = "friction"\nat_most = 0.6\n'
+
+
+def wearing(history: History, unit: str, hours: list[float], rate: float, first: int) -> None:
+    """Add a diagnosis at each of the hours, of a unit whose friction rises evenly, all else being healthy."""
+    for i, at in enumerate(hours):
+        number = first + i
+        level = Faults(friction=rate * at).vector
+        made = made_up.diagnosis(number)
+        components = {
+            name: dataclasses.replace(one, value=float(value))
+            for (name, one), value in zip(made.components.items(), level, strict=True)
+        }
+        covariance = 1e-4 * np.eye(len(made.coordinates))
+        made = dataclasses.replace(made, components=components, covariance=covariance)
+        history.add(made_up.entry(unit, at), made_up.recording(number), made)
+
+
+@pytest.fixture
+def fleet(desk: Path) -> Path:
+    """Return the current folder with the default history of three units, and `required.toml`."""
+    with History.open(desk / "history.sqlite", create=True) as history:
+        wearing(history, "SN-1", [50.0 * i for i in range(1, 13)], 5e-4, 0)
+        wearing(history, "SN-2", [50.0 * i for i in range(1, 9)], 5e-4, 100)
+        wearing(history, "SN-3", [50.0], 5e-4, 200)
+    text = write_toml(Actuator.thesis()) + f"\n[[requirements]]\n{LIMITED}"
+    (desk / "required.toml").write_text(text, encoding="utf-8")
+    return desk
+
+
+def asked(emaphm: Emaphm, *arguments: str | Path) -> dict[str, Any]:
+    code, out, err = emaphm(*arguments, "--json")
+    assert (code, err) == (0, "")
+    result = json.loads(out)
+    assert isinstance(result, dict)
+    return result
+
+
+def test_a_unit_that_wears_is_predicted(emaphm: Emaphm, fleet: Path) -> None:
+    assert fleet.is_dir()
+    made = asked(emaphm, "prognose", "--unit", "SN-1", "--actuator", "required.toml", "--horizon", "300")
+    # Friction 5e-4 an hour, limit 0.6, 600 h flown.
+    assert made["rul_hours"]["median"] == pytest.approx(600.0, rel=0.15)
+    low, high = made["rul_hours"]["interval90"]
+    assert low < 600 < high
+    assert (made["component"], made["requirement"]) == ("friction", "friction at most 0.6")
+    assert made["horizon_hours"] == 300.0
+    assert 0 <= made["probability_of_failure"] <= 1
+    assert made["prior"]["fleet_units"] == 1  # SN-2; SN-3 has one diagnosis alone
+    assert made["advice"]["action"] in {"fly on", "inspect by", "replace before"}
+    text = emaphm("prognose", "--unit", "SN-1", "--actuator", "required.toml").out
+    assert "remaining useful life:" in text
+    assert "advice:" in text
+
+
+def test_the_fleet_can_be_left_out(emaphm: Emaphm, fleet: Path) -> None:
+    assert fleet.is_dir()
+    made = asked(emaphm, "prognose", "--unit", "SN-3", "--no-fleet", "--actuator", "required.toml")
+    assert made["prior"] == {"fleet_units": 0, "fleet_share": 0.0}
+    assert any("3 are needed to see a rate" in note for note in made["notes"])
+
+
+def test_a_replacement_is_taken_from_the_history(emaphm: Emaphm, fleet: Path) -> None:
+    before = asked(emaphm, "prognose", "--unit", "SN-1", "--actuator", "required.toml", "--no-fleet")
+    with History.open(fleet / "history.sqlite") as history:
+        history.add_finding("SN-1", Finding(600.0, "friction", "failed", 0.3, replaced=True))
+    after = asked(emaphm, "prognose", "--unit", "SN-1", "--actuator", "required.toml", "--no-fleet")
+    assert before["levels"]["friction"]["median"] > 0.25
+    assert after["levels"]["friction"]["median"] < 0.1
+
+
+def test_report_and_figure(emaphm: Emaphm, fleet: Path) -> None:
+    arguments = ("prognose", "--unit", "SN-2", "--no-fleet", "--report", "out.html", "--figure", "out.svg")
+    assert emaphm(*arguments).code == 0
+    page = (fleet / "out.html").read_text(encoding="utf-8")
+    assert "SN-2 at 400 h" in page
+    assert page.count("data:image/svg+xml") == 3
+    assert (fleet / "out.svg").stat().st_size > 1000
+    assert emaphm(*arguments).code == 2
+    assert emaphm(*arguments, "--force").code == 0
+    assert (fleet / "out.html").read_text(encoding="utf-8") == page
+
+
+def test_costs_decide_when_given(emaphm: Emaphm, fleet: Path) -> None:
+    assert fleet.is_dir()
+    costs = ("--failure-cost", "50", "--replacement-cost", "1")
+    made = asked(
+        emaphm, "prognose", "--unit", "SN-1", "--actuator", "required.toml", *costs, "--horizon", "2000"
+    )
+    assert "cheaper" in made["advice"]["reason"]
+
+
+def test_limits_are_shown(emaphm: Emaphm, fleet: Path) -> None:
+    assert fleet.is_dir()
+    made = asked(emaphm, "limits", "--actuator", "required.toml", "--fault", "backlash=0.2")
+    (one,) = made["requirements"]
+    assert one["fails_at"]["friction"] == {"rising": pytest.approx(0.6), "falling": None}
+    assert set(one["fails_at"]) == set(NAMES) - {"eccentricity_phase"}
+    assert (one["violated"], one["can_fail"]) == (False, True)
+    assert made["k"][1] == 0.2
+    text = emaphm("limits", "--actuator", "required.toml", "--fault", "friction=0.7").out
+    assert "violated already: friction at most 0.6" in text
+    assert "states no [[requirements]]" in emaphm("limits").out
+
+
+REFUSALS = {
+    ("prognose", "--unit", "SN-9"): "no unit 'SN-9' in the history (did you mean 'SN-",
+    ("prognose", "--unit", "SN-1", "--horizon", "0"): "a horizon of 0 h",
+    ("prognose", "--unit", "SN-1", "--horizon", "nan"): "a horizon of nan h",
+    ("prognose", "--unit", "SN-1", "--risk", "1.5"): "a risk of 1.5 is no probability",
+    ("prognose", "--unit", "SN-1", "--failure-cost", "5"): "give --failure-cost and --replacement-cost",
+    (
+        "prognose",
+        "--unit",
+        "SN-1",
+        "--failure-cost",
+        "-5",
+        "--replacement-cost",
+        "1",
+    ): "the cost of a failure",
+    ("prognose", "--unit", "SN-1", "--failure-cost", "1", "--replacement-cost", "2"): "is no dearer",
+    ("prognose", "--unit", "SN-1", "--seed", "-1"): "--seed -1",
+    ("prognose", "--unit", "SN-1", "--report", "out.pdf"): "unknown file ending '.pdf'",
+    ("prognose", "--unit", "SN-1", "--db", "absent.sqlite"): "no such history",
+    ("prognose", "--unit", "SN-1", "--db", "postgresql://me:secret@127.0.0.1:1/f"): "postgresql://me:***@",
+    ("prognose", "--unit", "SN-1", "--actuator", "absent.toml"): "absent.toml: no such actuator file",
+    ("limits", "--actuator", "wrong.toml"): "did you mean 'at_most'",
+    ("limits", "--fault", "frictoin=0.2"): "did you mean 'friction'",
+    ("limits", "--fault", "friction=2"): "lies outside [0, 1]",
+}
+
+
+@pytest.mark.parametrize("arguments", REFUSALS, ids=" ".join)
+def test_what_is_wrong_is_said_in_one_line(fleet: Path, refused: Refusal, arguments: tuple[str, ...]) -> None:
+    text = (fleet / "required.toml").read_text(encoding="utf-8")
+    (fleet / "wrong.toml").write_text(text.replace("at_most", "atmost"), encoding="utf-8")
+    message = refused(*arguments)
+    assert REFUSALS[arguments] in message
+    assert "secret" not in message

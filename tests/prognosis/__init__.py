@@ -1,0 +1,1 @@
+"""Prognosis: requirements, degradation, remaining useful life and its metrics."""

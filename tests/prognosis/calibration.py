@@ -1,0 +1,92 @@
+"""How good predictions are on synthetic units: `python -m tests.prognosis.calibration [--units N]`."""
+
+import argparse
+
+import numpy as np
+
+from emaphm.actuator import Actuator
+from emaphm.actuator.requirements import Requirement
+from emaphm.prognosis import Prognosis, Question, prognose
+from emaphm.prognosis.metrics import (
+    Prediction,
+    alpha_lambda,
+    brier,
+    coverage,
+    crps,
+    late_prediction_rate,
+    probability_integral_transform,
+)
+
+from .synthetic import KNOWN, LIMIT, UNKNOWN, Truth, observed, truth
+
+SHARES = (0.5, 0.75)
+LONGEST = 20_000.0
+HORIZON = 200.0
+ACTUATOR = Actuator.thesis().model_copy(
+    update={
+        "requirements": tuple(Requirement(component=one, at_most=LIMIT) for one in ("friction", "backlash"))
+    }
+)
+
+
+def prediction(one: Truth, share: float, seed: int = 0) -> Prognosis:
+    """Return the prognosis at a share of life, from what was known then."""
+    return prognose(observed(one, max(share * one.failure, 41.0)), ACTUATOR, Question(HORIZON), seed=seed)
+
+
+def last_slope(one: Truth, share: float) -> float:
+    """Return the RUL [h] by the straight line through the last ten diagnoses of friction."""
+    evidence = observed(one, max(share * one.failure, 41.0))
+    last = evidence.observations[-10:]
+    if len(last) < 2:
+        return LONGEST
+    slope, offset = np.polyfit([x.hours for x in last], [x.level[0] for x in last], 1)
+    if slope <= 0:
+        return LONGEST
+    return float(np.clip((LIMIT - offset) / slope - evidence.hours, 0, LONGEST))
+
+
+def main() -> None:
+    """Print one table: what is measured at each share of life, beside the last slope."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--units", type=int, default=30)
+    parser.add_argument("--known", action="store_true", help="only the laws that the filter knows")
+    parser.add_argument("--seeds", type=int, default=0, help="repeat one unit's prognosis with so many seeds")
+    asked = parser.parse_args()
+    laws = KNOWN if asked.known else KNOWN + UNKNOWN
+    units = [truth(i, laws[i % len(laws)]) for i in range(asked.units)]
+    if asked.seeds:
+        medians = [prediction(units[0], 0.5, seed).median for seed in range(asked.seeds)]
+        print(f"median RUL over seeds: mean {np.mean(medians):.0f} h, deviation {np.std(medians):.0f} h")
+        return
+    for share in SHARES:
+        transforms, scores, good, late, slope_good, slope_scores, fails, probabilities = (
+            [] for _ in range(8)
+        )
+        for one in units:
+            made = prediction(one, share)
+            hours = made.evidence.hours
+            true = one.failure - hours
+            sample = Prediction(hours, made.sample)
+            transforms.append(probability_integral_transform(sample, true))
+            scores.append(crps(made.sample, true, longest=LONGEST))
+            good.append(alpha_lambda([sample], one.failure, 0.0))
+            late.append((sample, true))
+            line = Prediction(hours, np.array([last_slope(one, share)]))
+            slope_good.append(alpha_lambda([line], one.failure, 0.0))
+            slope_scores.append(crps(line.sample, true, longest=LONGEST))
+            probabilities.append(made.probability_of_failure)
+            fails.append(true <= HORIZON)
+        print(
+            f"λ = {share}: {len(units)} units; alpha-lambda {np.mean(good):.2f} (last slope "
+            f"{np.mean(slope_good):.2f}); coverage of 90 % {coverage(transforms):.2f}; CRPS "
+            f"{np.mean(scores):.0f} h (last slope {np.mean(slope_scores):.0f} h); late by more than 20 % "
+            f"{late_prediction_rate(late, 0.2):.2f}; Brier within {HORIZON:g} h "
+            f"{brier(probabilities, fails):.3f}"
+        )
+        worst = sorted(zip(transforms, (one.law for one in units), strict=True))
+        print("  transforms:", " ".join(f"{value:.2f}{law[0]}" for value, law in worst))
+
+
+if __name__ == "__main__":
+    main()

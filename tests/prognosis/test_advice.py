@@ -1,0 +1,72 @@
+"""Advice: what the risk allows, and the cheapest age of replacement against a brute-force search."""
+
+import math
+
+import numpy as np
+import pytest
+
+from emaphm.errors import PrognosisError
+from emaphm.prognosis import Costs, Question
+from emaphm.prognosis.advice import advice
+
+
+def test_a_unit_flies_on_while_the_risk_allows() -> None:
+    sample = np.linspace(500, 1500, 1001)
+    given = advice(sample, 400.0, risk=0.05)
+    assert (given.action, given.hours, given.risk) == ("fly on", 400.0, 0.0)
+
+
+def test_a_unit_of_known_life_is_replaced_before_the_risk_is_too_large() -> None:
+    sample = np.linspace(500, 1500, 1001)
+    given = advice(sample, 2000.0, risk=0.05)
+    assert given.action == "replace before"
+    assert given.hours == pytest.approx(550.0)
+    assert given.risk == pytest.approx(0.05, abs=0.002)
+
+
+def test_where_little_is_known_an_inspection_comes_first() -> None:
+    given = advice(np.geomspace(10, 10_000, 1000), 2000.0, risk=0.05)
+    assert given.action == "inspect by"
+    assert given.hours < 20
+
+
+def test_what_is_violated_is_replaced_now() -> None:
+    given = advice(np.zeros(10), 100.0, risk=0.05)
+    assert (given.action, given.hours, given.risk) == ("replace before", 0.0, 1.0)
+
+
+def test_no_failure_in_sight_is_no_reason_to_land() -> None:
+    for costs in (None, Costs(10.0, 1.0)):
+        given = advice(np.full(10, math.inf), 100.0, risk=0.05, costs=costs)
+        assert (given.action, given.risk) == ("fly on", 0.0)
+
+
+def test_the_cheapest_replacement_is_that_of_barlow_and_hunter() -> None:
+    """A sample of Weibull lives, new units: the age that a search over the closed form of the cost finds."""
+    shape, scale, failure, planned = 3.0, 1000.0, 10.0, 1.0
+    n = 20_000
+    sample = scale * (-np.log(1 - (np.arange(n) + 0.5) / n)) ** (1 / shape)
+    ages = np.linspace(50, 2000, 3901)
+    survival = np.exp(-((ages / scale) ** shape))
+    mean = np.concatenate([[0], np.cumsum((survival[1:] + survival[:-1]) / 2 * np.diff(ages))]) + 50
+    exact = ages[np.argmin((planned * survival + failure * (1 - survival)) / mean)]
+    given = advice(sample, 5000.0, risk=0.5, costs=Costs(failure, planned))
+    assert given.hours == pytest.approx(exact, rel=0.03)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda: Costs(-1.0, 1.0),
+        lambda: Costs(math.nan, 1.0),
+        lambda: Costs(1.0, 2.0),
+        lambda: Costs(1.0, 0.0),
+        lambda: Question(horizon=0.0),
+        lambda: Question(horizon=math.inf),
+        lambda: Question(risk=0.0),
+        lambda: Question(risk=1.5),
+    ],
+)
+def test_costs_and_probabilities_out_of_range_are_refused(wrong: object) -> None:
+    with pytest.raises(PrognosisError):
+        wrong()  # type: ignore[operator]

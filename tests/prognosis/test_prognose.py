@@ -1,0 +1,221 @@
+"""Prognoses of units whose end is known, what notes they carry, and what a fleet teaches."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import kstest
+
+from emaphm.actuator import Actuator
+from emaphm.actuator.requirements import Requirement
+from emaphm.arrays import Array
+from emaphm.errors import PrognosisError
+from emaphm.prognosis import Evidence, Observation, Question, fleet_prior, prognose
+from emaphm.prognosis.belief import Belief
+from emaphm.prognosis.failure_times import failure_times, responsible
+from emaphm.prognosis.forecast import Paths, drawn_states, paths
+from emaphm.prognosis.metrics import Prediction, probability_integral_transform
+from emaphm.prognosis.prior import NEW, Prior
+from emaphm.prognosis.requirements import Requirements
+from emaphm.prognosis.settings import ForecastSettings
+
+ERROR = 0.01
+EVERYTHING = np.ones(8, bool)
+THESIS = Actuator.thesis()
+
+
+def requiring(*requirements: Requirement) -> Actuator:
+    return THESIS.model_copy(update={"requirements": requirements})
+
+
+WORN = requiring(
+    Requirement(component="friction", at_most=0.6), Requirement(component="eccentricity", at_most=0.5)
+)
+
+
+def observation(hours: float, *, seed: int = 0, explained: bool = True, **levels: float) -> Observation:
+    level = NEW + ERROR * np.random.default_rng([seed, int(hours)]).standard_normal(8)
+    level[0] += levels.get("friction", 0.0)
+    level[5] += levels.get("x", 0.0)
+    level[6] += levels.get("y", 0.0)
+    return Observation(hours, level, ERROR**2 * np.eye(8), EVERYTHING, explained)
+
+
+def wearing(
+    count: int, *, rate: float = 2e-4, unit: str = "S1", seed: int = 0, start: float = 0.0
+) -> Evidence:
+    """Return a unit whose friction rises evenly, diagnosed every 50 h."""
+    observations = tuple(
+        observation(50.0 * i, seed=seed, friction=start + rate * 50.0 * i) for i in range(1, count + 1)
+    )
+    return Evidence(unit, "P1", 50.0 * count, observations)
+
+
+def test_a_straight_line_is_followed_to_its_limit() -> None:
+    made = prognose(wearing(40), WORN)
+    true = 0.6 / 2e-4 - 2000
+    assert made.median == pytest.approx(true, rel=0.15)
+    low, high = made.interval90
+    assert low < true < high
+    assert (made.component, made.limit and made.limit.label) == ("friction", "friction at most 0.6")
+    assert made.advice.action in {"replace before", "inspect by"}
+
+
+def test_an_eccentricity_grows_along_its_direction() -> None:
+    observations = tuple(observation(50.0 * i, x=0.01 * i * 0.6, y=0.01 * i * 0.8) for i in range(1, 31))
+    made = prognose(Evidence("S1", "P1", 1500.0, observations), WORN)
+    assert made.component == "eccentricity"
+    assert made.median == pytest.approx(1000.0, rel=0.25)
+    assert made.levels()["eccentricity"]["median"] == pytest.approx(0.3, abs=0.02)
+
+
+def test_what_is_violated_has_no_life_left() -> None:
+    made = prognose(wearing(10, start=0.7), WORN)
+    assert made.to_dict()["rul_hours"] == {"median": 0.0, "interval90": [0.0, 0.0]}
+    assert made.probability_of_failure == 1
+    assert "violated already: friction at most 0.6" in made.notes
+    assert made.advice.action == "replace before"
+
+
+def test_an_unexplained_diagnosis_is_not_fed() -> None:
+    usual = wearing(20)
+    odd = observation(990.0, friction=0.9, explained=False)
+    with_odd = Evidence("S1", "P1", 1000.0, (*usual.observations, odd))
+    one, other = prognose(usual, WORN), prognose(with_odd, WORN)
+    assert np.array_equal(one.sample, other.sample)
+    assert "1 of 21 diagnoses are not explained and not used" in other.notes
+
+
+def test_a_replacement_gives_a_new_life() -> None:
+    worn = wearing(25)
+    replaced = Evidence("S1", "P1", worn.hours, worn.observations, ((worn.hours, "friction"),))
+    whole = Evidence("S1", "P1", worn.hours, worn.observations, ((worn.hours, "unit"),))
+    assert prognose(replaced, WORN).levels()["friction"]["median"] < 0.1
+    assert prognose(whole, WORN).levels()["friction"]["median"] < 0.1
+    assert prognose(replaced, WORN).probability_of_failure < prognose(worn, WORN).probability_of_failure + 0.1
+
+
+def test_few_diagnoses_say_so() -> None:
+    notes = " ".join(prognose(wearing(1), WORN).notes)
+    assert "explained diagnoses: 1; 3 are needed to see a rate" in notes
+    assert "the general prior says" in notes
+    none = prognose(Evidence("S1", "P1", 10.0), THESIS)
+    assert "explained diagnoses: 0" in none.notes[0]
+    assert any("states no [[requirements]]" in note for note in none.notes)
+
+
+def test_what_no_diagnosis_sees_is_taken_as_healthy_and_named() -> None:
+    unseen = EVERYTHING.copy()
+    unseen[2:5] = False
+    observations = tuple(
+        Observation(one.hours, one.level, one.covariance, unseen) for one in wearing(10).observations
+    )
+    made = prognose(Evidence("S1", "P1", 500.0, observations), THESIS)
+    assert "never seen by a diagnosis, and taken as healthy: short_a, short_b, short_c" in made.notes
+    assert made.probabilities()["short_a at most 1"] == 0
+
+
+def test_json_is_finite_and_has_the_keys_that_are_promised() -> None:
+    made = prognose(wearing(5, rate=0.0), WORN, Question(100.0))
+    values = made.to_dict()
+    json.dumps(values, allow_nan=False)
+    assert {"rul_hours", "probability_of_failure", "component", "requirement", "advice"} <= set(values)
+    assert set(values["rul_hours"]) == {"median", "interval90"}
+    assert values["rul_hours"]["interval90"][1] is None  # no failure in sight
+    assert math.isinf(made.interval90[1])
+    assert "no failure in sight" in str(made)
+
+
+def test_a_measure_fails_where_its_level_does() -> None:
+    """Free play is a line in the backlash: the requirement on it is one on the level."""
+    limit = 0.4
+    play = 5e-3 * (1 + 9 * limit) / 500
+    hours = np.linspace(0, 1000, 21)
+    level = np.tile(NEW, (21, 50, 1))
+    level[:, :, 1] = hours[:, np.newaxis] / 1000 * np.linspace(0.2, 1.0, 50)
+    made = Paths(hours, level, np.zeros((20, 50, 8)))
+    requirements = Requirements(
+        requiring(
+            Requirement(component="backlash", at_most=limit), Requirement(measure="free_play", at_most=play)
+        )
+    )
+    times = failure_times(made, requirements, seed=0)
+    assert times.hours[1] == pytest.approx(times.hours[0], rel=1e-3)
+    assert responsible(made, times, 1, requirements) == "backlash"
+
+
+def test_transforms_of_units_from_the_prior_are_uniform() -> None:
+    """Units drawn from the prior, seen for 600 h: the RUL's probability integral transforms are uniform."""
+    actuator, transforms = requiring(Requirement(component="friction", at_most=0.5)), []
+    requirements, random = Requirements(actuator), np.random.default_rng(11)
+    start = drawn_states(Belief.new(Prior(), seed=5), 400)
+    truths = paths(start, np.zeros(8), Prior(), seed=6)
+    ends = failure_times(truths, requirements, seed=6).first
+    for i in np.flatnonzero((ends > 650) & (ends < 15_000))[:24]:
+        observations = []
+        for hours in range(50, 601, 50):
+            level = [np.interp(hours, truths.hours, truths.level[:, i, c]) for c in range(8)]
+            noisy = np.asarray(level) + ERROR * random.standard_normal(8)
+            observations.append(Observation(float(hours), noisy, ERROR**2 * np.eye(8), EVERYTHING))
+        made = prognose(Evidence("S", "P", 600.0, tuple(observations)), actuator, seed=int(i))
+        shown = _given_failure(made.sample, 50.0, 14_400.0)
+        transforms.append(probability_integral_transform(Prediction(600.0, shown), ends[i] - 600))
+    assert kstest(transforms, "uniform").pvalue > 0.01
+
+
+def _given_failure(sample: Array, low: float, high: float) -> Array:
+    """Return a sample given what the truths were chosen by: a failure between two times."""
+    return sample[(sample > low) & (sample < high)]
+
+
+def test_a_fleet_narrows_the_first_life_of_a_new_unit() -> None:
+    fleet = fleet_prior([wearing(30, rate=4e-4, unit=f"F{i}", seed=i) for i in range(6)])
+    assert (fleet.units, fleet.fleet_share) == (6, 0.75)
+    new = wearing(2, rate=4e-4, unit="new", seed=99)
+    alone, taught = prognose(new, WORN), prognose(new, WORN, prior=fleet)
+    true = 0.6 / 4e-4 - 100
+    wide, narrow = (one.sample.clip(max=20_000) for one in (alone, taught))
+    assert np.mean(np.abs(narrow - true)) < np.mean(np.abs(wide - true))
+    assert np.mean(np.abs(narrow / true - 1) < 0.3) > np.mean(np.abs(wide / true - 1) < 0.3)
+    assert "6 other units say" in " ".join(taught.notes)
+
+
+def test_units_without_diagnoses_teach_nothing() -> None:
+    assert fleet_prior([Evidence("A", "P1", 5.0), wearing(2)]).fleet is None
+
+
+def test_a_diagnosis_that_is_not_finite_is_refused() -> None:
+    broken = Observation(5.0, np.full(8, np.nan), np.eye(8), EVERYTHING)
+    with pytest.raises(PrognosisError, match="unit 'S1': the diagnosis at 5 h is not finite"):
+        prognose(Evidence("S1", "P1", 5.0, (broken,)), WORN)
+
+
+def test_same_seed_same_numbers() -> None:
+    one, same, other = (prognose(wearing(6), WORN, seed=seed) for seed in (1, 1, 2))
+    assert np.array_equal(one.sample, same.sample)
+    assert not np.array_equal(one.sample, other.sample)
+
+
+@pytest.mark.parametrize("case", range(16))
+def test_odd_histories_have_a_prognosis_too(case: int) -> None:
+    """Gaps of years, singular or tiny covariances, levels beyond bounds, replacements: numbers, no error."""
+    random = np.random.default_rng(case)
+    observations = []
+    for hours in np.sort(random.uniform(0, 10 ** random.uniform(1, 4.7), random.integers(0, 12))):
+        root = 10 ** random.uniform(-9, 0) * random.standard_normal((8, random.integers(1, 12)))
+        level = np.clip(NEW + random.standard_normal(8) * 10 ** random.uniform(-3, 0), -1, 1)
+        seen = EVERYTHING.copy()
+        seen[2:7] = case % 4 > 0
+        observations.append(
+            Observation(float(hours), level, root @ root.T, seen, bool(random.random() < 0.9))
+        )
+    replacements = tuple(
+        (float(random.uniform(0, 50_000)), name) for name in ("unit", "eccentricity") if random.random() < 0.3
+    )
+    ends = [one.hours for one in observations] + [hours for hours, _ in replacements]
+    evidence = Evidence("S1", "P1", max(ends, default=0.0), tuple(observations), replacements)
+    made = prognose(evidence, THESIS, seed=case, settings=ForecastSettings(paths=200, steps=60))
+    assert np.all(made.sample >= 0)
+    assert np.all(np.isfinite(made.paths.level))
+    json.dumps(made.to_dict(), allow_nan=False)

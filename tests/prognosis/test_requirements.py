@@ -1,0 +1,163 @@
+"""Requirements and their measures against closed forms of the drive; what is impossible in a description."""
+
+import math
+import tomllib
+
+import numpy as np
+import pytest
+
+from emaphm.actuator import Actuator, Faults
+from emaphm.actuator.requirements import Requirement
+from emaphm.actuator.toml import write_toml
+from emaphm.errors import ActuatorError
+from emaphm.prognosis import Requirements, failure_levels
+from emaphm.prognosis.capability import measured
+
+THESIS = Actuator.thesis()
+HEALTHY = Faults().vector
+
+
+def described(*requirements: dict[str, object]) -> Actuator:
+    values = THESIS.model_dump(exclude_none=True) | {"requirements": list(requirements)}
+    return Actuator.from_dict(values)
+
+
+def measure(name: str, *faults: Faults, **settings: object) -> list[float]:
+    requirement = Requirement.model_validate({"measure": name, "at_most": 1.0, **settings})
+    vectors = np.stack([one.vector for one in faults])
+    return [float(x) for x in measured(THESIS, requirement, vectors)]
+
+
+def test_free_play_is_the_backlash_at_the_user() -> None:
+    healthy, worn = measure("free_play", Faults(), Faults(backlash=0.5))
+    assert healthy == pytest.approx(5e-3 / 500)
+    assert worn == pytest.approx(5e-3 * (1 + 9 * 0.5) / 500)
+
+
+def test_the_stall_margin_is_the_stall_torque() -> None:
+    """The shaft creeps under the rising load: it holds the motor's largest torque plus dynamic friction."""
+    (found,) = measure("stall_margin", Faults(), load=0.5, duration=4.0)
+    assert found == pytest.approx((1.689 + 0.05 * 1.689) / 0.5, rel=0.02)
+    (worn,) = measure("stall_margin", Faults(friction=0.5), load=0.5, duration=4.0)
+    assert worn == pytest.approx((1.689 + 0.1 * 1.689) / 0.5, rel=0.02)
+
+
+def test_a_slow_ramp_of_position_lags_by_speed_over_gain() -> None:
+    """A slow sine of amplitude A and frequency f, P control: the error has the rms 2π f A / (G √2)."""
+    (found,) = measure(
+        "tracking_error", Faults(), command="sine", frequency_hz=0.5, amplitude=0.02, duration=2.0
+    )
+    # G_prop acts on the user's error and gives the motor's speed: 1e5 (1/s) × 1/500.
+    lag = 2 * math.pi * 0.5 * 0.02 / (1e5 / 500) / math.sqrt(2)
+    assert found == pytest.approx(lag, rel=0.15)
+    (slow,) = measure(
+        "tracking_error", Faults(gain=0.0), command="sine", frequency_hz=0.5, amplitude=0.02, duration=2.0
+    )
+    assert slow == pytest.approx(2 * lag, rel=0.15)
+
+
+def test_the_bandwidth_of_a_small_motion_is_that_of_the_position_loop() -> None:
+    """Far from all limits the loop is one of second order: 1/(1 + s/K + s² J/(K D)), K = G τ, D = GAP."""
+    gain, damping, inertia = 1e5 / 500 / 2, 5e-2 * 1.0, 2.5e-5
+    frequencies = np.linspace(1, 100, 10_000)
+    s = 2j * np.pi * frequencies
+    response = np.abs(1 / (1 + s / gain + s**2 * inertia / (gain * damping)))
+    exact = frequencies[np.argmax(response < 1 / np.sqrt(2))]
+    smooth = THESIS.mechanics.model_copy(
+        update={
+            "static_friction_motor": 0.0,
+            "static_friction_user": 0.0,
+            "dynamic_friction_motor": 0.0,
+            "dynamic_friction_user": 0.0,
+            "backlash": 0.0,
+        }
+    )
+    actuator = THESIS.model_copy(update={"mechanics": smooth})
+    requirement = Requirement(measure="bandwidth", at_least=5.0, amplitude=1e-3)
+    (found,) = measured(actuator, requirement, Faults(gain=0.0).vector[np.newaxis])
+    assert found == pytest.approx(exact, rel=0.05)  # interpolated over a third of an octave
+
+
+def test_a_step_settles_later_with_half_the_gain_and_never_against_too_large_a_load() -> None:
+    healthy, slow = measure("settling_time", Faults(), Faults(gain=0.0))
+    # Three time constants of the position loop to 5 %, after the acceleration.
+    assert slow == pytest.approx(3 / (1e5 / 500 / 2), rel=0.5)
+    assert healthy < slow
+    assert measure("settling_time", Faults(), load=5.0) == [math.inf]
+
+
+def test_peak_current_grows_with_friction() -> None:
+    healthy, worn = measure("peak_current", Faults(), Faults(friction=1.0))
+    assert 0 < healthy < worn <= 22.5 * 1.1
+
+
+def test_levels_fail_at_their_limits_and_play_where_it_is_too_large() -> None:
+    actuator = described(
+        {"component": "backlash", "at_most": 0.6},
+        {"component": "gain", "at_least": 0.3, "at_most": 0.7},
+        {"measure": "free_play", "at_most": 5e-5},
+    )
+    backlash, above, below, play = failure_levels(actuator)
+    assert backlash.levels["backlash"] == pytest.approx((0.6, None))
+    assert backlash.levels["friction"] == (None, None)
+    assert above.levels["gain"] == pytest.approx((0.7, None))
+    assert below.levels["gain"][1] == pytest.approx(0.3)
+    assert play.levels["backlash"][0] == pytest.approx((5e-5 * 500 / 5e-3 - 1) / 9)
+    assert [one.can_fail for one in (backlash, above, below, play)] == [True] * 4
+    assert [one.limit.label for one in (above, below)] == ["gain at most 0.7", "gain at least 0.3"]
+
+
+def test_combinations_are_looked_at_from_the_given_faults() -> None:
+    actuator = described({"measure": "free_play", "at_most": 5e-5, "name": "play"})
+    (found,) = failure_levels(actuator, Faults(backlash=0.6))
+    assert found.violated
+    assert found.limit.label == "play at most 5e-05 rad"
+
+
+def test_a_requirement_that_no_fault_can_violate_is_named() -> None:
+    (found,) = failure_levels(described({"measure": "free_play", "at_most": 1.0}))
+    assert not found.can_fail
+    assert not found.violated
+
+
+def test_an_actuator_without_requirements_fails_at_the_end_of_its_scales() -> None:
+    requirements = Requirements(THESIS)
+    assert not requirements.stated
+    assert all(limit.bound == 1 for limit in requirements.limits)
+
+
+def test_margins_are_in_the_units_of_the_limits() -> None:
+    requirements = Requirements(
+        described({"component": "friction", "at_most": 0.4}, {"measure": "free_play", "at_most": 5e-5})
+    )
+    margins = requirements.margins(np.stack([HEALTHY, Faults(friction=0.5).vector]))
+    assert margins == pytest.approx(np.array([[0.4, -0.1], [4e-5, 4e-5]]))
+
+
+def test_requirements_are_kept_in_the_file() -> None:
+    actuator = described(
+        {"component": "backlash", "at_most": 0.6}, {"measure": "bandwidth", "at_least": 20.0}
+    )
+    assert Actuator.from_dict(tomllib.loads(write_toml(actuator))) == actuator
+    assert "requirements" not in write_toml(THESIS)
+
+
+WRONG: dict[str, dict[str, object]] = {
+    "not both": {"component": "friction", "measure": "bandwidth", "at_most": 0.5},
+    "give component or measure": {"at_most": 0.5},
+    "needs a limit": {"component": "friction"},
+    "must be below": {"component": "gain", "at_most": 0.3, "at_least": 0.7},
+    "a level lies in [0, 1]": {"component": "friction", "at_most": 60.0},
+    "give load": {"measure": "stall_margin", "at_least": 1.5},
+    "did you mean 'at_most'": {"component": "friction", "atmost": 0.6},
+    "'friction', 'backlash'": {"component": "frictoin", "at_most": 0.6},
+}
+
+
+@pytest.mark.parametrize("message", WRONG)
+def test_what_is_wrong_with_a_requirement_is_said(message: str) -> None:
+    with pytest.raises(ActuatorError) as error:
+        described(WRONG[message])
+    assert message in str(error.value)
+    assert "requirements" in str(error.value)
+    assert "\n" not in str(error.value)
