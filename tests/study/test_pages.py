@@ -186,7 +186,7 @@ def test_the_map_names_the_settings_that_are_wrong_without_saying_so(limits: Pla
     undrawn = [section.model_copy(update={"figure": ""}) for section in limits.sections]
     page, none = limits_page(limits.model_copy(update={"sections": undrawn}), results(limits), "limits")
     assert none == {}
-    assert "448 of 1720 runs" in page
+    assert "448 of 1672 runs" in page
     assert "none of 58." in page
     explained = {"compliant shaft, mild": False, "lagging current sensors, mild": True}
 
