@@ -225,7 +225,7 @@ def test_the_base_setting_is_diagnosed_once_for_all_sections(limits: Plan) -> No
     # their laws calibrated or not.
     assert len(settings) == 46 - 6 + 2 + 2 * 8
     # Of the foreign plants fewer cases: each is another kernel, and may try every law.
-    assert limits.total == 42 * (20 + 2 * 5 + 6) + 16 * (5 + 1 * 5 + 3)
+    assert limits.total == 42 * (20 + 2 * 5 + 6) + 16 * (3 + 1 * 5 + 2)
 
 
 def test_rates_are_those_of_the_results(limits: Plan) -> None:
