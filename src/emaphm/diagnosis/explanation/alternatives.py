@@ -25,7 +25,7 @@ from emaphm.random_streams import stream
 
 @dataclass(frozen=True)
 class AlternativeSettings:
-    """Which other explanations are tried, and when one counts; `docs/spoilt.md` shows the effect.
+    """Which other explanations are tried, and when one counts; `make study` (spoilt) measures it.
 
     A `delay` [s] of all that was measured, in whole rows, late and early. It explains as well where
     descents with it leave less than `share` of the mean squared residual: true recordings left 1.04 and more

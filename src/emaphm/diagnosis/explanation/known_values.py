@@ -18,7 +18,7 @@ from emaphm.random_streams import stream
 
 @dataclass(frozen=True)
 class KnownValueSettings:
-    """From when on a recorded value is contradicted; `docs/spoilt.md` shows the effect.
+    """From when on a recorded value is contradicted; `make study` (spoilt) measures it.
 
     A temperature is `farthest` standard deviations of its prior off nominal: current alone could not tell it
     from shorts, and the description calls it next to impossible.

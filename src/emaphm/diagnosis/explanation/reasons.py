@@ -35,7 +35,7 @@ the corrected residual was up to 1.17 times the noise."""
 
 @dataclass(frozen=True)
 class ExplanationSettings:
-    """What else an estimate has to fulfil, to explain a recording; `docs/spoilt.md` shows the effect.
+    """What else an estimate has to fulfil, to explain a recording; `make study` (spoilt) measures it.
 
     A noise that is measured on the recording counts up to `spikes` times what most of the rows show.
 

@@ -25,7 +25,7 @@ from emaphm.random_streams import stream
 
 @dataclass(frozen=True)
 class SensorScoreSettings:
-    """From when on a sensor's error contradicts an estimate; `docs/spoilt.md` shows the effect.
+    """From when on a sensor's error contradicts an estimate; `make study` (spoilt) measures it.
 
     Tried is an error that is `score` standard errors from 0 and larger than what every rig may have: `delay`
     [s], `scale` (relative), `offset` (relative to the channel's rms); `most` of them, the most significant
