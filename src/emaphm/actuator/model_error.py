@@ -14,7 +14,7 @@ APPARENT = "apparent fault of a healthy unit, rms"
 
 
 class ChannelError(Section):
-    """What a calibrated model leaves of one channel of healthy recordings, beside the white noise of a row.
+    """What a calibrated model leaves of a channel of healthy recordings, in addition to white noise.
 
     Learned from the residuals of recordings that were left out of the fit, one at a time, with only what is
     each recording's own estimated: those of the training would be too small. The error of a row is normal
@@ -26,8 +26,8 @@ class ChannelError(Section):
     the sum over rows, Δt apart, of any coefficients times the error has at most `correlation_time` / Δt times
     the variance that it would have if the errors were independent.
 
-    Source: a discrepancy between model and reality that is learned beside the parameters, Kennedy and O'Hagan
-    (2001), here without its mean: what few recordings have in common is in the parameters already.
+    Source: a discrepancy between model and reality that is learned together with the parameters, Kennedy and
+    O'Hagan (2001), here without its mean: what few recordings have in common is in the parameters already.
     """
 
     floor: float = quantity("rms at rest, without load", OF_THE_CHANNEL, LEARNED, ge=0)

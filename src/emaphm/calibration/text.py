@@ -86,7 +86,7 @@ def model_error_notes(learned: ModelError, coordinates: str) -> list[str]:
             f"{name} {one.floor:.2g} {unit_for(SCHEMA[name].unit, coordinates)} at rest"
             for name, one in errors.items()
         )
-        lines.append(f"Error of the model beside noise, in recordings left out of the fit: {sizes}.")
+        lines.append(f"Error of the model in addition to noise, in recordings left out of the fit: {sizes}.")
     if learned.faults is not None:
         apparent = {name: learned.faults.of(name) for name in NAMES if learned.faults.of(name) > 0}
         if apparent:

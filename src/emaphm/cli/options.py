@@ -88,7 +88,7 @@ def check_seed(seed: int) -> None:
 
 
 def check_workers(workers: int | None, scheduler: str | None) -> None:
-    """Refuse numbers of workers that cannot be, and workers beside a scheduler's."""
+    """Refuse numbers of workers that cannot be, and workers together with a scheduler's."""
     if workers is not None and workers < 1:
         raise ExecutionError(f"--workers {workers}: give 1 or more")
     if workers is not None and scheduler is not None:

@@ -52,8 +52,8 @@ class StrokeCurrent:
         ]
         if not all(ways):
             raise RecordingError(
-                f"{recording.source}: the command does not go both ways, so friction cannot be told from the "
-                "load; record an up-stroke and a down-stroke"
+                f"{recording.source}: the command does not go both ways, so friction cannot be separated "
+                "from the load; record an up-stroke and a down-stroke"
             )
         up, down = (float(np.mean(one)) for one in ways)
         return cls((up + down) / 2, (down - up) / 2)

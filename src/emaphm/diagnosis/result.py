@@ -67,7 +67,7 @@ class Diagnosis:
     sensor_faults
         Faults of sensors, apart from those of the actuator.
     model_error
-        The residual of each channel beside that of healthy recordings, where a calibration has learned it.
+        Each channel's residual compared with healthy recordings, where a calibration has learned that.
     reasons
         Why the recording is not explained: a sentence each, without its full stop; none where it is.
     healthy_check

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class DiagnosisSettings:
-    """What a diagnosis depends on beside the recording; `description` is the actuator TOML's SHA-256."""
+    """What a diagnosis depends on besides the recording; `description` is the actuator TOML's SHA-256."""
 
     description: str
     method: str = "hybrid"

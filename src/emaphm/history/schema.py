@@ -73,7 +73,7 @@ def _revision(database: Database, *, create: bool) -> str | None:
             else []
         )
     if not marks:
-        # Beside a history a server may hold what it likes; a file with other tables is somebody else's.
+        # Besides a history a server may hold what it likes; a file with other tables is somebody else's.
         others = tables - {VERSION.name} if database.is_file else tables & set(METADATA.tables)
         if others:
             raise HistoryError(

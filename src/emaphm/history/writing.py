@@ -183,8 +183,8 @@ def _added(
         return True
     held = {name: getattr(found, name) for name in values}
     if held != values:
-        told = ", ".join(f"{name} {value!r}" for name, value in held.items() if values[name] != value)
-        raise HistoryError(f"{what} is in the history already, with {told}; nothing was changed")
+        differing = ", ".join(f"{name} {value!r}" for name, value in held.items() if values[name] != value)
+        raise HistoryError(f"{what} is in the history already, with {differing}; nothing was changed")
     return False
 
 

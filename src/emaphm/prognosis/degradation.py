@@ -33,7 +33,7 @@ from emaphm.prognosis.settings import EXPONENTIAL, FILTER, POWER_LAW, FilterSett
 from emaphm.random_streams import stream
 
 LARGEST_LEVEL = 3.0
-"""Mean and standard deviation of a level that are told apart from larger ones: levels are in [-1, 1]."""
+"""Mean and standard deviation of a level that are distinguished from larger ones: levels are in [-1, 1]."""
 
 LARGEST_RATE = 0.05
 """Of a rate [1/h]: a component that is worn out within a day."""

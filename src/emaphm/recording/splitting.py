@@ -17,7 +17,7 @@ from emaphm.recording.io.channel_names import resolved
 from emaphm.recording.recording import Label
 
 PERIOD, RESTS, STRETCHES = "period", "rests", "stretches"
-"""What a file can be cut by beside its columns; `column:NAME` is a column that has such a name."""
+"""What a file can be cut by, besides its columns; `column:NAME` is a column that has such a name."""
 
 LEAST_REST_S = 0.2
 """Shortest rest of a command at which a file is cut [s]; shorter ones are turning points of a manoeuvre."""

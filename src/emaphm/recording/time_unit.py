@@ -1,4 +1,4 @@
-"""Milliseconds taken for seconds, told from slow rows by the torque that the motion would take."""
+"""Milliseconds taken for seconds, distinguished from slow rows by the torque that the motion would take."""
 
 import math
 

@@ -66,11 +66,11 @@ def _wrong(found: Results) -> Iterator[str]:
 
 def _reasons(found: Results) -> Iterator[str]:
     """Yield the first reason, or the message of the refusal, that stands for each class."""
-    told: set[str] = set()
+    explained: set[str] = set()
     for case, one in found.items():
         text = one["refusal"] or next(iter(one["reasons"]), "")
-        if text and case.spoilt_class not in told:
-            told.add(case.spoilt_class)
+        if text and case.spoilt_class not in explained:
+            explained.add(case.spoilt_class)
             yield f"- {case.spoilt_class} ({case.channels}): {text}"
 
 

@@ -2,7 +2,7 @@
 
 What was measured late, all of it together, looks like a lower position gain, and with other parameters free
 the residual is the same within what the model is right to. The covariance at the estimate does not show that:
-it knows of no delay. Where the gain is degraded, the estimate is therefore repeated with a delay either way.
+it contains no delay. Where the gain is degraded, the estimate is therefore repeated with a delay either way.
 """
 
 from collections.abc import Mapping

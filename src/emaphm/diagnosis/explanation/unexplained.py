@@ -19,7 +19,7 @@ from emaphm.quantiles import normal_quantile, student_t_quantile
 
 @dataclass(frozen=True)
 class AlternativeSettings:
-    """Which other ends of a search count beside the estimate; `make study` (limits, plants) measures it.
+    """Which other ends of a search count next to the estimate; `make study` (limits, plants) measures it.
 
     One that leaves at most `comparable` times the mean squared residual: of models that all are wrong by more
     than noise, the one that leaves least is not the nearest to the truth. Where the recording is explained,

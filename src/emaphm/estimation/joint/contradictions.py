@@ -61,7 +61,7 @@ def dissenting(alone: AloneEstimates, prior_deviations: Array) -> NDArray[np.boo
     """Return which of the n recordings contradict the others, (n,).
 
     Each is left out of the others in turn; the one that is farthest from them in any parameter is named and
-    removed, until the rest agree. Of two that are left, neither can be told from the other: both are named.
+    removed, until the rest agree. Of two that remain, neither can be preferred: both are named.
     """
     found = np.zeros(len(alone.points), bool)
     while True:

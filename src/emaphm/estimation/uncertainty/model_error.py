@@ -47,7 +47,7 @@ HEALTHY_RESIDUAL = HealthySettings()
 
 @dataclass(frozen=True)
 class HealthyComparison:
-    """The residual of one channel beside that of healthy recordings, rms in the unit of the channel.
+    """The residual of one channel compared with that of healthy recordings, rms in the unit of the channel.
 
     `ratio` is `residual` over `expected`, and `allowed` the largest one that is no worse than healthy: what
     the next healthy recording stays below with probability `confidence` if ratios are log-normal, and with
@@ -168,7 +168,7 @@ def error_variance(problem: "Problem", channel: str) -> float:
 
 
 def compared_with_healthy(problem: "Problem", residuals: Mapping[str, Array]) -> dict[str, HealthyComparison]:
-    """Return each channel's residual (samples,) beside that of healthy recordings, where that was learned."""
+    """Return each channel's residual (samples,) compared with healthy recordings, where that was learned."""
     found = {}
     for name, expected in expected_residual(problem, residuals).items():
         error = problem.actuator.model_error.of(name)

@@ -59,10 +59,9 @@ def without_delays(
             f"{source}: the delays in the actuator's TOML leave no row that all channels cover"
         )
     first, last = int(covered[0]), int(covered[-1]) + 1
-    told = ", ".join(f"{name} {1e3 * delay:.6g} ms" for name, delay in late.items())
-    note = (
-        f"taken back in time by the delay that the description gives: {told}; {first} rows at the start and "
-    )
+    listed = ", ".join(f"{name} {1e3 * delay:.6g} ms" for name, delay in late.items())
+    note = f"taken back in time by the delay that the description gives: {listed}; "
+    note += f"{first} rows at the start and "
     note += f"{time.size - last} at the end left out"
     return {name: values[first:last] for name, values in shifted.items()}, (note,)
 

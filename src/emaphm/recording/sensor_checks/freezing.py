@@ -14,7 +14,7 @@ class FreezingSettings:
 
     `least_rows` at least, and `least_share` of the command's range commanded meanwhile: of a resting actuator
     all signals rest. A signal whose noise exceeds `noise_counts` counts cannot repeat a value by chance for
-    so long. Without noise, what ends the run tells: a jump of `jump` times the usual step of a row and its
+    so long. Without noise, what ends the run decides: a jump of `jump` times the usual step of a row and its
     counts. An actuator that is jammed or stands at an end stop starts from rest.
     """
 

@@ -28,9 +28,9 @@ HELD = HeldSettings()
 
 
 def held_rows(values: Array) -> Mask:
-    """Return whether each row of `values` (n,) only repeats the one before it, where that can be told.
+    """Return whether each row of `values` (n,) only repeats the one before it, where that can be seen.
 
-    A held row is followed by a jump of all that was missed. Rows where the signal hardly moves are not told:
+    A held row is followed by a jump of all that was missed. Rows where the signal hardly moves are not found:
     there a held sample does no harm.
     """
     nothing = np.zeros(values.size, bool)

@@ -26,7 +26,7 @@ CHANNELS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "phases": ("current_a_A", "current_b_A", "current_c_A", "angle_rad"),
     }
 )
-"""What is recorded beside time and command, by the name of the set."""
+"""What is recorded besides time and command, by the name of the set."""
 
 FAULTS: Mapping[str, Faults] = MappingProxyType(
     {
