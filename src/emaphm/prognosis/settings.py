@@ -21,8 +21,8 @@ class DegradationSettings:
     `quiet` what is left of it where nothing degrades: 0.02 in 1,000 h at most. `rate_noise` is that of the
     rate, as a share of 1/T. All three are multiplied by the component's roughness, drawn from `roughness`
     with its logarithm uniform: what wears evenly is distinguished from what does not.
-    `change_hours` [h] is the mean time after which a component takes up another law: longer than most lives, so that it changes few
-    forecasts.
+    `change_hours` [h] is the mean time after which a component takes up another law: longer than most lives,
+    so that it changes few forecasts.
     `new_level` is the standard deviation of a new component's level about the healthy value: what baselines
     of units differ by, and diagnoses of healthy recordings show.
 

@@ -40,7 +40,8 @@ class ExplanationSettings:
     A noise that is measured on the recording counts up to `spikes` times what most of the rows show.
 
     A channel other than the primary one may have a residual of `channel_model` of its rms
-    (`uncorrected_model` where the reference model was not asked), and of `channel_noise` times its noise, rounding and switching.
+    (`uncorrected_model` where the reference model was not asked), and of `channel_noise` times its noise,
+    rounding and switching.
     Of every channel's mean square, no more than `unresembled` may be left, beyond rounding and switching: a
     noise that is measured on the recording itself would otherwise excuse a model that resembles nothing.
 
