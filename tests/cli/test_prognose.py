@@ -143,7 +143,7 @@ REFUSALS = {
     ("prognose", "--unit", "SN-1", "--actuator", "absent.toml"): "absent.toml: no such actuator file",
     ("limits", "--actuator", "wrong.toml"): "did you mean 'at_most'",
     ("limits", "--fault", "frictoin=0.2"): "did you mean 'friction'",
-    ("limits", "--fault", "friction=2"): "lies outside [0, 1]",
+    ("limits", "--fault", "friction=2"): "lies outside [-1, 1]",
 }
 
 
