@@ -50,7 +50,8 @@ class Cluster:
         self.workers: list[Process] = []
         self.scheduler = self._start("scheduler", "--port", "0", **variables)
         deadline = time.monotonic() + PATIENCE_S
-        while not self._file.exists():
+        # The scheduler opens the file before it writes it.
+        while not (self._file.exists() and self._file.stat().st_size):
             assert time.monotonic() < deadline
             time.sleep(0.02)
         self.address: str = json.loads(self._file.read_text(encoding="utf-8"))["address"]
