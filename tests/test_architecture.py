@@ -11,7 +11,7 @@ import emaphm
 ROOT = Path(emaphm.__file__).parent
 
 ORDER = (
-    ("errors", "arrays", "version", "progress", "text_table", "quantiles"),
+    ("errors", "arrays", "version", "progress", "text_table", "quantiles", "strict_json"),
     ("random_streams", "output_files", "input_files"),
     ("optimizers", "execution", "actuator"),
     ("simulation",),

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from emaphm.history import DiagnosisSettings, History
+from emaphm.history import History, KeptSettings
 from emaphm.history.fingerprint import description_of, recording_hash
 from emaphm.history.writing import add_diagnosis
 
@@ -27,7 +27,7 @@ def fill(history: History, units: int, each: int) -> None:
     """Add `each` recordings of each unit."""
     made = [diagnosis(number) for number in range(DIFFERENT)]
     digest, toml = description_of(THESIS)
-    settings = DiagnosisSettings.of(made[0], digest)
+    settings = KeptSettings.of(made[0], digest)
     for unit in range(units):
         with history.database.writing() as connection:
             for number in range(each):

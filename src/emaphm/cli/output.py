@@ -1,11 +1,12 @@
 """How verbs answer: text or JSON on stdout, progress on stderr, figures in files."""
 
 import json
-import math
 import sys
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from emaphm.strict_json import finite
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -22,18 +23,7 @@ def show_line(values: "Mapping[str, Any]") -> None:
 
 
 def _json(values: "Mapping[str, Any]") -> str:
-    return json.dumps(_finite(values), allow_nan=False)
-
-
-def _finite(value: Any) -> Any:
-    """Return a JSON value with null for numbers that are not finite: JSON has no name for them."""
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(item) for item in value]
-    return value
+    return json.dumps(finite(values), allow_nan=False)
 
 
 def draw(result: Any, figure: Path | None) -> None:

@@ -8,7 +8,7 @@ if find_spec("sqlalchemy") is None or find_spec("alembic") is None:
     raise HistoryError("a history needs further libraries; install them with: pip install 'emaphm[history]'")
 
 from emaphm.history.history import Added, History
-from emaphm.history.kept_diagnosis import DiagnosisSettings, KeptDiagnosis
+from emaphm.history.kept_diagnosis import KeptDiagnosis, KeptSettings
 from emaphm.history.lives import Life
 from emaphm.history.records import (
     COMPONENTS,
@@ -27,12 +27,12 @@ __all__ = [
     "CONDITIONS",
     "REASONS",
     "Added",
-    "DiagnosisSettings",
     "Entry",
     "Finding",
     "Flight",
     "History",
     "KeptDiagnosis",
+    "KeptSettings",
     "Life",
     "Removal",
     "Replacement",

@@ -1,15 +1,15 @@
 """A diagnosis as columns of a row, and back."""
 
 import json
-import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from emaphm.actuator.faults import NAMES
 from emaphm.arrays import Array
-from emaphm.history.kept_diagnosis import DiagnosisSettings, KeptDiagnosis
+from emaphm.history.kept_diagnosis import KeptDiagnosis, KeptSettings
 from emaphm.history.records import Flight
+from emaphm.strict_json import finite
 
 if TYPE_CHECKING:
     import sqlalchemy as sa
@@ -22,7 +22,7 @@ NUMBER = "<f8"
 
 def columns_of(diagnosis: "Diagnosis") -> dict[str, Any]:
     """Return what a row of `DIAGNOSES` holds of a diagnosis itself."""
-    document = _finite(diagnosis.to_dict())
+    document = finite(diagnosis.to_dict())
     del document["covariance"]  # has columns of its own, in a quarter of the space
     return {
         "method": diagnosis.method,
@@ -51,7 +51,7 @@ def diagnosis_of(row: "sa.Row[Any]", flight: Flight) -> KeptDiagnosis:
         explained=row.explained,
         coordinates=coordinates,
         covariance=_unpacked(row.covariance).reshape(len(coordinates), len(coordinates)),
-        settings=DiagnosisSettings(row.description_hash, row.method, row.model, row.fitness, int(row.seed)),
+        settings=KeptSettings(row.description_hash, row.method, row.model, row.fitness, int(row.seed)),
         version=row.version,
         added_at=row.added_at,
         text=row.document,
@@ -64,14 +64,3 @@ def _packed(values: Any) -> bytes:
 
 def _unpacked(content: bytes) -> Array:
     return np.frombuffer(content, NUMBER).astype(float)
-
-
-def _finite(value: Any) -> Any:
-    """Return a JSON value with null for numbers that are not finite."""
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(item) for item in value]
-    return value

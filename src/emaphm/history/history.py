@@ -9,7 +9,7 @@ from emaphm.history import reading, writing
 from emaphm.history.address import Address
 from emaphm.history.database import Database
 from emaphm.history.fingerprint import description_of, recording_hash
-from emaphm.history.kept_diagnosis import DiagnosisSettings
+from emaphm.history.kept_diagnosis import KeptSettings
 from emaphm.history.overview import Overview, overviews
 from emaphm.history.records import Entry, Finding, Removal
 from emaphm.history.schema import bring_up_to_date, check_revision
@@ -108,7 +108,7 @@ class History:
         with self.database.reading() as connection:
             writing.check_entry(connection, entry, key)
             return not reading.has_diagnosis(
-                connection, key, DiagnosisSettings(description_of(actuator)[0], seed=seed)
+                connection, key, KeptSettings(description_of(actuator)[0], seed=seed)
             )
 
     def add(self, entry: Entry, recording: "Recording", diagnosis: "Diagnosis") -> Added:
@@ -123,7 +123,7 @@ class History:
         """
         key = recording_hash(recording)
         digest, toml = description_of(diagnosis.actuator)
-        settings = DiagnosisSettings.of(diagnosis, digest)
+        settings = KeptSettings.of(diagnosis, digest)
         with self.database.writing() as connection:
             check_revision(connection, self.database.address.shown)
             new = writing.add_diagnosis(connection, entry, recording, diagnosis, key, settings, toml)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class DiagnosisSettings:
+class KeptSettings:
     """What a diagnosis depends on besides the recording; `description` is the actuator TOML's SHA-256."""
 
     description: str
@@ -26,7 +26,7 @@ class DiagnosisSettings:
     seed: int = 0
 
     @classmethod
-    def of(cls, diagnosis: "Diagnosis", description: str) -> "DiagnosisSettings":
+    def of(cls, diagnosis: "Diagnosis", description: str) -> "KeptSettings":
         """Return the settings that `diagnosis` was made with."""
         return cls(description, diagnosis.method, diagnosis.model, diagnosis.fitness_name, diagnosis.seed)
 
@@ -64,7 +64,7 @@ class KeptDiagnosis:
     explained: bool
     coordinates: tuple[str, ...]
     covariance: Array
-    settings: DiagnosisSettings
+    settings: KeptSettings
     version: str
     added_at: str
     text: str = field(repr=False)

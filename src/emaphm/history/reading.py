@@ -8,7 +8,7 @@ import sqlalchemy as sa
 
 from emaphm.errors import HistoryError, nearest
 from emaphm.history.columns import diagnosis_of
-from emaphm.history.kept_diagnosis import DiagnosisSettings, KeptDiagnosis
+from emaphm.history.kept_diagnosis import KeptDiagnosis, KeptSettings
 from emaphm.history.records import Finding, Flight, Removal
 from emaphm.history.tables import DESCRIPTIONS, DIAGNOSES, FINDINGS, FLIGHTS, RECORDINGS, REMOVALS, UNITS
 
@@ -103,7 +103,7 @@ def diagnoses(connection: sa.Connection, unit_id: int) -> tuple[KeptDiagnosis, .
     return tuple(diagnosis_of(row, of_hours[row.hours]) for row in rows)
 
 
-def has_diagnosis(connection: sa.Connection, recording_hash: str, settings: DiagnosisSettings) -> bool:
+def has_diagnosis(connection: sa.Connection, recording_hash: str, settings: KeptSettings) -> bool:
     """Return whether a recording has a diagnosis of these settings."""
     query = (
         sa.select(DIAGNOSES.c.id)

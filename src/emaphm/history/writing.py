@@ -16,7 +16,7 @@ from emaphm.history.tables import DESCRIPTIONS, DIAGNOSES, FINDINGS, FLIGHTS, RE
 
 if TYPE_CHECKING:
     from emaphm.diagnosis import Diagnosis
-    from emaphm.history.kept_diagnosis import DiagnosisSettings
+    from emaphm.history.kept_diagnosis import KeptSettings
     from emaphm.recording import Recording
 
 
@@ -104,7 +104,7 @@ def add_diagnosis(
     recording: "Recording",
     diagnosis: "Diagnosis",
     recording_hash: str,
-    settings: "DiagnosisSettings",
+    settings: "KeptSettings",
     toml: str,
 ) -> bool:
     """Add a diagnosis with all that it belongs to; return False where it is there already."""

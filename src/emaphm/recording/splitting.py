@@ -7,10 +7,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from emaphm.arrays import Array
+from emaphm.arrays import Array, runs
 from emaphm.errors import RecordingError, nearest
 from emaphm.recording.checks import FEWEST_SAMPLES, GAP
-from emaphm.recording.conditioning.gaps import in_long_gaps, interval_of, runs
+from emaphm.recording.conditioning.gaps import in_long_gaps, interval_of
 from emaphm.recording.conditioning.masks import at_rest
 from emaphm.recording.conditioning.table import Table
 from emaphm.recording.io.channel_names import resolved

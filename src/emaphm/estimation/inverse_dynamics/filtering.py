@@ -12,7 +12,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from emaphm.arrays import Array
+from emaphm.arrays import Array, runs
 from emaphm.errors import MethodError
 
 SIGNAL_TO_NOISE = 10.0
@@ -145,9 +145,8 @@ class RowThinning:
         side, into which the low-pass carries it. A reversal passes faster.
         """
         quarter = max(1, round(0.25 / (cutoff_hz * interval)))
-        edges = np.flatnonzero(np.diff(np.concatenate([[True], moving, [True]])))
         usable = np.ones(moving.size, bool)
-        for first, after in edges.reshape(-1, 2):
+        for first, after in runs(~moving):
             if after - first >= 2 * quarter:
                 usable[max(first - quarter, 0) : after + quarter] = False
         factor = max(1, int(1 / (ROWS_PER_CUTOFF * cutoff_hz * interval)))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.faults import HEALTHY
-from emaphm.arrays import Array
+from emaphm.arrays import Array, runs
 from emaphm.estimation.finite_differences import replicated_jacobians
 from emaphm.estimation.noise_level import noise_level
 from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective, faults_objective
@@ -72,9 +72,8 @@ class Cells:
         A short one takes cells at rest in addition, until it has the rows that a recording needs.
         """
         fewest = min(-(-FEWEST_SAMPLES // self.rows), self.moves.size)
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], self.moves.astype(int), [0]])))
         most = max(1, int(CELLS.block_s / (self.rows * interval)))
-        for first, last in edges.reshape(-1, 2):
+        for first, last in runs(self.moves):
             for start in range(first, last, most):
                 stop = min(start + most, last)
                 begin = min(start, max(self.moves.size - fewest, 0))

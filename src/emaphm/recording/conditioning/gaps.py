@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from emaphm.arrays import Array
+from emaphm.arrays import Array, runs
 from emaphm.recording.checks import GAP
 from emaphm.recording.conditioning.interpolation import HELD, continuous, curve
 from emaphm.recording.schema import SCHEMA
@@ -14,12 +14,6 @@ Columns = dict[str, Array]
 
 FEWEST_ROWS = 3
 """Rows that a curve needs."""
-
-
-def runs(true: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return first row and row after the last of each run of True in an array (n,)."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], true, [False])).astype(np.int8)))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def in_long_gaps(channels: Mapping[str, Array], longest: int) -> NDArray[np.bool_]:

@@ -20,8 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from emaphm.arrays import Array
-from emaphm.recording.conditioning.gaps import interval_of, runs
+from emaphm.arrays import Array, runs
+from emaphm.recording.conditioning.gaps import interval_of
 from emaphm.recording.conditioning.interpolation import HELD, curve
 from emaphm.recording.schema import SCHEMA
 
