@@ -23,7 +23,7 @@ from emaphm.estimation.nuisances import unit_of
 from emaphm.estimation.objective import MapObjective, faults_objective, faults_only_objective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search import check_fitness, search
-from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
+from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.sensors.channel_swaps import with_channels_exchanged
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at
 from emaphm.estimation.uncertainty.model_error import compared_with_healthy
@@ -124,7 +124,7 @@ def diagnose(
         searched = result
         result, selected = select_nuisances(searched, max_corrections, seed)
         # Standing, an actuator shows no law of its motion.
-        if result.normalised_residual > EXPLAINED_RESIDUAL and _moves(result.objective, result.point):
+        if not result.explained and _moves(result.objective, result.point):
             result, laws = select_laws(searched, chosen, max_corrections, seed)
             alternatives = result.alternatives
             result, selected = select_nuisances(result, max_corrections, seed)

@@ -164,6 +164,16 @@ class SearchResult:
         ratio = self._relative_to(error_variance(problem, problem.primary))
         return ratio * EXPLAINED_RESIDUAL / largest_healthy_ratio(learned)
 
+    @property
+    def down_to_noise(self) -> bool:
+        """Whether noise and switching account for the residual, by `residual_over_noise`."""
+        return self.residual_over_noise <= EXPLAINED_RESIDUAL
+
+    @property
+    def explained(self) -> bool:
+        """Whether noise, switching and a learned error account for the residual, by `normalised_residual`."""
+        return self.normalised_residual <= EXPLAINED_RESIDUAL
+
     def _relative_to(self, error: float) -> float:
         """Return the rms residual over that of noise or switching and of a model `error` of that variance."""
         switching = 0.0 if self.discrepancy is None else self.discrepancy.switching_variance

@@ -154,8 +154,7 @@ def _primary(result: SearchResult) -> Iterator[str]:
     if described_noise(problem.primary, problem.actuator) is None:
         # Spikes are no noise, whatever they add to its variance.
         noise = min(noise, EXPLANATION.spikes * usual**0.5)
-    exceeds = result.normalised_residual > EXPLAINED_RESIDUAL
-    exceeds &= result.residual_variance > EXPLAINED_RESIDUAL**2 * usual
+    exceeds = not result.explained and result.residual_variance > EXPLAINED_RESIDUAL**2 * usual
     if is_explained(recorded, residual, noise, corrected=corrected) and not (corrected and exceeds):
         return
     yield (

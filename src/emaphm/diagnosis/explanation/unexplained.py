@@ -12,7 +12,7 @@ import numpy as np
 from emaphm.arrays import Array
 from emaphm.estimation.nuisances import BASELINE
 from emaphm.estimation.objective import MapObjective
-from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
+from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.uncertainty.correlation import integral_time
 from emaphm.quantiles import normal_quantile, student_t_quantile
 
@@ -74,7 +74,7 @@ def alternatives_covariance(result: SearchResult, *, explained: bool) -> Array |
 
 def _comparable(other: SearchResult, result: SearchResult, *, explained: bool) -> bool:
     if explained:
-        return other.normalised_residual <= EXPLAINED_RESIDUAL
+        return other.explained
     return other.residual_variance <= ALTERNATIVES.comparable * result.residual_variance
 
 

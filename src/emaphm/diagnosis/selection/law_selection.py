@@ -23,7 +23,7 @@ from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.parameter_variation import ParameterVariation
 from emaphm.estimation.reference.refinement import refine_by_reference
 from emaphm.estimation.reference.scan import CURRENT_LAGS_S, scan
-from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
+from emaphm.estimation.search_result import SearchResult
 from emaphm.random_streams import child_seed, stream
 
 SUSPECTS = (
@@ -70,7 +70,7 @@ def select_laws(
     """
     names: tuple[str, ...] = ()
     ends = [result, *result.alternatives]
-    while result.normalised_residual > EXPLAINED_RESIDUAL and len(names) < LAW_SELECTION.most:
+    while not result.explained and len(names) < LAW_SELECTION.most:
         tried = [
             _fitted(result, LAWS[name], method, child_seed(seed, "law selection", name))
             for name in SUSPECTS

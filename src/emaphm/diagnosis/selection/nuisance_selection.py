@@ -20,7 +20,7 @@ from emaphm.diagnosis.selection.nuisance_candidates import (
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.global_search.multistart import multistart
 from emaphm.estimation.nuisances import PRIORS_PER_UNIT
-from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
+from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.sensors.sensor_model import COMMON_DELAY, sensor_error
 from emaphm.estimation.uncertainty.local_covariance import (
     jacobians_at,
@@ -37,15 +37,11 @@ def select_nuisances(
     while True:
         result, candidates = worthwhile_candidates(result, names, seed)
         best = _best(result, candidates, max_corrections, seed)
-        if not _explained(result if best is None else best[1]):
+        if not (result if best is None else best[1]).explained:
             best = _from_afar(result, names, max_corrections, seed) or best
         if best is None:
             return result, names
         result, names = best[1], (*names, best[0])
-
-
-def _explained(result: SearchResult) -> bool:
-    return result.normalised_residual <= EXPLAINED_RESIDUAL
 
 
 def _from_afar(
@@ -74,7 +70,7 @@ def _from_afar(
     for _, name, wide, points in sorted(searched, key=lambda one: one[0])[: SENSOR_SELECTION.most_corrected]:
         child = child_seed(seed, "nuisance selection from afar", name)
         tried = correct_bias(wide, points, max_corrections, child)
-        if _explained(tried) and _significant(tried, result, name, child):
+        if tried.explained and _significant(tried, result, name, child):
             outcomes.append((name, tried))
     return min(outcomes, key=lambda one: _share_of_residual(one[1], result)) if outcomes else None
 
@@ -110,7 +106,7 @@ def _significant(tried: SearchResult, before: SearchResult, name: str, seed: int
 def _is_of_a_sensor(tried: SearchResult, name: str, share: float) -> bool:
     """Return whether an estimated error of a sensor is more than chance and the rows' distance make of it."""
     objective = tried.objective
-    if not _explained(tried) and share >= SENSOR_SELECTION.unexplained_share:
+    if not tried.explained and share >= SENSOR_SELECTION.unexplained_share:
         return False
     if share >= 1 - SENSOR_SELECTION.chance / objective.channel_rows:
         return False

@@ -9,7 +9,7 @@ from emaphm.estimation.global_search.multistart import multistart
 from emaphm.estimation.methods import Method
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.reference.refinement import refine_by_reference
-from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
+from emaphm.estimation.search_result import SearchResult
 from emaphm.progress import Progress, subprogress
 from emaphm.random_streams import child_seed
 
@@ -31,7 +31,7 @@ def search_with_restarts(
     result = _search(objective, method, max_corrections, seed, on_progress)
     ends = [result]
     for restart in range(MAX_RESTARTS):
-        if result.residual_over_noise <= EXPLAINED_RESIDUAL:
+        if result.down_to_noise:
             break
         other = _search(objective, method, max_corrections, child_seed(seed, "restart", restart))
         ends.append(other)

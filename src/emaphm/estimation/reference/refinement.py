@@ -15,7 +15,7 @@ from emaphm.estimation.discrepancy import reference_problem
 from emaphm.estimation.finite_differences import replicated_jacobians
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.problem import Problem
-from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
+from emaphm.estimation.search_result import SearchResult
 from emaphm.random_streams import stream
 
 
@@ -49,8 +49,7 @@ def refine_by_reference(
     If its residual exceeds noise and switching, or the shaft gives: its oscillation looks like noise.
     """
     oscillates = result.objective.problem.actuator.transmission is not None
-    explained = result.residual_over_noise <= EXPLAINED_RESIDUAL
-    if result.residual_over_noise > settings.farthest or (explained and not oscillates):
+    if result.residual_over_noise > settings.farthest or (result.down_to_noise and not oscillates):
         return result
     reference = reference_problem(result.objective)
     idle, difference = 0, settings.jacobian_step
@@ -62,8 +61,7 @@ def refine_by_reference(
             result = best
         idle = 0 if progress else idle + 1
         difference *= 1.0 if progress else settings.reduction
-        explained = result.residual_over_noise <= EXPLAINED_RESIDUAL
-        if idle == settings.patience or (explained and not oscillates):
+        if idle == settings.patience or (result.down_to_noise and not oscillates):
             break
     return result
 
