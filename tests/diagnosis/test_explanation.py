@@ -11,7 +11,7 @@ from emaphm.actuator import Chirp, Faults
 from emaphm.arrays import Array
 from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.diagnosis.explanation.reasons import idle_channels, reasons_against
-from emaphm.diagnosis.explanation.recorded_noise import robust_noise_level, rounding_step
+from emaphm.diagnosis.explanation.recorded_noise import rounding_step, usual_noise
 from emaphm.diagnosis.explanation.sensor_scores import SensorScore, sensor_scores, taken_up_of_a_delay
 from emaphm.estimation.objective import faults_objective
 from emaphm.estimation.problem import Problem
@@ -126,9 +126,9 @@ def test_noise_and_rounding_of_a_column() -> None:
     rng, smooth = np.random.default_rng(0), np.sin(np.arange(20_000) / 500)
     noisy = smooth + rng.normal(0, 0.01, smooth.size)
     # 20,000 rows know a median's scale to some percent.
-    assert robust_noise_level(noisy) == pytest.approx(0.01, rel=0.05)
+    assert usual_noise(noisy) == pytest.approx(0.01, rel=0.05)
     noisy[::100] = 5.0
-    assert robust_noise_level(noisy) == pytest.approx(0.01, rel=0.1)
+    assert usual_noise(noisy) == pytest.approx(0.01, rel=0.1)
     assert rounding_step(np.round(smooth / 0.01) * 0.01) == pytest.approx(0.01)
     assert rounding_step(np.zeros(5)) == 0.0
 

@@ -10,8 +10,8 @@ from emaphm.recording.equivalent_current import (
 )
 from emaphm.recording.io.read import read_recording, read_recordings, read_signal
 from emaphm.recording.io.write import write_recording
+from emaphm.recording.noise import quiet_noise_level
 from emaphm.recording.plausibility import check_plausible
-from emaphm.recording.quiet_rows import quiet_noise_level
 from emaphm.recording.reconstruction import held, other_curve, reconstructed
 from emaphm.recording.recording import Recording
 

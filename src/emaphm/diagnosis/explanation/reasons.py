@@ -7,7 +7,7 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.diagnosis.explanation.known_values import contradicted_values
-from emaphm.diagnosis.explanation.recorded_noise import robust_noise_level, rounding_step, usual_variance
+from emaphm.diagnosis.explanation.recorded_noise import rounding_step, usual_noise, usual_variance
 from emaphm.diagnosis.explanation.sensor_scores import contradictions
 from emaphm.estimation.nuisances import has_stated_prior, unit_of
 from emaphm.estimation.problem import Problem, comparable_channels, rms
@@ -176,7 +176,7 @@ def _channels(
         recorded = problem.measured[name]
         left, size = float(np.mean(residual**2)), float(np.mean(recorded**2))
         known = float(variance) + rounding_step(recorded) ** 2 / 12 + (_described(name, result)) ** 2
-        noise = max(robust_noise_level(recorded) ** 2, known)
+        noise = max(usual_noise(recorded) ** 2, known)
         allowed = EXPLANATION.channel_noise**2 * (noise + float(variance))
         if moves and left > EXPLANATION.unresembled * size + known:
             yield f"{name}: the model does not resemble it ({_percent(left**0.5, size**0.5)} are left)"
@@ -194,7 +194,7 @@ def _phases(result: SearchResult) -> Iterator[str]:
     phases = np.stack([measured[name] for name in PHASES])
     size = rms(phases)
     total = phases.sum(axis=0)
-    left, noise = rms(total), max(robust_noise_level(total), rounding_step(total) / 12**0.5)
+    left, noise = rms(total), max(usual_noise(total), rounding_step(total) / 12**0.5)
     if left > EXPLANATION.phase_sum * size + EXPLANATION.channel_noise * noise:
         yield (
             f"the phase currents add up to {_percent(left, size)} of their rms, and not to 0; the scale of "
