@@ -5,11 +5,13 @@ added to the averaged model's outputs, and the fit repeated from there: space ma
 additive correction (Bandler et al. 2004; March and Willcox 2012).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from emaphm.arrays import Array
+from emaphm.estimation.correction_iterations import BIAS_CORRECTION, BiasCorrectionSettings, iterate
 from emaphm.estimation.discrepancy import discrepancies, has_reference, reference_problem
 from emaphm.estimation.finite_differences import replicated_jacobians
 from emaphm.estimation.global_search.multistart import LOCAL_SEARCH, local_search, with_descents
@@ -24,31 +26,6 @@ from emaphm.random_streams import stream
 
 MAX_CORRECTIONS = 10
 """Most correction iterations; most recordings take 4 to 6."""
-
-
-@dataclass(frozen=True)
-class BiasCorrectionSettings:
-    """How an iteration proposes candidates, and when the iterations end; `make study` shows the effect.
-
-    An iteration descends, then takes the `step_shares` of a Gauss-Newton step by `replicates` Jacobians over
-    differences of `jacobian_step`, `longest_step` at most. One that follows an iteration without progress
-    adds `further_replicates` to them, and makes `further_descents`. Misfits within the factor `equal_misfits`
-    count as equal: switching alone changes a misfit by about 10 %. Progress is a misfit below `progress`
-    times the one before; after `patience` iterations without, the correction has converged.
-    """
-
-    step_shares: tuple[float, ...] = (0.0, 0.3, 1.0)
-    jacobian_step: float = 2e-2
-    replicates: int = 4
-    longest_step: float = 0.1
-    further_descents: int = 2
-    further_replicates: int = 2
-    equal_misfits: float = 1.2
-    progress: float = 0.9
-    patience: int = 3
-
-
-BIAS_CORRECTION = BiasCorrectionSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,37 +47,28 @@ def correct_bias(
     """Return the estimate after up to `max_corrections` iterations, from the best of `points` (n, d).
 
     Each iteration proposes candidates under the present correction, and asks the reference model for the
-    misfit of each. It takes the one farthest along whose misfit equals the least, so never one that is worse
-    than before by more than switching makes. In the end, the mean of the estimates of the iterations without
-    progress is taken: the reference model finds no difference between them.
+    misfit of each. In the end, the mean of the estimates of the iterations without progress is taken: the
+    reference model finds no difference between them.
     """
     reference = reference_problem(objective)
-    none = np.zeros_like(objective.target)
-    starts = compared(objective, none, points, reference, stream(seed, "reference runs", "starts"))
-    current = min(starts, key=lambda one: one.residual_variance)
-    idle, equal, jacobians = 0, list[SearchResult](), None
-    for iteration in range(max_corrections):
-        current = current.reweighted()
+    jacobians: _Jacobians | None = None
+
+    def outcomes_of(current: SearchResult, iteration: int, idle: int) -> list[SearchResult]:
+        nonlocal jacobians
         correction = current.outputs_correction
         candidates, jacobians = _candidates(
             current, correction, jacobians if idle else None, iteration, seed, settings
         )
         rng = stream(seed, "reference runs", iteration)
-        outcomes = compared(current.objective, correction, candidates, reference, rng)
-        misfits = np.array([one.misfit for one in outcomes])
-        farthest = int(np.flatnonzero(misfits <= settings.equal_misfits * misfits.min())[-1])
-        idle = 0 if misfits[farthest] < settings.progress * current.misfit else idle + 1
-        if misfits[farthest] <= settings.equal_misfits * current.misfit:
-            current = outcomes[farthest]
-            equal = [*equal, current] if idle else []
-        if idle == settings.patience:
-            current = replace(current, converged=True)
-            break
-        if on_progress:
-            on_progress((iteration + 1) / max_corrections)
+        return compared(current.objective, correction, candidates, reference, rng)
+
+    none = np.zeros_like(objective.target)
+    starts = compared(objective, none, points, reference, stream(seed, "reference runs", "starts"))
+    best = min(starts, key=lambda one: one.residual_variance)
+    end = iterate(best, outcomes_of, max_corrections, settings, on_progress)
     if on_progress:
         on_progress(1.0)
-    return _mean(current, equal, settings)
+    return _mean(replace(end.estimate, converged=end.converged), end.equal, settings)
 
 
 def with_discrepancy(result: SearchResult, seed: int) -> SearchResult:
@@ -174,7 +142,9 @@ def gauss_newton(objective: MapObjective, point: Array, residual: Array, jacobia
     return step
 
 
-def _mean(current: SearchResult, equal: list[SearchResult], settings: BiasCorrectionSettings) -> SearchResult:
+def _mean(
+    current: SearchResult, equal: Sequence[SearchResult], settings: BiasCorrectionSettings
+) -> SearchResult:
     """Return the mean of estimates of equal misfit, if its own misfit is no larger than theirs.
 
     What they scatter is the optimiser scatter covariance.

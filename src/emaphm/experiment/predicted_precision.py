@@ -6,7 +6,7 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.diagnosis.verdict import VERDICT, Z95, estimates
-from emaphm.estimation.bias_correction import BIAS_CORRECTION
+from emaphm.estimation.correction_iterations import BIAS_CORRECTION
 from emaphm.estimation.discrepancy import REFERENCE_RUNS, RUN_SEPARATION, has_reference, reference_problem
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.parameter_space import ParameterSpace

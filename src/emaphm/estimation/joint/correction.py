@@ -4,13 +4,14 @@ As `emaphm.estimation.bias_correction` for one recording: every recording has a 
 common point, which is added to its outputs while all are fitted again.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.estimation.bias_correction import BIAS_CORRECTION, BiasCorrectionSettings
+from emaphm.estimation.correction_iterations import BIAS_CORRECTION, BiasCorrectionSettings, iterate
 from emaphm.estimation.discrepancy import Discrepancy, discrepancies, has_reference, reference_problem
 from emaphm.estimation.finite_differences import replicated_jacobians
 from emaphm.estimation.global_search.multistart import LOCAL_SEARCH, MULTISTART
@@ -100,23 +101,14 @@ def corrected_estimate(
     """
     if max_corrections == 0 or not any(has_reference(term.objective.problem) for term in joint.terms):
         return _uncorrected(joint, point)
-    (current,) = compared(joint, point[np.newaxis], seed, "start")
-    idle, equal = 0, list[JointEstimate]()
-    for iteration in range(max_corrections):
-        current = current.reweighted()
+
+    def outcomes_of(current: JointEstimate, iteration: int, _idle: int) -> list[JointEstimate]:
         candidates = _candidates(current, iteration, seed, settings)
-        outcomes = compared(current.joint, candidates, seed, iteration)
-        misfits = np.array([one.misfit for one in outcomes])
-        farthest = int(np.flatnonzero(misfits <= settings.equal_misfits * misfits.min())[-1])
-        idle = 0 if misfits[farthest] < settings.progress * current.misfit else idle + 1
-        if misfits[farthest] <= settings.equal_misfits * current.misfit:
-            current = outcomes[farthest]
-            equal = [*equal, current] if idle else []
-        if idle == settings.patience:
-            break
-        if on_progress:
-            on_progress((iteration + 1) / max_corrections)
-    return _mean(current, equal)
+        return compared(current.joint, candidates, seed, iteration)
+
+    (start,) = compared(joint, point[np.newaxis], seed, "start")
+    end = iterate(start, outcomes_of, max_corrections, settings, on_progress)
+    return _mean(end.estimate, end.equal)
 
 
 def _uncorrected(joint: JointObjective, point: Array) -> JointEstimate:
@@ -205,7 +197,7 @@ def _gauss_newton(
     return step
 
 
-def _mean(current: JointEstimate, equal: list[JointEstimate]) -> JointEstimate:
+def _mean(current: JointEstimate, equal: Sequence[JointEstimate]) -> JointEstimate:
     """Return the mean of the estimates that the reference model finds no difference between."""
     if len(equal) < 2:
         return current

@@ -1,0 +1,94 @@
+"""The iterations of a bias correction: of one recording's estimate, and of the one of a joint fit."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Generic, Protocol, Self, TypeVar
+
+import numpy as np
+
+from emaphm.progress import Progress
+
+
+@dataclass(frozen=True)
+class BiasCorrectionSettings:
+    """How an iteration proposes candidates, and when the iterations end; `make study` shows the effect.
+
+    An iteration descends, then takes the `step_shares` of a Gauss-Newton step by `replicates` Jacobians over
+    differences of `jacobian_step`, `longest_step` at most. One that follows an iteration without progress
+    adds `further_replicates` to them, and makes `further_descents`. Misfits within the factor `equal_misfits`
+    count as equal: switching alone changes a misfit by about 10 %. Progress is a misfit below `progress`
+    times the one before; after `patience` iterations without, the correction has converged.
+    """
+
+    step_shares: tuple[float, ...] = (0.0, 0.3, 1.0)
+    jacobian_step: float = 2e-2
+    replicates: int = 4
+    longest_step: float = 0.1
+    further_descents: int = 2
+    further_replicates: int = 2
+    equal_misfits: float = 1.2
+    progress: float = 0.9
+    patience: int = 3
+
+
+BIAS_CORRECTION = BiasCorrectionSettings()
+
+
+class Corrected(Protocol):
+    """An estimate that the reference model has been compared at."""
+
+    @property
+    def misfit(self) -> float:
+        """The mean or the sum of its squared residuals."""
+        ...
+
+    def reweighted(self) -> Self:
+        """Return it with recordings and channels weighted by its residuals."""
+        ...
+
+
+Estimate = TypeVar("Estimate", bound=Corrected)
+
+
+@dataclass(frozen=True, eq=False)
+class Iterated(Generic[Estimate]):
+    """Where iterations ended: the `estimate`, those of `equal` misfit, and whether they `converged`."""
+
+    estimate: Estimate
+    equal: tuple[Estimate, ...]
+    converged: bool
+
+
+def iterate(
+    estimate: Estimate,
+    outcomes_of: Callable[[Estimate, int, int], Sequence[Estimate]],
+    max_corrections: int,
+    settings: BiasCorrectionSettings,
+    on_progress: Progress | None,
+) -> Iterated[Estimate]:
+    """Return where up to `max_corrections` iterations lead from `estimate`.
+
+    Each takes, of its outcomes, the one farthest along whose misfit equals the least, so never one that is
+    worse than before by more than switching makes.
+
+    Parameters
+    ----------
+    outcomes_of
+        Returns the candidates of an iteration as the reference model sees them, in the order of their steps:
+        from the reweighted estimate, the number of the iteration and of those just before without progress.
+    """
+    idle, equal = 0, tuple[Estimate, ...]()
+    for iteration in range(max_corrections):
+        estimate = estimate.reweighted()
+        outcomes = outcomes_of(estimate, iteration, idle)
+        misfits = np.array([one.misfit for one in outcomes])
+        farthest = int(np.flatnonzero(misfits <= settings.equal_misfits * misfits.min())[-1])
+        idle = 0 if misfits[farthest] < settings.progress * estimate.misfit else idle + 1
+        if misfits[farthest] <= settings.equal_misfits * estimate.misfit:
+            estimate = outcomes[farthest]
+            equal = (*equal, estimate) if idle else ()
+        if idle == settings.patience:
+            return Iterated(estimate, equal, converged=True)
+        if on_progress:
+            on_progress((iteration + 1) / max_corrections)
+    return Iterated(estimate, equal, converged=False)
