@@ -4,35 +4,20 @@ from pathlib import Path
 from typing import Any
 
 from emaphm.actuator import Actuator
+from emaphm.diagnosis import deciding_code as diagnosis
 from emaphm.errors import EmaphmError, ExecutionError
 from emaphm.execution.revision import revision_of
 from emaphm.fleet.settings import DiagnosisSettings
 from emaphm.fleet.sources import FileReading, recordings_in
 from emaphm.recording import Recording
 
-DECIDING = (
-    "actuator",
-    "simulation",
-    "recording",
-    "optimizers",
-    "estimation",
-    "diagnosis",
-    "arrays.py",
-    "quantiles.py",
-    "random_streams.py",
-    "fleet/task.py",
-    "fleet/settings.py",
-    "fleet/sources.py",
-)
+DECIDING = (*diagnosis.DECIDING, "fleet/task.py", "fleet/settings.py", "fleet/sources.py")
 """The rooms and files whose code decides what a recording is found to show."""
-
-NOT_DECIDING = ("actuator/toml.py", "diagnosis/text.py")
-"""Parts of these rooms that only read descriptions or lay out text."""
 
 
 def revision() -> str:
     """Return a fingerprint of the code and libraries that decide a diagnosis."""
-    return revision_of(DECIDING, NOT_DECIDING)
+    return revision_of(DECIDING, diagnosis.NOT_DECIDING)
 
 
 def perform(

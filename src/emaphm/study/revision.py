@@ -1,18 +1,11 @@
 """Which code decides what a trial finds."""
 
+from emaphm.diagnosis import deciding_code as diagnosis
 from emaphm.execution.revision import revision_of
 
 DECIDING = (
-    "actuator",
-    "simulation",
-    "recording",
-    "optimizers",
-    "estimation",
-    "diagnosis",
+    *diagnosis.DECIDING,
     "calibration",
-    "arrays.py",
-    "quantiles.py",
-    "random_streams.py",
     "simulated_recording.py",
     "study/task.py",
     "study/record.py",
@@ -21,7 +14,7 @@ DECIDING = (
 )
 """The rooms and files whose code decides what a trial finds. Cases, rigs and methods are in the plan."""
 
-NOT_DECIDING = ("recording/io", "actuator/toml.py", "diagnosis/text.py", "diagnosis/wording.py")
+NOT_DECIDING = (*diagnosis.NOT_DECIDING, "recording/io", "diagnosis/wording.py")
 """Parts of these rooms that read files or put words: a study does not pass through them."""
 
 
