@@ -1,4 +1,4 @@
-"""What an optimiser costs beside the simulator, per generation of 50 agents in 8 dimensions, one core.
+"""What an optimiser costs besides the simulator, per generation of 50 agents in 8 dimensions, one core.
 
 The same trivial fitness for all, so that what is measured is the optimiser. Run by `make bench`.
 """

@@ -4,7 +4,7 @@
 
 The data set is public: Janot, Gautier, Brunot, "Data Set and Reference Models of EMPS", Workshop on
 Nonlinear System Identification Benchmarks, 2019, at https://www.nonlinearbenchmark.org. Without a path, the
-folder named by the environment variable EMAPHM_DATA is searched, else `../shared/data` beside the project.
+folder named by the environment variable EMAPHM_DATA is searched, else `../shared/data` next to the project.
 """
 
 import argparse
@@ -68,7 +68,7 @@ def main() -> None:
 
 
 def show(parameters: Mapping[str, Any], way: str, force_error: float) -> None:
-    """Print parameters with standard errors, and the force error, beside the published ones."""
+    """Print parameters with standard errors, and the force error, next to the published ones."""
     for name, found in parameters.items():
         line = f"  {name:<17} {found.value:10.4g} ± {found.standard_error:<8.2g} {found.unit:<6}"
         print(f"{line} published {PUBLISHED[name]:.4g}" if name in PUBLISHED else line)

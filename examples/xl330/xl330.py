@@ -4,7 +4,7 @@
 
 Logs by Rhoban/bam (Duclusaud, Passault, Padois, Ly, arXiv 2410.08650) as CSV files; the name of a file begins
 with the gain of the drive, "kp400_". Without paths, the folder named by the environment variable EMAPHM_DATA
-is searched, else `../shared/data` beside the project.
+is searched, else `../shared/data` next to the project.
 """
 
 import argparse
@@ -47,11 +47,11 @@ DUTY_PER_KP = 4096 / (2 * math.pi) / (256 * 885)
 """Duty cycle per position error and unit of kp [1/rad]: counts a turn, divisor of kp, counts at full duty."""
 
 LAWS = ("load-dependent", "source-resistance", "winding-temperature")
-"""Laws beside the weight that lower the error of logs left out of the fit; Stribeck, quadratic and unequal
+"""Laws, with the weight, that lower the error of logs left out of the fit; Stribeck, quadratic and unequal
 friction do not."""
 
 FREE = ("inertia", "viscous", "coulomb", "torque_constant", "resistance", "gravity_angle")
-"""Free beside the parameters of the laws. The weight is known, which gives the torques their scale."""
+"""Free, with the parameters of the laws. The weight is known, which gives the torques their scale."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Laws that the description lacks are named, and faults are found beside them."""
+"""Laws that the description lacks are named, and faults are found with them."""
 
 import json
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""A batch is its single runs side by side: no lane knows of another, nor of the threads."""
+"""A batch is its single runs side by side: no lane depends on another, nor of the threads."""
 
 import importlib
 

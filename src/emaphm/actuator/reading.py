@@ -14,7 +14,7 @@ Text = Annotated[str, Field(min_length=1)]
 
 
 class Reading(Section):
-    """What of a file is read. As it stands, everything is, and only short gaps and outliers are mended."""
+    """What of a file is read. By default everything is, and only short gaps and outliers are replaced."""
 
     keep: Text | None = Field(
         default=None, description="condition on columns; only rows where it holds are used"

@@ -45,8 +45,8 @@ class Parameter:
     reason: str = ""
 
     @property
-    def doubt(self) -> str:
-        """What is doubtful of it, in words."""
+    def remark(self) -> str:
+        """Its reason, and whether that makes it doubtful."""
         return f"doubtful: {self.reason}" if self.doubtful else self.reason
 
 

@@ -132,7 +132,7 @@ class Calibration:
         """Return what was done to the recordings, what is doubtful or not excited, and each one's own."""
         lines = [f"{self.loop}."]
         lines += [f"{one.recording.source}: {note}." for one in self.replays for note in one.recording.notes]
-        lines += [f"{name} is {p.doubt}." for name, p in self.parameters.items() if p.reason]
+        lines += [f"{name} is {p.remark}." for name, p in self.parameters.items() if p.reason]
         lines += [str(one) for one in self.collinear_sets]
         lines += [
             f"Nothing in these recordings excites the law '{name}'; {manoeuvre} would."

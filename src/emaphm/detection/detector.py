@@ -37,7 +37,7 @@ class Detector:
     channels
         What it looks at.
     manoeuvres
-        What it knows healthy cycles of.
+        Those that it has healthy cycles of.
     actuator
         Whose model explains what it can of a recording before; None where channels are taken as measured.
     seeded

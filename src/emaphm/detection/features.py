@@ -1,4 +1,4 @@
-"""Features of a cycle: what is left of each channel in each segment, in a few numbers."""
+"""Features of a cycle: each channel's residual in each segment, in a few numbers."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -47,7 +47,7 @@ def features_of(
     Parameters
     ----------
     residuals
-        What is left of each channel, (cycles, rows, channels), in its unit.
+        Residual of each channel, (cycles, rows, channels), in its unit.
     scales
         Size of each channel's residual in health, (channels,), in its unit.
 

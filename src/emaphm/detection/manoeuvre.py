@@ -32,7 +32,7 @@ class HealthyAtLoad:
     mean
         The mean cycle, (rows, channels), in the channels' units.
     centre
-        Mean features of what is left of healthy cycles, (features,).
+        Mean features of the residuals of healthy cycles, (features,).
     """
 
     load: Array
@@ -114,7 +114,7 @@ def learn_manoeuvre(
 ) -> Manoeuvre:
     """Return what healthy `cycles` of one manoeuvre, from the runs `groups` (one a cycle), look like.
 
-    What is left of a cycle is taken to the mean of the other runs at its load, as that of a later cycle is:
+    The residual of a cycle is taken to the mean of the other runs at its load, as that of a later cycle is:
     to a mean that it is part of, it would be nearer.
 
     Raises

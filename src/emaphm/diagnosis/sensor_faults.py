@@ -55,7 +55,7 @@ class SensorFault:
         return self.sentence
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the fault as it stands in the JSON of a diagnosis."""
+        """Return the fault as the JSON of a diagnosis has it."""
         return asdict(self)
 
 

@@ -69,8 +69,8 @@ def with_alternatives(
     as_it_is, _ = _descended(objective, result.point, result.outputs_correction, seed)
     for late in (rows, -rows):
         shifted = replace(objective, problem=_shifted(objective.problem, late))
-        left, point = _refitted(result, shifted, as_it_is, seed)
-        if left >= ALTERNATIVES.share * as_it_is:
+        variance, point = _refitted(result, shifted, as_it_is, seed)
+        if variance >= ALTERNATIVES.share * as_it_is:
             continue
         faults = objective.space.faults(point)
         for i, (name, one) in enumerate(components.items()):
@@ -109,18 +109,18 @@ def _refitted(
     By descents from the estimate under its correction; then, while they lead on and leave less than
     `promising` times `as_it_is`, under the correction of the place that they led to.
     """
-    left, point = _descended(objective, result.point, result.outputs_correction, seed)
+    variance, point = _descended(objective, result.point, result.outputs_correction, seed)
     reference = reference_problem(objective)
     for iteration in range(ALTERNATIVES.corrections):
-        if not ALTERNATIVES.share <= left / as_it_is < ALTERNATIVES.promising:
+        if not ALTERNATIVES.share <= variance / as_it_is < ALTERNATIVES.promising:
             break
         rng = stream(seed, "reference runs of an alternative", iteration)
         there = compared(objective, np.zeros_like(objective.target), point[np.newaxis], reference, rng)[0]
         further, moved = _descended(objective, point, there.outputs_correction, seed)
-        if further >= left:
+        if further >= variance:
             break
-        left, point = further, moved
-    return left, point
+        variance, point = further, moved
+    return variance, point
 
 
 def _descended(objective: MapObjective, start: Array, correction: Array, seed: int) -> tuple[float, Array]:

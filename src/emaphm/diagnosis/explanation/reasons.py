@@ -42,8 +42,9 @@ class ExplanationSettings:
     A channel other than the primary one may have a residual of `channel_model` of its rms
     (`uncorrected_model` where the reference model was not asked), and of `channel_noise` times its noise,
     rounding and switching.
-    Of every channel's mean square, no more than `unresembled` may be left, beyond rounding and switching: a
-    noise that is measured on the recording itself would otherwise excuse a model that resembles nothing.
+    Beyond rounding and switching, the residual may be no more than `unresembled` of every channel's mean
+    square: a noise that is measured on the recording itself would otherwise excuse a model that resembles
+    nothing.
 
     A nuisance may be `prior_deviations` standard deviations of its prior off, where the description states
     that prior; a prior that is merely usual, as the load's, says nothing against a larger one.
@@ -86,7 +87,7 @@ def reasons_against(
     3. The model resembles every channel: r² ≤ u y² + q²/12 + s². Not asked of an actuator at rest.
     4. No nuisance is farther off than its stated prior allows. The error of a sensor may be: it is reported
        as a fault of that sensor.
-    5. What is left shows no sensor that comes late, nor one of another scale or zero, beyond what the faults
+    5. The residual shows no sensor that comes late, nor one of another scale or zero, beyond what the faults
        take up (`emaphm.diagnosis.explanation.sensor_scores`).
     6. No recorded load or temperature is contradicted (`emaphm.diagnosis.explanation.known_values`).
     7. Three recorded phase currents of a star add up to zero, within `phase_sum` of their size.
@@ -174,15 +175,16 @@ def _channels(
         switching, model = result.discrepancy.channel_variances, EXPLANATION.channel_model
     for name, residual, variance in zip(problem.channels, residuals, switching, strict=True):
         recorded = problem.measured[name]
-        left, size = float(np.mean(residual**2)), float(np.mean(recorded**2))
+        square, size = float(np.mean(residual**2)), float(np.mean(recorded**2))
         known = float(variance) + rounding_step(recorded) ** 2 / 12 + (_described(name, result)) ** 2
         noise = max(usual_noise(recorded) ** 2, known)
         allowed = EXPLANATION.channel_noise**2 * (noise + float(variance))
-        if moves and left > EXPLANATION.unresembled * size + known:
-            yield f"{name}: the model does not resemble it ({_percent(left**0.5, size**0.5)} are left)"
-        elif name not in (problem.primary, *healthy) and left > allowed + model**2 * size:
+        share = _percent(square**0.5, size**0.5)
+        if moves and square > EXPLANATION.unresembled * size + known:
+            yield f"{name}: the model does not resemble it (the residual is {share})"
+        elif name not in (problem.primary, *healthy) and square > allowed + model**2 * size:
             yield (
-                f"{name}: the residual of {_percent(left**0.5, size**0.5)} is more than noise, rounding and "
+                f"{name}: the residual of {share} is more than noise, rounding and "
                 "switching account for; its sensor, unit or sign may be wrong"
             )
 
@@ -194,11 +196,11 @@ def _phases(result: SearchResult) -> Iterator[str]:
     phases = np.stack([measured[name] for name in PHASES])
     size = rms(phases)
     total = phases.sum(axis=0)
-    left, noise = rms(total), max(usual_noise(total), rounding_step(total) / 12**0.5)
-    if left > EXPLANATION.phase_sum * size + EXPLANATION.channel_noise * noise:
+    imbalance, noise = rms(total), max(usual_noise(total), rounding_step(total) / 12**0.5)
+    if imbalance > EXPLANATION.phase_sum * size + EXPLANATION.channel_noise * noise:
         yield (
-            f"the phase currents add up to {_percent(left, size)} of their rms, and not to 0; the scale of "
-            "one of them or its sign is wrong, or one is missing"
+            f"the phase currents add up to {_percent(imbalance, size)} of their rms, and not to 0; the scale "
+            "of one of them or its sign is wrong, or one is missing"
         )
 
 

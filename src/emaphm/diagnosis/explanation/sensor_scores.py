@@ -1,7 +1,7 @@
-"""Sensors that err although nobody estimates it: score tests on what the faults leave of the residual.
+"""Sensors that err although nobody estimates it: score tests on the residual of the faults' estimate.
 
-A current that comes a millisecond late reads as a lower position gain, and leaves little residual. But what
-it leaves has a direction: that of the signal's derivative. For each error that a sensor may have, its size is
+A current that comes a millisecond late reads as a lower position gain, with a small residual. But that
+residual has a direction: that of the signal's derivative. For each error that a sensor may have, its size is
 estimated from the residual as if it were one more parameter of the linear model at the estimate, next to all
 that is estimated already (Rao 1948: a score test; Frisch and Waugh 1933: the partial regression).
 """
@@ -87,25 +87,25 @@ def contradictions(result: SearchResult, jacobians: Array, seed: int) -> list[st
     """Return a sentence on the error that contradicts the estimate most, if one does."""
     scores = sorted(sensor_scores(result, jacobians), key=lambda one: -one.score)
     suspects = [one for one in scores if one.is_suspect()][: SENSOR_SCORES.most]
-    shares = [_share_left(result, one, seed) for one in suspects]
+    shares = [_residual_share(result, one, seed) for one in suspects]
     if not shares or min(shares) >= SENSOR_SCORES.share:
         return []
     return [str(suspects[int(np.argmin(shares))])]
 
 
-def _share_left(result: SearchResult, error: SensorScore, seed: int) -> float:
+def _residual_share(result: SearchResult, error: SensorScore, seed: int) -> float:
     """Return what descents with a sensor's error leave of the mean squared residual, relative to without."""
     objective, rows = result.objective, result.objective.channel_rows
     with_error = result.outputs_correction.copy()
     kinds, directions, _ = zip(*_directions(result), strict=True)
     with_error[:rows] += error.size * directions[kinds.index((error.kind, error.channel))]
-    left = []
+    variances = []
     for correction in (result.outputs_correction, with_error):
         rng = stream(seed, "descents with a sensor's error")
         descents = with_descents(SENSOR_SCORES.descents)
         point = local_search(objective, result.point, correction, rng, descents).best
-        left.append(float(np.mean(objective.residual(point, correction)[:rows] ** 2)))
-    return left[1] / left[0] if left[0] > 0 else 1.0
+        variances.append(float(np.mean(objective.residual(point, correction)[:rows] ** 2)))
+    return variances[1] / variances[0] if variances[0] > 0 else 1.0
 
 
 def taken_up_of_a_delay(result: SearchResult, jacobians: Array, delay: float) -> Array:
@@ -146,9 +146,8 @@ def sensor_scores(result: SearchResult, jacobians: Array) -> tuple[SensorScore, 
     sizes = asked - taken_up @ fit.gradient
     channels = len(objective.problem.channels)
     remaining = along - taken_up @ jacobian
-    scores = (remaining * residual).reshape(len(along), channels, -1).sum(axis=1)
     of_model = _model_error(result, remaining)
-    errors = np.sqrt(np.diag(long_run_covariance(scores)) + of_model**2)
+    errors = np.sqrt(np.diag(long_run_covariance(remaining * residual, channels)) + of_model**2)
     return tuple(
         SensorScore(kind, channel, float(size / scale), float(error / scale), rounding)
         for (kind, channel), size, error, scale, rounding in zip(
@@ -166,11 +165,11 @@ def _model_error(result: SearchResult, directions: Array) -> Array:
     """
     objective = result.objective
     rows, channels = objective.channel_rows, len(objective.problem.channels)
-    signal, left = (
+    signal, residual = (
         np.sqrt(np.sum(values[:rows].reshape(channels, -1) ** 2, axis=1))
         for values in (objective.target, result.residual)
     )
-    error = SENSOR_SCORES.alignment * np.minimum(SMALLEST_SHARE * signal, left)
+    error = SENSOR_SCORES.alignment * np.minimum(SMALLEST_SHARE * signal, residual)
     lengths = np.sqrt(np.sum(directions.reshape(len(directions), channels, -1) ** 2, axis=2))
     return np.asarray(np.sqrt(np.sum((error * lengths) ** 2, axis=1)))
 

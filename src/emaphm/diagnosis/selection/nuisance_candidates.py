@@ -195,8 +195,8 @@ def _gross_starts(
         if name not in others or power == 0:
             continue
         factor = float(model @ target) / power
-        left = float(np.mean((target - factor * model) ** 2))
-        if left < SENSOR_SELECTION.gross_share**2 * float(np.mean(residual**2)):
+        variance = float(np.mean((target - factor * model) ** 2))
+        if variance < SENSOR_SELECTION.gross_share**2 * float(np.mean(residual**2)):
             extended, point = with_nuisances(result, names, (name,))
             deviation = float(extended.space.nuisances.prior_deviations[-1])
             i = extended.space.coordinates.index(name)

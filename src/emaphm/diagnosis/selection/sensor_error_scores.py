@@ -58,6 +58,6 @@ def regressed_error(
     alone = derivative - shares @ mean
     power = max(float(alone @ alone), np.finfo(float).tiny)
     size = float(alone @ residual) / power
-    scores = (alone * (residual - size * alone)).reshape(channels, -1).sum(axis=0)
-    variance = float(long_run_covariance(scores[np.newaxis])[0, 0])
+    scores = alone * (residual - size * alone)
+    variance = float(long_run_covariance(scores[np.newaxis], channels)[0, 0])
     return -size * shares, size, max(variance, np.finfo(float).tiny) ** 0.5 / power

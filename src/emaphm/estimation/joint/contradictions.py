@@ -66,19 +66,19 @@ def dissenting(alone: AloneEstimates, prior_deviations: Array) -> NDArray[np.boo
     found = np.zeros(len(alone.points), bool)
     while True:
         left = np.flatnonzero(~found)
-        excess = np.array([_excess(alone, int(r), left[left != r], prior_deviations) for r in left])
-        if left.size < 2 or excess.max() <= 1:
+        distances = np.array([_distance(alone, int(r), left[left != r], prior_deviations) for r in left])
+        if left.size < 2 or distances.max() <= 1:
             return found
-        found[left if left.size == 2 else left[np.argmax(excess)]] = True
+        found[left if left.size == 2 else left[np.argmax(distances)]] = True
 
 
-def _excess(alone: AloneEstimates, r: int, others: NDArray[np.intp], prior_deviations: Array) -> float:
+def _distance(alone: AloneEstimates, r: int, others: NDArray[np.intp], prior_deviations: Array) -> float:
     """Return how far recording `r` is from the meta-analysis of the `others`, 1 where chance ends.
 
     By parameter: its own estimate less theirs, squared, over the variances of both is chi-squared where
     errors alone are at work; by Bonferroni's correction, `CHANCE` holds for all parameters and recordings
     together. All parameters at once would not do: along a collinear set, estimates lie far apart in a valley
-    that is curved, so that what each knows of their combination contradicts the others. A parameter without
+    that is curved, so that the combination that each determines contradicts the others. A parameter without
     information, or a difference below `MATERIAL`, does not count.
     """
     if not others.size:

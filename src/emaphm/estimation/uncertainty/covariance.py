@@ -87,8 +87,6 @@ def score_statistics(
     fisher = np.sum([information_lower_bound(part) for part in by_channel], axis=0) / variance
     # An estimate follows the mean of the Jacobians; the errors of single ones are not its own.
     scores = jacobians.mean(axis=0) * residual
-    # An event that shows in several channels is one event: scores of one instant belong together.
-    together = scores.reshape(len(scores), channels, -1).sum(axis=1)
-    scatter = long_run_covariance(together) + error_scores
+    scatter = long_run_covariance(scores, channels) + error_scores
     score_covariance = scatter / variance**2 + LEAST_SCORE_VARIANCE * fisher
     return ScoreStatistics(fisher, score_covariance)

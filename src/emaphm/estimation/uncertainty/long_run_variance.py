@@ -9,16 +9,20 @@ COSINES = 0.4
 """Cosine transforms used, as a multiple of the samples to the power 2/3 (Lazarus et al. 2018)."""
 
 
-def long_run_covariance(scores: Array) -> Array:
-    """Return the covariance (d, d) of the sums over `scores` (d, samples), correlated or not.
+def long_run_covariance(scores: Array, channels: int = 1) -> Array:
+    """Return the covariance (d, d) of the sums over `scores` (d, rows), correlated or not.
+
+    In the rows, `channels` series of equal length stand end to end. An event that shows in several channels
+    is one event: scores of one instant belong together, and are added first.
 
     From their cosine transforms of lowest frequency, which are uncorrelated and have all of that covariance
     (Müller 2007; Lazarus, Lewis, Stock and Watson 2018). It is larger by the square of the ratio of Student's
     t with as many degrees of freedom to the normal quantile, so that normal intervals have their coverage.
     """
-    samples = scores.shape[1]
+    together = scores.reshape(len(scores), channels, -1).sum(axis=1)
+    samples = together.shape[1]
     count = max(1, int(COSINES * samples ** (2 / 3)))
-    transforms = _cosine_transforms(scores, count)
+    transforms = _cosine_transforms(together, count)
     inflation = student_t_quantile(count, 0.975) / normal_quantile(0.975)
     return np.asarray(inflation**2 * samples / count * transforms @ transforms.T)
 

@@ -20,15 +20,15 @@ class PhaseSettings:
     """When phases disagree.
 
     The sum of the currents of a star is 0. An error of one sensor's scale makes it a multiple of that phase:
-    it is named from `least_scale` and `certain` standard errors on, if it leaves no more than `left` times
-    the noise and counts of the sum, and another phase's `rival` times as much. Phases are in another order if
-    that order gives `right` of the current's magnitude as torque at least, and `better` times as much as the
-    recorded one, while the rotor makes a turn.
+    it is named from `least_scale` and `certain` standard errors on, if its residual is no more than
+    `residual` times the noise and counts of the sum, and another phase's `rival` times as much. Phases are in
+    another order if that order gives `right` of the current's magnitude as torque at least, and `better`
+    times as much as the recorded one, while the rotor makes a turn.
     """
 
     least_scale: float = 0.01
     certain: float = 8.0
-    left: float = 1.5
+    residual: float = 1.5
     rival: float = 1.02
     right: float = 0.85
     better: float = 1.15
@@ -51,9 +51,11 @@ def _balanced(phases: Mapping[str, Array]) -> tuple[dict[str, Array], list[Senso
     """Return the phase that keeps the sum from 0, made of the other two, and its finding."""
     total = np.sum(list(phases.values()), axis=0)
     noise = (row_noise(total) ** 2 + sum(step_of_counts(one) ** 2 / 12 for one in phases.values())) ** 0.5
-    (left, error, scale, name), (second, *_), _ = sorted(_scale_of(name, phases, total) for name in phases)
+    (residual, error, scale, name), (second, *_), _ = sorted(
+        _scale_of(name, phases, total) for name in phases
+    )
     certain = abs(scale) > max(PHASE.least_scale, PHASE.certain * error)
-    if not certain or left > PHASE.left * noise or second < PHASE.rival * left:
+    if not certain or residual > PHASE.residual * noise or second < PHASE.rival * residual:
         return {}, []
     others = [one for one in phases if one != name]
     corrected = -(phases[others[0]] + phases[others[1]])
@@ -68,14 +70,14 @@ def _balanced(phases: Mapping[str, Array]) -> tuple[dict[str, Array], list[Senso
 
 
 def _scale_of(name: str, phases: Mapping[str, Array], total: Array) -> tuple[float, float, float, str]:
-    """Return what an error of one phase's scale leaves of the sum, its standard error, it, and the phase."""
+    """Return the sum's residual without an error of one phase's scale, its standard error, it, the phase."""
     others = -sum(values for other, values in phases.items() if other != name)
     assert isinstance(others, np.ndarray)  # noqa: S101 - a sum of arrays
     true = others - others.mean()
     power = max(float(true @ true), np.finfo(float).tiny)
     scale = float(true @ (total - total.mean())) / power
-    left = float(np.std(total - scale * others))
-    return left, left / power**0.5, scale, name
+    residual = float(np.std(total - scale * others))
+    return residual, residual / power**0.5, scale, name
 
 
 def _ordered(

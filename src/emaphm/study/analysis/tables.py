@@ -58,12 +58,14 @@ def summary_table(runs: pl.DataFrame, kind: str) -> Table:
 
 def error_table(runs: pl.DataFrame) -> Table:
     """Return one variant's mean errors [%] laid out as the thesis's: ours / its own where it has one."""
-    return _by_case_and_method(runs, lambda row: _beside(percent, row["mean"], row["thesis"]))
+    return _by_case_and_method(runs, lambda row: _with_thesis(percent, row["mean"], row["thesis"]))
 
 
 def time_table(runs: pl.DataFrame) -> Table:
     """Return one variant's mean wall times [s] laid out as the thesis's: ours / its own where it has one."""
-    return _by_case_and_method(runs, lambda row: _beside(seconds, row["mean_seconds"], row["thesis_seconds"]))
+    return _by_case_and_method(
+        runs, lambda row: _with_thesis(seconds, row["mean_seconds"], row["thesis_seconds"])
+    )
 
 
 def _by_case_and_method(runs: pl.DataFrame, cell: Callable[[Mapping[str, Any]], str]) -> Table:
@@ -192,5 +194,5 @@ def p_value(p: float | None) -> str:
     return "<0.001" if p < 0.001 else f"{p:.3f}"
 
 
-def _beside(text: Callable[[float], str], ours: float, thesis: float | None) -> str:
+def _with_thesis(text: Callable[[float], str], ours: float, thesis: float | None) -> str:
     return text(ours) if thesis is None else f"{text(ours)} / {text(thesis)}"
