@@ -10,7 +10,7 @@ from emaphm import environment
 from emaphm.environment import PURPOSES
 
 PYPROJECT = Path(__file__).parents[1] / "pyproject.toml"
-NOT_FOR_USERS = {"all", "dev"}
+NOT_FOR_USERS = {"all", "dev", "docs"}
 
 
 def test_every_extra_has_its_purpose() -> None:
