@@ -23,7 +23,7 @@ from emaphm.prognosis import Evidence, Question, failure_levels, prognose
 thesis = ema.Actuator.thesis()
 requirements = [
     {"component": "backlash", "at_most": 0.6},
-    {"measure": "tracking_error", "at_most": 4e-4, "name": "follows the chirp"},
+    {"measure": "tracking_error", "at_most": 9.5e-4, "name": "follows the chirp"},
 ]
 actuator = ema.Actuator.from_dict(
     {**thesis.model_dump(mode="json", exclude_none=True), "requirements": requirements}

@@ -33,13 +33,21 @@ mechanics = described.mechanics.model_copy(
 )
 machine = described.model_copy(update={"mechanics": mechanics})
 chirps = [ema.Chirp(amplitude=5e-3, stop_hz=15), ema.Chirp(amplitude=3e-3, stop_hz=25)]
-healthy = [ema.simulate(machine, chirp, noise=0.05, seed=seed) for seed, chirp in enumerate(chirps)]
+
+
+def recorded(chirp: ema.Chirp, faults: ema.Faults, seed: int) -> ema.Recording:
+    """Return what a logger keeps of a run: command, current and line voltage."""
+    run = ema.simulate(machine, chirp, faults=faults, noise=0.05, adc_bits=12, seed=seed)
+    return ema.Recording({name: run[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")})
+
+
+healthy = [recorded(chirp, ema.Faults(), seed) for seed, chirp in enumerate(chirps * 2)]
 
 # %%
 # Calibration
 # -----------
 #
-# One fit of both recordings. Each value comes with its error; what the recordings cannot show is said.
+# One fit of all recordings. Each value comes with its error; what the recordings cannot show is said.
 
 calibration = ema.calibrate(healthy, described, free=["inertia", "viscous", "coulomb"], seed=0)
 print(calibration)
@@ -49,7 +57,7 @@ print(calibration)
 # uncertainty for a fault.
 
 unit = calibration.actuator
-print(unit.baseline)
+print(unit.baseline.names)
 
 # %%
 # Which command shows the faults
@@ -65,5 +73,5 @@ print(design)
 # A test with faults
 # ------------------
 
-faulty = ema.simulate(machine, chirps[0], faults=ema.Faults(friction=0.2, backlash=0.3), noise=0.05, seed=9)
+faulty = recorded(chirps[0], ema.Faults(friction=0.2, backlash=0.3), seed=9)
 print(ema.diagnose(faulty, unit, seed=0))
