@@ -2,8 +2,9 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
+DOCUMENTING := $(VENV)/.documenting
 
-.PHONY: demo test lint bench fuzz study docs clean
+.PHONY: demo test lint bench fuzz study docs figures clean
 
 demo: $(INSTALLED)  ## simulate a faulty actuator, diagnose it, write demo/report.html
 	$(BIN)/emaphm demo --force
@@ -33,16 +34,24 @@ study: $(INSTALLED)  ## run what is missing of the studies in studies/, write th
 	$(BIN)/python -m emaphm.study.spoilt studies/spoilt
 	$(BIN)/python -m emaphm.report.spoilt_page studies/spoilt docs
 
-docs: $(INSTALLED)  ## draw the figures of the README and the examples
+docs: $(DOCUMENTING)  ## build the site in docs/_build/html; every example of it is run
+	rm -rf docs/_build docs/_tutorials docs/reference/generated
+	OMP_NUM_THREADS=1 $(BIN)/sphinx-build -W --keep-going -q docs docs/_build/html
+
+figures: $(INSTALLED)  ## draw the figures of the README and the examples
 	$(BIN)/emaphm demo --out docs/demo --force
 	$(BIN)/python examples/emps/emps.py --figure docs/emps.svg
 	$(BIN)/python examples/xl330/xl330.py --figure docs/xl330.svg
 	$(BIN)/python examples/pmsm/pmsm.py --figure docs/pmsm.svg
 
 clean:  ## remove what the other targets made
-	rm -rf $(VENV) demo studies fuzz
+	rm -rf $(VENV) demo studies fuzz docs/_build docs/_tutorials docs/reference/generated
 
 $(INSTALLED): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet -c constraints.txt -e ".[dev]"
+	touch $@
+
+$(DOCUMENTING): $(INSTALLED)
+	$(BIN)/python -m pip install --quiet -c constraints.txt -e ".[dev,docs]"
 	touch $@

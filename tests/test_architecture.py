@@ -25,7 +25,7 @@ ORDER = (
     ("study",),
     ("plotting",),
     ("report",),
-    ("demo",),
+    ("demo", "environment", "first_description"),
     ("cli",),
 )
 """Rooms from the lowest; one imports from those before it, and from itself."""

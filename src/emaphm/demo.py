@@ -24,6 +24,14 @@ FAULTS = Faults(
 NOISE = 0.05
 """Sensor noise, rms [A]."""
 
+NEXT = """\
+Next:
+  emaphm init rig.toml                                  describe your own actuator, by few questions
+  emaphm design --actuator rig.toml --out command.csv   find the command that shows its faults best
+  emaphm calibrate healthy.csv --actuator rig.toml -o unit.toml
+  emaphm diagnose flight.csv --actuator unit.toml --report flight.html
+  emaphm doctor                                         what is installed here, and what more there is"""
+
 
 @dataclass(frozen=True)
 class Demo:
@@ -59,6 +67,8 @@ class Demo:
             *found.notes(),
             found.summary(),
             f"Error: {self.error:.2f} %. Report: {self.report}, figure: {self.figure}",
+            "",
+            NEXT,
         ]
         return "\n".join(lines)
 

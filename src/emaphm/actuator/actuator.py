@@ -27,7 +27,7 @@ from emaphm.errors import ActuatorError
 from emaphm.input_files import read_toml
 from emaphm.output_files import written_whole
 
-PRESETS = ("thesis", "pmsm")
+PRESETS = ("thesis", "pmsm", "dc")
 
 
 class Actuator(Section):
@@ -38,8 +38,8 @@ class Actuator(Section):
     `weight` and `ripple` hold optional laws. `baseline` and `model_error` are what a calibration of the
     healthy unit has learned: how well its parameters are known, and how wrong the model is all the same.
 
-    Source: thesis Tab. 3.1 for the structure and for `Actuator.thesis`; `Actuator.pmsm` has another motor and
-    drive.
+    Source: thesis Tab. 3.1 for the structure and for `Actuator.thesis`; `Actuator.pmsm` and `Actuator.dc`
+    have other motors and drives.
     """
 
     name: Annotated[str, Field(min_length=1)]
@@ -170,6 +170,21 @@ class Actuator(Section):
         )
 
     @classmethod
+    def dc(cls) -> Self:
+        """Return the thesis's mechanics behind a DC motor whose current loop is ideal: it has no windings.
+
+        Shorts and eccentricity do not exist in it; friction, backlash and gain do.
+        """
+        thesis = cls.thesis()
+        return cls(
+            name="dc",
+            controller=thesis.controller,
+            motor=thesis.motor,
+            mechanics=thesis.mechanics,
+            drive=Drive(kind="current"),
+        )
+
+    @classmethod
     def from_toml(cls, path: str | Path) -> Self:
         """Read an actuator from a TOML file.
 
@@ -195,8 +210,10 @@ class Actuator(Section):
         """Return the built-in actuator `name`, one of `PRESETS`, or the one in the TOML file of that path."""
         return getattr(cls, str(name))() if str(name) in PRESETS else cls.from_toml(name)
 
-    def to_toml(self, path: str | Path, *, comments: str = "") -> None:
-        """Write the actuator as TOML, each value with its meaning and unit; `comments` goes on top.
+    def to_toml(self, path: str | Path, *, comments: str = "", ending: str = "") -> None:
+        """Write the actuator as TOML, each value with its meaning and unit.
+
+        `comments` goes on top and `ending` below all, both as comments.
 
         Raises
         ------
@@ -204,7 +221,7 @@ class Actuator(Section):
             The file cannot be written there.
         """
         with written_whole(path) as temporary:
-            temporary.write_text(write_toml(self, comments), encoding="utf-8")
+            temporary.write_text(write_toml(self, comments, ending), encoding="utf-8")
 
 
 def described_parts(actuator: Actuator, name: str) -> tuple[float, ...] | None:

@@ -14,8 +14,11 @@ LONGEST_QUOTED = 200
 """Longest value that a complaint quotes; a matrix would bury it."""
 
 
-def write_toml(actuator: BaseModel, comments: str = "") -> str:
-    """Return `actuator` as TOML text, every quantity followed by its meaning and unit."""
+def write_toml(actuator: BaseModel, comments: str = "", ending: str = "") -> str:
+    """Return `actuator` as TOML text, every quantity followed by its meaning and unit.
+
+    `comments` goes on top and `ending` below all, both as comments.
+    """
     import tomlkit
 
     document = tomlkit.document()
@@ -35,7 +38,8 @@ def write_toml(actuator: BaseModel, comments: str = "") -> str:
         kept = section.model_dump(mode="json", exclude_defaults=True) if name in QUIET else value
         if kept:
             document.add(name, _table(type(section), kept, coordinates))
-    return tomlkit.dumps(document)
+    below = "".join(f"\n# {line}".rstrip() if line else "\n#" for line in ending.splitlines())
+    return tomlkit.dumps(document) + (f"{below}\n" if below else "")
 
 
 def _tables(sections: tuple[BaseModel, ...], values: list[dict[str, Any]], coordinates: str) -> Any:

@@ -8,6 +8,7 @@ from emaphm.actuator.model_error import CHANNELS, ModelError
 from emaphm.actuator.quantity import unit_for
 from emaphm.calibration.findings import Parameter, RecordingResult
 from emaphm.calibration.law_selection import LawTrial
+from emaphm.estimation.nuisances import unit_of
 from emaphm.recording.schema import SCHEMA
 from emaphm.text_table import NOTHING, format_table
 
@@ -60,8 +61,9 @@ def recording_notes(
     for one in recordings:
         source, own = one.replay.recording.source, {**one.nuisances, **one.own}
         if own:
+            coordinates = one.replay.actuator.coordinates
             values = ", ".join(
-                f"{name} {value:.4g}" if name in one.own else f"{name} {value:+.3g}"
+                f"{name} {value:.4g}" if name in one.own else _with_unit(name, value, coordinates)
                 for name, value in own.items()
             )
             lines.append(f"Estimated with the parameters in {source}: {values}.")
@@ -93,3 +95,8 @@ def model_error_notes(learned: ModelError, coordinates: str) -> list[str]:
             values = ", ".join(f"{name} {value:.2g}" for name, value in apparent.items())
             lines.append(f"In recordings left out, the model's error looks like faults: {values}.")
     return lines
+
+
+def _with_unit(name: str, value: float, coordinates: str) -> str:
+    unit = unit_of(name, coordinates)
+    return f"{name} {value:+.3g}" if unit == "-" else f"{name} {value:+.3g} {unit}"

@@ -10,7 +10,9 @@ from cyclopts import App, CycloptsError
 from emaphm.cli import detect, history, study, verbs
 from emaphm.cli.calibrate import calibrate
 from emaphm.cli.design import design
+from emaphm.cli.doctor import completion, doctor
 from emaphm.cli.entry import INTERRUPTED
+from emaphm.cli.init import init
 from emaphm.cli.limits import limits
 from emaphm.cli.prognose import prognose
 from emaphm.cli.segment import segment
@@ -45,6 +47,7 @@ app = App(
 )
 VERBS = (
     verbs.demo,
+    init,
     verbs.simulate,
     verbs.diagnose,
     calibrate,
@@ -54,6 +57,8 @@ VERBS = (
     split,
     limits,
     prognose,
+    doctor,
+    completion,
 )
 for verb in VERBS:
     app.command(verb)

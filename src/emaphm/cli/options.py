@@ -33,7 +33,7 @@ Seed = Annotated[
 ]
 Force = Annotated[bool, Parameter(negative="", help="Replace existing output files.")]
 ActuatorFile = Annotated[
-    str, Parameter(help="TOML description of the actuator, or a built-in one: 'thesis', 'pmsm'.")
+    str, Parameter(help="TOML description of the actuator, or a built-in one: 'thesis', 'pmsm', 'dc'.")
 ]
 FaultList = Annotated[
     tuple[str, ...],

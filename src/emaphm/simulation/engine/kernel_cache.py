@@ -22,6 +22,9 @@ from emaphm.simulation.engine.model import ENTRY, Layout, Model
 Kernel = Callable[..., None]
 """Takes the C arguments of `compilation.compiled`, pointers as integers; other threads may run meanwhile."""
 
+ENDING = ".kernel"
+"""Of the name of a kept kernel."""
+
 DIGEST = 32
 """Bytes of a digest."""
 
@@ -37,7 +40,7 @@ FUNCTION = ctypes.CFUNCTYPE(
 def kernel(model: Model, layout: Layout) -> Kernel:
     """Return the kernel of `model` that is compiled for `layout`."""
     revision = _revision(model, layout)
-    path = _folder() / f"{_file_name(model, layout)}.{_machine()[:12]}.kernel"
+    path = kernel_folder() / f"{_file_name(model, layout)}.{_machine()[:12]}{ENDING}"
     code = _read(path, revision)
     if code is None:
         from emaphm.simulation.engine.compilation import compiled
@@ -103,7 +106,7 @@ def _revision(model: Model, layout: Layout) -> bytes:
 
 
 @cache
-def _folder() -> Path:
+def kernel_folder() -> Path:
     """Return where kernels are kept: Numba's folder if set, else by the source, else the user's cache."""
     if "NUMBA_CACHE_DIR" in os.environ:
         return Path(os.environ["NUMBA_CACHE_DIR"])

@@ -1,0 +1,74 @@
+"""`emaphm init`: a first description of an actuator, from few questions or from a built-in one."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from emaphm.cli.options import AsJson, Force, check_output
+from emaphm.cli.output import show
+from emaphm.errors import ActuatorError, SignalError
+
+
+def init(
+    out: Annotated[Path, Parameter(help="Description to write: .toml.")],
+    *,
+    machine: Annotated[
+        str | None, Parameter(name="--from", help="bldc, pmsm or dc: write that one, without questions.")
+    ] = None,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Write a commented description of an actuator, to be completed and calibrated."""
+    from emaphm.first_description import ENDING, HEADING, MACHINES, interview, template
+
+    check_output(out, (".toml",), force=force)
+    answers = 0
+    if machine is not None:
+        described = template(machine)
+    else:
+        _say("An empty answer keeps the value in brackets; it can be changed in the file at any time.")
+        for name, (_, meaning) in MACHINES.items():
+            _say(f"  {name:5s} {meaning}")
+        machine = _machine()
+        described, answers = interview(template(machine), _ask, _say)
+    heading = HEADING.format(name=described.name, machine=machine, meaning=MACHINES[machine][1])
+    described.to_toml(out, comments=heading, ending=ENDING)
+    text = (
+        f"{out} written. Correct what you have data for, then\n"
+        f"  emaphm design --actuator {out} --out command.csv            for a command that shows the faults\n"
+        f"  emaphm calibrate healthy.csv --actuator {out} -o unit.toml  on recordings of the healthy unit\n"
+        "  emaphm diagnose flight.csv --actuator unit.toml"
+    )
+    answer = {"actuator": str(out), "name": described.name, "machine": machine, "answers": answers}
+    show(answer, text, as_json)
+
+
+def _machine() -> str:
+    from emaphm.first_description import template
+
+    while True:
+        answer = _ask("kind of machine", "bldc").strip() or "bldc"
+        try:
+            template(answer)
+        except ActuatorError as error:
+            _say(str(error))
+        else:
+            return answer
+
+
+def _ask(question: str, present: str) -> str:
+    """Return the line that answers; the question goes to stderr, where no answer of ours is expected."""
+    print(f"{question} ({present}): ", end="", file=sys.stderr, flush=True)
+    line = sys.stdin.readline() if sys.stdin else ""
+    if not line:
+        raise SignalError(
+            "init: the answers ended before the questions, and nothing was written; answer them all, or give "
+            "--from bldc, pmsm or dc"
+        )
+    return line
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr)

@@ -1,0 +1,84 @@
+"""`emaphm init`: a first description, by questions or from a built-in actuator."""
+
+import io
+import json
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from emaphm.actuator import Actuator
+from emaphm.first_description import ASKED, ENDING, MACHINES, template
+
+from .conftest import Emaphm
+
+ANSWERS = "pmsm\nRig 7\n28\n1.5\n\n4\n0.06\n10\n2e-5\n0.01\n-0.3, 0.4\n"
+
+
+@pytest.fixture
+def answering(emaphm: Emaphm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Emaphm:
+    def run(answers: str, *arguments: str) -> object:
+        monkeypatch.setattr("sys.stdin", io.StringIO(answers))
+        return emaphm("init", tmp_path / "rig.toml", *arguments)
+
+    return run  # type: ignore[return-value]
+
+
+@pytest.mark.parametrize("machine", MACHINES)
+def test_without_questions(machine: str, emaphm: Emaphm, tmp_path: Path) -> None:
+    path = tmp_path / "rig.toml"
+    assert emaphm("init", path, "--from", machine).code == 0
+    assert Actuator.from_toml(path) == template(machine)
+    assert path.read_text(encoding="utf-8").startswith("# First description")
+
+
+def test_answers_are_in_the_description(answering: Emaphm, tmp_path: Path) -> None:
+    answer = answering(ANSWERS, "--json")
+    assert answer.code == 0
+    assert json.loads(answer.out)["answers"] == len(ASKED)  # and the name, less the one that was kept
+    rig = Actuator.from_toml(tmp_path / "rig.toml")
+    assert rig.name == "Rig 7"
+    assert rig.electrical is not None
+    assert (rig.electrical.supply, rig.electrical.resistance, rig.electrical.pole_pairs) == (28.0, 1.5, 4)
+    assert rig.electrical.inductance == Actuator.pmsm().electrical.inductance  # type: ignore[union-attr]
+    assert (rig.drive_constant, rig.motor.torque_constant) == (0.06, 0.06)
+    assert rig.mechanics.end_stops == (-0.3, 0.4)
+
+
+def test_an_impossible_answer_is_asked_again(answering: Emaphm, tmp_path: Path) -> None:
+    answer = answering(ANSWERS.replace("1.5", "-3\nmuch\n1.5"))
+    assert answer.code == 0
+    assert "greater than 0" in answer.err
+    assert "valid number" in answer.err
+    assert "resistance = 1.5" in (tmp_path / "rig.toml").read_text(encoding="utf-8")
+
+
+def test_answers_that_end_early_write_nothing(answering: Emaphm, tmp_path: Path) -> None:
+    answer = answering("pmsm\nRig 7\n")
+    assert answer.code == 2
+    assert "--from" in answer.err
+    assert not (tmp_path / "rig.toml").exists()
+
+
+def test_unknown_machine(answering: Emaphm) -> None:
+    answer = answering("", "--from", "pmms")
+    assert answer.code == 2
+    assert "did you mean 'pmsm'" in answer.err
+
+
+def test_an_existing_file_is_kept(answering: Emaphm, tmp_path: Path) -> None:
+    (tmp_path / "rig.toml").write_text("mine", encoding="utf-8")
+    assert answering("", "--from", "dc").code == 2
+    assert (tmp_path / "rig.toml").read_text(encoding="utf-8") == "mine"
+
+
+@pytest.mark.parametrize("machine", MACHINES)
+def test_what_is_suggested_below_is_valid(machine: str, emaphm: Emaphm, tmp_path: Path) -> None:
+    path = tmp_path / "rig.toml"
+    emaphm("init", path, "--from", machine)
+    prose, _, sections = ENDING.partition("\n\n")
+    text = path.read_text(encoding="utf-8").replace(prose, "").replace("\n# ", "\n")
+    suggested = tomllib.loads(sections)
+    described = tomllib.loads(text[text.index("name =") :])
+    assert described.items() >= suggested.items()
+    Actuator.from_dict(described)
