@@ -22,8 +22,12 @@ class Belief:
     ----------
     born
         Flight hours [h] at which each component was new, shape (8,).
+    aged
+        Hours [h] at the reference stress that each component has aged since it was new, (n, 8).
     law, life_scale, shape, roughness
         Of each particle and component, (n, 8): as in `Hypotheses`.
+    exponents
+        Of the stress, (n, 8, 3): as in `Hypotheses`.
     level, rate
         Means of the Kalman filters, (n, 8); [-], [1/h].
     levels, mixed, rates
@@ -37,10 +41,12 @@ class Belief:
 
     hours: float
     born: Array
+    aged: Array
     law: Numbers
     life_scale: Array
     shape: Array
     roughness: Array
+    exponents: Array
     level: Array
     rate: Array
     levels: Array
@@ -60,10 +66,12 @@ class Belief:
         return cls(
             hours=0.0,
             born=np.zeros(COMPONENTS),
+            aged=np.zeros((n, COMPONENTS)),
             law=drawn.law,
             life_scale=drawn.life_scale,
             shape=drawn.shape,
             roughness=drawn.roughness,
+            exponents=drawn.exponents,
             level=np.tile(NEW, (n, 1)),
             rate=drawn.rate,
             levels=zero + prior.settings.new_level**2 * np.eye(COMPONENTS),
@@ -91,13 +99,15 @@ class Belief:
 
     @property
     def mean_rate(self) -> Array:
-        """Mean rate of each component [1/h], (8,)."""
+        """Mean rate of each component at the reference stress [1/h], (8,)."""
         return np.asarray(np.sum(self.weights * self.rate, axis=0))
 
     def hypotheses(self) -> Hypotheses:
         """Return the particles' hypotheses, with the present rates, each array (n, 8)."""
         deviation = np.sqrt(np.maximum(np.einsum("nii->ni", self.rates), 0.0))
-        return Hypotheses(self.law, self.life_scale, self.shape, self.roughness, self.rate, deviation)
+        return Hypotheses(
+            self.law, self.life_scale, self.shape, self.roughness, self.rate, deviation, self.exponents
+        )
 
     def law_probabilities(self) -> Array:
         """Return the probability of each law for each component, (8, laws)."""

@@ -47,10 +47,12 @@ def recombined(belief: Belief, rows: NDArray[np.intp]) -> Belief:
     new_rates += np.swapaxes(new_mixed, 1, 2) * k_columns - k_rows * k_columns * new_levels
     return replace(
         belief,
+        aged=belief.aged[rows, columns],
         law=belief.law[rows, columns],
         life_scale=belief.life_scale[rows, columns],
         shape=belief.shape[rows, columns],
         roughness=belief.roughness[rows, columns],
+        exponents=belief.exponents[rows, columns],
         level=belief.level[rows, columns],
         rate=belief.rate[rows, columns],
         levels=new_levels,
