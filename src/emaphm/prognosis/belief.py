@@ -18,6 +18,8 @@ LEAST_VARIANCE = 1e-12
 class Belief:
     """What is believed of a unit at flight `hours` [h]: n particles of 8 components (`CARTESIAN_NAMES`).
 
+    Of an indicator, there is one component in place of the 8.
+
     Attributes
     ----------
     born
@@ -58,26 +60,28 @@ class Belief:
     steps: int = 0
 
     @classmethod
-    def new(cls, prior: Prior, *, seed: int = 0, settings: FilterSettings = FILTER) -> "Belief":
-        """Return what is believed of a new unit, at 0 h."""
+    def new(
+        cls, prior: Prior, *, seed: int = 0, settings: FilterSettings = FILTER, components: int = COMPONENTS
+    ) -> "Belief":
+        """Return what is believed of the first `components` of a new unit, at 0 h."""
         n = settings.particles
-        drawn = prior.draw(n, stream(seed, "degradation", "new"))
-        zero = np.zeros((n, COMPONENTS, COMPONENTS))
+        drawn = prior.draw(n, stream(seed, "degradation", "new"), components)
+        zero = np.zeros((n, components, components))
         return cls(
             hours=0.0,
-            born=np.zeros(COMPONENTS),
-            aged=np.zeros((n, COMPONENTS)),
+            born=np.zeros(components),
+            aged=np.zeros((n, components)),
             law=drawn.law,
             life_scale=drawn.life_scale,
             shape=drawn.shape,
             roughness=drawn.roughness,
             exponents=drawn.exponents,
-            level=np.tile(NEW, (n, 1)),
+            level=np.tile(NEW[:components], (n, 1)),
             rate=drawn.rate,
-            levels=zero + prior.settings.new_level**2 * np.eye(COMPONENTS),
+            levels=zero + prior.settings.new_level**2 * np.eye(components),
             mixed=zero,
-            rates=drawn.rate_deviation[:, :, np.newaxis] ** 2 * np.eye(COMPONENTS),
-            log_weights=np.full((n, COMPONENTS), -np.log(n)),
+            rates=drawn.rate_deviation[:, :, np.newaxis] ** 2 * np.eye(components),
+            log_weights=np.full((n, components), -np.log(n)),
             prior=prior,
             seed=seed,
         )

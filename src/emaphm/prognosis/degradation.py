@@ -27,7 +27,7 @@ import numpy as np
 from emaphm.arrays import Array
 from emaphm.prognosis.belief import LEAST_VARIANCE, Belief
 from emaphm.prognosis.laws import Mask, noises, transition
-from emaphm.prognosis.prior import COMPONENTS, NEW, Hypotheses, is_moving, is_waiting
+from emaphm.prognosis.prior import NEW, Hypotheses, is_moving, is_waiting
 from emaphm.prognosis.resampling import drawn_rows, recombined
 from emaphm.prognosis.settings import EXPONENTIAL, FILTER, POWER_LAW, FilterSettings
 from emaphm.prognosis.stress import Exposure
@@ -100,12 +100,13 @@ def updated(belief: Belief, estimate: Array, covariance: Array, settings: Filter
     innovation = estimate - belief.level
     total = belief.levels + covariance
     variance = np.einsum("nii->ni", total)
+    count = belief.level.shape[1]
     sides = np.concatenate([innovation[:, :, np.newaxis], belief.levels, belief.mixed], axis=2)
     solved = np.linalg.solve(total, sides)
     seen, of_levels, of_mixed = (
         solved[:, :, :1],
-        solved[:, :, 1 : 1 + COMPONENTS],
-        solved[:, :, 1 + COMPONENTS :],
+        solved[:, :, 1 : 1 + count],
+        solved[:, :, 1 + count :],
     )
     to_rates = np.swapaxes(belief.mixed, 1, 2)
     levels = belief.levels - belief.levels @ of_levels
@@ -133,10 +134,10 @@ def updated(belief: Belief, estimate: Array, covariance: Array, settings: Filter
 
 def replaced(belief: Belief, components: Mask) -> Belief:
     """Return the belief after the replacement of `components`, (8,) of True and False, at its hours."""
-    n = len(belief.law)
+    n, count = belief.law.shape
     random = stream(belief.seed, "degradation", belief.steps, "replacement")
-    where = np.broadcast_to(components, (n, COMPONENTS))
-    after = _with_hypotheses(belief, where, belief.prior.draw(n, random))
+    where = np.broadcast_to(components, (n, count))
+    after = _with_hypotheses(belief, where, belief.prior.draw(n, random, count))
     levels, mixed = after.levels.copy(), after.mixed.copy()
     levels[:, components, :] = levels[:, :, components] = 0.0
     mixed[:, components, :] = 0.0
@@ -146,7 +147,7 @@ def replaced(belief: Belief, components: Mask) -> Belief:
         after,
         born=np.where(components, belief.hours, belief.born),
         aged=np.where(components, 0.0, belief.aged),
-        level=np.where(components, NEW, belief.level),
+        level=np.where(components, NEW[:count], belief.level),
         levels=levels,
         mixed=mixed,
         steps=belief.steps + 1,
@@ -225,7 +226,7 @@ def _resampled(belief: Belief, few: Mask, settings: FilterSettings) -> Belief:
     rows[:, ~few] = np.arange(n)[:, np.newaxis]
     after = recombined(belief, rows)
     s = belief.prior.settings
-    factors = np.where(few, np.exp(settings.jitter * random.standard_normal((3, n, COMPONENTS))), 1.0)
+    factors = np.where(few, np.exp(settings.jitter * random.standard_normal((3, *belief.law.shape))), 1.0)
     shape = after.shape * factors[1]
     shape = np.where(after.law == EXPONENTIAL, np.clip(shape, *s.growth), shape)
     shape = np.where(after.law == POWER_LAW, np.clip(shape, *s.exponent), shape)

@@ -49,7 +49,7 @@ class Evidence:
     """What is known of a unit: its flight hours now [h], its observations by hours, its replacements.
 
     `replacements` are pairs of hours [h] and component, "unit" standing for all of them; `stresses` what the
-    unit was subject to, by hours.
+    unit was subject to, by hours. Observations are of the first `components`: all 8, or one for an indicator.
     """
 
     unit: str
@@ -58,6 +58,7 @@ class Evidence:
     observations: tuple[Observation, ...] = ()
     replacements: tuple[tuple[float, str], ...] = ()
     stresses: tuple[StressPiece, ...] = ()
+    components: int = COMPONENTS
 
     @classmethod
     def of(cls, unit: "Unit") -> "Evidence":
@@ -93,7 +94,7 @@ class Evidence:
     def seen(self) -> Mask:
         """Which components any used observation has seen, (8,) of True and False."""
         if not self.used:
-            return np.ones(COMPONENTS, bool)
+            return np.ones(self.components, bool)
         return np.asarray(np.any([one.seen for one in self.used], axis=0))
 
 
@@ -117,7 +118,7 @@ def follow(evidence: Evidence, prior: Prior, *, seed: int = 0, settings: FilterS
     """
     if prior.reference is None:
         prior = replace(prior, reference=StressReference.of(evidence.stresses))
-    belief, past = Belief.new(prior, seed=seed, settings=settings), []
+    belief, past = Belief.new(prior, seed=seed, settings=settings, components=evidence.components), []
 
     def later(belief: Belief, hours: float) -> Belief:
         if prior.reference is None:
@@ -132,7 +133,7 @@ def follow(evidence: Evidence, prior: Prior, *, seed: int = 0, settings: FilterS
     for hours, _, event in sorted(events, key=lambda one: one[:2]):
         belief = later(belief, hours)
         if isinstance(event, str):
-            belief = replaced(belief, _which(event))
+            belief = replaced(belief, _which(event)[: evidence.components])
             continue
         try:
             belief = updated(belief, event.level, _usable(evidence.unit, event), settings)
@@ -183,7 +184,7 @@ def _usable(unit: str, observation: Observation) -> Array:
             f"unit '{unit}': the diagnosis at {observation.hours:g} h is not finite; "
             "diagnose its recording again"
         )
-    covariance = observation.covariance + LEAST_ERROR**2 * np.eye(COMPONENTS)
+    covariance = observation.covariance + LEAST_ERROR**2 * np.eye(len(observation.seen))
     hidden = ~observation.seen
     covariance[hidden, :] = covariance[:, hidden] = 0.0
     covariance[hidden, hidden] = UNSEEN_VARIANCE

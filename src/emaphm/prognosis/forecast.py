@@ -131,7 +131,7 @@ def paths(
         state = replace(
             state,
             aged=state.aged + step,
-            level=_in_circle(np.clip(level, LOWEST, HIGHEST)),
+            level=_in_circle(_clipped(level)),
             rate=growth * state.rate + shock,
         )
     return Paths(hours, levels, noise)
@@ -213,7 +213,7 @@ def _within_bounds(mean: Array, covariance: Array, random: np.random.Generator) 
         weights *= inside
         drawn[:, c] = ndtri(np.clip(low + inside * random.random(len(mean)), 1e-12, 1 - 1e-12))
     level = mean + np.einsum("nij,nj->ni", root, drawn)
-    return np.clip(level, LOWEST, HIGHEST), weights
+    return _clipped(level), weights
 
 
 def _rates_given_levels(belief: Belief, level: Array, random: np.random.Generator) -> Array:
@@ -236,15 +236,23 @@ def _root(covariance: Array) -> Array:
     for added in SINGULAR:
         try:
             return np.asarray(
-                np.linalg.cholesky(correlation + added * np.eye(COMPONENTS)) * deviation[:, :, np.newaxis]
+                np.linalg.cholesky(correlation + added * np.eye(covariance.shape[1]))
+                * deviation[:, :, np.newaxis]
             )
         except np.linalg.LinAlgError:
             continue
-    return np.asarray(deviation[:, :, np.newaxis] * np.eye(COMPONENTS))
+    return np.asarray(deviation[:, :, np.newaxis] * np.eye(covariance.shape[1]))
+
+
+def _clipped(level: Array) -> Array:
+    count = level.shape[-1]
+    return np.clip(level, LOWEST[:count], HIGHEST[:count])
 
 
 def _in_circle(level: Array) -> Array:
-    """Return levels (…, 8) with the eccentricity no longer than 1."""
+    """Return levels (…, 8) with the eccentricity no longer than 1; others as they are."""
+    if level.shape[-1] < COMPONENTS:
+        return level
     radius = np.maximum(np.hypot(level[..., 5], level[..., 6]), 1.0)
     result = level.copy()
     result[..., 5] /= radius

@@ -64,14 +64,14 @@ class Prior:
     units: int = 0
     reference: StressReference | None = None
 
-    def draw(self, particles: int, random: np.random.Generator) -> Hypotheses:
-        """Return hypotheses of new components, each array (particles, 8)."""
-        own = self.general((particles, COMPONENTS), np.zeros((particles, COMPONENTS)), random)
+    def draw(self, particles: int, random: np.random.Generator, components: int = COMPONENTS) -> Hypotheses:
+        """Return hypotheses of the first `components` of a new unit, each array (particles, components)."""
+        own = self.general((particles, components), np.zeros((particles, components)), random)
         if self.fleet is None:
             return own
         rows = random.integers(len(self.fleet.law), size=own.law.shape)
         is_fleets = random.random(own.law.shape) < self.fleet_share
-        columns = np.arange(COMPONENTS)
+        columns = np.arange(components)
 
         def chosen(theirs: Array, mine: Array) -> Array:
             return np.asarray(np.where(is_fleets, theirs[rows, columns], mine))

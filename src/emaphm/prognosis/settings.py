@@ -81,6 +81,10 @@ class ForecastSettings:
     steps: int = 120
 
 
+INDICATOR_FILTER = FilterSettings(particles=20_000)
+"""Of one indicator: an update takes 10 ms too, since a particle has one component instead of eight. A jump
+after which few of a thousand particles fit would else leave the RUL to chance."""
+
 DEGRADATION = DegradationSettings()
 FILTER = FilterSettings()
 FORECAST = ForecastSettings()
