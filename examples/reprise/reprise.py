@@ -326,7 +326,7 @@ def draw(run: Run) -> "Figure":
     bounds = [np.nan if one.bound is None else one.bound for one in run.judged]
     current.plot(x, bounds, "_", color=FAINT, markersize=12, label="bound of an alarm")
     current.axhline(run.fails_at, color=VERMILION, linestyle="--", linewidth=1, label="fails")
-    style_axis(current, f"RMS current at {run.frequency:g} Hz", "", "A")
+    style_axis(current, f"RMS current at {run.frequency:g} Hz, grey without lubricant", "", "A")
     legend_beside_title(current, columns=5)
     top = 60.0
     for k, one in zip(x, run.judged, strict=True):
@@ -334,7 +334,13 @@ def draw(run: Run) -> "Figure":
             continue
         low, high = (min(end, top) for end in one.interval90)
         rul.plot(
-            [k, k], [low, high], color=BLUE, linewidth=5, alpha=0.35, label="90 %" if k == BASELINE else ""
+            [k, k],
+            [low, high],
+            color=BLUE,
+            linewidth=5,
+            alpha=0.35,
+            solid_capstyle="butt",
+            label="90 %" if k == BASELINE else "",
         )
         median = min(one.prognosis.median / DAY, top)
         rul.plot(k, median, "o", color=BLUE, markersize=4, label="median" if k == BASELINE else "")

@@ -88,8 +88,8 @@ class Indicator:
         error = math.sqrt(min((one.variance for one in self.readings), default=0.0))
         if abs(self.fails_at - self.healthy) <= error:
             raise PrognosisError(
-                f"unit '{self.unit}': healthy at {self.healthy:g} and failing at {self.fails_at:g} are no further "
-                f"apart than a reading's standard error, {error:.2g}; give another level to fail at"
+                f"unit '{self.unit}': healthy at {self.healthy:g} and failing at {self.fails_at:g} are no "
+                f"further apart than a reading's standard error, {error:.2g}; give another level to fail at"
             )
         late = [one.hours for one in self.readings if one.hours > self.hours]
         if late or not math.isfinite(self.hours):
