@@ -143,6 +143,7 @@ def form(address: str) -> str:
         "": set(),
         "0001": {*METADATA.tables, VERSION.name} - later,
         "0002": {*METADATA.tables, VERSION.name},
+        "0003": {*METADATA.tables, VERSION.name},
     }
     assert tables == expected[mark]
     return str(mark)

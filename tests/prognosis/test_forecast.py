@@ -27,16 +27,23 @@ def states(law: int, count: int, *, level: float, rate: float, life_scale: float
     laws[:, 0] = law
     levels, rates = np.tile(NEW, (count, 1)), np.zeros(shape)
     levels[:, 0], rates[:, 0] = level, rate
-    return State(laws, np.full(shape, life_scale), np.full(shape, 0.5), np.ones(shape), levels, rates)
+    return State(
+        np.zeros(shape),
+        np.zeros((*shape, 3)),
+        laws,
+        np.full(shape, life_scale),
+        np.full(shape, 0.5),
+        np.ones(shape),
+        levels,
+        rates,
+    )
 
 
 @pytest.mark.parametrize(("start", "rate"), [(0.4, 1e-3), (0.5, 5e-4)])
 def test_a_wiener_process_fails_by_the_inverse_gaussian_distribution(start: float, rate: float) -> None:
     """Level a away, drift v, variance q² an hour: inverse Gaussian of mean a / v and shape a² / q²."""
     settings = ForecastSettings(longest_hours=40_000.0, steps=40)
-    made = paths(
-        states(LINEAR, 4000, level=start, rate=rate), np.zeros(8), Prior(NOISY), seed=1, settings=settings
-    )
+    made = paths(states(LINEAR, 4000, level=start, rate=rate), Prior(NOISY), seed=1, settings=settings)
     limit = 0.8
     passed = first_passage(
         made.hours, limit - made.level[:, :, 0], made.noise[:, :, 0], np.random.default_rng(2)

@@ -150,7 +150,7 @@ def test_transforms_of_units_from_the_prior_are_uniform() -> None:
     actuator, transforms = requiring(Requirement(component="friction", at_most=0.5)), []
     requirements, random = Requirements(actuator), np.random.default_rng(11)
     start = drawn_states(Belief.new(Prior(), seed=5), 400)
-    truths = paths(start, np.zeros(8), Prior(), seed=6)
+    truths = paths(start, Prior(), seed=6)
     ends = failure_times(truths, requirements, seed=6).first
     for i in np.flatnonzero((ends > 650) & (ends < 15_000))[:24]:
         observations = []

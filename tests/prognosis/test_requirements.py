@@ -11,7 +11,7 @@ from emaphm.actuator.requirements import Requirement
 from emaphm.actuator.toml import write_toml
 from emaphm.errors import ActuatorError
 from emaphm.prognosis import Requirements, failure_levels
-from emaphm.prognosis.capability import measured
+from emaphm.prognosis.requirements.capability import measured
 
 THESIS = Actuator.thesis()
 HEALTHY = Faults().vector

@@ -53,6 +53,13 @@ def add(
     part: Annotated[
         str | None, Parameter(help="Part number of the unit; the actuator's name if left out.")
     ] = None,
+    load: Annotated[
+        float | None,
+        Parameter(help="Mean size of the load since the flight before [N·m, N of a linear actuator]."),
+    ] = None,
+    temperature: Annotated[
+        float | None, Parameter(help="Mean temperature of the unit since the flight before [K].")
+    ] = None,
     actuator: ActuatorFile = "thesis",
     db: Database = DB,
     late: Annotated[
@@ -66,7 +73,7 @@ def add(
     described = described_actuator(actuator)
     from emaphm.history import Entry, History
 
-    entry = Entry(unit, part or described.name, hours, cycles, position, late)
+    entry = Entry(unit, part or described.name, hours, cycles, position, late, load, temperature)
     recordings = [recording_of(path, described) for path in (recording, *further)]
     with History.open(db, create=True) as history:
         is_new = all(one.serial_number != unit for one in history.units())

@@ -36,6 +36,14 @@ def prognose(
     replacement_cost: Annotated[
         float | None, Parameter(help="Cost of a planned replacement, in the same currency.")
     ] = None,
+    load: Annotated[
+        float | None,
+        Parameter(
+            help="Mean size of the load to come [N·m, N]; as in the past if left out, so the next two."
+        ),
+    ] = None,
+    temperature: Annotated[float | None, Parameter(help="Mean temperature to come [K].")] = None,
+    cycles_per_hour: Annotated[float | None, Parameter(help="Cycles an hour to come [1/h].")] = None,
     actuator: Annotated[
         str | None, Parameter(help="TOML with the [[requirements]]; that of the last diagnosis if left out.")
     ] = None,
@@ -56,10 +64,12 @@ def prognose(
     check_output(report, (".html", ".htm"), force=force)
     costs = _costs(failure_cost, replacement_cost)
     described = described_actuator(actuator) if actuator is not None else None
-    from emaphm.prognosis import Evidence, Question, fellows, fleet_prior
+    from emaphm.prognosis import Evidence, Question, Stress, fellows, fleet_prior
     from emaphm.prognosis import prognose as ask
 
-    question = Question(horizon, risk, costs)
+    given = (load, temperature, cycles_per_hour)
+    ahead = None if all(x is None for x in given) else Stress(*given)
+    question = Question(horizon, risk, costs, ahead)
     from emaphm.history import History
 
     with History.open(db) as history:

@@ -61,7 +61,7 @@ def _columns() -> dict[str, Any]:
     import polars as pl
 
     about = dict.fromkeys(("part_number", "serial_number", "position"), pl.String)
-    flight = {"hours": pl.Float64, "cycles": pl.Int64}
+    flight = {"hours": pl.Float64, "cycles": pl.Int64, "load": pl.Float64, "temperature": pl.Float64}
     of_recording = {"recording": pl.String, "recording_hash": pl.String, "explained": pl.Boolean}
     components = {
         f"{name}{suffix}": kind
@@ -81,6 +81,7 @@ def _row(unit: Unit, diagnosis: KeptDiagnosis) -> tuple[Any, ...]:
     ]
     return (
         *(unit.part_number, unit.serial_number, flight.position, flight.hours, flight.cycles),
+        *(flight.load, flight.temperature),
         *(diagnosis.recording, diagnosis.recording_hash, diagnosis.explained),
         *components,
         *(settings.method, settings.model, str(settings.seed), diagnosis.version),

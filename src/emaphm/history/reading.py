@@ -62,17 +62,19 @@ def flights(connection: sa.Connection, unit_id: int) -> tuple[Flight, ...]:
         connection.execute(sa.select(REMOVALS.c.hours).where(REMOVALS.c.unit_id == unit_id)).scalars().all()
     )
     rows = connection.execute(
-        sa.select(FLIGHTS.c.hours, FLIGHTS.c.cycles, FLIGHTS.c.position)
+        sa.select(
+            FLIGHTS.c.hours, FLIGHTS.c.cycles, FLIGHTS.c.position, FLIGHTS.c.load, FLIGHTS.c.temperature
+        )
         .where(FLIGHTS.c.unit_id == unit_id)
         .order_by(FLIGHTS.c.hours)
     )
     result: list[Flight] = []
-    for hours, cycles, position in rows:
+    for hours, cycles, position, load, temperature in rows:
         before = result[-1] if result else None
         if position is None and before and not any(before.hours <= one < hours for one in removed):
-            result.append(Flight(hours, cycles, before.position))
+            result.append(Flight(hours, cycles, before.position, load, temperature))
         else:
-            result.append(Flight(hours, cycles, position))
+            result.append(Flight(hours, cycles, position, load, temperature))
     return tuple(result)
 
 

@@ -23,6 +23,9 @@ LONGEST_NAME = 200
 
 LONGEST_NOTE = 2000
 
+COLDEST, HOTTEST = 150.0, 500.0
+"""Mean temperatures [K] that are not taken for a mistake of units."""
+
 
 @dataclass(frozen=True)
 class Entry:
@@ -36,13 +39,17 @@ class Entry:
         Flight hours [h] and cycles of the unit since it was new, at the recording.
     position
         Place on the aircraft, e.g. "left aileron, inboard"; None: as at its last flight.
+    load, temperature
+        Mean size of the load [N·m; N of a linear actuator] and mean temperature [K] since its flight before:
+        what wears it. None: not known.
     late
         Whether `hours` may be below what the history has of the unit already.
 
     Raises
     ------
     HistoryError
-        A name is empty, too long or not printable; hours or cycles are no number of 0 or more.
+        A name is empty, too long or not printable; hours, cycles or load are no number of 0 or more, or the
+        temperature is none of kelvins.
     """
 
     unit: str
@@ -51,6 +58,8 @@ class Entry:
     cycles: int | None = None
     position: str | None = None
     late: bool = False
+    load: float | None = None
+    temperature: float | None = None
 
     def __post_init__(self) -> None:
         check_name(self.unit, "unit")
@@ -60,15 +69,26 @@ class Entry:
             raise HistoryError(f"cycles {self.cycles}: give a whole number of 0 or more")
         if self.position is not None:
             check_name(self.position, "position")
+        if self.load is not None and not (math.isfinite(self.load) and self.load >= 0):
+            raise HistoryError(f"load {self.load:g}: give its mean size, a number of 0 or more")
+        if self.temperature is not None and not COLDEST <= self.temperature <= HOTTEST:
+            raise HistoryError(
+                f"temperature {self.temperature:g}: give kelvins, from {COLDEST:g} to {HOTTEST:g}"
+            )
 
 
 @dataclass(frozen=True)
 class Flight:
-    """Flight hours [h] and cycles of a unit at one of its flights, and where on the aircraft it was."""
+    """Flight hours [h] and cycles of a unit at one of its flights, and where on the aircraft it was.
+
+    `load` [N·m, N] and `temperature` [K] are their means since the flight before; None where not known.
+    """
 
     hours: float
     cycles: int | None
     position: str | None
+    load: float | None = None
+    temperature: float | None = None
 
 
 @dataclass(frozen=True)

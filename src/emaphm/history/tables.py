@@ -30,6 +30,8 @@ FLIGHTS = sa.Table(
     sa.Column("hours", sa.Double, nullable=False),
     sa.Column("cycles", sa.Integer),
     sa.Column("position", sa.Text),
+    sa.Column("load", sa.Double),
+    sa.Column("temperature", sa.Double),
     sa.UniqueConstraint("unit_id", "hours"),
 )
 

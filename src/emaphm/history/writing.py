@@ -118,7 +118,12 @@ def add_diagnosis(
         {"serial_number": entry.unit},
         {"part_number": entry.part_number, "added_at": now},
     )
-    stated = {"cycles": entry.cycles, "position": entry.position}
+    stated = {
+        "cycles": entry.cycles,
+        "position": entry.position,
+        "load": entry.load,
+        "temperature": entry.temperature,
+    }
     flight_id = _id_of(
         connection,
         FLIGHTS,

@@ -3,11 +3,11 @@
 from emaphm.prognosis.advice import Advice, Costs
 from emaphm.prognosis.evidence import Evidence, Observation
 from emaphm.prognosis.fleet_prior import fellows, fleet_prior
-from emaphm.prognosis.limits import FailureLevels, failure_levels
 from emaphm.prognosis.prior import Prior
 from emaphm.prognosis.prognose import Question, prognose
-from emaphm.prognosis.requirements import Limit, Requirements
+from emaphm.prognosis.requirements import FailureLevels, Limit, Requirements, failure_levels
 from emaphm.prognosis.result import Prognosis
+from emaphm.prognosis.stress import Stress, StressPiece, StressReference
 
 __all__ = [
     "Advice",
@@ -20,6 +20,9 @@ __all__ = [
     "Prognosis",
     "Question",
     "Requirements",
+    "Stress",
+    "StressPiece",
+    "StressReference",
     "failure_levels",
     "fellows",
     "fleet_prior",

@@ -18,12 +18,18 @@ LEAST_VARIANCE = 1e-12
 class Belief:
     """What is believed of a unit at flight `hours` [h]: n particles of 8 components (`CARTESIAN_NAMES`).
 
+    Of an indicator, there is one component in place of the 8.
+
     Attributes
     ----------
     born
         Flight hours [h] at which each component was new, shape (8,).
+    aged
+        Hours [h] at the reference stress that each component has aged since it was new, (n, 8).
     law, life_scale, shape, roughness
         Of each particle and component, (n, 8): as in `Hypotheses`.
+    exponents
+        Of the stress, (n, 8, 3): as in `Hypotheses`.
     level, rate
         Means of the Kalman filters, (n, 8); [-], [1/h].
     levels, mixed, rates
@@ -37,10 +43,12 @@ class Belief:
 
     hours: float
     born: Array
+    aged: Array
     law: Numbers
     life_scale: Array
     shape: Array
     roughness: Array
+    exponents: Array
     level: Array
     rate: Array
     levels: Array
@@ -52,24 +60,28 @@ class Belief:
     steps: int = 0
 
     @classmethod
-    def new(cls, prior: Prior, *, seed: int = 0, settings: FilterSettings = FILTER) -> "Belief":
-        """Return what is believed of a new unit, at 0 h."""
+    def new(
+        cls, prior: Prior, *, seed: int = 0, settings: FilterSettings = FILTER, components: int = COMPONENTS
+    ) -> "Belief":
+        """Return what is believed of the first `components` of a new unit, at 0 h."""
         n = settings.particles
-        drawn = prior.draw(n, stream(seed, "degradation", "new"))
-        zero = np.zeros((n, COMPONENTS, COMPONENTS))
+        drawn = prior.draw(n, stream(seed, "degradation", "new"), components)
+        zero = np.zeros((n, components, components))
         return cls(
             hours=0.0,
-            born=np.zeros(COMPONENTS),
+            born=np.zeros(components),
+            aged=np.zeros((n, components)),
             law=drawn.law,
             life_scale=drawn.life_scale,
             shape=drawn.shape,
             roughness=drawn.roughness,
-            level=np.tile(NEW, (n, 1)),
+            exponents=drawn.exponents,
+            level=np.tile(NEW[:components], (n, 1)),
             rate=drawn.rate,
-            levels=zero + prior.settings.new_level**2 * np.eye(COMPONENTS),
+            levels=zero + prior.settings.new_level**2 * np.eye(components),
             mixed=zero,
-            rates=drawn.rate_deviation[:, :, np.newaxis] ** 2 * np.eye(COMPONENTS),
-            log_weights=np.full((n, COMPONENTS), -np.log(n)),
+            rates=drawn.rate_deviation[:, :, np.newaxis] ** 2 * np.eye(components),
+            log_weights=np.full((n, components), -np.log(n)),
             prior=prior,
             seed=seed,
         )
@@ -91,13 +103,15 @@ class Belief:
 
     @property
     def mean_rate(self) -> Array:
-        """Mean rate of each component [1/h], (8,)."""
+        """Mean rate of each component at the reference stress [1/h], (8,)."""
         return np.asarray(np.sum(self.weights * self.rate, axis=0))
 
     def hypotheses(self) -> Hypotheses:
         """Return the particles' hypotheses, with the present rates, each array (n, 8)."""
         deviation = np.sqrt(np.maximum(np.einsum("nii->ni", self.rates), 0.0))
-        return Hypotheses(self.law, self.life_scale, self.shape, self.roughness, self.rate, deviation)
+        return Hypotheses(
+            self.law, self.life_scale, self.shape, self.roughness, self.rate, deviation, self.exponents
+        )
 
     def law_probabilities(self) -> Array:
         """Return the probability of each law for each component, (8, laws)."""

@@ -27,9 +27,10 @@ import numpy as np
 from emaphm.arrays import Array
 from emaphm.prognosis.belief import LEAST_VARIANCE, Belief
 from emaphm.prognosis.laws import Mask, noises, transition
-from emaphm.prognosis.prior import COMPONENTS, NEW, Hypotheses, is_moving, is_waiting
+from emaphm.prognosis.prior import NEW, Hypotheses, is_moving, is_waiting
 from emaphm.prognosis.resampling import drawn_rows, recombined
 from emaphm.prognosis.settings import EXPONENTIAL, FILTER, POWER_LAW, FilterSettings
+from emaphm.prognosis.stress import Exposure
 from emaphm.random_streams import stream
 
 LARGEST_LEVEL = 3.0
@@ -39,27 +40,29 @@ LARGEST_RATE = 0.05
 """Of a rate [1/h]: a component that is worn out within a day."""
 
 
-def predicted(belief: Belief, hours: float) -> Belief:
+def predicted(belief: Belief, hours: float, exposed: Exposure | None = None) -> Belief:
     """Return the belief at later flight `hours` [h]: onsets and changes of law are drawn, the rest follows.
 
     A component of sudden onset sets in with probability 1 - exp(-h/T) in h hours, at a moment of which each
-    is equally likely; any component takes up another law with probability 1 - exp(-h/`change_hours`).
+    is equally likely; any component takes up another law with probability 1 - exp(-h/`change_hours`). The
+    hours h of a law, of its noise and of an onset are those by which the component ages under the stress
+    that it was `exposed` to; flight hours where that is left out.
     """
-    step = hours - belief.hours
-    if step <= 0:
+    flown = hours - belief.hours
+    if flown <= 0:
         return belief
-    belief = _changed(belief, step)
+    belief = _changed(belief, flown)
+    step = np.full(belief.law.shape, flown) if exposed is None else exposed.aged(belief.exponents)
     random = stream(belief.seed, "degradation", belief.steps, "onset")
     s = belief.prior.settings
     sets_in = is_waiting(belief.law) & (
         random.random(belief.law.shape) < -np.expm1(-step / belief.life_scale)
     )
-    reach, growth = transition(
-        belief.law, belief.life_scale, belief.shape, belief.hours - belief.born, step, s
-    )
+    reach, growth = transition(belief.law, belief.life_scale, belief.shape, belief.aged, step, s)
     reach = np.where(is_waiting(belief.law), 0.0, reach)
     if sets_in.any():
-        belief = _with_hypotheses(belief, sets_in, belief.prior.after_onset(belief.law.shape, random))
+        onset = belief.prior.after_onset(belief.law.shape, random)
+        belief = _with_hypotheses(belief, sets_in, onset._replace(exponents=belief.exponents))
         reach = np.where(sets_in, step * random.random(reach.shape), reach)
     # x⁺ = x + d v, v⁺ = g v: F = [[I, diag d], [0, diag g]], so that P⁺ = F P Fᵀ + Q needs no matrix product.
     across = belief.mixed * reach[:, np.newaxis, :]
@@ -74,6 +77,7 @@ def predicted(belief: Belief, hours: float) -> Belief:
     after = replace(
         belief,
         hours=hours,
+        aged=belief.aged + step,
         level=np.clip(belief.level + reach * belief.rate, -LARGEST_LEVEL, LARGEST_LEVEL),
         rate=np.clip(growth * belief.rate, -LARGEST_RATE, LARGEST_RATE),
         levels=levels,
@@ -96,12 +100,13 @@ def updated(belief: Belief, estimate: Array, covariance: Array, settings: Filter
     innovation = estimate - belief.level
     total = belief.levels + covariance
     variance = np.einsum("nii->ni", total)
+    count = belief.level.shape[1]
     sides = np.concatenate([innovation[:, :, np.newaxis], belief.levels, belief.mixed], axis=2)
     solved = np.linalg.solve(total, sides)
     seen, of_levels, of_mixed = (
         solved[:, :, :1],
-        solved[:, :, 1 : 1 + COMPONENTS],
-        solved[:, :, 1 + COMPONENTS :],
+        solved[:, :, 1 : 1 + count],
+        solved[:, :, 1 + count :],
     )
     to_rates = np.swapaxes(belief.mixed, 1, 2)
     levels = belief.levels - belief.levels @ of_levels
@@ -129,10 +134,10 @@ def updated(belief: Belief, estimate: Array, covariance: Array, settings: Filter
 
 def replaced(belief: Belief, components: Mask) -> Belief:
     """Return the belief after the replacement of `components`, (8,) of True and False, at its hours."""
-    n = len(belief.law)
+    n, count = belief.law.shape
     random = stream(belief.seed, "degradation", belief.steps, "replacement")
-    where = np.broadcast_to(components, (n, COMPONENTS))
-    after = _with_hypotheses(belief, where, belief.prior.draw(n, random))
+    where = np.broadcast_to(components, (n, count))
+    after = _with_hypotheses(belief, where, belief.prior.draw(n, random, count))
     levels, mixed = after.levels.copy(), after.mixed.copy()
     levels[:, components, :] = levels[:, :, components] = 0.0
     mixed[:, components, :] = 0.0
@@ -141,7 +146,8 @@ def replaced(belief: Belief, components: Mask) -> Belief:
     return replace(
         after,
         born=np.where(components, belief.hours, belief.born),
-        level=np.where(components, NEW, belief.level),
+        aged=np.where(components, 0.0, belief.aged),
+        level=np.where(components, NEW[:count], belief.level),
         levels=levels,
         mixed=mixed,
         steps=belief.steps + 1,
@@ -180,8 +186,8 @@ def _changed(belief: Belief, step: float) -> Belief:
     changes = random.random(belief.law.shape) < -np.expm1(-step / s.change_hours)
     if not changes.any():
         return belief
-    age = np.broadcast_to(belief.hours - belief.born, belief.law.shape)
-    drawn = belief.prior.general(belief.law.shape, age, random)
+    drawn = belief.prior.general(belief.law.shape, belief.aged, random)
+    drawn = drawn._replace(exponents=belief.exponents)
     goes_on = changes & is_moving(belief.law) & is_moving(drawn.law)
     after = _with_hypotheses(belief, changes & ~goes_on, drawn)
     return replace(
@@ -205,6 +211,7 @@ def _with_hypotheses(belief: Belief, where: Mask, drawn: Hypotheses) -> Belief:
         life_scale=np.where(where, drawn.life_scale, belief.life_scale),
         shape=np.where(where, drawn.shape, belief.shape),
         roughness=np.where(where, drawn.roughness, belief.roughness),
+        exponents=np.where(where[..., np.newaxis], drawn.exponents, belief.exponents),
         rate=np.where(where, drawn.rate, belief.rate),
         mixed=mixed,
         rates=rates,
@@ -219,7 +226,7 @@ def _resampled(belief: Belief, few: Mask, settings: FilterSettings) -> Belief:
     rows[:, ~few] = np.arange(n)[:, np.newaxis]
     after = recombined(belief, rows)
     s = belief.prior.settings
-    factors = np.where(few, np.exp(settings.jitter * random.standard_normal((3, n, COMPONENTS))), 1.0)
+    factors = np.where(few, np.exp(settings.jitter * random.standard_normal((3, *belief.law.shape))), 1.0)
     shape = after.shape * factors[1]
     shape = np.where(after.law == EXPONENTIAL, np.clip(shape, *s.growth), shape)
     shape = np.where(after.law == POWER_LAW, np.clip(shape, *s.exponent), shape)
@@ -228,5 +235,15 @@ def _resampled(belief: Belief, few: Mask, settings: FilterSettings) -> Belief:
         life_scale=np.clip(after.life_scale * factors[0], *s.life_scale),
         shape=shape,
         roughness=np.clip(after.roughness * factors[2], *s.roughness),
+        exponents=_jittered(after, few, settings, random),
         log_weights=np.where(few, -np.log(n), belief.log_weights),
     )
+
+
+def _jittered(belief: Belief, few: Mask, settings: FilterSettings, random: np.random.Generator) -> Array:
+    """Return the exponents of the stress (n, 8, 3), those of the components `few` (8,) a little apart."""
+    if belief.prior.reference is None:
+        return belief.exponents
+    low, high = np.array(belief.prior.settings.exponents).T
+    shift = settings.exponent_jitter * (high - low) * random.standard_normal(belief.exponents.shape)
+    return np.where(few[:, np.newaxis], np.clip(belief.exponents + shift, low, high), belief.exponents)

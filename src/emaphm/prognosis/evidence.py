@@ -1,6 +1,6 @@
 """What a history says of a unit's degradation, and the filter's way through it."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,9 +13,12 @@ from emaphm.prognosis.degradation import predicted, replaced, updated
 from emaphm.prognosis.laws import Mask
 from emaphm.prognosis.prior import COMPONENTS, Prior
 from emaphm.prognosis.settings import FILTER, FilterSettings
+from emaphm.prognosis.stress import Stress, StressPiece, StressReference, exposure
 
 if TYPE_CHECKING:
-    from emaphm.history import Unit
+    from collections.abc import Sequence
+
+    from emaphm.history import Flight, Unit
 
 UNSEEN_VARIANCE = 1e6
 """Of a level that a diagnosis could not see: such an observation says nothing."""
@@ -45,7 +48,8 @@ class Observation:
 class Evidence:
     """What is known of a unit: its flight hours now [h], its observations by hours, its replacements.
 
-    `replacements` are pairs of hours [h] and component, "unit" standing for all of them.
+    `replacements` are pairs of hours [h] and component, "unit" standing for all of them; `stresses` what the
+    unit was subject to, by hours. Observations are of the first `components`: all 8, or one for an indicator.
     """
 
     unit: str
@@ -53,6 +57,8 @@ class Evidence:
     hours: float
     observations: tuple[Observation, ...] = ()
     replacements: tuple[tuple[float, str], ...] = ()
+    stresses: tuple[StressPiece, ...] = ()
+    components: int = COMPONENTS
 
     @classmethod
     def of(cls, unit: "Unit") -> "Evidence":
@@ -68,13 +74,16 @@ class Evidence:
             for one in unit.diagnoses()
         )
         replacements = tuple((one.hours, one.component) for one in unit.replacements())
+        flights = unit.flights()
         known = [
-            *(one.hours for one in unit.flights()),
+            *(one.hours for one in flights),
             *(one.hours for one in unit.removals()),
             *(hours for hours, _ in replacements),
         ]
         hours = max(known, default=0.0)
-        return cls(unit.serial_number, unit.part_number, hours, observations, replacements)
+        return cls(
+            unit.serial_number, unit.part_number, hours, observations, replacements, stress_pieces(flights)
+        )
 
     @property
     def used(self) -> tuple[Observation, ...]:
@@ -85,7 +94,7 @@ class Evidence:
     def seen(self) -> Mask:
         """Which components any used observation has seen, (8,) of True and False."""
         if not self.used:
-            return np.ones(COMPONENTS, bool)
+            return np.ones(self.components, bool)
         return np.asarray(np.any([one.seen for one in self.used], axis=0))
 
 
@@ -107,15 +116,24 @@ def follow(evidence: Evidence, prior: Prior, *, seed: int = 0, settings: FilterS
     PrognosisError
         An observation is not finite, its hours are below 0, or its covariance is not positive definite.
     """
-    belief, past = Belief.new(prior, seed=seed, settings=settings), []
+    if prior.reference is None:
+        prior = replace(prior, reference=StressReference.of(evidence.stresses))
+    belief, past = Belief.new(prior, seed=seed, settings=settings, components=evidence.components), []
+
+    def later(belief: Belief, hours: float) -> Belief:
+        if prior.reference is None:
+            return predicted(belief, hours)
+        exposed = exposure(evidence.stresses, prior.reference, belief.hours, hours)
+        return predicted(belief, hours, exposed)
+
     events: list[tuple[float, int, Observation | str]] = [
         *((one.hours, 0, one) for one in evidence.used),
         *((hours, 1, component) for hours, component in evidence.replacements),
     ]
     for hours, _, event in sorted(events, key=lambda one: one[:2]):
-        belief = predicted(belief, hours)
+        belief = later(belief, hours)
         if isinstance(event, str):
-            belief = replaced(belief, _which(event))
+            belief = replaced(belief, _which(event)[: evidence.components])
             continue
         try:
             belief = updated(belief, event.level, _usable(evidence.unit, event), settings)
@@ -125,7 +143,27 @@ def follow(evidence: Evidence, prior: Prior, *, seed: int = 0, settings: FilterS
                 "definite; diagnose its recording again"
             ) from None
         past.append(belief)
-    return Followed(predicted(belief, evidence.hours), tuple(past))
+    return Followed(later(belief, evidence.hours), tuple(past))
+
+
+def stress_pieces(flights: "Sequence[Flight]") -> tuple[StressPiece, ...]:
+    """Return the stress between one of a unit's flights and the next, as the later one says.
+
+    Loads and temperatures are what was recorded; cycles per hour follow from cycles and hours.
+    """
+    pieces: list[StressPiece] = []
+    start, cycles_then, cycles_start = 0.0, 0, 0.0
+    for flight in flights:
+        per_hour = None
+        if flight.cycles is not None:
+            if flight.hours > cycles_start:
+                per_hour = (flight.cycles - cycles_then) / (flight.hours - cycles_start)
+            cycles_then, cycles_start = flight.cycles, flight.hours
+        stress = Stress(flight.load, flight.temperature, per_hour)
+        if flight.hours > start and any(x is not None for x in stress.values):
+            pieces.append(StressPiece(start, flight.hours, stress))
+        start = flight.hours
+    return tuple(pieces)
 
 
 def _which(component: str) -> Mask:
@@ -146,7 +184,7 @@ def _usable(unit: str, observation: Observation) -> Array:
             f"unit '{unit}': the diagnosis at {observation.hours:g} h is not finite; "
             "diagnose its recording again"
         )
-    covariance = observation.covariance + LEAST_ERROR**2 * np.eye(COMPONENTS)
+    covariance = observation.covariance + LEAST_ERROR**2 * np.eye(len(observation.seen))
     hidden = ~observation.seen
     covariance[hidden, :] = covariance[:, hidden] = 0.0
     covariance[hidden, hidden] = UNSEEN_VARIANCE

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from emaphm.prognosis.evidence import Evidence, follow
-from emaphm.prognosis.prior import COMPONENTS, Hypotheses, Prior, is_moving, rate_when_new
+from emaphm.prognosis.prior import Hypotheses, Prior, is_moving, rate_when_new
 from emaphm.prognosis.resampling import drawn_rows, recombined
 from emaphm.prognosis.settings import FILTER
+from emaphm.prognosis.stress import StressReference
 from emaphm.random_streams import stream
 
 if TYPE_CHECKING:
@@ -64,6 +65,8 @@ def fleet_prior(others: Sequence[Evidence], prior: Prior | None = None, *, seed:
     chosen = sorted(chosen, key=lambda one: (-len(one.used), one.unit))[:MOST_UNITS]
     if not chosen:
         return general
+    reference = general.reference or StressReference.of([piece for one in chosen for piece in one.stresses])
+    general = replace(general, reference=reference)
     parts = [_learnt(one, general, seed) for one in chosen]
     pooled = Hypotheses(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
     share = len(chosen) / (len(chosen) + WEIGHT_OF_GENERAL)
@@ -74,9 +77,9 @@ def _learnt(evidence: Evidence, general: Prior, seed: int) -> Hypotheses:
     """Return hypotheses of a new unit as one unit teaches them, each array (DRAWN, 8)."""
     belief = follow(evidence, general, seed=seed, settings=FOLLOWED_BY).belief
     rows = drawn_rows(belief, DRAWN, stream(seed, "fleet's prior", evidence.unit))
-    held = recombined(belief, rows).hypotheses()
-    age = np.broadcast_to(belief.hours - belief.born, (DRAWN, COMPONENTS))
-    factor = rate_when_new(held, age, general.settings)
+    learnt = recombined(belief, rows)
+    held = learnt.hypotheses()
+    factor = rate_when_new(held, learnt.aged, general.settings)
     rate = np.where(is_moving(held.law), held.rate / factor, 0.0)
     deviation = np.hypot(held.rate_deviation / factor, SPREAD * np.abs(rate))
     return held._replace(rate=rate, rate_deviation=np.where(is_moving(held.law), deviation, 0.0))

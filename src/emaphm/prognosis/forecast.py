@@ -23,8 +23,13 @@ SINGULAR = (1e-9, 1e-6, 1e-3)
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Units that may be: hypotheses as in `Hypotheses`, level [-] and rate [1/h], (n, 8) each."""
+    """Units that may be: hypotheses as in `Hypotheses`, level [-] and rate [1/h], (n, 8) each.
 
+    `aged` [h] are the hours at the reference stress since each component was new; `exponents` (n, 8, 3).
+    """
+
+    aged: Array
+    exponents: Array
     law: Numbers
     life_scale: Array
     shape: Array
@@ -59,6 +64,8 @@ def drawn_states(belief: Belief, count: int) -> State:
     rate = _rates_given_levels(units, level, random)
     rows = systematic(weights, count, random)
     return State(
+        units.aged[rows],
+        units.exponents[rows],
         units.law[rows],
         units.life_scale[rows],
         units.shape[rows],
@@ -70,24 +77,31 @@ def drawn_states(belief: Belief, count: int) -> State:
 
 def paths(
     state: State,
-    age: Array,
     prior: Prior,
     *,
     seed: int,
+    pace: Array | float = 1.0,
     settings: ForecastSettings = FORECAST,
 ) -> Paths:
-    """Return what becomes of the units in `state`, whose components have the `age` (8,) [h] now.
+    """Return what becomes of the units in `state`.
 
     Onsets and changes of law happen as in the filter; levels stay within their bounds.
+
+    Parameters
+    ----------
+    pace
+        Hours by which a component ages in an hour under the stress that is to come, (n, 8) or one number.
     """
     random = stream(seed, "forecast", "paths")
     hours = _grid(settings)
+    pace = np.broadcast_to(pace, state.law.shape)
     levels = np.empty((hours.size, *state.level.shape))
     noise = np.empty((hours.size - 1, *state.level.shape))
     levels[0] = state.level
     s = prior.settings
-    for i, step in enumerate(np.diff(hours)):
-        state = _changed(state, age + hours[i], step, prior, random)
+    for i, flown in enumerate(np.diff(hours)):
+        state = _changed(state, flown, prior, random)
+        step = pace * flown
         sets_in = is_waiting(state.law) & (
             random.random(state.law.shape) < -np.expm1(-step / state.life_scale)
         )
@@ -102,18 +116,23 @@ def paths(
                 roughness=np.where(sets_in, new.roughness, state.roughness),
                 rate=np.where(sets_in, rate, state.rate),
             )
-        reach, growth = transition(state.law, state.life_scale, state.shape, age + hours[i], part * step, s)
+        reach, growth = transition(state.law, state.life_scale, state.shape, state.aged, part * step, s)
         reach = np.where(is_waiting(state.law), 0.0, reach)
-        of_level, _, _ = noises(state.law, state.life_scale, state.roughness, 1.0, replace(s, rate_noise=0.0))
+        of_level, _, _ = noises(
+            state.law, state.life_scale, state.roughness, pace, replace(s, rate_noise=0.0)
+        )
         _, _, of_rate = noises(state.law, state.life_scale, state.roughness, step, s)
         noise[i] = np.sqrt(of_level)
         shock = np.sqrt(of_rate) * random.standard_normal(state.law.shape)
         # The mean rate of the step has half of the shock: the integral of a Wiener process, to first order.
         level = state.level + reach * state.rate + 0.5 * step * shock
-        level += noise[i] * np.sqrt(step) * random.standard_normal(state.law.shape)
+        level += noise[i] * np.sqrt(flown) * random.standard_normal(state.law.shape)
         levels[i + 1] = level
         state = replace(
-            state, level=_in_circle(np.clip(level, LOWEST, HIGHEST)), rate=growth * state.rate + shock
+            state,
+            aged=state.aged + step,
+            level=_in_circle(_clipped(level)),
+            rate=growth * state.rate + shock,
         )
     return Paths(hours, levels, noise)
 
@@ -163,11 +182,11 @@ def _grid(settings: ForecastSettings) -> Array:
     return np.concatenate([[0.0], settings.first_step * ratio])
 
 
-def _changed(state: State, age: Array, step: float, prior: Prior, random: np.random.Generator) -> State:
+def _changed(state: State, step: float, prior: Prior, random: np.random.Generator) -> State:
     changes = random.random(state.law.shape) < -np.expm1(-step / prior.settings.change_hours)
     if not changes.any():
         return state
-    drawn = prior.general(state.law.shape, np.broadcast_to(age, state.law.shape), random)
+    drawn = prior.general(state.law.shape, state.aged, random)
     rate = drawn.rate + drawn.rate_deviation * random.standard_normal(state.law.shape)
     goes_on = is_moving(state.law) & is_moving(drawn.law)
     return replace(
@@ -194,7 +213,7 @@ def _within_bounds(mean: Array, covariance: Array, random: np.random.Generator) 
         weights *= inside
         drawn[:, c] = ndtri(np.clip(low + inside * random.random(len(mean)), 1e-12, 1 - 1e-12))
     level = mean + np.einsum("nij,nj->ni", root, drawn)
-    return np.clip(level, LOWEST, HIGHEST), weights
+    return _clipped(level), weights
 
 
 def _rates_given_levels(belief: Belief, level: Array, random: np.random.Generator) -> Array:
@@ -217,15 +236,23 @@ def _root(covariance: Array) -> Array:
     for added in SINGULAR:
         try:
             return np.asarray(
-                np.linalg.cholesky(correlation + added * np.eye(COMPONENTS)) * deviation[:, :, np.newaxis]
+                np.linalg.cholesky(correlation + added * np.eye(covariance.shape[1]))
+                * deviation[:, :, np.newaxis]
             )
         except np.linalg.LinAlgError:
             continue
-    return np.asarray(deviation[:, :, np.newaxis] * np.eye(COMPONENTS))
+    return np.asarray(deviation[:, :, np.newaxis] * np.eye(covariance.shape[1]))
+
+
+def _clipped(level: Array) -> Array:
+    count = level.shape[-1]
+    return np.clip(level, LOWEST[:count], HIGHEST[:count])
 
 
 def _in_circle(level: Array) -> Array:
-    """Return levels (…, 8) with the eccentricity no longer than 1."""
+    """Return levels (…, 8) with the eccentricity no longer than 1; others as they are."""
+    if level.shape[-1] < COMPONENTS:
+        return level
     radius = np.maximum(np.hypot(level[..., 5], level[..., 6]), 1.0)
     result = level.copy()
     result[..., 5] /= radius

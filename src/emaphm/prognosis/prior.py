@@ -17,6 +17,7 @@ from emaphm.prognosis.settings import (
     SUDDEN_ONSET,
     DegradationSettings,
 )
+from emaphm.prognosis.stress import STRESSES, StressReference
 
 COMPONENTS = len(CARTESIAN_NAMES)
 
@@ -35,6 +36,8 @@ class Hypotheses(NamedTuple):
         Of the process noise, relative to the settings' [-].
     rate, rate_deviation
         Mean and standard deviation of the rate [1/h] when the component is new, or at an onset or change.
+    exponents
+        Of the stress covariates, one axis more, of 3: `STRESSES`.
     """
 
     law: Numbers
@@ -43,6 +46,7 @@ class Hypotheses(NamedTuple):
     roughness: Array
     rate: Array
     rate_deviation: Array
+    exponents: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,22 +54,24 @@ class Prior:
     """The prior of the degradation: `settings`, and where a fleet was seen, its hypotheses.
 
     A component's hypothesis is one of the fleet's, `fleet` of shape (k, 8), with probability `fleet_share`,
-    else drawn by the settings: a fleet of few units has seen few ways to degrade.
+    else drawn by the settings: a fleet of few units has seen few ways to degrade. `reference` is the stress
+    that hours and rates are at; None where no stress was recorded, and an hour is an hour.
     """
 
     settings: DegradationSettings = DEGRADATION
     fleet: Hypotheses | None = None
     fleet_share: float = 0.0
     units: int = 0
+    reference: StressReference | None = None
 
-    def draw(self, particles: int, random: np.random.Generator) -> Hypotheses:
-        """Return hypotheses of new components, each array (particles, 8)."""
-        own = self.general((particles, COMPONENTS), np.zeros((particles, COMPONENTS)), random)
+    def draw(self, particles: int, random: np.random.Generator, components: int = COMPONENTS) -> Hypotheses:
+        """Return hypotheses of the first `components` of a new unit, each array (particles, components)."""
+        own = self.general((particles, components), np.zeros((particles, components)), random)
         if self.fleet is None:
             return own
         rows = random.integers(len(self.fleet.law), size=own.law.shape)
         is_fleets = random.random(own.law.shape) < self.fleet_share
-        columns = np.arange(COMPONENTS)
+        columns = np.arange(components)
 
         def chosen(theirs: Array, mine: Array) -> Array:
             return np.asarray(np.where(is_fleets, theirs[rows, columns], mine))
@@ -77,6 +83,9 @@ class Prior:
             roughness=chosen(self.fleet.roughness, own.roughness),
             rate=chosen(self.fleet.rate, own.rate),
             rate_deviation=chosen(self.fleet.rate_deviation, own.rate_deviation),
+            exponents=np.where(
+                is_fleets[..., np.newaxis], self.fleet.exponents[rows, columns], own.exponents
+            ),
         )
 
     def general(self, shape: tuple[int, ...], age: Array, random: np.random.Generator) -> Hypotheses:
@@ -90,7 +99,15 @@ class Prior:
         form = np.where(law == EXPONENTIAL, growth, p)
         deviation = rate_scale(law, life_scale, form, age, s)
         roughness = np.exp(random.uniform(math.log(s.roughness[0]), math.log(s.roughness[1]), shape))
-        return Hypotheses(law, life_scale, form, roughness, np.zeros(shape), deviation)
+        return Hypotheses(
+            law, life_scale, form, roughness, np.zeros(shape), deviation, self._exponents(shape, random)
+        )
+
+    def _exponents(self, shape: tuple[int, ...], random: np.random.Generator) -> Array:
+        if self.reference is None:
+            return np.zeros((*shape, len(STRESSES)))
+        low, high = np.array(self.settings.exponents).T
+        return np.asarray(random.uniform(low, high, (*shape, len(STRESSES))))
 
     def after_onset(self, shape: tuple[int, ...], random: np.random.Generator) -> Hypotheses:
         """Return linear hypotheses, each of `shape`, for components whose degradation has just set in."""

@@ -7,16 +7,18 @@ import numpy as np
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.faults import CARTESIAN_NAMES
+from emaphm.arrays import Array
 from emaphm.errors import PrognosisError
 from emaphm.prognosis.advice import Costs, advice
 from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.evidence import Evidence, follow
 from emaphm.prognosis.failure_times import FailureTimes, failure_times, responsible
-from emaphm.prognosis.forecast import Paths, drawn_states, paths
+from emaphm.prognosis.forecast import Paths, State, drawn_states, paths
 from emaphm.prognosis.prior import NEW, Prior
 from emaphm.prognosis.requirements import Requirements, vectors_of
 from emaphm.prognosis.result import Prognosis
 from emaphm.prognosis.settings import CONSTANT, FORECAST, ForecastSettings
+from emaphm.prognosis.stress import STRESSES, Stress, StressReference, exposure
 
 ENOUGH = 3
 """Explained diagnoses from which on a rate is seen rather than assumed: two give one that nothing checks."""
@@ -38,6 +40,8 @@ class Question:
         Flight hours from now on, within which the probability of failure is asked [h].
     risk
         Largest accepted probability of failure, for the advice without costs.
+    ahead
+        The stress that is to come; that of the past where left out, as far as it was recorded.
 
     Raises
     ------
@@ -48,6 +52,7 @@ class Question:
     horizon: float = 1000.0
     risk: float = 0.05
     costs: Costs | None = None
+    ahead: Stress | None = None
 
     def __post_init__(self) -> None:
         if not 0 < self.horizon <= LONGEST_HORIZON:
@@ -92,7 +97,7 @@ def prognose(
     settings = replace(settings, longest_hours=max(settings.longest_hours, 2 * question.horizon))
     requirements = Requirements(actuator)
     followed = follow(evidence, prior, seed=seed)
-    made, times = _forecast(followed.belief, evidence, requirements, settings)
+    made, times = _forecast(followed.belief, evidence, requirements, settings, question.ahead)
     limit = times.commonest
     component = None if limit is None else responsible(made, times, limit, requirements)
     born = followed.belief.born[CARTESIAN_NAMES.index(_coordinate(component))] if component else 0.0
@@ -115,7 +120,11 @@ def prognose(
         belief=followed.belief,
         past=followed.past,
         seed=seed,
-        notes=tuple(_notes(evidence, requirements, times, prior)),
+        ahead=question.ahead,
+        notes=(
+            *_notes(evidence, requirements, times, prior),
+            *stress_notes(question.ahead, followed.belief.prior.reference),
+        ),
     )
 
 
@@ -127,14 +136,18 @@ def past_lives(prognosis: Prognosis, settings: ForecastSettings = FORECAST) -> l
     return [
         (
             beliefs[i].hours,
-            _forecast(beliefs[i], prognosis.evidence, requirements, settings)[1].first,
+            _forecast(beliefs[i], prognosis.evidence, requirements, settings, prognosis.ahead)[1].first,
         )
         for i in chosen
     ]
 
 
 def _forecast(
-    belief: Belief, evidence: Evidence, requirements: Requirements, settings: ForecastSettings
+    belief: Belief,
+    evidence: Evidence,
+    requirements: Requirements,
+    settings: ForecastSettings,
+    ahead: Stress | None,
 ) -> tuple[Paths, FailureTimes]:
     state = drawn_states(belief, settings.paths)
     hidden = ~evidence.seen
@@ -144,10 +157,43 @@ def _forecast(
         level=np.where(hidden, NEW, state.level),
         rate=np.where(hidden, 0.0, state.rate),
     )
-    made = paths(state, belief.hours - belief.born, belief.prior, seed=belief.seed, settings=settings)
+    pace = pace_ahead(state, belief, evidence, ahead)
+    made = paths(state, belief.prior, seed=belief.seed, pace=pace, settings=settings)
     if hidden.any():
         made.level[:, :, hidden] = NEW[hidden]
     return made, failure_times(made, requirements, seed=belief.seed)
+
+
+def pace_ahead(state: State, belief: Belief, evidence: Evidence, ahead: Stress | None) -> Array | float:
+    """Return by how many hours the components of `state` age in an hour to come, (n, 8) or one number.
+
+    Under the stress `ahead`, or where it is None, under the mean of what was recorded up to the belief.
+    """
+    reference = belief.prior.reference
+    if reference is None:
+        return 1.0
+    if ahead is not None:
+        return np.asarray(np.exp(state.exponents @ reference.covariates(ahead)))
+    if not belief.hours > 0:
+        return 1.0
+    return exposure(evidence.stresses, reference, 0.0, belief.hours).aged(state.exponents) / belief.hours
+
+
+def stress_notes(ahead: Stress | None, reference: StressReference | None) -> list[str]:
+    """Return notes on what of the stress `ahead` could not be used, for want of records of it."""
+    if ahead is None:
+        return []
+    known = StressReference().values if reference is None else reference.values
+    names = [
+        name
+        for name, value, middle in zip(STRESSES, ahead.values, known, strict=True)
+        if value is not None and middle is None
+    ]
+    return (
+        [f"not recorded in the history, so not used of the stress to come: {', '.join(names)}"]
+        if names
+        else []
+    )
 
 
 def _coordinate(component: str) -> str:

@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from emaphm.arrays import Array
 from emaphm.prognosis.belief import LEAST_VARIANCE, Belief
-from emaphm.prognosis.prior import COMPONENTS
 
 ROUNDING = 1e-9
 """Share of a rate's variance below which what the level leaves of it is a rounding error."""
@@ -38,7 +37,7 @@ def recombined(belief: Belief, rows: NDArray[np.intp]) -> Belief:
     np.fill_diagonal(levels, 1.0)
     np.fill_diagonal(mixed, 0.0)
     np.fill_diagonal(rates, 1.0)
-    columns = np.arange(COMPONENTS)
+    columns = np.arange(belief.law.shape[1])
     a, k, s = a[rows, columns], k[rows, columns], s[rows, columns]
     k_rows, k_columns = k[:, :, np.newaxis], k[:, np.newaxis, :]
     new_levels = levels * a[:, :, np.newaxis] * a[:, np.newaxis, :]
@@ -47,10 +46,12 @@ def recombined(belief: Belief, rows: NDArray[np.intp]) -> Belief:
     new_rates += np.swapaxes(new_mixed, 1, 2) * k_columns - k_rows * k_columns * new_levels
     return replace(
         belief,
+        aged=belief.aged[rows, columns],
         law=belief.law[rows, columns],
         life_scale=belief.life_scale[rows, columns],
         shape=belief.shape[rows, columns],
         roughness=belief.roughness[rows, columns],
+        exponents=belief.exponents[rows, columns],
         level=belief.level[rows, columns],
         rate=belief.rate[rows, columns],
         levels=new_levels,

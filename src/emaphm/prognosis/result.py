@@ -15,6 +15,7 @@ from emaphm.prognosis.failure_times import FailureTimes
 from emaphm.prognosis.forecast import Paths
 from emaphm.prognosis.requirements import COMPONENTS, Limit, vectors_of
 from emaphm.prognosis.settings import LAWS
+from emaphm.prognosis.stress import Stress, stress_dict
 from emaphm.text_table import format_table
 from emaphm.version import VERSION
 
@@ -42,6 +43,8 @@ class Prognosis:
         What most likely fails first, None where no path fails.
     belief, past
         Of the degradation, now and at the diagnoses that were used.
+    ahead
+        The stress to come that was asked for.
     """
 
     evidence: Evidence
@@ -56,6 +59,7 @@ class Prognosis:
     belief: Belief = field(repr=False)
     past: tuple[Belief, ...] = field(repr=False)
     seed: int
+    ahead: Stress | None = None
     notes: tuple[str, ...] = ()
 
     @property
@@ -131,6 +135,7 @@ class Prognosis:
             "requirements": self.requirements(),
             "levels": self.levels(),
             "diagnoses": {"used": len(evidence.used), "kept": len(evidence.observations)},
+            "stress": stress_dict(self.belief.prior.reference, self.ahead),
             "prior": {"fleet_units": self.belief.prior.units, "fleet_share": self.belief.prior.fleet_share},
             "notes": list(self.notes),
             "seed": self.seed,

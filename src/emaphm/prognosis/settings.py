@@ -23,6 +23,10 @@ class DegradationSettings:
     with its logarithm uniform: what wears evenly is distinguished from what does not.
     `change_hours` [h] is the mean time after which a component takes up another law: longer than most lives,
     so that it changes few forecasts.
+    `exponents` are the ranges, all equally likely, of those of load, temperature (per 10 K) and cycles in
+    `StressReference`: from no effect to somewhat more than the cubic law of rolling bearings (ISO 281); from
+    wear that warm oil reduces to somewhat more than the doubling each 10 K of chemical ageing; from
+    wear by the hour to wear by the cycle.
     `new_level` is the standard deviation of a new component's level about the healthy value: what baselines
     of units differ by, and diagnoses of healthy recordings show.
 
@@ -40,6 +44,7 @@ class DegradationSettings:
     roughness: tuple[float, float] = (0.1, 1.5)
     change_hours: float = 20_000.0
     new_level: float = 0.03
+    exponents: tuple[tuple[float, float], ...] = ((0.0, 4.0), (-0.3, 0.9), (0.0, 1.0))
     first_hours: float = 1.0
     """Age [h] at which a power law begins: at age 0 its rate may be infinite."""
 
@@ -51,12 +56,14 @@ class FilterSettings:
     `particles` is the number of banks: with 1,000, an update takes 5 ms on one core, and the median of the
     RUL repeats from seed to seed to 1 % (`python -m tests.prognosis.calibration --seeds`).
     Resampled where fewer than `effective_share` of them carry the weight, the usual half. After it, copies
-    differ again by `jitter` in the logarithms of life scale and shape; their prior's width is 5.7.
+    differ again by `jitter` in the logarithms of life scale and shape; their prior's width is 5.7. Exponents
+    of the stress differ by `exponent_jitter` of their range.
     """
 
     particles: int = 1000
     effective_share: float = 0.5
     jitter: float = 0.1
+    exponent_jitter: float = 0.05
 
 
 @dataclass(frozen=True)
@@ -73,6 +80,10 @@ class ForecastSettings:
     first_step: float = 2.0
     steps: int = 120
 
+
+INDICATOR_FILTER = FilterSettings(particles=20_000)
+"""Of one indicator: an update takes 10 ms too, since a particle has one component instead of eight. A jump
+after which few of a thousand particles fit would else leave the RUL to chance."""
 
 DEGRADATION = DegradationSettings()
 FILTER = FilterSettings()

@@ -11,7 +11,7 @@ from emaphm.actuator.faults import from_cartesian
 from emaphm.actuator.quantity import unit_for
 from emaphm.actuator.requirements import MEASURE_UNITS, Requirement
 from emaphm.arrays import Array
-from emaphm.prognosis.capability import measured
+from emaphm.prognosis.requirements.capability import measured
 
 COMPONENTS = tuple(name for name in NAMES if name != "eccentricity_phase")
 """What can degrade; the direction of an eccentricity is none of its own."""

@@ -8,7 +8,7 @@ import numpy as np
 from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.actuator.faults import HEALTHY
 from emaphm.arrays import Array
-from emaphm.prognosis.requirements import COMPONENTS, Limit, Requirements
+from emaphm.prognosis.requirements.margins import COMPONENTS, Limit, Requirements
 
 POINTS = 41
 """Levels that are tried from the given one to the end of the scale, and interpolated linearly between."""

@@ -1,0 +1,167 @@
+"""From the readings of an indicator to the distribution of the remaining useful life, and advice."""
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from emaphm.arrays import Array
+from emaphm.prognosis.advice import Advice, advice
+from emaphm.prognosis.evidence import follow
+from emaphm.prognosis.forecast import drawn_states, first_passage, paths
+from emaphm.prognosis.indicator.readings import FAILING, Indicator
+from emaphm.prognosis.prior import Prior
+from emaphm.prognosis.prognose import DEFAULT_QUESTION, ENOUGH, Question, pace_ahead, stress_notes
+from emaphm.prognosis.result import INTERVAL90, advice_text, finite, hours_text, quantile
+from emaphm.prognosis.settings import FORECAST, INDICATOR_FILTER, LAWS, FilterSettings, ForecastSettings
+from emaphm.random_streams import stream
+from emaphm.version import VERSION
+
+
+@dataclass(frozen=True, eq=False)
+class IndicatorPrognosis:
+    """The remaining useful life (RUL) of a unit by one indicator.
+
+    Attributes
+    ----------
+    horizon
+        Flight hours from now on for which `probability_of_failure` holds [h].
+    sample
+        Of the RUL, (n,) [h], `inf` for no failure in sight.
+    forecast_hours, forecast
+        Hours from now on, (m,) [h], and the paths of the value at them, (m, n), in its unit.
+    laws
+        Probability of each law of degradation.
+    """
+
+    indicator: Indicator
+    horizon: float
+    sample: Array = field(repr=False)
+    forecast_hours: Array = field(repr=False)
+    forecast: Array = field(repr=False)
+    laws: dict[str, float]
+    advice: Advice
+    seed: int
+    notes: tuple[str, ...] = ()
+
+    @property
+    def median(self) -> float:
+        """Median of the RUL [h]; `inf` where no failure is in sight."""
+        return quantile(self.sample, 0.5)
+
+    @property
+    def interval90(self) -> tuple[float, float]:
+        """5 to 95 % of the RUL [h]; `inf` where no failure is in sight."""
+        low, high = (quantile(self.sample, p) for p in INTERVAL90)
+        return low, high
+
+    @property
+    def probability_of_failure(self) -> float:
+        """Probability that the indicator reaches its limit within the horizon."""
+        return float(np.mean(self.sample <= self.horizon))
+
+    @property
+    def value90(self) -> tuple[float, float, float]:
+        """5, 50 and 95 % of the indicator's value now, without the error of a reading."""
+        low, middle, high = np.quantile(self.forecast[0], (INTERVAL90[0], 0.5, INTERVAL90[1]))
+        return float(low), float(middle), float(high)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the prognosis as JSON; null where no failure is in sight."""
+        low, middle, high = self.value90
+        one = self.indicator
+        return {
+            "unit": one.unit,
+            "hours": one.hours,
+            "rul_hours": {"median": finite(self.median), "interval90": [finite(x) for x in self.interval90]},
+            "horizon_hours": self.horizon,
+            "probability_of_failure": self.probability_of_failure,
+            "advice": self.advice.to_dict(one.hours),
+            "indicator": {
+                "measures": one.measures,
+                "value": middle,
+                "interval90": [low, high],
+                "healthy": one.healthy,
+                "fails_at": one.fails_at,
+                "laws": self.laws,
+                "readings": len(one.readings),
+            },
+            "notes": list(self.notes),
+            "seed": self.seed,
+            "version": VERSION,
+        }
+
+    def __str__(self) -> str:
+        low, high = (hours_text(x) for x in self.interval90)
+        from_value, value, to_value = self.value90
+        one = self.indicator
+        law = max(self.laws, key=self.laws.__getitem__)
+        lines = [
+            f"{one.unit}, at {one.hours:g} h",
+            f"{one.measures}: {value:.4g} (90 %: {from_value:.4g} to {to_value:.4g})",
+            f"fails at {one.fails_at:.4g}",
+            f"likeliest law: {law} ({100 * self.laws[law]:.0f} %)",
+            f"remaining useful life: {hours_text(self.median)} (90 %: {low} to {high})",
+            f"probability of failure within {self.horizon:g} h: {100 * self.probability_of_failure:.1f} %",
+            f"advice: {advice_text(self.advice)}",
+            *(f"note: {note}" for note in self.notes),
+        ]
+        return "\n".join(lines)
+
+
+def prognose_indicator(
+    indicator: Indicator,
+    question: Question = DEFAULT_QUESTION,
+    *,
+    prior: Prior | None = None,
+    seed: int = 0,
+    filter_settings: FilterSettings = INDICATOR_FILTER,
+    settings: ForecastSettings = FORECAST,
+) -> IndicatorPrognosis:
+    """Return when an indicator reaches its limit, by the same filter and forecast as a unit's components.
+
+    Level and rate follow one of the laws of degradation, and the time of failure is the first passage of the
+    limit. A value on the other side of healthy than the limit counts as healthy.
+
+    Parameters
+    ----------
+    prior
+        Of the degradation, in levels: 0 is healthy, 0.5 is the limit; the general one where left out.
+    seed
+        Source of all randomness.
+
+    Raises
+    ------
+    PrognosisError
+        A reading cannot be used.
+    """
+    prior = prior or Prior()
+    settings = replace(settings, longest_hours=max(settings.longest_hours, 2 * question.horizon))
+    evidence = indicator.evidence()
+    belief = follow(evidence, prior, seed=seed, settings=filter_settings).belief
+    state = drawn_states(belief, settings.paths)
+    pace = pace_ahead(state, belief, evidence, question.ahead)
+    made = paths(state, belief.prior, seed=seed, pace=pace, settings=settings)
+    level = made.level[:, :, 0]
+    sample = first_passage(
+        made.hours, FAILING - level, made.noise[:, :, 0], stream(seed, "forecast", "first passage")
+    )
+    notes = stress_notes(question.ahead, belief.prior.reference)
+    if len(indicator.readings) < ENOUGH:
+        notes.append(
+            f"readings: {len(indicator.readings)}; {ENOUGH} are needed to see a rate, until then the "
+            "prognosis is mostly what the prior says"
+        )
+    return IndicatorPrognosis(
+        indicator=indicator,
+        horizon=question.horizon,
+        sample=sample,
+        forecast_hours=made.hours,
+        forecast=indicator.value(level),
+        laws=dict(zip(LAWS, belief.law_probabilities()[0].tolist(), strict=True)),
+        advice=advice(
+            sample, question.horizon, risk=question.risk, age=indicator.hours, costs=question.costs
+        ),
+        seed=seed,
+        notes=tuple(notes),
+    )

@@ -1,0 +1,132 @@
+"""A health indicator of one's own: the closed form of a Wiener process, rising, falling, what is refused."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import invgauss, kstest, norm
+
+from emaphm.errors import PrognosisError
+from emaphm.prognosis import Question
+from emaphm.prognosis.indicator import Indicator, Reading, prognose_indicator
+from emaphm.prognosis.prior import Prior
+from emaphm.prognosis.settings import DegradationSettings, FilterSettings, ForecastSettings
+
+
+def readings(rate: float, *, start: float = 2.0, count: int = 30, error: float = 0.05) -> tuple[Reading, ...]:
+    random = np.random.default_rng(3)
+    return tuple(
+        Reading(40.0 * i, start + rate * 40.0 * i + error * random.standard_normal(), error**2)
+        for i in range(count)
+    )
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_an_indicator_is_followed_to_its_limit_rising_or_falling(sign: float) -> None:
+    """A line of 2 mA an hour over 1,160 h: 4.32 A, and 840 h from the limit of 6 A; or as far below 2 A."""
+    one = Indicator("A", 2.0, 2.0 + 4 * sign, readings(2e-3 * sign), 1160.0, "current [A]")
+    made = prognose_indicator(one)
+    low, high = made.interval90
+    assert made.median == pytest.approx(840.0, rel=0.15)
+    assert low < 840 < high
+    assert made.value90[1] == pytest.approx(2.0 + sign * 2.32, abs=0.06)
+    assert made.laws["constant"] < 0.01
+    document = json.loads(json.dumps(made.to_dict(), allow_nan=False))
+    assert document["rul_hours"]["median"] == made.median
+    assert "current [A]" in str(made)
+
+
+def test_units_of_the_indicator_do_not_matter() -> None:
+    one = Indicator("A", 2.0, 6.0, readings(2e-3), 1160.0)
+    scaled = tuple(Reading(x.hours, 1e3 * x.value, 1e6 * x.variance) for x in one.readings)
+    other = Indicator("A", 2e3, 6e3, scaled, 1160.0)
+    assert prognose_indicator(one).sample == pytest.approx(prognose_indicator(other).sample, rel=1e-6)
+
+
+def test_what_has_passed_its_limit_has_no_life_left() -> None:
+    made = prognose_indicator(Indicator("A", 2.0, 4.0, readings(2e-3), 1160.0))
+    assert made.interval90 == (0.0, 0.0)
+    assert made.advice.action == "replace before"
+
+
+def test_what_stays_healthy_has_no_failure_in_sight() -> None:
+    made = prognose_indicator(Indicator("A", 2.0, 6.0, readings(0.0), 1160.0), Question(horizon=100.0))
+    assert math.isinf(made.median)
+    assert made.probability_of_failure < 0.01
+
+
+def test_few_readings_are_said() -> None:
+    made = prognose_indicator(Indicator("A", 2.0, 6.0, readings(0.0, count=2), 1160.0))
+    assert "readings: 2; 3 are needed" in made.notes[0]
+
+
+def test_a_pure_wiener_process_fails_by_the_inverse_gaussian_distribution() -> None:
+    """Known level and rate, and no law but the linear one: the whole chain gives the closed form.
+
+    Readings without error fix the level; a rate without uncertainty comes from a prior whose rates are all
+    the same. Level a away at drift v, variance q² an hour: inverse Gaussian of mean a/v, shape a²/q².
+    """
+    scale, noise = 1000.0, 0.05
+    settings = DegradationSettings(
+        laws=(0, 1, 0, 0, 0),
+        life_scale=(scale, scale + 1e-9),
+        noise=noise,
+        rate_noise=0.0,
+        roughness=(1.0, 1.0 + 1e-12),
+        change_hours=1e15,
+        new_level=1e-4,
+    )
+    times = np.arange(0.0, 40_001.0, 20.0)
+    walk = np.random.default_rng(8).standard_normal(times.size - 1) * noise * math.sqrt(20.0 / scale)
+    drift = 1e-4
+    level = np.concatenate([[0.0], np.cumsum(walk + drift * 20.0)])
+    used = level[: np.argmax(level > 0.2)]
+    one = Indicator(
+        "W",
+        0.0,
+        0.5,
+        tuple(Reading(float(t), float(x), 1e-8) for t, x in zip(times, used, strict=False)),
+        float(times[used.size - 1]),
+    )
+    made = prognose_indicator(
+        one,
+        prior=Prior(settings),
+        filter_settings=FilterSettings(particles=50),
+        settings=ForecastSettings(paths=4000, longest_hours=60_000.0, steps=60),
+    )
+    # The rate is known to its posterior: the walk's own mean slope, and the variance of such a mean.
+    span, q2 = float(times[used.size - 1]), noise**2 / scale
+    precision = scale**2 + span / q2
+    mean, deviation = (used[-1] / q2) / precision, precision**-0.5
+    rates = norm.ppf((np.arange(400) + 0.5) / 400, mean, deviation)
+    ahead = 0.5 - used[-1]
+    uniform = np.linspace(0, 60_000, 2001)
+    exact = np.mean([_passed(uniform, ahead, float(v), q2) for v in rates], axis=0)
+    sample = np.minimum(made.sample, 60_000.0)
+    assert kstest(sample[sample < 60_000], lambda t: np.interp(t, uniform, exact) / exact[-1]).pvalue > 0.01
+    assert np.mean(made.sample < 60_000) == pytest.approx(exact[-1], abs=0.03)
+
+
+def _passed(t: np.ndarray, a: float, v: float, q2: float) -> np.ndarray:
+    """Return the probability that a Wiener process of drift v has passed a at t; v may be negative."""
+    shape = a**2 / q2
+    certain = invgauss(a / abs(v) / shape, scale=shape).cdf(t)
+    return np.asarray(certain if v > 0 else certain * math.exp(2 * v * a / q2))
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda: Reading(1.0, math.nan, 1.0),
+        lambda: Reading(-1.0, 0.0, 1.0),
+        lambda: Reading(1.0, 0.0, 0.0),
+        lambda: Indicator("A", 1.0, 1.0, (), 5.0),
+        lambda: Indicator("A", 1.0, 1.1, (Reading(4.0, 1.0, 0.04),), 5.0),
+        lambda: Indicator("A", 1.0, math.inf, (), 5.0),
+        lambda: Indicator("A", 1.0, 2.0, (Reading(6.0, 1.0, 1.0),), 5.0),
+    ],
+)
+def test_what_is_impossible_is_refused(wrong: object) -> None:
+    with pytest.raises(PrognosisError):
+        wrong()  # type: ignore[operator]

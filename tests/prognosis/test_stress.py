@@ -1,0 +1,117 @@
+"""Stress covariates: closed forms of an accelerated life, exponents learnt from flights."""
+
+import math
+
+import numpy as np
+import pytest
+
+from emaphm.actuator import Actuator
+from emaphm.actuator.requirements import Requirement
+from emaphm.errors import PrognosisError
+from emaphm.history import Flight
+from emaphm.prognosis import (
+    Evidence,
+    Observation,
+    Question,
+    Stress,
+    StressPiece,
+    StressReference,
+    fleet_prior,
+    prognose,
+)
+from emaphm.prognosis.evidence import follow, stress_pieces
+from emaphm.prognosis.prior import NEW, Prior
+from emaphm.prognosis.stress import exposure
+
+WORN = Actuator.thesis().model_copy(
+    update={"requirements": (Requirement(component="friction", at_most=0.6),)}
+)
+ERROR = 0.01
+HEAVY, LIGHT = Stress(load=2.0), Stress(load=1.0)
+
+
+def flown(
+    exponent: float, *, count: int = 30, rate: float = 1e-4, unit: str = "S1", seed: int = 0
+) -> Evidence:
+    """Return a unit that flies 50 h light and 50 h heavy in turn: friction rises by the load's power."""
+    random = np.random.default_rng(seed)
+    observations, pieces, level = [], [], 0.0
+    for i in range(count):
+        stress = HEAVY if i % 2 else LIGHT
+        pieces.append(StressPiece(50.0 * i, 50.0 * (i + 1), stress))
+        level += 50.0 * rate * float(stress.load or 0) ** exponent
+        z = NEW + ERROR * random.standard_normal(8)
+        z[0] += level
+        observations.append(Observation(50.0 * (i + 1), z, ERROR**2 * np.eye(8), np.ones(8, bool)))
+    return Evidence(unit, "P1", 50.0 * count, tuple(observations), stresses=tuple(pieces))
+
+
+def test_hours_age_by_the_formula_that_is_stated() -> None:
+    reference = StressReference(load=0.5, temperature=290.0, cycles_per_hour=4.0)
+    pieces = (StressPiece(0.0, 10.0, Stress(1.0, 310.0, 2.0)), StressPiece(20.0, 30.0, Stress(load=0.25)))
+    p, b, g = 3.0, 0.5, 0.8
+    aged = exposure(pieces, reference, 5.0, 40.0).aged(np.array([[p, b, g]]))
+    by_hand = 5 * 2**p * math.exp(2 * b) * 0.5**g + 10 * 0.5**p + 20
+    assert aged == pytest.approx(by_hand)
+
+
+def test_the_reference_is_the_median_of_what_was_recorded() -> None:
+    pieces = [StressPiece(0, 1, Stress(load=x, temperature=300.0)) for x in (1.0, 2.0, 9.0)]
+    assert StressReference.of(pieces) == StressReference(2.0, 300.0, None)
+    assert StressReference.of([]) is None
+    assert StressReference.of([StressPiece(0, 1, Stress(load=0.0))]) is None
+
+
+@pytest.mark.parametrize("exponent", [0.0, 3.0])
+def test_the_exponent_of_the_load_is_learnt_from_flights(exponent: float) -> None:
+    evidence = flown(exponent, rate=1e-4 if exponent else 3e-4)
+    belief = follow(evidence, Prior(), seed=1).belief
+    learnt = float(np.sum(belief.weights[:, 0] * belief.exponents[:, 0, 0]))
+    assert learnt == pytest.approx(exponent, abs=0.9)  # from 0 to 4, with the mean 2, where nothing is learnt
+
+
+def test_a_lighter_load_to_come_lets_a_unit_last_longer() -> None:
+    """Friction is at 0.45 of 0.6, by the cube of the load: the rest takes 1,500 h light, 187 h heavy."""
+    evidence = flown(3.0, count=20)
+    light, heavy, as_before = (
+        prognose(evidence, WORN, Question(ahead=ahead)).median for ahead in (LIGHT, HEAVY, None)
+    )
+    assert heavy == pytest.approx((0.6 - 0.45) / 8e-4, rel=0.3)
+    assert heavy < as_before < light
+    assert light > 3 * heavy
+
+
+def test_without_records_of_it_a_stress_to_come_changes_nothing_and_is_said() -> None:
+    evidence = flown(1.0, count=6)
+    plain = Evidence("S1", "P1", evidence.hours, evidence.observations)
+    one, other = (prognose(plain, WORN, Question(ahead=ahead)) for ahead in (None, HEAVY))
+    assert np.array_equal(one.sample, other.sample)
+    assert "not recorded in the history, so not used of the stress to come: load" in other.notes
+
+
+def test_a_fleet_teaches_exponents_at_its_own_reference() -> None:
+    taught = fleet_prior([flown(3.0, unit=f"F{i}", seed=i) for i in range(4)])
+    assert taught.reference == StressReference(load=1.5)
+    assert taught.fleet is not None
+    moving = taught.fleet.law[:, 0] > 0
+    assert taught.fleet.exponents[moving, 0, 0].mean() == pytest.approx(3.0, abs=0.7)
+
+
+def test_cycles_per_hour_follow_from_cycles_and_hours() -> None:
+    flights = (
+        Flight(100.0, 50, None, load=2.0),
+        Flight(150.0, None, None, temperature=290.0),
+        Flight(200.0, 250, None),
+    )
+    pieces = stress_pieces(flights)
+    assert pieces == (
+        StressPiece(0.0, 100.0, Stress(2.0, None, 0.5)),
+        StressPiece(100.0, 150.0, Stress(None, 290.0, None)),
+        StressPiece(150.0, 200.0, Stress(None, None, 2.0)),
+    )
+
+
+@pytest.mark.parametrize("wrong", [{"load": -1.0}, {"temperature": 0.0}, {"cycles_per_hour": math.nan}])
+def test_what_is_no_stress_is_refused(wrong: dict[str, float]) -> None:
+    with pytest.raises(PrognosisError):
+        Stress(**wrong)

@@ -1,0 +1,87 @@
+"""A measured run to a jam: alarm, false alarms and remaining useful life, each test from its past alone.
+
+Mazzoleni, Scandella, Previdi, Pispola, Data in Brief 29:105153 (2020): no lubricant from 2 October 2017 on, a
+jam after 13 October.
+"""
+
+import importlib.util
+import json
+import os
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import polars as pl
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+SCRIPT = ROOT / "examples" / "reprise" / "reprise.py"
+
+
+@pytest.fixture(scope="module")
+def example() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("reprise", SCRIPT)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["reprise"] = module  # dataclasses look their module up
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def frame(example: ModuleType) -> pl.DataFrame:
+    folder = Path(os.environ.get("EMAPHM_DATA", ROOT.parent / "shared" / "data")) / "reprise"
+    path = folder / "phase_current_features_5mm.csv"
+    if not path.is_file():
+        pytest.skip(f"the REPRISE data are not at {folder}; set EMAPHM_DATA to the folder that holds them")
+    read: pl.DataFrame = example.read(path)
+    return read
+
+
+def test_the_jam_is_announced_and_no_alarm_is_false(example: ModuleType, frame: pl.DataFrame) -> None:
+    run = json.loads(json.dumps(example.judge(frame).to_dict(), allow_nan=False))
+    assert (run["first_alarm"], run["false_alarms"]) == ("2017-10-02", 0)
+    # The publication's own medians.
+    assert [round(one["rms_A"], 2) for one in run["tests"][-3:]] == [5.82, 7.25, 7.48]
+    assert [one["holds_jam"] for one in run["tests"][-3:]] == [True] * 3
+    assert all(one["alarm"] for one in run["tests"][-3:])
+
+
+def test_what_is_said_of_a_test_needs_no_later_one(example: ModuleType, frame: pl.DataFrame) -> None:
+    shorter = frame.filter(pl.col("date") <= example.date(2017, 9, 18))
+    now, then = (example.judge(one).to_dict()["tests"] for one in (frame, shorter))
+    assert then == now[: len(then)]
+
+
+def ask(
+    example: ModuleType, capsys: pytest.CaptureFixture[str], *arguments: str | Path
+) -> tuple[int, str, str]:
+    capsys.readouterr()
+    saved, sys.argv = sys.argv, ["reprise.py", *map(str, arguments)]
+    try:
+        code = example.main()
+    finally:
+        sys.argv = saved
+    return code, *capsys.readouterr()
+
+
+WRONG = {
+    "no column condition": "date,frequency_hz,rms_A\n2017-10-02,1.0,2.5\n",
+    "give dates as": "date,condition,frequency_hz,rms_A\nsoon,normal,1.0,2.5\n",
+    "no sinusoid of 1 Hz": "date,condition,frequency_hz,rms_A\n2017-10-02,normal,2.0,2.5\n",
+    "1 tests; more than 4": "date,condition,frequency_hz,rms_A\n2017-10-02,normal,1.0,2.5\n",
+}
+
+
+@pytest.mark.parametrize("message", WRONG)
+def test_what_is_no_such_table_is_refused(
+    example: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str], message: str
+) -> None:
+    path = tmp_path / "table.csv"
+    path.write_text(WRONG[message])
+    code, out, err = ask(example, capsys, path)
+    assert (code, out) == (2, "")
+    assert message in err
+    assert len(err.splitlines()) == 1
+    assert ask(example, capsys, tmp_path / "none.csv")[0] == 2
