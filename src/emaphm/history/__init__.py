@@ -7,8 +7,10 @@ from emaphm.errors import HistoryError
 if find_spec("sqlalchemy") is None or find_spec("alembic") is None:
     raise HistoryError("a history needs further libraries; install them with: pip install 'emaphm[history]'")
 
+from emaphm.history.events import Event
 from emaphm.history.history import Added, History
 from emaphm.history.kept_diagnosis import KeptDiagnosis, KeptSettings
+from emaphm.history.kept_prognosis import KeptPrognosis
 from emaphm.history.lives import Life
 from emaphm.history.records import (
     COMPONENTS,
@@ -28,10 +30,12 @@ __all__ = [
     "REASONS",
     "Added",
     "Entry",
+    "Event",
     "Finding",
     "Flight",
     "History",
     "KeptDiagnosis",
+    "KeptPrognosis",
     "KeptSettings",
     "Life",
     "Removal",

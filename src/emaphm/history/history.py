@@ -1,5 +1,6 @@
 """The history of the units of a fleet."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -8,8 +9,10 @@ from typing import TYPE_CHECKING, Self
 from emaphm.history import reading, writing
 from emaphm.history.address import Address
 from emaphm.history.database import Database
+from emaphm.history.events import Event, add_events, read_events, read_open_conditions
 from emaphm.history.fingerprint import description_of, recording_hash
 from emaphm.history.kept_diagnosis import KeptSettings
+from emaphm.history.kept_prognosis import KeptPrognosis, keep_prognosis, read_prognoses
 from emaphm.history.overview import Overview, overviews
 from emaphm.history.records import Entry, Finding, Removal
 from emaphm.history.schema import bring_up_to_date, check_revision
@@ -152,3 +155,63 @@ class History:
         with self.database.writing() as connection:
             check_revision(connection, self.database.address.shown)
             return writing.add_finding(connection, reading.unit(connection, serial_number), finding)
+
+    def add_events(self, *events: Event) -> int:
+        """Add events in their order, all or none; return how many were not there yet."""
+        with self.database.writing() as connection:
+            check_revision(connection, self.database.address.shown)
+            return add_events(connection, events)
+
+    def events(
+        self,
+        *,
+        unit: str | None = None,
+        kinds: Sequence[str] = (),
+        since: str | None = None,
+        until: str | None = None,
+        after: int | None = None,
+        newest_first: bool = False,
+        limit: int | None = None,
+    ) -> tuple[Event, ...]:
+        """Return the events that all conditions hold for, as they were added.
+
+        Parameters
+        ----------
+        unit
+            Serial number.
+        kinds
+            Of `emaphm.history.events.KINDS`; all where empty.
+        since, until
+            First time and the time before which they were made, ISO 8601.
+        after
+            The number of an event; only later ones.
+        newest_first, limit
+            The order, and how many at most.
+        """
+        with self.database.reading() as connection:
+            return read_events(
+                connection,
+                unit=unit,
+                kinds=kinds,
+                since=since,
+                until=until,
+                after=after,
+                newest_first=newest_first,
+                limit=limit,
+            )
+
+    def open_conditions(self, unit: str | None = None) -> tuple[Event, ...]:
+        """Return the events that raised what has not been cleared since, of a unit or of all."""
+        with self.database.reading() as connection:
+            return read_open_conditions(connection, unit)
+
+    def keep_prognosis(self, serial_number: str, prognosis: KeptPrognosis) -> None:
+        """Keep a prognosis of a unit in place of the one before; `HistoryError` if the unit is unknown."""
+        with self.database.writing() as connection:
+            check_revision(connection, self.database.address.shown)
+            keep_prognosis(connection, reading.unit(connection, serial_number), prognosis)
+
+    def prognoses(self) -> dict[str, KeptPrognosis]:
+        """Return the last kept prognosis by serial number, of the units that have one."""
+        with self.database.reading() as connection:
+            return read_prognoses(connection)

@@ -102,3 +102,60 @@ FINDINGS = sa.Table(
     sa.Column("added_at", sa.Text, nullable=False),
     sa.UniqueConstraint("unit_id", "hours", "component"),
 )
+
+EVENTS = sa.Table(
+    "events",
+    METADATA,
+    sa.Column("id", sa.Integer, primary_key=True),
+    sa.Column("key", sa.Text, nullable=False, unique=True),
+    sa.Column("watcher", sa.Text, nullable=False, index=True),
+    sa.Column("at", sa.Text, nullable=False),
+    sa.Column("kind", sa.Text, nullable=False, index=True),
+    sa.Column("state", sa.Text, nullable=False),
+    sa.Column("severity", sa.Text, nullable=False),
+    sa.Column("unit", sa.Text, index=True),
+    sa.Column("hours", sa.Double),
+    sa.Column("subject", sa.Text, nullable=False),
+    sa.Column("message", sa.Text, nullable=False),
+    sa.Column("recording", sa.Text),
+    sa.Column("recording_hash", sa.Text),
+    sa.Column("details", sa.Text, nullable=False),
+)
+
+PROGNOSES = sa.Table(
+    "prognoses",
+    METADATA,
+    sa.Column("unit_id", sa.Integer, _of("units"), primary_key=True),
+    sa.Column("hours", sa.Double, nullable=False),
+    sa.Column("diagnoses", sa.Integer, nullable=False),
+    sa.Column("document", sa.Text, nullable=False),
+    sa.Column("at", sa.Text, nullable=False),
+)
+
+WATCHED_FILES = sa.Table(
+    "watched_files",
+    METADATA,
+    sa.Column("watcher", sa.Text, primary_key=True),
+    sa.Column("name", sa.Text, primary_key=True),
+    sa.Column("size", sa.BigInteger, nullable=False),
+    sa.Column("modified_ns", sa.BigInteger, nullable=False),
+    sa.Column("digest", sa.Text, nullable=False),
+    sa.Column("outcome", sa.Text, nullable=False),
+)
+
+WATCHED_ROWS = sa.Table(
+    "watched_rows",
+    METADATA,
+    sa.Column("watcher", sa.Text, primary_key=True),
+    sa.Column("unit", sa.Text, primary_key=True),
+    sa.Column("hours", sa.Double, nullable=False),
+    sa.Column("time_s", sa.Double, nullable=False),
+)
+
+DELIVERED = sa.Table(
+    "delivered",
+    METADATA,
+    sa.Column("watcher", sa.Text, primary_key=True),
+    sa.Column("receiver", sa.Text, primary_key=True),
+    sa.Column("event_id", sa.Integer, nullable=False),
+)

@@ -1,0 +1,187 @@
+"""Events: what became known of a unit, or of the watching itself, at a moment; each is in a history once."""
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import Any
+
+import sqlalchemy as sa
+
+from emaphm.errors import HistoryError, nearest
+from emaphm.history.tables import EVENTS
+from emaphm.strict_json import finite
+
+KINDS = (
+    "health_changed",
+    "alarm",
+    "rul_below_horizon",
+    "sensor_fault",
+    "not_like_healthy",
+    "not_explained",
+    "refused",
+    "rows_skipped",
+    "back_pressure",
+    "source_lost",
+)
+"""What an event may be on; docs/monitoring.md says when each is raised."""
+
+STATES = ("raised", "cleared")
+"""A condition begins, or ends. An event that has no end, such as a change of health, is raised only."""
+
+SEVERITIES = ("info", "warning", "alarm")
+
+CONDITIONS = (
+    "alarm",
+    "rul_below_horizon",
+    "sensor_fault",
+    "not_like_healthy",
+    "not_explained",
+    "back_pressure",
+    "source_lost",
+)
+"""The kinds that are raised and later cleared."""
+
+
+@dataclass(frozen=True)
+class Event:
+    """One event.
+
+    Attributes
+    ----------
+    kind, state, severity
+        Of `KINDS`, `STATES` and `SEVERITIES`.
+    message
+        A sentence.
+    subject
+        What a condition is on, within its unit and kind: a component, a channel; empty where there is one.
+    unit, hours
+        Serial number and flight hours [h]; None where the event is on no unit.
+    recording, recording_hash
+        Name and SHA-256 of the recording that it comes from.
+    details
+        Further values, ready for JSON.
+    watcher
+        Which watcher made it (`emaphm.monitoring`), empty for another source.
+    at
+        Time at which it was made, UTC, ISO 8601.
+    number
+        Its place in the history, rising; None before it is there.
+
+    Raises
+    ------
+    HistoryError
+        The kind, the state or the severity is unknown.
+    """
+
+    kind: str
+    state: str
+    severity: str
+    message: str
+    subject: str = ""
+    unit: str | None = None
+    hours: float | None = None
+    recording: str | None = None
+    recording_hash: str | None = None
+    details: Mapping[str, Any] = field(default_factory=dict)
+    watcher: str = ""
+    at: str = field(default_factory=lambda: datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ"))
+    number: int | None = None
+
+    def __post_init__(self) -> None:
+        for value, known in ((self.kind, KINDS), (self.state, STATES), (self.severity, SEVERITIES)):
+            if value not in known:
+                raise HistoryError(f"unknown '{value}' of an event{nearest(value, known)}")
+
+    @property
+    def key(self) -> str:
+        """What makes it the same event: all but its words and its time, where it comes from a recording."""
+        origin = self.recording_hash or f"{self.at} {self.message}"
+        parts = (self.watcher, self.kind, self.state, self.unit, self.subject, origin)
+        return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:32]
+
+    @property
+    def condition(self) -> tuple[str | None, str, str]:
+        """What its state is of: unit, kind and subject."""
+        return self.unit, self.kind, self.subject
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the event as a line of `emaphm watch`, and as what a webhook is sent."""
+        return {
+            "event": self.kind,
+            "state": self.state,
+            "severity": self.severity,
+            "id": self.key,
+            "number": self.number,
+            "at": self.at,
+            "unit": self.unit,
+            "hours": self.hours,
+            "subject": self.subject,
+            "message": self.message,
+            "recording": self.recording,
+            "recording_hash": self.recording_hash,
+            "details": finite(dict(self.details)),
+        }
+
+
+def add_events(connection: sa.Connection, events: Sequence[Event]) -> int:
+    """Add events in their order, those that are there already left out; return how many are new."""
+    new = 0
+    for one in events:
+        if connection.execute(sa.select(EVENTS.c.id).where(EVENTS.c.key == one.key)).first():
+            continue
+        row = {
+            name: getattr(one, name)
+            for name in EVENTS.columns.keys()  # noqa: SIM118 - of a collection that is no dict
+            if name not in {"id", "details"}
+        }
+        connection.execute(EVENTS.insert().values(row | {"details": json.dumps(finite(dict(one.details)))}))
+        new += 1
+    return new
+
+
+def read_events(
+    connection: sa.Connection,
+    *,
+    unit: str | None = None,
+    kinds: Sequence[str] = (),
+    since: str | None = None,
+    until: str | None = None,
+    watcher: str | None = None,
+    after: int | None = None,
+    newest_first: bool = False,
+    limit: int | None = None,
+) -> tuple[Event, ...]:
+    """Return events as `History.events` does; `watcher` asks for those that one watcher made."""
+    query = sa.select(EVENTS)
+    if unit is not None:
+        query = query.where(EVENTS.c.unit == unit)
+    if kinds:
+        query = query.where(EVENTS.c.kind.in_(kinds))
+    if since is not None:
+        query = query.where(EVENTS.c.at >= since)
+    if until is not None:
+        query = query.where(EVENTS.c.at < until)
+    if watcher is not None:
+        query = query.where(EVENTS.c.watcher == watcher)
+    if after is not None:
+        query = query.where(EVENTS.c.id > after)
+    query = query.order_by(EVENTS.c.id.desc() if newest_first else EVENTS.c.id)
+    return tuple(_event(row) for row in connection.execute(query if limit is None else query.limit(limit)))
+
+
+def read_open_conditions(connection: sa.Connection, unit: str | None = None) -> tuple[Event, ...]:
+    """Return the last event of each condition that was raised and not cleared, in their order."""
+    last = sa.select(sa.func.max(EVENTS.c.id)).where(EVENTS.c.kind.in_(CONDITIONS))
+    if unit is not None:
+        last = last.where(EVENTS.c.unit == unit)
+    last = last.group_by(EVENTS.c.unit, EVENTS.c.kind, EVENTS.c.subject)
+    query = sa.select(EVENTS).where(EVENTS.c.id.in_(last), EVENTS.c.state == "raised").order_by(EVENTS.c.id)
+    return tuple(_event(row) for row in connection.execute(query))
+
+
+def _event(row: "sa.Row[Any]") -> Event:
+    values = row._asdict()
+    del values["key"]
+    return Event(**values | {"details": json.loads(values["details"]), "number": values.pop("id")})

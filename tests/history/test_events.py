@@ -1,0 +1,115 @@
+"""Events and prognoses in a history: each once, in their order, found by unit, kind and time."""
+
+import sqlite3
+import threading
+
+import pytest
+
+from emaphm.errors import HistoryError
+from emaphm.history import Event, History, KeptPrognosis
+
+from .made_up import diagnosis, entry, recording
+
+
+def event(
+    unit: str | None = "S1",
+    kind: str = "alarm",
+    state: str = "raised",
+    *,
+    subject: str = "friction",
+    recording_hash: str | None = "a1",
+    at: str = "2026-03-01T10:00:00Z",
+) -> Event:
+    return Event(
+        kind,
+        state,
+        "alarm",
+        "a sentence",
+        subject,
+        unit,
+        12.5,
+        "1.csv",
+        recording_hash,
+        {"level": 0.3, "bound": float("inf")},
+        "w1",
+        at,
+    )
+
+
+def test_what_is_read_is_what_was_added_once(history: History) -> None:
+    assert history.add_events(event(), event("S2")) == 2
+    assert history.add_events(event(at="2026-03-02T10:00:00Z"), event("S2", "sensor_fault")) == 1
+    kept = history.events()
+    assert [(one.unit, one.kind) for one in kept] == [
+        ("S1", "alarm"),
+        ("S2", "alarm"),
+        ("S2", "sensor_fault"),
+    ]
+    assert [one.number for one in kept] == sorted(one.number or 0 for one in kept)
+    values = kept[0].to_dict()
+    assert values["id"] == event().key
+    assert values["at"] == event().at
+    assert values["details"] == {"level": 0.3, "bound": None}
+
+
+def test_events_are_found_by_unit_kind_time_and_number(history: History) -> None:
+    times = [f"2026-03-0{day}T10:00:00Z" for day in (1, 2, 3)]
+    for number, at in enumerate(times):
+        history.add_events(event(recording_hash=str(number), at=at), event("S2", recording_hash=str(number)))
+    history.add_events(event(None, "source_lost", subject=""))
+    assert [one.at for one in history.events(unit="S1")] == times
+    assert [one.at for one in history.events(unit="S1", since=times[1], until=times[2])] == times[1:2]
+    assert [one.kind for one in history.events(kinds=["source_lost"])] == ["source_lost"]
+    first, second = history.events(limit=2)
+    assert history.events(after=first.number, limit=1) == (second,)
+    assert history.events(newest_first=True, limit=1)[0].kind == "source_lost"
+
+
+def test_a_condition_is_open_until_it_is_cleared(history: History) -> None:
+    history.add_events(event(), event(subject="gain"), event("S2"), event(kind="health_changed"))
+    history.add_events(event(state="cleared", recording_hash="a2"))
+    assert [(one.unit, one.subject) for one in history.open_conditions()] == [
+        ("S1", "gain"),
+        ("S2", "friction"),
+    ]
+    history.add_events(event(recording_hash="a3"))
+    assert [one.subject for one in history.open_conditions("S1")] == ["gain", "friction"]
+
+
+def test_an_unknown_kind_is_refused() -> None:
+    with pytest.raises(HistoryError, match="did you mean 'alarm'"):
+        event(kind="allarm")
+
+
+def test_events_of_writers_at_once_are_all_there(history: History) -> None:
+    def write(number: int) -> None:
+        for i in range(5):
+            history.add_events(event(recording_hash=f"{number} {i}"), event(recording_hash=f"shared {i}"))
+
+    threads = [threading.Thread(target=write, args=(number,)) for number in range(4)]
+    for one in threads:
+        one.start()
+    for one in threads:
+        one.join()
+    assert len(history.events()) == 4 * 5 + 5
+
+
+def test_the_last_prognosis_of_a_unit_is_kept(history: History) -> None:
+    with pytest.raises(HistoryError, match="S1"):
+        history.keep_prognosis("S1", KeptPrognosis(10.0, 1, {}))
+    history.add(entry(), recording(1), diagnosis(1))
+    for diagnoses in (1, 2):
+        document = {"rul_hours": {"median": float("inf")}, "n": diagnoses}
+        history.keep_prognosis("S1", KeptPrognosis(10.0 * diagnoses, diagnoses, document))
+    (kept,) = history.prognoses().values()
+    assert (kept.hours, kept.diagnoses) == (20.0, 2)
+    assert kept.document == {"rul_hours": {"median": None}, "n": 2}
+
+
+def test_a_file_is_read_while_events_are_written(tmp_path: object) -> None:
+    with History.open(f"{tmp_path}/h.sqlite", create=True) as history:
+        history.add_events(event())
+        with history.database.writing():
+            assert len(history.events()) == 1
+        with sqlite3.connect(f"{tmp_path}/h.sqlite") as plain:
+            assert plain.execute("SELECT kind, unit FROM events").fetchall() == [("alarm", "S1")]
