@@ -7,7 +7,7 @@ import sys
 
 from cyclopts import App, CycloptsError
 
-from emaphm.cli import detect, history, study, verbs
+from emaphm.cli import detect, fleet, history, study, verbs
 from emaphm.cli.calibrate import calibrate
 from emaphm.cli.design import design
 from emaphm.cli.doctor import completion, doctor
@@ -65,6 +65,7 @@ for verb in VERBS:
 app.command(detect.app)
 app.command(study.app)
 app.command(history.app)
+app.command(fleet.app)
 
 
 def run(arguments: list[str]) -> int:

@@ -1,0 +1,135 @@
+"""`emaphm fleet …`: many units at once."""
+
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import App, Parameter
+
+from emaphm.cli.options import AsJson, Scheduler, Seed, Workers, check_seed, check_workers, whole_number
+from emaphm.cli.output import counter, show
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from emaphm.execution import OnTask
+    from emaphm.fleet.synthetic import FleetFolder, SyntheticUnit
+
+app = App(name="fleet", help="Many units at once: a synthetic fleet with its ground truth.")
+
+
+@app.command
+def simulate(
+    *,
+    out: Annotated[
+        Path, Parameter(name=("--out", "-o"), help="Folder of the fleet, new or of the same fleet.")
+    ],
+    units: Annotated[int, Parameter(converter=whole_number, help="Number of units.")] = 10,
+    flights: Annotated[
+        int, Parameter(converter=whole_number, help="Most recorded check flights of a unit.")
+    ] = 20,
+    interval: Annotated[float, Parameter(help="Flight hours between two check flights [h].")] = 80.0,
+    population: Annotated[
+        str, Parameter(help="What units are drawn from: 'fleet', or 'development'.")
+    ] = "fleet",
+    seed: Seed = 0,
+    simulate_only: Annotated[
+        bool, Parameter(negative="", help="Make recordings and truth; do not diagnose them.")
+    ] = False,
+    horizon: Annotated[float, Parameter(help="How far is planned: flight hours from now on [h].")] = 1000.0,
+    db: Annotated[
+        str | None, Parameter(help="SQLite file or postgresql://USER@HOST:PORT/DATABASE; one in the folder.")
+    ] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    as_json: AsJson = False,
+) -> None:
+    """Make a synthetic fleet, diagnose its recordings, and predict the life of each unit that still works.
+
+    Start it again, and it goes on where it stopped.
+    """
+    check_seed(seed)
+    check_workers(workers, scheduler)
+    from emaphm.fleet.synthetic import Chain, FleetFolder, FleetPlan, run_chain
+    from emaphm.prognosis import Question
+
+    horizon = Question(horizon).horizon
+    plan, folder = FleetPlan(units, flights, interval, seed, population), FleetFolder(out)
+    try:
+        with _steps(as_json) as on_step:
+            chain = Chain(plan, folder, workers, scheduler, db, horizon, on_step)
+            made = run_chain(chain, simulate_only=simulate_only)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f"what finished is kept in {out}; the same command goes on") from None
+    _show(folder, made, plan.interval, simulate_only=simulate_only, as_json=as_json)
+
+
+@contextmanager
+def _steps(quiet: bool) -> "Iterator[Callable[[str], OnTask | None]]":
+    """Yield what begins the progress of a step and ends that of the one before."""
+    with ExitStack() as stack:
+
+        def begin(step: str) -> "OnTask | None":
+            stack.pop_all().close()
+            return stack.enter_context(counter(step, quiet))
+
+        yield begin
+
+
+def _show(
+    folder: "FleetFolder",
+    units: "list[SyntheticUnit]",
+    interval: float,
+    *,
+    simulate_only: bool,
+    as_json: bool,
+) -> None:
+    from emaphm.fleet.synthetic import prognoses
+    from emaphm.text_table import NOTHING, format_table
+
+    found = {} if simulate_only else {one["unit"]: one for one in prognoses(folder)}
+    values: dict[str, Any] = {
+        "synthetic": True,
+        "folder": str(folder.path),
+        "recordings": sum(unit.check_flights(interval).size for unit in units),
+        "failed": sum(unit.failure is not None for unit in units),
+        "units": [
+            {
+                "unit": unit.serial_number,
+                "recordings": int(unit.check_flights(interval).size),
+                "failure_hours": unit.failure,
+                "failed": unit.failed,
+                "prognosis": found.get(unit.serial_number),
+            }
+            for unit in units
+        ],
+    }
+    rows = [
+        (
+            unit.serial_number,
+            str(unit.check_flights(interval).size),
+            NOTHING if unit.failure is None else f"failed at {unit.failure:,.0f} h ({unit.failed})",
+            *_life(found.get(unit.serial_number)),
+        )
+        for unit in units
+    ]
+    header = ("synthetic unit", "recordings", "true end", "RUL, h", "90 %, h", "by", "advice")
+    summary = f"{len(units)} synthetic units, {values['recordings']} recordings, in {folder.path}"
+    show(values, f"{format_table(header, rows)}\n{summary}", as_json)
+
+
+def _life(one: dict[str, Any] | None) -> tuple[str, str, str, str]:
+    from emaphm.text_table import NOTHING
+
+    if one is None:
+        return (NOTHING,) * 4
+    rul, advice = one["rul_hours"], one["advice"]
+    median, low, high = (
+        "none in sight" if x is None else f"{x:,.0f}" for x in (rul["median"], *rul["interval90"])
+    )
+    return (
+        median,
+        f"{low} to {high}",
+        one["component"] or NOTHING,
+        f"{advice['action']} {advice['in_hours']:,.0f} h",
+    )

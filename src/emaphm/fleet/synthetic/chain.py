@@ -1,0 +1,178 @@
+"""A synthetic fleet and the whole chain over it: record, diagnose, keep in a history, predict."""
+
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from emaphm.actuator.faults import NAMES
+from emaphm.errors import ExecutionError
+from emaphm.execution import OnTask, Task, check_workers, outcomes
+from emaphm.fleet.synthetic.folder import CheckFlight, FleetFolder, revision
+from emaphm.fleet.synthetic.plan import FleetPlan
+from emaphm.fleet.synthetic.prediction import Prediction, predict
+from emaphm.fleet.synthetic.recordings import PART_NUMBER, fleet_actuator
+from emaphm.fleet.synthetic.tasks import diagnose_flight, record_unit
+from emaphm.fleet.synthetic.unit import SyntheticUnit, drawn_unit
+from emaphm.history import Entry, Finding, History, Removal
+from emaphm.prognosis import Evidence
+from emaphm.recording import read_recording
+
+NOTE = "synthetic"
+"""Of each removal and finding in the history."""
+
+
+@dataclass(frozen=True)
+class Chain:
+    """How a synthetic fleet is worked through.
+
+    Parameters
+    ----------
+    folder
+        Where all is kept; what is there is not done again.
+    workers, scheduler
+        Processes on this machine, or the address of a Dask scheduler whose workers share the folder.
+    history
+        File or address of the history; one in the folder where left out.
+    horizon
+        Of the prognoses [h].
+    on_step
+        Asked for the progress of each step by its name; what it returns is called with done and total.
+    """
+
+    plan: FleetPlan
+    folder: FleetFolder
+    workers: int | None = None
+    scheduler: str | None = None
+    history: str | None = None
+    horizon: float = 1000.0
+    on_step: Callable[[str], OnTask | None] = lambda _: None
+
+    @property
+    def where(self) -> str | Path:
+        """The history."""
+        return self.history or self.folder.history
+
+
+def run_chain(chain: Chain, *, simulate_only: bool = False) -> list[SyntheticUnit]:
+    """Do what is missing of a synthetic fleet, and return its units with their truth.
+
+    Raises
+    ------
+    ExecutionError
+        The folder holds another fleet, workers cannot be used, or some tasks failed; the others are kept.
+    HistoryError, OutputError
+        The history or the folder cannot be used.
+    """
+    check_workers(chain.scheduler)
+    chain.folder.begin(chain.plan)
+    units = [drawn_unit(chain.plan, i) for i in range(chain.plan.units)]
+    with chain.folder.work.locked():
+        chain.folder.work.clear()
+        chain.folder.write_description(units, chain.plan, fleet_actuator(chain.plan.drawn_from))
+        _record(chain, units)
+        if simulate_only:
+            return units
+        with History.open(chain.where, create=True) as history:
+            _diagnose(chain, units, history)
+            _remove(units, history)
+            evidence = [Evidence.of(history.unit(one.serial_number)) for one in units if _flew(one, chain)]
+        failed = {one.serial_number for one in units if one.failure is not None}
+        predict(
+            [one for one in evidence if one.unit not in failed],
+            evidence,
+            Prediction(fleet_actuator(chain.plan.drawn_from), chain.horizon, chain.plan.seed),
+            chain.folder,
+            workers=chain.workers,
+            scheduler=chain.scheduler,
+            on_task=chain.on_step("predicting"),
+        )
+    return units
+
+
+def _record(chain: Chain, units: list[SyntheticUnit]) -> None:
+    actuator, expected = fleet_actuator(chain.plan.drawn_from), revision()
+    folder = str(chain.folder.path.absolute())
+    missing = [
+        Task(i, record_unit, (folder, chain.plan, i, actuator, expected), name=unit.serial_number)
+        for i, unit in enumerate(units)
+        if not all(flight.path.exists() for flight in chain.folder.flights(unit, chain.plan))
+    ]
+    _done(chain, "simulating units", missing, lambda _: None, len(units))
+
+
+def _diagnose(chain: Chain, units: list[SyntheticUnit], history: History) -> None:
+    """Add what is missing of the diagnoses to the history; each is there when it is reported as done."""
+    actuator, expected, seed = fleet_actuator(chain.plan.drawn_from), revision(), chain.plan.seed
+    place = FleetFolder(chain.folder.path.absolute())
+    flights = [flight for unit in units for flight in place.flights(unit, chain.plan)]
+    known = {(unit.serial_number, one.hours) for unit in history.units(PART_NUMBER) for one in unit.flights()}
+
+    def is_missing(flight: CheckFlight) -> bool:
+        if (flight.unit, flight.hours) not in known:
+            return True
+        return history.missing(_entry(flight), read_recording(flight.path, actuator), actuator, seed)
+
+    tasks = [
+        Task(i, diagnose_flight, (flight, actuator, seed, expected), name=str(flight.path))
+        for i, flight in enumerate(flights)
+        if is_missing(flight)
+    ]
+
+    def keep(task: Task, result: Any) -> None:
+        recording, diagnosis = result
+        history.add(_entry(flights[task.index]), recording, diagnosis)
+
+    by_index = {task.index: task for task in tasks}
+    _done(
+        chain,
+        "diagnosing",
+        tasks,
+        lambda outcome: keep(by_index[outcome.index], outcome.result),
+        len(flights),
+    )
+
+
+def _entry(flight: CheckFlight) -> Entry:
+    # Late: workers finish in any order.
+    return Entry(flight.unit, PART_NUMBER, flight.hours, flight.cycles, late=True)
+
+
+def _done(chain: Chain, step: str, tasks: list[Task], keep: Callable[[Any], None], total: int) -> None:
+    """Do the tasks and keep what each gives; raise for those that failed when all others are done."""
+    report, failures = chain.on_step(step), []
+    done = total - len(tasks)
+    if report:
+        report(done, total)
+    with closing(outcomes(tasks, workers=chain.workers, scheduler=chain.scheduler)) as finished:
+        for outcome in finished:
+            if outcome.failure:
+                failures.append(outcome.failure)
+                continue
+            keep(outcome)
+            done += 1
+            if report:
+                report(done, total)
+    if failures:
+        raise ExecutionError(
+            f"{step}: {len(failures)} of {len(tasks)} tasks failed, the others are kept; the first: "
+            f"{failures[0]}"
+        )
+
+
+def _remove(units: list[SyntheticUnit], history: History) -> None:
+    """Add the removals of the units that have failed, and what a shop would find."""
+    known = {one.serial_number for one in history.units(PART_NUMBER)}
+    for unit in units:
+        if unit.failure is None or unit.failed is None or unit.serial_number not in known:
+            continue
+        level = float(unit.vectors[-1][NAMES.index(unit.failed)])
+        history.add_removal(unit.serial_number, Removal(unit.failure, "failed", NOTE))
+        history.add_finding(
+            unit.serial_number, Finding(unit.failure, unit.failed, "failed", level, note=NOTE)
+        )
+
+
+def _flew(unit: SyntheticUnit, chain: Chain) -> bool:
+    return bool(unit.check_flights(chain.plan.interval).size)

@@ -1,0 +1,166 @@
+"""The folder of a synthetic fleet: recordings as an operator would have them, and the truth apart."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from emaphm.actuator import Actuator
+from emaphm.errors import ExecutionError
+from emaphm.execution.folder import WorkFolder, difference
+from emaphm.execution.revision import revision_of
+from emaphm.fleet.synthetic.plan import FleetPlan
+from emaphm.fleet.synthetic.unit import SyntheticUnit
+from emaphm.fleet.task import DECIDING, NOT_DECIDING
+from emaphm.output_files import make_folder, written_whole
+
+SETTINGS = "synthetic-fleet.json"
+
+README = """\
+A synthetic fleet: no unit of it exists. Made by `emaphm fleet simulate`.
+
+synthetic-fleet.json   what was asked
+actuator.toml          the actuator that the units are of, with its requirements
+flights.csv            the check flights: unit, hours, cycles, file of the recording
+recordings/            a folder a unit, a file a check flight, by the reference model with noise
+history.sqlite         diagnoses, removals, findings (unless another history was named)
+prognoses.ndjson       a line a unit that still works: its remaining useful life
+truth/                 what an operator would not have: levels, laws, hours of failure
+"""
+
+HOURS_A_CYCLE = 2.0
+"""Flight hours of one flight [h]."""
+
+DECIDING_HERE = ("plan", "population", "growth", "unit", "recordings", "tasks")
+
+
+@dataclass(frozen=True)
+class CheckFlight:
+    """A check flight of a unit, its `number`-th, at flight `hours` [h], recorded in the file at `path`."""
+
+    unit: str
+    number: int
+    hours: float
+    path: Path
+
+    @property
+    def cycles(self) -> int:
+        """Flights of the unit until then."""
+        return round(self.hours / HOURS_A_CYCLE)
+
+
+@dataclass(frozen=True)
+class FleetFolder:
+    """The folder at `path`."""
+
+    path: Path
+
+    @property
+    def work(self) -> WorkFolder:
+        """The folder as one that a process at a time works in."""
+        return WorkFolder(self.path, SETTINGS, "synthetic fleet", ExecutionError)
+
+    @property
+    def history(self) -> Path:
+        """The history, unless another one was named."""
+        return self.path / "history.sqlite"
+
+    @property
+    def prognoses(self) -> Path:
+        """The remaining useful lives, a line of JSON each."""
+        return self.path / "prognoses.ndjson"
+
+    def flights(self, unit: SyntheticUnit, plan: FleetPlan) -> tuple[CheckFlight, ...]:
+        """Return the check flights of a unit."""
+        place = self.path / "recordings" / unit.serial_number
+        return tuple(
+            CheckFlight(unit.serial_number, i, float(hours), place / f"flight-{i:04d}.parquet")
+            for i, hours in enumerate(unit.check_flights(plan.interval), start=1)
+        )
+
+    def begin(self, plan: FleetPlan) -> None:
+        """Make the folder, or go on in one that was begun with the same plan and code.
+
+        Raises
+        ------
+        ExecutionError
+            The folder holds another fleet, one of another version, or something else.
+        """
+        folder = self.work
+        here = {"synthetic": True, "plan": plan.to_dict(), "revision": revision()}
+        if not folder.settings.exists():
+            folder.begin(json.dumps(here, indent=1))
+        differing = difference(_settings_in(folder), json.loads(json.dumps(here)))
+        if differing:
+            raise ExecutionError(
+                f"{self.path} holds another synthetic fleet: {differing}; ask for the same one, or give "
+                "another folder with -o"
+            )
+
+    def write_description(self, units: list[SyntheticUnit], plan: FleetPlan, actuator: Actuator) -> None:
+        """Write all but recordings and results: the actuator, the list of check flights, the truth.
+
+        Raises
+        ------
+        OutputError
+            The operating system refuses.
+        """
+        import polars as pl
+
+        from emaphm.actuator.toml import write_toml
+
+        _write(self.path / "README.txt", README)
+        _write(self.path / "actuator.toml", f"# The actuator of a synthetic fleet.\n\n{write_toml(actuator)}")
+        rows = [
+            (one.unit, one.hours, one.cycles, str(one.path.relative_to(self.path)))
+            for unit in units
+            for one in self.flights(unit, plan)
+        ]
+        frame = pl.DataFrame(rows, schema=["unit", "hours", "cycles", "recording"], orient="row")
+        with written_whole(self.path / "flights.csv") as temporary:
+            frame.write_csv(temporary)
+        make_folder(self.path / "truth")
+        truth = {"synthetic": True, "units": [unit.to_dict() for unit in units]}
+        _write(self.path / "truth" / "units.json", json.dumps(truth, indent=1))
+        with written_whole(self.path / "truth" / "levels.parquet") as temporary:
+            _levels(units).write_parquet(temporary)
+
+
+def revision() -> str:
+    """Return a fingerprint of the code that decides what is recorded of a fleet, and diagnosed."""
+    own = tuple(f"fleet/synthetic/{name}.py" for name in DECIDING_HERE)
+    return revision_of((*DECIDING, "simulated_recording.py", *own), NOT_DECIDING)
+
+
+def _levels(units: list[SyntheticUnit]) -> Any:
+    """Return a frame of the true levels, a row an instant of a unit."""
+    import polars as pl
+
+    from emaphm.actuator.faults import NAMES
+
+    return pl.concat(
+        pl.DataFrame(
+            {
+                "unit": [one.serial_number] * one.hours.size,
+                "hours": one.hours,
+                "ageing_hours": one.ageing,
+                **dict(zip(NAMES, one.vectors.T, strict=True)),
+            }
+        )
+        for one in units
+    )
+
+
+def _settings_in(folder: WorkFolder) -> Any:
+    try:
+        return json.loads(folder.settings.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        reason = str(error).splitlines()[0]
+        raise ExecutionError(
+            f"{folder.settings}: cannot be read ({reason}); give another folder with -o"
+        ) from None
+
+
+def _write(path: Path, text: str) -> None:
+    with written_whole(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")

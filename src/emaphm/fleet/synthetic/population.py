@@ -1,0 +1,110 @@
+"""What a synthetic fleet is drawn from: which components wear, by which laws, how fast; stress and rig."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+
+@dataclass(frozen=True)
+class Wear:
+    """How one component degrades over the units of a fleet.
+
+    Parameters
+    ----------
+    laws
+        Names of `growth.LAWS` with their shares of the units.
+    share
+        Of the units in which it degrades at all.
+    life
+        Median over the units of the hours at which it would reach its limit, under nominal stress [h].
+    spread
+        Standard deviation of the logarithm of these hours over the units.
+    limit
+        Level at which it fails.
+    """
+
+    laws: Mapping[str, float]
+    share: float
+    life: float
+    limit: float
+    spread: float = 0.3
+
+
+@dataclass(frozen=True)
+class Stress:
+    """What a unit is exposed to; it ages by the factor 2^(ΔT/d) (1 + l)^3 as fast as nominal.
+
+    ΔT [K] is the ambient's deviation from nominal, ageing doubling with each `doubling` d [K] (the law of
+    Arrhenius over a narrow range), l the relative deviation of the load, cubed as in the life of bearings
+    (ISO 281). Each has a part of the unit's own mission and one of each flight, standard deviations below.
+    """
+
+    doubling: float = 40.0
+    mission_K: float = 8.0
+    flight_K: float = 10.0
+    mission_load: float = 0.06
+    flight_load: float = 0.06
+
+
+@dataclass(frozen=True)
+class Rig:
+    """What is recorded on a check flight, and what is unknown of it; all chosen.
+
+    A chirp of `amplitude` [rad] up to `stop_hz` [Hz] for `duration` [s]; current and line voltage, with
+    white `noise` on the current [A rms] and converters of `adc_bits`. A constant load within ± `load` [N·m],
+    windings within ± `heat` [K] of the ambient, and a supply within ± `supply` of nominal, relative.
+    """
+
+    amplitude: float = 5e-3
+    stop_hz: float = 15.0
+    duration: float = 0.5
+    sample_rate: float = 5000.0
+    noise: float = 0.05
+    adc_bits: int = 12
+    load: float = 0.2
+    heat: float = 15.0
+    supply: float = 0.02
+
+
+@dataclass(frozen=True)
+class Population:
+    """A kind of fleet: the wear of each component, the stress, the rig.
+
+    `drift` is the standard deviation by which a level leaves its law over a life, by a Wiener process;
+    `new_level` that of a new component's level about healthy.
+    """
+
+    name: str
+    wear: Mapping[str, Wear]
+    stress: Stress = field(default_factory=Stress)
+    rig: Rig = field(default_factory=Rig)
+    drift: float = 0.01
+    new_level: float = 0.01
+
+
+def _of(name: str, **wear: Wear) -> Population:
+    return Population(name, MappingProxyType(wear))
+
+
+FLEET = _of(
+    "fleet",
+    friction=Wear(MappingProxyType({"linear": 0.5, "exponential": 0.5}), 0.9, 2600.0, 0.6),
+    backlash=Wear(MappingProxyType({"two-phase": 0.6, "power law": 0.4}), 0.8, 2800.0, 0.6),
+    short_a=Wear(MappingProxyType({"sudden onset": 1.0}), 0.4, 3600.0, 0.4, 0.4),
+    short_b=Wear(MappingProxyType({"gamma process": 1.0}), 0.5, 3200.0, 0.4),
+    eccentricity=Wear(MappingProxyType({"logistic": 1.0}), 0.6, 3000.0, 0.5),
+    gain=Wear(MappingProxyType({"linear": 1.0}), 0.3, 6000.0, 0.2),
+)
+"""The fleet of `emaphm fleet simulate` and of the study. Chosen before the filter was measured on it."""
+
+DEVELOPMENT = _of(
+    "development",
+    friction=Wear(MappingProxyType({"power law": 0.6, "gamma process": 0.4}), 0.8, 3400.0, 0.5, 0.4),
+    backlash=Wear(MappingProxyType({"exponential": 0.5, "logistic": 0.5}), 0.9, 2200.0, 0.7, 0.25),
+    short_a=Wear(MappingProxyType({"linear": 1.0}), 0.5, 3800.0, 0.3, 0.4),
+    short_c=Wear(MappingProxyType({"two-phase": 1.0}), 0.5, 3000.0, 0.5, 0.3),
+    eccentricity=Wear(MappingProxyType({"sudden onset": 0.6, "linear": 0.4}), 0.6, 2600.0, 0.6, 0.35),
+)
+"""Another fleet, with other laws for each component: the one that the prognosis was developed on."""
+
+POPULATIONS: Mapping[str, Population] = MappingProxyType({one.name: one for one in (FLEET, DEVELOPMENT)})

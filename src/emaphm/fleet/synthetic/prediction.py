@@ -1,0 +1,90 @@
+"""The remaining useful life of each unit of a synthetic fleet, the others being its prior."""
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from emaphm.actuator import Actuator
+from emaphm.errors import ExecutionError
+from emaphm.execution import OnTask, ResultStore, Task, run_tasks
+from emaphm.execution.revision import revision_of
+from emaphm.fleet.synthetic.folder import FleetFolder
+from emaphm.output_files import written_whole
+from emaphm.prognosis import Evidence, Question, fleet_prior, prognose
+from emaphm.strict_json import finite
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What the prognoses of a fleet share: the actuator with its requirements, the horizon [h], the seed."""
+
+    actuator: Actuator
+    horizon: float
+    seed: int
+
+
+def predict_unit(evidence: Evidence, others: Sequence[Evidence], asked: Prediction) -> dict[str, Any]:
+    """Return what `emaphm prognose --json` prints of a unit, given the other units of the fleet."""
+    prior = fleet_prior(others, seed=asked.seed)
+    found = prognose(evidence, asked.actuator, Question(asked.horizon), prior=prior, seed=asked.seed)
+    return {"synthetic": True, **found.to_dict()}
+
+
+def predict(
+    units: Sequence[Evidence],
+    fleet: Sequence[Evidence],
+    asked: Prediction,
+    folder: FleetFolder,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    on_task: OnTask | None = None,
+) -> None:
+    """Write a line for each of `units`, predicted with the others of `fleet` as its prior.
+
+    What was predicted from the same diagnoses by the same code is not done again.
+
+    Raises
+    ------
+    ExecutionError
+        Workers cannot be used, or some predictions failed; the others are kept.
+    OutputError
+        The file cannot be written.
+    """
+    tasks = []
+    for i, one in enumerate(units):
+        others = [other for other in fleet if other.unit != one.unit]
+        tasks.append(Task(i, predict_unit, (one, others, asked), _key([one, *others], asked), one.unit))
+    store = ResultStore(folder.work.results)
+    failures = run_tasks(tasks, store, workers=workers, scheduler=scheduler, on_task=on_task)
+    if failures:
+        raise ExecutionError(
+            f"predicting: {len(failures)} of {len(tasks)} units failed, the others are kept; the first: "
+            f"{failures[0]}"
+        )
+    found, _ = store.read(tasks)
+    lines = [json.dumps(finite(found[i].result), allow_nan=False) for i in sorted(found)]
+    with written_whole(folder.prognoses) as temporary:
+        temporary.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
+
+
+def prognoses(folder: FleetFolder) -> list[dict[str, Any]]:
+    """Return the prognoses of a folder, as `emaphm prognose --json` prints them."""
+    lines = folder.prognoses.read_text(encoding="utf-8").splitlines()
+    return [json.loads(line) for line in lines]
+
+
+def _key(evidence: Sequence[Evidence], asked: Prediction) -> str:
+    """Return what identifies a prognosis: all it is computed from, and the code that computes it."""
+    parts = [
+        (
+            (one.unit, one.hours, one.replacements),
+            [(x.hours, x.level.tolist(), x.covariance.tolist(), x.explained) for x in one.observations],
+        )
+        for one in evidence
+    ]
+    code = revision_of(("prognosis", "actuator", "random_streams.py"), ("actuator/toml.py",))
+    text = json.dumps([parts, asked.actuator.model_dump(mode="json"), asked.horizon, asked.seed, code])
+    return hashlib.sha256(text.encode()).hexdigest()

@@ -1,0 +1,79 @@
+"""Recordings of check flights of a synthetic unit, by the reference model."""
+
+import numpy as np
+
+from emaphm.actuator import Actuator, Chirp, Faults
+from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
+from emaphm.actuator.requirements import Requirement
+from emaphm.estimation.nuisances import COPPER, MAGNETS
+from emaphm.fleet.synthetic.plan import FleetPlan
+from emaphm.fleet.synthetic.population import Population, Rig
+from emaphm.fleet.synthetic.unit import FALLING, SyntheticUnit
+from emaphm.random_streams import child_seed, stream
+from emaphm.recording import Recording
+from emaphm.simulated_recording import simulate
+
+CHANNELS = ("time_s", "command_rad", "current_A", "voltage_V")
+
+PART_NUMBER = "SYNTHETIC"
+
+
+def fleet_actuator(population: Population) -> Actuator:
+    """Return the actuator of a synthetic fleet: the thesis's, its levels required to stay within limits."""
+    thesis = Actuator.thesis()
+    required = []
+    for name, wear in population.wear.items():
+        healthy = getattr(Faults(), name)
+        if name in FALLING:
+            required.append(Requirement.model_validate({"component": name, "at_least": healthy - wear.limit}))
+        else:
+            required.append(Requirement.model_validate({"component": name, "at_most": wear.limit}))
+    return thesis.model_copy(update={"name": PART_NUMBER, "requirements": tuple(required)})
+
+
+def check_flight(
+    unit: SyntheticUnit, hours: float, plan: FleetPlan, actuator: Actuator, number: int
+) -> Recording:
+    """Return the recording of the check flight at flight `hours` [h], the unit's `number`-th.
+
+    The model is the reference model, which no diagnosis fits by. Load, temperature and supply are the
+    flight's own, and not recorded; only the line voltage shows the supply.
+    """
+    population = plan.drawn_from
+    rig = population.rig
+    name = ("synthetic check flight", population.name, unit.serial_number, number)
+    present = _as_on_the_flight(actuator, unit, population, rig, stream(plan.seed, *name))
+    whole = simulate(
+        present,
+        Chirp(rig.amplitude, 0.0, rig.stop_hz, rig.duration),
+        faults=Faults.from_vector(unit.vectors[unit.row(hours)]),
+        duration=rig.duration,
+        sample_rate=rig.sample_rate,
+        noise=rig.noise,
+        adc_bits=rig.adc_bits,
+        seed=child_seed(plan.seed, *name),
+    )
+    labels: dict[str, float | str] = {"serial": unit.serial_number, "hours": hours, "origin": "synthetic"}
+    return Recording(
+        {one: whole[one] for one in CHANNELS},
+        source=f"synthetic, {unit.serial_number} at {hours:g} h",
+        labels=labels,
+    )
+
+
+def _as_on_the_flight(
+    actuator: Actuator, unit: SyntheticUnit, population: Population, rig: Rig, random: np.random.Generator
+) -> Actuator:
+    """Return the actuator with the load, temperature and supply of one flight."""
+    load, heat, supply = random.uniform(-1, 1, 3) * (rig.load, rig.heat, rig.supply)
+    above = unit.mission[0] + population.stress.flight_K * random.standard_normal() + heat
+    nominal = lumped_parameters(actuator, ("offset", "resistance", "torque_constant", "supply"))
+    return with_lumped_parameters(
+        actuator,
+        {
+            "offset": nominal["offset"] + load,
+            "resistance": nominal["resistance"] * (1 + COPPER * above),
+            "torque_constant": nominal["torque_constant"] * (1 + MAGNETS * above),
+            "supply": nominal["supply"] * (1 + supply),
+        },
+    )

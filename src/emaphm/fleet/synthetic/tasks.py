@@ -1,0 +1,52 @@
+"""What workers do for a synthetic fleet: record the check flights of a unit, diagnose one of them."""
+
+from pathlib import Path
+
+from emaphm.actuator import Actuator
+from emaphm.diagnosis import Diagnosis, diagnose
+from emaphm.errors import ExecutionError
+from emaphm.fleet.synthetic.folder import CheckFlight, FleetFolder, revision
+from emaphm.fleet.synthetic.plan import FleetPlan
+from emaphm.fleet.synthetic.recordings import check_flight
+from emaphm.fleet.synthetic.unit import drawn_unit
+from emaphm.output_files import make_folder
+from emaphm.recording import Recording, read_recording
+from emaphm.recording.io.write import write_recording
+
+
+def record_unit(folder: str, plan: FleetPlan, number: int, actuator: Actuator, expected: str) -> int:
+    """Write the recordings of a unit that are missing, and return how many these were.
+
+    Raises
+    ------
+    ExecutionError
+        The code here is not that of the revision `expected`.
+    OutputError
+        A file cannot be written.
+    """
+    _check(expected)
+    place, unit, written = FleetFolder(Path(folder)), drawn_unit(plan, number), 0
+    make_folder(place.path / "recordings" / unit.serial_number)
+    for flight in place.flights(unit, plan):
+        if not flight.path.exists():
+            recording = check_flight(unit, flight.hours, plan, actuator, flight.number)
+            write_recording(recording, flight.path, force=True)
+            written += 1
+    return written
+
+
+def diagnose_flight(
+    flight: CheckFlight, actuator: Actuator, seed: int, expected: str
+) -> tuple[Recording, Diagnosis]:
+    """Return the recording of a check flight and its diagnosis; errors as in `record_unit` and `diagnose`."""
+    _check(expected)
+    recording = read_recording(flight.path, actuator)
+    return recording, diagnose(recording, actuator, seed=seed, workers=1)
+
+
+def _check(expected: str) -> None:
+    if revision() != expected:
+        raise ExecutionError(
+            f"this worker runs another version of emaphm ({revision()}; the fleet's is {expected}); install "
+            "the same one there"
+        )
