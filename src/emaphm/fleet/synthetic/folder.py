@@ -6,12 +6,13 @@ from pathlib import Path
 from typing import Any
 
 from emaphm.actuator import Actuator
+from emaphm.diagnosis.deciding_code import NOT_DECIDING
 from emaphm.errors import ExecutionError
 from emaphm.execution.folder import WorkFolder, difference
 from emaphm.execution.revision import revision_of
 from emaphm.fleet.synthetic.plan import FleetPlan
 from emaphm.fleet.synthetic.unit import SyntheticUnit
-from emaphm.fleet.task import DECIDING, NOT_DECIDING
+from emaphm.fleet.task import DECIDING
 from emaphm.output_files import make_folder, written_whole
 
 SETTINGS = "synthetic-fleet.json"
