@@ -1,7 +1,8 @@
 """A measured servo: the XL330 logs of Rhoban/bam, predicted from their goal by a fit to other logs.
 
-The bounds are what BAM's model M6, fitted to the same four logs by its own loss (mean absolute error), has on
-the other four: 43 and 30 mrad for the example's split and its reverse (M1 64 and 50, M4 48 and 37).
+The bound is what BAM's model M6, fitted to the same four logs by its own loss (mean absolute error), has on
+the other four: 43 mrad (M1 64, M4 48). For the reverse split, which takes as long again and is not tested, it
+is 30 mrad (M1 50, M4 37); the example asked with `--train` and `--test` exchanged has its figure.
 """
 
 import json
@@ -19,14 +20,15 @@ ONE = ("kp100_sin_sin", "kp200_lift_and_drop", "kp400_up_and_down", "kp800_sin_t
 OTHER = ("kp100_up_and_down", "kp200_sin_time_square", "kp400_sin_sin", "kp800_lift_and_drop")
 
 
-@pytest.mark.parametrize(("train", "test", "by_m6"), [(ONE, OTHER, 43.0), (OTHER, ONE, 30.0)])
-def test_the_logs_left_out_are_predicted_better_than_by_m6(
-    train: tuple[str, ...], test: tuple[str, ...], by_m6: float
-) -> None:
+BY_M6 = 43.0
+"""Mean absolute error of BAM's model M6 on `OTHER` [mrad]."""
+
+
+def test_the_logs_left_out_are_predicted_better_than_by_m6() -> None:
     if not DATA.is_dir():
         pytest.skip(f"the XL330 logs are not in {DATA}; set EMAPHM_DATA to the folder that holds xl330")
-    errors = _example("--train", *_files(train), "--test", *_files(test))
-    assert errors["test_mae_mrad"] < by_m6
+    errors = _example("--train", *_files(ONE), "--test", *_files(OTHER))
+    assert errors["test_mae_mrad"] < BY_M6
     assert errors["test_mae_mrad"] < errors["test_rms_mrad"]
     assert {"load-dependent", "gravity"} <= set(errors["laws"])
 
