@@ -114,11 +114,11 @@ def test_another_seed_starts_elsewhere_and_ends_at_the_same_faults(
 
 
 def test_the_number_of_workers_changes_no_bit() -> None:
-    recording = simulate(THESIS, Chirp(duration=1.0), faults=MIXED, model="averaged", duration=1.0)
+    recording = simulate(THESIS, Chirp(duration=1.0), faults=MIXED, duration=1.0)
     # So long that the 16 groups of the starts are worth threads at all.
     steps = round(recording.duration_s / AVERAGED.step)
     assert 16 * steps > WORTH_A_THREAD
-    # Named, so that no laws are tried: the reference model does not explain what the averaged one records.
+    # Named, so that nothing else is tried.
     named = THESIS.nuisances.estimated
     alone, together = (
         diagnose(recording, THESIS, max_corrections=1, nuisances=named, workers=workers) for workers in (1, 2)
@@ -149,9 +149,10 @@ def test_evaluations_are_the_runs_of_the_averaged_model(
 
 
 @pytest.mark.parametrize("method", [*METHODS, "random+lsq", "pymoo-ga"])
-def test_progress_only_grows(method: str, mixed: Recording) -> None:
+def test_progress_only_grows(method: str) -> None:
+    brief = simulate(THESIS, Chirp(duration=0.1), duration=0.1)
     reported: list[float] = []
-    diagnose(mixed, THESIS, method=method, max_corrections=0, on_progress=reported.append)
+    diagnose(brief, THESIS, method=method, max_corrections=0, on_progress=reported.append)
     assert len(reported) > 5
     assert all(0 <= one <= two <= 1 for one, two in itertools.pairwise(reported))
 
@@ -222,13 +223,14 @@ def test_a_swarm_finds_a_single_fault(method: str, fitness: str) -> None:
 def test_the_monitor_model_finds_what_it_recorded_itself() -> None:
     truth = Faults(gain=0.75)
     recording = simulate(THESIS, Chirp(), faults=truth, model="monitor")
-    errors = []
-    for seed in range(3):
+
+    def error(seed: int) -> float:
         found = diagnose(recording, THESIS, model="monitor", method="dragonfly", seed=seed)
         assert found.model == "monitor"
-        errors.append(float(error_percent(truth.vector, found.faults.vector)))
-    # Nothing but the swarm's luck stands between it and its own model: at least one run must arrive.
-    assert min(errors) <= 1.0
+        return float(error_percent(truth.vector, found.faults.vector))
+
+    # Nothing but the swarm's luck stands between it and its own model: one of three runs must arrive.
+    assert any(error(seed) <= 1.0 for seed in range(3))
 
 
 def test_least_squares_are_refused_where_the_model_switches() -> None:

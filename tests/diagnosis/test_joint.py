@@ -84,7 +84,7 @@ def test_n_recordings_have_the_error_of_one_over_the_root_of_n() -> None:
 
 def test_the_intervals_hold_the_truth() -> None:
     rng, inside = np.random.default_rng(0), []
-    for case in range(20):
+    for case in range(12):
         friction, backlash, gain = rng.random(3)
         faults = Faults(friction=friction, backlash=backlash, gain=gain)
         loads = rng.normal(0.0, 0.03, 3)
@@ -96,8 +96,8 @@ def test_the_intervals_hold_the_truth() -> None:
         inside += [
             covered(faults.vector, found)[NAMES.index(name)] for name in ("friction", "backlash", "gain")
         ]
-    # Of 60 intervals of 95 %, 51 are inside in all but 1 of 1000 draws.
-    assert sum(inside) >= 51
+    # Of 36 intervals of 95 %, 30 are inside in all but 2 of 1000 draws.
+    assert sum(inside) >= 30
 
 
 def test_the_reference_model_corrects_every_recording() -> None:

@@ -30,7 +30,7 @@ def factor(request: pytest.FixtureRequest) -> float:
 
 @pytest.fixture(scope="module")
 def found(factor: float) -> Diagnosis:
-    return diagnose(recorded(Faults(friction=(factor - 1) / 2)), THESIS, workers=1, posterior=factor == 0.7)
+    return diagnose(recorded(Faults(friction=(factor - 1) / 2)), THESIS, workers=1)
 
 
 def test_it_is_found_within_its_interval_and_nothing_else_is(found: Diagnosis, factor: float) -> None:
@@ -61,9 +61,10 @@ def test_its_interval_is_on_the_axis(found: Diagnosis) -> None:
     assert [low, high] in [list(np.asarray(line.get_xdata())) for line in axis.get_lines()]
 
 
-def test_the_posterior_agrees(found: Diagnosis) -> None:
-    if found.posterior is None:
-        pytest.skip("sampled of one of the recordings")
+def test_the_posterior_agrees() -> None:
+    # Of the faults alone: with load and temperature the chain takes four times as long.
+    found = diagnose(recorded(Faults(friction=-0.15)), THESIS, workers=1, nuisances=(), posterior=True)
+    assert found.posterior is not None
     assert found.posterior.interval95["friction"] == pytest.approx(found.interval["friction"], abs=2e-3)
     assert draw_posterior(found).axes[0].get_xlim()[1] < 0
 

@@ -42,7 +42,7 @@ def test_a_healthy_unit_is_not_degraded_by_slow_rows(found: Diagnosis) -> None:
 def test_claims_shrink_with_the_rate() -> None:
     half = {}
     for rate in (25.0, 500.0):
-        said = diagnose(recorded(rate, 5.0, Chirp(stop_hz=3.0, duration=5.0)), THESIS, workers=1)
+        said = diagnose(recorded(rate, 2.0, Chirp(stop_hz=3.0, duration=2.0)), THESIS, workers=1)
         half[rate] = {name: np.ptp(said.interval[name]) for name in ("friction", "backlash", "gain")}
     assert all(half[25.0][name] > 2 * half[500.0][name] for name in half[25.0])
 
@@ -57,7 +57,7 @@ def test_the_model_driven_by_slow_rows_is_right() -> None:
 
 @pytest.mark.parametrize("noise", [0.05, 0.3])
 def test_the_noise_on_slow_rows_is_not_that_of_the_jumps(noise: float) -> None:
-    current = recorded(200.0, 5.0, Chirp(stop_hz=15.0, duration=5.0), noise)["current_A"]
+    current = recorded(200.0, 2.0, Chirp(stop_hz=15.0, duration=2.0), noise)["current_A"]
     by_rms = float(np.sqrt(np.mean(np.diff(current, 2) ** 2) / 6))
     quiet = quiet_noise_level(current, 5e-3)
     assert noise * 0.9 < quiet < max(2 * noise, 0.1)

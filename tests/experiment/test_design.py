@@ -79,16 +79,22 @@ def test_voltage_narrows_the_intervals() -> None:
         assert both.half_widths[name] < alone.half_widths[name] / 3
 
 
+LINEAR_CHIRP = Excitation(Chirp(stop_hz=3.0), 0.5)
+
+
+@pytest.fixture(scope="module")
+def base() -> Precision:
+    return precision_of(LINEAR_CHIRP, EMPS, noise=0.2, count=48)
+
+
 @pytest.mark.parametrize(
     ("noise", "sample_rate", "ratio"), [(0.4, 5000.0, 2.0), (0.2, 2500.0, 2**0.5), (0.4, 20000.0, 1.0)]
 )
 def test_intervals_are_as_wide_as_noise_and_rows_demand(
-    noise: float, sample_rate: float, ratio: float
+    base: Precision, noise: float, sample_rate: float, ratio: float
 ) -> None:
     # White noise and nothing else: in proportion to its rms, and to the root of the rows' distance.
-    manoeuvre = Excitation(Chirp(stop_hz=3.0), 0.5)
-    base = precision_of(manoeuvre, EMPS, noise=0.2, count=48)
-    other = precision_of(manoeuvre, EMPS, noise=noise, sample_rate=sample_rate, count=48)
+    other = precision_of(LINEAR_CHIRP, EMPS, noise=noise, sample_rate=sample_rate, count=48)
     # The gain shows in a few percent of the rows alone, and from one draw of noise its width is known to a
     # third: the ratio of 48 to 7 %, and less where friction, which shows in all, has its share in the mean.
     found = np.exp(np.mean(other.logarithms - base.logarithms))
