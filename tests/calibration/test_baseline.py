@@ -124,17 +124,18 @@ def test_the_nuisances_of_each_day_are_reported(calibrated: Calibration) -> None
     assert [one["recording"] for one in calibrated.to_dict()["recordings"]] == ["day 1", "day 2", "day 3"]
 
 
-def test_an_uninformative_recording_does_not_spoil_the_others(healthy: list[Recording]) -> None:
+def test_an_uninformative_recording_does_not_spoil_the_others(
+    healthy: list[Recording], calibrated: Calibration
+) -> None:
     # The current alone has information on torques in proportion to the torque constant, and no resistance.
     poor = of_a_day(UNIT, load=0.1, temperature_rise_K=20.0, channels=("current_A",), seed=5)
-    two = calibrate(healthy[:2], THESIS, FREE, workers=1)
-    three = calibrate([*healthy[:2], poor], THESIS, FREE, workers=1)
+    with_poor = calibrate([*healthy, poor], THESIS, FREE, workers=1)
     for name in FREE:
-        before, after = two.parameters[name], three.parameters[name]
+        before, after = calibrated.parameters[name], with_poor.parameters[name]
         assert abs(after.value - before.value) < 2 * before.standard_error
         assert after.identifiable
-    assert three.parameters["resistance"].standard_error == pytest.approx(
-        two.parameters["resistance"].standard_error, rel=0.3
+    assert with_poor.parameters["resistance"].standard_error == pytest.approx(
+        calibrated.parameters["resistance"].standard_error, rel=0.3
     )
     alone = calibrate(poor, THESIS, FREE, workers=1)
     assert not any(p.identifiable for p in alone.parameters.values())
