@@ -1,5 +1,8 @@
 """What is off its description is found where a recording shows it, and nothing is where it is not."""
 
+from types import SimpleNamespace
+from typing import Any, cast
+
 import numpy as np
 import pytest
 
@@ -7,6 +10,8 @@ from cases import THESIS, drawn
 from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
 from emaphm.diagnosis import Diagnosis, diagnose, error_percent
+from emaphm.diagnosis.selection.rivals import with_rivals
+from emaphm.estimation.search_result import SearchResult
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 
@@ -91,3 +96,26 @@ def test_the_selection_does_not_depend_on_the_number_of_threads(
     assert one.selected == two.selected == ("inertia",)
     np.testing.assert_array_equal(one.covariance, two.covariance)
     assert one.faults == two.faults
+
+
+def test_an_inertia_is_likelier_than_a_voltage_of_another_scale_that_explains_as_much() -> None:
+    # Five percent are one standard deviation of the one's prior, and five of the other's.
+    found = diagnose(recorded(heavier(0.05), Faults(), 2), THESIS, seed=2)
+    assert found.selected == ("inertia",)
+    assert found.nuisances["inertia"].value == pytest.approx(0.05, abs=0.01)
+    assert found.components["friction"].value == pytest.approx(0.0, abs=0.01)
+
+
+def test_rivals_add_their_spread_by_their_probability() -> None:
+    objective = SimpleNamespace(space=SimpleNamespace(coordinates=("friction", "gain")))
+    lacking = SimpleNamespace(space=SimpleNamespace(coordinates=("gain",)))
+    best = SearchResult.at(cast("Any", objective), np.array([0.3, 0.5]), correction=np.zeros(1))
+    others = [
+        SearchResult.at(cast("Any", objective), np.array([0.5, 0.5]), correction=np.zeros(1)),
+        SearchResult.at(cast("Any", lacking), np.array([0.4]), correction=np.zeros(1)),
+    ]
+    added = with_rivals(best, others, np.array([0.0, 2 * np.log(4)])).scatter - best.scatter
+    # Probabilities of 1, 1 and 1/4 to 1; the second says nothing of friction, which is nominal in it.
+    first, second = np.array([0.2, 0.0]), np.array([-0.3, -0.1])
+    expected = (np.outer(first, first) + np.outer(second, second) / 4) / 2.25
+    np.testing.assert_allclose(added, expected, atol=1e-12)

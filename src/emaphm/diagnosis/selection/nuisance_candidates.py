@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from emaphm.arrays import Array
+from emaphm.diagnosis.selection.profile import PROFILE, PROFILED, profile
 from emaphm.diagnosis.selection.sensor_error_scores import jacobians_with_errors, regressed_error
 from emaphm.estimation.global_search.multistart import local_search, with_descents
 from emaphm.estimation.nuisances import PRIORS_PER_UNIT, NuisanceSet, with_wider_priors
@@ -29,9 +30,11 @@ class NuisanceSelectionSettings:
     inertia they left 0.998 at most, 0.98 mostly; as described 0.996 and more, but for 1 recording in 100.
 
     Kept: an estimate `certain_score` standard errors off nominal with a smaller residual, or `likely_score`
-    with less than `likely_share` of it. 5 % of inertia, once estimated, left 0.65 to 0.92; the actuator as
-    described no less than chance, 0.976. It must also be off by `least_deviation`, a share of its prior's
-    standard deviation: less is expected of every actuator.
+    with less than `likely_share` of it, for which a profiled one needs no score: the kinks that a search
+    ends at make its scatter large. 5 % of inertia, once estimated, left 0.65 to 0.95; the actuator as
+    described no less than chance, 0.96. Chance is switching, up to `equal_share`: of what belongs to the
+    actuator, a certain score decides within it. It must also be off by `least_deviation`, a share of its
+    prior's standard deviation: less is expected of every actuator.
 
     The data must determine the nuisance to `informative`, a share of its prior's standard deviation.
     The prior of what is tried is `widening` times as wide: it would otherwise shrink a large deviation.
@@ -42,6 +45,7 @@ class NuisanceSelectionSettings:
     certain_score: float = 3.0
     likely_score: float = 1.5
     likely_share: float = 0.95
+    equal_share: float = 1.03
     least_deviation: float = 0.5
     informative: float = 1.0
     widening: float = 4.0
@@ -115,12 +119,17 @@ def _informative(name: str) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A nuisance, the objective and point (d,) that descents with it lead to, and the share of residual."""
+    """A nuisance, the objective and point (d,) that descents with it lead to, and the share of residual.
+
+    The share is that of the descents, or the reference model's where the nuisance is profiled. One that is
+    not `promising` is tried only where its rivals would be selected.
+    """
 
     name: str
     objective: MapObjective
     point: Array
     share: float
+    promising: bool = True
 
 
 def worthwhile_candidates(
@@ -140,6 +149,7 @@ def worthwhile_candidates(
     residual = result.residual[: objective.channel_rows]
     own = [i for i, name in enumerate(wide.space.coordinates) if name in objective.space.coordinates]
     starts: dict[str, tuple[float, MapObjective, Array]] = {}
+    profiled: list[Candidate] = []
     for name in others:
         extended, point = with_nuisances(result, names, (name,))
         i, column = extended.space.coordinates.index(name), wide.space.coordinates.index(name)
@@ -153,6 +163,10 @@ def worthwhile_candidates(
             kept = [
                 k for k, other in enumerate(wide.space.coordinates) if other in extended.space.coordinates
             ]
+            if name in PROFILED:
+                profiled.append(_profiled(name, result, extended, point, jacobians[:, kept], seed))
+                if profiled[-1].promising:
+                    continue
             local = local_covariance(extended, point, residual, jacobians[:, kept])
             step = local.step
             error = float((local.covariance + default_scatter(point.size))[i, i] ** 0.5)
@@ -164,8 +178,22 @@ def worthwhile_candidates(
         for name in _worth_trying({name: score for name, (score, _, _) in starts.items()})
     ]
     candidates = [candidate for candidate in candidates if candidate.share < SELECTION.tried_share]
+    named = {candidate.name for candidate in candidates}
+    candidates += [candidate for candidate in profiled if candidate.name not in named]
     known = replace(result, jacobians=jacobians[:, own])
-    return known, sorted(candidates, key=lambda candidate: candidate.share)
+    return known, sorted(candidates, key=lambda candidate: (not candidate.promising, candidate.share))
+
+
+def _profiled(
+    name: str, result: SearchResult, objective: MapObjective, start: Array, jacobians: Array, seed: int
+) -> Candidate:
+    """Return the nuisance off nominal, on the side that the reference model prefers."""
+    unit = 1 / PRIORS_PER_UNIT / widening(name)
+    points, shares = profile(result, objective, start, jacobians, name, PROFILE.away * unit, seed)
+    best = int(np.argmin(shares))
+    off = abs(points[best][objective.space.coordinates.index(name)])
+    promising = bool(shares[best] < PROFILE.tried_share and off > SELECTION.least_deviation * unit)
+    return Candidate(name, objective, points[best], float(shares[best]), promising)
 
 
 def _worth_trying(scores: Mapping[str, float]) -> list[str]:

@@ -96,6 +96,11 @@ def local_search(
     """
     perturbation = rng.normal(0.0, settings.candidate_separation, (settings.descents - 1, point.size))
     starts = objective.space.project(np.vstack([point, point + perturbation]))
+    return descents_from(objective, starts, correction)
+
+
+def descents_from(objective: MapObjective, starts: Array, correction: Array | float) -> LeastSquaresResult:
+    """Return where fine descents lead from each of `starts` (n, d), under a `correction` (rows,)."""
     return _descend(objective, starts, MULTISTART.fine, False, correction)
 
 
