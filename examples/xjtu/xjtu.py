@@ -4,7 +4,8 @@
 
 The data set is public: XJTU Ball Screw Degradation Dataset, Xi'an Jiaotong University. FILE is a table with
 the columns `hours`, `friction_torque_upper` and `friction_torque_lower` [N·m]. Without FILE, the folder
-named by the environment variable EMAPHM_DATA is searched, else `../shared/data` beside the project. See README.md.
+named by the environment variable EMAPHM_DATA is searched, else `../shared/data` beside the project. See
+README.md.
 """
 
 import argparse
@@ -153,7 +154,7 @@ def speed_number(hours: Array) -> Array:
     The screws are taken out and measured after the hours at a speed, so a reading at a change of speed
     belongs to the speed before it.
     """
-    return np.maximum(np.ceil(hours / HOURS_A_SPEED) - 1, 0.0)
+    return np.asarray(np.maximum(np.ceil(hours / HOURS_A_SPEED) - 1, 0.0))
 
 
 def speed(hours: float) -> float:
@@ -166,7 +167,7 @@ def revolutions(hours: Array) -> Array:
     grid = np.linspace(0.0, hours[-1], 20_001)
     speeds = FIRST_SPEED + SPEED_STEP * speed_number(grid[1:])
     turned = np.concatenate([[0.0], np.cumsum(speeds) * (grid[1] - grid[0])])
-    return np.interp(hours, grid, turned) * hours[-1] / turned[-1]
+    return np.asarray(np.interp(hours, grid, turned) * hours[-1] / turned[-1])
 
 
 def trend(clock: Array, torque: Array, offsets: Array) -> Trend:
