@@ -44,6 +44,7 @@ figures: $(INSTALLED)  ## draw the figures of the README and the examples
 	$(BIN)/python examples/xl330/xl330.py --figure docs/xl330.svg
 	$(BIN)/python examples/pmsm/pmsm.py --figure docs/pmsm.svg
 	$(BIN)/python examples/reprise/reprise.py --figure docs/reprise.svg > /dev/null
+	$(BIN)/python examples/xjtu/xjtu.py --figure docs/xjtu.svg > /dev/null
 
 clean:  ## remove what the other targets made
 	rm -rf $(VENV) demo studies fuzz docs/_build docs/_tutorials docs/reference/generated

@@ -120,6 +120,21 @@ def test_json_has_the_blocks_of_iso_13374(emaphm: Emaphm, flown: Path) -> None:
     assert set(kept["health_assessment"]["faults"]) == set(NAMES)
 
 
+def test_what_stresses_a_unit_is_kept_with_its_flight(emaphm: Emaphm, flown: Path, recordings: Path) -> None:
+    assert flown.is_dir()
+    stress = ("--load", "0.4", "--temperature", "290")
+    flight = ("--unit", "SN-7", "--hours", "150", "--cycles", "80")
+    answer(emaphm, "add", recordings / "second.csv", *flight, *stress)
+    first, second = answer(emaphm, "show", "--unit", "SN-7")["flights"]
+    assert (first["load"], first["temperature"]) == (None, None)
+    assert (second["load"], second["temperature"]) == (0.4, 290.0)
+    made = json.loads(emaphm("prognose", "--unit", "SN-7", "--load", "0.8", "--json").out)
+    assert made["stress"] == {
+        "reference": {"load": 0.4, "temperature_K": 290.0, "cycles_per_hour": pytest.approx(0.6)},
+        "ahead": {"load": 0.8, "temperature_K": None, "cycles_per_hour": None},
+    }
+
+
 def test_removals_and_findings(emaphm: Emaphm, flown: Path) -> None:
     assert flown.is_dir()
     removal = ("removal", "--unit", "SN-7", "--hours", "120", "--reason", "suspected", "--note", "slow")

@@ -70,6 +70,18 @@ def test_a_unit_that_wears_is_predicted(emaphm: Emaphm, fleet: Path) -> None:
     assert "advice:" in text
 
 
+def test_the_last_blocks_of_iso_13374_are_the_prognosis(emaphm: Emaphm, fleet: Path) -> None:
+    assert fleet.is_dir()
+    plain = asked(emaphm, "history", "show", "--unit", "SN-1")
+    assert (plain["prognostic_assessment"], plain["advisory_generation"]) == (None, None)
+    shown = asked(emaphm, "history", "show", "--unit", "SN-1", "--prognosis")
+    made = asked(emaphm, "prognose", "--unit", "SN-1")
+    assert shown["advisory_generation"] == made["advice"]
+    assert shown["prognostic_assessment"].items() < made.items()
+    assert shown["diagnoses"] == plain["diagnoses"]
+    assert "remaining useful life:" in emaphm("history", "show", "--unit", "SN-1", "--prognosis").out
+
+
 def test_the_fleet_can_be_left_out(emaphm: Emaphm, fleet: Path) -> None:
     assert fleet.is_dir()
     made = asked(emaphm, "prognose", "--unit", "SN-3", "--no-fleet", "--actuator", "required.toml")

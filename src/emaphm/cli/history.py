@@ -18,7 +18,9 @@ from emaphm.cli.options import (
 from emaphm.cli.output import progress, show
 
 if TYPE_CHECKING:
+    from emaphm.history import History
     from emaphm.history.overview import Overview
+    from emaphm.prognosis import Prognosis
 
 app = App(name="history", help="Keep diagnoses of units over their flights, removals and shop findings.")
 
@@ -144,7 +146,16 @@ def list_units(*, part: Part = None, db: Database = DB, as_json: AsJson = False)
 
 
 @app.command(name="show")
-def show_unit(*, unit: Unit, db: Database = DB, as_json: AsJson = False) -> None:
+def show_unit(
+    *,
+    unit: Unit,
+    prognosis: Annotated[
+        bool,
+        Parameter(negative="", help="With its prognosis, as 'emaphm prognose' makes it without options."),
+    ] = False,
+    db: Database = DB,
+    as_json: AsJson = False,
+) -> None:
     """Show what the history holds of a unit; its JSON has the blocks of ISO 13374."""
     from emaphm.history import History
     from emaphm.history.blocks import unit_blocks
@@ -152,6 +163,9 @@ def show_unit(*, unit: Unit, db: Database = DB, as_json: AsJson = False) -> None
 
     with History.open(db) as history:
         values = unit_blocks(history.unit(unit))
+        made = _prognosis(history, unit) if prognosis else None
+    if made is not None:
+        values |= made.to_blocks()
     about, position = values["unit"], values["unit"]["position"] or "not known"
     header = ("hours", "cycles", "recording", "explained", "degraded")
     lines = [
@@ -162,6 +176,7 @@ def show_unit(*, unit: Unit, db: Database = DB, as_json: AsJson = False) -> None
             for one in values["removals"]
         ),
         *(_found(one) for one in values["findings"]),
+        *(["", str(made)] if made is not None else []),
     ]
     show(values, "\n".join(lines), as_json)
 
@@ -240,6 +255,14 @@ def finding(
         "added": added,
     }
     show(values, f"finding on {component} of {unit} at {hours:g} h {_added(added)}", as_json)
+
+
+def _prognosis(history: "History", serial_number: str) -> "Prognosis":
+    from emaphm.prognosis import Evidence, fellows, fleet_prior, prognose
+
+    unit = history.unit(serial_number)
+    prior = fleet_prior(fellows(history, unit))
+    return prognose(Evidence.of(unit), unit.actuator, prior=prior)
 
 
 def _overview(one: "Overview") -> dict[str, Any]:

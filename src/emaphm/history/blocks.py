@@ -1,7 +1,8 @@
 """A unit's history as JSON, its parts named after the blocks of ISO 13374-1 (data processing).
 
 Data acquisition is the rig's; the blocks from there on are data manipulation, state detection, health
-assessment, prognostic assessment and advisory generation. The last two are no part of a history: null here.
+assessment, prognostic assessment and advisory generation. A history keeps no prognosis, since it would be out
+of date with the next diagnosis: the last two are null here, and `emaphm history show --prognosis` fills them.
 """
 
 from dataclasses import asdict

@@ -14,6 +14,7 @@ from emaphm.prognosis.prior import Prior
 from emaphm.prognosis.prognose import DEFAULT_QUESTION, ENOUGH, Question, pace_ahead, stress_notes
 from emaphm.prognosis.result import INTERVAL90, advice_text, finite, hours_text, quantile
 from emaphm.prognosis.settings import FORECAST, INDICATOR_FILTER, LAWS, FilterSettings, ForecastSettings
+from emaphm.prognosis.stress import STRESSES, Stress, StressReference, stress_dict
 from emaphm.random_streams import stream
 from emaphm.version import VERSION
 
@@ -32,6 +33,12 @@ class IndicatorPrognosis:
         Hours from now on, (m,) [h], and the paths of the value at them, (m, n), in its unit.
     laws
         Probability of each law of degradation.
+    reference
+        The stress that hours are at, None where none was recorded.
+    exponents
+        Of that stress, (n, 3), in the order of `STRESSES`: what is believed of them now.
+    ahead
+        The stress to come that was asked for.
     """
 
     indicator: Indicator
@@ -40,8 +47,11 @@ class IndicatorPrognosis:
     forecast_hours: Array = field(repr=False)
     forecast: Array = field(repr=False)
     laws: dict[str, float]
+    reference: StressReference | None
+    exponents: Array = field(repr=False)
     advice: Advice
     seed: int
+    ahead: Stress | None = None
     notes: tuple[str, ...] = ()
 
     @property
@@ -86,10 +96,20 @@ class IndicatorPrognosis:
                 "laws": self.laws,
                 "readings": len(one.readings),
             },
+            "stress": stress_dict(self.reference, self.ahead) | {"exponents": self._exponents()},
             "notes": list(self.notes),
             "seed": self.seed,
             "version": VERSION,
         }
+
+    def _exponents(self) -> dict[str, dict[str, Any]]:
+        values = () if self.reference is None else self.reference.values
+        result = {}
+        for i, value in enumerate(values):
+            if value is not None:
+                low, middle, high = np.quantile(self.exponents[:, i], (INTERVAL90[0], 0.5, INTERVAL90[1]))
+                result[STRESSES[i]] = {"median": float(middle), "interval90": [float(low), float(high)]}
+        return result
 
     def __str__(self) -> str:
         low, high = (hours_text(x) for x in self.interval90)
@@ -159,9 +179,12 @@ def prognose_indicator(
         forecast_hours=made.hours,
         forecast=indicator.value(level),
         laws=dict(zip(LAWS, belief.law_probabilities()[0].tolist(), strict=True)),
+        reference=belief.prior.reference,
+        exponents=state.exponents[:, 0],
         advice=advice(
             sample, question.horizon, risk=question.risk, age=indicator.hours, costs=question.costs
         ),
         seed=seed,
+        ahead=question.ahead,
         notes=tuple(notes),
     )

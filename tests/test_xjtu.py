@@ -1,0 +1,85 @@
+"""Measured friction that falls: the trend with the speed accounted for, and forecasts from the past alone."""
+
+import importlib.util
+import json
+import os
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+SCRIPT = ROOT / "examples" / "xjtu" / "xjtu.py"
+
+
+@pytest.fixture(scope="module")
+def example() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("xjtu", SCRIPT)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["xjtu"] = module  # dataclasses look their module up
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def found(example: ModuleType) -> dict[str, Any]:
+    folder = Path(os.environ.get("EMAPHM_DATA", ROOT.parent / "shared" / "data")) / "xjtu"
+    path = folder / "friction_torque.csv"
+    if not path.is_file():
+        pytest.skip(f"the XJTU data are not at {folder}; set EMAPHM_DATA to the folder that holds them")
+    vars(example)["EVERY"] = 7  # four forecasts a screw are enough here, and quicker
+    hours, torques = example.read(path)
+    screws = [example.judge(name, hours, torques[name], 0.75, 0) for name in example.SCREWS]
+    return {one.name: json.loads(json.dumps(one.to_dict(), allow_nan=False)) for one in screws}
+
+
+@pytest.mark.parametrize("screw", ["upper", "lower"])
+def test_friction_falls_with_the_speed_accounted_for(found: dict[str, Any], screw: str) -> None:
+    trends = found[screw]["trends_Nm_per_1000h"]
+    assert all(one["falls"] for one in trends.values())
+
+
+@pytest.mark.parametrize("screw", ["upper", "lower"])
+def test_the_limit_is_passed_within_the_intervals(found: dict[str, Any], screw: str) -> None:
+    before = [one["holds"] for one in found[screw]["forecasts"] if one["holds"] is not None]
+    assert before
+    assert all(before)
+    last = found[screw]["forecasts"][-1]["indicator"]
+    assert last["laws"]["constant"] < 0.05
+
+
+def test_a_known_slope_is_found_between_jumps_at_each_speed(example: ModuleType) -> None:
+    """A slope of -0.2 with jumps that hide it: as a covariate of the measurement, speed explains them."""
+    hours = 35.0 * np.arange(30)
+    number = example.speed_number(hours)
+    assert number.tolist()[:10] == [0, 0, 0, 0, 0, 1, 1, 1, 1, 2]
+    torque = 0.5 - 0.2e-3 * hours + 0.05 * number + 0.003 * np.random.default_rng(0).standard_normal(30)
+    trend = example.trend(hours, torque, number)
+    assert abs(trend.slope + 0.2) < trend.half
+    assert trend.falls
+    assert not example.trend(hours, torque, np.zeros(30)).falls
+
+
+def test_what_is_no_such_table_is_refused(
+    example: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "table.csv"
+    for content, message in (
+        ("hours,friction_torque_upper\n0,1\n", "no column friction_torque_lower"),
+        ("hours,friction_torque_upper,friction_torque_lower\n0,1,1\n", "give more than 8 rows"),
+        ("hours,friction_torque_upper,friction_torque_lower\n0,x,1\n", "cannot be read"),
+    ):
+        path.write_text(content)
+        saved, sys.argv = sys.argv, ["xjtu.py", str(path)]
+        try:
+            assert example.main() == 2
+        finally:
+            sys.argv = saved
+        error = capsys.readouterr().err
+        assert message in error
+        assert len(error.splitlines()) == 1
