@@ -29,8 +29,8 @@ from emaphm.calibration.motion.result import (
 )
 from emaphm.calibration.result import Calibration
 from emaphm.calibration.separation import collinear_parameters
-from emaphm.calibration.shaft import shaft_starts
-from emaphm.calibration.unit_fit import FitSettings, UnitFit, fit_unit
+from emaphm.calibration.shaft import fit_description
+from emaphm.calibration.unit_fit import FitSettings, UnitFit
 from emaphm.errors import EmaphmError, MethodError
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS
 from emaphm.estimation.parameter_variation import sizes
@@ -123,15 +123,8 @@ def calibrate(
     if sensor_lag.NAME in description.free and max_corrections > 0:
         lag = sensor_lag.found_lag(rows, description, settings)
         description = lag.description
-    fit = fit_unit(
-        rows,
-        description.actuator,
-        description.free,
-        settings,
-        description.start,
-        subprogress(on_progress, share, 1.0),
-        shaft_starts(rows, description, settings),
-    )
+    fitting = subprogress(on_progress, share, 1.0)
+    description, fit = fit_description(rows, description, settings, fitting)
     scanned = {} if lag is None else {sensor_lag.NAME: lag.parameter}
     return _result(rows, description, fit, scanned, choice, settings, began)
 

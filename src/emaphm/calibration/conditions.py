@@ -17,6 +17,7 @@ from emaphm.estimation.nuisances import MAGNETS, MAGNETS_DEVIATION, PRIORS_PER_U
 from emaphm.estimation.objective import healthy_objective
 from emaphm.estimation.parameter_variation import ParameterVariation, sizes
 from emaphm.estimation.problem import Problem, has_signal
+from emaphm.estimation.row_means import over_swings
 
 SAME_PARAMETER = {"load": "offset", "hinge": "hinge", "inertia": "inertia", "supply": "supply"}
 """The parameter that a nuisance cannot be separated from in one recording."""
@@ -51,12 +52,15 @@ def joint_objective(
     unit: ParameterVariation,
     nuisances: Sequence[str] | None,
     workers: int | None,
+    *,
+    every_row: bool = False,
 ) -> JointObjective:
     """Return the objective of the `unit`'s parameters and of each recording's own, by every channel.
 
-    Errors as in `emaphm.calibration.calibrate`.
+    Where the shaft gives, rows are averaged over its swings (`emaphm.estimation.row_means`), unless
+    `every_row` is to be compared. Errors as in `emaphm.calibration.calibrate`.
     """
-    terms = tuple(_term(row, actuator, unit, nuisances, workers) for row in rows)
+    terms = tuple(_term(row, actuator, unit, nuisances, workers, every_row=every_row) for row in rows)
     return JointObjective(terms, unit, DESCENT.step, workers)
 
 
@@ -66,9 +70,13 @@ def _term(
     unit: ParameterVariation,
     nuisances: Sequence[str] | None,
     workers: int | None,
+    *,
+    every_row: bool,
 ) -> RecordingTerm:
     described = row.described(actuator, unit.parameters)
     problem = Problem.of(row.completed(), described, workers=workers, channels=None)
+    if not every_row:
+        problem = over_swings(problem)
     # Of a known load or supply nothing is unknown.
     settled = {*unit.parameters, *row.free, *row.known}
     possible = NuisanceSet.of(described, nuisances, tuple(problem.measured)).chosen

@@ -215,8 +215,11 @@ class _Trials:
     def _objective(self, current: _Fit, actuator: Actuator, free: tuple[str, ...]) -> JointObjective:
         """Return the objective with further free parameters, weighted and corrected as at `current`."""
         unit = ParameterVariation.free(actuator, free)
+        settings = self.fit_settings
+        # The rows of the base are compared, whose discrepancy is taken for that of all.
+        rigid = self.base.joint.terms[0].objective.problem.actuator.transmission is None
         joint = joint_objective(
-            self.rows, actuator, unit, self.fit_settings.nuisances, self.fit_settings.workers
+            self.rows, actuator, unit, settings.nuisances, settings.workers, every_row=rigid
         )
         terms = []
         for new, old in zip(joint.terms, current.joint.terms, strict=True):

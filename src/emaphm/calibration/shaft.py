@@ -1,4 +1,4 @@
-"""Starts of a compliant shaft's stiffness and damping: by the reference model, on a grid.
+"""The fit of a compliant shaft, and its starts: by the reference model, on a grid.
 
 The averaged model shows a swing of some kilohertz wrongly, if at all, so that its best fit leads astray: a
 shaft of 985 N·m/rad was taken for one of 713, with three times its damping. The reference model with all else
@@ -7,22 +7,31 @@ as of a stiff shaft shows both to a factor of two, and the correction of the bia
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from emaphm.actuator.lumped_parameters import lumped_parameters
+from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
 from emaphm.arrays import Array
 from emaphm.calibration.campaign import CampaignRow
-from emaphm.calibration.conditions import joint_objective
 from emaphm.calibration.description import Description
+from emaphm.calibration.findings import found_values
 from emaphm.calibration.held_out import subset
-from emaphm.calibration.unit_fit import FitSettings, SearchedUnit, fitted_parameters, searched
+from emaphm.calibration.unit_fit import (
+    FitSettings,
+    SearchedUnit,
+    UnitFit,
+    fit_unit,
+    fitted_parameters,
+    searched,
+)
 from emaphm.errors import MethodError
 from emaphm.estimation.discrepancy import has_reference
 from emaphm.estimation.joint.correction import compared
 from emaphm.estimation.joint.objective import JointObjective
-from emaphm.estimation.parameter_variation import ParameterVariation
+from emaphm.estimation.parameter_variation import LEAST_DEVIATION
+from emaphm.estimation.row_means import rows_of_a_mean
+from emaphm.progress import Progress, subprogress
 
 NAMES = ("stiffness", "damping")
 
@@ -46,6 +55,48 @@ class ShaftScanSettings:
 SCAN = ShaftScanSettings()
 
 
+def fit_description(
+    rows: Sequence[CampaignRow],
+    description: Description,
+    settings: FitSettings,
+    on_progress: Progress | None = None,
+) -> tuple[Description, UnitFit]:
+    """Return the joint fit of a description; errors as in `emaphm.calibration.calibrate`.
+
+    A free shaft is fitted by every row, where its swing shows. All else is then fitted by means over the
+    swings, with what the first fit knows of the shaft; the description that is returned has that shaft.
+    """
+    actuator, free, start = description.actuator, description.free, description.start
+    if actuator.transmission is None or not set(NAMES) & set(free):
+        return description, fit_unit(rows, actuator, free, settings, start, on_progress)
+    every = replace(settings, every_row=True)
+    first = fit_unit(
+        rows,
+        actuator,
+        free,
+        every,
+        start,
+        subprogress(on_progress, 0.0, 0.7),
+        shaft_starts(rows, description, every),
+    )
+    if all(rows_of_a_mean(term.objective.problem) == 1 for term in first.joint.terms):
+        return description, first
+    shaft = tuple(name for name in NAMES if name in free)
+    values = found_values(first, actuator)
+    known = with_lumped_parameters(actuator, {name: values[name] for name in shaft})
+    errors = dict(zip(free, first.standard_errors.tolist(), strict=True))
+    near = dict(zip(free, first.deviations.tolist(), strict=True)) | dict.fromkeys(shaft, 0.0)
+    second = fit_unit(
+        rows,
+        known,
+        free,
+        replace(settings, known={name: max(errors[name], LEAST_DEVIATION) for name in shaft}),
+        near,
+        subprogress(on_progress, 0.7, 1.0),
+    )
+    return replace(description, actuator=known, start=near), second
+
+
 def shaft_starts(
     rows: Sequence[CampaignRow], description: Description, settings: FitSettings
 ) -> tuple[SearchedUnit, ...]:
@@ -57,8 +108,7 @@ def shaft_starts(
     fitted = fitted_parameters(rows, actuator, description.free)
     if actuator.transmission is None or not set(NAMES) <= set(fitted) or not settings.max_corrections:
         return ()
-    unit = ParameterVariation.free(actuator, fitted)
-    joint = joint_objective(rows, actuator, unit, settings.nuisances, settings.workers)
+    joint = settings.objective(rows, actuator, settings.variation(actuator, fitted))
     if not all(has_reference(term.objective.problem) for term in joint.terms):
         return ()
     stiff = actuator.model_copy(update={"transmission": None})

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
@@ -29,12 +29,28 @@ NO_START: Mapping[str, float] = MappingProxyType({})
 
 @dataclass(frozen=True, eq=False)
 class FitSettings:
-    """What every fit of a calibration takes; see `emaphm.calibration.calibrate`."""
+    """What every fit of a calibration takes; see `emaphm.calibration.calibrate`.
+
+    `every_row` as in `joint_objective`. `known` has the standard deviations of parameters that are known
+    otherwise, by the logarithm.
+    """
 
     nuisances: Sequence[str] | None
     max_corrections: int
     seed: int
     workers: int | None
+    every_row: bool = False
+    known: Mapping[str, float] = field(default_factory=dict)
+
+    def variation(self, actuator: Actuator, names: tuple[str, ...]) -> ParameterVariation:
+        """Return the parameters `names` as coordinates of their own."""
+        return ParameterVariation.free(actuator, names).known_to(self.known)
+
+    def objective(
+        self, rows: Sequence[CampaignRow], actuator: Actuator, unit: ParameterVariation
+    ) -> JointObjective:
+        """Return the objective of the `unit`'s parameters by all `rows`."""
+        return joint_objective(rows, actuator, unit, self.nuisances, self.workers, every_row=self.every_row)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,8 +127,7 @@ def searched(
 
     Among its starts are `start`, and what inverse dynamics finds of the measured motion.
     """
-    unit = ParameterVariation.free(actuator, fitted)
-    joint = joint_objective(rows, actuator, unit, settings.nuisances, settings.workers)
+    joint = settings.objective(rows, actuator, settings.variation(actuator, fitted))
     starts = (start, measured_start(rows, actuator, fitted, settings.nuisances))
     given = [np.array([one.get(name, 0.0) for name in fitted]) for one in starts if one]
     return SearchedUnit(*search(joint, settings.seed, given, on_progress))

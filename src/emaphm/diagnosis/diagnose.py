@@ -22,8 +22,9 @@ from emaphm.estimation.methods import Method, method_named
 from emaphm.estimation.nuisances import unit_of
 from emaphm.estimation.objective import MapObjective, faults_objective, faults_only_objective
 from emaphm.estimation.problem import Problem
+from emaphm.estimation.row_means import masks_of_means, notes_on_means, over_swings
 from emaphm.estimation.search import check_fitness, search
-from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.search_result import SMALLEST_SHARE, SearchResult
 from emaphm.estimation.sensors.channel_swaps import with_channels_exchanged
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at
 from emaphm.estimation.uncertainty.model_error import compared_with_healthy
@@ -105,7 +106,7 @@ def diagnose(
     sensors = check_sensors(recording, actuator)
     recording, exchanged = with_channels_exchanged(sensors.recording, actuator, model_named(model))
     objective = objective_for(recording, actuator, chosen, model_named(model), nuisances, workers)
-    objective = objective.ignoring(sensors.unusable)
+    objective = objective.ignoring(masks_of_means(sensors.unusable, objective.problem))
     if posterior:
         from emaphm.estimation.posterior.mcmc import check_posterior
 
@@ -174,7 +175,7 @@ def objective_for(
     problem = Problem.of(recording, actuator, model, workers, None if method.least_squares else ())
     _check_current(problem, recording)
     if method.least_squares:
-        return faults_objective(problem, nuisances, below_healthy=below_healthy)
+        return faults_objective(over_swings(problem), nuisances, below_healthy=below_healthy)
     if nuisances:
         raise MethodError(
             f"method '{method.name}' estimates faults alone; leave out nuisance '{nuisances[0]}', or use "
@@ -210,7 +211,7 @@ def conclude(
     if jacobians is None:
         jacobians = jacobians_at(objective, result.point, stream(seed, "Jacobians of the covariance"))
     moves = _moves(objective, result.point)
-    healthy = compared_with_healthy(problem, result.residual_by_channel) if problem.model_error else {}
+    healthy = compared_with_healthy(problem, result.residual_by_channel, SMALLEST_SHARE)
     reasons = reasons_against(result, jacobians, healthy, seed, moves=moves)
     known = identifiability(replace(result, jacobians=jacobians), seed, explained=not reasons)
     components = estimates(space, result.point, known.covariance, known.collinear_sets)
@@ -235,11 +236,15 @@ def conclude(
         recording=recording.source,
         actuator=problem.actuator,
         version=VERSION,
-        time_s=recording["time_s"],
+        time_s=recording["time_s"][0] + problem.inputs.time_s,
         recorded=problem.recorded,
         modelled=problem.recorded - residual,
         channels=problem.channels,
-        recording_notes=(*recording.notes, *(idle_channels(problem) if moves else ())),
+        recording_notes=(
+            *recording.notes,
+            *notes_on_means(recording.samples, problem),
+            *(idle_channels(problem) if moves else ()),
+        ),
         nuisances=_nuisance_estimates(objective, result.point, known.covariance),
         collinear_sets=known.collinear_sets,
         moves=moves,

@@ -4,6 +4,7 @@ A deviation is relative (of the logarithm) for what is positive, in its own unit
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -27,6 +28,9 @@ WIDE = ("stiffness", "stribeck_speed", "transition_speed", "current_lag", "sourc
 
 WIDE_START_FACTOR = 20.0
 """A search for them starts within this factor of a law's usual value, or so."""
+
+REACH = 4.0
+"""Bound of what is known, in standard deviations."""
 
 LEAST_DEVIATION = 1e-3
 """A direction in which a baseline is known better, relative, counts as known: a search resolves no less."""
@@ -63,6 +67,12 @@ class ParameterVariation:
         widest = np.full(len(names), math.log(WIDEST_FACTOR))
         return cls(names, np.diag(sizes(actuator, names)), widest, widest)
 
+    def known_to(self, deviations: Mapping[str, float]) -> Self:
+        """Return coordinates of their own, some of which have a narrower prior: standard `deviations`."""
+        known = [deviations.get(name, math.inf) for name in self.parameters]
+        priors = np.minimum(self.priors, known)
+        return replace(self, priors=priors, widest=np.minimum(self.widest, REACH * priors))
+
     @classmethod
     def suspected(cls, actuator: Actuator, names: tuple[str, ...]) -> Self:
         """Return `names` as coordinates of their own, each within its start factor or so of its value."""
@@ -94,7 +104,7 @@ class ParameterVariation:
             return cls((), np.zeros((0, 0)), np.zeros(0), np.zeros(0))
         # What calibration could not identify is no farther off than any description.
         priors = np.minimum(np.sqrt(variances[kept]), math.log(START_FACTOR))
-        widest = np.minimum(4 * priors, math.log(WIDEST_FACTOR))
+        widest = np.minimum(REACH * priors, math.log(WIDEST_FACTOR))
         return cls(names, size[:, np.newaxis] * directions[:, kept], priors, widest)
 
 

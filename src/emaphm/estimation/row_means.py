@@ -1,0 +1,87 @@
+"""Means over several rows, where the shaft gives: its swing has no information, and hides what has.
+
+A shaft that hits the edges of its backlash swings with a phase that switching alone changes, so that
+derivatives of single rows scatter more than they are large. Means over some swings have little of it, and
+most of what faults do. On the limits page's compliant shaft, below 150 Hz a fault makes the larger part of
+the current's change and the reference model's switching a tenth; above 300 Hz it is the other way round.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from emaphm.arrays import Array
+from emaphm.estimation.problem import Problem, rms
+from emaphm.estimation.uncertainty.model_error import row_errors
+from emaphm.recording.sensor_checks.resolution import Mask
+
+
+@dataclass(frozen=True)
+class RowMeansSettings:
+    """How many rows are averaged; `emaphm study run limits` (compliant shafts, calibrated) shows the effect.
+
+    Rows are averaged over `interval` [s] at most, and at least `rows` remain.
+    """
+
+    interval: float = 4e-3
+    rows: int = 100
+
+
+ROW_MEANS = RowMeansSettings()
+
+
+def rows_of_a_mean(problem: Problem, settings: RowMeansSettings = ROW_MEANS) -> int:
+    """Return how many rows of `problem` are averaged: 1 with a rigid shaft, or where rows are instants.
+
+    A mean of instants is not the mean over their interval that a model would be asked for.
+    """
+    if problem.actuator.transmission is None or problem.driving.sampling == "instant":
+        return 1
+    by_interval = int(settings.interval / problem.inputs.interval * (1 + 1e-9))
+    return max(1, min(by_interval, problem.samples // settings.rows))
+
+
+def over_swings(problem: Problem) -> Problem:
+    """Return the problem in means over swings of its shaft, as it is where that is rigid.
+
+    What drives the model is still known at every row; rows at the end that fill no mean are left out.
+    """
+    count = rows_of_a_mean(problem)
+    if count == 1:
+        return problem
+    driving = problem.driving
+    longer = replace(driving, samples=driving.samples // count, interval=driving.interval * count)
+    averaged = replace(
+        problem,
+        driving=longer,
+        inputs=longer.inputs(problem.model.step_for(problem.actuator)),
+        measured={name: mean_rows(values, count) for name, values in problem.measured.items()},
+        model_error={},
+    )
+    averaged = replace(averaged, model_error=row_errors(averaged))
+    return averaged.weighted([rms(averaged.measured[name]) for name in averaged.channels])
+
+
+def notes_on_means(samples: int, problem: Problem) -> tuple[str, ...]:
+    """Return a note where a recording of `samples` rows is compared in fewer; none where it is not."""
+    count = samples // problem.samples
+    if count < 2:
+        return ()
+    over_ms = 1e3 * problem.inputs.interval
+    why = "the shaft gives, and its swing hides faults"
+    return (f"compared in means of {count} rows, over {over_ms:.3g} ms: {why}",)
+
+
+def mean_rows(values: Array, count: int) -> Array:
+    """Return the means of `count` rows each of `values` (n,), shape (n // count,)."""
+    return np.asarray(values[: values.size // count * count].reshape(-1, count).mean(axis=1))
+
+
+def masks_of_means(masks: Mapping[str, Mask], problem: Problem) -> dict[str, Mask]:
+    """Return which rows of `problem` a mask (samples,) by channel of the recording's rows touches."""
+    found = {}
+    for name, mask in masks.items():
+        count = mask.size // problem.samples
+        found[name] = np.asarray(mask[: count * problem.samples].reshape(problem.samples, count).any(axis=1))
+    return found
