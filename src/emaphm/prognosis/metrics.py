@@ -137,8 +137,8 @@ def alpha_lambda(
 def relative_accuracy(prediction: Prediction, failure: float) -> float:
     """Return 1 - |median RUL - RUL*| / RUL* [1, 3.3]; -∞ where no failure is in sight.
 
-    `progpy` has 1 - |mean end of life - failure| / failure: with the mean in place of the median here, that is
-    1 - (RUL* / failure) (1 - this one).
+    `progpy` has 1 - |mean end of life - failure| / failure: with the mean in place of the median here, that
+    is 1 - (RUL* / failure) (1 - this one).
     """
     true = failure - prediction.hours
     if not true > 0:
