@@ -72,14 +72,33 @@ def test_a_unit_that_wears_is_predicted(emaphm: Emaphm, fleet: Path) -> None:
 
 def test_the_last_blocks_of_iso_13374_are_the_prognosis(emaphm: Emaphm, fleet: Path) -> None:
     assert fleet.is_dir()
+    made = asked(emaphm, "prognose", "--unit", "SN-1")
     plain = asked(emaphm, "history", "show", "--unit", "SN-1")
     assert (plain["prognostic_assessment"], plain["advisory_generation"]) == (None, None)
-    shown = asked(emaphm, "history", "show", "--unit", "SN-1", "--prognosis")
-    made = asked(emaphm, "prognose", "--unit", "SN-1")
-    assert shown["advisory_generation"] == made["advice"]
-    assert shown["prognostic_assessment"].items() < made.items()
-    assert shown["diagnoses"] == plain["diagnoses"]
-    assert "remaining useful life:" in emaphm("history", "show", "--unit", "SN-1", "--prognosis").out
+    assert asked(emaphm, "prognose", "--unit", "SN-1", "--keep") == made
+    shown = asked(emaphm, "history", "show", "--unit", "SN-1")
+    assert shown["advisory_generation"] == made.pop("advice")
+    assert made.items() < shown["prognostic_assessment"].items()
+    assert shown["prognostic_assessment"]["out_of_date"] is False
+    with History.open(fleet / "history.sqlite") as history:
+        wearing(history, "SN-1", [700.0], 5e-4, 300)
+    assert asked(emaphm, "history", "show", "--unit", "SN-1")["prognostic_assessment"]["out_of_date"]
+    assert ", out of date: remaining useful life" in emaphm("history", "show", "--unit", "SN-1").out
+
+
+def test_all_units_are_as_each_alone(emaphm: Emaphm, fleet: Path) -> None:
+    assert fleet.is_dir()
+    chosen = ("--actuator", "required.toml", "--horizon", "200", "--seed", "3")
+    made = asked(emaphm, "prognose", "--all", *chosen, "--workers", "1", "--keep")
+    alone = [asked(emaphm, "prognose", "--unit", name, *chosen) for name in ("SN-1", "SN-2", "SN-3")]
+    assert made["units"] == alone
+    assert made["failed"] == []
+    with History.open(fleet / "history.sqlite") as history:
+        assert set(history.prognoses()) == {"SN-1", "SN-2", "SN-3"}
+    text = emaphm(
+        "prognose", "--all", *chosen, "--workers", "1", "--part", made["units"][0]["part_number"]
+    ).out
+    assert all(name in text for name in ("SN-1", "SN-2", "SN-3"))
 
 
 def test_the_fleet_can_be_left_out(emaphm: Emaphm, fleet: Path) -> None:

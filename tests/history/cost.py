@@ -1,10 +1,13 @@
 """`python -m tests.history.cost --units 1000 --each 100 [--db URL]`: what a history of a fleet costs.
 
 Diagnoses are made up, so the times are those of the database and of the rows alone. A unit is added in one
-transaction, as a bulk loader would; a few more one by one, as `emaphm history add` does.
+transaction, as a bulk loader would; a few more one by one, as `emaphm history add` does. The prognosis of all
+units is timed on the `--few` first ones, which have a part number of their own: each unit takes as long as
+the next.
 """
 
 import argparse
+import os
 import sys
 import tempfile
 import time
@@ -14,8 +17,12 @@ from pathlib import Path
 from emaphm.history import History, KeptSettings
 from emaphm.history.fingerprint import description_of, recording_hash
 from emaphm.history.writing import add_diagnosis
+from emaphm.prognosis import Evidence, fellows, fleet_prior, prognose
+from emaphm.prognosis.batch import prognose_all
+from emaphm.prognosis.evidence import follow
+from emaphm.prognosis.prior import Prior
 
-from .made_up import THESIS, diagnosis, entry, recording
+from .made_up import PART, THESIS, diagnosis, entry, recording
 
 DIFFERENT = 20
 """Diagnoses that are made up; others repeat them."""
@@ -23,16 +30,21 @@ DIFFERENT = 20
 ONE_BY_ONE = 50
 
 
-def fill(history: History, units: int, each: int) -> None:
+FEW_PART = "few"
+"""Part number of the units whose prognoses are timed."""
+
+
+def fill(history: History, units: int, each: int, few: int) -> None:
     """Add `each` recordings of each unit."""
     made = [diagnosis(number) for number in range(DIFFERENT)]
     digest, toml = description_of(THESIS)
     settings = KeptSettings.of(made[0], digest)
     for unit in range(units):
         with history.database.writing() as connection:
+            part = FEW_PART if unit < few else PART
             for number in range(each):
                 held = recording(unit * each + number)
-                whose = entry(f"S{unit:05d}", 10.0 * number)
+                whose = entry(f"S{unit:05d}", 10.0 * number, part=part)
                 result = made[number % DIFFERENT]
                 add_diagnosis(connection, whose, held, result, recording_hash(held), settings, toml)
 
@@ -40,6 +52,34 @@ def fill(history: History, units: int, each: int) -> None:
 def add_one_by_one(history: History) -> None:
     for number in range(ONE_BY_ONE):
         history.add(entry("LAST", 10.0 * number), recording(10**9 + number), diagnosis(number))
+
+
+def time_prognoses(where: str, few: int, workers: int) -> None:
+    """Print what prognoses take: the filter's update, one unit, all."""
+    with History.open(where) as history:
+        unit = history.unit("S00000")
+        evidence, actuator = Evidence.of(unit), unit.actuator
+        took = cpu_seconds(lambda: follow(evidence, Prior()))
+        count = len(evidence.used)
+        print(f"follow a unit's {count}: {took:.2f} s, {1e3 * took / count:.1f} ms of processor an update")
+        print(f"prognose one, alone: {cpu_seconds(lambda: prognose(evidence, actuator)):.2f} s of processor")
+        others = fellows(history, unit)
+        took = cpu_seconds(lambda: fleet_prior(others))
+        print(f"what {len(others)} other units teach it: {took:.1f} s of processor")
+    began, spent = time.perf_counter(), sum(os.times()[:4])
+    made = list(prognose_all(where, part_number=FEW_PART, workers=workers))
+    took, spent = time.perf_counter() - began, sum(os.times()[:4]) - spent
+    failed = sum(bool(one.error) for one in made)
+    print(
+        f"prognose all {few} of a part number on {workers} workers: {took:.0f} s, processor {spent:.0f} s, "
+        f"{spent / few:.2f} s each; {failed} failed"
+    )
+
+
+def cpu_seconds(work: Callable[[], object]) -> float:
+    began = time.process_time()
+    work()
+    return time.process_time() - began
 
 
 def seconds(work: Callable[[], object]) -> float:
@@ -53,13 +93,15 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.history.cost", description=__doc__)
     parser.add_argument("--units", type=int, default=1000)
     parser.add_argument("--each", type=int, default=100)
+    parser.add_argument("--few", type=int, default=40, help="units whose prognoses are timed; 0: none")
+    parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--db", help="an empty PostgreSQL database; a file if left out")
     given = parser.parse_args()
     total = given.units * given.each
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "history.sqlite"
         with History.open(given.db or file, create=True) as history:
-            took = seconds(lambda: fill(history, given.units, given.each))
+            took = seconds(lambda: fill(history, given.units, given.each, given.few))
             print(f"add {total} of {given.units} units: {took:.1f} s, {1e3 * took / total:.2f} ms each")
             took = seconds(lambda: add_one_by_one(history))
             print(f"add one, on disk when it returns: {1e3 * took / ONE_BY_ONE:.1f} ms")
@@ -68,6 +110,8 @@ def main() -> int:
             print(f"read a unit's {given.each}: {1e3 * took:.1f} ms")
             took = seconds(lambda: [unit.diagnoses() for unit in history.units()])
             print(f"read all: {took:.1f} s")
+        if given.few:
+            time_prognoses(given.db or str(file), given.few, given.workers)
         if not given.db:
             print(f"on disk: {file.stat().st_size / total:.0f} bytes a diagnosis")
     return 0

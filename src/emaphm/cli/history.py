@@ -18,9 +18,7 @@ from emaphm.cli.options import (
 from emaphm.cli.output import progress, show
 
 if TYPE_CHECKING:
-    from emaphm.history import History
     from emaphm.history.overview import Overview
-    from emaphm.prognosis import Prognosis
 
 app = App(name="history", help="Keep diagnoses of units over their flights, removals and shop findings.")
 
@@ -149,10 +147,6 @@ def list_units(*, part: Part = None, db: Database = DB, as_json: AsJson = False)
 def show_unit(
     *,
     unit: Unit,
-    prognosis: Annotated[
-        bool,
-        Parameter(negative="", help="With its prognosis, as 'emaphm prognose' makes it without options."),
-    ] = False,
     db: Database = DB,
     as_json: AsJson = False,
 ) -> None:
@@ -163,9 +157,6 @@ def show_unit(
 
     with History.open(db) as history:
         values = unit_blocks(history.unit(unit))
-        made = _prognosis(history, unit) if prognosis else None
-    if made is not None:
-        values |= made.to_blocks()
     about, position = values["unit"], values["unit"]["position"] or "not known"
     header = ("hours", "cycles", "recording", "explained", "degraded")
     lines = [
@@ -176,7 +167,7 @@ def show_unit(
             for one in values["removals"]
         ),
         *(_found(one) for one in values["findings"]),
-        *(["", str(made)] if made is not None else []),
+        *([_assessed(values)] if values["prognostic_assessment"] else []),
     ]
     show(values, "\n".join(lines), as_json)
 
@@ -257,12 +248,14 @@ def finding(
     show(values, f"finding on {component} of {unit} at {hours:g} h {_added(added)}", as_json)
 
 
-def _prognosis(history: "History", serial_number: str) -> "Prognosis":
-    from emaphm.prognosis import Evidence, fellows, fleet_prior, prognose
-
-    unit = history.unit(serial_number)
-    prior = fleet_prior(fellows(history, unit))
-    return prognose(Evidence.of(unit), unit.actuator, prior=prior)
+def _assessed(values: dict[str, Any]) -> str:
+    """Return the last kept prognosis as a line of text."""
+    made, advised = values["prognostic_assessment"], values["advisory_generation"]
+    median = made["rul_hours"]["median"]
+    lasts = "no failure in sight" if median is None else f"remaining useful life {median:,.0f} h"
+    old = ", out of date" if made["out_of_date"] else ""
+    what = f"{advised['action']} at {advised['at_hours']:,.0f} h"
+    return f"prognosis of {made['made_at']} at {made['hours']:g} h{old}: {lasts}; {what}"
 
 
 def _overview(one: "Overview") -> dict[str, Any]:

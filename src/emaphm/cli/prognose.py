@@ -1,30 +1,39 @@
 """`emaphm prognose`: the remaining useful life of a unit, from its history."""
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from emaphm.cli.history import DB, Database, Unit
+from emaphm.cli.history import DB, Database
 from emaphm.cli.options import (
     FIGURES,
     AsJson,
     Force,
+    Scheduler,
     Seed,
+    Workers,
     check_output,
     check_seed,
+    check_workers,
     described_actuator,
 )
-from emaphm.cli.output import draw, show
+from emaphm.cli.output import counter, draw, show
 from emaphm.errors import PrognosisError
 
 if TYPE_CHECKING:
     from emaphm.prognosis import Costs
+    from emaphm.prognosis.batch import UnitOutcome
 
 
 def prognose(
     *,
-    unit: Unit,
+    unit: Annotated[str | None, Parameter(help="Serial number of the unit; or --all.")] = None,
+    every: Annotated[
+        bool, Parameter(name="--all", negative="", help="All units, side by side, in place of --unit.")
+    ] = False,
+    part: Annotated[str | None, Parameter(help="With --all: only units of this part number.")] = None,
     db: Database = DB,
     horizon: Annotated[float, Parameter(help="How far is planned: flight hours from now on [h].")] = 1000.0,
     risk: Annotated[
@@ -54,6 +63,12 @@ def prognose(
         Path | None, Parameter(help="Draw health over time and the RUL: .png, .svg or .pdf.")
     ] = None,
     report: Annotated[Path | None, Parameter(help="Write a report: .html.")] = None,
+    keep: Annotated[
+        bool,
+        Parameter(negative="", help="Keep it in the history, for 'emaphm history show' and others."),
+    ] = False,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
     seed: Seed = 0,
     force: Force = False,
     as_json: AsJson = False,
@@ -62,6 +77,8 @@ def prognose(
     check_seed(seed)
     check_output(figure, FIGURES, force=force)
     check_output(report, (".html", ".htm"), force=force)
+    _check_choice(unit, every, part, figure, report)
+    check_workers(workers, scheduler)
     costs = _costs(failure_cost, replacement_cost)
     described = described_actuator(actuator) if actuator is not None else None
     from emaphm.prognosis import Evidence, Question, Stress, fellows, fleet_prior
@@ -70,19 +87,93 @@ def prognose(
     given = (load, temperature, cycles_per_hour)
     ahead = None if all(x is None for x in given) else Stress(*given)
     question = Question(horizon, risk, costs, ahead)
-    from emaphm.history import History
+    from emaphm.history import History, KeptPrognosis
 
+    if unit is None:
+        from emaphm.prognosis.batch import prognose_all
+
+        with counter("prognosing", as_json and sys.stdout.isatty()) as count:
+            made = list(
+                prognose_all(
+                    db,
+                    question,
+                    part_number=part,
+                    actuator=described,
+                    fleet=fleet,
+                    seed=seed,
+                    workers=workers,
+                    scheduler=scheduler,
+                    on_unit=count,
+                )
+            )
+        _show_all(made, db if keep else None, as_json)
+        return
     with History.open(db) as history:
         found = history.unit(unit)
         evidence, described = Evidence.of(found), described or found.actuator
         others = fellows(history, found) if fleet else []
     result = ask(evidence, described, question, prior=fleet_prior(others, seed=seed), seed=seed)
+    if keep:
+        with History.open(db) as history:
+            kept = KeptPrognosis(evidence.hours, len(evidence.observations), result.to_dict())
+            history.keep_prognosis(unit, kept)
     draw(result, figure)
     if report is not None:
         from emaphm.report.prognosis import write_prognosis
 
         write_prognosis(result, report, force=force)
     show(result.to_dict(), str(result), as_json)
+
+
+def _check_choice(
+    unit: str | None, every: bool, part: str | None, figure: Path | None, report: Path | None
+) -> None:
+    """Refuse what does not say which units, or what only one unit has."""
+    if (unit is None) is not every:
+        raise PrognosisError("give --unit, or --all for every unit of the history; one of the two")
+    if part is not None and not every:
+        raise PrognosisError("--part chooses among the units of --all; leave it out with --unit")
+    if every and (figure is not None or report is not None):
+        raise PrognosisError("a figure or a report is of one unit; give --unit in place of --all")
+
+
+def _show_all(made: "list[UnitOutcome]", keep_in: str | None, as_json: bool) -> None:
+    """Print all prognoses, and keep them; what failed is said, and raised where it is all."""
+    from emaphm.history import History
+    from emaphm.text_table import format_table
+
+    good, bad = [one for one in made if not one.error], [one for one in made if one.error]
+    if keep_in is not None:
+        with History.open(keep_in) as history:
+            for one in good:
+                history.keep_prognosis(one.unit, one.kept())
+    rows = [
+        (
+            one.unit,
+            f"{one.values['hours']:g}",
+            _hours(one.values["rul_hours"]["median"]),
+            " to ".join(_hours(end) for end in one.values["rul_hours"]["interval90"]),
+            f"{100 * one.values['probability_of_failure']:.1f} %",
+            one.values["component"] or "–",
+            f"{one.values['advice']['action']} {_hours(one.values['advice']['at_hours'])} h",
+        )
+        for one in good
+    ]
+    header = ("unit", "hours", "RUL [h]", "90 %", "fails within the horizon", "component", "advice")
+    values = {
+        "units": [dict(one.values) for one in good],
+        "failed": [{"unit": one.unit, "error": one.error} for one in bad],
+    }
+    show(values, format_table(header, rows) if rows else "no units", as_json)
+    if bad:
+        raise PrognosisError(
+            f"{len(bad)} of {len(made)} units have no prognosis, the others are done; the first, "
+            f"'{bad[0].unit}': {bad[0].error}"
+        )
+
+
+def _hours(hours: float | None) -> str:
+    return "not in sight" if hours is None else f"{hours:,.0f}"
 
 
 def _costs(failure: float | None, replacement: float | None) -> "Costs | None":

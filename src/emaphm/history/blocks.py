@@ -1,8 +1,8 @@
 """A unit's history as JSON, its parts named after the blocks of ISO 13374-1 (data processing).
 
 Data acquisition is the rig's; the blocks from there on are data manipulation, state detection, health
-assessment, prognostic assessment and advisory generation. A history keeps no prognosis, since it would be out
-of date with the next diagnosis: the last two are null here, and `emaphm history show --prognosis` fills them.
+assessment, prognostic assessment and advisory generation. The last two are those of the unit's last kept
+prognosis (`emaphm prognose --keep`, `emaphm watch`), null where it has none.
 """
 
 from dataclasses import asdict
@@ -10,6 +10,7 @@ from typing import Any
 
 from emaphm.history import reading
 from emaphm.history.kept_diagnosis import KeptDiagnosis
+from emaphm.history.kept_prognosis import KeptPrognosis, read_prognosis
 from emaphm.history.lives import lives
 from emaphm.history.records import COMPONENTS
 from emaphm.history.unit import Unit
@@ -63,6 +64,7 @@ def unit_blocks(unit: Unit) -> dict[str, Any]:
         diagnoses = reading.diagnoses(connection, unit.row.id)
         removals = reading.removals(connection, unit.row.id)
         findings = reading.findings(connection, unit.row.id)
+        kept = read_prognosis(connection, unit.row.id)
     last = flights[-1]
     is_removed = any(one.hours >= last.hours for one in removals)
     return {
@@ -86,8 +88,23 @@ def unit_blocks(unit: Unit) -> dict[str, Any]:
             ]
             for name in COMPONENTS
         },
-        "prognostic_assessment": None,
-        "advisory_generation": None,
+        **(
+            {"prognostic_assessment": None, "advisory_generation": None}
+            if kept is None
+            else prognosis_blocks(
+                kept, out_of_date=len(diagnoses) != kept.diagnoses or last.hours > kept.hours
+            )
+        ),
+    }
+
+
+def prognosis_blocks(kept: KeptPrognosis, *, out_of_date: bool) -> dict[str, Any]:
+    """Return a prognosis in the last two blocks: each key of `emaphm prognose --json` is in one of them."""
+    assessed = dict(kept.document)
+    advised = assessed.pop("advice", None)
+    return {
+        "prognostic_assessment": assessed | {"made_at": kept.at, "out_of_date": out_of_date},
+        "advisory_generation": advised,
     }
 
 

@@ -40,6 +40,13 @@ def keep_prognosis(connection: sa.Connection, unit: UnitRow, prognosis: KeptProg
         connection.execute(PROGNOSES.insert().values(values | {"unit_id": unit.id}))
 
 
+def read_prognosis(connection: sa.Connection, unit_id: int) -> KeptPrognosis | None:
+    """Return the kept prognosis of a unit, None where it has none."""
+    query = sa.select(PROGNOSES).where(PROGNOSES.c.unit_id == unit_id)
+    row = connection.execute(query).one_or_none()
+    return None if row is None else KeptPrognosis(row.hours, row.diagnoses, json.loads(row.document), row.at)
+
+
 def read_prognoses(connection: sa.Connection) -> dict[str, KeptPrognosis]:
     """Return the kept prognoses by serial number."""
     query = sa.select(UNITS.c.serial_number, PROGNOSES).join(UNITS, UNITS.c.id == PROGNOSES.c.unit_id)

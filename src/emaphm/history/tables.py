@@ -74,6 +74,7 @@ DIAGNOSES = sa.Table(
     sa.Column("document", sa.Text, nullable=False),
     sa.Column("added_at", sa.Text, nullable=False),
     sa.UniqueConstraint("recording_id", "description_id", "method", "model", "fitness", "seed"),
+    sa.Index("diagnoses_of_recordings", "recording_id", "id", "explained"),
 )
 
 REMOVALS = sa.Table(

@@ -67,19 +67,23 @@ def fleet_prior(others: Sequence[Evidence], prior: Prior | None = None, *, seed:
         return general
     reference = general.reference or StressReference.of([piece for one in chosen for piece in one.stresses])
     general = replace(general, reference=reference)
-    parts = [_learnt(one, general, seed) for one in chosen]
-    pooled = Hypotheses(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
-    share = len(chosen) / (len(chosen) + WEIGHT_OF_GENERAL)
-    return replace(general, fleet=pooled, fleet_share=share, units=len(chosen))
+    return pooled([learnt(one, general, seed) for one in chosen], general)
 
 
-def _learnt(evidence: Evidence, general: Prior, seed: int) -> Hypotheses:
+def pooled(parts: Sequence[Hypotheses], general: Prior) -> Prior:
+    """Return the prior that several units teach together: each its `learnt` hypotheses, one or more."""
+    hypotheses = Hypotheses(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+    share = len(parts) / (len(parts) + WEIGHT_OF_GENERAL)
+    return replace(general, fleet=hypotheses, fleet_share=share, units=len(parts))
+
+
+def learnt(evidence: Evidence, general: Prior, seed: int) -> Hypotheses:
     """Return hypotheses of a new unit as one unit teaches them, each array (DRAWN, 8)."""
     belief = follow(evidence, general, seed=seed, settings=FOLLOWED_BY).belief
     rows = drawn_rows(belief, DRAWN, stream(seed, "fleet's prior", evidence.unit))
-    learnt = recombined(belief, rows)
-    held = learnt.hypotheses()
-    factor = rate_when_new(held, learnt.aged, general.settings)
+    units = recombined(belief, rows)
+    held = units.hypotheses()
+    factor = rate_when_new(held, units.aged, general.settings)
     rate = np.where(is_moving(held.law), held.rate / factor, 0.0)
     deviation = np.hypot(held.rate_deviation / factor, SPREAD * np.abs(rate))
     return held._replace(rate=rate, rate_deviation=np.where(is_moving(held.law), deviation, 0.0))

@@ -142,14 +142,6 @@ class Prognosis:
             "version": VERSION,
         }
 
-    def to_blocks(self) -> dict[str, Any]:
-        """Return the prognosis as JSON, in the last two blocks of ISO 13374."""
-        document = self.to_dict()
-        advised = document.pop("advice")
-        about = ("unit", "part_number", "hours")
-        assessed = {name: value for name, value in document.items() if name not in about}
-        return {"prognostic_assessment": assessed, "advisory_generation": advised}
-
     def __str__(self) -> str:
         low, high = (hours_text(x) for x in self.interval90)
         evidence = self.evidence

@@ -1,0 +1,5 @@
+"""Prognoses of all units of a history, on many workers."""
+
+from emaphm.prognosis.batch.all_units import UnitOutcome, prognose_all
+
+__all__ = ["UnitOutcome", "prognose_all"]

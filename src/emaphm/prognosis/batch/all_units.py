@@ -1,0 +1,198 @@
+"""The prognosis of each unit of a history: what its fleet teaches is learnt once, then unit by unit."""
+
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from emaphm.errors import ExecutionError
+from emaphm.execution import OnTask, Outcome, Task, check_workers, outcomes
+from emaphm.prognosis.evidence import Evidence
+from emaphm.prognosis.fleet_prior import FEWEST_DIAGNOSES, MOST_UNITS, learnt, pooled
+from emaphm.prognosis.prior import Hypotheses, Prior
+from emaphm.prognosis.prognose import DEFAULT_QUESTION, Question, prognose
+from emaphm.prognosis.stress import StressReference
+
+if TYPE_CHECKING:
+    from emaphm.actuator import Actuator
+    from emaphm.history import KeptPrognosis
+    from emaphm.history.overview import Overview
+
+AT_ONCE = 5
+"""Units of a task: what a fleet teaches, some megabytes, goes to a worker once for all of them, and the last
+worker does not keep the others waiting for long."""
+
+
+@dataclass(frozen=True)
+class UnitOutcome:
+    """A unit's prognosis as `emaphm prognose --json` prints it, or the text of the error that it ended in.
+
+    `diagnoses` is how many the unit has.
+    """
+
+    unit: str
+    values: Mapping[str, Any]
+    diagnoses: int = 0
+    error: str = ""
+
+    def kept(self) -> "KeptPrognosis":
+        """Return the prognosis as a history keeps it."""
+        from emaphm.history import KeptPrognosis
+
+        return KeptPrognosis(self.values["hours"], self.diagnoses, self.values)
+
+
+@dataclass(frozen=True)
+class _Fleet:
+    """What the units of a part number teach: their hypotheses by unit, those that teach most first."""
+
+    reference: StressReference | None
+    learnt: Mapping[str, Hypotheses]
+
+    def prior_of(self, unit: str) -> Prior:
+        """Return the prior of a unit: of all others, as `fleet_prior` makes it."""
+        others = [one for name, one in self.learnt.items() if name != unit][:MOST_UNITS]
+        return pooled(others, Prior(reference=self.reference)) if others else Prior()
+
+
+def prognose_all(
+    where: str | Path,
+    question: Question = DEFAULT_QUESTION,
+    *,
+    part_number: str | None = None,
+    actuator: "Actuator | None" = None,
+    fleet: bool = True,
+    seed: int = 0,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    on_unit: OnTask | None = None,
+) -> Generator[UnitOutcome]:
+    """Yield the prognosis of each unit, by part and serial number, as tasks on many workers finish.
+
+    Each is what `prognose` gives with the `fleet_prior` of the unit's `fellows`, whatever the number of
+    workers. Where stress was recorded, its reference is that of all units which teach, the unit included.
+
+    Parameters
+    ----------
+    where
+        Of the history: a file, or postgresql://…; each worker opens it.
+    part_number
+        Only its units.
+    actuator
+        With the requirements; that of each unit's last diagnosis where left out.
+    workers, scheduler
+        Processes on this machine, one a core where left out; or the address of a Dask scheduler.
+    on_unit
+        Called as units are done: how many, of how many.
+
+    Raises
+    ------
+    HistoryError
+        The history cannot be read.
+    ExecutionError
+        The workers or the scheduler cannot be used.
+    """
+    from emaphm.history import History
+
+    check_workers(scheduler)
+    place = str(Path(where).absolute()) if "://" not in str(where) else str(where)
+    with History.open(where) as history:
+        lines = history.overviews(part_number)
+    fleets: dict[str, _Fleet] = {}
+    parts = sorted({one.unit.part_number for one in lines})
+    if fleet:
+        for part in parts:
+            of_part = [one for one in lines if one.unit.part_number == part]
+            fleets[part] = _fleet(place, of_part, seed, workers, scheduler)
+    tasks: list[Task] = []
+    for part in parts:
+        names = [one.unit.serial_number for one in lines if one.unit.part_number == part]
+        for i in range(0, len(names), AT_ONCE):
+            chosen = tuple(names[i : i + AT_ONCE])
+            arguments = (place, chosen, question, actuator, fleets.get(part), seed)
+            tasks.append(Task(len(tasks), _prognoses, arguments, name=f"units '{chosen[0]}' and following"))
+    done = 0
+    if on_unit:
+        on_unit(0, len(lines))
+    with closing(outcomes(tasks, workers=workers, scheduler=scheduler)) as arriving:
+        for outcome in _in_order(arriving):
+            names = tasks[outcome.index].arguments[1]
+            done += len(names)
+            if on_unit:
+                on_unit(done, len(lines))
+            if outcome.failure:
+                yield from (UnitOutcome(name, {}, error=outcome.failure) for name in names)
+            else:
+                yield from outcome.result
+
+
+def _in_order(arriving: Generator[Outcome]) -> Generator[Outcome]:
+    waiting: dict[int, Outcome] = {}
+    following = 0
+    for outcome in arriving:
+        waiting[outcome.index] = outcome
+        while following in waiting:
+            yield waiting.pop(following)
+            following += 1
+
+
+def _fleet(
+    where: str, lines: Sequence["Overview"], seed: int, workers: int | None, scheduler: str | None
+) -> _Fleet:
+    """Return what those units teach that have most explained diagnoses: one more than a unit learns from."""
+    teaching = [one for one in lines if one.explained >= FEWEST_DIAGNOSES]
+    teaching.sort(key=lambda one: (-one.explained, one.unit.serial_number))
+    names = [one.unit.serial_number for one in teaching[: MOST_UNITS + 1]]
+    if not names:
+        return _Fleet(None, {})
+    reference = StressReference.of([piece for one in _evidence(where, names) for piece in one.stresses])
+    general = Prior(reference=reference)
+    tasks = [Task(i, _learnt, (where, name, general, seed), name=name) for i, name in enumerate(names)]
+    found: dict[str, Hypotheses] = {}
+    with closing(outcomes(tasks, workers=workers, scheduler=scheduler)) as arriving:
+        for outcome in _in_order(arriving):
+            if outcome.failure:
+                raise ExecutionError(f"what the fleet teaches cannot be computed: {outcome.failure}")
+            found[names[outcome.index]] = outcome.result
+    return _Fleet(reference, found)
+
+
+def _evidence(where: str, names: Sequence[str]) -> list[Evidence]:
+    from emaphm.history import History
+
+    with History.open(where) as history:
+        return [Evidence.of(history.unit(name)) for name in names]
+
+
+def _learnt(where: str, name: str, general: Prior, seed: int) -> Hypotheses:
+    """Return what a unit teaches; a task."""
+    (evidence,) = _evidence(where, [name])
+    return learnt(evidence, general, seed)
+
+
+def _prognoses(
+    where: str,
+    names: Sequence[str],
+    question: Question,
+    actuator: "Actuator | None",
+    fleet: _Fleet | None,
+    seed: int,
+) -> list[UnitOutcome]:
+    """Return the prognoses of some units; a task."""
+    from emaphm.errors import EmaphmError
+    from emaphm.history import History
+
+    results = []
+    with History.open(where) as history:
+        for name in names:
+            try:
+                unit = history.unit(name)
+                evidence = Evidence.of(unit)
+                prior = None if fleet is None else fleet.prior_of(name)
+                made = prognose(evidence, actuator or unit.actuator, question, prior=prior, seed=seed)
+            except EmaphmError as error:
+                results.append(UnitOutcome(name, {}, error=str(error)))
+            else:
+                results.append(UnitOutcome(name, made.to_dict(), len(evidence.observations)))
+    return results
