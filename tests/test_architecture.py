@@ -22,6 +22,7 @@ ORDER = (
     ("calibration", "experiment"),
     ("detection", "history"),
     ("fleet", "prognosis"),
+    ("monitoring",),
     ("study",),
     ("plotting",),
     ("report",),

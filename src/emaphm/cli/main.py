@@ -12,9 +12,11 @@ from emaphm.cli.calibrate import calibrate
 from emaphm.cli.design import design
 from emaphm.cli.entry import INTERRUPTED
 from emaphm.cli.limits import limits
+from emaphm.cli.output import say
 from emaphm.cli.prognose import prognose
 from emaphm.cli.segment import segment
 from emaphm.cli.split import split
+from emaphm.cli.watch import watch
 from emaphm.errors import EmaphmError
 
 UNWRITABLE = {
@@ -54,6 +56,7 @@ VERBS = (
     split,
     limits,
     prognose,
+    watch,
 )
 for verb in VERBS:
     app.command(verb)
@@ -67,7 +70,7 @@ def run(arguments: list[str]) -> int:
     try:
         return _run(arguments)
     except KeyboardInterrupt as error:
-        _say(": ".join(["interrupted", *map(str, error.args)]))
+        say(": ".join(["interrupted", *map(str, error.args)]))
         return INTERRUPTED
 
 
@@ -122,12 +125,5 @@ def _complain(text: str) -> int:
     line = "".join(c if c.isprintable() else " " for c in text)  # names may hold anything
     if len(line) > LONGEST_LINE:
         line = f"{line[: LONGEST_LINE // 2]} … {line[-LONGEST_LINE // 2 :]}"
-    _say(line)
+    say(line)
     return 2
-
-
-def _say(line: str) -> None:
-    try:
-        print(f"emaphm: {line}", file=sys.stderr, flush=True)
-    except OSError:  # nobody reads it (`2>&1 | true`); the exit code says enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())
