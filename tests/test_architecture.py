@@ -26,6 +26,7 @@ ORDER = (
     ("study",),
     ("plotting",),
     ("report",),
+    ("server",),
     ("demo", "environment", "first_description"),
     ("cli",),
 )

@@ -16,6 +16,7 @@ from emaphm.cli.init import init
 from emaphm.cli.limits import limits
 from emaphm.cli.prognose import prognose
 from emaphm.cli.segment import segment
+from emaphm.cli.serve import serve
 from emaphm.cli.split import split
 from emaphm.errors import EmaphmError
 
@@ -57,6 +58,7 @@ VERBS = (
     split,
     limits,
     prognose,
+    serve,
     doctor,
     completion,
 )

@@ -74,6 +74,8 @@ DIAGNOSES = sa.Table(
     sa.Column("document", sa.Text, nullable=False),
     sa.Column("added_at", sa.Text, nullable=False),
     sa.UniqueConstraint("recording_id", "description_id", "method", "model", "fitness", "seed"),
+    # Without it, whether recordings are explained is spread over all of the documents.
+    sa.Index("diagnoses_explained", "recording_id", "id", "explained"),
 )
 
 REMOVALS = sa.Table(
@@ -130,6 +132,15 @@ PROGNOSES = sa.Table(
     sa.Column("diagnoses", sa.Integer, nullable=False),
     sa.Column("document", sa.Text, nullable=False),
     sa.Column("at", sa.Text, nullable=False),
+)
+
+PROGNOSIS_CURVES = sa.Table(
+    "prognosis_curves",
+    METADATA,
+    sa.Column("unit_id", sa.Integer, _of("units"), primary_key=True),
+    sa.Column("hours", sa.Double, nullable=False),
+    sa.Column("diagnoses", sa.Integer, nullable=False),
+    sa.Column("document", sa.Text, nullable=False),
 )
 
 WATCHED_FILES = sa.Table(
