@@ -27,6 +27,7 @@ ORDER = (
     ("study",),
     ("plotting",),
     ("report",),
+    ("server",),
     ("demo", "environment", "first_description"),
     ("cli",),
 )

@@ -56,6 +56,10 @@ class PrognosisError(EmaphmError):
     """Nothing can be predicted from what is given, or what a prediction is asked for is impossible."""
 
 
+class ServerError(EmaphmError):
+    """The server cannot be started as asked, or cannot keep what it was sent."""
+
+
 class StudyError(EmaphmError):
     """A study's plan asks for what cannot be, its folder cannot be used, or some of its runs failed."""
 

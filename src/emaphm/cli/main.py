@@ -17,6 +17,7 @@ from emaphm.cli.limits import limits
 from emaphm.cli.output import say
 from emaphm.cli.prognose import prognose
 from emaphm.cli.segment import segment
+from emaphm.cli.serve import serve
 from emaphm.cli.split import split
 from emaphm.cli.watch import watch
 from emaphm.errors import EmaphmError
@@ -60,6 +61,7 @@ VERBS = (
     limits,
     prognose,
     watch,
+    serve,
     doctor,
     completion,
 )

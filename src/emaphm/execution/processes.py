@@ -47,7 +47,7 @@ def run_on_processes(tasks: Sequence[Task], workers: int | None = None) -> Gener
     # Only this process holds `ours`: workers see it closed when this process ends, in whichever way.
     theirs, ours = context.Pipe(duplex=False)
     try:
-        with theirs, ProcessPoolExecutor(workers, context, _begin_worker, (theirs,)) as pool, ours:
+        with theirs, ProcessPoolExecutor(workers, context, end_with_parent, (theirs,)) as pool, ours:
             yield from _as_finished(pool, tasks, WAITING * workers)
     except BrokenProcessPool:
         raise ExecutionError(
@@ -91,8 +91,11 @@ def _one_thread_each() -> Iterator[None]:
             os.environ.pop(name, None)
 
 
-def _begin_worker(parent: Connection) -> None:
-    """End with the parent, also one that was killed or interrupted: else a worker would go on, or wait."""
+def end_with_parent(parent: Connection) -> None:
+    """Let this process end with its parent, also one that was killed: else a worker would go on, or wait.
+
+    `parent` is an end of a pipe whose other end only the parent holds.
+    """
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
 
 

@@ -133,6 +133,15 @@ PROGNOSES = sa.Table(
     sa.Column("at", sa.Text, nullable=False),
 )
 
+PROGNOSIS_CURVES = sa.Table(
+    "prognosis_curves",
+    METADATA,
+    sa.Column("unit_id", sa.Integer, _of("units"), primary_key=True),
+    sa.Column("hours", sa.Double, nullable=False),
+    sa.Column("diagnoses", sa.Integer, nullable=False),
+    sa.Column("document", sa.Text, nullable=False),
+)
+
 WATCHED_FILES = sa.Table(
     "watched_files",
     METADATA,

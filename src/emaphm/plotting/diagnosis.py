@@ -49,7 +49,7 @@ def draw_diagnosis(diagnosis: "Diagnosis", truth: Faults | None = None) -> "Figu
     _zoom(axes["zoom"], diagnosis)
     _spectrum(axes["spectrum"], diagnosis)
     above.align_ylabels([axes["current"], axes["residual"], axes["zoom"]])
-    draw_fault_intervals(below, diagnosis, truth)
+    draw_fault_intervals(below, diagnosis.components, truth)
     title_with_recording(figure, diagnosis.recording, diagnosis.actuator)
     return figure
 

@@ -20,6 +20,8 @@ from emaphm.plotting.style import (
 from emaphm.text_table import NOTHING
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, FigureBase
 
@@ -41,27 +43,34 @@ TRUE_VALUE, HEALTHY_VALUE = "D", "|"
 
 def draw_faults(diagnosis: "Diagnosis", truth: Faults | None = None) -> "Figure":
     """Draw the eight components with their intervals and healthy values, the truth as open markers."""
+    return draw_components(diagnosis.components, truth)
+
+
+def draw_components(components: "Mapping[str, Estimate]", truth: Faults | None = None) -> "Figure":
+    """Draw the components of a diagnosis of which nothing else is known."""
     figure = new_figure(PHONE_WIDTH, 3.2)
-    draw_fault_intervals(figure, diagnosis, truth)
+    draw_fault_intervals(figure, components, truth)
     return figure
 
 
-def draw_fault_intervals(figure: "FigureBase", diagnosis: "Diagnosis", truth: Faults | None) -> None:
+def draw_fault_intervals(
+    figure: "FigureBase", components: "Mapping[str, Estimate]", truth: Faults | None
+) -> None:
     """Draw the components on `figure`, which may be part of another."""
     axis = figure.subplots()
-    for row, (name, estimate) in enumerate(diagnosis.components.items()):
+    for row, (name, estimate) in enumerate(components.items()):
         _component(axis, row, estimate)
         is_phase = name == "eccentricity_phase"  # no direction is healthy, nor true without eccentricity
         if not is_phase:
             axis.plot(getattr(HEALTHY, name), row, HEALTHY_VALUE, color=BLACK, markersize=12)
         if truth and not (is_phase and truth.eccentricity == 0):
             axis.plot(getattr(truth, name), row, TRUE_VALUE, color=BLACK, markersize=8, fillstyle="none")
-    friction = diagnosis.components["friction"].interval95[0]
+    friction = components["friction"].interval95[0]
     axis.set_xlim(min(0.0, friction, truth.friction if truth else 0.0) - MARGIN, 1 + MARGIN)
     axis.set_ylim(len(NAMES) - 0.5, -0.5)
     axis.set_yticks(range(len(NAMES)), NAMES)
     style_axis(axis, xlabel="normalised value and 95 % interval")
-    for tick, estimate in zip(axis.get_yticklabels(), diagnosis.components.values(), strict=True):
+    for tick, estimate in zip(axis.get_yticklabels(), components.values(), strict=True):
         tick.set_color(BLACK if estimate.identifiable else FAINT)
     _legend(figure, axis, with_truth=truth is not None)
 

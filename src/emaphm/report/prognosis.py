@@ -5,6 +5,7 @@ from pathlib import Path
 from emaphm.output_files import check_writable, written_whole
 from emaphm.plotting.prognosis import draw_fan, draw_health, draw_life
 from emaphm.plotting.svg import plain_style, svg
+from emaphm.prognosis.keeping.curves import Curves, fan_row
 from emaphm.prognosis.prognose import past_lives
 from emaphm.prognosis.result import Prognosis, advice_text, hours_text, requirement_row
 from emaphm.report.document import Block, Document, Facts, Heading, Items, Paragraph, Picture
@@ -29,10 +30,12 @@ def document(prognosis: Prognosis) -> Document:
     """Return the report as a document."""
     evidence = prognosis.evidence
     low, high = (hours_text(x) for x in prognosis.interval90)
+    longest = float(prognosis.paths.hours[-1])
+    past = [fan_row(hours, sample, longest) for hours, sample in past_lives(prognosis)]
+    curves = Curves.of(prognosis, past)
     with plain_style():
-        health, life = svg(draw_health(prognosis)), svg(draw_life(prognosis))
-        past = past_lives(prognosis)
-        fan = svg(draw_fan(prognosis, past)) if past else None
+        health, life = svg(draw_health(curves)), svg(draw_life(curves))
+        fan = svg(draw_fan(curves)) if past else None
     horizon = f"{prognosis.horizon:g} h"
     blocks: list[Block] = [
         Paragraph(advice_text(prognosis.advice), warning=prognosis.advice.action != "fly on"),

@@ -1,0 +1,19 @@
+"""What pages and the HTTP API read of a history: many units at once, one page of diagnoses, curves."""
+
+from emaphm.history.views.curves import keep_curves, read_curves
+from emaphm.history.views.diagnoses import DiagnosisLine, diagnosis, diagnosis_lines, last_diagnosis
+from emaphm.history.views.states import Marks, UnitState, changed_units, marks, states
+
+__all__ = [
+    "DiagnosisLine",
+    "Marks",
+    "UnitState",
+    "changed_units",
+    "diagnosis",
+    "diagnosis_lines",
+    "keep_curves",
+    "last_diagnosis",
+    "marks",
+    "read_curves",
+    "states",
+]

@@ -1,0 +1,26 @@
+"""The curves of a unit's last prognosis, kept so that figures need not compute it again."""
+
+import json
+from typing import Any
+
+import sqlalchemy as sa
+
+from emaphm.history.tables import PROGNOSIS_CURVES
+from emaphm.strict_json import finite
+
+
+def keep_curves(
+    connection: sa.Connection, unit_id: int, hours: float, diagnoses: int, document: dict[str, Any]
+) -> None:
+    """Keep the curves of a prognosis, made at flight `hours` [h] from so many `diagnoses`."""
+    values = {"hours": hours, "diagnoses": diagnoses, "document": json.dumps(finite(document))}
+    of_unit = PROGNOSIS_CURVES.c.unit_id == unit_id
+    if not connection.execute(PROGNOSIS_CURVES.update().where(of_unit).values(values)).rowcount:
+        connection.execute(PROGNOSIS_CURVES.insert().values(values | {"unit_id": unit_id}))
+
+
+def read_curves(connection: sa.Connection, unit_id: int) -> dict[str, Any] | None:
+    """Return the kept curves of a unit, None where there are none."""
+    query = sa.select(PROGNOSIS_CURVES.c.document).where(PROGNOSIS_CURVES.c.unit_id == unit_id)
+    document = connection.execute(query).scalar()
+    return None if document is None else dict(json.loads(document))

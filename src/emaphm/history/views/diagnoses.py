@@ -1,0 +1,148 @@
+"""Diagnoses of all units as lines, newest first, and one of them as a whole."""
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+import sqlalchemy as sa
+
+from emaphm.history.columns import diagnosis_of
+from emaphm.history.kept_diagnosis import KeptDiagnosis
+from emaphm.history.reading import UnitRow, flights
+from emaphm.history.tables import DESCRIPTIONS, DIAGNOSES, FLIGHTS, RECORDINGS, UNITS
+
+
+@dataclass(frozen=True)
+class DiagnosisLine:
+    """A diagnosis in short, with its recording; `degraded` has the components that are called so.
+
+    `samples`, `sample_rate_hz` [Hz] are the recording's; `sensor_faults` and `reasons` are sentences.
+    """
+
+    id: int
+    unit_id: int
+    unit: str
+    part_number: str
+    hours: float
+    cycles: int | None
+    recording: str
+    recording_hash: str
+    samples: int
+    sample_rate_hz: float
+    explained: bool
+    degraded: tuple[str, ...]
+    reasons: tuple[str, ...]
+    sensor_faults: tuple[str, ...]
+    added_at: str
+
+
+def diagnosis_lines(
+    connection: sa.Connection,
+    *,
+    unit_id: int | None = None,
+    explained: bool | None = None,
+    before: int | None = None,
+    limit: int = 100,
+) -> tuple[DiagnosisLine, ...]:
+    """Return the last diagnosis of each recording that all conditions hold for, the newest first.
+
+    Parameters
+    ----------
+    before
+        The id of a diagnosis; only older ones.
+    limit
+        How many at most.
+    """
+    other = DIAGNOSES.alias()
+    newest = (
+        sa.select(sa.func.max(other.c.id)).where(other.c.recording_id == RECORDINGS.c.id).scalar_subquery()
+    )
+    query = _joined(
+        DIAGNOSES.c.id,
+        DIAGNOSES.c.explained,
+        DIAGNOSES.c.document,
+        DIAGNOSES.c.added_at,
+        UNITS.c.id.label("unit_id"),
+        UNITS.c.serial_number,
+        UNITS.c.part_number,
+        FLIGHTS.c.hours,
+        FLIGHTS.c.cycles,
+        RECORDINGS.c.name,
+        RECORDINGS.c.hash,
+        RECORDINGS.c.samples,
+        RECORDINGS.c.sample_rate_hz,
+    ).where(DIAGNOSES.c.id == newest)
+    if unit_id is not None:
+        query = query.where(UNITS.c.id == unit_id)
+    if explained is not None:
+        query = query.where(DIAGNOSES.c.explained == explained)
+    if before is not None:
+        query = query.where(DIAGNOSES.c.id < before)
+    rows = connection.execute(query.order_by(DIAGNOSES.c.id.desc()).limit(limit))
+    return tuple(_line(row) for row in rows)
+
+
+def diagnosis(connection: sa.Connection, diagnosis_id: int) -> tuple[UnitRow, KeptDiagnosis, str] | None:
+    """Return a diagnosis by its number with its unit, and the TOML of the description it was made with.
+
+    None where there is none of that number.
+    """
+    query = _joined(
+        DIAGNOSES,
+        FLIGHTS.c.hours,
+        UNITS.c.id.label("unit_id"),
+        UNITS.c.serial_number,
+        UNITS.c.part_number,
+        RECORDINGS.c.hash.label("recording_hash"),
+        RECORDINGS.c.name.label("recording_name"),
+        DESCRIPTIONS.c.hash.label("description_hash"),
+        DESCRIPTIONS.c.toml,
+    ).join(DESCRIPTIONS, DESCRIPTIONS.c.id == DIAGNOSES.c.description_id)
+    row = connection.execute(query.where(DIAGNOSES.c.id == diagnosis_id)).one_or_none()
+    if row is None:
+        return None
+    flight = next(one for one in flights(connection, row.unit_id) if one.hours == row.hours)
+    unit = UnitRow(row.unit_id, row.serial_number, row.part_number)
+    return unit, diagnosis_of(row, flight), row.toml
+
+
+def last_diagnosis(connection: sa.Connection, recording_hash: str) -> int | None:
+    """Return the number of the last diagnosis of a recording, None where it has none."""
+    query = (
+        sa.select(sa.func.max(DIAGNOSES.c.id))
+        .join(RECORDINGS, RECORDINGS.c.id == DIAGNOSES.c.recording_id)
+        .where(RECORDINGS.c.hash == recording_hash)
+    )
+    return connection.execute(query).scalar()
+
+
+def _joined(*columns: Any) -> sa.Select[Any]:
+    return (
+        sa.select(*columns)
+        .select_from(DIAGNOSES)
+        .join(RECORDINGS, RECORDINGS.c.id == DIAGNOSES.c.recording_id)
+        .join(FLIGHTS, FLIGHTS.c.id == RECORDINGS.c.flight_id)
+        .join(UNITS, UNITS.c.id == FLIGHTS.c.unit_id)
+    )
+
+
+def _line(row: "sa.Row[Any]") -> DiagnosisLine:
+    document = json.loads(row.document)
+    faults = document["faults"]
+    return DiagnosisLine(
+        id=row.id,
+        unit_id=row.unit_id,
+        unit=row.serial_number,
+        part_number=row.part_number,
+        hours=row.hours,
+        cycles=row.cycles,
+        recording=row.name,
+        recording_hash=row.hash,
+        samples=row.samples,
+        sample_rate_hz=row.sample_rate_hz,
+        explained=row.explained,
+        degraded=tuple(name for name, one in faults.items() if one["verdict"] == "degraded"),
+        reasons=tuple(document.get("reasons", ())),
+        sensor_faults=tuple(one["sentence"] for one in document.get("sensor_faults", ())),
+        added_at=row.added_at,
+    )

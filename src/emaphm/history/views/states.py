@@ -1,0 +1,201 @@
+"""The state of units: what a page of a fleet shows of each, read for all of them or for some."""
+
+import json
+from collections.abc import Collection
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import sqlalchemy as sa
+
+from emaphm.history.tables import DIAGNOSES, FINDINGS, FLIGHTS, PROGNOSES, RECORDINGS, REMOVALS, UNITS
+
+MOST_ASKED = 500
+"""Units asked for in one query: databases take no more than some thousand parameters."""
+
+
+class Marks(NamedTuple):
+    """The newest rows of each kind: where they are the same, nothing was added meanwhile."""
+
+    diagnosis: int
+    removal: int
+    finding: int
+    prognoses: tuple[int, int, float]
+
+
+@dataclass(frozen=True)
+class UnitState:
+    """A unit as it is now.
+
+    Attributes
+    ----------
+    hours, cycles, position
+        Of its last flight [h]; the position is None where it is not known.
+    last_at
+        When its newest recording was added, UTC, ISO 8601.
+    recordings, explained
+        How many recordings it has, and how many of them the last diagnosis explains.
+    diagnosis_id, document
+        Of the last diagnosis of its last flight: its number and its JSON.
+    changed
+        The newest of its removals and findings: when it was added, UTC, ISO 8601; empty where it has none.
+    """
+
+    id: int
+    serial_number: str
+    part_number: str
+    hours: float
+    cycles: int | None
+    position: str | None
+    last_at: str
+    recordings: int
+    explained: int
+    diagnosis_id: int
+    document: dict[str, Any] = field(repr=False)
+    changed: str
+
+
+def marks(connection: sa.Connection) -> Marks:
+    """Return the newest rows of a history."""
+    diagnosis, removal, finding = (
+        connection.execute(sa.select(sa.func.max(table.c.id))).scalar() or 0
+        for table in (DIAGNOSES, REMOVALS, FINDINGS)
+    )
+    kept = connection.execute(
+        sa.select(sa.func.count(), sa.func.sum(PROGNOSES.c.diagnoses), sa.func.sum(PROGNOSES.c.hours))
+    ).one()
+    return Marks(diagnosis, removal, finding, (kept[0], int(kept[1] or 0), float(kept[2] or 0.0)))
+
+
+def changed_units(connection: sa.Connection, since: Marks) -> set[int]:
+    """Return the units that have a newer diagnosis, removal or finding."""
+    of_diagnoses = (
+        sa.select(FLIGHTS.c.unit_id)
+        .join(RECORDINGS, RECORDINGS.c.flight_id == FLIGHTS.c.id)
+        .join(DIAGNOSES, DIAGNOSES.c.recording_id == RECORDINGS.c.id)
+        .where(DIAGNOSES.c.id > since.diagnosis)
+    )
+    queries = (
+        of_diagnoses,
+        sa.select(REMOVALS.c.unit_id).where(REMOVALS.c.id > since.removal),
+        sa.select(FINDINGS.c.unit_id).where(FINDINGS.c.id > since.finding),
+    )
+    return {unit_id for query in queries for unit_id in connection.execute(query.distinct()).scalars()}
+
+
+def states(connection: sa.Connection, units: Collection[int] | None = None) -> dict[int, UnitState]:
+    """Return the state of each of `units` by its id, or of all."""
+    if units is None:
+        return _states(connection, sa.true())
+    asked = sorted(units)
+    result: dict[int, UnitState] = {}
+    for start in range(0, len(asked), MOST_ASKED):
+        result |= _states(connection, UNITS.c.id.in_(asked[start : start + MOST_ASKED]))
+    return result
+
+
+def _states(connection: sa.Connection, chosen: sa.ColumnElement[bool]) -> dict[int, UnitState]:
+    counted = {row.unit_id: row for row in connection.execute(_counts(chosen))}
+    positions = _positions(connection, chosen)
+    changed = _changed(connection, chosen)
+    return {
+        row.id: UnitState(
+            id=row.id,
+            serial_number=row.serial_number,
+            part_number=row.part_number,
+            hours=row.hours,
+            cycles=row.cycles,
+            position=positions.get(row.id),
+            last_at=counted[row.id].last_at,
+            recordings=counted[row.id].recordings,
+            explained=counted[row.id].explained,
+            diagnosis_id=row.diagnosis_id,
+            document=json.loads(row.document),
+            changed=changed.get(row.id, ""),
+        )
+        for row in connection.execute(_last(chosen))
+    }
+
+
+def _last(chosen: sa.ColumnElement[bool]) -> sa.Select[Any]:
+    """Return the query of each unit's last flight, with the last diagnosis of it."""
+    other = FLIGHTS.alias()
+    last_hours = sa.select(sa.func.max(other.c.hours)).where(other.c.unit_id == UNITS.c.id).scalar_subquery()
+    of_flight = DIAGNOSES.alias()
+    newest = (
+        sa.select(sa.func.max(of_flight.c.id))
+        .join(RECORDINGS, RECORDINGS.c.id == of_flight.c.recording_id)
+        .where(RECORDINGS.c.flight_id == FLIGHTS.c.id)
+        .correlate(FLIGHTS)
+        .scalar_subquery()
+    )
+    return (
+        sa.select(
+            UNITS.c.id,
+            UNITS.c.serial_number,
+            UNITS.c.part_number,
+            FLIGHTS.c.hours,
+            FLIGHTS.c.cycles,
+            DIAGNOSES.c.id.label("diagnosis_id"),
+            DIAGNOSES.c.document,
+        )
+        .select_from(UNITS)
+        .join(FLIGHTS, sa.and_(FLIGHTS.c.unit_id == UNITS.c.id, FLIGHTS.c.hours == last_hours))
+        .join(DIAGNOSES, DIAGNOSES.c.id == newest)
+        .where(chosen)
+    )
+
+
+def _counts(chosen: sa.ColumnElement[bool]) -> sa.Select[Any]:
+    """Return the query of how many recordings units have, and how many of them are explained."""
+    other = DIAGNOSES.alias()
+    newest = (
+        sa.select(sa.func.max(other.c.id)).where(other.c.recording_id == RECORDINGS.c.id).scalar_subquery()
+    )
+    return (
+        sa.select(
+            FLIGHTS.c.unit_id,
+            sa.func.count().label("recordings"),
+            sa.func.sum(sa.case((DIAGNOSES.c.explained, 1), else_=0)).label("explained"),
+            sa.func.max(RECORDINGS.c.added_at).label("last_at"),
+        )
+        .select_from(FLIGHTS)
+        .join(UNITS, UNITS.c.id == FLIGHTS.c.unit_id)
+        .join(RECORDINGS, RECORDINGS.c.flight_id == FLIGHTS.c.id)
+        .join(DIAGNOSES, sa.and_(DIAGNOSES.c.recording_id == RECORDINGS.c.id, DIAGNOSES.c.id == newest))
+        .where(chosen)
+        .group_by(FLIGHTS.c.unit_id)
+    )
+
+
+def _positions(connection: sa.Connection, chosen: sa.ColumnElement[bool]) -> dict[int, str]:
+    """Return by unit the position that was given last, but of units that were removed since."""
+    given = (
+        sa.select(FLIGHTS.c.unit_id, FLIGHTS.c.hours, FLIGHTS.c.position)
+        .join(UNITS, UNITS.c.id == FLIGHTS.c.unit_id)
+        .where(chosen, FLIGHTS.c.position.is_not(None))
+        .order_by(FLIGHTS.c.hours)
+    )
+    last = {row.unit_id: row for row in connection.execute(given)}
+    removed = (
+        sa.select(REMOVALS.c.unit_id, sa.func.max(REMOVALS.c.hours))
+        .join(UNITS, UNITS.c.id == REMOVALS.c.unit_id)
+        .where(chosen)
+        .group_by(REMOVALS.c.unit_id)
+    )
+    gone: dict[int, float] = {row[0]: row[1] for row in connection.execute(removed)}
+    return {unit_id: row.position for unit_id, row in last.items() if gone.get(unit_id, -1.0) < row.hours}
+
+
+def _changed(connection: sa.Connection, chosen: sa.ColumnElement[bool]) -> dict[int, str]:
+    """Return by unit when its newest removal or finding was added."""
+    result: dict[int, str] = {}
+    for table in (REMOVALS, FINDINGS):
+        query = (
+            sa.select(table.c.unit_id, sa.func.max(table.c.added_at))
+            .join(UNITS, UNITS.c.id == table.c.unit_id)
+            .where(chosen)
+            .group_by(table.c.unit_id)
+        )
+        for unit_id, at in connection.execute(query):
+            result[unit_id] = max(result.get(unit_id, ""), at)
+    return result

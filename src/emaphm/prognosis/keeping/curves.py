@@ -1,0 +1,179 @@
+"""What the figures of a prognosis show, as few numbers: a history keeps it, a page draws it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Self
+
+import numpy as np
+
+from emaphm.actuator.faults import CARTESIAN_NAMES
+from emaphm.arrays import Array
+from emaphm.prognosis.requirements import COMPONENTS
+from emaphm.prognosis.result import Prognosis, quantile
+
+PROBABILITIES = (0.05, 0.25, 0.5, 0.75, 0.95)
+"""Of the quantiles: bands of 90 and 50 %, and the median."""
+
+MOST_SHOWN = 3.0
+"""The forecast is shown as far as this multiple of the horizon, or 1.2 times the median of the RUL."""
+
+POINTS = 100
+"""Of the curve of the probability of failure."""
+
+DIGITS = 4
+"""Digits of a number: a figure shows three."""
+
+Z90 = 1.645
+"""Half-width of a normal 90 % interval, in standard errors."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A diagnosis in a figure: at flight `hours` [h], the levels with the half-widths of 90 % intervals."""
+
+    hours: float
+    explained: bool
+    levels: Mapping[str, float]
+    halves: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Curves:
+    """The curves of a prognosis; hours are flight hours [h], levels normalised.
+
+    Attributes
+    ----------
+    now, horizon, longest
+        Flight hours at the prognosis, hours from then on for which is planned, and longest RUL shown [h].
+    seen
+        The diagnoses.
+    times, levels
+        Flight hours (m,) of the forecast, and of each component the quantiles `PROBABILITIES` of its level
+        then, each (m,).
+    limits
+        Of each limit of a level, its component and bound.
+    risk_times, risk, first_risk, first_label
+        Flight hours, and the probability that any requirement has failed by then; of the requirement that
+        most likely fails first alone, where there are others, and its name.
+    fan
+        The RUL as forecast at flight hours: rows of these and of its quantiles `PROBABILITIES` [h].
+    """
+
+    unit: str
+    now: float
+    horizon: float
+    longest: float
+    seen: tuple[Seen, ...]
+    times: tuple[float, ...]
+    levels: Mapping[str, tuple[tuple[float, ...], ...]]
+    limits: tuple[tuple[str, float], ...]
+    risk_times: tuple[float, ...]
+    risk: tuple[float, ...]
+    first_risk: tuple[float, ...]
+    first_label: str
+    fan: tuple[tuple[float, ...], ...]
+
+    @classmethod
+    def of(cls, prognosis: Prognosis, fan: Sequence[tuple[float, ...]] = ()) -> Self:
+        """Return the curves of `prognosis`; `fan` has the rows of earlier forecasts."""
+        made, now = prognosis.paths, prognosis.evidence.hours
+        reach = _reach(prognosis)
+        shown = made.hours <= reach
+        risk_times = np.linspace(0, reach, POINTS)
+        first = _first_alone(prognosis)
+        return cls(
+            unit=prognosis.evidence.unit,
+            now=now,
+            horizon=prognosis.horizon,
+            longest=float(made.hours[-1]),
+            seen=tuple(
+                Seen(
+                    one.hours,
+                    one.explained,
+                    {name: _digits(_level(one.level, name)) for name in COMPONENTS},
+                    {name: _digits(_half(one.covariance, one.level, name)) for name in COMPONENTS},
+                )
+                for one in prognosis.evidence.observations
+            ),
+            times=_row(now + made.hours[shown]),
+            levels={
+                name: tuple(
+                    _row(values)
+                    for values in np.quantile(
+                        np.clip(_level(made.level[shown], name), 0, 1), PROBABILITIES, axis=1
+                    )
+                )
+                for name in COMPONENTS
+            },
+            limits=tuple(
+                (limit.component, limit.bound)
+                for limit in prognosis.times.limits
+                if limit.component is not None
+            ),
+            risk_times=_row(now + risk_times),
+            risk=_row(_share(prognosis.sample, risk_times)),
+            first_risk=() if first is None else _row(_share(first, risk_times)),
+            first_label=prognosis.limit.label if first is not None and prognosis.limit else "",
+            fan=(*fan, fan_row(now, prognosis.sample, float(made.hours[-1]))),
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the curves as JSON."""
+        return {**asdict(self), "probabilities": list(PROBABILITIES)}
+
+    @classmethod
+    def from_dict(cls, document: Mapping[str, Any]) -> Self:
+        """Return the curves that `to_dict` gave."""
+        values = {name: value for name, value in document.items() if name != "probabilities"}
+        return cls(**values | {"seen": tuple(Seen(**one) for one in values["seen"])})
+
+
+def fan_row(hours: float, sample: Array, longest: float) -> tuple[float, ...]:
+    """Return a row of a fan: flight hours [h], and quantiles of the RUL, `longest` [h] at most."""
+    return hours, *(_digits(min(quantile(sample, p), longest)) for p in PROBABILITIES)
+
+
+def _reach(prognosis: Prognosis) -> float:
+    """Return how far into the future is shown [h]."""
+    median = prognosis.median if np.isfinite(prognosis.median) else 0.0
+    longest = float(prognosis.paths.hours[-1])
+    return min(max(MOST_SHOWN * prognosis.horizon, 1.2 * median), longest)
+
+
+def _first_alone(prognosis: Prognosis) -> Array | None:
+    """Return when paths fail the requirement that most fail first; None where it is the only one."""
+    if prognosis.limit is None or len(prognosis.times.limits) < 2:
+        return None
+    return np.asarray(prognosis.times.hours[prognosis.times.limits.index(prognosis.limit)])
+
+
+def _share(sample: Array, times: Array) -> Array:
+    return np.asarray(np.searchsorted(np.sort(sample), times, "right") / sample.size)
+
+
+def _level(levels: Array, name: str) -> Array:
+    """Return a component's levels (…) of those of all coordinates (…, 8)."""
+    if name != "eccentricity":
+        return np.asarray(levels[..., CARTESIAN_NAMES.index(name)])
+    x = CARTESIAN_NAMES.index("eccentricity_x")
+    return np.hypot(levels[..., x], levels[..., x + 1])
+
+
+def _half(covariance: Array, level: Array, name: str) -> float:
+    """Return the half-width of a component's 90 % interval, of the covariance (8, 8) and level (8,)."""
+    if name != "eccentricity":
+        column = CARTESIAN_NAMES.index(name)
+        variance = float(covariance[column, column])
+    else:
+        x = CARTESIAN_NAMES.index("eccentricity_x")
+        along = level[x : x + 2] / max(float(np.hypot(*level[x : x + 2])), 1e-12)
+        variance = float(along @ covariance[x : x + 2, x : x + 2] @ along)
+    return min(Z90 * float(np.sqrt(max(variance, 0.0))), 1.0)
+
+
+def _row(values: Array) -> tuple[float, ...]:
+    return tuple(_digits(value) for value in values)
+
+
+def _digits(value: Any) -> float:
+    return round(float(value), DIGITS)

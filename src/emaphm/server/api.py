@@ -1,0 +1,331 @@
+"""The HTTP API under /api/v1: what the pages show, as JSON."""
+
+from dataclasses import asdict
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Depends, HTTPException, Path, Query, Request
+from pydantic import BaseModel, Field
+
+from emaphm.history.blocks import diagnosis_blocks
+from emaphm.history.events import KINDS, read_events
+from emaphm.history.kept_prognosis import KeptPrognosis
+from emaphm.history.reading import UnitRow
+from emaphm.history.unit import Unit
+from emaphm.history.views import DiagnosisLine, diagnosis, diagnosis_lines, read_curves
+from emaphm.server.fleet import ACTIONS, HEALTHS, SORTS, Choice, FleetRow
+from emaphm.server.state import ServerState
+from emaphm.server.work.queue import Job
+from emaphm.strict_json import finite
+
+LARGEST_ID = 2**31 - 1
+"""Of a row in a database."""
+
+router = APIRouter(prefix="/api/v1")
+
+
+def state_of(request: Request) -> ServerState:
+    """Return what the server shares."""
+    found: ServerState = request.app.state.server
+    return found
+
+
+Server = Annotated[ServerState, Depends(state_of)]
+Id = Annotated[int, Path(ge=1, le=LARGEST_ID)]
+Limit = Annotated[int, Query(ge=1, le=1000, description="How many at most.")]
+Before = Annotated[
+    int | None, Query(ge=1, le=LARGEST_ID, description="Only those of lower numbers: the next page.")
+]
+UnitId = Annotated[int | None, Query(ge=1, le=LARGEST_ID, description="Only of the unit of this id.")]
+
+
+def _one_of(names: tuple[str, ...], what: str) -> Any:
+    return Query(description=what, pattern=f"^({'|'.join(('', *names))})$")
+
+
+class Units(BaseModel):
+    """Units, and how many the history has."""
+
+    units: list[FleetRow]
+    shown: int = Field(description="How many units the filters leave.")
+    total: int
+
+
+class Diagnoses(BaseModel):
+    """Diagnoses with their recordings, the newest first."""
+
+    diagnoses: list[DiagnosisLine]
+
+
+class DataHealth(BaseModel):
+    """What cannot be trusted: units whose last recording is not explained or shows a fault of a sensor."""
+
+    not_explained: list[FleetRow]
+    sensor_faults: list[FleetRow]
+    recordings: list[DiagnosisLine] = Field(
+        description="Recordings that are not explained, the newest first."
+    )
+
+
+class JobAnswer(BaseModel):
+    """An upload, and what has become of it."""
+
+    id: int
+    state: str = Field(description="waiting, running, done, refused or failed.")
+    progress: float = Field(description="How much is done, 0 to 1.")
+    recording: str
+    unit: str
+    hours: float
+    message: str
+    result: dict[str, Any]
+    added_at: str
+    ended_at: str | None
+
+
+class Refusal(BaseModel):
+    """Why a request was refused."""
+
+    detail: Any
+
+
+NOT_FOUND: dict[int | str, dict[str, Any]] = {404: {"model": Refusal}}
+
+
+@router.get("/units")
+def units(
+    server: Server,
+    sort: Annotated[str, _one_of(tuple(SORTS), "By what they are sorted.")] = "urgency",
+    descending: Annotated[bool, Query(description="The other way round.")] = False,
+    part: Annotated[str, Query(description="Only this part number.")] = "",
+    advice: Annotated[str, _one_of((*ACTIONS, "none"), "Only this advice.")] = "",
+    health: Annotated[str, _one_of(HEALTHS, "Only where the last diagnosis says so.")] = "",
+    search: Annotated[str, Query(description="Part of a serial number or a position.")] = "",
+    limit: Limit = 1000,
+    offset: Annotated[int, Query(ge=0, le=LARGEST_ID)] = 0,
+) -> Units:
+    """Return the units of the fleet, the most urgent first."""
+    fleet = server.fleet.fleet()
+    rows = Choice(sort or "urgency", descending, part, advice, health, search).of(fleet.rows)
+    return Units(units=rows[offset : offset + limit], shown=len(rows), total=len(fleet.rows))
+
+
+@router.get("/units/{unit_id}", responses=NOT_FOUND)
+def unit(server: Server, unit_id: Id) -> dict[str, Any]:
+    """Return a unit: its state, flights, removals, findings and lives."""
+    row = row_of(server, unit_id)
+    found = history_unit(server, row)
+    return _finite(
+        {
+            "unit": asdict(row),
+            "flights": [asdict(one) for one in found.flights()],
+            "removals": [asdict(one) for one in found.removals()],
+            "findings": [asdict(one) for one in found.findings()],
+            "lives": [asdict(one) | {"censored": one.censored} for one in found.lives()],
+        }
+    )
+
+
+@router.get("/units/{unit_id}/prognosis", responses=NOT_FOUND)
+def prognosis(server: Server, unit_id: Id) -> dict[str, Any]:
+    """Return the prognosis of a unit, as `emaphm prognose --json` prints it."""
+    kept = prognosis_of(server, row_of(server, unit_id))
+    if kept is None:
+        raise HTTPException(404, "no prognosis of this unit has been made yet")
+    return _kept(kept)
+
+
+@router.get("/units/{unit_id}/curves", responses=NOT_FOUND)
+def curves(server: Server, unit_id: Id) -> dict[str, Any]:
+    """Return what the figures of a unit's prognosis show."""
+    row_of(server, unit_id)
+    with server.history.database.reading() as connection:
+        found = read_curves(connection, unit_id)
+    if found is None:
+        raise HTTPException(404, "no prognosis of this unit has been made yet")
+    return found
+
+
+@router.get("/prognoses")
+def prognoses(server: Server) -> dict[str, dict[str, Any]]:
+    """Return the last prognosis of each unit by its serial number, of those that have one."""
+    return {unit: _kept(one) for unit, one in server.history.prognoses().items()}
+
+
+@router.get("/recordings")
+def recordings(
+    server: Server,
+    unit_id: UnitId = None,
+    explained: Annotated[bool | None, Query(description="Only those that are, or are not.")] = None,
+    before: Before = None,
+    limit: Limit = 100,
+) -> Diagnoses:
+    """Return recordings with their last diagnosis in short, the newest first."""
+    return diagnoses(server, unit_id, explained, before, limit)
+
+
+@router.get("/diagnoses")
+def diagnoses(
+    server: Server,
+    unit_id: UnitId = None,
+    explained: Annotated[bool | None, Query(description="Only those that are, or are not.")] = None,
+    before: Before = None,
+    limit: Limit = 100,
+) -> Diagnoses:
+    """Return the last diagnosis of each recording in short, the newest first."""
+    with server.history.database.reading() as connection:
+        found = diagnosis_lines(connection, unit_id=unit_id, explained=explained, before=before, limit=limit)
+    return Diagnoses(diagnoses=list(found))
+
+
+@router.get("/diagnoses/{diagnosis_id}", responses=NOT_FOUND)
+def one_diagnosis(server: Server, diagnosis_id: Id) -> dict[str, Any]:
+    """Return a diagnosis in the blocks of ISO 13374."""
+    with server.history.database.reading() as connection:
+        found = diagnosis(connection, diagnosis_id)
+    if found is None:
+        raise HTTPException(404, f"no diagnosis {diagnosis_id} in the history")
+    row, kept, _ = found
+    return _finite(
+        {
+            "id": diagnosis_id,
+            "unit_id": row.id,
+            "unit": row.serial_number,
+            "part_number": row.part_number,
+            **diagnosis_blocks(kept),
+        }
+    )
+
+
+@router.get("/events")
+def events(
+    server: Server,
+    unit_id: UnitId = None,
+    kind: Annotated[str, _one_of(KINDS, "Only of this kind.")] = "",
+    after: Annotated[
+        int | None, Query(ge=0, le=LARGEST_ID, description="Only those of higher numbers.")
+    ] = None,
+    newest_first: bool = True,
+    limit: Limit = 100,
+) -> dict[str, list[dict[str, Any]]]:
+    """Return events."""
+    serial = None if unit_id is None else row_of(server, unit_id).unit
+    with server.history.database.reading() as connection:
+        found = read_events(
+            connection,
+            unit=serial,
+            kinds=(kind,) if kind else (),
+            after=after,
+            newest_first=newest_first,
+            limit=limit,
+        )
+    return {"events": [one.to_dict() for one in found]}
+
+
+@router.get("/data-health")
+def data_health(server: Server) -> DataHealth:
+    """Return what cannot be trusted."""
+    rows = Choice(sort="unit").of(server.fleet.fleet().rows)
+    with server.history.database.reading() as connection:
+        found = diagnosis_lines(connection, explained=False)
+    return DataHealth(
+        not_explained=[row for row in rows if row.health == "not explained"],
+        sensor_faults=[row for row in rows if row.sensor_faults],
+        recordings=list(found),
+    )
+
+
+FIELDS = {
+    "recording": {"type": "string", "format": "binary", "description": "The file."},
+    "unit": {"type": "string", "description": "Serial number."},
+    "hours": {"type": "number", "minimum": 0, "description": "Flight hours of the unit since it was new."},
+    "cycles": {"type": "integer", "minimum": 0, "description": "Cycles of the unit since it was new."},
+    "position": {"type": "string", "description": "Place on the aircraft; as before if left out."},
+    "part": {"type": "string", "description": "Part number; as before, or the description's name."},
+    "actuator": {"type": "string", "description": "Description; that of the unit's last diagnosis if empty."},
+    "late": {"type": "boolean", "description": "An old recording: hours may be below the unit's latest."},
+}
+BODY = {
+    "requestBody": {
+        "required": True,
+        "content": {
+            "multipart/form-data": {
+                "schema": {
+                    "type": "object",
+                    "properties": FIELDS,
+                    "required": ["recording", "unit", "hours"],
+                    "additionalProperties": False,
+                }
+            }
+        },
+    }
+}
+
+
+@router.post(
+    "/recordings",
+    status_code=202,
+    openapi_extra=BODY,
+    responses={code: {"model": Refusal} for code in (400, 408, 413, 422, 503)},
+)
+async def upload(request: Request, server: Server) -> JobAnswer:
+    """Take a recording to be diagnosed; the job says what becomes of it."""
+    from starlette.concurrency import run_in_threadpool
+
+    number = await server.uploads.received(request)
+    return await run_in_threadpool(job, server, number)
+
+
+@router.get("/jobs")
+def jobs(server: Server, before: Before = None, limit: Limit = 100) -> dict[str, list[JobAnswer]]:
+    """Return uploads and what has become of them, the newest first."""
+    return {"jobs": [job_answer(server, one) for one in server.queue.jobs(limit, before)]}
+
+
+@router.get("/jobs/{job_id}", responses=NOT_FOUND)
+def job(server: Server, job_id: Id) -> JobAnswer:
+    """Return an upload and what has become of it."""
+    found = server.queue.job(job_id)
+    if found is None:
+        raise HTTPException(404, f"no upload {job_id}")
+    return job_answer(server, found)
+
+
+def job_answer(server: ServerState, found: Job) -> JobAnswer:
+    """Return a job as the API gives it."""
+    return JobAnswer(
+        id=found.id,
+        state=found.state,
+        progress=1.0 if found.is_over else server.pool.progress(found.id),
+        recording=found.request["name"],
+        unit=found.request["unit"],
+        hours=found.request["hours"],
+        message=found.message,
+        result=found.result,
+        added_at=found.added_at,
+        ended_at=found.ended_at,
+    )
+
+
+def row_of(server: ServerState, unit_id: int) -> FleetRow:
+    """Return a unit's row; 404 where there is none."""
+    found = server.fleet.row(unit_id)
+    if found is None:
+        raise HTTPException(404, f"no unit {unit_id} in the history")
+    return found
+
+
+def history_unit(server: ServerState, row: FleetRow) -> Unit:
+    """Return the unit of a row."""
+    return Unit(server.history.database, UnitRow(row.id, row.unit, row.part_number))
+
+
+def prognosis_of(server: ServerState, row: FleetRow) -> KeptPrognosis | None:
+    """Return the kept prognosis of a unit."""
+    return server.fleet.prognosis(row.unit)
+
+
+def _finite(values: dict[str, Any]) -> dict[str, Any]:
+    return dict(finite(values))
+
+
+def _kept(one: KeptPrognosis) -> dict[str, Any]:
+    return {**one.document, "made_at": one.at}

@@ -1,0 +1,87 @@
+"""The application: pages and API behind the guard."""
+
+from typing import TYPE_CHECKING
+
+from fastapi import FastAPI, Request
+from fastapi.encoders import jsonable_encoder
+from fastapi.exceptions import RequestValidationError
+from starlette.exceptions import HTTPException
+from starlette.middleware import Middleware
+from starlette.middleware.gzip import GZipMiddleware
+from starlette.responses import HTMLResponse, JSONResponse, Response
+
+from emaphm.errors import EmaphmError, HistoryError, ServerError
+from emaphm.server import api, pages
+from emaphm.server.guard import HEADERS, Guard
+from emaphm.server.html import render
+from emaphm.server.uploads import BusyError
+from emaphm.version import VERSION
+
+if TYPE_CHECKING:
+    from emaphm.server.state import ServerState
+
+SMALLEST_ZIPPED = 1000
+"""Of an answer that is compressed [bytes]."""
+
+
+def create_app(state: "ServerState", *, only_loopback: bool = True) -> FastAPI:
+    """Return the application.
+
+    Parameters
+    ----------
+    only_loopback
+        Whether requests must name this machine as localhost: no name of another site may lead here.
+    """
+    app = FastAPI(
+        title="emaphm",
+        description="Health and remaining useful life of electromechanical actuators.",
+        version=VERSION,
+        openapi_url="/openapi.json",
+        docs_url=None,  # its scripts would come from elsewhere
+        redoc_url=None,
+        middleware=[
+            Middleware(
+                Guard, settings=state.settings, doorkeeper=state.doorkeeper, only_loopback=only_loopback
+            ),
+            Middleware(GZipMiddleware, minimum_size=SMALLEST_ZIPPED, compresslevel=4),
+        ],
+    )
+    app.state.server = state
+    app.include_router(api.router)
+    app.include_router(pages.router)
+    app.add_exception_handler(HTTPException, _http)
+    app.add_exception_handler(RequestValidationError, _invalid)
+    app.add_exception_handler(EmaphmError, _refused)
+    app.add_exception_handler(Exception, _defect)
+    return app
+
+
+def _answer(request: Request, status: int, text: str, headers: dict[str, str] | None = None) -> Response:
+    if request.url.path.startswith("/api/"):
+        return JSONResponse({"detail": text}, status, headers)
+    return HTMLResponse(render("error.html.jinja", request, status=status, text=text), status, headers)
+
+
+def _http(request: Request, error: Exception) -> Response:
+    assert isinstance(error, HTTPException)  # noqa: S101 - it is registered for these
+    return _answer(request, error.status_code, str(error.detail), dict(error.headers or {}))
+
+
+def _invalid(request: Request, error: Exception) -> Response:
+    assert isinstance(error, RequestValidationError)  # noqa: S101 - it is registered for these
+    if request.url.path.startswith("/api/"):
+        found = [{key: one[key] for key in ("loc", "msg", "type")} for one in error.errors()]
+        return JSONResponse({"detail": jsonable_encoder(found)}, 422)
+    return _answer(request, 404, "There is no such page.")
+
+
+def _refused(request: Request, error: Exception) -> Response:
+    if isinstance(error, BusyError):
+        return _answer(request, 503, str(error), {"retry-after": "30"})
+    return _answer(request, 503 if isinstance(error, HistoryError | ServerError) else 422, str(error))
+
+
+def _defect(request: Request, error: Exception) -> Response:
+    del error  # the log has it
+    # Made outside of the guard.
+    return _answer(request, 500, "A defect of emaphm; its log has the details.", HEADERS)

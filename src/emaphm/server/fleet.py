@@ -1,0 +1,225 @@
+"""The fleet as pages and API show it: one row a unit, kept in memory and read again where it has changed."""
+
+import threading
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from emaphm.history.kept_prognosis import KeptPrognosis, read_prognoses
+from emaphm.history.views import Marks, UnitState, changed_units, marks, states
+from emaphm.prognosis.keeping import is_current
+
+if TYPE_CHECKING:
+    from emaphm.history import History
+
+ACTIONS = ("replace before", "inspect by", "fly on")
+"""What may be advised, the most urgent first."""
+
+HEALTHS = ("degraded", "not explained", "cannot tell", "healthy")
+"""What the last diagnosis says of a unit."""
+
+NEVER = float("inf")
+
+
+@dataclass(frozen=True)
+class FleetRow:
+    """A unit: its last flight, its last diagnosis, and its prognosis, null where there is none yet.
+
+    Hours are flight hours [h]; `rul_low`, `rul_high` the ends of the 90 % interval, null beyond what is
+    forecast; `advice` is good for `advice_in` hours from the prognosis on, at `advice_at`; `current` says
+    whether the prognosis knows of all that was added.
+    """
+
+    id: int
+    unit: str
+    part_number: str
+    position: str | None
+    hours: float
+    cycles: int | None
+    last_at: str
+    recordings: int
+    explained: int
+    diagnosis: int
+    health: str
+    degraded: tuple[str, ...]
+    reasons: tuple[str, ...]
+    sensor_faults: tuple[str, ...]
+    advice: str | None
+    advice_in: float | None
+    advice_at: float | None
+    risk: float | None
+    probability_of_failure: float | None
+    horizon: float | None
+    rul: float | None
+    rul_low: float | None
+    rul_high: float | None
+    fails_first: str | None
+    current: bool
+
+    @property
+    def urgency(self) -> tuple[int, float, float]:
+        """Action, hours until then, RUL: less is more urgent; a unit without advice is in between."""
+        rank = ACTIONS.index(self.advice) if self.advice in ACTIONS else 1.5
+        return int(2 * rank), NEVER if self.advice_in is None else self.advice_in, _or_never(self.rul)
+
+
+SORTS: dict[str, Callable[[FleetRow], Any]] = {
+    "urgency": lambda row: row.urgency,
+    "unit": lambda row: row.unit.lower(),
+    "part": lambda row: row.part_number.lower(),
+    "hours": lambda row: row.hours,
+    "rul": lambda row: (row.advice is None, _or_never(row.rul)),
+    "advice": lambda row: (row.urgency[0], row.advice_in or 0.0),
+    "health": lambda row: (HEALTHS.index(row.health), row.degraded),
+    "last": lambda row: row.last_at,
+    "recordings": lambda row: row.recordings,
+    "explained": lambda row: row.explained / row.recordings,
+}
+"""By what units are sorted."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Which units are shown, and in which order."""
+
+    sort: str = "urgency"
+    descending: bool = False
+    part: str = ""
+    advice: str = ""
+    health: str = ""
+    search: str = ""
+
+    def of(self, rows: Iterable[FleetRow]) -> list[FleetRow]:
+        """Return the rows that are asked for, in order."""
+        text = self.search.strip().lower()
+        chosen = [
+            row
+            for row in rows
+            if self.part in ("", row.part_number)
+            and self.health in ("", row.health)
+            and self.advice in ("", row.advice or "none")
+            and (text in row.unit.lower() or text in (row.position or "").lower())
+        ]
+        chosen.sort(key=lambda row: row.unit)
+        return sorted(chosen, key=SORTS[self.sort], reverse=self.descending)
+
+
+@dataclass(frozen=True)
+class Fleet:
+    """All units at one moment; `version` rises with each change."""
+
+    version: int
+    rows: tuple[FleetRow, ...]
+
+    @property
+    def part_numbers(self) -> list[str]:
+        """The part numbers of the units."""
+        return sorted({row.part_number for row in self.rows})
+
+
+class FleetView:
+    """Gives the fleet as it is now; only what has changed since is read again."""
+
+    def __init__(self, history: "History") -> None:
+        self._history = history
+        self._lock = threading.Lock()
+        self._marks: Marks | None = None
+        self._states: dict[int, UnitState] = {}
+        self._prognoses: dict[str, KeptPrognosis] = {}
+        self._fleet = Fleet(0, ())
+        self._asked: dict[str, tuple[int, str]] = {}
+
+    def fleet(self) -> Fleet:
+        """Return the fleet; `HistoryError` where the database fails."""
+        with self._lock, self._history.database.reading() as connection:
+            now = marks(connection)
+            before = self._marks
+            if now == before:
+                return self._fleet
+            if before is None:
+                self._states = states(connection)
+            else:
+                self._states |= states(connection, changed_units(connection, before))
+            if before is None or before.prognoses != now.prognoses:
+                self._prognoses = read_prognoses(connection)
+            self._marks = now
+        rows = tuple(_row(one, self._prognoses.get(one.serial_number)) for one in self._states.values())
+        self._fleet = Fleet(self._fleet.version + 1, rows)
+        return self._fleet
+
+    def row(self, unit_id: int) -> FleetRow | None:
+        """Return the row of a unit, None where there is none of that id."""
+        return next((row for row in self.fleet().rows if row.id == unit_id), None)
+
+    def prognosis(self, unit: str) -> KeptPrognosis | None:
+        """Return the kept prognosis of the unit with this serial number."""
+        return self._prognoses.get(unit)
+
+    def outdated(self) -> str | None:
+        """Return a unit whose prognosis is out of date and was not asked for since; the most urgent first."""
+        for row in Choice().of(self.fleet().rows):
+            state = self._states[row.id]
+            what = (state.recordings, state.changed)
+            if not row.current and self._asked.get(row.unit) != what:
+                self._asked[row.unit] = what
+                return row.unit
+        return None
+
+    def forecast(self, unit: str, made: bool) -> None:  # noqa: ARG002 - one that failed is not tried again
+        """Read the prognoses again: one has been made."""
+        with self._lock:
+            if made and self._marks is not None:
+                self._marks = self._marks._replace(prognoses=(-1, 0, 0.0))
+
+
+def _row(state: UnitState, prognosis: KeptPrognosis | None) -> FleetRow:
+    faults = state.document["faults"]
+    verdicts = {name: one["verdict"] for name, one in faults.items() if name != "eccentricity_phase"}
+    degraded = tuple(name for name, verdict in verdicts.items() if verdict == "degraded")
+    return FleetRow(
+        id=state.id,
+        unit=state.serial_number,
+        part_number=state.part_number,
+        position=state.position,
+        hours=state.hours,
+        cycles=state.cycles,
+        last_at=state.last_at,
+        recordings=state.recordings,
+        explained=state.explained,
+        diagnosis=state.diagnosis_id,
+        health=_health(verdicts, explained=state.document["explained"]),
+        degraded=degraded,
+        reasons=tuple(state.document.get("reasons", ())),
+        sensor_faults=tuple(one["sentence"] for one in state.document.get("sensor_faults", ())),
+        current=is_current(state, prognosis),
+        **_forecast(prognosis),
+    )
+
+
+def _health(verdicts: dict[str, str], *, explained: bool) -> str:
+    if not explained:
+        return "not explained"
+    found = set(verdicts.values())
+    return next((one for one in HEALTHS if one in found), "cannot tell")
+
+
+def _forecast(prognosis: KeptPrognosis | None) -> dict[str, Any]:
+    document: Any = prognosis.document if prognosis else {}
+    advice, rul = document.get("advice", {}), document.get("rul_hours", {})
+    low, high = rul.get("interval90", (None, None))
+    return {
+        "advice": advice.get("action"),
+        "advice_in": advice.get("in_hours"),
+        "advice_at": advice.get("at_hours"),
+        "risk": advice.get("risk"),
+        "probability_of_failure": document.get("probability_of_failure"),
+        "horizon": document.get("horizon_hours"),
+        "rul": rul.get("median"),
+        "rul_low": low,
+        "rul_high": high,
+        "fails_first": document.get("requirement"),
+    }
+
+
+def _or_never(hours: float | None) -> float:
+    return NEVER if hours is None else hours

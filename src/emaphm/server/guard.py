@@ -1,0 +1,212 @@
+"""What stands before every request: whose it is, where it comes from, how large and how slow it may be."""
+
+import asyncio
+import ipaddress
+from http.cookies import CookieError, SimpleCookie
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
+
+from starlette.exceptions import HTTPException
+from starlette.responses import JSONResponse, PlainTextResponse, RedirectResponse
+
+from emaphm.server.settings import ServerSettings
+from emaphm.server.tokens import Doorkeeper
+
+if TYPE_CHECKING:
+    from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+COOKIE = "emaphm_session"
+
+POLICY = "default-src 'self'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'; object-src 'none'"
+
+HEADERS = {
+    "content-security-policy": POLICY,
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "same-origin",
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+    "cache-control": "no-cache, private",
+}
+"""Of every answer that does not say otherwise."""
+
+OPEN = ("/login", "/static/")
+"""What is answered to anyone: the page that asks for a token, and its style."""
+
+UPLOADS = ("/upload", "/api/v1/recordings")
+
+READING = ("GET", "HEAD", "OPTIONS")
+
+
+class Guard:
+    """Middleware that lets a request through to the pages, or answers it itself."""
+
+    def __init__(
+        self,
+        app: "ASGIApp",
+        *,
+        settings: ServerSettings,
+        doorkeeper: Doorkeeper | None,
+        only_loopback: bool,
+    ) -> None:
+        self._app = app
+        self._settings = settings
+        self._doorkeeper = doorkeeper
+        self._only_loopback = only_loopback
+        self._uploading = 0
+
+    async def __call__(self, scope: "Scope", receive: "Receive", send: "Send") -> None:
+        """Answer a request."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        headers = {
+            name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]
+        }
+        answer = self._refusal(scope, headers)
+        if answer is not None:
+            await answer(scope, receive, _with_headers(send))
+            return
+        if scope["method"] == "POST" and scope["path"] in UPLOADS:
+            await self._upload(scope, receive, send)
+            return
+        body = _Bounded(receive, self._settings.other_bytes)
+        await self._run(scope, body, _with_headers(send))
+
+    async def _upload(self, scope: "Scope", receive: "Receive", send: "Send") -> None:
+        """Let an upload through, in its time; no more than so many at once."""
+        if self._uploading >= self._settings.uploads_at_once:
+            busy = _said(
+                scope, 503, "too many uploads at once; try again in some seconds", {"retry-after": "5"}
+            )
+            await busy(scope, receive, _with_headers(send))
+            return
+        self._uploading += 1
+        # Fields and boundaries come on top of the file.
+        body = _Bounded(receive, self._settings.upload_bytes + self._settings.other_bytes)
+        try:
+            async with asyncio.timeout(self._settings.upload_seconds) as body.timer:
+                await self._run(scope, body, _with_headers(send))
+        except TimeoutError:
+            late = _said(
+                scope,
+                408,
+                f"the upload took longer than {self._settings.upload_seconds:g} s; send less of it",
+            )
+            await late(scope, receive, _with_headers(send))
+        finally:
+            self._uploading -= 1
+
+    async def _run(self, scope: "Scope", body: "_Bounded", send: "Send") -> None:
+        if body.declared_too_large(scope):
+            await body.refusal(scope)(scope, body, send)
+            return
+        await self._app(scope, body, send)
+
+    def _refusal(self, scope: "Scope", headers: dict[str, str]) -> "ASGIApp | None":
+        """Return the answer to a request that may not come through, None for one that may."""
+        if self._only_loopback and not _is_loopback(headers.get("host", "")):
+            # A name that another site has pointed to this machine (DNS rebinding).
+            return _said(scope, 421, "this server answers to localhost only")
+        if scope["method"] not in READING and _is_foreign(headers):
+            return _said(scope, 403, "this form was sent by another site")
+        if scope["path"].startswith(OPEN) or self._lets_in(headers):
+            return None
+        if _wants_json(scope):
+            return _said(
+                scope, 401, "give a token: Authorization: Bearer TOKEN", {"www-authenticate": "Bearer"}
+            )
+        return RedirectResponse("/login", status_code=303)
+
+    def _lets_in(self, headers: dict[str, str]) -> bool:
+        if self._doorkeeper is None:
+            return True
+        kind, _, token = headers.get("authorization", "").partition(" ")
+        if kind.lower() == "bearer" and self._doorkeeper.accepts(token.strip()):
+            return True
+        return self._doorkeeper.knows(session_in(headers.get("cookie", "")))
+
+
+class _Bounded:
+    """The body of a request, of so many bytes at most; `timer` ends with its last byte."""
+
+    def __init__(self, receive: "Receive", most: int) -> None:
+        self._receive = receive
+        self._most = most
+        self._seen = 0
+        self.timer: asyncio.Timeout | None = None
+
+    @property
+    def reason(self) -> str:
+        return f"more than {self._most / 2**20:.3g} MiB; cut one manoeuvre out of the recording"
+
+    async def __call__(self) -> "Message":
+        message = await self._receive()
+        if message["type"] == "http.request":
+            self._seen += len(message.get("body", b""))
+            if self._seen > self._most:
+                raise HTTPException(413, self.reason, {"connection": "close"})
+            if self.timer is not None and not message.get("more_body", False):
+                self.timer.reschedule(None)
+        return message
+
+    def declared_too_large(self, scope: "Scope") -> bool:
+        declared = dict(scope["headers"]).get(b"content-length", b"0")
+        return not declared.isdigit() or int(declared[:20]) > self._most
+
+    def refusal(self, scope: "Scope") -> "ASGIApp":
+        return _said(
+            scope,
+            413,
+            self.reason,
+            {"connection": "close"},
+        )
+
+
+def session_in(cookies: str) -> str:
+    """Return the session that a Cookie header holds, empty where it holds none."""
+    try:
+        found = SimpleCookie(cookies).get(COOKIE)
+    except CookieError:
+        return ""
+    return found.value if found else ""
+
+
+def _with_headers(send: "Send") -> "Send":
+    async def sending(message: "Message") -> None:
+        if message["type"] == "http.response.start":
+            given = {name.lower() for name, _ in message.get("headers", ())}
+            added = [
+                (name.encode(), value.encode())
+                for name, value in HEADERS.items()
+                if name.encode() not in given
+            ]
+            message = {**message, "headers": [*message.get("headers", ()), *added]}
+        await send(message)
+
+    return sending
+
+
+def _said(scope: "Scope", status: int, text: str, headers: dict[str, str] | None = None) -> "ASGIApp":
+    if _wants_json(scope):
+        return JSONResponse({"detail": text}, status, headers)
+    return PlainTextResponse(f"{text}\n", status, headers)
+
+
+def _wants_json(scope: "Scope") -> bool:
+    return str(scope["path"]).startswith(("/api/", "/openapi.json"))
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        name = urlsplit(f"//{host}").hostname or ""
+        return name == "localhost" or ipaddress.ip_address(name).is_loopback
+    except ValueError:
+        return False
+
+
+def _is_foreign(headers: dict[str, str]) -> bool:
+    """Return whether another site's page sent a request: a browser says where a form stands."""
+    if headers.get("sec-fetch-site", "same-origin") not in {"same-origin", "none"}:
+        return True
+    origin = headers.get("origin")
+    return origin is not None and urlsplit(origin).netloc != headers.get("host", "")

@@ -1,0 +1,329 @@
+"""The pages: HTML that works without JavaScript, with figures as SVG."""
+
+from importlib.util import find_spec
+from pathlib import Path as FilePath
+from typing import Annotated, Any
+from urllib.parse import urlencode
+
+from fastapi import APIRouter, Form, HTTPException, Request
+from starlette.responses import FileResponse, HTMLResponse, RedirectResponse, Response
+
+from emaphm.errors import EmaphmError
+from emaphm.history.views import diagnosis, diagnosis_lines, read_curves
+from emaphm.recording.io.read import READERS
+from emaphm.server import api
+from emaphm.server.api import Id, Server
+from emaphm.server.fleet import ACTIONS, HEALTHS, SORTS, Choice
+from emaphm.server.guard import COOKIE, session_in
+from emaphm.server.html import render
+from emaphm.server.state import ServerState
+from emaphm.server.work.drawing import estimates
+
+router = APIRouter(include_in_schema=False)
+
+STATIC = FilePath(__file__).parent / "static"
+FILES = {"style.css": "text/css", "strict.js": "text/javascript", "zoom.js": "text/javascript"}
+PLOTLY = "plotly.min.js"
+
+PICTURE = {"content-security-policy": "default-src 'none'; style-src 'unsafe-inline'; sandbox"}
+"""Of an SVG: its styles stand in it, and nothing else of it may act."""
+
+MOST_LISTED = 200
+"""Recordings and events on the page of a unit."""
+
+FIGURES = ("health", "life", "fan")
+
+SORT_NAMES = {
+    "urgency": "urgency",
+    "unit": "unit",
+    "part": "part number",
+    "rul": "RUL",
+    "health": "last diagnosis",
+    "hours": "flight hours",
+    "last": "last flight added",
+    "explained": "share explained",
+}
+"""The orders that the page offers, in words."""
+
+
+@router.get("/")
+def fleet(
+    request: Request,
+    server: Server,
+    sort: str = "urgency",
+    order: str = "asc",
+    part: str = "",
+    advice: str = "",
+    health: str = "",
+    search: str = "",
+    page: str = "1",
+) -> Response:
+    """Return the page of the fleet."""
+    sort = sort if sort in SORTS else "urgency"
+    choice = Choice(sort, order == "desc", part, advice, health, search[:200])
+    number = int(page) if page.isascii() and page.isdigit() and len(page) < 7 else 1
+    found = server.fleet.fleet()
+    key = (found.version, choice, number)
+    return HTMLResponse(server.kept.page(key, lambda: _fleet(request, server, choice, number)))
+
+
+def _fleet(request: Request, server: ServerState, choice: Choice, number: int) -> bytes:
+    found = server.fleet.fleet()
+    rows = choice.of(found.rows)
+    size = server.settings.units_a_page
+    pages = max(-(-len(rows) // size), 1)
+    number = min(max(number, 1), pages)
+    chosen = {"part": choice.part, "advice": choice.advice, "health": choice.health, "search": choice.search}
+
+    def link(**changes: Any) -> str:
+        values = {"sort": choice.sort, "order": "desc" if choice.descending else "asc", **chosen, **changes}
+        return "/?" + urlencode({name: value for name, value in values.items() if value})
+
+    def sorted_by(name: str) -> str:
+        return link(sort=name, order="desc" if name == choice.sort and not choice.descending else "asc")
+
+    counts = {
+        "units": len(found.rows),
+        **{action: sum(row.advice == action for row in found.rows) for action in ACTIONS},
+        "without a prognosis": sum(row.advice is None for row in found.rows),
+    }
+    return render(
+        "fleet.html.jinja",
+        request,
+        rows=rows[(number - 1) * size : number * size],
+        count=len(rows),
+        counts=counts,
+        choice=choice,
+        sorts=SORT_NAMES,
+        actions=ACTIONS,
+        healths=HEALTHS,
+        parts=found.part_numbers,
+        sorted_by=sorted_by,
+        link=link,
+        number=number,
+        pages=pages,
+    )
+
+
+@router.get("/units/{unit_id}")
+def unit(request: Request, server: Server, unit_id: Id) -> Response:
+    """Return the page of a unit."""
+    row = api.row_of(server, unit_id)
+    found = api.history_unit(server, row)
+    with server.history.database.reading() as connection:
+        lines = diagnosis_lines(connection, unit_id=unit_id, limit=MOST_LISTED)
+        has_curves = read_curves(connection, unit_id) is not None
+    lines = tuple(sorted(lines, key=lambda line: (-line.hours, -line.id)))
+    kept = api.prognosis_of(server, row)
+    return _html(
+        "unit.html.jinja",
+        request,
+        row=row,
+        prognosis=kept.document if kept else None,
+        made_at=kept.at if kept else None,
+        has_curves=has_curves,
+        version=_version(kept.at if kept else "", row),
+        lines=lines,
+        removals=found.removals(),
+        findings=found.findings(),
+        events=server.history.events(unit=row.unit, newest_first=True, limit=MOST_LISTED),
+        plotly=f"/static/{_plotly_version()}/{PLOTLY}",
+        uploads=list(server.uploads.actuators),
+    )
+
+
+@router.get("/units/{unit_id}/{name}.svg")
+def unit_figure(server: Server, unit_id: Id, name: str, v: str = "") -> Response:
+    """Return a figure of a unit's prognosis."""
+    if name not in FIGURES:
+        raise HTTPException(404, f"no figure '{name[:20]}'")
+    document = api.curves(server, unit_id)
+    key = ("unit", unit_id, name, document["now"], len(document["seen"]), len(document["fan"]))
+    return _picture(server.drawer.figure(key, name, document), forever=bool(v))
+
+
+@router.get("/diagnoses/{diagnosis_id}")
+def one_diagnosis(request: Request, server: Server, diagnosis_id: Id) -> Response:
+    """Return the page of a diagnosis."""
+    with server.history.database.reading() as connection:
+        found = diagnosis(connection, diagnosis_id)
+    if found is None:
+        raise HTTPException(404, f"no diagnosis {diagnosis_id} in the history")
+    row, kept, toml = found
+    return _html(
+        "diagnosis.html.jinja",
+        request,
+        id=diagnosis_id,
+        unit=row,
+        kept=kept,
+        document=kept.document,
+        components=estimates(kept.document),
+        toml=toml,
+        has_report=server.folder.report(diagnosis_id).exists(),
+        has_figures=server.folder.figure(diagnosis_id, "fit").exists(),
+    )
+
+
+@router.get("/diagnoses/{diagnosis_id}/report.html")
+def report(server: Server, diagnosis_id: Id) -> Response:
+    """Return the report of a diagnosis as a file to keep."""
+    path = server.folder.report(diagnosis_id)
+    if not path.exists():
+        raise HTTPException(404, "reports are kept of recordings that were uploaded here")
+    return FileResponse(path, media_type="text/html", filename=f"diagnosis-{diagnosis_id}.html")
+
+
+@router.get("/diagnoses/{diagnosis_id}/{name}.svg")
+def diagnosis_figure(server: Server, diagnosis_id: Id, name: str) -> Response:
+    """Return a figure of a diagnosis."""
+    if name in {"fit", "residual"}:
+        path = server.folder.figure(diagnosis_id, name)
+        if path.exists():
+            return _picture(path.read_bytes(), forever=True)
+    elif name == "faults":
+        with server.history.database.reading() as connection:
+            found = diagnosis(connection, diagnosis_id)
+        if found is not None:
+            content = server.drawer.figure(
+                ("diagnosis", diagnosis_id), "faults", {"faults": found[1].document["faults"]}
+            )
+            return _picture(content, forever=True)
+    raise HTTPException(404, f"no figure '{name[:20]}' of diagnosis {diagnosis_id}")
+
+
+@router.get("/upload")
+def upload_form(request: Request, server: Server, unit: str = "") -> Response:
+    """Return the page for an upload."""
+    return _upload_page(request, server, {"unit": unit[:200]})
+
+
+@router.post("/upload")
+async def upload(request: Request, server: Server) -> Response:
+    """Take an upload, and go to its page."""
+    try:
+        number = await server.uploads.received(request)
+    except EmaphmError as error:
+        return _upload_page(request, server, {}, str(error), 422)
+    return RedirectResponse(f"/jobs/{number}", status_code=303)
+
+
+def _upload_page(
+    request: Request, server: ServerState, given: dict[str, str], error: str = "", status: int = 200
+) -> Response:
+    return _html(
+        "upload.html.jinja",
+        request,
+        status,
+        given=given,
+        error=error,
+        actuators=server.uploads.actuators,
+        endings=",".join(READERS),
+        most_MiB=server.settings.upload_bytes / 2**20,
+        jobs=[api.job_answer(server, one) for one in server.queue.jobs(20)],
+    )
+
+
+@router.get("/jobs/{job_id}")
+def job(request: Request, server: Server, job_id: Id) -> Response:
+    """Return the page of an upload: its progress, then its result."""
+    found = api.job(server, job_id)
+    return _html("job.html.jinja", request, job=found, over=found.state not in {"waiting", "running"})
+
+
+@router.get("/data")
+def data_health(request: Request, server: Server) -> Response:
+    """Return the page on what cannot be trusted."""
+    found = api.data_health(server)
+    events = server.history.events(
+        kinds=("sensor_fault", "not_explained", "not_like_healthy", "refused", "rows_skipped"),
+        newest_first=True,
+        limit=MOST_LISTED,
+    )
+    return _html("data.html.jinja", request, found=found, events=events)
+
+
+@router.get("/login")
+def login_form(request: Request) -> Response:
+    """Return the page that asks for a token."""
+    return _html("login.html.jinja", request, error="")
+
+
+@router.post("/login")
+def login(request: Request, server: Server, token: Annotated[str, Form()] = "") -> Response:
+    """Let a browser in that shows a token."""
+    if server.doorkeeper is None:
+        return RedirectResponse("/", status_code=303)
+    if not server.doorkeeper.accepts(token.strip()):
+        return _html("login.html.jinja", request, 401, error="This token is not known.")
+    answer = RedirectResponse("/", status_code=303)
+    answer.set_cookie(
+        COOKIE,
+        server.doorkeeper.session(),
+        max_age=int(3600 * server.settings.session_hours),
+        httponly=True,
+        samesite="strict",
+        secure=request.url.scheme == "https",
+    )
+    return answer
+
+
+@router.post("/logout")
+def logout(request: Request, server: Server) -> Response:
+    """End the session of a browser."""
+    if server.doorkeeper is not None:
+        server.doorkeeper.end(session_in(request.headers.get("cookie", "")))
+    answer = RedirectResponse("/login", status_code=303)
+    answer.delete_cookie(COOKIE)
+    return answer
+
+
+@router.get("/static/{name}")
+def static(name: str) -> Response:
+    """Return the style of the pages, or the script that makes figures zoom."""
+    if name not in FILES:
+        raise HTTPException(404, "no such file")
+    return Response((STATIC / name).read_bytes(), media_type=FILES[name])
+
+
+@router.get(f"/static/{{version}}/{PLOTLY}")
+def plotly(version: str) -> Response:
+    """Return the script of the library that draws figures that zoom, out of its installed package."""
+    path = _plotly_file()
+    if version != _plotly_version():
+        raise HTTPException(404, "another version is installed")
+    return FileResponse(path, media_type="text/javascript", headers=FOREVER)
+
+
+@router.get("/favicon.ico")
+def icon() -> Response:
+    """Return nothing: there is no icon."""
+    return Response(status_code=204)
+
+
+FOREVER = {"cache-control": "private, max-age=31536000, immutable"}
+
+
+def _plotly_file() -> FilePath:
+    found = find_spec("plotly")
+    assert found is not None  # noqa: S101 - `emaphm.server` has looked
+    assert found.origin is not None  # noqa: S101 - it is a package in a folder
+    return FilePath(found.origin).parent / "package_data" / PLOTLY
+
+
+def _plotly_version() -> str:
+    from importlib.metadata import version
+
+    return version("plotly")
+
+
+def _picture(content: bytes, *, forever: bool) -> Response:
+    headers = PICTURE | (FOREVER if forever else {})
+    return Response(content, media_type="image/svg+xml", headers=headers)
+
+
+def _html(template: str, request: Request, status: int = 200, **values: Any) -> Response:
+    return HTMLResponse(render(template, request, **values), status)
+
+
+def _version(made_at: str, row: Any) -> str:
+    return "".join(c for c in f"{made_at}{row.recordings}" if c.isalnum())

@@ -1,0 +1,176 @@
+"""Running the server: the socket, the folder, the processes, and the end of all of them."""
+
+import ipaddress
+import socket
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from emaphm.errors import ServerError
+from emaphm.history import History
+from emaphm.server.app import create_app
+from emaphm.server.fleet import FleetView
+from emaphm.server.folders import WorkFolder
+from emaphm.server.settings import SETTINGS, ServerSettings
+from emaphm.server.state import Kept, ServerState
+from emaphm.server.tokens import Doorkeeper, read_tokens
+from emaphm.server.uploads import Uploads
+from emaphm.server.work.drawing import Drawer
+from emaphm.server.work.pool import Pool
+from emaphm.server.work.queue import Queue
+from emaphm.server.work.worker import Place
+
+if TYPE_CHECKING:
+    from emaphm.actuator import Actuator
+
+
+def serve(
+    db: str,
+    *,
+    host: str = "127.0.0.1",
+    port: int = 8000,
+    tokens: Path | None = None,
+    work: Path | None = None,
+    actuators: Sequence[str] = ("thesis",),
+    settings: ServerSettings = SETTINGS,
+    on_ready: Callable[[str], None] = lambda _: None,
+) -> None:
+    """Serve the history at `db` until the process is interrupted.
+
+    Parameters
+    ----------
+    host, port
+        Where; port 0 is any that is free. An address that is not this machine's own needs `tokens`.
+    tokens
+        A file of hashed tokens (`emaphm.server.tokens.add_token`).
+    work
+        The server's folder; next to the file of the history where left out.
+    actuators
+        Descriptions that an upload may name: files, or built-in ones.
+    on_ready
+        Called with the address of the first page when the server answers.
+
+    Raises
+    ------
+    ServerError
+        The address cannot be used, or needs tokens; the folder is another server's.
+    HistoryError
+        The database cannot be opened.
+    """
+    import uvicorn
+
+    only_loopback = _is_loopback(host)
+    if not only_loopback and tokens is None:
+        raise ServerError(
+            f"--host {host} lets other machines in; make a token first, with --tokens FILE --add-token NAME, "
+            "and give --tokens FILE"
+        )
+    known = None if tokens is None else read_tokens(tokens)
+    with ExitStack() as stack:
+        listening = stack.enter_context(_listening(host, port))
+        state = stack.enter_context(running(db, known, work, described(actuators), settings))
+        app = create_app(state, only_loopback=only_loopback)
+        config = uvicorn.Config(
+            app,
+            log_level="warning",
+            access_log=False,
+            server_header=False,
+            proxy_headers=False,
+            lifespan="off",
+            limit_concurrency=settings.connections,
+            timeout_graceful_shutdown=5,
+        )
+        name = f"[{host}]" if ":" in host else host
+        on_ready(f"http://{name}:{listening.getsockname()[1]}/")
+        uvicorn.Server(config).run(sockets=[listening])
+
+
+@contextmanager
+def running(
+    db: str,
+    tokens: Mapping[str, str] | None,
+    work: Path | None,
+    actuators: "Mapping[str, Actuator]",
+    settings: ServerSettings = SETTINGS,
+) -> Iterator[ServerState]:
+    """Yield what the pages need, its processes running while the body does."""
+    with History.open(db) as history:
+        folder = WorkFolder(work or _default_folder(history))
+        with ExitStack() as stack:
+            stack.enter_context(folder.locked())
+            queue = Queue(folder.queue)
+            stack.callback(queue.close)
+            drawer = Drawer(settings)
+            stack.callback(drawer.stop)
+            fleet = FleetView(history)
+            place = Place(db, folder, dict(actuators), settings.worker_bytes, settings.upload_bytes)
+            pool = Pool(queue, place, settings, fleet.outdated, fleet.forecast)
+            pool.start()
+            stack.callback(pool.stop)
+            yield ServerState(
+                history=history,
+                folder=folder,
+                queue=queue,
+                pool=pool,
+                drawer=drawer,
+                fleet=fleet,
+                uploads=Uploads(folder, queue, pool, tuple(actuators), settings.most_waiting),
+                doorkeeper=None if tokens is None else Doorkeeper(dict(tokens), settings.session_hours),
+                settings=settings,
+                kept=Kept(settings.pages_kept),
+            )
+
+
+def described(names: Sequence[str]) -> "dict[str, Actuator]":
+    """Return the descriptions that uploads may name, by their own names.
+
+    Raises
+    ------
+    ServerError
+        Two have the same name.
+    ActuatorError
+        One cannot be read.
+    """
+    from emaphm.actuator import Actuator
+
+    result: dict[str, Actuator] = {}
+    for name in names:
+        actuator = Actuator.load(name)
+        if actuator.name in result:
+            raise ServerError(f"two descriptions are called '{actuator.name}'; rename one of them")
+        result[actuator.name] = actuator
+    return result
+
+
+def _default_folder(history: History) -> Path:
+    file = history.database.address.file
+    if file is None:
+        raise ServerError("a history on a server has no folder; give one with --work, for uploads that wait")
+    return file.absolute().with_name(f"{file.name}.serve")
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+@contextmanager
+def _listening(host: str, port: int) -> Iterator[socket.socket]:
+    if not 0 <= port < 2**16:
+        raise ServerError(f"--port {port}: give a number from 0 to 65535")
+    try:
+        family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        found = socket.socket(family, socket.SOCK_STREAM)
+        found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        found.bind(address)
+        found.listen(2048)
+    except (OSError, UnicodeError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise ServerError(
+            f"{host}:{port} cannot be used ({reason}); give another --port, or end what uses it"
+        ) from None
+    with found:
+        yield found

@@ -1,0 +1,90 @@
+// Puts plots that zoom in place of the drawn figures. Without this script the drawn figures stay.
+"use strict";
+
+const BLUE = "#0067a0", VERMILION = "#d55e00", GREY = "#5f6368";
+const SMALL = 700;  // Width of a window [px] below which panels stand one below the other.
+
+function band(times, low, high, opacity, axes, name, shown) {
+  const line = { mode: "lines", line: { width: 0 }, hoverinfo: "skip", showlegend: false, ...axes };
+  return [
+    { x: times, y: low, ...line },
+    { x: times, y: high, ...line, fill: "tonexty", fillcolor: `rgba(0, 103, 160, ${opacity})`, name, showlegend: shown },
+  ];
+}
+
+function health(curves) {
+  const names = Object.keys(curves.levels), columns = window.innerWidth < SMALL ? 1 : 2;
+  const rows = Math.ceil(names.length / columns), traces = [], shapes = [], annotations = [];
+  const layout = { grid: { rows, columns, pattern: "independent", ygap: 0.35, xgap: 0.12 } };
+  names.forEach((name, i) => {
+    const end = i ? String(i + 1) : "", axes = { xaxis: `x${end}`, yaxis: `y${end}` }, levels = curves.levels[name];
+    traces.push(...band(curves.times, levels[0], levels[4], 0.18, axes, "forecast, 90 %", i === 0));
+    traces.push(...band(curves.times, levels[1], levels[3], 0.35, axes, "forecast, 50 %", i === 0));
+    traces.push({ x: curves.times, y: levels[2], mode: "lines", line: { color: BLUE, width: 1.5 },
+      name: "forecast, median", showlegend: i === 0, ...axes });
+    for (const explained of [true, false]) {
+      const seen = curves.seen.filter((one) => one.explained === explained);
+      if (!seen.length) continue;
+      traces.push({ x: seen.map((one) => one.hours), y: seen.map((one) => one.levels[name]), mode: "markers",
+        error_y: { type: "data", array: seen.map((one) => one.halves[name]), thickness: 1, width: 0 },
+        marker: { color: explained ? "#333" : GREY, symbol: explained ? "circle" : "x", size: 5 },
+        name: explained ? "diagnosis" : "diagnosis, not explained", showlegend: i === 0, ...axes });
+    }
+    for (const [component, bound] of curves.limits) {
+      if (component === name) shapes.push({ type: "line", xref: `x${end} domain`, yref: `y${end}`, x0: 0, x1: 1, y0: bound, y1: bound,
+        line: { color: VERMILION, width: 1, dash: "dash" } });
+    }
+    annotations.push({ text: `<b>${name}</b>`, xref: `x${end} domain`, yref: `y${end} domain`, x: 0, y: 1, yanchor: "bottom", showarrow: false });
+    layout[`yaxis${end}`] = { range: [-0.03, 1.03] };
+    layout[`xaxis${end}`] = { title: i >= names.length - columns ? { text: "flight hours [h]" } : undefined };
+  });
+  traces.push({ x: [null], y: [null], mode: "lines", line: { color: VERMILION, dash: "dash" }, name: "limit" });
+  return [traces, { ...layout, shapes, annotations, legend: { orientation: "h", y: -0.09, yanchor: "top" } }];
+}
+
+function life(curves) {
+  const traces = [{ x: curves.risk_times, y: curves.risk, mode: "lines", line: { color: BLUE }, name: "any requirement" }];
+  if (curves.first_label) {
+    traces.push({ x: curves.risk_times, y: curves.first_risk, mode: "lines", line: { color: VERMILION, dash: "dash" },
+      name: curves.first_label });
+  }
+  const end = curves.now + curves.horizon;
+  const shapes = [{ type: "line", x0: end, x1: end, yref: "paper", y0: 0, y1: 1, line: { color: GREY, dash: "dot" } }];
+  return [traces, { shapes, xaxis: { title: { text: "flight hours [h]" } },
+    yaxis: { range: [0, 1.02], title: { text: "probability of failure" } }, legend: { orientation: "h", y: 1.15 } }];
+}
+
+function fan(curves) {
+  const column = (i) => curves.fan.map((row) => row[i]), hours = column(0);
+  const traces = [
+    ...band(hours, column(1), column(5), 0.18, {}, "90 %", true),
+    ...band(hours, column(2), column(4), 0.35, {}, "50 %", true),
+    { x: hours, y: column(3), mode: "lines+markers", line: { color: BLUE }, name: "median" },
+  ];
+  return [traces, { xaxis: { title: { text: "flight hours [h]" } },
+    yaxis: { rangemode: "tozero", title: { text: "RUL [h]" } }, legend: { orientation: "h", y: 1.15 } }];
+}
+
+async function zoom() {
+  const places = [...document.querySelectorAll("figure[data-curves]")];
+  if (!places.length || !window.Plotly) return;
+  const answer = await fetch(places[0].dataset.curves);
+  if (!answer.ok) return;
+  const curves = await answer.json();
+  const common = { margin: { l: 50, r: 10, t: 30, b: 45 }, font: { family: "system-ui, sans-serif", size: 12 },
+    hovermode: "closest", dragmode: "zoom" };
+  for (const place of places) {
+    const image = place.querySelector("img"), plot = document.createElement("div");
+    const [traces, layout] = { health, life, fan }[place.dataset.plot](curves);
+    plot.className = `zoom zoom-${place.dataset.plot}`;
+    plot.setAttribute("role", "img");
+    plot.setAttribute("aria-label", image.alt);
+    image.replaceWith(plot);
+    await Plotly.newPlot(plot, traces, { ...common, ...layout }, { responsive: true, displayModeBar: false });
+    const hint = document.createElement("span");
+    hint.textContent = " Drag to zoom, double-click to go back.";
+    place.querySelector("figcaption").append(hint);
+  }
+}
+
+zoom();

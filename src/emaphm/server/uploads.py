@@ -1,0 +1,152 @@
+"""An upload: its fields checked, its file put into the server's folder, and a job of it in the queue."""
+
+import math
+import os
+import shutil
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from starlette.datastructures import UploadFile
+from starlette.formparsers import MultiPartException
+from starlette.requests import ClientDisconnect, Request
+
+from emaphm.errors import EmaphmError, HistoryError, RecordingError, nearest
+from emaphm.history.records import Entry
+from emaphm.recording.io.read import READERS
+from emaphm.server.folders import PARTIAL, WorkFolder, new_upload, on_disk
+from emaphm.server.work.queue import Queue
+from emaphm.server.work.worker import AS_BEFORE
+
+if TYPE_CHECKING:
+    from emaphm.server.work.pool import Pool
+
+MOST_FIELDS = 20
+
+LONGEST_NAME = 100
+"""Characters of a file's name that are shown; it names nothing on this machine."""
+
+
+class BusyError(EmaphmError):
+    """So many uploads wait that another is not taken."""
+
+
+@dataclass(frozen=True)
+class Uploads:
+    """Where uploads go."""
+
+    folder: WorkFolder
+    queue: Queue
+    pool: "Pool"
+    actuators: tuple[str, ...]
+    most_waiting: int
+
+    async def received(self, request: Request) -> int:
+        """Return the number of the job that an upload has become; it is on disk then.
+
+        Raises
+        ------
+        EmaphmError
+            A field is missing or wrong, or the form cannot be read.
+        BusyError
+            Too many wait already.
+        """
+        from starlette.concurrency import run_in_threadpool
+
+        try:
+            async with request.form(max_files=1, max_fields=MOST_FIELDS) as form:
+                return await run_in_threadpool(self._accepted, dict(form))
+        except EmaphmError:
+            raise
+        except (MultiPartException, ClientDisconnect, ValueError):
+            raise RecordingError("the form cannot be read; send multipart/form-data") from None
+
+    def _accepted(self, form: dict[str, Any]) -> int:
+        sent = form.pop("recording", None)
+        if not isinstance(sent, UploadFile) or not sent.filename or not sent.size:
+            raise RecordingError("no recording was sent, or an empty one; choose a file")
+        details = request_of(form, self.actuators)
+        name = shown_name(sent.filename)
+        ending = os.path.splitext(name)[1].lower()  # noqa: PTH122 - of no file
+        if ending not in READERS:
+            raise RecordingError(f"{name}: is no recording; it ends in {', '.join(READERS)}")
+        if self.queue.waiting() >= self.most_waiting:
+            raise BusyError(f"{self.most_waiting} uploads wait already; try again later")
+        kept = new_upload(ending)
+        path = self.folder.upload(kept)
+        partial = path.with_name(f"{kept}{PARTIAL}")
+        try:
+            with partial.open("xb") as file:
+                shutil.copyfileobj(sent.file, file, 2**20)
+                file.flush()
+                os.fsync(file.fileno())
+            partial.rename(path)
+            on_disk(self.folder.uploads)
+            number = self.queue.add(details | {"name": name}, kept)
+        except OSError as error:
+            path.unlink(missing_ok=True)
+            raise RecordingError(
+                f"the recording cannot be kept ({error.strerror or error}); free space on the server"
+            ) from None
+        finally:
+            partial.unlink(missing_ok=True)
+        self.pool.wake()
+        return number
+
+
+def request_of(form: dict[str, Any], actuators: tuple[str, ...]) -> dict[str, Any]:
+    """Return what the fields of an upload say; `EmaphmError` names the first that is wrong."""
+    given = {name: value.strip() for name, value in form.items() if isinstance(value, str)}
+    unknown = sorted(set(form) - {"unit", "hours", "cycles", "position", "part", "actuator", "late"})
+    if unknown:
+        raise RecordingError(f"unknown field '{shown_name(unknown[0])}'; see /openapi.json")
+    actuator = given.get("actuator", AS_BEFORE)
+    if actuator != AS_BEFORE and actuator not in actuators:
+        raise RecordingError(f"unknown description '{shown_name(actuator)}'{nearest(actuator, actuators)}")
+    if given.get("late", "") not in {"", "on", "true", "false"}:
+        raise RecordingError("late: give true or false")
+    part = given.get("part", "")
+    try:
+        entry = Entry(
+            unit=given.get("unit", ""),
+            part_number=part or "as described",
+            hours=_number(given.get("hours", ""), "hours"),
+            cycles=_count(given.get("cycles", "")),
+            position=given.get("position") or None,
+            late=given.get("late") in {"on", "true"},
+        )
+    except HistoryError as error:  # of what was sent, not of the database
+        raise RecordingError(str(error)) from None
+    return {
+        "unit": entry.unit,
+        "part": part,
+        "hours": entry.hours,
+        "cycles": entry.cycles,
+        "position": entry.position,
+        "late": entry.late,
+        "actuator": actuator,
+    }
+
+
+def shown_name(name: str) -> str:
+    """Return a client's name as it is shown: no folder, nothing that is not printable, not too long."""
+    last = name.replace("\\", "/").rsplit("/", 1)[-1]
+    shown = "".join(c if c.isprintable() else "_" for c in last).strip() or "recording"
+    return shown if len(shown) <= LONGEST_NAME else f"…{shown[-LONGEST_NAME + 1 :]}"
+
+
+def _number(text: str, what: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise RecordingError(f"{what}: give a number, such as 1250")
+    return value
+
+
+def _count(text: str) -> int | None:
+    if not text:
+        return None
+    if not (text.isascii() and text.isdigit() and len(text) < 12):
+        raise RecordingError("cycles: give a whole number of 0 or more, or leave it out")
+    return int(text)

@@ -1,0 +1,104 @@
+"""Figures as SVG, drawn by a process of its own and kept in memory: drawing would hold up the pages."""
+
+import multiprocessing
+import threading
+from collections import OrderedDict
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import TimeoutError as LateError
+from concurrent.futures.process import BrokenProcessPool
+from typing import Any
+
+from emaphm.errors import ServerError
+from emaphm.execution.processes import end_with_parent
+from emaphm.server.settings import ServerSettings
+
+Key = tuple[Any, ...]
+
+
+def drawn(name: str, document: dict[str, Any]) -> bytes:
+    """Return a figure of a prognosis ("health", "life", "fan"), or "faults" of a diagnosis, as SVG."""
+    from emaphm.plotting import fault_intervals, prognosis
+    from emaphm.plotting.svg import plain_style, svg
+
+    with plain_style():
+        if name == "faults":
+            return svg(fault_intervals.draw_components(estimates(document)))
+        from emaphm.prognosis.keeping import Curves
+
+        draw = {"health": prognosis.draw_health, "life": prognosis.draw_life, "fan": prognosis.draw_fan}[name]
+        return svg(draw(Curves.from_dict(document)))
+
+
+def estimates(document: dict[str, Any]) -> dict[str, Any]:
+    """Return the components of a kept diagnosis as `emaphm.diagnosis.Estimate`, by name."""
+    from emaphm.diagnosis import Estimate
+
+    result = {}
+    for name, one in document["faults"].items():
+        low, high = one["interval95"]
+        limits = (min(low, 0.0), max(high, 1.0)) if name == "friction" else (0.0, 1.0)
+        result[name] = Estimate(
+            one["value"],
+            one["standard_error"],
+            (low, high),
+            one["identifiable"],
+            one["verdict"],
+            one.get("reason", ""),
+            limits,
+        )
+    return result
+
+
+class Drawer:
+    """Draws figures, one at a time, and keeps the newest."""
+
+    def __init__(self, settings: ServerSettings) -> None:
+        self._settings = settings
+        self._kept: OrderedDict[Key, bytes] = OrderedDict()
+        self._lock = threading.Lock()
+        self._pool: ProcessPoolExecutor | None = None
+        self._ours: Any = None
+
+    def figure(self, key: Key, name: str, document: dict[str, Any]) -> bytes:
+        """Return the figure `name` of `document`; the same `key` gives the same figure.
+
+        Raises
+        ------
+        ServerError
+            It cannot be drawn, or not in time.
+        """
+        with self._lock:
+            if key in self._kept:
+                self._kept.move_to_end(key)
+                return self._kept[key]
+            pool = self._pool or self._started()
+        try:
+            content = pool.submit(drawn, name, document).result(self._settings.drawing_seconds)
+        except (BrokenProcessPool, LateError):
+            with self._lock:
+                self._ended(pool)
+            raise ServerError("the figure was not drawn in time; load the page again") from None
+        with self._lock:
+            self._kept[key] = content
+            while sum(map(len, self._kept.values())) > self._settings.figures_bytes:
+                self._kept.popitem(last=False)
+        return content
+
+    def stop(self) -> None:
+        """End the process."""
+        with self._lock:
+            if self._pool is not None:
+                self._ended(self._pool)
+
+    def _started(self) -> ProcessPoolExecutor:
+        context = multiprocessing.get_context("spawn")
+        theirs, self._ours = context.Pipe(duplex=False)
+        self._pool = ProcessPoolExecutor(1, context, end_with_parent, (theirs,))
+        return self._pool
+
+    def _ended(self, pool: ProcessPoolExecutor) -> None:
+        if self._pool is not pool:
+            return
+        self._ours.close()  # its process ends with that, also in the middle of a figure
+        pool.shutdown(wait=False, cancel_futures=True)
+        self._pool = None

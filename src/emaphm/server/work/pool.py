@@ -1,0 +1,200 @@
+"""A bounded pool of worker processes: each is fed by a thread, and started again when it dies."""
+
+import logging
+import multiprocessing
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnProcess
+from typing import Any
+
+from emaphm.errors import EmaphmError
+from emaphm.server.settings import ServerSettings
+from emaphm.server.work.queue import DONE, FAILED, Job, Queue
+from emaphm.server.work.worker import Forecast, Outcome, Place, Upload, work
+
+LOG = logging.getLogger("emaphm.server")
+
+MOST_KILLS = 2
+"""Of a job whose process dies: it is run again once."""
+
+IDLE_S = 1.0
+"""Between two looks into the queue [s]; an upload ends the wait."""
+
+TOO_LONG = "took longer than {:g} s; cut one manoeuvre out of the recording"
+KILLED = "the process that diagnosed it was killed twice; cut one manoeuvre out of the recording"
+
+
+class Pool:
+    """Processes that do the jobs of a queue, and in their spare time what `spare` gives.
+
+    Parameters
+    ----------
+    spare
+        Called for the serial number of a unit whose prognosis is out of date, None where there is none.
+    on_forecast
+        Called with the serial number, and whether it could be made, when a prognosis has ended.
+    """
+
+    def __init__(
+        self,
+        queue: Queue,
+        place: Place,
+        settings: ServerSettings,
+        spare: Callable[[], str | None],
+        on_forecast: Callable[[str, bool], None],
+    ) -> None:
+        self._queue = queue
+        self._place = place
+        self._settings = settings
+        self._spare = spare
+        self._on_forecast = on_forecast
+        self._progress: dict[int, float] = {}
+        self._stopping = False
+        self._woken = threading.Condition()
+        # Uploads need not wait for prognoses, unless there is one process only.
+        self._forecasts = threading.Semaphore(max(settings.workers - 1, 1))
+        self._threads = [
+            threading.Thread(target=self._feed, name=f"worker {i}", daemon=True)
+            for i in range(settings.workers)
+        ]
+
+    def start(self) -> None:
+        """Start; jobs that ran when another server ended wait again."""
+        self._queue.resume()
+        for thread in self._threads:
+            thread.start()
+
+    def stop(self) -> None:
+        """End the processes; jobs under way wait for the next server."""
+        with self._woken:
+            self._stopping = True
+            self._woken.notify_all()
+        for thread in self._threads:
+            thread.join()
+        self._queue.resume()
+
+    def wake(self) -> None:
+        """Look into the queue at once."""
+        with self._woken:
+            self._woken.notify()
+
+    def progress(self, job: int) -> float:
+        """Return how much of a running job is done, 0 to 1."""
+        return self._progress.get(job, 0.0)
+
+    def _feed(self) -> None:
+        """Feed one process until the pool stops."""
+        process = _Process(self._place)
+        try:
+            while not self._stopping:
+                try:
+                    found = self._next(process)
+                except EmaphmError as error:  # the disk of the queue is full, or the history is away
+                    LOG.warning("%s", error)
+                    found = False
+                if not found:
+                    with self._woken:
+                        if not self._stopping:
+                            self._woken.wait(IDLE_S)
+        finally:
+            process.end()
+
+    def _next(self, process: "_Process") -> bool:
+        """Do one job; return whether there was one."""
+        job = self._queue.take()
+        if job is not None:
+            self._upload(job, process)
+            return True
+        if not self._forecasts.acquire(blocking=False):
+            return False
+        try:
+            unit = self._spare()
+            if unit is None:
+                return False
+            outcome = self._done(process, Forecast(unit), lambda _: None)
+            if self._stopping:
+                return True
+            if outcome is None or outcome.state != DONE:
+                LOG.warning("no prognosis of %r: %s", unit, outcome.message if outcome else "killed")
+            self._on_forecast(unit, outcome is not None and outcome.state == DONE)
+            return True
+        finally:
+            self._forecasts.release()
+
+    def _upload(self, job: Job, process: "_Process") -> None:
+        order = Upload(self._place.folder.upload(job.file), job.request["name"], job.request)
+        outcome = self._done(process, order, lambda share: self._progress.__setitem__(job.id, share))
+        self._progress.pop(job.id, None)
+        if self._stopping and outcome is None:
+            return
+        if outcome is None:
+            LOG.warning("job %d: its process has died", job.id)
+            if self._queue.killed(job.id) < MOST_KILLS:
+                return
+            outcome = Outcome(FAILED, KILLED)
+        self._queue.end(job.id, outcome.state, outcome.message, outcome.result)
+        if outcome.state != FAILED:  # what was killed may be worth a look
+            order.file.unlink(missing_ok=True)
+
+    def _done(self, process: "_Process", order: Any, on_progress: Callable[[float], None]) -> Outcome | None:
+        """Return what became of an order, None where the process died or the pool stops."""
+        deadline = time.monotonic() + self._settings.job_seconds
+        try:
+            process.send(order)
+            while not self._stopping:
+                if not process.orders.poll(IDLE_S):
+                    if time.monotonic() > deadline:
+                        process.end()
+                        return Outcome(FAILED, TOO_LONG.format(self._settings.job_seconds))
+                    continue
+                answer = process.orders.recv()
+                if isinstance(answer, Outcome):
+                    return answer
+                on_progress(float(answer))
+        except (EOFError, OSError):
+            process.end()
+        return None
+
+
+@dataclass
+class _Process:
+    """One worker process, which is started with the first order, and again after it has ended."""
+
+    place: Place
+    process: SpawnProcess | None = None
+    ends: list[Connection] = field(default_factory=list)
+
+    @property
+    def orders(self) -> Connection:
+        """The way to the process and back."""
+        return self.ends[0]
+
+    def send(self, order: Any) -> None:
+        """Give the process an order."""
+        if self.process is None or not self.process.is_alive():
+            self.end()
+            self._start()
+        self.orders.send(order)
+
+    def _start(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        ours, theirs = context.Pipe()
+        parent, held = context.Pipe(duplex=False)
+        self.process = context.Process(target=work, args=(theirs, parent, self.place), daemon=True)
+        self.process.start()
+        theirs.close()
+        parent.close()
+        self.ends = [ours, held]
+
+    def end(self) -> None:
+        """End the process."""
+        for end in self.ends:
+            end.close()
+        self.ends = []
+        if self.process is not None:
+            self.process.kill()
+            self.process.join()
+            self.process = None

@@ -1,0 +1,187 @@
+"""The queue of jobs: a table in a SQLite file, so that what was accepted survives the server."""
+
+import json
+import sqlite3
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from emaphm.errors import ServerError
+
+WAITING, RUNNING, DONE, REFUSED, FAILED = "waiting", "running", "done", "refused", "failed"
+STATES = (WAITING, RUNNING, DONE, REFUSED, FAILED)
+"""Of a job. Refused: the recording or what was said of it cannot be used. Failed: it was killed twice."""
+
+FORM = 1
+"""Of the table; a file of another form is refused."""
+
+TABLE = """
+CREATE TABLE IF NOT EXISTS jobs (
+    id INTEGER PRIMARY KEY AUTOINCREMENT,
+    state TEXT NOT NULL,
+    request TEXT NOT NULL,
+    file TEXT NOT NULL,
+    kills INTEGER NOT NULL DEFAULT 0,
+    message TEXT NOT NULL DEFAULT '',
+    result TEXT NOT NULL DEFAULT '{}',
+    added_at TEXT NOT NULL,
+    ended_at TEXT
+)
+"""
+
+
+@dataclass(frozen=True)
+class Job:
+    """An upload to be diagnosed.
+
+    Attributes
+    ----------
+    state
+        One of `STATES`.
+    request
+        What was said of the recording: unit, hours, and the other fields of an upload.
+    file
+        Name of the recording in the folder of uploads, made by the server.
+    kills
+        How many worker processes have died of it.
+    message
+        Why it was refused or has failed.
+    result
+        What came of it, where it is done.
+    """
+
+    id: int
+    state: str
+    request: dict[str, Any]
+    file: str = field(repr=False)
+    kills: int
+    message: str
+    result: dict[str, Any]
+    added_at: str
+    ended_at: str | None
+
+    @property
+    def is_over(self) -> bool:
+        """Whether nothing more will be done."""
+        return self.state in {DONE, REFUSED, FAILED}
+
+
+class Queue:
+    """Jobs in the order in which they were accepted; what a method has written is on disk when it returns."""
+
+    def __init__(self, file: Path) -> None:
+        try:
+            self._connection = sqlite3.connect(file, isolation_level=None, check_same_thread=False)
+            self._connection.row_factory = sqlite3.Row
+            self._connection.execute("PRAGMA journal_mode = WAL")
+            self._connection.execute("PRAGMA synchronous = FULL")
+            form = self._connection.execute("PRAGMA user_version").fetchone()[0]
+            if form not in {0, FORM}:
+                raise ServerError(f"{file}: another version of emaphm made this queue; give another --work")
+            self._connection.execute(TABLE)
+            self._connection.execute(f"PRAGMA user_version = {FORM}")
+        except sqlite3.Error as error:
+            raise ServerError(f"{file}: cannot be used as a queue ({error}); give another --work") from None
+        self._file = file
+        self._lock = threading.Lock()
+
+    def close(self) -> None:
+        """Give the file back."""
+        with self._lock:
+            self._connection.close()
+
+    def add(self, request: dict[str, Any], file: str) -> int:
+        """Add a job; return its number."""
+        with self._working() as connection:
+            cursor = connection.execute(
+                "INSERT INTO jobs (state, request, file, added_at) VALUES (?, ?, ?, ?)",
+                (WAITING, json.dumps(request), file, _now()),
+            )
+        return int(cursor.lastrowid or 0)
+
+    def take(self) -> Job | None:
+        """Return the job that has waited longest, now running; None where none waits."""
+        with self._working() as connection:
+            row = connection.execute(
+                "UPDATE jobs SET state = ? WHERE id = (SELECT min(id) FROM jobs WHERE state = ?) RETURNING *",
+                (RUNNING, WAITING),
+            ).fetchone()
+        return None if row is None else _job(row)
+
+    def end(self, job: int, state: str, message: str, result: dict[str, Any]) -> None:
+        """Write what became of a job."""
+        with self._working() as connection:
+            connection.execute(
+                "UPDATE jobs SET state = ?, message = ?, result = ?, ended_at = ? WHERE id = ?",
+                (state, message, json.dumps(result), _now(), job),
+            )
+
+    def killed(self, job: int) -> int:
+        """Let a job wait again whose process has died; return how often that has happened to it."""
+        with self._working() as connection:
+            row = connection.execute(
+                "UPDATE jobs SET state = ?, kills = kills + 1 WHERE id = ? RETURNING kills", (WAITING, job)
+            ).fetchone()
+        return int(row["kills"])
+
+    def resume(self) -> int:
+        """Let jobs wait again that were running when the server ended; return how many they are."""
+        with self._working() as connection:
+            return connection.execute(
+                "UPDATE jobs SET state = ? WHERE state = ?", (WAITING, RUNNING)
+            ).rowcount
+
+    def job(self, number: int) -> Job | None:
+        """Return a job by its number."""
+        with self._working() as connection:
+            row = connection.execute("SELECT * FROM jobs WHERE id = ?", (number,)).fetchone()
+        return None if row is None else _job(row)
+
+    def jobs(self, limit: int, before: int | None = None) -> list[Job]:
+        """Return jobs, the newest first, of lower numbers than `before`."""
+        with self._working() as connection:
+            rows = connection.execute(
+                "SELECT * FROM jobs WHERE id < ? ORDER BY id DESC LIMIT ?",
+                (2**62 if before is None else before, limit),
+            ).fetchall()
+        return [_job(row) for row in rows]
+
+    def waiting(self) -> int:
+        """Return how many jobs wait or run."""
+        with self._working() as connection:
+            row = connection.execute(
+                "SELECT count(*) FROM jobs WHERE state IN (?, ?)", (WAITING, RUNNING)
+            ).fetchone()
+        return int(row[0])
+
+    @contextmanager
+    def _working(self) -> Iterator[sqlite3.Connection]:
+        try:
+            with self._lock:
+                yield self._connection
+        except sqlite3.Error as error:
+            raise ServerError(
+                f"{self._file}: the queue cannot be used ({error}); free space there, then try again"
+            ) from None
+
+
+def _job(row: sqlite3.Row) -> Job:
+    return Job(
+        row["id"],
+        row["state"],
+        json.loads(row["request"]),
+        row["file"],
+        row["kills"],
+        row["message"],
+        json.loads(row["result"]),
+        row["added_at"],
+        row["ended_at"],
+    )
+
+
+def _now() -> str:
+    return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")

@@ -1,0 +1,172 @@
+"""What a worker process does: it diagnoses uploads and makes prognoses, one at a time."""
+
+import os
+import signal
+from dataclasses import dataclass, field, replace
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from emaphm.errors import EmaphmError, HistoryError
+from emaphm.execution.processes import THREADS, end_with_parent
+from emaphm.server.folders import WorkFolder
+from emaphm.server.work.queue import DONE, FAILED, REFUSED
+
+if TYPE_CHECKING:
+    from emaphm.actuator import Actuator
+    from emaphm.diagnosis import Diagnosis
+    from emaphm.history import History, Unit
+    from emaphm.recording import Recording
+
+AS_BEFORE = ""
+"""The description of a unit's last diagnosis."""
+
+
+@dataclass(frozen=True)
+class Upload:
+    """A job: the file of a recording, and what was said of it."""
+
+    file: Path
+    name: str
+    request: dict[str, Any] = field(repr=False)
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """A job: the prognosis of the unit with this serial number."""
+
+    unit: str
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a job."""
+
+    state: str
+    message: str = ""
+    result: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a worker works: the history's address, the server's folder, descriptions by name."""
+
+    db: str
+    folder: WorkFolder
+    actuators: "dict[str, Actuator]" = field(repr=False)
+    memory_bytes: int
+    upload_bytes: int
+
+
+def work(orders: Connection, parent: Connection, place: Place) -> None:
+    """Do jobs as they come through `orders`, until the server ends; answer progress and an `Outcome`."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server ends its workers itself
+    os.environ.update(dict.fromkeys(THREADS, "1"))
+    end_with_parent(parent)
+    _limit_memory(place.memory_bytes)
+    while True:
+        job = orders.recv()
+        orders.send(_outcome(job, place, orders))
+
+
+def _limit_memory(most_bytes: int) -> None:
+    import resource
+
+    _, most = resource.getrlimit(resource.RLIMIT_AS)
+    if most == resource.RLIM_INFINITY or most_bytes < most:
+        resource.setrlimit(resource.RLIMIT_AS, (most_bytes, most))
+
+
+def _outcome(job: Upload | Forecast, place: Place, orders: Connection) -> Outcome:
+    from emaphm.history import History
+
+    try:
+        with History.open(place.db) as history:
+            if isinstance(job, Forecast):
+                from emaphm.prognosis.keeping import update_prognosis
+
+                update_prognosis(history, history.unit(job.unit))
+                return Outcome(DONE)
+            return _diagnosed(job, history, place, orders)
+    except EmaphmError as error:
+        text = str(error)
+        if isinstance(job, Upload):
+            text = text.replace(str(job.file), job.name)  # where it is kept is nobody's business
+        return Outcome(REFUSED, text)
+    except MemoryError:
+        return Outcome(
+            FAILED, "it takes more memory than a worker may have; cut one manoeuvre out of the recording"
+        )
+
+
+def _diagnosed(job: Upload, history: "History", place: Place, orders: Connection) -> Outcome:
+    from emaphm.history import Entry
+    from emaphm.recording import read_recording
+    from emaphm.recording.io.limits import ReadLimits
+
+    request = job.request
+    known = {unit.serial_number: unit for unit in history.units()}.get(request["unit"])
+    actuator = _described(history, known, request, place)
+    part = request["part"] or (known.part_number if known else actuator.name)
+    entry = Entry(
+        request["unit"], part, request["hours"], request["cycles"], request["position"], request["late"]
+    )
+    recording = read_recording(job.file, actuator, limits=ReadLimits(file_bytes=place.upload_bytes))
+    recording = replace(recording, source=job.name)
+    if not history.missing(entry, recording, actuator):
+        return Outcome(DONE, "is in the history already", _result(history, recording))
+    from emaphm.diagnosis import diagnose
+
+    diagnosis = diagnose(recording, actuator, workers=1, on_progress=orders.send)
+    history.add(entry, recording, diagnosis)
+    result = _result(history, recording)
+    _write_report(diagnosis, result["diagnosis"], place.folder)
+    return Outcome(DONE, "", result)
+
+
+def _described(history: "History", known: "Unit | None", request: dict[str, Any], place: Place) -> "Actuator":
+    """Return the description to diagnose with: the unit's last one, or one of the server's."""
+    if request["actuator"] != AS_BEFORE:
+        return place.actuators[request["actuator"]]
+    if known is None:
+        try:
+            history.unit(request["unit"])
+        except HistoryError as error:
+            raise HistoryError(f"{error}; correct it, or choose a description to add a new unit") from None
+    assert known is not None  # noqa: S101 - for the type checker
+    return known.actuator
+
+
+def _result(history: "History", recording: "Recording") -> dict[str, Any]:
+    from emaphm.history.fingerprint import recording_hash
+    from emaphm.history.views import diagnosis, last_diagnosis
+
+    key = recording_hash(recording)
+    with history.database.reading() as connection:
+        number = last_diagnosis(connection, key)
+        found = None if number is None else diagnosis(connection, number)
+    if found is None:
+        raise HistoryError("the diagnosis is not in the history; upload the recording again")
+    unit, kept, _ = found
+    return {
+        "diagnosis": number,
+        "unit_id": unit.id,
+        "recording_hash": key,
+        "explained": kept.explained,
+        "degraded": [name for name, verdict in kept.verdicts.items() if verdict == "degraded"],
+    }
+
+
+def _write_report(diagnosis: "Diagnosis", number: int, folder: WorkFolder) -> None:
+    """Write the report and the figures of the recording, which the history does not hold."""
+    from emaphm.output_files import written_whole
+    from emaphm.plotting.diagnosis import draw_fit, draw_residual
+    from emaphm.plotting.svg import plain_style, svg
+    from emaphm.report import write_report
+
+    with plain_style():
+        figures = {"fit": svg(draw_fit(diagnosis)), "residual": svg(draw_residual(diagnosis))}
+    for name, content in figures.items():
+        with written_whole(folder.figure(number, name)) as temporary:
+            temporary.write_bytes(content)
+    write_report(diagnosis, folder.report(number), force=True)

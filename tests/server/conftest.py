@@ -1,0 +1,65 @@
+"""A server with a small fleet, in this process; skipped where its libraries are missing."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+pytest.importorskip("fastapi", reason="needs the extra 'server'")
+pytest.importorskip("httpx2", reason="needs httpx2, of the extra 'dev'")
+
+from emaphm.actuator import Actuator
+from emaphm.server.app import create_app
+from emaphm.server.run import running
+from emaphm.server.settings import SETTINGS
+
+from .made_up import fill
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from starlette.testclient import TestClient
+
+    from emaphm.server.state import ServerState
+
+UNITS = 12
+SMALL = replace(SETTINGS, workers=1, upload_bytes=300_000, most_waiting=3, units_a_page=8)
+
+
+@pytest.fixture(scope="session")
+def filled(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a history of twelve units, which nobody may write to."""
+    file = tmp_path_factory.mktemp("fleet") / "fleet.sqlite"
+    fill(file, UNITS)
+    return file
+
+
+@pytest.fixture
+def fleet(filled: Path, tmp_path: Path) -> Path:
+    """Return a copy of it."""
+    copied = tmp_path / "fleet.sqlite"
+    copied.write_bytes(filled.read_bytes())
+    return copied
+
+
+@pytest.fixture
+def state(fleet: Path) -> "Iterator[ServerState]":
+    """Yield what a server of the fleet shares."""
+    with running(str(fleet), None, None, {"thesis": Actuator.thesis()}, SMALL) as made:
+        yield made
+
+
+@pytest.fixture
+def client(state: "ServerState") -> "TestClient":
+    """Return a client of the server, without a network."""
+    return client_of(state)
+
+
+def client_of(state: "ServerState", *, only_loopback: bool = True) -> "TestClient":
+    """Return a client of a server."""
+    from starlette.testclient import TestClient
+
+    return TestClient(
+        create_app(state, only_loopback=only_loopback), "http://127.0.0.1:8000", follow_redirects=False
+    )

@@ -1,0 +1,85 @@
+"""The API gives what the pages show, and refuses what is wrong by 4xx."""
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from emaphm.history import History
+
+if TYPE_CHECKING:
+    from starlette.testclient import TestClient
+
+    from emaphm.server.state import ServerState
+
+API = "/api/v1"
+
+
+def test_units_are_the_history_s(client: "TestClient", state: "ServerState") -> None:
+    answer = client.get(f"{API}/units?sort=unit").json()
+    with History.open(state.history.database.address.shown) as history:
+        known = {one.unit.serial_number: one for one in history.overviews()}
+    assert [one["unit"] for one in answer["units"]] == sorted(known)
+    for one in answer["units"]:
+        there = known[one["unit"]]
+        assert (one["hours"], one["recordings"], one["explained"]) == (
+            there.hours,
+            there.recordings,
+            there.explained,
+        )
+        assert one["current"]
+
+
+def test_one_unit_one_diagnosis_one_prognosis(client: "TestClient", state: "ServerState") -> None:
+    unit = client.get(f"{API}/units/3").json()
+    assert unit["unit"]["unit"] == "SN-0002"
+    assert unit["removals"][0]["reason"] == "suspected"
+    [*_, last] = client.get(f"{API}/diagnoses?unit_id=3").json()["diagnoses"]
+    one = client.get(f"{API}/diagnoses/{last['id']}").json()
+    kept = state.history.unit("SN-0002").diagnoses()[0]
+    assert one["data_manipulation"]["recording_hash"] == kept.recording_hash == last["recording_hash"]
+    assert one["health_assessment"]["k"] == kept.vector.tolist()
+    prognosis = client.get(f"{API}/units/3/prognosis").json()
+    assert prognosis["advice"] == state.history.prognoses()["SN-0002"].document["advice"]
+    assert client.get(f"{API}/prognoses").json()["SN-0002"] == prognosis
+    assert client.get(f"{API}/units/3/curves").json()["unit"] == "made up"
+
+
+def test_pages_of_diagnoses_follow_each_other(client: "TestClient") -> None:
+    first = client.get(f"{API}/recordings?limit=5").json()["diagnoses"]
+    then = client.get(f"{API}/recordings?limit=5&before={first[-1]['id']}").json()["diagnoses"]
+    assert [one["id"] for one in first + then] == list(range(36, 26, -1))
+    assert all(
+        not one["explained"] for one in client.get(f"{API}/recordings?explained=false").json()["diagnoses"]
+    )
+
+
+def test_events(client: "TestClient") -> None:
+    [event] = client.get(f"{API}/events?unit_id=2").json()["events"]
+    assert (event["event"], event["unit"]) == ("alarm", "SN-0001")
+    assert client.get(f"{API}/events?kind=sensor_fault").json() == {"events": []}
+
+
+@pytest.mark.parametrize(
+    ("path", "status"),
+    [
+        ("/units/999", 404),
+        ("/units/0", 422),
+        ("/units/99999999999999999999", 422),
+        ("/units/3/other", 404),
+        ("/units?sort=shoe-size", 422),
+        ("/units?limit=0", 422),
+        ("/diagnoses/999", 404),
+        ("/events?kind=party", 422),
+        ("/jobs/1", 404),
+    ],
+)
+def test_what_is_wrong_is_refused(client: "TestClient", path: str, status: int) -> None:
+    answer = client.get(API + path)
+    assert answer.status_code == status
+    assert answer.json()["detail"]
+
+
+def test_the_schema_names_every_way_in(client: "TestClient") -> None:
+    paths = client.get("/openapi.json").json()["paths"]
+    assert all(path.startswith(API) for path in paths)
+    assert "multipart/form-data" in paths[f"{API}/recordings"]["post"]["requestBody"]["content"]

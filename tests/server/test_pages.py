@@ -1,0 +1,115 @@
+"""What the pages show is what the history holds, in the order that is asked for."""
+
+import re
+from html.parser import HTMLParser
+from typing import TYPE_CHECKING
+
+import pytest
+
+from emaphm.history import Entry, History, Removal
+
+from .conftest import UNITS
+from .made_up import diagnosis, recording
+
+if TYPE_CHECKING:
+    from starlette.testclient import TestClient
+
+    from emaphm.server.state import ServerState
+
+PAGES = ("/", "/units/2", "/diagnoses/3", "/upload", "/data", "/login", "/nothing-here")
+
+
+class Page(HTMLParser):
+    """Tags with their attributes, and the rows of tables."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Note a tag."""
+        self.tags.append((tag, dict(attrs)))
+
+    def all(self, name: str) -> list[dict[str, str | None]]:
+        """Return the attributes of each tag of that name."""
+        return [attributes for tag, attributes in self.tags if tag == name]
+
+
+def units_on(client: "TestClient", path: str) -> list[str]:
+    return re.findall(r'<th scope="row"><a href="/units/\d+">([^<]+)</a>', client.get(path).text)
+
+
+def test_the_most_urgent_unit_is_first(client: "TestClient") -> None:
+    # By the made-up advice: every fifth unit is to be replaced, the sooner the lower its number.
+    assert units_on(client, "/")[:4] == ["SN-0004", "SN-0009", "SN-0003", "SN-0008"]
+    assert len(units_on(client, "/")) == 8
+    assert units_on(client, "/?page=2")[-1] == "SN-0011"
+
+
+def test_links_sort_and_forms_filter(client: "TestClient") -> None:
+    assert units_on(client, "/?sort=unit") == [f"SN-{i:04d}" for i in range(8)]
+    assert units_on(client, "/?sort=unit&order=desc")[0] == "SN-0011"
+    assert units_on(client, "/?advice=replace+before&sort=rul&order=desc") == ["SN-0009", "SN-0004"]
+    assert units_on(client, "/?part=EMA-1&sort=unit") == ["SN-0001", "SN-0004", "SN-0007", "SN-0010"]
+    assert units_on(client, "/?health=not+explained") == ["SN-0005"]
+    assert units_on(client, "/?search=0007") == ["SN-0007"]
+    assert units_on(client, "/?search=no+such") == []
+    assert units_on(client, "/?sort=nonsense&page=-3")[0] == "SN-0004"
+
+
+def test_a_page_of_a_unit_has_all_that_is_known_of_it(client: "TestClient") -> None:
+    text = client.get("/units/3").text
+    for part in ("SN-0002", "flight 8.csv", "suspected", "slow to respond", "backlash degraded", "Fan chart"):
+        assert part in text
+    assert "friction is degraded" in client.get("/units/2").text
+
+
+def test_a_diagnosis_names_its_verdicts_and_its_residual(client: "TestClient") -> None:
+    assert "Not reliable" in client.get("/diagnoses/18").text
+    text = client.get("/diagnoses/36").text
+    assert "Degraded: friction." in text
+    assert "0.1100" in text
+
+
+def test_data_health_lists_what_is_not_explained(client: "TestClient") -> None:
+    text = client.get("/data").text
+    assert units_on(client, "/data")[0] == "SN-0005"
+    assert "flight 17.csv" in text
+    assert "three times as large" in text
+
+
+def test_what_is_added_is_shown_at_once(client: "TestClient", state: "ServerState") -> None:
+    assert "SN-new" not in client.get("/").text
+    held = recording(1000)
+    with History.open(state.history.database.address.shown) as other:
+        other.add(Entry("SN-new <b>", "EMA-9", 5.0), held, diagnosis(held, 0.3))
+        other.add_removal("SN-0001", Removal(900.0, "failed"))
+    assert "SN-new &lt;b&gt;" in client.get("/?part=EMA-9").text
+    assert client.get("/api/v1/units").json()["total"] == UNITS + 1
+    [row] = client.get("/api/v1/units?search=SN-0001").json()["units"]
+    assert row["position"] is None
+
+
+@pytest.mark.parametrize("path", PAGES)
+def test_pages_hold_no_code_and_can_be_read_aloud(client: "TestClient", path: str) -> None:
+    answer = client.get(path)
+    assert answer.headers["content-security-policy"].startswith("default-src 'self';")
+    page = Page(answer.text)
+    assert not [a for _, a in page.tags if "style" in a or any(name.startswith("on") for name in a)]
+    assert not page.all("style")
+    assert all(a["src"] for a in page.all("script"))
+    assert all(a["alt"] for a in page.all("img"))
+    assert all(a.get("scope") in {"col", "row"} for a in page.all("th"))
+    assert len(page.all("h1")) == 1
+    addresses = [a.get("src") or a.get("href") or "" for _, a in page.tags if "src" in a or "href" in a]
+    assert all(one.startswith(("/", "#")) for one in addresses)
+
+
+def test_a_figure_is_an_svg_that_may_do_nothing(client: "TestClient") -> None:
+    answer = client.get("/units/2/life.svg")
+    assert answer.headers["content-type"] == "image/svg+xml"
+    assert "sandbox" in answer.headers["content-security-policy"]
+    assert b"<svg" in answer.content
+    assert client.get("/units/2/life.svg").content == answer.content
+    assert client.get("/units/2/other.svg").status_code == 404

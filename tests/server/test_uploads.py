@@ -1,0 +1,120 @@
+"""Uploads: what is refused, where they are kept, and that none is lost."""
+
+import multiprocessing
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from emaphm.actuator import Actuator
+from emaphm.errors import ServerError
+from emaphm.server.run import running
+from emaphm.server.work.queue import FAILED, WAITING, Queue
+
+from .conftest import SMALL, client_of
+
+if TYPE_CHECKING:
+    from starlette.testclient import TestClient
+
+    from emaphm.server.state import ServerState
+
+CSV = b"time_s,command_rad\n0,0\n"
+"""A recording that no diagnosis can be made of: it has no current."""
+
+GOOD = {"unit": "SN-0001", "hours": "200"}
+
+
+def sent(client: "TestClient", name: str = "a.csv", content: bytes = CSV, **fields: Any) -> Any:
+    return client.post("/api/v1/recordings", files={"recording": (name, content)}, data={**GOOD, **fields})
+
+
+@pytest.fixture
+def idle(fleet: Path) -> Any:
+    """Yield what a server without workers shares: uploads wait."""
+    with running(str(fleet), None, None, {"thesis": Actuator.thesis()}, replace(SMALL, workers=0)) as made:
+        yield made
+
+
+@pytest.mark.parametrize(
+    ("fields", "reason"),
+    [
+        ({"unit": ""}, "is no name"),
+        ({"unit": "a\x00b"}, "is no name"),
+        ({"unit": "x" * 300}, "300 characters"),
+        ({"hours": "many"}, "hours: give a number"),
+        ({"hours": "nan"}, "hours: give a number"),
+        ({"hours": "-1"}, "0 or more"),
+        ({"cycles": "1.5"}, "whole number"),
+        ({"cycles": "99999999999"}, "whole number"),
+        ({"actuator": "../../etc/passwd"}, "unknown description 'passwd'"),
+        ({"late": "perhaps"}, "late: give true"),
+        ({"colour": "red"}, "unknown field 'colour'"),
+    ],
+)
+def test_what_is_said_must_be_right(idle: "ServerState", fields: dict[str, str], reason: str) -> None:
+    answer = sent(client_of(idle), **fields)
+    assert answer.status_code == 422
+    assert reason in answer.json()["detail"]
+    assert not list(idle.folder.uploads.iterdir())
+
+
+@pytest.mark.parametrize("name", ["a.exe", "a", ".csv", "a.csv.gz", "a.pkl"])
+def test_only_recordings_are_taken(idle: "ServerState", name: str) -> None:
+    assert sent(client_of(idle), name).status_code == 422
+
+
+@pytest.mark.parametrize("name", ["../../x.csv", "/etc/x.csv", "..\\x.csv", "a\nb.csv", "é" * 300 + ".csv"])
+def test_no_name_of_a_client_names_a_file(idle: "ServerState", name: str, tmp_path: Path) -> None:
+    before = {path for path in tmp_path.rglob("*") if path.parent != idle.folder.uploads}
+    answer = sent(client_of(idle), name)
+    assert answer.status_code == 202
+    [kept] = idle.folder.uploads.iterdir()
+    assert kept.stem.isalnum()
+    assert len(kept.name) == 36
+    assert {path for path in tmp_path.rglob("*") if path.parent != idle.folder.uploads} == before
+    assert answer.json()["recording"].isprintable()
+    assert not {"/", "\\"} & set(answer.json()["recording"])
+
+
+def test_too_many_waiting_and_too_large(idle: "ServerState") -> None:
+    client = client_of(idle)
+    assert sent(client, content=b"x" * 400_000).status_code == 413
+    assert [sent(client).status_code for _ in range(4)] == [202, 202, 202, 503]
+    assert [job["id"] for job in client.get("/api/v1/jobs").json()["jobs"]] == [3, 2, 1]
+
+
+def test_a_broken_form_is_refused(idle: "ServerState") -> None:
+    client = client_of(idle)
+    for kind in ("multipart/form-data", "multipart/form-data; boundary=x", "application/json", "text/plain"):
+        answer = client.post("/api/v1/recordings", content=b"--y\r\n\r\n", headers={"content-type": kind})
+        assert 400 <= answer.status_code < 500
+
+
+def test_an_accepted_upload_survives_the_server(fleet: Path, idle: "ServerState") -> None:
+    number = sent(client_of(idle)).json()["id"]
+    assert idle.queue.take() is not None  # a worker had it when the server was killed
+    queue = Queue(idle.folder.queue)
+    assert queue.resume() == 1
+    found = queue.job(number)
+    assert found is not None
+    assert found.state == WAITING
+    assert idle.folder.upload(found.file).read_bytes() == CSV
+    with pytest.raises(ServerError, match="another server works"), running(str(fleet), None, None, {}, SMALL):
+        pass
+
+
+def test_a_killed_job_is_run_again_once(state: "ServerState") -> None:
+    number = sent(client_of(state)).json()["id"]
+    deadline = time.monotonic() + 60
+    found = state.queue.job(number)
+    while found is not None and not found.is_over and time.monotonic() < deadline:
+        for process in multiprocessing.active_children():
+            process.kill()
+        time.sleep(0.01)
+        found = state.queue.job(number)
+    assert found is not None
+    assert (found.state, found.kills) == (FAILED, 2)
+    assert "killed twice" in found.message
+    assert state.folder.upload(found.file).exists()
