@@ -15,6 +15,7 @@ from emaphm.cli.limits import limits
 from emaphm.cli.prognose import prognose
 from emaphm.cli.segment import segment
 from emaphm.cli.split import split
+from emaphm.cli.train import train
 from emaphm.errors import EmaphmError
 
 UNWRITABLE = {
@@ -54,6 +55,7 @@ VERBS = (
     split,
     limits,
     prognose,
+    train,
 )
 for verb in VERBS:
     app.command(verb)

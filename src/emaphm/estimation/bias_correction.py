@@ -50,6 +50,9 @@ class BiasCorrectionSettings:
 
 BIAS_CORRECTION = BiasCorrectionSettings()
 
+FROM_STARTS = BiasCorrectionSettings(patience=1)
+"""From points that are near the optimum already."""
+
 
 @dataclass(frozen=True, eq=False)
 class _Jacobians:

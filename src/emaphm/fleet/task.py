@@ -17,6 +17,7 @@ DECIDING = (
     "optimizers",
     "estimation",
     "diagnosis",
+    "amortized",
     "arrays.py",
     "quantiles.py",
     "random_streams.py",

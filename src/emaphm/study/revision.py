@@ -9,6 +9,8 @@ DECIDING = (
     "optimizers",
     "estimation",
     "diagnosis",
+    "amortized",
+    "fleet/settings.py",
     "calibration",
     "arrays.py",
     "quantiles.py",
