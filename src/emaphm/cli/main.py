@@ -19,6 +19,7 @@ from emaphm.cli.prognose import prognose
 from emaphm.cli.segment import segment
 from emaphm.cli.serve import serve
 from emaphm.cli.split import split
+from emaphm.cli.train import train
 from emaphm.cli.watch import watch
 from emaphm.errors import EmaphmError
 
@@ -60,6 +61,7 @@ VERBS = (
     split,
     limits,
     prognose,
+    train,
     watch,
     serve,
     doctor,

@@ -33,6 +33,9 @@ class BiasCorrectionSettings:
 
 BIAS_CORRECTION = BiasCorrectionSettings()
 
+FROM_STARTS = BiasCorrectionSettings(patience=1)
+"""From points that are near the optimum already."""
+
 
 class Corrected(Protocol):
     """An estimate that the reference model has been compared at."""
