@@ -54,7 +54,7 @@ def idle(fleet: Path) -> Any:
     ],
 )
 def test_what_is_said_must_be_right(idle: "ServerState", fields: dict[str, str], reason: str) -> None:
-    answer = sent(client_of(idle), **fields)
+    answer = sent(client_of(idle), "a.csv", CSV, **fields)
     assert answer.status_code == 422
     assert reason in answer.json()["detail"]
     assert not list(idle.folder.uploads.iterdir())

@@ -7,20 +7,21 @@ import sys
 
 from cyclopts import App, CycloptsError
 
-from emaphm.cli import detect, fleet, history, study, verbs
+from emaphm.cli import detect, study, verbs
 from emaphm.cli.calibrate import calibrate
 from emaphm.cli.design import design
 from emaphm.cli.doctor import completion, doctor
 from emaphm.cli.entry import INTERRUPTED
 from emaphm.cli.init import init
-from emaphm.cli.limits import limits
 from emaphm.cli.output import say
-from emaphm.cli.prognose import prognose
 from emaphm.cli.segment import segment
-from emaphm.cli.serve import serve
 from emaphm.cli.split import split
 from emaphm.cli.train import train
-from emaphm.cli.watch import watch
+from emaphm.cli.units import fleet, history
+from emaphm.cli.units.limits import limits
+from emaphm.cli.units.prognose import prognose
+from emaphm.cli.units.serve import serve
+from emaphm.cli.units.watch import watch
 from emaphm.errors import EmaphmError
 
 UNWRITABLE = {

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from emaphm.cli.history import DB, Database
 from emaphm.cli.options import (
     FIGURES,
     AsJson,
@@ -20,6 +19,7 @@ from emaphm.cli.options import (
     described_actuator,
 )
 from emaphm.cli.output import counter, draw, show
+from emaphm.cli.units.history import DB, Database
 from emaphm.errors import PrognosisError
 
 if TYPE_CHECKING:

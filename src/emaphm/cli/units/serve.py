@@ -5,9 +5,9 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from emaphm.cli.history import DB, Database
 from emaphm.cli.options import AsJson, whole_number
 from emaphm.cli.output import show, show_line
+from emaphm.cli.units.history import DB, Database
 from emaphm.errors import ServerError
 
 

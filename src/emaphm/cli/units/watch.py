@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from emaphm.cli.history import DB, Database
 from emaphm.cli.options import ActuatorFile, By, Seed, check_seed, described_actuator, whole_number
 from emaphm.cli.output import counter, say
+from emaphm.cli.units.history import DB, Database
 from emaphm.errors import MonitoringError
 
 if TYPE_CHECKING:
