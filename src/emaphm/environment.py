@@ -24,6 +24,8 @@ PURPOSES = {
     "peers": "optimisers of other libraries",
     "posterior": "emaphm diagnose --posterior",
     "server": "emaphm serve",
+    "train": "emaphm train; what it makes is used without",
+    "server": "emaphm serve",
 }
 """What each extra is for."""
 
@@ -40,7 +42,7 @@ class Extra:
     @property
     def installed(self) -> bool:
         """Whether all its packages are there."""
-        return not self.missing
+        return bool(self.versions) and not self.missing
 
 
 @dataclass(frozen=True)
