@@ -19,7 +19,7 @@ ORDER = (
     ("simulated_recording",),
     ("estimation",),
     ("diagnosis",),
-    ("calibration", "experiment"),
+    ("calibration", "experiment", "amortized"),
     ("detection", "history"),
     ("prognosis",),
     ("fleet",),

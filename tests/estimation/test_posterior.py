@@ -82,6 +82,7 @@ def informed(deviations: Array, seed: int = 3) -> Array:
 
 
 def effective(posterior: Posterior) -> float:
+    assert posterior.diagnostics
     return float(np.min(posterior.diagnostics.effective_samples))
 
 
@@ -93,6 +94,7 @@ def normal() -> tuple[Array, Posterior]:
 
 def test_mean_and_covariance_are_those_of_the_closed_form(normal: tuple[Array, Posterior]) -> None:
     information, posterior = normal
+    assert posterior.diagnostics
     assert posterior.diagnostics.converged
     # The faults' priors are even; the load's is normal about 0.
     precision = information + np.diag([0.0] * (D - 1) + [PRIORS_PER_UNIT**2])
@@ -133,6 +135,7 @@ def test_at_a_bound_it_is_the_truncated_normal() -> None:
     for name, place in places.items():
         optimum[SPACE.columns.index(NAMES.index(name))] = place
     posterior = sampled(optimum, np.diag(deviations**-2))
+    assert posterior.diagnostics
     assert posterior.diagnostics.converged
     count = effective(posterior)
     for name, place in places.items():
@@ -276,6 +279,7 @@ def test_sampling_ends_at_its_cap_and_says_so() -> None:
         information.append,
         McmcSettings(first_check=60, most_steps=60),
     )
+    assert cut.diagnostics
     assert not cut.diagnostics.converged
     assert cut.diagnostics.steps == 60
     assert information == sorted(information)
@@ -297,6 +301,7 @@ def diagnosed() -> Diagnosis:
 def test_where_faults_are_strong_both_agree(diagnosed: Diagnosis) -> None:
     posterior = diagnosed.posterior
     assert posterior is not None
+    assert posterior.diagnostics
     assert posterior.diagnostics.converged
     strong = ("friction", "backlash", "short_a", "short_b", "gain")
     for name in strong:

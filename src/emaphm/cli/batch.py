@@ -90,7 +90,7 @@ def check_joint(
     named = [name for name, value in given.items() if value is not None]
     named += [
         f"--{name}"
-        for name in ("method", "model", "fitness", "posterior")
+        for name in ("method", "model", "fitness", "posterior", "estimator")
         if getattr(chosen, name) != getattr(usual, name)
     ]
     if named:

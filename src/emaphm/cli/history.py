@@ -62,6 +62,9 @@ def add(
     ] = None,
     actuator: ActuatorFile = "thesis",
     db: Database = DB,
+    estimator: Annotated[
+        Path | None, Parameter(help="Begin where an estimator of 'emaphm train' says.")
+    ] = None,
     late: Annotated[
         bool, Parameter(negative="", help="These hours may be below the unit's latest: an old recording.")
     ] = False,
@@ -83,10 +86,11 @@ def add(
             if not to_do:
                 added.append({"recording": recorded.source, "added": False})
                 continue
-            from emaphm.diagnosis import diagnose
+            from emaphm.fleet import DiagnosisSettings
 
+            settings = DiagnosisSettings(seed=seed, estimator=None if estimator is None else str(estimator))
             with progress(f"diagnosing {recorded.source}", as_json) as advance:
-                diagnosis = diagnose(recorded, described, seed=seed, on_progress=advance)
+                diagnosis = settings.diagnosed(recorded, described, workers=None, on_progress=advance)
             outcome = history.add(entry, recorded, diagnosis)
             added.append(
                 {

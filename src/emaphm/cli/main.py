@@ -17,6 +17,7 @@ from emaphm.cli.limits import limits
 from emaphm.cli.prognose import prognose
 from emaphm.cli.segment import segment
 from emaphm.cli.split import split
+from emaphm.cli.train import train
 from emaphm.errors import EmaphmError
 
 UNWRITABLE = {
@@ -57,6 +58,7 @@ VERBS = (
     split,
     limits,
     prognose,
+    train,
     doctor,
     completion,
 )

@@ -33,7 +33,6 @@ from emaphm.cli.options import (
     described_actuator,
     fault_vector,
     load_named,
-    names_in,
     recording_of,
     whole_number,
 )
@@ -153,6 +152,16 @@ def diagnose(
         bool,
         Parameter(negative="", help="Sample the posterior too, some seconds: for estimates at a bound."),
     ] = False,
+    estimator: Annotated[
+        Path | None,
+        Parameter(
+            help="Begin where an estimator of 'emaphm train' says, in place of a search of all the range."
+        ),
+    ] = None,
+    fast: Annotated[
+        bool,
+        Parameter(negative="", help="Take the estimator's answer as it is: milliseconds, less exact."),
+    ] = False,
     healthy: Annotated[
         Path | None,
         Parameter(help="Also say whether the recording is like healthy ones: a file of 'detect learn'."),
@@ -185,10 +194,12 @@ def diagnose(
     check_seed(seed)
     check_output(report, (".html",), force=force)
     described = described_actuator(actuator)
+    if fast and estimator is None:
+        raise MethodError("--fast takes an estimator's answer; name its file: --estimator FILE")
     several = joint or further or workers or scheduler or out or by or recording.is_dir()
-    if several:
-        from emaphm.cli import batch
+    from emaphm.cli import batch
 
+    if several:
         if report:
             raise MethodError("--report is of one recording; diagnose that one alone, without --joint")
         if healthy:
@@ -200,6 +211,8 @@ def diagnose(
             correction=correction,
             nuisance=nuisance,
             posterior=posterior,
+            estimator=None if estimator is None else str(estimator),
+            fast=fast,
             seed=seed,
         )
         paths, files = (recording, *further), batch.reading(by, known)
@@ -212,22 +225,19 @@ def diagnose(
     recorded = recording_of(recording, described, known)
     check = None if healthy is None else healthy_check(healthy, recorded)
     # Not before: what cannot be read is refused without waiting for a compiler to be loaded.
-    from emaphm.diagnosis import diagnose as identify
-    from emaphm.estimation.bias_correction import MAX_CORRECTIONS
-
+    settings = batch.settings(
+        method=method,
+        model=model,
+        fitness=fitness,
+        correction=correction,
+        nuisance=nuisance,
+        posterior=posterior,
+        estimator=None if estimator is None else str(estimator),
+        fast=fast,
+        seed=seed,
+    )
     with progress("diagnosing", as_json) as advance:
-        diagnosis = identify(
-            recorded,
-            described,
-            method=method,
-            model=model,
-            fitness=fitness,
-            max_corrections=MAX_CORRECTIONS if correction else 0,
-            nuisances=None if nuisance is None else names_in(nuisance),
-            posterior=posterior,
-            seed=seed,
-            on_progress=advance,
-        )
+        diagnosis = settings.diagnosed(recorded, described, workers=None, on_progress=advance)
     diagnosis = replace(diagnosis, healthy_check=check)
     text = str(diagnosis)
     if report:

@@ -18,13 +18,14 @@ from emaphm.diagnosis.selection.nuisance_selection import select_nuisances
 from emaphm.diagnosis.verdict import VERDICT, estimates, unexplained
 from emaphm.errors import MethodError, nearest
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS, with_discrepancy
-from emaphm.estimation.methods import Method, method_named
+from emaphm.estimation.methods import WITH_LEAST_SQUARES, Method, method_named
 from emaphm.estimation.nuisances import unit_of
 from emaphm.estimation.objective import MapObjective, faults_objective, faults_only_objective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search import check_fitness, search
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.sensors.channel_swaps import with_channels_exchanged
+from emaphm.estimation.starts import Starts
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at
 from emaphm.estimation.uncertainty.model_error import compared_with_healthy
 from emaphm.progress import Progress, subprogress
@@ -57,6 +58,7 @@ def diagnose(
     seed: int = 0,
     workers: int | None = None,
     posterior: bool = False,
+    starts: Starts | None = None,
     on_progress: Progress | None = None,
 ) -> Diagnosis:
     """Return the faults of `actuator` that explain `recording`, with their uncertainty.
@@ -87,6 +89,9 @@ def diagnose(
     posterior
         Whether to sample the posterior as well, which takes some seconds: see
         `emaphm.estimation.posterior.mcmc`. Values and verdicts stay those of the search.
+    starts
+        Where least squares begin in place of the global stage. Where that leads to no explanation, the
+        search is made anew with one, which a note says.
     on_progress
         Called with the fraction done, from 0 to 1.
 
@@ -117,21 +122,24 @@ def diagnose(
         max_corrections=max_corrections,
         seed=seed,
         on_progress=subprogress(on_progress, 0.0, SEARCH_SHARE if posterior else 1.0),
+        starts=None if starts is None else starts.of(objective.space),
     )
+    name, notes = _searched_by(chosen, starts, result)
+    recording = recording.with_channels(recording.channels, notes) if notes else recording
     selected: tuple[str, ...] = ()
     laws: tuple[str, ...] = ()
     if nuisances is None and chosen.least_squares and result.discrepancy is not None:
         searched = result
         result, selected = select_nuisances(searched, max_corrections, seed)
         # Standing, an actuator shows no law of its motion.
-        if not result.explained and _moves(result.objective, result.point):
+        if not result.explained and moves_at(result.objective, result.point):
             result, laws = select_laws(searched, chosen, max_corrections, seed)
             alternatives = result.alternatives
             result, selected = select_nuisances(result, max_corrections, seed)
             result = replace(result, alternatives=alternatives)
     result = with_discrepancy(result, seed)
     diagnosis = replace(
-        conclude(result, recording, chosen.name, fitness, seed), selected=selected, laws=laws
+        conclude(result, recording, name, fitness, seed), selected=selected, laws=laws
     ).with_sensor_faults((*sensors.findings, *exchanged))
     if posterior:
         from emaphm.estimation.posterior.mcmc import sample
@@ -147,6 +155,16 @@ def diagnose(
         reference_runs=reference_runs,
         seconds=time.perf_counter() - began,
     )
+
+
+def _searched_by(method: Method, starts: Starts | None, result: SearchResult) -> tuple[str, tuple[str, ...]]:
+    """Return the name of the method that has led to the result, and what is to be noted of it."""
+    if starts is None:
+        return method.name, ()
+    if result.started:
+        return f"{starts.method}{WITH_LEAST_SQUARES}", ()
+    astray = f"least squares from the answer of the {starts.method} do not explain it"
+    return method.name, (f"{astray}; all of the range was searched",)
 
 
 def objective_for(
@@ -209,7 +227,7 @@ def conclude(
     jacobians = result.jacobians
     if jacobians is None:
         jacobians = jacobians_at(objective, result.point, stream(seed, "Jacobians of the covariance"))
-    moves = _moves(objective, result.point)
+    moves = moves_at(objective, result.point)
     healthy = compared_with_healthy(problem, result.residual_by_channel) if problem.model_error else {}
     reasons = reasons_against(result, jacobians, healthy, seed, moves=moves)
     known = identifiability(replace(result, jacobians=jacobians), seed, explained=not reasons)
@@ -240,7 +258,7 @@ def conclude(
         modelled=problem.recorded - residual,
         channels=problem.channels,
         recording_notes=(*recording.notes, *(idle_channels(problem) if moves else ())),
-        nuisances=_nuisance_estimates(objective, result.point, known.covariance),
+        nuisances=nuisance_estimates(objective, result.point, known.covariance),
         collinear_sets=known.collinear_sets,
         moves=moves,
         model_error=healthy,
@@ -248,7 +266,7 @@ def conclude(
     )
 
 
-def _moves(objective: MapObjective, point: Array) -> bool:
+def moves_at(objective: MapObjective, point: Array) -> bool:
     """Return whether the actuator moved: by its recorded position, or else by the model's at `point` (d,)."""
     measured, name = objective.problem.measured, "position_rad"
     if name in measured:
@@ -259,7 +277,7 @@ def _moves(objective: MapObjective, point: Array) -> bool:
     return bool(np.ptp(position) > LEAST_MOTION * np.ptp(measured["command_rad"]))
 
 
-def _nuisance_estimates(
+def nuisance_estimates(
     objective: MapObjective, point: Array, covariance: Array
 ) -> dict[str, NuisanceEstimate]:
     """Return the nuisances at `point` (d,), with standard errors from the `covariance` (d, d)."""

@@ -1,11 +1,14 @@
 """Searching for the parameters that explain a recording, by whichever method."""
 
+from dataclasses import replace
+
 import numpy as np
 
+from emaphm.arrays import Array
 from emaphm.errors import MethodError, nearest
 from emaphm.estimation.cost_functions import COST_FUNCTIONS
 from emaphm.estimation.discrepancy import has_reference
-from emaphm.estimation.global_search.multistart import local_search, multistart
+from emaphm.estimation.global_search.multistart import descend_from, local_search, multistart
 from emaphm.estimation.global_search.population_search import OnBestFaults, population_search
 from emaphm.estimation.global_search.restarts import search_with_restarts
 from emaphm.estimation.methods import Method
@@ -24,8 +27,12 @@ def search(
     seed: int,
     on_progress: Progress | None = None,
     on_population: OnBestFaults | None = None,
+    starts: Array | None = None,
 ) -> SearchResult:
     """Return where `method` ends; `max_corrections` bounds the bias correction that follows least squares.
+
+    With `starts` (n, d), points that are near the optimum, least squares begin there, without a global
+    stage; where they do not lead to an explanation, the search is made anew with one.
 
     Raises
     ------
@@ -42,8 +49,8 @@ def search(
             "useless; use the averaged model, or a method without least squares"
         )
     if max_corrections > 0 and has_reference(objective.problem):
-        return search_with_restarts(objective, method, max_corrections, seed, on_progress)
-    return _uncorrected(objective, method, seed, on_progress)
+        return search_with_restarts(objective, method, max_corrections, seed, on_progress, starts)
+    return _uncorrected(objective, method, seed, on_progress, starts)
 
 
 def check_fitness(method: Method, fitness: str) -> None:
@@ -58,11 +65,18 @@ def check_fitness(method: Method, fitness: str) -> None:
 
 
 def _uncorrected(
-    objective: MapObjective, method: Method, seed: int, on_progress: Progress | None
+    objective: MapObjective,
+    method: Method,
+    seed: int,
+    on_progress: Progress | None,
+    starts: Array | None,
 ) -> SearchResult:
-    refined = multistart(objective, seed, method.optimizer, subprogress(on_progress, 0.0, 0.8))
+    if starts is None:
+        refined = multistart(objective, seed, method.optimizer, subprogress(on_progress, 0.0, 0.8))
+    else:
+        refined = descend_from(objective, starts)
     nothing = np.zeros_like(objective.target)
     found = local_search(objective, refined.best, nothing, stream(seed, "local search"))
     if on_progress is not None:
         on_progress(1.0)
-    return SearchResult.at(objective, found.best)
+    return replace(SearchResult.at(objective, found.best), started=starts is not None)

@@ -56,6 +56,8 @@ class SearchResult:
         The value that a population method minimised, in the unit of its cost function; None otherwise.
     alternatives
         Where other searches of the same recording ended, by the same description or with another law.
+    started
+        Whether it came from given starts, without a global search.
     """
 
     objective: MapObjective
@@ -68,6 +70,7 @@ class SearchResult:
     jacobians: Array | None = None
     population_cost: float | None = None
     alternatives: tuple["SearchResult", ...] = ()
+    started: bool = False
 
     @classmethod
     def at(

@@ -1,21 +1,30 @@
 """How each recording of a batch is diagnosed."""
 
+import hashlib
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 from emaphm.actuator import Actuator
+from emaphm.amortized.diagnosing import diagnose_by, estimator_at
 from emaphm.diagnosis import Diagnosis, diagnose
+from emaphm.errors import MethodError
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS
-from emaphm.estimation.methods import method_named
+from emaphm.estimation.methods import HYBRID, method_named
 from emaphm.estimation.nuisances import NuisanceSet
 from emaphm.estimation.search import check_fitness
+from emaphm.progress import Progress
 from emaphm.recording import Recording
 from emaphm.simulation import model_named
 
 
 @dataclass(frozen=True)
 class DiagnosisSettings:
-    """The arguments of `emaphm.diagnose` by these names, the same for every recording."""
+    """The arguments of `emaphm.diagnose` by these names, the same for every recording.
+
+    `estimator` is the file of an estimator that helps, and `fast` whether its answer is taken as it is
+    (`emaphm.amortized.diagnosing`).
+    """
 
     method: str = "hybrid"
     model: str = "averaged"
@@ -23,6 +32,8 @@ class DiagnosisSettings:
     max_corrections: int = MAX_CORRECTIONS
     nuisances: tuple[str, ...] | None = None
     posterior: bool = False
+    estimator: str | None = None
+    fast: bool = False
     seed: int = 0
 
     def check(self, actuator: Actuator) -> None:
@@ -30,11 +41,55 @@ class DiagnosisSettings:
         check_fitness(method_named(self.method), self.fitness)
         model_named(self.model)
         NuisanceSet.of(actuator, self.nuisances, ())
+        self.check_estimator()
 
-    def diagnosed(self, recording: Recording, actuator: Actuator) -> Diagnosis:
-        """Return the diagnosis of one recording, on one thread: a batch keeps the cores busy side by side."""
-        return diagnose(recording, actuator, **asdict(self), workers=1)
+    def check_estimator(self) -> None:
+        """Refuse an estimator that cannot be read, or does not go with the other settings."""
+        if self.estimator is None:
+            if self.fast:
+                raise MethodError("an answer that is fast needs an estimator; give its file")
+            return
+        for name, usual in (("method", HYBRID), ("model", "averaged")):
+            if getattr(self, name) != usual:
+                raise MethodError(
+                    f"an estimator goes with {name} '{usual}'; leave out {name} '{getattr(self, name)}', or "
+                    "the estimator"
+                )
+        estimator_at(self.estimator)
+
+    def diagnosed(
+        self,
+        recording: Recording,
+        actuator: Actuator,
+        *,
+        workers: int | None = 1,
+        on_progress: Progress | None = None,
+    ) -> Diagnosis:
+        """Return the diagnosis of one recording.
+
+        On one thread unless `workers` says otherwise: a batch keeps the cores busy side by side.
+        """
+        if self.estimator is None:
+            values = {
+                name: value for name, value in asdict(self).items() if name not in ("estimator", "fast")
+            }
+            return diagnose(recording, actuator, **values, workers=workers, on_progress=on_progress)
+        self.check_estimator()
+        return diagnose_by(
+            estimator_at(self.estimator),
+            recording,
+            actuator,
+            fast=self.fast,
+            max_corrections=self.max_corrections,
+            nuisances=self.nuisances,
+            posterior=self.posterior,
+            seed=self.seed,
+            workers=workers,
+            on_progress=on_progress,
+        )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the settings, ready for `json.dumps`."""
-        return asdict(self)
+        """Return the settings, ready for `json.dumps`; an estimator by what its file holds."""
+        content = None if self.estimator is None else Path(self.estimator).read_bytes()
+        digest = None if content is None else hashlib.sha256(content).hexdigest()
+        return asdict(self) | {"estimator": digest}

@@ -11,7 +11,7 @@ from emaphm.fleet.settings import DiagnosisSettings
 from emaphm.fleet.sources import FileReading, recordings_in
 from emaphm.recording import Recording
 
-DECIDING = (*diagnosis.DECIDING, "fleet/task.py", "fleet/settings.py", "fleet/sources.py")
+DECIDING = (*diagnosis.DECIDING, "amortized", "fleet/task.py", "fleet/settings.py", "fleet/sources.py")
 """The rooms and files whose code decides what a recording is found to show."""
 
 

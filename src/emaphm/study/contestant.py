@@ -1,6 +1,7 @@
 """A method that takes part in a study, with its settings."""
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Annotated, Any, Self
 
 import numpy as np
@@ -10,6 +11,7 @@ from emaphm.actuator import NAMES
 from emaphm.errors import StudyError
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS
 from emaphm.estimation.methods import Method, method_named
+from emaphm.fleet import DiagnosisSettings
 from emaphm.study.rig import Label
 
 
@@ -19,7 +21,9 @@ class Contestant(BaseModel):
     A method with least squares makes at most `max_corrections` bias corrections (`turns` is another spelling
     of that key), and estimates `nuisances` with the faults. Left out, these are what `diagnose` estimates by
     default where the recordings come from a rig, and none where they are those of the actuator as described.
-    Any other key is a setting of the optimiser, e.g. population or iterations.
+    `estimator` is the file of an estimator (`emaphm train`) that its searches begin with, on recordings of a
+    rig; if `fast`, its answer is taken as it is. Any other key is a setting of the optimiser, e.g. population
+    or iterations.
     """
 
     model_config = ConfigDict(frozen=True, extra="allow")
@@ -28,6 +32,8 @@ class Contestant(BaseModel):
     label: Label
     max_corrections: Annotated[int, Field(ge=0, le=20)] = MAX_CORRECTIONS
     nuisances: tuple[str, ...] | None = None
+    estimator: str | None = None
+    fast: bool = False
 
     @model_validator(mode="before")
     @classmethod
@@ -46,7 +52,19 @@ class Contestant(BaseModel):
     @model_validator(mode="after")
     def _exists(self) -> Self:
         self.chosen()
+        self.settings(0).check_estimator()
         return self
+
+    def settings(self, seed: int) -> DiagnosisSettings:
+        """Return the arguments of a diagnosis by this method."""
+        return DiagnosisSettings(
+            method=self.method,
+            max_corrections=self.max_corrections,
+            nuisances=self.nuisances,
+            estimator=self.estimator,
+            fast=self.fast,
+            seed=seed,
+        )
 
     @property
     def described(self) -> str:
@@ -62,6 +80,8 @@ class Contestant(BaseModel):
             settings = [f"{optimizer.population} × {optimizer.iterations}", *settings]
         if method.least_squares:
             settings.append(f"up to {self.max_corrections} corrections")
+        if self.estimator is not None:
+            settings.append(f"estimator {Path(self.estimator).name}{', alone' if self.fast else ''}")
         if self.nuisances is not None:
             settings.append(f"nuisances: {', '.join(self.nuisances) or 'none'}")
         return f"{self.label}: {', '.join([method.name, *settings])}"

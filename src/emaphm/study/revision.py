@@ -5,6 +5,8 @@ from emaphm.execution.revision import revision_of
 
 DECIDING = (
     *diagnosis.DECIDING,
+    "amortized",
+    "fleet/settings.py",
     "calibration",
     "simulated_recording.py",
     "study/task.py",

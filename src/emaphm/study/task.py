@@ -1,6 +1,7 @@
 """Doing one trial of a study: record the case, identify, and return what came out."""
 
 import time
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -9,7 +10,6 @@ import numpy as np
 from emaphm.actuator import NAMES, Actuator, Chirp, Faults
 from emaphm.arrays import Array
 from emaphm.calibration import calibrate
-from emaphm.diagnosis import diagnose
 from emaphm.diagnosis.diagnose import objective_for
 from emaphm.diagnosis.error_metric import error_percent
 from emaphm.errors import StudyError
@@ -75,17 +75,8 @@ def _diagnosed(recording: Recording, actuator: Actuator, trial: Trial) -> dict[s
     """Return what `diagnose` says, as a user gets it."""
     contestant = trial.contestant
     # One thread a trial, here and below: a study keeps the cores busy with trials side by side.
-    diagnosis = diagnose(
-        recording,
-        actuator,
-        method=contestant.method,
-        model=trial.model,
-        fitness=trial.fitness,
-        max_corrections=contestant.max_corrections,
-        nuisances=contestant.nuisances,
-        seed=trial.seed,
-        workers=1,
-    )
+    settings = replace(contestant.settings(trial.seed), model=trial.model, fitness=trial.fitness)
+    diagnosis = settings.diagnosed(recording, actuator)
     components = [diagnosis.components[name] for name in NAMES]
     return {
         "found": [one.value for one in components],

@@ -83,6 +83,11 @@ def multistart(
     return _descend(objective, np.array(candidates), settings.fine, False, 0.0, on_iteration)
 
 
+def descend_from(objective: MapObjective, starts: Array) -> LeastSquaresResult:
+    """Return where fine descents lead from `starts` (n, d), which are near the optimum already."""
+    return _descend(objective, objective.space.project(starts), MULTISTART.fine, False)
+
+
 def local_search(
     objective: MapObjective,
     point: Array,

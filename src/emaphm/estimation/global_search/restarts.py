@@ -4,7 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from emaphm.arrays import Array
 from emaphm.estimation.bias_correction import correct_bias
+from emaphm.estimation.correction_iterations import FROM_STARTS
 from emaphm.estimation.global_search.multistart import multistart
 from emaphm.estimation.methods import Method
 from emaphm.estimation.objective import MapObjective
@@ -21,13 +23,26 @@ SAME_POINT = 0.02
 
 
 def search_with_restarts(
-    objective: MapObjective, method: Method, max_corrections: int, seed: int, on_progress: Progress | None
+    objective: MapObjective,
+    method: Method,
+    max_corrections: int,
+    seed: int,
+    on_progress: Progress | None,
+    starts: Array | None = None,
 ) -> SearchResult:
     """Return the best of several searches, each a global search and its bias correction.
 
     Restart at most `MAX_RESTARTS` times while the residual exceeds noise and switching; stop once two
-    searches agree. The other ends are the result's alternatives.
+    searches agree. The other ends are the result's alternatives. With `starts` (n, d), the first search is a
+    correction from there; its end is kept where it leaves no more than noise and switching.
     """
+    if starts is not None:
+        points = objective.space.project(starts)
+        result = correct_bias(
+            objective, points, max_corrections, seed, subprogress(on_progress, 0.0, 0.9), FROM_STARTS
+        )
+        if result.down_to_noise:
+            return replace(result, started=True)
     result = _search(objective, method, max_corrections, seed, on_progress)
     ends = [result]
     for restart in range(MAX_RESTARTS):

@@ -21,17 +21,18 @@ class Posterior:
     """Samples of what a recording leaves possible.
 
     `samples` (n, d) are in estimator coordinates, `components` (n, 8) normalised faults. `interval95` and
-    `median` are those of each component; a direction's may run past 1, where the circle closes.
+    `median` are those of each component; a direction's may run past 1, where the circle closes. `diagnostics`
+    are those of a chain; independent samples have none.
     """
 
     samples: Array
     components: Array
     interval95: Mapping[str, tuple[float, float]]
     median: Mapping[str, float]
-    diagnostics: McmcDiagnostics
+    diagnostics: McmcDiagnostics | None
 
     @classmethod
-    def of(cls, space: ParameterSpace, samples: Array, diagnostics: McmcDiagnostics) -> Self:
+    def of(cls, space: ParameterSpace, samples: Array, diagnostics: McmcDiagnostics | None) -> Self:
         """Return the posterior that `samples` (n, d) of `space` are drawn from."""
         components = space.faults(samples)
         intervals, medians = {}, {}
@@ -52,8 +53,12 @@ class Posterior:
 
     def notes(self, intervals: Mapping[str, tuple[float, float]]) -> list[str]:
         """Return a line on convergence, and one for each component that `intervals` say otherwise of."""
-        state = str(self.diagnostics)
-        lines = [f"Sampled posterior: {state}." if self.diagnostics.converged else f"The posterior {state}."]
+        lines = []
+        if self.diagnostics is not None:
+            state = str(self.diagnostics)
+            lines = [
+                f"Sampled posterior: {state}." if self.diagnostics.converged else f"The posterior {state}."
+            ]
         for name in self.differing(intervals):
             (low, high), (least, most) = self.interval95[name], intervals[name]
             lines.append(
@@ -72,7 +77,8 @@ class Posterior:
         faults = {
             name: {"median": self.median[name], "interval95": list(self.interval95[name])} for name in NAMES
         }
-        return {"faults": faults, "samples": len(self.samples), "convergence": self.diagnostics.to_dict()}
+        convergence = {} if self.diagnostics is None else {"convergence": self.diagnostics.to_dict()}
+        return {"faults": faults, "samples": len(self.samples), **convergence}
 
 
 def _differ(name: str, one: tuple[float, float], other: tuple[float, float]) -> bool:

@@ -1,0 +1,186 @@
+"""A diagnosis with the help of an estimator: its answer alone, or corrected by a search that begins there."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+
+from emaphm.actuator import Actuator
+from emaphm.amortized.estimator import Estimator
+from emaphm.amortized.likeness import LIKENESS, reasons_not_to_believe
+from emaphm.amortized.mixture import Mixture
+from emaphm.diagnosis import Diagnosis, diagnose
+from emaphm.diagnosis.diagnose import moves_at, nuisance_estimates
+from emaphm.diagnosis.explanation.reasons import reasons_against
+from emaphm.diagnosis.verdict import estimates
+from emaphm.estimation.bias_correction import MAX_CORRECTIONS
+from emaphm.estimation.objective import MapObjective
+from emaphm.estimation.posterior.samples import Posterior
+from emaphm.estimation.problem import Problem
+from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.starts import Starts
+from emaphm.progress import Progress
+from emaphm.random_streams import stream
+from emaphm.recording import Recording, check_plausible, with_equivalent_current
+from emaphm.recording.sensor_checks import check_sensors
+from emaphm.version import VERSION
+
+METHOD = "estimator"
+"""What a diagnosis by the network alone is called; corrected, it is `METHOD` + "+lsq"."""
+
+LEAST_WEIGHT = 0.05
+"""Weight of a mixture's component from which on a search begins at its mean too."""
+
+SAMPLES = 1000
+"""Samples of the answer that its credible intervals are taken from."""
+
+
+def diagnose_by(
+    estimator: Estimator,
+    recording: Recording,
+    actuator: Actuator,
+    *,
+    fast: bool = False,
+    max_corrections: int = MAX_CORRECTIONS,
+    nuisances: Sequence[str] | None = None,
+    posterior: bool = False,
+    seed: int = 0,
+    workers: int | None = None,
+    on_progress: Progress | None = None,
+) -> Diagnosis:
+    """Return the faults of `actuator` that explain `recording`, found by its estimator.
+
+    Where the recording is unlike those that the estimator was trained on, it is diagnosed as without one, and
+    a note says why; `method` is "hybrid" then.
+
+    Parameters
+    ----------
+    fast
+        Whether the answer of the network alone will do, as long as the averaged model explains the recording
+        there: "estimator". Else it is where the search begins, in place of the global stage, and the bias
+        correction follows: "estimator+lsq".
+    max_corrections, nuisances, posterior, seed, workers, on_progress
+        As for `emaphm.diagnose`; what the network alone estimates is what it was trained on.
+
+    Raises
+    ------
+    MethodError
+        The estimator is for another actuator, manoeuvre, rate or channels; or as for `emaphm.diagnose`.
+    RecordingError
+        The recording cannot be of this actuator, by orders of magnitude.
+    """
+    began = time.perf_counter()
+    check_plausible(recording, actuator)
+    recording = with_equivalent_current(recording, actuator)
+    estimator.check(recording, actuator)
+    objective = _objective(estimator, recording, actuator)
+    mixture = estimator.answer(recording)
+    reasons = reasons_not_to_believe(
+        estimator, recording, mixture, objective.problem, stream(seed, "likeness of the recording")
+    )
+    starts = None
+    if reasons:
+        notes = [
+            f"the estimator is not believed: {reason}; all of the range was searched" for reason in reasons
+        ]
+        recording = recording.with_channels(recording.channels, notes)
+    else:
+        answer = _Answer.of(mixture, objective, seed)
+        if fast and not answer.reasons:
+            return answer.diagnosis(recording, seed, began)
+        if fast:
+            notes = [f"the estimator's answer was corrected: {reason}" for reason in answer.reasons]
+            recording = recording.with_channels(recording.channels, notes)
+        starts = Starts(METHOD, mixture.starts(LEAST_WEIGHT), estimator.space.coordinates)
+    diagnosis = diagnose(
+        recording,
+        actuator,
+        max_corrections=max_corrections,
+        nuisances=nuisances,
+        seed=seed,
+        workers=workers,
+        posterior=posterior,
+        starts=starts,
+        on_progress=on_progress,
+    )
+    return replace(diagnosis, seconds=time.perf_counter() - began)
+
+
+def _objective(estimator: Estimator, recording: Recording, actuator: Actuator) -> MapObjective:
+    """Return the averaged model against the recording, in the coordinates of the estimator."""
+    problem = Problem.of(recording, actuator, workers=1, channels=estimator.setup.channels)
+    # A recorded temperature is one of the coordinates here, which the network has estimated.
+    return MapObjective.of(replace(problem, temperature_rise_K=0.0), estimator.space)
+
+
+@dataclass(frozen=True, eq=False)
+class _Answer:
+    """What the network says, and the residual that the averaged model has at its mean."""
+
+    mixture: Mixture
+    result: SearchResult
+    moves: bool
+    reasons: tuple[str, ...]
+
+    @classmethod
+    def of(cls, mixture: Mixture, objective: MapObjective, seed: int) -> Self:
+        """Return the answer, with the reasons why the averaged model there does not explain the recording."""
+        result = SearchResult.at(objective, objective.space.project(mixture.mean))
+        moves = moves_at(objective, result.point)
+        # No Jacobians: they are asked for after a correction only.
+        none = np.zeros((1, objective.space.dimensions, objective.channel_rows))
+        return cls(mixture, result, moves, reasons_against(result, none, {}, seed, moves=moves))
+
+    def diagnosis(self, recording: Recording, seed: int, began: float) -> Diagnosis:
+        """Return the diagnosis by the network alone."""
+        objective, point, covariance = self.result.objective, self.result.point, self.mixture.covariance
+        problem, space = objective.problem, objective.space
+        residual = self.result.fitted_residual[: problem.samples]
+        samples = self.mixture.inside(space, SAMPLES, stream(seed, "samples of the answer"))
+        diagnosis = Diagnosis(
+            components=estimates(space, point, covariance),
+            coordinates=space.coordinates,
+            covariance=covariance,
+            method=METHOD,
+            model=problem.model.name,
+            fitness_name="least_squares",
+            fitness=self.result.cost,
+            residual_rms_A=float(np.sqrt(np.mean(residual**2))),
+            explained=True,
+            evaluations=problem.runs.of(problem.model)[0] + LIKENESS.runs,
+            reference_runs=0,
+            seconds=0.0,
+            seed=seed,
+            recording=recording.source,
+            actuator=problem.actuator,
+            version=VERSION,
+            time_s=recording["time_s"],
+            recorded=problem.recorded,
+            modelled=problem.recorded - residual,
+            channels=problem.channels,
+            recording_notes=recording.notes,
+            nuisances=nuisance_estimates(objective, point, covariance),
+            moves=self.moves,
+            posterior=Posterior.of(space, samples, None),
+        )
+        sensors = check_sensors(recording, problem.actuator)
+        return replace(diagnosis.with_sensor_faults(sensors.findings), seconds=time.perf_counter() - began)
+
+
+def estimator_at(path: str | Path) -> Estimator:
+    """Return the estimator in a file, read once a process as long as the file stays the same."""
+    resolved = Path(path)
+    try:
+        found = resolved.stat()
+    except (OSError, ValueError):
+        return Estimator.load(resolved)  # which says what is wrong
+    return _read(resolved.absolute(), found.st_mtime_ns, found.st_size)
+
+
+@lru_cache(maxsize=4)
+def _read(path: Path, _changed: int, _size: int) -> Estimator:
+    return Estimator.load(path)

@@ -1,0 +1,100 @@
+"""An estimator: a network, trained on an actuator's own simulations, that names a recording's faults."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Self
+
+from emaphm.actuator import Actuator
+from emaphm.amortized.mixture import Mixture
+from emaphm.amortized.network import Network, Single
+from emaphm.amortized.projection import Projection
+from emaphm.amortized.simulating import block_of, in_blocks
+from emaphm.amortized.test_setup import TestSetup, actuator_hash, rows_of
+from emaphm.arrays import Array
+from emaphm.errors import MethodError
+from emaphm.estimation.parameter_space import ParameterSpace
+from emaphm.recording import Recording
+
+WAY_OUT = "leave out --estimator, or train one for it with 'emaphm train'"
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """What held-out draws do not exceed: 99.9 % of them, and a margin.
+
+    `distances` (2,) are those of `Projection.distances`, `ratios` (channels,) those of
+    `emaphm.amortized.likeness`.
+    """
+
+    distances: Array
+    ratios: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Estimator:
+    """What a file of `emaphm train` holds.
+
+    `temperature` (d,) multiplies the standard deviations; `facts` are those of its training, for people to
+    read. All else is in the setup.
+    """
+
+    setup: TestSetup
+    projection: Projection
+    network: Network
+    temperature: Array
+    limits: Limits
+    facts: Mapping[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Return the estimator in a file that `emaphm train` wrote.
+
+        Raises
+        ------
+        MethodError
+            The file is absent, too large, damaged, of another version, or no estimator.
+        """
+        from emaphm.amortized.estimator_file import read_estimator
+
+        found: Self = read_estimator(Path(path), cls)
+        return found
+
+    def save(self, path: str | Path) -> None:
+        """Write one file, as a whole; `OutputError` where it cannot be written."""
+        from emaphm.amortized.estimator_file import write_estimator
+
+        write_estimator(self, path)
+
+    @cached_property
+    def space(self) -> ParameterSpace:
+        """The coordinates of the answers."""
+        return self.setup.space
+
+    @cached_property
+    def actuator_hash(self) -> str:
+        """What identifies the actuator that it was trained for."""
+        return actuator_hash(self.setup.actuator)
+
+    def check(self, recording: Recording, actuator: Actuator) -> None:
+        """Refuse a recording that the estimator cannot be asked about; `MethodError` gives the way out."""
+        refusal = self.setup.refusal(recording, actuator)
+        if refusal is not None:
+            raise MethodError(f"{refusal}; {WAY_OUT}")
+
+    def rows(self, recording: Recording) -> Single:
+        """Return what the network reads of a recording that `check` has accepted, (1, channels, blocks)."""
+        return in_blocks(rows_of(recording, self.setup.channels), block_of(self.setup.samples))
+
+    def answers(self, rows: Single) -> list[Mixture]:
+        """Return what is known of each of many recordings, their rows (n, channels, blocks)."""
+        return self.network.mixtures(self.network.features(rows), self.temperature)
+
+    def distances(self, rows: Single) -> Array:
+        """Return how unlike the training set rows (n, channels, blocks) are, (n, 2)."""
+        return self.projection.distances(rows, self.network.features(rows))
+
+    def answer(self, recording: Recording) -> Mixture:
+        """Return what is known of a recording that `check` has accepted."""
+        return self.answers(self.rows(recording))[0]

@@ -1,0 +1,304 @@
+"""An estimator in one file: a zip of a JSON header and plain arrays, nothing of which can be executed.
+
+Every member's name, kind and shape is known before it is read, and so is the size of the whole.
+"""
+
+import io
+import json
+import platform
+import zipfile
+import zlib
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from emaphm.actuator import Actuator
+from emaphm.amortized.network import Block, Dense, Network, Normalisation, output_width
+from emaphm.amortized.projection import Projection
+from emaphm.amortized.simulating import block_of
+from emaphm.amortized.test_setup import MOST_ROWS, TestSetup
+from emaphm.arrays import Array
+from emaphm.errors import ActuatorError, MethodError
+from emaphm.input_files import checked_size
+from emaphm.output_files import written_whole
+from emaphm.version import VERSION
+
+if TYPE_CHECKING:
+    from emaphm.amortized.estimator import Estimator
+
+FORMAT = "emaphm estimator 1"
+HEADER = "header.json"
+
+MOST_BYTES = 64 * 2**20
+"""Largest file that is read [bytes], and largest content; one of the usual network has 8 MB."""
+
+MOST_HEADER_BYTES = 4 * 2**20
+WIDEST, DEEPEST, MOST_COMPONENTS = 4096, 32, 32
+
+WEIGHTS, EXACT = "<f2", "<f8"
+"""Kinds of numbers: half precision of the network's, which costs 0.01 % of an error; double of the others."""
+
+DAMAGED = (
+    zipfile.BadZipFile,
+    zlib.error,
+    OSError,
+    ValueError,
+    EOFError,
+    NotImplementedError,
+    RuntimeError,
+)
+"""What reading a damaged zip raises."""
+
+Size = Annotated[int, Field(ge=1, le=WIDEST)]
+Positive = Annotated[float, Field(gt=0)]
+
+
+class _Setup(BaseModel):
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+    actuator: dict[str, Any]
+    rows: Annotated[int, Field(ge=2, le=MOST_ROWS)]
+    interval_s: Positive
+    sampling: Literal["mean", "instant"]
+    channels: Annotated[list[str], Field(min_length=1, max_length=16)]
+    noise: Annotated[float, Field(ge=0)]
+    adc_bits: Annotated[int, Field(ge=4, le=24)] | None
+    nuisances: list[str] | None
+
+
+class _Network(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    principal: Size
+    width: Size
+    depth: Annotated[int, Field(ge=1, le=DEEPEST)]
+    components: Annotated[int, Field(ge=1, le=MOST_COMPONENTS)]
+    coordinates: Annotated[list[str], Field(min_length=1, max_length=128)]
+
+
+class _Header(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    format: Literal["emaphm estimator 1"]
+    version: str
+    setup: _Setup
+    network: _Network
+    facts: dict[str, Any]
+
+
+def write_estimator(estimator: "Estimator", path: str | Path) -> None:
+    """Write an estimator to one file; `OutputError` where it cannot be written."""
+    setup, network = estimator.setup, estimator.network
+    header = _Header(
+        format=FORMAT,
+        version=VERSION,
+        setup=_Setup(
+            actuator=setup.actuator.model_dump(mode="json", exclude_none=True),
+            rows=setup.samples,
+            interval_s=setup.interval_s,
+            sampling="instant" if setup.sampling == "instant" else "mean",
+            channels=list(setup.channels),
+            noise=setup.noise,
+            adc_bits=setup.adc_bits,
+            nuisances=None if setup.nuisances is None else list(setup.nuisances),
+        ),
+        network=_Network(
+            principal=network.entry.weight.shape[0],
+            width=network.entry.weight.shape[1],
+            depth=len(network.blocks),
+            components=network.components,
+            coordinates=list(estimator.space.coordinates),
+        ),
+        facts={
+            **estimator.facts,
+            "actuator_hash": estimator.actuator_hash,
+            "python": platform.python_version(),
+        },
+    )
+    with written_whole(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr(HEADER, json.dumps(header.model_dump(), indent=1, allow_nan=False))
+        for name, values in _arrays(estimator).items():
+            kind = EXACT if name.partition(".")[0] in DOUBLE else WEIGHTS
+            buffer = io.BytesIO()
+            np.lib.format.write_array(buffer, values.astype(kind), allow_pickle=False)
+            archive.writestr(f"{name}.npy", buffer.getvalue())
+
+
+DOUBLE = ("command_rad", "units", "mean", "scatter", "deviations", "temperature", "limits")
+
+
+def _arrays(estimator: "Estimator") -> dict[str, Array]:
+    network, projection = estimator.network, estimator.projection
+    layers: dict[str, Any] = {"entry": network.entry, "exit": network.exit, "norm": network.norm}
+    for i, block in enumerate(network.blocks):
+        layers |= {f"norm{i}": block.norm, f"first{i}": block.first, f"second{i}": block.second}
+    arrays: dict[str, Any] = {
+        "command_rad": estimator.setup.command_rad,
+        "units": projection.units,
+        "mean": projection.mean,
+        "basis": projection.basis,
+        "scatter": projection.deviations,
+        "deviations": network.deviations,
+        "temperature": estimator.temperature,
+        "limits.distances": estimator.limits.distances,
+        "limits.ratios": estimator.limits.ratios,
+    }
+    for name, layer in layers.items():
+        one, other = (layer.weight, layer.bias) if isinstance(layer, Dense) else (layer.scale, layer.shift)
+        arrays |= {f"{name}.weight": one, f"{name}.bias": other}
+    return arrays
+
+
+def _shapes(header: _Header) -> dict[str, tuple[int, ...]]:
+    """Return the shape that each array must have."""
+    net, channels, rows = header.network, len(header.setup.channels), header.setup.rows
+    blocks, d, width = rows // block_of(rows), len(net.coordinates), net.width
+    shapes: dict[str, tuple[int, ...]] = {
+        "command_rad": (rows,),
+        "units": (channels,),
+        "mean": (channels * blocks,),
+        "basis": (channels * blocks, net.principal),
+        "scatter": (net.principal,),
+        "deviations": (d,),
+        "temperature": (d,),
+        "limits.distances": (2,),
+        "limits.ratios": (channels,),
+        "entry.weight": (net.principal, width),
+        "entry.bias": (width,),
+        "norm.weight": (width,),
+        "norm.bias": (width,),
+        "exit.weight": (width, output_width(net.components, d)),
+        "exit.bias": (output_width(net.components, d),),
+    }
+    for i in range(net.depth):
+        shapes |= {f"norm{i}.weight": (width,), f"norm{i}.bias": (width,)}
+        for layer in ("first", "second"):
+            shapes |= {f"{layer}{i}.weight": (width, width), f"{layer}{i}.bias": (width,)}
+    return shapes
+
+
+def read_estimator(path: Path, kind: "type[Estimator]") -> Any:
+    """Return the estimator in a file; errors as in `Estimator.load`."""
+    checked_size(path, MOST_BYTES, MethodError)
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return _estimator(archive, path, kind)
+    except DAMAGED as error:
+        if isinstance(error, MethodError):
+            raise
+        raise _no_estimator(path, " ".join(str(error).split())) from None
+
+
+def _estimator(archive: zipfile.ZipFile, path: Path, kind: "type[Estimator]") -> Any:
+    sizes = {one.filename: one.file_size for one in archive.infolist()}
+    if HEADER not in sizes or sizes[HEADER] > MOST_HEADER_BYTES:
+        raise _no_estimator(path, f"it has no {HEADER}")
+    header = _read_header(archive.read(HEADER), path)
+    shapes = _shapes(header)
+    unknown = set(sizes) - {HEADER, *(f"{name}.npy" for name in shapes)}
+    if unknown:
+        raise _no_estimator(path, f"it holds '{min(unknown)}', which no estimator has")
+    if sum(sizes.values()) > MOST_BYTES:
+        raise _no_estimator(path, "its content is larger than that of any estimator")
+    arrays = {name: _read_array(archive, name, shape, path) for name, shape in shapes.items()}
+    estimator = kind(
+        _setup(header.setup, arrays["command_rad"], path),
+        Projection(
+            arrays["units"], arrays["mean"].astype(np.float32), _single(arrays["basis"]), arrays["scatter"]
+        ),
+        _network(header.network, arrays),
+        arrays["temperature"],
+        _limits(arrays),
+        header.facts,
+    )
+    if list(estimator.space.coordinates) != header.network.coordinates:
+        raise _no_estimator(path, "its coordinates are not those of its actuator; train it again")
+    return estimator
+
+
+def _read_header(content: bytes, path: Path) -> _Header:
+    try:
+        values = json.loads(content)
+    except (ValueError, RecursionError):
+        raise _no_estimator(path, "its header is no JSON") from None
+    found = values.get("format") if isinstance(values, dict) else None
+    if isinstance(found, str) and found.startswith("emaphm estimator") and found != FORMAT:
+        raise MethodError(
+            f"{path}: is of the format '{found[:40]}', this emaphm {VERSION} reads '{FORMAT}'; train it again"
+        )
+    try:
+        return _Header.model_validate(values)
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise _no_estimator(path, f"'{'.'.join(map(str, first['loc']))}': {first['msg']}") from None
+
+
+def _read_array(archive: zipfile.ZipFile, name: str, shape: tuple[int, ...], path: Path) -> Array:
+    wanted = np.dtype(EXACT if name.partition(".")[0] in DOUBLE else WEIGHTS)
+    try:
+        content = archive.read(f"{name}.npy")
+    except KeyError:
+        raise _no_estimator(path, f"'{name}' is missing") from None
+    values = np.lib.format.read_array(io.BytesIO(content), allow_pickle=False)
+    if values.shape != shape or values.dtype != wanted:
+        raise _no_estimator(path, f"'{name}' has another shape or kind than its header says")
+    if not np.all(np.isfinite(values)):
+        raise _no_estimator(path, f"'{name}' is not finite")
+    return np.asarray(values)
+
+
+def _network(header: _Network, arrays: dict[str, Array]) -> Network:
+    def dense(name: str) -> Dense:
+        return Dense(_single(arrays[f"{name}.weight"]), _single(arrays[f"{name}.bias"]))
+
+    def norm(name: str) -> Normalisation:
+        return Normalisation(_single(arrays[f"{name}.weight"]), _single(arrays[f"{name}.bias"]))
+
+    projection = Projection(
+        arrays["units"], arrays["mean"].astype(np.float32), _single(arrays["basis"]), arrays["scatter"]
+    )
+    blocks = tuple(
+        Block(norm(f"norm{i}"), dense(f"first{i}"), dense(f"second{i}")) for i in range(header.depth)
+    )
+    return Network(
+        projection.layer,
+        dense("entry"),
+        blocks,
+        norm("norm"),
+        dense("exit"),
+        arrays["deviations"],
+        header.components,
+    )
+
+
+def _limits(arrays: dict[str, Array]) -> Any:
+    from emaphm.amortized.estimator import Limits
+
+    return Limits(arrays["limits.distances"], arrays["limits.ratios"])
+
+
+def _setup(header: _Setup, command: Array, path: Path) -> TestSetup:
+    try:
+        actuator = Actuator.from_dict(header.actuator, where=str(path))
+    except ActuatorError as error:
+        raise MethodError(f"{error}; the file is damaged or of another version, train it again") from None
+    return TestSetup(
+        actuator,
+        command,
+        header.interval_s,
+        header.sampling,
+        tuple(header.channels),
+        header.noise,
+        header.adc_bits,
+        None if header.nuisances is None else tuple(header.nuisances),
+    )
+
+
+def _single(values: Array) -> Any:
+    return values.astype(np.float32)
+
+
+def _no_estimator(path: Path, why: str) -> MethodError:
+    return MethodError(f"{path}: is no estimator, or damaged ({why}); write one with 'emaphm train'")

@@ -1,0 +1,139 @@
+"""The network of an estimator, in NumPy: from rows of channels to a mixture of normal distributions.
+
+Rows, in units of their scatter, are projected on the principal components of the training set, and go through
+residual blocks of two dense layers:
+
+    z = B (x - m),   h ← W₀ z + b₀,   h ← h + W₂ silu(W₁ norm(h) + b₁) + b₂ (each block),   o = W norm(h) + b,
+
+with silu(x) = x / (1 + exp(-x)) and norm(h) = g (h - mean h) / std h + c (Ba et al. 2016). For each
+component of the mixture, o holds a logit of its weight, its mean μ, and the lower triangle of L,
+Σ⁻¹ = Lᵀ L, with the logarithm of its diagonal in place of the diagonal itself. Coordinates are in units of their prior
+deviation.
+
+One product of a matrix and a vector a layer: a convolution of the same cost in training was less accurate, and
+a run of it through a library for such graphs would need that library.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emaphm.amortized.mixture import Mixture
+from emaphm.arrays import Array
+
+Single = NDArray[np.float32]
+
+LOWEST_LOG, HIGHEST_LOG = -6.0, 9.0
+"""Bounds of the logarithm of a standard deviation's inverse, in units of the prior's: a standard deviation is
+between 400 times the prior's and 0.01 % of it."""
+
+EPSILON = 1e-5
+"""Added to the variance that a layer is normalised by."""
+
+
+@dataclass(frozen=True, eq=False)
+class Normalisation:
+    """g and c of a layer's norm, (width,) each."""
+
+    scale: Single
+    shift: Single
+
+    def __call__(self, h: Single) -> Single:
+        """Return the normalised (n, width) values."""
+        centred = h - h.mean(axis=1, keepdims=True)
+        variance = np.mean(centred * centred, axis=1, keepdims=True)
+        return np.asarray(centred / np.sqrt(variance + np.float32(EPSILON)) * self.scale + self.shift)
+
+
+@dataclass(frozen=True, eq=False)
+class Dense:
+    """W (inputs, outputs) and b (outputs,) of a layer."""
+
+    weight: Single
+    bias: Single
+
+    def __call__(self, x: Single) -> Single:
+        """Return W x + b of values (n, inputs)."""
+        return np.asarray(x @ self.weight + self.bias)
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """A residual block."""
+
+    norm: Normalisation
+    first: Dense
+    second: Dense
+
+    def __call__(self, h: Single) -> Single:
+        """Return values (n, width) after the block."""
+        return h + self.second(silu(self.first(self.norm(h))))
+
+
+@dataclass(frozen=True, eq=False)
+class Network:
+    """All layers. `projection` has B scaled by 1 / the channels' scatter, and -B m as its bias.
+
+    `deviations` (d,) are the units of the coordinates, `components` is how many the mixture has.
+    """
+
+    projection: Dense
+    entry: Dense
+    blocks: tuple[Block, ...]
+    norm: Normalisation
+    exit: Dense
+    deviations: Array
+    components: int
+
+    @property
+    def dimensions(self) -> int:
+        """How many coordinates are estimated."""
+        return int(self.deviations.size)
+
+    @property
+    def parameters(self) -> int:
+        """How many numbers the network has."""
+        dense = [self.projection, self.entry, self.exit]
+        dense += [layer for block in self.blocks for layer in (block.first, block.second)]
+        norms = [self.norm, *(block.norm for block in self.blocks)]
+        return sum(one.weight.size + one.bias.size for one in dense) + sum(
+            2 * one.scale.size for one in norms
+        )
+
+    def features(self, rows: Single) -> Single:
+        """Return the principal components z (n, k) of rows (n, channels, blocks)."""
+        return self.projection(rows.reshape(len(rows), -1))
+
+    def outputs(self, features: Single) -> Single:
+        """Return o (n, components × (1 + d + d (d + 1) / 2)) of `features` (n, k)."""
+        h = self.entry(features)
+        for block in self.blocks:
+            h = block(h)
+        return self.exit(self.norm(h))
+
+    def mixtures(self, features: Single, temperature: Array) -> list[Mixture]:
+        """Return the mixture for each of `features` (n, k), its deviations `temperature` (d,) as large."""
+        d = self.dimensions
+        outputs = self.outputs(features).astype(float).reshape(len(features), self.components, -1)
+        logits = outputs[..., 0] - outputs[..., 0].max(axis=1, keepdims=True)
+        weights = np.exp(logits)
+        weights /= weights.sum(axis=1, keepdims=True)
+        means = outputs[..., 1 : 1 + d] * self.deviations
+        lower = np.zeros((*outputs.shape[:2], d, d))
+        lower[..., *np.tril_indices(d)] = outputs[..., 1 + d :]
+        diagonal = np.einsum("nmii->nmi", lower)
+        diagonal[...] = np.exp(np.clip(diagonal, LOWEST_LOG, HIGHEST_LOG))
+        # Σ = (Lᵀ L)⁻¹ = L⁻¹ L⁻ᵀ.
+        factors = np.linalg.inv(lower) * (self.deviations * temperature)[:, np.newaxis]
+        return [Mixture(*one) for one in zip(weights, means, factors, strict=True)]
+
+
+def silu(x: Single) -> Single:
+    """Return x / (1 + exp(-x))."""
+    return np.asarray(x / (1 + np.exp(-x)))
+
+
+def output_width(components: int, dimensions: int) -> int:
+    """Return the length of o."""
+    return components * (1 + dimensions + dimensions * (dimensions + 1) // 2)

@@ -1,0 +1,239 @@
+"""What an estimator is for: one actuator, one manoeuvre, the channels recorded of it, and their noise."""
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+
+from emaphm.actuator import Actuator, Command
+from emaphm.arrays import Array
+from emaphm.errors import MethodError, nearest
+from emaphm.estimation.nuisances import NuisanceSet
+from emaphm.estimation.parameter_space import ParameterSpace
+from emaphm.estimation.problem import comparable_channels
+from emaphm.recording import Recording, full_scales
+from emaphm.recording.acquisition import check_bits
+from emaphm.recording.schema import CURRENTS
+from emaphm.simulated_recording import simulate
+from emaphm.simulation import REFERENCE, Initial, Inputs
+
+MOST_ROWS = 20_000
+"""Longest recording that an estimator is trained on [rows]: 4 s at 5 kHz. Shards take 8 bytes a row."""
+
+COMMAND_TOLERANCE = 5e-3
+"""Largest difference of a recorded command from that of the training, relative to its range: more is another
+manoeuvre. Rows that are instants instead of means differ by 1 % of the range in the default chirp."""
+
+RATE_TOLERANCE = 1e-3
+"""Largest relative difference of the rows' distance."""
+
+
+@dataclass(frozen=True, eq=False)
+class TestSetup:
+    """An actuator, a manoeuvre from rest, what is recorded of it, and how.
+
+    Attributes
+    ----------
+    actuator
+        As described: its parameters, laws, sensors, priors of nuisances, and its baseline.
+    command_rad, interval_s
+        Rows of the command (samples,), and their distance [s]; `sampling` as in `Recording`.
+    channels
+        What the estimator reads, the current first.
+    noise
+        White noise on the currents, rms [A]; `adc_bits` the resolution of the converters, None if exact.
+    nuisances
+        What is unknown of a recording and no fault: names, or None for the actuator's own.
+    """
+
+    __test__ = False  # no test, whatever its name begins with
+
+    actuator: Actuator
+    command_rad: Array
+    interval_s: float
+    sampling: str
+    channels: tuple[str, ...]
+    noise: float
+    adc_bits: int | None
+    nuisances: tuple[str, ...] | None = None
+
+    @classmethod
+    def of(
+        cls,
+        actuator: Actuator,
+        command: Command,
+        *,
+        duration: float = 0.5,
+        sample_rate: float = 5000.0,
+        channels: Sequence[str] = ("current_A", "voltage_V"),
+        noise: float = 0.05,
+        adc_bits: int | None = 12,
+        nuisances: Sequence[str] | None = None,
+    ) -> Self:
+        """Return the setup of following `command` (see `emaphm.simulate`) with these sensors.
+
+        Raises
+        ------
+        MethodError
+            The actuator's windings are not described, so that there is no reference model to learn from; or
+            a channel is not one that the models have, or the recording would be too long.
+        """
+        check_windings(actuator)
+        check_channels(actuator, channels)
+        if adc_bits is not None:
+            check_bits(adc_bits)
+        if duration * sample_rate > MOST_ROWS:
+            raise MethodError(
+                f"{duration * sample_rate:g} rows are too many to learn from, {MOST_ROWS} are possible; "
+                "give a lower --sample-rate or a shorter --duration"
+            )
+        if not 0 <= noise < np.inf:
+            raise MethodError(f"noise of {noise:g} A is no rms; give 0 or more")
+        sampling = actuator.channels.sampling
+        rows = simulate(
+            actuator,
+            command,
+            model="averaged",
+            duration=duration,
+            sample_rate=sample_rate,
+            sampling=sampling,
+        )
+        named = None if nuisances is None else tuple(nuisances)
+        ordered = tuple(sorted(dict.fromkeys(channels), key=lambda name: name != "current_A"))
+        command_rad = np.asarray(rows["command_rad"])
+        return cls(actuator, command_rad, 1 / sample_rate, sampling, ordered, noise, adc_bits, named)
+
+    @property
+    def samples(self) -> int:
+        """Rows of a recording."""
+        return int(self.command_rad.size)
+
+    @property
+    def space(self) -> ParameterSpace:
+        """The coordinates of what is estimated: faults, then nuisances and what the baseline leaves open."""
+        chosen = NuisanceSet.of(self.actuator, self.nuisances, self.channels)
+        return ParameterSpace.of(self.actuator, chosen)
+
+    @property
+    def noise_of(self) -> dict[str, float]:
+        """White noise of each channel, rms in its unit: its described sensor's, and `noise` on currents."""
+        described = {name: self.actuator.sensors.of(name).noise for name in self.channels}
+        added = {name: self.noise if name in CURRENTS else 0.0 for name in self.channels}
+        return {name: float(np.hypot(described[name], added[name])) for name in self.channels}
+
+    @property
+    def resolution_of(self) -> dict[str, float]:
+        """Step of the converter of each channel in its unit, 0 where it is exact."""
+        ranges = full_scales(self.actuator) if self.adc_bits is not None else {}
+        steps = {name: 2 * ranges[name] / 2 ** (self.adc_bits or 0) for name in ranges}
+        return {
+            name: max(steps.get(name, 0.0), self.actuator.sensors.of(name).resolution)
+            for name in self.channels
+        }
+
+    def inputs(self, command: Command, step: float) -> Inputs:
+        """Return what drives a run at every step, `step` [s] long at most."""
+        return Inputs.of(
+            command,
+            samples=self.samples,
+            interval=self.interval_s,
+            step=step,
+            sampling="instant" if self.sampling == "instant" else "mean",
+        )
+
+    @property
+    def reach(self) -> float:
+        """How far the command goes, from its lowest to its highest or from 0, in its unit."""
+        return max(float(np.ptp(self.command_rad)), float(np.max(np.abs(self.command_rad))))
+
+    def starts_there(self, start: Initial) -> bool:
+        """Return whether a manoeuvre starts as those of the training do: at rest at 0, the rotor too."""
+        away = abs(start.angle) * self.actuator.mechanics.gear_ratio
+        return away <= COMMAND_TOLERANCE * self.reach and start.speed == 0 and start.rotor_offset == 0
+
+    def identity(self) -> dict[str, Any]:
+        """Return what a training set holds for, ready for `json.dumps`."""
+        return {
+            "actuator": self.actuator.model_dump(mode="json", exclude_none=True),
+            "command": hashlib.sha256(self.command_rad.astype("<f8").tobytes()).hexdigest()[:16],
+            "rows": self.samples,
+            "interval_s": self.interval_s,
+            "sampling": self.sampling,
+            "channels": list(self.channels),
+            "nuisances": None if self.nuisances is None else list(self.nuisances),
+        }
+
+    def refusal(self, recording: Recording, actuator: Actuator) -> str | None:  # noqa: PLR0911 - one a rule
+        """Return why the estimator cannot be asked about `recording` of `actuator`, None where it can.
+
+        The reasons are those that no search with the estimator's help could mend: another actuator,
+        manoeuvre, rate or duration, or a channel that is missing.
+        """
+        if actuator_hash(actuator) != actuator_hash(self.actuator):
+            return (
+                f"the estimator was trained for another description of an actuator ('{self.actuator.name}', "
+                f"{actuator_hash(self.actuator)}; this is '{actuator.name}', {actuator_hash(actuator)})"
+            )
+        missing = [name for name in self.channels if name not in recording]
+        if missing:
+            return f"{recording.source} has no {', '.join(missing)}, which the estimator was trained on"
+        if recording.sampling != self.sampling:
+            return f"rows of {recording.source} are {recording.sampling}s, the estimator's {self.sampling}s"
+        if abs(recording.interval_s / self.interval_s - 1) > RATE_TOLERANCE:
+            return (
+                f"{recording.source} has {1 / recording.interval_s:.6g} rows a second, the estimator was "
+                f"trained on {1 / self.interval_s:.6g}"
+            )
+        if recording.samples != self.samples:
+            return (
+                f"{recording.source} has {recording.samples} rows, the estimator's manoeuvre {self.samples}"
+            )
+        difference = float(np.max(np.abs(recording["command_rad"] - self.command_rad)))
+        if difference > COMMAND_TOLERANCE * self.reach:
+            return (
+                f"{recording.source} is of another manoeuvre: its command differs by up to "
+                f"{100 * difference / self.reach:.2g} % from the one that the estimator was trained on"
+            )
+        return _driven_otherwise(recording)
+
+
+def _driven_otherwise(recording: Recording) -> str | None:
+    """Return what is recorded of the drive or the load that no training recording has."""
+    if "enabled" in recording and not np.all(recording["enabled"] == 1):
+        return f"the drive is switched off in {recording.source}, as in no recording of the training"
+    if "load_Nm" in recording and np.any(recording["load_Nm"]):
+        return f"{recording.source} has a known load; the estimator was trained on an unknown constant one"
+    return None
+
+
+def actuator_hash(actuator: Actuator) -> str:
+    """Return a digest of what a description says of the actuator itself, not of its files' columns."""
+    values = actuator.model_dump(mode="json", exclude={"channels", "reading", "requirements", "name"})
+    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def check_windings(actuator: Actuator) -> None:
+    """Refuse an actuator that the reference model does not know; `MethodError` says what to do."""
+    if actuator.drive_kind not in REFERENCE.forms:
+        raise MethodError(
+            f"actuator '{actuator.name}' has a drive of kind '{actuator.drive_kind}', which the reference "
+            "model does not know, so there is nothing to learn from; describe its windings in [electrical]"
+        )
+
+
+def check_channels(actuator: Actuator, channels: Sequence[str]) -> None:
+    """Refuse channels that the models of `actuator` do not have, or no current among them."""
+    known = comparable_channels(actuator)
+    for name in channels:
+        if name not in known:
+            raise MethodError(f"unknown channel '{name}'{nearest(name, known)}")
+    if "current_A" not in channels:
+        raise MethodError("'current_A' is missing from the channels; windings and magnets show in it alone")
+
+
+def rows_of(recording: Mapping[str, Array] | Recording, channels: Sequence[str]) -> Array:
+    """Return `channels` of a recording as single precision, (1, channels, samples)."""
+    return np.stack([recording[name] for name in channels])[np.newaxis].astype(np.float32)

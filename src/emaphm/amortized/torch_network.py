@@ -1,0 +1,114 @@
+"""The same network as `emaphm.amortized.network`, for PyTorch to train."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from emaphm.amortized.network import (
+    EPSILON,
+    HIGHEST_LOG,
+    LOWEST_LOG,
+    Block,
+    Dense,
+    Network,
+    Normalisation,
+    output_width,
+)
+from emaphm.arrays import Array
+from emaphm.errors import MethodError
+
+LOG_ROOT_2PI = 0.5 * math.log(2 * math.pi)
+
+FIRST_SCATTER = 0.3
+"""Scatter of the components' first means, in prior deviations: components that begin alike stay alike."""
+
+
+def library() -> Any:
+    """Return the module `torch`, which need not be installed."""
+    try:
+        import torch
+    except ModuleNotFoundError as error:
+        if error.name != "torch":  # it is there, but something that it needs is not
+            raise
+        raise MethodError(
+            "training needs the library 'torch'; install it with: pip install 'emaphm[train]' (asking an "
+            "estimator does without)"
+        ) from None
+    return torch
+
+
+def made(projection: Dense, width: int, depth: int, components: int, dimensions: int) -> Any:
+    """Return a module with the layers of `Network`; the projection stays what it is."""
+    torch = library()
+    nn = torch.nn
+
+    class Residual(nn.Module):  # type: ignore[name-defined,misc]
+        def __init__(self) -> None:
+            super().__init__()
+            self.norm = nn.LayerNorm(width, eps=EPSILON)
+            self.first, self.second = nn.Linear(width, width), nn.Linear(width, width)
+
+        def forward(self, h: Any) -> Any:
+            return h + self.second(nn.functional.silu(self.first(self.norm(h))))
+
+    class Estimating(nn.Module):  # type: ignore[name-defined,misc]
+        def __init__(self) -> None:
+            super().__init__()
+            self.register_buffer("basis", torch.from_numpy(projection.weight))
+            self.register_buffer("shift", torch.from_numpy(projection.bias))
+            self.entry = nn.Linear(projection.weight.shape[1], width)
+            self.blocks = nn.ModuleList([Residual() for _ in range(depth)])
+            self.norm = nn.LayerNorm(width, eps=EPSILON)
+            self.exit = nn.Linear(width, output_width(components, dimensions))
+            with torch.no_grad():
+                bias = self.exit.bias.reshape(components, -1)
+                bias.zero_()
+                bias[:, 1 : 1 + dimensions].normal_(0.0, FIRST_SCATTER if components > 1 else 0.0)
+
+        def forward(self, rows: Any) -> Any:
+            h = self.entry(rows @ self.basis + self.shift)
+            for block in self.blocks:
+                h = block(h)
+            return self.exit(self.norm(h)).float()
+
+    return Estimating()
+
+
+def loss(outputs: Any, points: Any, components: int) -> Any:
+    """Return -log p(points) (n,) of the mixtures in `outputs`; `points` (n, d) in prior deviations."""
+    torch = library()
+    n, d = points.shape
+    outputs = outputs.reshape(n, components, -1)
+    means, lower = outputs[..., 1 : 1 + d], outputs[..., 1 + d :]
+    rows, columns = torch.tril_indices(d, d)
+    filled = torch.zeros(n, components, d, d, dtype=outputs.dtype)
+    filled[..., rows, columns] = lower
+    logs = torch.diagonal(filled, dim1=2, dim2=3).clamp(LOWEST_LOG, HIGHEST_LOG)
+    factor = torch.tril(filled, -1) + torch.diag_embed(logs.exp())
+    standard = torch.einsum("nmij,nmj->nmi", factor, points[:, None] - means)
+    each = logs.sum(-1) - 0.5 * standard.square().sum(-1) - d * LOG_ROOT_2PI
+    return -torch.logsumexp(torch.log_softmax(outputs[..., 0], dim=1) + each, dim=1)
+
+
+def converted(module: Any, projection: Dense, deviations: Array, components: int) -> Network:
+    """Return the network of a trained module, its numbers rounded to half precision as a file has them."""
+
+    def half(values: Any) -> Any:
+        return values.detach().numpy().astype(np.float16).astype(np.float32)
+
+    def dense(layer: Any) -> Dense:
+        return Dense(np.ascontiguousarray(half(layer.weight).T), half(layer.bias))
+
+    def norm(layer: Any) -> Normalisation:
+        return Normalisation(half(layer.weight), half(layer.bias))
+
+    return Network(
+        projection,
+        dense(module.entry),
+        tuple(Block(norm(one.norm), dense(one.first), dense(one.second)) for one in module.blocks),
+        norm(module.norm),
+        dense(module.exit),
+        deviations,
+        components,
+    )

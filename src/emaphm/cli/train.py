@@ -1,0 +1,191 @@
+"""The verb `train`: it makes a setup, calls the library, and prints how good the estimator is."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from emaphm.cli.options import (
+    ActuatorFile,
+    Amplitude,
+    AsJson,
+    CommandName,
+    Duration,
+    Force,
+    Frequency,
+    SampleRate,
+    Scheduler,
+    Seed,
+    Workers,
+    check_output,
+    check_seed,
+    check_workers,
+    command_named,
+    described_actuator,
+    names_in,
+    whole_number,
+)
+from emaphm.cli.output import counter, show
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from emaphm.amortized import Estimator
+    from emaphm.amortized.training import Epoch
+
+ENDING = ".estimator"
+
+
+def train(
+    *,
+    out: Annotated[Path, Parameter(name=("--out", "-o"), help=f"Estimator to write: {ENDING}.")],
+    actuator: ActuatorFile = "thesis",
+    command: CommandName = "chirp",
+    amplitude: Amplitude = 5e-3,
+    frequency: Frequency = None,
+    duration: Duration = 0.5,
+    sample_rate: SampleRate = 5000.0,
+    channels: Annotated[
+        str, Parameter(help="What is recorded, with commas between.")
+    ] = "current_A,voltage_V",
+    noise: Annotated[float, Parameter(help="Sensor noise on the currents, rms [A].")] = 0.05,
+    adc_bits: Annotated[
+        str, Parameter(help="Resolution of the sensors' converters; 'exact' for none.")
+    ] = "12",
+    nuisance: Annotated[
+        str | None,
+        Parameter(
+            help="What is unknown and no fault, with commas between, as for diagnose; or 'none'. As the TOML "
+            "says if left out."
+        ),
+    ] = None,
+    simulations: Annotated[
+        int, Parameter(converter=whole_number, help="How many to learn from: more, and it errs less.")
+    ] = 65_536,
+    epochs: Annotated[
+        int | None,
+        Parameter(converter=whole_number, help="Most passes over them; it stops when it learns no more."),
+    ] = None,
+    folder: Annotated[
+        Path | None,
+        Parameter(
+            help="Where simulations are kept, to go on after an interruption or with more of them; "
+            "OUT.training if left out, which is removed in the end."
+        ),
+    ] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    seed: Seed = 0,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Train an estimator for one actuator and manoeuvre, which `diagnose --estimator` asks.
+
+    Simulates the reference model with random faults, then trains a network to name them from the channels.
+    """
+    check_seed(seed)
+    check_output(out, (ENDING,), force=force)
+    check_workers(workers, scheduler)
+    described = described_actuator(actuator)
+    from dataclasses import replace
+    from shutil import rmtree
+
+    from emaphm.amortized.test_setup import TestSetup
+    from emaphm.amortized.train import train as learn
+    from emaphm.amortized.training import TRAINING
+    from emaphm.errors import MethodError
+
+    if epochs is not None and epochs < 1:
+        raise MethodError(f"--epochs {epochs}: give 1 or more")
+    driven = command_named(command, amplitude, frequency, duration)
+    setup = TestSetup.of(
+        described,
+        driven,
+        duration=duration,
+        sample_rate=sample_rate,
+        channels=names_in(channels),
+        noise=noise,
+        adc_bits=_bits(adc_bits),
+        nuisances=None if nuisance is None else names_in(nuisance),
+    )
+    place = folder or out.with_name(f"{out.name}.training")
+    with counter("simulating", as_json) as count:
+        try:
+            estimator = learn(
+                setup,
+                driven,
+                place,
+                simulations=simulations,
+                seed=seed,
+                workers=workers,
+                scheduler=scheduler,
+                settings=TRAINING if epochs is None else replace(TRAINING, epochs=epochs),
+                on_shard=count,
+                on_epoch=_reporter(quiet=as_json),
+            )
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(f"simulations are kept in {place}; the same command goes on") from None
+    estimator.save(out)
+    if folder is None:
+        rmtree(place, ignore_errors=True)
+    size = out.stat().st_size
+    show(_values(estimator, out, size), _text(estimator, out, size), as_json)
+
+
+def _bits(text: str) -> int | None:
+    from emaphm.errors import MethodError
+
+    if text == "exact":
+        return None
+    try:
+        return int(text)
+    except ValueError:
+        raise MethodError(f"--adc-bits {text}: give a whole number, or 'exact'") from None
+
+
+def _reporter(*, quiet: bool) -> "Callable[[Epoch], None] | None":
+    """Return what prints each epoch on stderr, for whoever watches or keeps a log of it."""
+    if quiet:
+        return None
+    return lambda epoch: print(epoch, file=sys.stderr, flush=True)  # noqa: T201 - progress
+
+
+def _values(estimator: "Estimator", out: Path, size: int) -> dict[str, Any]:
+    return {
+        "estimator": str(out),
+        "bytes": size,
+        "actuator": estimator.setup.actuator.name,
+        "actuator_hash": estimator.actuator_hash,
+        "channels": list(estimator.setup.channels),
+        "parameters": estimator.network.parameters,
+        **estimator.facts,
+    }
+
+
+def _text(estimator: "Estimator", out: Path, size: int) -> str:
+    from emaphm.text_table import format_table
+
+    facts = estimator.facts
+    judged = facts["judgement"]
+    rows = [
+        (name, f"{100 * share:.1f} %", f"{judged['rank_chi2'][name]:.1f}")
+        for name, share in judged["coverage95"].items()
+    ]
+    header = ("coordinate", "truth in the 95 % interval", f"χ² of ranks, ≤ {judged['rank_chi2_limit']:.1f}")
+    errors = (
+        f"{judged['draws']} held-out simulations: error {judged['median_error_percent']:.2f} % (median), "
+        f"{judged['p95_error_percent']:.2f} % (95th percentile)."
+    )
+    costs = (
+        f"{facts['simulations']} simulations in {facts['simulation_seconds']:.0f} s, {facts['epochs']} "
+        f"epochs in {facts['training_seconds']:.0f} s, seed {facts['seed']}."
+    )
+    lines = [
+        format_table(header, rows),
+        errors,
+        *(f"Note: {note}." for note in facts["notes"]),
+        costs,
+        f"Written to {out} ({size / 2**20:.1f} MiB)",
+    ]
+    return "\n".join(lines)

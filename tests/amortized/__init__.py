@@ -1,0 +1,1 @@
+"""Tests of the estimators that are trained on simulations."""

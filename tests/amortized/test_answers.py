@@ -1,0 +1,145 @@
+"""Drawing, the mixture, the projection and the judgement, each against something else."""
+
+import numpy as np
+import pytest
+from scipy.stats import binom, chi2, kstest, multivariate_normal
+
+from amortized.toys import short_setup
+from emaphm.actuator import Actuator
+from emaphm.actuator.faults import lower_bounds
+from emaphm.amortized.drawing import PRIOR, draw
+from emaphm.amortized.judging import judged, temperature_of
+from emaphm.amortized.mixture import Mixture
+from emaphm.amortized.projection import Projection
+from emaphm.amortized.simulating import in_blocks, noise_rms
+from emaphm.arrays import Array
+
+SETUP = short_setup()
+SPACE = SETUP.space
+MIDDLE = np.array([0.4, 0.5, 0.3, 0.5, 0.4, 0.3, 0.2, 0.5, 0.02, 0.03])
+
+
+def test_draws_lie_within_the_bounds_and_reach_all_kinds() -> None:
+    points = draw(SPACE, 4000, np.random.default_rng(0))
+    np.testing.assert_allclose(SPACE.project(points), points, atol=1e-12)
+    faults = SPACE.faults(points)
+    low = float(lower_bounds(Actuator.thesis())[0])
+    assert faults[:, 0].min() < 0.9 * low
+    assert np.mean(np.all(faults[:, 2:5] >= PRIOR.heavy_short[0], axis=1)) > 0.1
+    assert np.mean(np.all(faults[:, 1:5] < 0.2, axis=1)) > 0.05
+    deviations = points[:, 8:].std(axis=0)
+    np.testing.assert_allclose(deviations, SPACE.nuisances.priors, rtol=0.05)
+
+
+def test_directions_of_eccentricity_are_even() -> None:
+    faults = SPACE.faults(draw(SPACE, 4000, np.random.default_rng(1)))
+    some = faults[faults[:, 5] > 1e-6, 6]
+    assert kstest(some, "uniform").pvalue > 1e-3
+
+
+def mixture(rng: np.random.Generator, components: int = 3, d: int = 10) -> Mixture:
+    factors = np.tril(rng.normal(size=(components, d, d))) * 0.05 + 0.05 * np.eye(d)
+    means = MIDDLE[:d] + 0.1 * rng.normal(size=(components, d))
+    return Mixture(np.full(components, 1 / components), means, factors)
+
+
+def test_moments_are_those_of_its_samples() -> None:
+    one = mixture(np.random.default_rng(2))
+    samples = one.sample(200_000, np.random.default_rng(3))
+    np.testing.assert_allclose(samples.mean(axis=0), one.mean, atol=4 * 0.3 / 200_000**0.5)
+    np.testing.assert_allclose(np.cov(samples.T), one.covariance, atol=2e-3)
+
+
+def test_samples_lie_within_the_bounds_even_where_the_mean_does_not() -> None:
+    far = Mixture(np.ones(1), MIDDLE[np.newaxis] + 5.0, 0.01 * np.eye(10)[np.newaxis])
+    samples = far.inside(SPACE, 50, np.random.default_rng(4))
+    assert samples.shape == (50, 10)
+    np.testing.assert_allclose(SPACE.project(samples), samples, atol=1e-12)
+
+
+def test_principal_components_are_those_of_the_singular_values() -> None:
+    rng = np.random.default_rng(5)
+    rows = (rng.normal(size=(600, 4)) @ rng.normal(size=(4, 60))).reshape(600, 2, 30).astype(np.float32)
+    projection = Projection.of(rows, np.full(2, 1e-3, np.float32), 4)
+    flat = (rows / projection.units[:, np.newaxis]).reshape(600, -1)
+    singular = np.linalg.svd(flat - flat.mean(axis=0), compute_uv=False)[:4] / 600**0.5
+    np.testing.assert_allclose(projection.deviations, singular, rtol=5e-3)
+    layer = projection.layer
+    features = layer(rows.reshape(600, -1))
+    # Half precision of the directions is what is left.
+    np.testing.assert_allclose(np.cov(features.T), np.eye(4), atol=0.02)
+
+
+def test_what_is_of_another_shape_is_far_from_the_training_set() -> None:
+    rng = np.random.default_rng(6)
+    noise = np.full(2, 0.01, np.float32)
+    clean = (rng.normal(size=(600, 4)) @ rng.normal(size=(4, 60))).reshape(600, 2, 30).astype(np.float32)
+    rows = (clean + 0.01 * rng.normal(size=clean.shape)).astype(np.float32)
+    projection = Projection.of(clean, noise, 4)
+    features = projection.layer(rows.reshape(600, -1))
+    usual = projection.distances(rows, features)
+    spoilt = rows[:1].copy()
+    spoilt[0, 0, 7] += 3.0
+    spike = projection.distances(spoilt, projection.layer(spoilt.reshape(1, -1)))
+    assert spike[0, 1] > 3 * usual[:, 1].max()
+    far = 10 * rows[:1]
+    assert projection.distances(far, projection.layer(far.reshape(1, -1)))[0, 0] > usual[:, 0].max()
+
+
+def test_blocks_are_means_and_noise_falls_with_their_root() -> None:
+    rows = np.arange(14.0).reshape(1, 2, 7)
+    np.testing.assert_array_equal(in_blocks(rows, 3), [[[1, 4], [8, 11]]])
+    setup = short_setup(noise=0.1, adc_bits=None)
+    assert noise_rms(setup)[0] == pytest.approx(0.1)
+    rounding = noise_rms(short_setup(noise=0.0, adc_bits=8))[0]
+    # 45 A twice over 256 steps, whose rounding error is even.
+    assert rounding == pytest.approx(90 / 256 / 12**0.5)
+
+
+def exact_answers(count: int, stated: float, rng: np.random.Generator) -> tuple[list[Mixture], Array]:
+    """Return answers with standard deviations `stated` times the right ones, and the truths."""
+    answers, truths = [], np.empty((count, 10))
+    for i in range(count):
+        factor = np.tril(rng.normal(size=(10, 10))) * 3e-3 + 1e-2 * np.eye(10)
+        mean = MIDDLE + 0.02 * rng.normal(size=10)
+        truths[i] = mean + factor @ rng.normal(size=10)
+        answers.append(Mixture(np.ones(1), mean[np.newaxis], stated * factor[np.newaxis]))
+    return answers, truths
+
+
+def test_right_answers_are_judged_right_and_sure_ones_wrong() -> None:
+    rng = np.random.default_rng(7)
+    answers, truths = exact_answers(800, 1.0, rng)
+    right = judged(answers, truths, SPACE, rng)
+    limits = binom.interval(0.9999, 800, 0.95)
+    assert np.all((800 * right.coverage >= limits[0]) & (800 * right.coverage <= limits[1]))
+    assert np.all(right.rank_statistic < chi2.ppf(0.9999, 15))
+    assert right.rank_limit == pytest.approx(chi2.ppf(0.99, 15), rel=0.03)
+    answers, truths = exact_answers(800, 0.5, rng)
+    sure = judged(answers, truths, SPACE, rng)
+    assert np.all(sure.coverage < 0.8)
+    assert np.all(sure.rank_statistic > sure.rank_limit)
+    temperature = temperature_of(answers, truths)
+    np.testing.assert_allclose(temperature, 2.0, rtol=0.15)
+    warmed = judged([one.scaled(temperature) for one in answers], truths, SPACE, rng)
+    assert np.all(warmed.coverage > 0.93)
+
+
+def test_the_trained_loss_is_the_density_of_the_mixture() -> None:
+    torch = pytest.importorskip("torch", reason="PyTorch is not installed")
+    from emaphm.amortized.torch_network import loss
+
+    rng = np.random.default_rng(8)
+    d, components = 3, 2
+    means, weights = rng.normal(size=(components, d)), np.array([0.3, 0.7])
+    lower = np.tril(rng.normal(size=(components, d, d)))
+    points = rng.normal(size=(5, d))
+    outputs = []
+    density = np.zeros(5)
+    for weight, mean, one in zip(weights, means, lower, strict=True):
+        logs = np.diag(one)
+        factor = np.tril(one, -1) + np.diag(np.exp(logs))
+        density += weight * multivariate_normal(mean, np.linalg.inv(factor.T @ factor)).pdf(points)
+        outputs += [np.log(weight), *mean, *one[np.tril_indices(d)]]
+    found = loss(torch.tensor([outputs] * 5), torch.tensor(points), components)
+    np.testing.assert_allclose(found, -np.log(density), rtol=1e-6)

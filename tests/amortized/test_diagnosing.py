@@ -1,0 +1,145 @@
+"""A diagnosis with an estimator: believed, corrected, not believed, refused."""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+from amortized.toys import THESIS, constant_estimator, with_limit
+from emaphm.actuator import Actuator, Chirp, Faults
+from emaphm.amortized.diagnosing import diagnose_by
+from emaphm.amortized.test_setup import TestSetup
+from emaphm.diagnosis import diagnose, error_percent
+from emaphm.errors import MethodError
+from emaphm.recording import Recording
+from emaphm.simulated_recording import simulate
+
+TRUTH = Faults(friction=0.4, backlash=0.3, short_b=0.2, eccentricity=0.3, eccentricity_phase=0.7, gain=0.6)
+SETUP = TestSetup.of(THESIS, Chirp())
+ANSWER = SETUP.space.points(TRUTH.vector)
+
+
+@pytest.fixture(scope="module")
+def recording() -> Recording:
+    whole = simulate(THESIS, Chirp(), faults=TRUTH, noise=0.05, adc_bits=12)
+    return Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")})
+
+
+def test_the_answer_alone_is_the_networks(recording: Recording) -> None:
+    diagnosis = diagnose_by(constant_estimator(SETUP, ANSWER, 0.01), recording, THESIS, fast=True)
+    assert diagnosis.method == "estimator"
+    assert diagnosis.explained
+    # Half precision of its weights is what is left.
+    np.testing.assert_allclose(diagnosis.faults.vector, TRUTH.vector, atol=1e-3)
+    assert diagnosis.components["friction"].standard_error == pytest.approx(0.01, rel=1e-3)
+    assert diagnosis.components["friction"].verdict == "degraded"
+    values = diagnosis.to_dict()
+    assert values.keys() >= diagnose(recording, THESIS, max_corrections=0).to_dict().keys()
+    low, high = values["posterior"]["faults"]["gain"]["interval95"]
+    assert 0.6 - 0.024 < low < 0.6 - 0.016 < 0.6 + 0.016 < high < 0.6 + 0.024
+
+
+def test_a_search_begins_at_the_answer(recording: Recording) -> None:
+    near = ANSWER + 0.02
+    diagnosis = diagnose_by(constant_estimator(SETUP, near, 0.03), recording, THESIS, workers=1)
+    assert diagnosis.method == "estimator+lsq"
+    assert error_percent(TRUTH.vector, diagnosis.faults.vector) < 1.5
+    full = diagnose(recording, THESIS, workers=1)
+    assert diagnosis.evaluations < 0.8 * full.evaluations
+    uncorrected = diagnose_by(
+        constant_estimator(SETUP, near, 0.03), recording, THESIS, max_corrections=0, workers=1
+    )
+    assert uncorrected.reference_runs < diagnosis.reference_runs
+
+
+def test_an_answer_that_explains_nothing_is_corrected(recording: Recording) -> None:
+    off = constant_estimator(SETUP, ANSWER + 0.05, 0.05)
+    diagnosis = diagnose_by(off, recording, THESIS, fast=True, workers=1)
+    assert diagnosis.method == "estimator+lsq"
+    assert any("answer was corrected" in note for note in diagnosis.recording_notes)
+
+
+def test_a_recording_unlike_the_training_set_is_searched_in_full(recording: Recording) -> None:
+    estimator = with_limit(constant_estimator(SETUP, ANSWER, 0.01), 1e-6)
+    diagnosis = diagnose_by(estimator, recording, THESIS, fast=True, workers=1)
+    assert diagnosis.method == "hybrid"
+    assert any("not believed" in note for note in diagnosis.recording_notes)
+    assert error_percent(TRUTH.vector, diagnosis.faults.vector) < 1.5
+
+
+def test_a_sure_and_wrong_answer_is_not_believed(recording: Recording) -> None:
+    wrong = constant_estimator(SETUP, SETUP.space.points(Faults(friction=0.9).vector), 1e-3, limit=3.0)
+    wrong = replace(wrong, limits=replace(wrong.limits, distances=np.full(2, np.inf)))
+    diagnosis = diagnose_by(wrong, recording, THESIS, fast=True, workers=1)
+    assert diagnosis.method == "hybrid"
+    assert any("answer's own uncertainty" in note for note in diagnosis.recording_notes)
+
+
+def chirp(recording: Recording, **columns: np.ndarray) -> Recording:  # type: ignore[type-arg]
+    return Recording({**recording.channels, **columns})
+
+
+def without(recording: Recording, name: str) -> Recording:
+    return Recording({key: values for key, values in recording.channels.items() if key != name})
+
+
+REFUSED = {
+    "another actuator": (lambda r: r, Actuator.pmsm(), "another description"),
+    "a missing channel": (partial(without, name="voltage_V"), THESIS, "no voltage_V"),
+    "another manoeuvre": (
+        lambda r: chirp(r, command_rad=0.9 * r["command_rad"]),
+        THESIS,
+        "another manoeuvre",
+    ),
+    "another rate": (lambda r: chirp(r, time_s=2 * r["time_s"]), THESIS, "rows a second"),
+    "another duration": (
+        lambda r: Recording({name: values[:2000] for name, values in r.channels.items()}),
+        THESIS,
+        "2000 rows",
+    ),
+    "instants": (lambda r: Recording(r.channels, "instant"), THESIS, "instants"),
+    "a known load": (lambda r: chirp(r, load_Nm=np.full(r.samples, 0.1)), THESIS, "known load"),
+    "a drive switched off": (
+        lambda r: chirp(r, enabled=(np.arange(r.samples) > 100).astype(float)),
+        THESIS,
+        "switched off",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_it_was_not_trained_for_is_refused_with_the_way_out(recording: Recording, case: str) -> None:
+    change, actuator, complaint = REFUSED[case]
+    estimator = constant_estimator(SETUP, ANSWER, 0.01)
+    with pytest.raises(MethodError, match=complaint) as error:
+        diagnose_by(estimator, change(recording), actuator, fast=True)
+    assert "leave out --estimator" in str(error.value)
+
+
+def test_another_name_or_other_columns_are_the_same_actuator(recording: Recording) -> None:
+    renamed = THESIS.model_copy(update={"name": "unit 7"})
+    estimator = constant_estimator(SETUP, ANSWER, 0.01)
+    assert diagnose_by(estimator, recording, renamed, fast=True).method == "estimator"
+
+
+def test_an_actuator_without_windings_is_refused() -> None:
+    ideal = Actuator.from_dict(
+        THESIS.model_dump(mode="json", exclude_none=True, exclude={"electrical"}), where="ideal"
+    )
+    with pytest.raises(MethodError, match="windings"):
+        TestSetup.of(ideal, Chirp())
+
+
+@pytest.mark.parametrize(
+    ("values", "complaint"),
+    [
+        ({"channels": ("voltage_V",)}, "current_A"),
+        ({"channels": ("current_A", "speed")}, "speed_rad_s"),
+        ({"duration": 100.0}, "rows"),
+        ({"noise": -1.0}, "rms"),
+    ],
+)
+def test_impossible_setups_are_refused(values: dict[str, object], complaint: str) -> None:
+    with pytest.raises(MethodError, match=complaint):
+        TestSetup.of(THESIS, Chirp(), **values)  # type: ignore[arg-type]

@@ -1,0 +1,158 @@
+"""An estimator's file: what was written is read, and nothing else is."""
+
+import io
+import json
+import pickle
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from amortized.toys import constant_estimator, short_setup
+from emaphm.amortized import Estimator
+from emaphm.amortized.estimator_file import HEADER
+from emaphm.errors import MethodError, OutputError
+
+ANSWER = np.linspace(-0.2, 0.6, 10)
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("estimator") / "unit.estimator"
+    constant_estimator(short_setup(), ANSWER).save(path)
+    return path
+
+
+def test_what_is_read_answers_as_what_was_written(written: Path) -> None:
+    before, after = constant_estimator(short_setup(), ANSWER), Estimator.load(written)
+    rows = np.random.default_rng(0).normal(size=(3, 2, 200)).astype(np.float32)
+    for one, other in zip(before.answers(rows), after.answers(rows), strict=True):
+        np.testing.assert_allclose(one.mean, other.mean)
+        np.testing.assert_allclose(one.covariance, other.covariance, rtol=1e-3)
+    np.testing.assert_array_equal(before.distances(rows), after.distances(rows))
+    assert after.actuator_hash == before.actuator_hash
+    assert after.setup.refusal is not None
+    np.testing.assert_array_equal(after.setup.command_rad, before.setup.command_rad)
+
+
+def changed(source: Path, target: Path, change: Callable[[dict[str, bytes]], None]) -> Path:
+    with zipfile.ZipFile(source) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    change(members)
+    with zipfile.ZipFile(target, "w") as archive:
+        for name, content in members.items():
+            archive.writestr(name, content)
+    return target
+
+
+def array(values: np.ndarray) -> bytes:  # type: ignore[type-arg]
+    buffer = io.BytesIO()
+    np.lib.format.write_array(buffer, values, allow_pickle=True)
+    return buffer.getvalue()
+
+
+def header(**values: object) -> Callable[[dict[str, bytes]], None]:
+    def change(members: dict[str, bytes]) -> None:
+        members[HEADER] = json.dumps(json.loads(members[HEADER]) | values).encode()
+
+    return change
+
+
+def network(**values: object) -> Callable[[dict[str, bytes]], None]:
+    def change(members: dict[str, bytes]) -> None:
+        content = json.loads(members[HEADER])
+        content["network"] |= values
+        members[HEADER] = json.dumps(content).encode()
+
+    return change
+
+
+def replaced(name: str, content: bytes) -> Callable[[dict[str, bytes]], None]:
+    return lambda members: members.__setitem__(name, content)
+
+
+class Harm:
+    """What prints when it is unpickled."""
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return print, ("executed",)
+
+
+WRONG = {
+    "another version": (header(format="emaphm estimator 9"), "reads 'emaphm estimator 1'"),
+    "something else": (header(format="model"), "no estimator"),
+    "no header": (lambda members: members.pop(HEADER), "no header.json"),
+    "broken header": (replaced(HEADER, b"{"), "no JSON"),
+    "another graph": (network(depth=2), "'norm1.weight' is missing"),
+    "a wider network": (network(width=5), "another shape"),
+    "a huge network": (network(width=10**9), "network.width"),
+    "other coordinates": (network(coordinates=["friction"] * 10), "coordinates"),
+    "a member too many": (replaced("run.py", b"print(1)"), "'run.py'"),
+    "no number": (replaced("entry.bias.npy", array(np.full(4, np.nan, "<f2"))), "not finite"),
+    "numbers of another kind": (replaced("entry.bias.npy", array(np.zeros(4))), "another shape or kind"),
+    "an object": (replaced("entry.bias.npy", array(np.array([Harm()] * 4, object))), "no estimator"),
+    "a pickle": (replaced("entry.bias.npy", pickle.dumps(Harm())), "no estimator"),
+    "an array cut off": (replaced("entry.bias.npy", array(np.zeros(4, "<f2"))[:-2]), "no estimator"),
+    "another actuator's laws": (header(setup={}), "setup.actuator"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_a_file_that_is_not_what_we_write_is_refused(
+    written: Path, tmp_path: Path, case: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    change, complaint = WRONG[case]
+    path = changed(written, tmp_path / "changed.estimator", change)
+    with pytest.raises(MethodError, match=complaint.replace("(", r"\(")) as error:
+        Estimator.load(path)
+    assert "\n" not in str(error.value)
+    assert "train" in str(error.value)
+    assert capsys.readouterr().out == ""
+
+
+def test_a_file_that_is_cut_off_or_flipped_is_refused(written: Path, tmp_path: Path) -> None:
+    content = written.read_bytes()
+    path = tmp_path / "damaged.estimator"
+    rng = np.random.default_rng(0)
+    for trial in range(40):
+        spoilt = bytearray(content)
+        if trial % 2:
+            del spoilt[int(rng.integers(len(content))) :]
+        else:
+            spoilt[int(rng.integers(len(content)))] ^= 0xFF
+        path.write_bytes(bytes(spoilt))
+        try:
+            Estimator.load(path)
+        except MethodError:
+            continue
+        # A flipped bit in what zip does not check, such as a date, harms nothing.
+        assert trial % 2 == 0
+
+
+def test_absent_and_too_large_files_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(MethodError, match="no such file"):
+        Estimator.load(tmp_path / "absent.estimator")
+    large = tmp_path / "large.estimator"
+    with large.open("wb") as file:
+        file.truncate(2**30)
+    with pytest.raises(MethodError, match="MiB"):
+        Estimator.load(large)
+
+
+def test_a_bomb_is_refused_before_it_is_unpacked(written: Path, tmp_path: Path) -> None:
+    with zipfile.ZipFile(written) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    path = tmp_path / "bomb.estimator"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in members.items():
+            archive.writestr(name, bytes(2**27) if name == "basis.npy" else content)
+    assert path.stat().st_size < 2**20
+    with pytest.raises(MethodError, match="larger"):
+        Estimator.load(path)
+
+
+def test_a_folder_is_no_place_for_an_estimator(tmp_path: Path) -> None:
+    with pytest.raises(OutputError):
+        constant_estimator(short_setup(), ANSWER).save(tmp_path / "absent" / "unit.estimator")

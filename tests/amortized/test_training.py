@@ -1,0 +1,198 @@
+"""Training: on a problem whose posterior is known, and from simulations to a file."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from amortized.toys import CHIRP, short_setup
+from emaphm.amortized import simulating
+from emaphm.amortized.simulating import (
+    TrainingSet,
+    read_shard,
+    simulate_shards,
+    training_folder,
+)
+from emaphm.amortized.train import train
+from emaphm.amortized.training import Epoch, TrainingSettings, train_network
+from emaphm.errors import ExecutionError, MethodError, OutputError
+
+torch = pytest.importorskip("torch", reason="PyTorch is not installed")
+
+SMALL = TrainingSettings(principal=8, width=32, depth=1, components=1, batch=64, epochs=6, warm_up=10)
+
+
+def linear(count: int, rng: np.random.Generator) -> TrainingSet:
+    """Return draws of y = A x with x standard normal, whose posterior under noise is known."""
+    mixing = np.random.default_rng(99).normal(size=(3, 16))
+    points = rng.normal(size=(count, 3)).astype(np.float32)
+    return TrainingSet(points, (points @ mixing).reshape(count, 1, 16).astype(np.float32))
+
+
+def test_the_posterior_of_a_linear_problem_is_learned() -> None:
+    noise = np.full(1, 1.5, np.float32)
+    settings = TrainingSettings(
+        principal=3,
+        width=32,
+        depth=1,
+        components=2,
+        batch=64,
+        epochs=6,
+        warm_up=20,
+        rate=3e-3,
+        noise_factor=(1.0, 1.0),
+        patience=20,
+    )
+    trained = train_network(
+        linear(5000, np.random.default_rng(0)),
+        linear(1000, np.random.default_rng(1)),
+        noise,
+        np.ones(3),
+        3,
+        settings=settings,
+    )
+    mixing = np.random.default_rng(99).normal(size=(3, 16))
+    covariance = np.linalg.inv(np.eye(3) + mixing @ mixing.T / 1.5**2)
+    test = linear(400, np.random.default_rng(2))
+    rows = test.rows + 1.5 * np.random.default_rng(3).normal(size=test.rows.shape).astype(np.float32)
+    answers = trained.network.mixtures(trained.network.features(rows.astype(np.float32)), np.ones(3))
+    exact = rows.reshape(400, -1) @ mixing.T / 1.5**2 @ covariance
+    deviations = np.sqrt(np.diag(covariance))
+    means = np.array([one.mean for one in answers])
+    assert np.sqrt(np.mean((means - exact) ** 2, axis=0) / deviations**2).max() < 0.25
+    stated = np.mean([one.covariance for one in answers], axis=0)
+    np.testing.assert_allclose(stated, covariance, atol=0.2 * deviations.max() ** 2)
+
+
+def test_numpy_and_torch_run_the_same_network() -> None:
+    from emaphm.amortized.projection import Projection
+    from emaphm.amortized.torch_network import converted, made
+
+    rows = linear(300, np.random.default_rng(0)).rows
+    layer = Projection.of(rows, np.full(1, 0.1, np.float32), 3).layer
+    torch.manual_seed(0)
+    module = made(layer, 16, 2, 3, 4)
+    for parameter in module.parameters():
+        parameter.data = parameter.data.half().float()
+    network = converted(module, layer, np.ones(4), 3)
+    expected = module(torch.from_numpy(rows[:9]).flatten(1)).detach().numpy()
+    np.testing.assert_allclose(network.outputs(network.features(rows[:9])), expected, rtol=1e-4, atol=1e-4)
+
+
+def test_divergence_is_said_and_the_best_state_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    from emaphm.amortized import training as module
+
+    whole = module._Run.epoch
+    calls: list[int] = []
+
+    def failing(run: Any, number: int) -> float:
+        calls.append(number)
+        value = whole(run, number)
+        if number >= 3:
+            run.module.entry.weight.data.fill_(float("nan"))
+        return value
+
+    monkeypatch.setattr(module._Run, "epoch", failing)
+    reports: list[Epoch] = []
+    trained = train_network(
+        linear(640, np.random.default_rng(0)),
+        linear(200, np.random.default_rng(1)),
+        np.full(1, 0.5, np.float32),
+        np.ones(3),
+        3,
+        settings=SMALL,
+        on_epoch=reports.append,
+    )
+    assert "diverged" in reports[2].note
+    assert trained.notes[-1].endswith("the best state is kept")
+    assert all(np.all(np.isfinite(block.first.weight)) for block in trained.network.blocks)
+    assert np.all(np.isfinite(trained.network.entry.weight))
+
+
+def test_training_stops_when_nothing_more_is_learned() -> None:
+    settings = TrainingSettings(
+        principal=3, width=32, depth=1, components=1, batch=32, epochs=60, patience=2, rate=1e-2, warm_up=1
+    )
+    trained = train_network(
+        linear(64, np.random.default_rng(0)),
+        linear(400, np.random.default_rng(1)),
+        np.full(1, 1.0, np.float32),
+        np.ones(3),
+        3,
+        settings=settings,
+    )
+    assert len(trained.epochs) < 60
+    assert trained.epochs[-1].validation_loss > min(one.validation_loss for one in trained.epochs)
+
+
+@pytest.fixture
+def small_shards(monkeypatch: pytest.MonkeyPatch) -> None:
+    from emaphm.amortized import train as module
+
+    monkeypatch.setattr(simulating, "SHARD_DRAWS", 64)
+    monkeypatch.setattr(module, "SHARD_DRAWS", 64)
+
+
+@pytest.mark.usefixtures("small_shards")
+def test_simulations_go_on_where_they_stopped(tmp_path: Path) -> None:
+    setup = short_setup()
+    folder = training_folder(tmp_path / "work", setup, 0)
+    with folder.locked():
+        simulate_shards(setup, CHIRP, 2, folder, workers=1)
+    first = folder.path / "shard-00000.npz"
+    before = first.read_bytes()
+    (folder.path / "shard-00001.npz").write_bytes(before[:100])
+    done: list[tuple[int, int]] = []
+    with folder.locked():
+        simulate_shards(setup, CHIRP, 3, folder, workers=1, on_shard=lambda *at: done.append(at))
+    assert done == [(1, 3), (2, 3), (3, 3)]
+    assert first.read_bytes() == before
+    held = read_shard(folder.path / "shard-00001.npz")
+    assert held is not None
+    assert held[1].shape == (64, 2, 200)
+
+
+@pytest.mark.usefixtures("small_shards")
+def test_a_full_disk_keeps_what_finished(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    setup = short_setup()
+    folder = training_folder(tmp_path / "work", setup, 0)
+    whole = Path.write_bytes
+
+    def full(path: Path, content: bytes) -> int:
+        if (folder.path / "shard-00000.npz").exists():
+            raise OSError(28, "No space left on device")
+        return whole(path, content)
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with folder.locked(), pytest.raises(OutputError, match="No space left"):
+        simulate_shards(setup, CHIRP, 2, folder, workers=1)
+    assert sorted(path.name for path in folder.path.glob("*.npz")) == ["shard-00000.npz"]
+
+
+def test_two_trainings_do_not_share_a_folder(tmp_path: Path) -> None:
+    folder = training_folder(tmp_path / "work", short_setup(), 0)
+    with folder.locked(), pytest.raises(ExecutionError, match="another training"):
+        train(short_setup(), CHIRP, tmp_path / "work", simulations=1024)
+    with pytest.raises(ExecutionError, match=r"another setup: 'setup\.channels"):
+        training_folder(tmp_path / "work", short_setup(channels=("current_A",)), 0)
+
+
+def test_too_few_simulations_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(MethodError, match="too few"):
+        train(short_setup(), CHIRP, tmp_path / "work", simulations=10)
+
+
+@pytest.mark.usefixtures("small_shards")
+def test_from_simulations_to_a_file(tmp_path: Path) -> None:
+    setup = short_setup(nuisances=())
+    estimator = train(setup, CHIRP, tmp_path / "work", simulations=128, workers=1, settings=SMALL)
+    path = tmp_path / "unit.estimator"
+    estimator.save(path)
+    again = type(estimator).load(path)
+    held = read_shard(tmp_path / "work" / "shard-00002.npz")
+    assert held is not None
+    one, other = estimator.answers(held[1][:1])[0], again.answers(held[1][:1])[0]
+    np.testing.assert_allclose(one.mean, other.mean, atol=1e-6)
+    assert again.facts["simulations"] == 128
+    assert set(again.facts["judgement"]["coverage95"]) == set(setup.space.coordinates)

@@ -1,0 +1,68 @@
+"""Small estimators whose answers are known, for tests."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from emaphm.actuator import Actuator, Chirp
+from emaphm.amortized.estimator import Estimator, Limits
+from emaphm.amortized.network import Block, Dense, Network, Normalisation, output_width
+from emaphm.amortized.projection import Projection
+from emaphm.amortized.simulating import block_of
+from emaphm.amortized.test_setup import TestSetup
+from emaphm.arrays import Array
+
+THESIS = Actuator.thesis()
+SHORT = {"duration": 0.1, "sample_rate": 2000.0}
+CHIRP = Chirp(stop_hz=40.0, duration=0.1)
+
+
+def short_setup(**others: object) -> TestSetup:
+    """Return the setup of a manoeuvre that takes 0.1 s."""
+    return TestSetup.of(THESIS, CHIRP, **{**SHORT, **others})  # type: ignore[arg-type]
+
+
+def half(values: Array) -> Array:
+    """Return single-precision numbers that half precision holds too."""
+    return np.asarray(values, np.float16).astype(np.float32)  # type: ignore[no-any-return]
+
+
+def constant_estimator(
+    setup: TestSetup, answer: Array, deviation: float = 0.1, limit: float = 1e6, width: int = 4
+) -> Estimator:
+    """Return an estimator that answers `answer` (d,) whatever it is asked, normal with one `deviation`."""
+    d, k = setup.space.dimensions, 3
+    rows = len(setup.channels) * (setup.samples // block_of(setup.samples))
+    rng = np.random.default_rng(0)
+    basis = half(np.linalg.qr(rng.normal(size=(rows, k)))[0])
+    projection = Projection(np.ones(len(setup.channels)), np.zeros(rows, np.float32), basis, np.full(k, 1e3))
+    out = np.zeros(output_width(1, d), np.float32)
+    out[1 : 1 + d] = answer
+    triangle = np.zeros((d, d), np.float32)
+    triangle[np.diag_indices(d)] = -np.log(deviation)
+    out[1 + d :] = triangle[np.tril_indices(d)]
+
+    def dense(inputs: int, outputs: int) -> Dense:
+        return Dense(half(rng.normal(size=(inputs, outputs))), half(rng.normal(size=outputs)))
+
+    norm = Normalisation(np.ones(width, np.float32), np.zeros(width, np.float32))
+    network = Network(
+        projection.layer,
+        dense(k, width),
+        (Block(norm, dense(width, width), dense(width, width)),),
+        norm,
+        Dense(np.zeros((width, out.size), np.float32), half(out)),
+        np.ones(d),
+        1,
+    )
+    limits = Limits(np.full(2, limit), np.full(len(setup.channels), limit))
+    return Estimator(setup, projection, network, np.ones(d), limits, {"simulations": 0})
+
+
+def with_limit(estimator: Estimator, limit: float) -> Estimator:
+    """Return the estimator with every limit at `limit`."""
+    limits = estimator.limits
+    return replace(
+        estimator,
+        limits=Limits(np.full_like(limits.distances, limit), np.full_like(limits.ratios, limit)),
+    )
