@@ -1,5 +1,6 @@
 """A diagnosis with an estimator: believed, corrected, not believed, refused."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
@@ -10,6 +11,7 @@ from amortized.toys import THESIS, constant_estimator, with_limit
 from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.amortized.diagnosing import diagnose_by
 from emaphm.amortized.test_setup import TestSetup
+from emaphm.arrays import Array
 from emaphm.diagnosis import diagnose, error_percent
 from emaphm.errors import MethodError
 from emaphm.recording import Recording
@@ -76,7 +78,7 @@ def test_a_sure_and_wrong_answer_is_not_believed(recording: Recording) -> None:
     assert any("answer's own uncertainty" in note for note in diagnosis.recording_notes)
 
 
-def chirp(recording: Recording, **columns: np.ndarray) -> Recording:  # type: ignore[type-arg]
+def chirp(recording: Recording, **columns: Array) -> Recording:
     return Recording({**recording.channels, **columns})
 
 
@@ -84,7 +86,7 @@ def without(recording: Recording, name: str) -> Recording:
     return Recording({key: values for key, values in recording.channels.items() if key != name})
 
 
-REFUSED = {
+REFUSED: dict[str, tuple[Callable[[Recording], Recording], Actuator, str]] = {
     "another actuator": (lambda r: r, Actuator.pmsm(), "another description"),
     "a missing channel": (partial(without, name="voltage_V"), THESIS, "no voltage_V"),
     "another manoeuvre": (

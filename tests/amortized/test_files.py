@@ -6,9 +6,11 @@ import pickle
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from amortized.toys import constant_estimator, short_setup
 from emaphm.amortized import Estimator
@@ -47,7 +49,7 @@ def changed(source: Path, target: Path, change: Callable[[dict[str, bytes]], Non
     return target
 
 
-def array(values: np.ndarray) -> bytes:  # type: ignore[type-arg]
+def array(values: NDArray[Any]) -> bytes:
     buffer = io.BytesIO()
     np.lib.format.write_array(buffer, values, allow_pickle=True)
     return buffer.getvalue()

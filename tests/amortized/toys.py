@@ -6,7 +6,7 @@ import numpy as np
 
 from emaphm.actuator import Actuator, Chirp
 from emaphm.amortized.estimator import Estimator, Limits
-from emaphm.amortized.network import Block, Dense, Network, Normalisation, output_width
+from emaphm.amortized.network import Block, Dense, Network, Normalisation, Single, output_width
 from emaphm.amortized.projection import Projection
 from emaphm.amortized.simulating import block_of
 from emaphm.amortized.test_setup import TestSetup
@@ -22,9 +22,9 @@ def short_setup(**others: object) -> TestSetup:
     return TestSetup.of(THESIS, CHIRP, **{**SHORT, **others})  # type: ignore[arg-type]
 
 
-def half(values: Array) -> Array:
+def half(values: Array | Single) -> Single:
     """Return single-precision numbers that half precision holds too."""
-    return np.asarray(values, np.float16).astype(np.float32)  # type: ignore[no-any-return]
+    return np.asarray(values, np.float16).astype(np.float32)
 
 
 def constant_estimator(

@@ -4,10 +4,13 @@ The prior is a mixture of three kinds of actuators, because an estimator is good
 
 - *any*: every component anywhere in its range, shorts up to `any_short`;
 - *heavy*: the same with every phase shorted by a share within `heavy_short`;
-- *slight*: components gathered near healthy, k = u^`gathering` of an even u: half of them are below 5 %.
+- *slight*: a share `whole` of the components is near healthy, normal about it with one standard deviation,
+  drawn evenly from `slight`; the others are anywhere.
 
-Of a share of all, the friction is below healthy. Nuisances, and what the unit's baseline leaves open, have
-their own normal priors (`emaphm.estimation.nuisances`).
+The density of the last has no peak at healthy, where a component has its bound: normal distributions, cut
+there, can then describe what a recording leaves possible. Of a share of all, the friction is below healthy.
+Nuisances, and what the unit's baseline leaves open, have their own normal priors
+(`emaphm.estimation.nuisances`).
 """
 
 from dataclasses import dataclass
@@ -32,7 +35,8 @@ class PriorSettings:
     heavy_share: float = 0.15
     any_short: float = 0.75
     heavy_short: tuple[float, float] = (0.4, 0.9)
-    gathering: float = 4.0
+    slight: tuple[float, float] = (0.02, 0.2)
+    whole: float = 0.8
     low_friction: float = 0.1
 
 
@@ -48,18 +52,13 @@ def draw(
     """Return `count` points (count, d) of `space`, drawn from the prior."""
     even = rng.random((count, len(NAMES)))
     kind = rng.random(count)
-    signs = np.where(rng.random(count) < 0.5, -1.0, 1.0)
     heavy = kind > 1 - settings.heavy_share
     slight = ~heavy & (kind > settings.any_share)
     faults = even.copy()
     faults[:, SHORTS] *= settings.any_short
     low, high = settings.heavy_short
     faults[heavy, SHORTS] = low + (high - low) * even[heavy, SHORTS]
-    gathered = even[slight] ** settings.gathering
-    # A direction is neither small nor large, and a gain may be on either side of healthy.
-    gathered[:, PHASE] = even[slight, PHASE]
-    gathered[:, GAIN] = HEALTHY.gain + 0.5 * signs[slight] * gathered[:, GAIN]
-    faults[slight] = gathered
+    faults[slight] = _slight(even[slight], rng, settings)
     below = rng.random(count) < settings.low_friction
     faults[below, 0] *= space.limits("friction")[0]
     points = space.points(faults)
@@ -67,3 +66,17 @@ def draw(
     drawn = nuisances.priors * rng.normal(size=(count, len(nuisances.names)))
     points[:, len(space.columns) :] = np.clip(drawn, -nuisances.widest, nuisances.widest)
     return np.asarray(points)
+
+
+def _slight(even: Array, rng: np.random.Generator, settings: PriorSettings) -> Array:
+    """Return faults (n, 8), most of them near healthy, the others as in `even`."""
+    low, high = settings.slight
+    size = low + (high - low) * rng.random((len(even), 1))
+    near = size * rng.normal(size=even.shape)
+    near[:, GAIN] = HEALTHY.gain + near[:, GAIN]
+    others = np.arange(len(NAMES)) != GAIN
+    near[:, others] = np.abs(near[:, others])
+    whole = rng.random(even.shape) < settings.whole
+    # A direction is neither small nor large.
+    whole[:, PHASE] = False
+    return np.asarray(np.where(whole, np.clip(near, 0.0, 1.0), even))

@@ -22,7 +22,7 @@ WAY_OUT = "leave out --estimator, or train one for it with 'emaphm train'"
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """What held-out draws do not exceed: 99.9 % of them, and a margin.
+    """What held-out draws do not exceed: 99 % of them, and a margin.
 
     `distances` (2,) are those of `Projection.distances`, `ratios` (channels,) those of
     `emaphm.amortized.likeness`.

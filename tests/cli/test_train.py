@@ -1,0 +1,91 @@
+"""`emaphm train` and `diagnose --estimator`: what is asked wrongly, and what is answered."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from amortized.toys import THESIS, constant_estimator, short_setup
+from emaphm.actuator import Chirp, Faults
+from emaphm.amortized.test_setup import TestSetup
+from emaphm.cli.main import run
+from emaphm.fleet import DiagnosisSettings
+from emaphm.recording import Recording, write_recording
+from emaphm.simulated_recording import simulate
+
+TRUTH = Faults(friction=0.3, gain=0.6)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("estimators")
+    setup = TestSetup.of(THESIS, Chirp())
+    constant_estimator(setup, setup.space.points(TRUTH.vector), 0.02).save(place / "unit.estimator")
+    for seed in range(2):
+        whole = simulate(THESIS, Chirp(), faults=TRUTH, noise=0.05, adc_bits=12, seed=seed)
+        columns = {name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")}
+        write_recording(Recording(columns), place / f"{seed}.csv")
+    return place
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["diagnose", "{0}/0.csv", "--fast"], "--estimator FILE"),
+        (["diagnose", "{0}/0.csv", "--estimator", "{0}/absent.estimator"], "no such file"),
+        (["diagnose", "{0}/0.csv", "--estimator", "{0}/0.csv"], "no estimator"),
+        (
+            ["diagnose", "{0}/0.csv", "--estimator", "{0}/unit.estimator", "--actuator", "pmsm"],
+            "another description",
+        ),
+        (["diagnose", "{0}/0.csv", "--estimator", "{0}/unit.estimator", "--method", "ga"], "method 'hybrid'"),
+        (
+            ["diagnose", "{0}/0.csv", "{0}/1.csv", "--joint", "--estimator", "{0}/unit.estimator"],
+            "--estimator is for recordings diagnosed one by one",
+        ),
+        (["train", "-o", "{0}/unit.model"], ".estimator"),
+        (["train", "-o", "{0}/unit.estimator"], "--force"),
+        (["train", "-o", "{0}/new.estimator", "--epochs", "0"], "--epochs"),
+        (["train", "-o", "{0}/new.estimator", "--adc-bits", "many"], "exact"),
+        (["train", "-o", "{0}/new.estimator", "--channels", "speed"], "did you mean 'speed_rad_s'"),
+        (["train", "-o", "{0}/new.estimator", "--nuisance", "lod"], "did you mean 'load'"),
+    ],
+)
+def test_what_is_asked_wrongly_is_answered_in_one_line(
+    folder: Path, arguments: list[str], complaint: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run([one.format(folder) for one in arguments]) == 2
+    captured = capsys.readouterr()
+    assert complaint in captured.err
+    assert captured.err.count("\n") == 1
+    assert captured.out == ""
+
+
+def test_json_says_which_method_it_was(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    asked = [
+        "diagnose",
+        f"{folder}/0.csv",
+        "--estimator",
+        f"{folder}/unit.estimator",
+        "--fast",
+        "--json",
+    ]
+    assert run(asked) == 0
+    values = json.loads(capsys.readouterr().out)
+    assert values["method"] == "estimator"
+    np.testing.assert_allclose(values["k"][0], TRUTH.friction, atol=1e-3)
+
+
+def test_a_batch_is_answered_by_the_estimator(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    asked = ["diagnose", f"{folder}/0.csv", f"{folder}/1.csv", "--estimator", f"{folder}/unit.estimator"]
+    assert run([*asked, "--fast", "--json", "--workers", "1", "-o", f"{folder}/batch"]) == 0
+    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert [line["method"] for line in lines] == ["estimator"] * 2
+
+
+def test_another_estimator_makes_other_results(folder: Path) -> None:
+    one = DiagnosisSettings(estimator=str(folder / "unit.estimator")).to_dict()
+    setup = short_setup()
+    constant_estimator(setup, np.zeros(10)).save(folder / "other.estimator")
+    assert one != DiagnosisSettings(estimator=str(folder / "other.estimator")).to_dict()
