@@ -10,8 +10,7 @@ component of the mixture, o has a logit of its weight, its mean μ, and the lowe
 with the logarithm of its diagonal in place of the diagonal itself. Coordinates are in units of their prior
 deviation.
 
-One product of a matrix and a vector a layer: NumPy does it as fast as a library for such graphs, and it is one
-dependency less.
+One product of a matrix and a vector a layer: NumPy is enough for that, and no further library is needed.
 """
 
 from dataclasses import dataclass
