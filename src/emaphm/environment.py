@@ -25,7 +25,6 @@ PURPOSES = {
     "posterior": "emaphm diagnose --posterior",
     "server": "emaphm serve",
     "train": "emaphm train; what it makes is used without",
-    "server": "emaphm serve",
 }
 """What each extra is for."""
 
