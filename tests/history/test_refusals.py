@@ -29,9 +29,8 @@ LONGEST_S = 10.0
 def flown(history: History) -> History:
     """Return a history with a unit at 10, 20 and 30 h; each tenth hour has a recording of its number."""
     for number in (1, 2, 3):
-        history.add(
-            Entry("SN-0042", made_up.PART, 10.0 * number, 5 * number), recording(number), diagnosis(number)
-        )
+        flight = Entry("SN-0042", made_up.PART, 10.0 * number, 5 * number, load=0.5)
+        history.add(flight, recording(number), diagnosis(number))
     return history
 
 
@@ -57,6 +56,11 @@ CONTRADICTIONS = {
     "another part number": (Entry("SN-0042", "P/N 7", 40.0), 7, "part number 'thesis', .* 'P/N 7'.*--part"),
     "fewer cycles later": (Entry("SN-0042", made_up.PART, 40.0, 14), 7, "15 cycles at 30 h, so 14 at 40 h"),
     "two counts at once": (Entry("SN-0042", made_up.PART, 30.0, 16), 7, "15 cycles at 30 h, so 16 at 30 h"),
+    "another load of a flight": (
+        Entry("SN-0042", made_up.PART, 30.0, load=2.0),
+        7,
+        "load 0.5 at 30 h already",
+    ),
     "more cycles earlier": (
         Entry("SN-0042", made_up.PART, 15.0, 12, late=True),
         7,

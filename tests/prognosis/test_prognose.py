@@ -78,6 +78,12 @@ def test_what_is_violated_has_no_life_left() -> None:
     assert made.advice.action == "replace before"
 
 
+def test_a_requirement_that_no_fault_can_violate_is_named() -> None:
+    made = prognose(wearing(10), requiring(Requirement(measure="free_play", at_most=1.0)))
+    assert math.isinf(made.median)
+    assert "no single fault at the end of its scale violates: free_play at most 1 rad" in made.notes
+
+
 def test_an_unexplained_diagnosis_is_not_fed() -> None:
     usual = wearing(20)
     odd = observation(990.0, friction=0.9, explained=False)

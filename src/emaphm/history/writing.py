@@ -34,6 +34,7 @@ def check_entry(connection: sa.Connection, entry: Entry, recording_hash: str) ->
     if not is_there:
         _check_hours(connection, found, entry)
     _check_cycles(connection, found, entry)
+    _check_stress(connection, found, entry)
 
 
 def _is_there(connection: sa.Connection, entry: Entry, recording_hash: str) -> bool:
@@ -96,6 +97,26 @@ def _check_cycles(connection: sa.Connection, unit: UnitRow, entry: Entry) -> Non
             f"unit '{entry.unit}' had {row.cycles} cycles at {row.hours:g} h, so {entry.cycles} at "
             f"{entry.hours:g} h cannot be; check --cycles and --hours"
         )
+
+
+def _check_stress(connection: sa.Connection, unit: UnitRow, entry: Entry) -> None:
+    """Refuse another load or temperature than another recording of the flight has given."""
+    row = connection.execute(
+        sa.select(FLIGHTS.c.load, FLIGHTS.c.temperature).where(
+            FLIGHTS.c.unit_id == unit.id, FLIGHTS.c.hours == entry.hours
+        )
+    ).one_or_none()
+    if row is None:
+        return
+    for name, known, given in (
+        ("load", row.load, entry.load),
+        ("temperature", row.temperature, entry.temperature),
+    ):
+        if None not in (known, given) and known != given:
+            raise HistoryError(
+                f"unit '{entry.unit}' has the {name} {known:g} at {entry.hours:g} h already, not {given:g}; "
+                f"check --{name} and --hours"
+            )
 
 
 def add_diagnosis(

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.faults import CARTESIAN_NAMES
+from emaphm.actuator.faults import CARTESIAN_NAMES, HEALTHY, NAMES
 from emaphm.arrays import Array
 from emaphm.errors import PrognosisError
 from emaphm.prognosis.advice import Costs, advice
@@ -15,7 +15,7 @@ from emaphm.prognosis.evidence import Evidence, follow
 from emaphm.prognosis.failure_times import FailureTimes, failure_times, responsible
 from emaphm.prognosis.forecast import Paths, State, drawn_states, paths
 from emaphm.prognosis.prior import NEW, Prior
-from emaphm.prognosis.requirements import Requirements, vectors_of
+from emaphm.prognosis.requirements import COMPONENTS, Limit, Requirements, vectors_of
 from emaphm.prognosis.result import Prognosis
 from emaphm.prognosis.settings import CONSTANT, FORECAST, ForecastSettings
 from emaphm.prognosis.stress import STRESSES, Stress, StressReference, exposure
@@ -207,7 +207,8 @@ def _notes(evidence: Evidence, requirements: Requirements, times: FailureTimes, 
     notes = []
     used, kept = len(evidence.used), len(evidence.observations)
     if used < ENOUGH:
-        source = "the general prior says" if prior.fleet is None else f"{prior.units} other units say"
+        fleet = "one other unit says" if prior.units == 1 else f"{prior.units} other units say"
+        source = "the general prior says" if prior.fleet is None else fleet
         notes.append(
             f"explained diagnoses: {used}; {ENOUGH} are needed to see a rate, until then the prognosis is "
             f"mostly what {source}"
@@ -226,6 +227,22 @@ def _notes(evidence: Evidence, requirements: Requirements, times: FailureTimes, 
     ]
     if violated:
         notes.append(f"violated already: {', '.join(violated)}")
+    never = [
+        limit
+        for limit, row in zip(times.limits, times.hours, strict=True)
+        if limit.component is None and not np.isfinite(row).any()
+    ]
+    harmless = [one.label for one in never if not _can_fail(one, requirements)]
+    if harmless:
+        notes.append(f"no single fault at the end of its scale violates: {', '.join(harmless)}")
     if math.isinf(float(np.median(times.first))):
         notes.append("no failure in sight in more than half of the forecast paths")
     return notes
+
+
+def _can_fail(limit: Limit, requirements: Requirements) -> bool:
+    """Return whether any single fault at an end of its scale violates a limit."""
+    ends = np.tile(HEALTHY.vector, (2 * len(COMPONENTS), 1))
+    for i, name in enumerate(COMPONENTS):
+        ends[2 * i : 2 * i + 2, NAMES.index(name)] = 0.0, 1.0
+    return bool(np.any(requirements.margins(ends, [limit]) < 0))

@@ -79,6 +79,8 @@ def prognose(
     check_output(report, (".html", ".htm"), force=force)
     _check_choice(unit, every, part, figure, report)
     check_workers(workers, scheduler)
+    if not every and (workers is not None or scheduler is not None):
+        raise PrognosisError("--workers and --scheduler are for --all; leave them out with --unit")
     costs = _costs(failure_cost, replacement_cost)
     described = described_actuator(actuator) if actuator is not None else None
     from emaphm.prognosis import Evidence, Question, Stress, fellows, fleet_prior

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from emaphm.errors import ExecutionError
+from emaphm.errors import ExecutionError, HistoryError, nearest
 from emaphm.execution import OnTask, Outcome, Task, check_workers, outcomes
 from emaphm.prognosis.evidence import Evidence
 from emaphm.prognosis.fleet_prior import FEWEST_DIAGNOSES, MOST_UNITS, learnt, pooled
@@ -89,7 +89,7 @@ def prognose_all(
     Raises
     ------
     HistoryError
-        The history cannot be read.
+        The history cannot be read, or has no unit of the part number.
     ExecutionError
         The workers or the scheduler cannot be used.
     """
@@ -99,6 +99,11 @@ def prognose_all(
     place = str(Path(where).absolute()) if "://" not in str(where) else str(where)
     with History.open(where) as history:
         lines = history.overviews(part_number)
+        known = {unit.part_number for unit in history.units()} if not lines else set()
+    if known:
+        raise HistoryError(
+            f"no units of the part number '{part_number}'{nearest(str(part_number), sorted(known))}"
+        )
     fleets: dict[str, _Fleet] = {}
     parts = sorted({one.unit.part_number for one in lines})
     if fleet:
