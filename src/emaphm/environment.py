@@ -23,6 +23,7 @@ PURPOSES = {
     "history": "emaphm history and prognose",
     "peers": "optimisers of other libraries",
     "posterior": "emaphm diagnose --posterior",
+    "train": "emaphm train; asking an estimator does without",
 }
 """What each extra is for."""
 

@@ -18,6 +18,7 @@ from emaphm.diagnosis.diagnose import moves_at, nuisance_estimates
 from emaphm.diagnosis.explanation.reasons import reasons_against
 from emaphm.diagnosis.verdict import estimates
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS
+from emaphm.estimation.methods import WITH_LEAST_SQUARES
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.posterior.samples import Posterior
 from emaphm.estimation.problem import Problem
@@ -30,7 +31,10 @@ from emaphm.recording.sensor_checks import check_sensors
 from emaphm.version import VERSION
 
 METHOD = "estimator"
-"""What a diagnosis by the network alone is called; corrected, it is `METHOD` + "+lsq"."""
+"""What a diagnosis by the network alone is called."""
+
+CORRECTED = METHOD + WITH_LEAST_SQUARES
+"""What it is called where least squares have gone on from the network's answer."""
 
 LEAST_WEIGHT = 0.05
 """Weight of a mixture's component from which on a search begins at its mean too."""
