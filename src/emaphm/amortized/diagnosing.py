@@ -58,8 +58,8 @@ def diagnose_by(
 ) -> Diagnosis:
     """Return the faults of `actuator` that explain `recording`, found by its estimator.
 
-    Where the recording is unlike those that the estimator was trained on, it is diagnosed as without one, and
-    a note says why; `method` is "hybrid" then.
+    Where a sensor's own signal shows a fault, or the recording is unlike those that the estimator was trained
+    on, it is diagnosed as without one, and a note says why; `method` is "hybrid" then.
 
     Parameters
     ----------
@@ -83,7 +83,8 @@ def diagnose_by(
     estimator.check(recording, actuator)
     objective = _objective(estimator, recording, actuator)
     mixture = estimator.answer(recording)
-    reasons = reasons_not_to_believe(
+    findings = check_sensors(recording, actuator).findings
+    reasons = tuple(finding.sentence.removesuffix(".") for finding in findings) or reasons_not_to_believe(
         estimator, recording, mixture, objective.problem, stream(seed, "likeness of the recording")
     )
     starts = None
@@ -145,7 +146,7 @@ class _Answer:
         problem, space = objective.problem, objective.space
         residual = self.result.fitted_residual[: problem.samples]
         samples = self.mixture.inside(space, SAMPLES, stream(seed, "samples of the answer"))
-        diagnosis = Diagnosis(
+        return Diagnosis(
             components=estimates(space, point, covariance),
             coordinates=space.coordinates,
             covariance=covariance,
@@ -157,7 +158,7 @@ class _Answer:
             explained=True,
             evaluations=problem.runs.of(problem.model)[0] + LIKENESS.runs,
             reference_runs=0,
-            seconds=0.0,
+            seconds=time.perf_counter() - began,
             seed=seed,
             recording=recording.source,
             actuator=problem.actuator,
@@ -171,8 +172,6 @@ class _Answer:
             moves=self.moves,
             posterior=Posterior.of(space, samples, None),
         )
-        sensors = check_sensors(recording, problem.actuator)
-        return replace(diagnosis.with_sensor_faults(sensors.findings), seconds=time.perf_counter() - began)
 
 
 def estimator_at(path: str | Path) -> Estimator:
