@@ -70,6 +70,16 @@ def test_a_recording_unlike_the_training_set_is_searched_in_full(recording: Reco
     assert error_percent(TRUTH.vector, diagnosis.faults.vector) < 1.5
 
 
+def test_a_recording_of_a_frozen_sensor_is_searched_in_full(recording: Recording) -> None:
+    voltage = recording["voltage_V"].copy()
+    voltage[1200:1600] = voltage[1200]
+    diagnosis = diagnose_by(
+        constant_estimator(SETUP, ANSWER, 0.01), chirp(recording, voltage_V=voltage), THESIS, fast=True
+    )
+    assert diagnosis.method == "hybrid"
+    assert any("not believed: voltage_V" in note for note in diagnosis.recording_notes)
+
+
 def test_a_sure_and_wrong_answer_is_not_believed(recording: Recording) -> None:
     wrong = constant_estimator(SETUP, SETUP.space.points(Faults(friction=0.9).vector), 1e-3, limit=3.0)
     wrong = replace(wrong, limits=replace(wrong.limits, distances=np.full(2, np.inf)))

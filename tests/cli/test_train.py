@@ -41,6 +41,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ),
         (["diagnose", "{0}/0.csv", "--estimator", "{0}/unit.estimator", "--method", "ga"], "method 'hybrid'"),
         (
+            ["diagnose", "{0}/0.csv", "--estimator", "{0}/unit.estimator", "--fast", "--nuisance", "load"],
+            "trained on",
+        ),
+        (
             ["diagnose", "{0}/0.csv", "{0}/1.csv", "--joint", "--estimator", "{0}/unit.estimator"],
             "--estimator is for recordings diagnosed one by one",
         ),

@@ -18,6 +18,7 @@ from emaphm.diagnosis.diagnose import moves_at, nuisance_estimates
 from emaphm.diagnosis.explanation.reasons import reasons_against
 from emaphm.diagnosis.verdict import estimates
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS
+from emaphm.estimation.methods import WITH_LEAST_SQUARES
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.posterior.samples import Posterior
 from emaphm.estimation.problem import Problem
@@ -30,7 +31,10 @@ from emaphm.recording.sensor_checks import check_sensors
 from emaphm.version import VERSION
 
 METHOD = "estimator"
-"""What a diagnosis by the network alone is called; corrected, it is `METHOD` + "+lsq"."""
+"""What a diagnosis by the network alone is called."""
+
+CORRECTED = METHOD + WITH_LEAST_SQUARES
+"""What it is called where least squares have gone on from the network's answer."""
 
 LEAST_WEIGHT = 0.05
 """Weight of a mixture's component from which on a search begins at its mean too."""
@@ -54,8 +58,8 @@ def diagnose_by(
 ) -> Diagnosis:
     """Return the faults of `actuator` that explain `recording`, found by its estimator.
 
-    Where the recording is unlike those that the estimator was trained on, it is diagnosed as without one, and
-    a note says why; `method` is "hybrid" then.
+    Where a sensor's own signal shows a fault, or the recording is unlike those that the estimator was trained
+    on, it is diagnosed as without one, and a note says why; `method` is "hybrid" then.
 
     Parameters
     ----------
@@ -79,7 +83,8 @@ def diagnose_by(
     estimator.check(recording, actuator)
     objective = _objective(estimator, recording, actuator)
     mixture = estimator.answer(recording)
-    reasons = reasons_not_to_believe(
+    findings = check_sensors(recording, actuator).findings
+    reasons = tuple(finding.sentence.removesuffix(".") for finding in findings) or reasons_not_to_believe(
         estimator, recording, mixture, objective.problem, stream(seed, "likeness of the recording")
     )
     starts = None
@@ -141,7 +146,7 @@ class _Answer:
         problem, space = objective.problem, objective.space
         residual = self.result.fitted_residual[: problem.samples]
         samples = self.mixture.inside(space, SAMPLES, stream(seed, "samples of the answer"))
-        diagnosis = Diagnosis(
+        return Diagnosis(
             components=estimates(space, point, covariance),
             coordinates=space.coordinates,
             covariance=covariance,
@@ -153,7 +158,7 @@ class _Answer:
             explained=True,
             evaluations=problem.runs.of(problem.model)[0] + LIKENESS.runs,
             reference_runs=0,
-            seconds=0.0,
+            seconds=time.perf_counter() - began,
             seed=seed,
             recording=recording.source,
             actuator=problem.actuator,
@@ -167,8 +172,6 @@ class _Answer:
             moves=self.moves,
             posterior=Posterior.of(space, samples, None),
         )
-        sensors = check_sensors(recording, problem.actuator)
-        return replace(diagnosis.with_sensor_faults(sensors.findings), seconds=time.perf_counter() - began)
 
 
 def estimator_at(path: str | Path) -> Estimator:

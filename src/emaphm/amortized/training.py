@@ -20,7 +20,7 @@ from emaphm.random_streams import child_seed, stream
 
 @dataclass(frozen=True)
 class TrainingSettings:
-    """The network and how it is trained; `python -m emaphm.amortized.experiments` measures other values.
+    """The network and how it is trained; docs/fast_estimator.md says what more of it would bring.
 
     A network of `principal` components, `width`, and `depth` blocks, whose mixture has `components`. AdamW
     (Loshchilov and Hutter 2019) with batches of `batch`, a `rate` that rises over `warm_up` steps and falls
@@ -37,7 +37,7 @@ class TrainingSettings:
     batch: int = 256
     rate: float = 1e-3
     warm_up: int = 200
-    epochs: int = 60
+    epochs: int = 40
     decay: float = 1e-2
     longest_gradient: float = 5.0
     noise_factor: tuple[float, float] = (0.0, 1.5)

@@ -55,6 +55,11 @@ class DiagnosisSettings:
                     f"an estimator goes with {name} '{usual}'; leave out {name} '{getattr(self, name)}', or "
                     "the estimator"
                 )
+        if self.fast and self.nuisances is not None:
+            raise MethodError(
+                "an estimator's answer is of the nuisances that it was trained on; leave out the nuisances, "
+                "or --fast"
+            )
         estimator_at(self.estimator)
 
     def diagnosed(

@@ -98,8 +98,15 @@ class History:
         with self.database.reading() as connection:
             return overviews(connection, part_number)
 
-    def missing(self, entry: Entry, recording: "Recording", actuator: "Actuator", seed: int = 0) -> bool:
-        """Return whether a recording is still to be diagnosed, by the settings that `diagnose` has itself.
+    def missing(
+        self,
+        entry: Entry,
+        recording: "Recording",
+        actuator: "Actuator",
+        seed: int = 0,
+        method: str = "hybrid",
+    ) -> bool:
+        """Return whether a recording is still to be diagnosed by `method`, `diagnose`'s other settings.
 
         Raises
         ------
@@ -111,7 +118,7 @@ class History:
         with self.database.reading() as connection:
             writing.check_entry(connection, entry, key)
             return not reading.has_diagnosis(
-                connection, key, KeptSettings(description_of(actuator)[0], seed=seed)
+                connection, key, KeptSettings(description_of(actuator)[0], method, seed=seed)
             )
 
     def add(self, entry: Entry, recording: "Recording", diagnosis: "Diagnosis") -> Added:

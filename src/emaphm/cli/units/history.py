@@ -74,13 +74,15 @@ def add(
     """Diagnose recordings of one flight and add them; what is in the history already is left as it is."""
     check_seed(seed)
     described = described_actuator(actuator)
+    from emaphm.amortized.diagnosing import CORRECTED
     from emaphm.history import Entry, History
 
     entry = Entry(unit, part or described.name, hours, cycles, position, late, load, temperature)
     recordings = [recording_of(path, described) for path in (recording, *further)]
     with History.open(db, create=True) as history:
         is_new = all(one.serial_number != unit for one in history.units())
-        missing = [history.missing(entry, one, described, seed) for one in recordings]
+        method = "hybrid" if estimator is None else CORRECTED
+        missing = [history.missing(entry, one, described, seed, method) for one in recordings]
         added = []
         for recorded, to_do in zip(recordings, missing, strict=True):
             if not to_do:
