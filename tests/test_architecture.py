@@ -23,6 +23,7 @@ ORDER = (
     ("detection", "history"),
     ("prognosis",),
     ("fleet",),
+    ("monitoring",),
     ("study",),
     ("plotting",),
     ("report",),

@@ -40,6 +40,18 @@ class HistoryError(EmaphmError):
     """A history cannot be opened, read or written, or what is to be added contradicts what it holds."""
 
 
+class HistoryUnavailableError(HistoryError):
+    """The database of a history fails, which may pass: it is held, unreachable or its disk full."""
+
+
+class HistoryFormError(HistoryError):
+    """A history has the form of a newer version of emaphm."""
+
+
+class MonitoringError(EmaphmError):
+    """What is to be watched, or where events are to go, cannot be used."""
+
+
 class PrognosisError(EmaphmError):
     """Nothing can be predicted from what is given, or what a prediction is asked for is impossible."""
 

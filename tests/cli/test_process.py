@@ -66,7 +66,9 @@ def ended(process: "subprocess.Popen[bytes]") -> tuple[int, str, str]:
     return process.returncode, (out or b"").decode(), (err or b"").decode()
 
 
-@pytest.mark.parametrize("verb", ["", "demo", "simulate", "diagnose", "calibrate", "replay", "history"])
+@pytest.mark.parametrize(
+    "verb", ["", "demo", "simulate", "diagnose", "calibrate", "replay", "history", "watch"]
+)
 def test_help_loads_nothing_heavy(verb: str) -> None:
     code = (
         "import json, sys; from emaphm.cli import main; main(sys.argv[1:]); print(json.dumps([*sys.modules]))"

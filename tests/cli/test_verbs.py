@@ -458,6 +458,7 @@ PROMISED = {
     "diagnose": ("--actuator", "--method", "--report", "--seed", "--json"),
     "calibrate": ("--actuator", "--free", "-o", "--seed", "--json"),
     "replay": ("--actuator", "--seed", "--json"),
+    "watch": ("--db", "--unit", "--hours", "--name", "--webhook", "--once", "--seed"),
 }
 
 

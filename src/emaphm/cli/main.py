@@ -14,9 +14,11 @@ from emaphm.cli.doctor import completion, doctor
 from emaphm.cli.entry import INTERRUPTED
 from emaphm.cli.init import init
 from emaphm.cli.limits import limits
+from emaphm.cli.output import say
 from emaphm.cli.prognose import prognose
 from emaphm.cli.segment import segment
 from emaphm.cli.split import split
+from emaphm.cli.watch import watch
 from emaphm.errors import EmaphmError
 
 UNWRITABLE = {
@@ -57,6 +59,7 @@ VERBS = (
     split,
     limits,
     prognose,
+    watch,
     doctor,
     completion,
 )
@@ -73,7 +76,7 @@ def run(arguments: list[str]) -> int:
     try:
         return _run(arguments)
     except KeyboardInterrupt as error:
-        _say(": ".join(["interrupted", *map(str, error.args)]))
+        say(": ".join(["interrupted", *map(str, error.args)]))
         return INTERRUPTED
 
 
@@ -128,12 +131,5 @@ def _complain(text: str) -> int:
     line = "".join(c if c.isprintable() else " " for c in text)  # names may hold anything
     if len(line) > LONGEST_LINE:
         line = f"{line[: LONGEST_LINE // 2]} … {line[-LONGEST_LINE // 2 :]}"
-    _say(line)
+    say(line)
     return 2
-
-
-def _say(line: str) -> None:
-    try:
-        print(f"emaphm: {line}", file=sys.stderr, flush=True)
-    except OSError:  # nobody reads it (`2>&1 | true`); the exit code says enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())

@@ -1,6 +1,7 @@
 """How verbs answer: text or JSON on stdout, progress on stderr, figures in files."""
 
 import json
+import os
 import sys
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,6 +21,14 @@ def show(values: dict[str, Any], text: str, as_json: bool) -> None:
 def show_line(values: "Mapping[str, Any]") -> None:
     """Print one object of many as a line of JSON, at once: whoever reads the pipe need not wait for all."""
     print(_json(values), flush=True)
+
+
+def say(line: str) -> None:
+    """Print a line for people on stderr, whether or not somebody reads it."""
+    try:
+        print(f"emaphm: {line}", file=sys.stderr, flush=True)
+    except OSError:  # nobody reads it (`2>&1 | true`); the exit code says enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())
 
 
 def _json(values: "Mapping[str, Any]") -> str:

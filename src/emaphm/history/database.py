@@ -17,7 +17,7 @@ import sqlalchemy as sa
 from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 from sqlalchemy.pool import QueuePool
 
-from emaphm.errors import HistoryError
+from emaphm.errors import HistoryError, HistoryUnavailableError
 from emaphm.history.address import Address
 
 
@@ -236,4 +236,6 @@ def _complaint(address: Address, error: BaseException) -> HistoryError:
         (remedy for words, remedy in REMEDIES.items() if words in lower),
         "check the address, and that the database runs there",
     )
-    return HistoryError(f"{address.shown}: the database cannot be used ({said[:LONGEST_REASON]}); {remedy}")
+    return HistoryUnavailableError(
+        f"{address.shown}: the database cannot be used ({said[:LONGEST_REASON]}); {remedy}"
+    )

@@ -96,8 +96,13 @@ class Event:
 
     @property
     def key(self) -> str:
-        """What makes it the same event: all but its words and its time, where it comes from a recording."""
-        origin = self.recording_hash or f"{self.at} {self.message}"
+        """What makes it the same event.
+
+        Of one that comes from a recording, all but its words and its time; from a file (`file_sha256` of its
+        details), all but its time.
+        """
+        file = self.details.get("file_sha256")
+        origin = self.recording_hash or f"{file or self.at} {self.message}"
         parts = (self.watcher, self.kind, self.state, self.unit, self.subject, origin)
         return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:32]
 

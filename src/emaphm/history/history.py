@@ -211,6 +211,11 @@ class History:
             check_revision(connection, self.database.address.shown)
             keep_prognosis(connection, reading.unit(connection, serial_number), prognosis)
 
+    def recordings(self, serial_number: str) -> int:
+        """Return how many recordings a unit has; an unknown one raises `HistoryError`."""
+        with self.database.reading() as connection:
+            return reading.recordings(connection, reading.unit(connection, serial_number).id)
+
     def prognoses(self) -> dict[str, KeptPrognosis]:
         """Return the last kept prognosis by serial number, of the units that have one."""
         with self.database.reading() as connection:

@@ -78,16 +78,23 @@ def flights(connection: sa.Connection, unit_id: int) -> tuple[Flight, ...]:
     return tuple(result)
 
 
-def diagnoses(connection: sa.Connection, unit_id: int) -> tuple[KeptDiagnosis, ...]:
-    """Return the last diagnosis of each of a unit's recordings, by hours and then as they were added."""
+def diagnoses(
+    connection: sa.Connection, unit_id: int, latest: int | None = None
+) -> tuple[KeptDiagnosis, ...]:
+    """Return the last diagnosis of each of a unit's recordings, by hours and then as they were added.
+
+    `latest` is how many of them at most, those of most hours.
+    """
     of_hours = {flight.hours: flight for flight in flights(connection, unit_id)}
     newest = (
         sa.select(sa.func.max(DIAGNOSES.c.id))
         .join(RECORDINGS, RECORDINGS.c.id == DIAGNOSES.c.recording_id)
         .join(FLIGHTS, FLIGHTS.c.id == RECORDINGS.c.flight_id)
         .where(FLIGHTS.c.unit_id == unit_id)
-        .group_by(RECORDINGS.c.id)
+        .group_by(RECORDINGS.c.id, FLIGHTS.c.hours)
     )
+    if latest is not None:
+        newest = newest.order_by(FLIGHTS.c.hours.desc(), RECORDINGS.c.id.desc()).limit(latest)
     rows = connection.execute(
         sa.select(
             DIAGNOSES,
@@ -103,6 +110,16 @@ def diagnoses(connection: sa.Connection, unit_id: int) -> tuple[KeptDiagnosis, .
         .order_by(FLIGHTS.c.hours, RECORDINGS.c.id)
     )
     return tuple(diagnosis_of(row, of_hours[row.hours]) for row in rows)
+
+
+def recordings(connection: sa.Connection, unit_id: int) -> int:
+    """Return how many recordings a unit has."""
+    query = (
+        sa.select(sa.func.count())
+        .select_from(RECORDINGS.join(FLIGHTS, FLIGHTS.c.id == RECORDINGS.c.flight_id))
+        .where(FLIGHTS.c.unit_id == unit_id)
+    )
+    return int(connection.execute(query).scalar_one())
 
 
 def has_diagnosis(connection: sa.Connection, recording_hash: str, settings: KeptSettings) -> bool:

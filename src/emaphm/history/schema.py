@@ -9,7 +9,7 @@ from pathlib import Path
 
 import sqlalchemy as sa
 
-from emaphm.errors import HistoryError
+from emaphm.errors import HistoryError, HistoryFormError
 from emaphm.history.database import SETTINGS, Database
 from emaphm.history.tables import METADATA
 
@@ -89,8 +89,8 @@ def _revision(database: Database, *, create: bool) -> str | None:
     return str(marks[0])
 
 
-def _newer(shown: str, found: str) -> HistoryError:
-    return HistoryError(
+def _newer(shown: str, found: str) -> HistoryFormError:
+    return HistoryFormError(
         f"{shown}: a newer version of emaphm wrote this history (form {found}; this version knows up to "
         f"{NEWEST}); update emaphm, or give another history"
     )

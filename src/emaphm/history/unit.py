@@ -42,10 +42,13 @@ class Unit:
         with self.database.reading() as connection:
             return reading.flights(connection, self.row.id)
 
-    def diagnoses(self) -> tuple[KeptDiagnosis, ...]:
-        """Return the last diagnosis of each recording, by hours, those that explain nothing among them."""
+    def diagnoses(self, latest: int | None = None) -> tuple[KeptDiagnosis, ...]:
+        """Return the last diagnosis of each recording, by hours, those that explain nothing among them.
+
+        `latest` is how many of them at most, those of most hours.
+        """
         with self.database.reading() as connection:
-            return reading.diagnoses(connection, self.row.id)
+            return reading.diagnoses(connection, self.row.id, latest)
 
     def removals(self) -> tuple[Removal, ...]:
         """Return the removals, by hours."""

@@ -61,8 +61,11 @@ class Evidence:
     components: int = COMPONENTS
 
     @classmethod
-    def of(cls, unit: "Unit") -> "Evidence":
-        """Return what a history says of `unit`; `HistoryError` where its database fails."""
+    def of(cls, unit: "Unit", latest: int | None = None) -> "Evidence":
+        """Return what a history says of `unit`; `HistoryError` where its database fails.
+
+        `latest` is how many of its diagnoses are taken at most, those of most hours.
+        """
         observations = tuple(
             Observation(
                 one.hours,
@@ -71,7 +74,7 @@ class Evidence:
                 np.array([name in one.coordinates for name in CARTESIAN_NAMES]),
                 one.explained,
             )
-            for one in unit.diagnoses()
+            for one in unit.diagnoses(latest)
         )
         replacements = tuple((one.hours, one.component) for one in unit.replacements())
         flights = unit.flights()
@@ -106,10 +109,18 @@ class Followed:
     past: tuple[Belief, ...] = field(repr=False)
 
 
-def follow(evidence: Evidence, prior: Prior, *, seed: int = 0, settings: FilterSettings = FILTER) -> Followed:
+def follow(
+    evidence: Evidence,
+    prior: Prior,
+    *,
+    seed: int = 0,
+    settings: FilterSettings = FILTER,
+    keep_past: bool = True,
+) -> Followed:
     """Return what is believed of a unit after its observations and replacements, by hours.
 
-    A replacement at the hours of an observation comes after it.
+    A replacement at the hours of an observation comes after it. Each belief of the past that is kept takes 2
+    MB; without `keep_past` there are none.
 
     Raises
     ------
@@ -142,7 +153,8 @@ def follow(evidence: Evidence, prior: Prior, *, seed: int = 0, settings: FilterS
                 f"unit '{evidence.unit}': the covariance of the diagnosis at {hours:g} h is not positive "
                 "definite; diagnose its recording again"
             ) from None
-        past.append(belief)
+        if keep_past:
+            past.append(belief)
     return Followed(later(belief, evidence.hours), tuple(past))
 
 

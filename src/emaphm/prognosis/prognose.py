@@ -74,6 +74,7 @@ def prognose(
     prior: Prior | None = None,
     seed: int = 0,
     settings: ForecastSettings = FORECAST,
+    keep_past: bool = True,
 ) -> Prognosis:
     """Return the remaining useful life of a unit against the requirements of `actuator`.
 
@@ -85,6 +86,8 @@ def prognose(
         Of its degradation; the general one where left out, or `fleet_prior` of other units.
     seed
         Source of all randomness.
+    keep_past
+        Whether the beliefs at earlier diagnoses are kept, for a figure of the RUL against time.
 
     Raises
     ------
@@ -96,7 +99,7 @@ def prognose(
     prior = prior or Prior()
     settings = replace(settings, longest_hours=max(settings.longest_hours, 2 * question.horizon))
     requirements = Requirements(actuator)
-    followed = follow(evidence, prior, seed=seed)
+    followed = follow(evidence, prior, seed=seed, keep_past=keep_past)
     made, times = _forecast(followed.belief, evidence, requirements, settings, question.ahead)
     limit = times.commonest
     component = None if limit is None else responsible(made, times, limit, requirements)

@@ -8,7 +8,12 @@ from emaphm.recording.equivalent_current import (
     sinusoidal_equivalent_current,
     with_equivalent_current,
 )
-from emaphm.recording.io.read import read_recording, read_recordings, read_signal
+from emaphm.recording.io.read import (
+    read_recording,
+    read_recordings,
+    read_signal,
+    recordings_of,
+)
 from emaphm.recording.io.write import write_recording
 from emaphm.recording.noise import quiet_noise_level
 from emaphm.recording.plausibility import check_plausible
@@ -30,6 +35,7 @@ __all__ = [
     "read_recordings",
     "read_signal",
     "reconstructed",
+    "recordings_of",
     "sinusoidal_equivalent_current",
     "with_equivalent_current",
     "write_recording",

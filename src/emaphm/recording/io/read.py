@@ -125,7 +125,22 @@ def read_recordings(
     RecordingError
         As for `read_recording`; also if no piece is a recording.
     """
-    file = _opened(Path(path), actuator, known, limits, split)
+    return _every(_opened(Path(path), actuator, known, limits, split), split, on_refused)
+
+
+def recordings_of(
+    columns: FileColumns, source: str, actuator: Actuator, *, split: str | None = None, known: Known = NOTHING
+) -> list[Recording]:
+    """Return the recordings in columns that were not read from a file, as `read_recordings` would.
+
+    `source` is what errors and results call them. The columns of names in `actuator.channels` are read as a
+    file's are.
+    """
+    return _every(_table_in(columns, Path(source), actuator, known, split), split, None)
+
+
+def _every(file: "_File", split: str | None, on_refused: Callable[[str], None] | None) -> list[Recording]:
+    path = file.path
     by = split or file.reading.split
     if by is None and np.all(file.kept):
         return [_recording(file, file.whole)]
@@ -166,9 +181,15 @@ class _File:
 def _opened(
     path: Path, actuator: Actuator, known: Known, limits: ReadLimits, split: str | None = None
 ) -> _File:
+    _constants(known, str(path))  # refused before a large file is read
+    return _table_in(_columns(path, limits, _asked_for(actuator, split)), path, actuator, known, split)
+
+
+def _table_in(
+    held: FileColumns, path: Path, actuator: Actuator, known: Known, split: str | None = None
+) -> _File:
     source = str(path)
     constants = _constants(known, source)
-    held = _columns(path, limits, _asked_for(actuator, split))
     sources, is_own = sources_in_file(held, actuator.channels, source, constants)
     # What emaphm wrote for this rig has been cut and masked already, and lacks the columns to do it by.
     reading = Reading(longest_gap=actuator.reading.longest_gap) if is_own else actuator.reading

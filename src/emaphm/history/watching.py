@@ -1,0 +1,130 @@
+"""How far a watcher is: the files it has done with, the rows it has judged, the events it has delivered.
+
+It stands in the history itself, so that what is judged and what is known to be judged cannot fall apart. A
+watcher is identified by a text (`emaphm.monitoring`).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import sqlalchemy as sa
+
+from emaphm.history.events import Event, add_events, read_events
+from emaphm.history.history import History
+from emaphm.history.schema import check_revision
+from emaphm.history.tables import DELIVERED, WATCHED_FILES, WATCHED_ROWS
+from emaphm.history.writing import storable
+
+
+@dataclass(frozen=True)
+class WatchedFile:
+    """A file that a watcher has done with: size [bytes], time of the last change, SHA-256 of its content.
+
+    `outcome` is "judged", "refused", or "changed" where it was changed after it had been judged.
+    """
+
+    name: str
+    size: int
+    modified_ns: int
+    digest: str
+    outcome: str
+
+
+@dataclass(frozen=True)
+class RowsJudged:
+    """Up to which time [s] of the flight at `hours` [h] the rows of a unit were judged."""
+
+    hours: float
+    time_s: float
+
+    def covers(self, hours: float, time_s: float) -> bool:
+        """Whether a row at these hours and this time was judged."""
+        return hours < self.hours or (hours == self.hours and time_s <= self.time_s)
+
+
+@dataclass(frozen=True, eq=False)
+class WatchState:
+    """What a history holds of one watcher; each method raises `HistoryError` where the database fails."""
+
+    history: History
+    watcher: str
+
+    def files(self, names: Sequence[str]) -> dict[str, WatchedFile]:
+        """Return those of the files `names` that are done with, by name."""
+        held = {storable(name): name for name in names}
+        query = sa.select(WATCHED_FILES).where(
+            WATCHED_FILES.c.watcher == self.watcher, WATCHED_FILES.c.name.in_(list(held))
+        )
+        with self.history.database.reading() as connection:
+            return {
+                held[row.name]: WatchedFile(
+                    held[row.name], row.size, row.modified_ns, row.digest, row.outcome
+                )
+                for row in connection.execute(query)
+            }
+
+    def forget_refused(self) -> None:
+        """Let the files that were refused be tried again."""
+        with self.history.database.writing() as connection:
+            check_revision(connection, self.history.database.address.shown)
+            connection.execute(
+                WATCHED_FILES.delete().where(
+                    WATCHED_FILES.c.watcher == self.watcher, WATCHED_FILES.c.outcome == "refused"
+                )
+            )
+
+    def finish_file(self, file: WatchedFile, events: Sequence[Event] = ()) -> None:
+        """Note that a file is done with, and add events, in one step."""
+        values = {
+            "size": file.size,
+            "modified_ns": file.modified_ns,
+            "digest": file.digest,
+            "outcome": file.outcome,
+        }
+        self._put(WATCHED_FILES, {"name": storable(file.name)}, values, events)
+
+    def rows_judged(self) -> dict[str, RowsJudged]:
+        """Return by unit up to where its rows were judged."""
+        query = sa.select(WATCHED_ROWS).where(WATCHED_ROWS.c.watcher == self.watcher)
+        with self.history.database.reading() as connection:
+            return {row.unit: RowsJudged(row.hours, row.time_s) for row in connection.execute(query)}
+
+    def finish_rows(self, unit: str, rows: RowsJudged, events: Sequence[Event] = ()) -> None:
+        """Note up to where the rows of a unit were judged, and add events, in one step."""
+        self._put(WATCHED_ROWS, {"unit": unit}, {"hours": rows.hours, "time_s": rows.time_s}, events)
+
+    def undelivered(self, receiver: str, most: int) -> tuple[Event, ...]:
+        """Return the first events of this watcher that a receiver has not been sent, `most` at most."""
+        query = sa.select(DELIVERED.c.event_id).where(
+            DELIVERED.c.watcher == self.watcher, DELIVERED.c.receiver == receiver
+        )
+        with self.history.database.reading() as connection:
+            last = connection.execute(query).scalar()
+            return read_events(connection, watcher=self.watcher, after=last, limit=most)
+
+    def delivered(self, receiver: str, number: int) -> None:
+        """Note that a receiver has been sent the events up to `number`."""
+        self._put(DELIVERED, {"receiver": receiver}, {"event_id": number}, ())
+
+    def skip_to_now(self, receiver: str) -> None:
+        """Let a receiver that is new be sent only what comes from now on."""
+        query = sa.select(DELIVERED.c.event_id).where(
+            DELIVERED.c.watcher == self.watcher, DELIVERED.c.receiver == receiver
+        )
+        with self.history.database.reading() as connection:
+            if connection.execute(query).first() is not None:
+                return
+            last = read_events(connection, watcher=self.watcher, newest_first=True, limit=1)
+        self.delivered(receiver, (last[0].number or 0) if last else 0)
+
+    def _put(
+        self, table: sa.Table, key: Mapping[str, Any], values: Mapping[str, Any], events: Sequence[Event]
+    ) -> None:
+        with self.history.database.writing() as connection:
+            check_revision(connection, self.history.database.address.shown)
+            add_events(connection, events)
+            every = {"watcher": self.watcher, **key}
+            mine = [table.c[name] == value for name, value in every.items()]
+            if not connection.execute(table.update().where(*mine).values(**values)).rowcount:
+                connection.execute(table.insert().values(**every, **values))

@@ -1,0 +1,7 @@
+"""Recordings judged as they arrive: diagnoses, alarms, prognoses, events."""
+
+from emaphm.monitoring.ownership import NamePattern, Ownership
+from emaphm.monitoring.settings import WATCH, WatchSettings
+from emaphm.monitoring.watch import Task, Watching, watch
+
+__all__ = ["WATCH", "NamePattern", "Ownership", "Task", "WatchSettings", "Watching", "watch"]

@@ -1,0 +1,159 @@
+"""What a new diagnosis changes: events on the health of its unit, with hysteresis.
+
+All of it follows from the diagnoses that the history holds and the conditions that are open there. A watcher
+that was killed goes on as if it had not been.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from emaphm.actuator import NAMES
+from emaphm.history import Event, KeptDiagnosis, Replacement
+from emaphm.history.records import UNIT
+from emaphm.monitoring.false_alarms import FalseAlarmRate, recordings_per_hour
+from emaphm.monitoring.settings import AlarmSettings
+
+COMPONENTS = tuple(name for name in NAMES if name != "eccentricity_phase")
+"""What can raise an alarm; the direction of an eccentricity shares its verdict."""
+
+
+@dataclass(frozen=True, eq=False)
+class Situation:
+    """What is known when a diagnosis was added.
+
+    Attributes
+    ----------
+    unit
+        Serial number.
+    diagnoses
+        The unit's latest ones by hours; the last is the new one.
+    open
+        Conditions of the unit that were raised and not cleared.
+    replacements
+        Of its components.
+    watcher, details
+        Of each event: which watcher, and values that all of them have.
+    """
+
+    unit: str
+    diagnoses: Sequence[KeptDiagnosis]
+    open: Sequence[Event]
+    replacements: Sequence[Replacement]
+    settings: AlarmSettings
+    watcher: str = ""
+    details: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def new(self) -> KeptDiagnosis:
+        """The new diagnosis."""
+        return self.diagnoses[-1]
+
+    def event(
+        self, kind: str, state: str, severity: str, message: str, subject: str = "", **details: Any
+    ) -> Event:
+        """Return an event on the new diagnosis."""
+        new = self.new
+        about = f"{self.unit} at {new.hours:g} h: {message}"
+        return Event(
+            kind,
+            state,
+            severity,
+            about,
+            subject,
+            self.unit,
+            new.hours,
+            new.recording,
+            new.recording_hash,
+            {**details, **self.details},
+            self.watcher,
+        )
+
+    def opened(self, kind: str, subject: str = "") -> Event | None:
+        """Return the event that raised a condition which is still open."""
+        return next((one for one in self.open if (one.kind, one.subject) == (kind, subject)), None)
+
+    def false_alarms(self, per_recording: float) -> FalseAlarmRate:
+        """Return the rate of false alarms of this unit."""
+        rate = recordings_per_hour([one.hours for one in self.diagnoses])
+        return FalseAlarmRate(per_recording, rate, self.settings.raise_after)
+
+
+def health_events(now: Situation) -> list[Event]:
+    """Return the events that the new diagnosis makes, in the order of their importance."""
+    found = [event for name in COMPONENTS for event in _of_component(now, name)]
+    found += [*_not_like_healthy(now), *_sensor_faults(now), *_not_explained(now)]
+    return found
+
+
+def _of_component(now: Situation, name: str) -> Iterator[Event]:
+    renewed = max((one.hours for one in now.replacements if one.component in (name, UNIT)), default=None)
+    alarm = now.opened("alarm", name)
+    if alarm is not None and renewed is not None and renewed >= (alarm.hours or 0.0):
+        yield now.event("alarm", "cleared", "info", f"{name} was replaced at {renewed:g} h", name)
+        alarm = None
+    verdicts = [
+        one.verdicts[name]
+        for one in now.diagnoses
+        if one.explained and one.verdicts[name] != "cannot tell" and (renewed is None or one.hours > renewed)
+    ]
+    if not (now.new.explained and verdicts and now.new.verdicts[name] != "cannot tell"):
+        return
+    fault = now.new.document["faults"][name]
+    size = f"{fault['value']:.3g} (95 %: {fault['interval95'][0]:.3g} to {fault['interval95'][1]:.3g})"
+    values = {"value": fault["value"], "interval95": fault["interval95"]}
+    before = verdicts[-2] if len(verdicts) > 1 else None
+    if verdicts[-1] != (before or "healthy"):
+        turned = f"turned from {before} to" if before else "in its first decided diagnosis is"
+        message = f"{name} {turned} {verdicts[-1]}, {size}"
+        severity = "warning" if verdicts[-1] == "degraded" else "info"
+        yield now.event("health_changed", "raised", severity, message, name, verdict=verdicts[-1], **values)
+    if alarm is None and _all_last(verdicts, "degraded", now.settings.raise_after):
+        rate = now.false_alarms(now.settings.false_verdicts)
+        message = f"{name} is degraded in {now.settings.raise_after} diagnoses in succession, {size}"
+        yield now.event("alarm", "raised", "alarm", message, name, **values, false_alarms=rate.to_dict())
+    elif alarm is not None and _all_last(verdicts, "healthy", now.settings.clear_after):
+        message = f"{name} is healthy in {now.settings.clear_after} diagnoses in succession, {size}"
+        yield now.event("alarm", "cleared", "info", message, name, **values)
+
+
+def _not_like_healthy(now: Situation) -> Iterator[Event]:
+    results = [one.document["detector"] for one in now.diagnoses if "detector" in one.document]
+    if not results or "detector" not in now.new.document:
+        return
+    alike = ["healthy" if one["like_healthy"] else "other" for one in results]
+    last, is_open = results[-1], now.opened("not_like_healthy") is not None
+    if not is_open and _all_last(alike, "other", now.settings.raise_after):
+        rate = now.false_alarms(last["false_alarm_rate"])
+        yield now.event(
+            "not_like_healthy", "raised", "warning", last["sentence"], false_alarms=rate.to_dict()
+        )
+    elif is_open and _all_last(alike, "healthy", now.settings.clear_after):
+        yield now.event("not_like_healthy", "cleared", "info", last["sentence"])
+
+
+def _sensor_faults(now: Situation) -> Iterator[Event]:
+    shown = {f"{one['channel']} {one['kind']}": one for one in now.new.document["sensor_faults"]}
+    open_ones = {one.subject for one in now.open if one.kind == "sensor_fault"}
+    for subject, fault in shown.items():
+        if subject not in open_ones:
+            yield now.event(
+                "sensor_fault", "raised", "warning", fault["sentence"].rstrip("."), subject, fault=fault
+            )
+    if now.new.explained:
+        for subject in sorted(open_ones - set(shown)):
+            yield now.event("sensor_fault", "cleared", "info", f"{subject} no longer shows", subject)
+
+
+def _not_explained(now: Situation) -> Iterator[Event]:
+    is_open = now.opened("not_explained") is not None
+    reasons = list(now.new.document["reasons"])
+    if not now.new.explained and not is_open:
+        message = "; ".join(["no model of the actuator explains the recording", *reasons])
+        yield now.event("not_explained", "raised", "warning", message, reasons=reasons)
+    elif now.new.explained and is_open:
+        yield now.event("not_explained", "cleared", "info", "recordings are explained again")
+
+
+def _all_last(values: Sequence[str], value: str, count: int) -> bool:
+    return len(values) >= count and all(one == value for one in values[-count:])

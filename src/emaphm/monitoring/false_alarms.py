@@ -1,0 +1,63 @@
+"""How many false alarms are to be expected in 1,000 flight hours."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+HOURS = 1000.0
+
+
+@dataclass(frozen=True)
+class FalseAlarmRate:
+    """False alarms in 1,000 flight hours of a healthy unit, at most.
+
+    With the share p of healthy recordings that are called degraded, r recordings an hour, and an alarm after
+    k in succession, it is
+
+        1000 r p^k   where false verdicts come independently of each other,
+        1000 r p     where one is always followed by another: an alarm cannot begin more often.
+
+    Attributes
+    ----------
+    per_recording
+        p.
+    recordings_per_hour
+        r, None where it is not known yet.
+    raise_after
+        k.
+    """
+
+    per_recording: float
+    recordings_per_hour: float | None
+    raise_after: int
+
+    @property
+    def independent(self) -> float | None:
+        """False alarms in 1,000 h where false verdicts come independently."""
+        return self._in_hours(self.per_recording**self.raise_after)
+
+    @property
+    def together(self) -> float | None:
+        """False alarms in 1,000 h where false verdicts come together."""
+        return self._in_hours(self.per_recording)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the rate as it stands in the details of an event."""
+        return {
+            "per_recording_at_most": self.per_recording,
+            "recordings_per_hour": self.recordings_per_hour,
+            "raise_after": self.raise_after,
+            "per_1000_h_if_independent": self.independent,
+            "per_1000_h_if_together": self.together,
+        }
+
+    def _in_hours(self, per_recording: float) -> float | None:
+        rate = self.recordings_per_hour
+        return None if rate is None else HOURS * rate * per_recording
+
+
+def recordings_per_hour(hours: Sequence[float]) -> float | None:
+    """Return how many recordings there are an hour of flight, of their hours in order; None where unknown."""
+    if len(hours) < 2 or not hours[-1] > hours[0]:
+        return None
+    return (len(hours) - 1) / (hours[-1] - hours[0])

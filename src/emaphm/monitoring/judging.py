@@ -1,0 +1,142 @@
+"""Judging one recording: cut into stretches, diagnosed, added to the history, and what that changes."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Protocol
+
+from emaphm.actuator import Actuator
+from emaphm.errors import RecordingError
+from emaphm.history import Entry, Event, History
+from emaphm.history.reading import unit_or_none
+from emaphm.monitoring.conditions import Situation, health_events
+from emaphm.monitoring.settings import AlarmSettings
+from emaphm.recording import Recording
+
+if TYPE_CHECKING:
+    from emaphm.detection import Detector
+    from emaphm.diagnosis import Diagnosis
+
+
+class Diagnose(Protocol):
+    """What diagnoses a recording; `emaphm.diagnose` is one."""
+
+    def __call__(self, recording: Recording, actuator: Actuator, *, seed: int) -> "Diagnosis":
+        """Return the diagnosis."""
+
+
+Cut = Callable[[Recording, Actuator], list[Recording]]
+"""Returns the parts of a recording that identify something."""
+
+
+def cut_stretches(recording: Recording, actuator: Actuator) -> list[Recording]:
+    """Return the stretches of a recording that identify something, each with its times in its name.
+
+    Raises
+    ------
+    RecordingError
+        None does; the first reason stands in the message.
+    """
+    from emaphm.experiment.segmentation import segments
+
+    found = segments(recording, actuator)
+    if not found.accepted:
+        # A stretch at rest is never the reason if anything moves.
+        reasons = sorted((one.reason for one in found.stretches), key=lambda reason: "at rest" in reason)
+        reason = reasons[0] if reasons else "too short for a stretch"
+        raise RecordingError(f"{recording.source}: no stretch of it identifies anything: {reason}")
+    parts = found.recordings()
+    if len(parts) == 1 and parts[0].samples == recording.samples:
+        return [recording]
+    return [
+        Recording(
+            part.channels,
+            part.sampling,
+            f"{recording.source}: {one.start_s:.3f} to {one.end_s:.3f} s",
+            part.notes,
+            part.labels,
+        )
+        for part, one in zip(parts, found.accepted, strict=True)
+    ]
+
+
+@dataclass(frozen=True, eq=False)
+class Judge:
+    """Judges recordings; what it has judged stands in the history, and is not judged again.
+
+    Attributes
+    ----------
+    takes_new_units
+        Whether a unit that the history does not know is added to it.
+    cut
+        None where a recording is judged as a whole.
+    """
+
+    history: History
+    actuator: Actuator
+    settings: AlarmSettings
+    diagnose: Diagnose
+    cut: Cut | None
+    detector: "Detector | None" = None
+    takes_new_units: bool = False
+    seed: int = 0
+    watcher: str = ""
+
+    def check(self, entry: Entry) -> None:
+        """Refuse a recording of a unit that is not known and not to be added, `RecordingError`."""
+        if self.takes_new_units:
+            return
+        from emaphm.errors import HistoryError, HistoryUnavailableError
+
+        try:
+            self.history.unit(entry.unit)
+        except HistoryUnavailableError:
+            raise
+        except HistoryError as error:
+            raise RecordingError(
+                f"{error}; add its first recording with 'emaphm history add', or give --new-units"
+            ) from None
+
+    def parts(self, recording: Recording) -> Iterator[Recording]:
+        """Yield what of a recording is to be diagnosed; `RecordingError` where nothing is."""
+        if self.cut is None:
+            yield recording
+        else:
+            yield from self.cut(recording, self.actuator)
+
+    def judged(self, entry: Entry, recording: Recording) -> "Diagnosis | None":
+        """Return the diagnosis of a recording, None where the history has it already; errors as usual."""
+        if not self.history.missing(entry, recording, self.actuator, self.seed):
+            return None
+        diagnosis = self.diagnose(recording, self.actuator, seed=self.seed)
+        if self.detector is None:
+            return diagnosis
+        try:
+            check = self.detector.judge(recording)
+        except RecordingError:  # a manoeuvre that was never seen healthy: the detector says nothing of it
+            return diagnosis
+        return replace(diagnosis, healthy_check=check)
+
+    def events(self, entry: Entry, recording_hash: str, details: dict[str, Any]) -> list[Event]:
+        """Return what the diagnosis of a recording changes.
+
+        Nothing where the unit has a later one: an old recording that arrives late says nothing of its health
+        now, and the events of one that was judged before stand in the history.
+        """
+        with self.history.database.reading() as connection:
+            row = unit_or_none(connection, entry.unit)
+        if row is None:
+            return []
+        unit = self.history.unit(entry.unit)
+        diagnoses = unit.diagnoses(self.settings.window)
+        if not diagnoses or diagnoses[-1].recording_hash != recording_hash:
+            return []
+        now = Situation(
+            entry.unit,
+            diagnoses,
+            self.history.open_conditions(entry.unit),
+            unit.replacements(),
+            self.settings,
+            self.watcher,
+            details,
+        )
+        return health_events(now)

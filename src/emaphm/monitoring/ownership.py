@@ -1,0 +1,121 @@
+"""Whose recording it is, and at which flight hours: by the file's name, its columns, or the command."""
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Self
+
+from emaphm.errors import MonitoringError, RecordingError, nearest
+from emaphm.history import Entry
+from emaphm.recording.io.read import SERIAL
+from emaphm.recording.recording import Label
+
+FIELDS = {"unit": r".+?", "hours": r"\d+(?:\.\d+)?", "cycles": r"\d+", "any": r".*?"}
+"""What a pattern of file names may hold in braces, and what each matches."""
+
+UNIT_LABELS = ("unit", SERIAL)
+HOURS_LABEL, CYCLES_LABEL = "hours", "cycles"
+
+
+@dataclass(frozen=True)
+class NamePattern:
+    """A pattern of file names such as "{unit}_{hours}.csv"."""
+
+    text: str
+    expression: re.Pattern[str]
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """Return the pattern that a user wrote; `MonitoringError` where it names something unknown, or twice.
+
+        "{any}" stands for any text and may be repeated.
+        """
+        parts, seen = [], set()
+        for literal, name in re.findall(r"([^{}]*)(?:\{([^{}]*)\})?", text):
+            parts.append(re.escape(literal))
+            if not name:
+                continue
+            if name not in FIELDS:
+                raise MonitoringError(f"--name {text}: unknown '{{{name}}}'{nearest(name, FIELDS)}")
+            if name in seen:
+                raise MonitoringError(f"--name {text}: '{{{name}}}' stands there twice; write {{any}} once")
+            seen |= {name} - {"any"}
+            parts.append(FIELDS[name] if name == "any" else f"(?P<{name}>{FIELDS[name]})")
+        if not seen:
+            raise MonitoringError(f'--name {text}: names nothing; give e.g. "{{unit}}_{{hours}}.csv"')
+        return cls(text, re.compile("".join(parts)))
+
+    def values(self, name: str) -> dict[str, str]:
+        """Return what a file's name says; nothing where it does not match."""
+        found = self.expression.fullmatch(name)
+        return found.groupdict() if found else {}
+
+
+@dataclass(frozen=True)
+class Ownership:
+    """How a recording's unit and hours are known.
+
+    What the file's name says by `pattern` goes before columns of the file that are the same throughout
+    ("unit" or the serial number of [reading]; "hours"; "cycles"), these before `unit` and `hours`. `part` is
+    the part number of all of them.
+
+    Raises
+    ------
+    HistoryError
+        A name or the hours cannot be.
+    """
+
+    part: str
+    unit: str | None = None
+    hours: float | None = None
+    pattern: NamePattern | None = None
+
+    def __post_init__(self) -> None:
+        Entry(self.unit or "any", self.part, self.hours or 0.0)
+
+    def entry(self, name: str, labels: Mapping[str, Label]) -> Entry:
+        """Return the entry of a recording in the file `name`.
+
+        Raises
+        ------
+        RecordingError
+            Its unit or its hours are not known.
+        HistoryError
+            They are, and cannot be.
+        """
+        named = self.pattern.values(name) if self.pattern else {}
+        unit = named.get("unit") or _first(labels, UNIT_LABELS) or self.unit
+        hours = named.get(HOURS_LABEL) or _first(labels, (HOURS_LABEL,)) or self.hours
+        cycles = named.get(CYCLES_LABEL) or _first(labels, (CYCLES_LABEL,))
+        for value, what in ((unit, "unit"), (hours, HOURS_LABEL)):
+            if value is None:
+                raise RecordingError(
+                    f"{name}: its {what} is not known; give --{what}, a column '{what}', or a pattern of the "
+                    'name such as --name "{unit}_{hours}.csv"'
+                )
+        return Entry(
+            str(unit),
+            self.part,
+            _number(name, HOURS_LABEL, hours),
+            None if cycles is None else round(_number(name, CYCLES_LABEL, cycles)),
+            late=True,
+        )
+
+
+def _first(labels: Mapping[str, Label], names: tuple[str, ...]) -> str | None:
+    for name in names:
+        value = labels.get(name)
+        if value is not None:
+            return value if isinstance(value, str) else f"{value:.12g}"
+    return None
+
+
+def _number(name: str, what: str, value: object) -> float:
+    try:
+        number = float(str(value))
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise RecordingError(f"{name}: its {what} are '{value}', which is no number; correct the file")
+    return number

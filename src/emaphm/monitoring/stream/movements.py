@@ -1,0 +1,122 @@
+"""Rows of one unit gathered to movements: from rest to rest, and never more than fits."""
+
+import math
+from array import array
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from emaphm.monitoring.settings import StreamSettings
+from emaphm.recording.io.file_columns import FileColumns
+
+AT_REST = 1e-3
+"""Share of the command's range below which it does not move, as in `experiment.segmentation`."""
+
+
+@dataclass(frozen=True, eq=False)
+class Movement:
+    """Rows of a unit from rest to rest; `first` and `last` are their times [s]."""
+
+    columns: FileColumns
+    first: float
+    last: float
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return next(iter(self.columns.numeric.values())).size
+
+
+GAPS = 5.0
+"""Intervals between rows from which on a movement is cut; of fewer missing rows the reading of a recording
+says whether it fills them."""
+
+
+@dataclass(eq=False)
+class Gathering:
+    """Gathers rows that are in order.
+
+    What does not move is not kept, but for the last seconds before a movement. A movement that exceeds
+    `longest_s` or `most_rows` is passed on as far as it is held; the rest, until the command rests, is
+    skipped: how the actuator stood at its beginning is not known. So it is behind a gap of less than
+    `rest_s`. A longer one is taken for a recorder that was switched off.
+    """
+
+    settings: StreamSettings
+    skipped: int = 0
+    _columns: dict[str, "array[float]"] = field(default_factory=dict)
+    _times: "array[float]" = field(default_factory=lambda: array("d"))
+    _previous: float = -math.inf
+    _least: float = math.inf
+    _most: float = -math.inf
+    _reference: float = math.nan
+    _rest_from: float = 0.0
+    _moves: bool = False
+    _waits_for_rest: bool = False
+
+    def add(self, time_s: float, command: float, numbers: Mapping[str, float]) -> Iterator[Movement]:
+        """Add a row; yield the movement that it ends, without it where it is behind a gap."""
+        yield from self._cut_at_gap(time_s)
+        self._previous = time_s
+        self._follow(time_s, command)
+        rests = time_s - self._rest_from >= self.settings.rest_s
+        if self._waits_for_rest and not rests:
+            self.skipped += 1
+            return
+        self._waits_for_rest = False
+        self._keep(time_s, numbers)
+        if self._moves and rests:
+            yield from self.end()
+        elif self._moves and self._is_full(time_s):
+            yield from self.end()
+            self._waits_for_rest = True
+        elif not self._moves and time_s - self._times[0] > 2 * self.settings.rest_s:
+            self._forget(len(self._times) // 2)
+
+    def end(self) -> Iterator[Movement]:
+        """Yield what is held if it moves, and begin anew."""
+        if self._moves and self._times:
+            numeric = {name: np.array(values) for name, values in self._columns.items()}
+            yield Movement(FileColumns(numeric, {}), self._times[0], self._times[-1])
+        self._times, self._columns, self._moves = array("d"), {}, False
+
+    def interrupt(self) -> Iterator[Movement]:
+        """Yield what is held, as `end`; if it moves, what follows it without a rest is skipped."""
+        was_moving = self._moves
+        yield from self.end()
+        self._waits_for_rest = self._waits_for_rest or was_moving
+
+    def _cut_at_gap(self, time_s: float) -> Iterator[Movement]:
+        step = time_s - self._previous
+        held = len(self._times)
+        if step >= self.settings.rest_s:
+            yield from self.end()
+            self._reference, self._waits_for_rest = math.nan, False
+        elif held > 1 and step > GAPS * (self._times[-1] - self._times[0]) / (held - 1):
+            yield from self.interrupt()
+            self._rest_from = time_s
+
+    def _follow(self, time_s: float, command: float) -> None:
+        """Note whether the command moves, and since when it rests."""
+        self._least, self._most = min(self._least, command), max(self._most, command)
+        if math.isnan(self._reference):
+            self._reference, self._rest_from = command, time_s
+        elif abs(command - self._reference) > AT_REST * (self._most - self._least):
+            self._reference, self._rest_from = command, time_s
+            self._moves = not self._waits_for_rest
+
+    def _keep(self, time_s: float, numbers: Mapping[str, float]) -> None:
+        if not self._times:
+            self._columns = {name: array("d") for name in numbers}
+        self._times.append(time_s)
+        for name, values in self._columns.items():
+            values.append(numbers.get(name, math.nan))
+
+    def _is_full(self, time_s: float) -> bool:
+        s = self.settings
+        return len(self._times) >= s.most_rows or time_s - self._times[0] >= s.longest_s
+
+    def _forget(self, rows: int) -> None:
+        self._times = self._times[rows:]
+        self._columns = {name: values[rows:] for name, values in self._columns.items()}

@@ -1,0 +1,324 @@
+"""A stream of rows on a pipe: read by a thread, gathered to movements, held back when too fast."""
+
+import math
+import os
+import queue
+import select
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from emaphm.actuator import Actuator
+from emaphm.actuator.channels import ChannelEntry
+from emaphm.errors import HistoryError, MonitoringError, RecordingError
+from emaphm.history import Entry, Event
+from emaphm.history.watching import RowsJudged, WatchState
+from emaphm.monitoring.arrival import Arrival
+from emaphm.monitoring.ownership import CYCLES_LABEL, HOURS_LABEL, UNIT_LABELS, Ownership
+from emaphm.monitoring.settings import StreamSettings
+from emaphm.monitoring.stream.movements import Gathering, Movement
+from emaphm.monitoring.stream.row_order import RowOrder
+from emaphm.monitoring.stream.rows import Cells, RowParser
+from emaphm.recording import Recording, recordings_of
+
+AT_ONCE = 65_536
+"""Bytes that are read at once."""
+
+STOP_S = 0.2
+"""Between two looks whether the reading is to end [s]."""
+
+SAID_EVERY_S = 60.0
+"""Rows that were left out are said so often at most [s]."""
+
+MOST_ENTRIES = 1000
+"""Units and hours of rows that are remembered as checked."""
+
+ABOUT_UNIT = (*UNIT_LABELS, HOURS_LABEL, CYCLES_LABEL)
+
+
+@dataclass(frozen=True, eq=False)
+class _Ended:
+    """A movement with whose it is; `arrived` is when its last row was read."""
+
+    movement: Movement
+    entry: Entry
+    arrived: float
+
+
+@dataclass(eq=False)
+class _Flight:
+    """What is held of a unit on one flight."""
+
+    entry: Entry
+    order: RowOrder
+    gathering: Gathering
+    judged: RowsJudged | None
+    read_at: float = 0.0
+
+
+@dataclass(eq=False)
+class StreamSource:
+    """The rows on a file descriptor.
+
+    A row has the columns of a recording, and those that say whose it is ("unit", "hours", "cycles") where the
+    command does not. Rows that an earlier run has judged are passed over, up to the first that is newer.
+    """
+
+    descriptor: int
+    actuator: Actuator
+    ownership: Ownership
+    state: WatchState
+    settings: StreamSettings
+    split: str | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("time_s", "command_rad"):
+            if self.actuator.channels.entry(name).derived is not None:
+                raise MonitoringError(
+                    f"a stream needs {name} as a column, [channels] derives it; send the column, or watch a "
+                    "folder of files"
+                )
+        self._parser = RowParser(self.settings.longest_line)
+        self._queue: queue.Queue[_Ended] = queue.Queue(self.settings.queue)
+        self._judged: dict[str, RowsJudged | None] = {**self.state.rows_judged()}
+        self._entries: dict[tuple[object, ...], Entry | str] = {}
+        self._seconds = _seconds(self.actuator.channels.time_s)
+        self._flights: dict[str, _Flight] = {}
+        self._skipped: dict[str, int] = {}
+        self._said_at = -math.inf
+        self._is_held_back = False
+        self._lock = threading.Lock()
+        self._stop, self._ended = threading.Event(), threading.Event()
+        self._failure: BaseException | None = None
+        self._thread = threading.Thread(target=self._run, daemon=True, name="rows")
+        self._thread.start()
+
+    def next(self) -> Arrival | None:
+        """Return the next movement as work."""
+        try:
+            ended = self._queue.get_nowait()
+        except queue.Empty:
+            if self._failure is not None:
+                raise self._failure from None
+            return None
+        return self._arrival(ended)
+
+    def events(self) -> list[Event]:
+        """Return which rows were left out since this was last said."""
+        now = time.monotonic()
+        with self._lock:
+            if not self._skipped or (now - self._said_at < SAID_EVERY_S and not self._ended.is_set()):
+                return []
+            skipped, self._skipped, self._said_at = self._skipped, {}, now
+        reasons = "; ".join(f"{count} {reason}" for reason, count in skipped.items())
+        message = f"{sum(skipped.values())} rows were left out: {reasons}"
+        return [
+            Event("rows_skipped", "raised", "warning", message, details=skipped, watcher=self.state.watcher)
+        ]
+
+    @property
+    def waiting(self) -> int:
+        """Movements that wait to be judged."""
+        return self._queue.qsize()
+
+    @property
+    def is_held_back(self) -> bool:
+        """Whether the sender has to wait, since no further movement fits."""
+        return self._is_held_back and self._queue.qsize() >= self.settings.queue - 1
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether the stream has ended and all of it was handed over."""
+        return self._ended.is_set() and self._queue.empty() and self._failure is None
+
+    def close(self) -> None:
+        """End the reading."""
+        self._stop.set()
+        self._thread.join(2 * STOP_S)
+
+    def _arrival(self, ended: _Ended) -> Arrival:
+        movement, entry = ended.movement, ended.entry
+        name = f"{entry.unit} at {entry.hours:g} h, {movement.first:.3f} to {movement.last:.3f} s"
+
+        def read() -> tuple[Entry, list[Recording]]:
+            return entry, recordings_of(movement.columns, name, self.actuator, split=self.split)
+
+        def finish(_outcome: str, events: Sequence[Event]) -> None:
+            last = movement.last
+            before = self.state.rows_judged().get(entry.unit)
+            if before is not None and before.hours == entry.hours:
+                last = max(last, before.time_s)  # the clock may have been set back
+            if before is None or entry.hours >= before.hours:
+                self.state.finish_rows(entry.unit, RowsJudged(entry.hours, last), events)
+            elif events:
+                self.state.history.add_events(*events)
+
+        return Arrival(name, read, finish, ended.arrived)
+
+    def _run(self) -> None:
+        """Read until the stream ends."""
+        try:
+            for content in self._contents():
+                for row in self._parser.feed(content):
+                    self._row(row)
+                self._count_lines()
+            for row in self._parser.end():
+                self._row(row)
+            self._count_lines()
+            self._end_all()
+        except _StoppedError:
+            pass
+        except BaseException as error:  # noqa: BLE001 - raised in the main thread
+            self._failure = error
+        self._ended.set()
+
+    def _contents(self) -> Iterator[bytes]:
+        read_at, idle = time.monotonic(), False
+        while True:
+            if self._stop.is_set():
+                raise _StoppedError
+            if not select.select([self.descriptor], [], [], STOP_S)[0]:
+                if not idle and time.monotonic() - read_at > self.settings.idle_s:
+                    self._judge_what_is_there()
+                    idle = True
+                continue
+            content = os.read(self.descriptor, AT_ONCE)
+            if not content:
+                return
+            read_at, idle = time.monotonic(), False
+            yield content
+
+    def _row(self, row: Cells) -> None:
+        time_s, command = self._time(row), row.get(self._column("command_rad", row))
+        if time_s is None or not isinstance(command, float) or math.isnan(command):
+            self._skip("without a time or a command")
+            return
+        entry = self._entry(row)
+        if isinstance(entry, str):
+            self._skip(entry)
+            return
+        flight = self._flight(entry)
+        flight.read_at = time.monotonic()
+        if flight.judged is not None:
+            if flight.judged.covers(entry.hours, time_s):
+                self._skip("that were judged before")
+                return
+            flight.judged = self._judged[entry.unit] = None
+        for passed in flight.order.push(time_s, row):
+            if passed is None:
+                self._skip("where a clock was set back; a new recording begins", 1)
+                self._hand_over(flight, flight.gathering.end())
+                flight.gathering = Gathering(self.settings)
+            else:
+                self._gather(flight, *passed)
+
+    def _entry(self, row: Cells) -> Entry | str:
+        """Return whose a row is, or why that is not known."""
+        key = tuple(row.get(name) for name in ABOUT_UNIT)
+        if key not in self._entries:
+            if len(self._entries) > MOST_ENTRIES:
+                self._entries.clear()
+            labels = {name: row[name] for name in ABOUT_UNIT if _is_given(row.get(name))}
+            try:
+                self._entries[key] = self.ownership.entry("row", labels)
+            except (RecordingError, HistoryError) as error:
+                self._entries[key] = str(error).removeprefix("row: ")
+        return self._entries[key]
+
+    def _flight(self, entry: Entry) -> _Flight:
+        """Return what is held of a unit, after ending its flight before."""
+        held = self._flights.get(entry.unit)
+        if held is not None and held.entry == entry:
+            return held
+        if held is not None:
+            self._end(held)
+        elif len(self._flights) >= self.settings.most_units:
+            self._end(min(self._flights.values(), key=lambda one: one.read_at))
+        judged = self._judged.get(entry.unit)
+        if judged is not None and judged.hours < entry.hours:
+            judged = None
+        last = judged.time_s if judged is not None and judged.hours == entry.hours else -math.inf
+        made = _Flight(entry, RowOrder(self.settings.reorder_rows, last), Gathering(self.settings), judged)
+        self._flights[entry.unit] = made
+        return made
+
+    def _gather(self, flight: _Flight, time_s: float, row: Cells) -> None:
+        command = row[self._column("command_rad", row)]
+        numbers = {name: value for name, value in row.items() if isinstance(value, float)}
+        assert isinstance(command, float)  # noqa: S101 - for the type checker, `_row` has looked
+        self._hand_over(flight, flight.gathering.add(time_s, command, numbers))
+
+    def _hand_over(self, flight: _Flight, movements: Iterator[Movement]) -> None:
+        for movement in movements:
+            ended = _Ended(movement, flight.entry, flight.read_at)
+            self._is_held_back = self._queue.full()
+            while True:
+                try:
+                    self._queue.put(ended, timeout=STOP_S)
+                    break
+                except queue.Full:
+                    if self._stop.is_set():
+                        raise _StoppedError from None
+
+    def _end(self, flight: _Flight) -> None:
+        for passed in flight.order.flush():
+            self._gather(flight, *passed)
+        self._hand_over(flight, flight.gathering.end())
+        self._skip("late, or with a time that was there before", flight.order.left_out)
+        self._skip("in a movement whose beginning is not known", flight.gathering.skipped)
+        del self._flights[flight.entry.unit]
+
+    def _judge_what_is_there(self) -> None:
+        """Hand over what is held, though more of it may follow."""
+        for flight in self._flights.values():
+            for passed in flight.order.flush():
+                self._gather(flight, *passed)
+            self._hand_over(flight, flight.gathering.interrupt())
+
+    def _end_all(self) -> None:
+        for flight in list(self._flights.values()):
+            self._end(flight)
+
+    def _time(self, row: Cells) -> float | None:
+        """Return the time of a row [s], None where it has none."""
+        name = self._column("time_s", row)
+        raw = row.get(name)
+        if not isinstance(raw, float) or not math.isfinite(raw):
+            return None
+        return raw * self._seconds if name == self.actuator.channels.time_s.column else raw
+
+    def _column(self, channel: str, row: Cells) -> str:
+        """Return the column of a row that a channel stands in: the one of [channels], or its own name."""
+        named = self.actuator.channels.entry(channel).column
+        return named if named is not None and named in row else channel
+
+    def _count_lines(self) -> None:
+        for reason, count in self._parser.skipped.items():
+            self._skip(reason, count)
+        self._parser.skipped.clear()
+
+    def _skip(self, reason: str, count: int = 1) -> None:
+        if count:
+            with self._lock:
+                self._skipped[reason] = self._skipped.get(reason, 0) + count
+
+
+class _StoppedError(Exception):
+    """The reading is to end."""
+
+
+def _is_given(value: float | str | None) -> bool:
+    return value is not None and value == value  # noqa: PLR0124 - NaN is an empty cell
+
+
+def _seconds(entry: ChannelEntry) -> float:
+    """Return the seconds that one unit of the raw time is."""
+    import numpy as np
+
+    from emaphm.actuator.units import in_unit
+
+    factor = entry.sign * entry.scale
+    if entry.unit is None:
+        return factor
+    return factor * float(in_unit(np.ones(1), entry.unit, "s")[0])

@@ -1,0 +1,333 @@
+"""Watching: what arrives is judged, the history and the prognoses follow, events are sent."""
+
+import threading
+import time
+import traceback
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+from emaphm.actuator import Actuator
+from emaphm.errors import EmaphmError, HistoryFormError, HistoryUnavailableError, MonitoringError
+from emaphm.history import Entry, Event, History
+from emaphm.history.fingerprint import recording_hash
+from emaphm.history.watching import WatchState
+from emaphm.monitoring.arrival import Arrival, Source
+from emaphm.monitoring.delivery import Delivery, Receiver
+from emaphm.monitoring.folder import FolderSource
+from emaphm.monitoring.judging import Cut, Diagnose, Judge, cut_stretches
+from emaphm.monitoring.outlook import Outlook
+from emaphm.monitoring.ownership import Ownership
+from emaphm.monitoring.pressure import Pressure
+from emaphm.monitoring.receivers import Lines, Webhook
+from emaphm.monitoring.settings import WATCH, WatchSettings
+from emaphm.monitoring.stream.source import StreamSource
+from emaphm.recording import Recording
+
+if TYPE_CHECKING:
+    from emaphm.detection import Detector
+    from emaphm.diagnosis import Diagnosis
+
+T = TypeVar("T")
+
+IDLE_S = 0.05
+"""Pause where nothing is to be done [s]."""
+
+STDIN = "stdin"
+
+
+@dataclass
+class Watching:
+    """What was done: recordings judged, those that the history had, files or parts refused, prognoses."""
+
+    judged: int = 0
+    known: int = 0
+    refused: int = 0
+    prognoses: int = 0
+
+    def __str__(self) -> str:
+        return (
+            f"{self.judged} recordings judged, {self.known} were in the history already, {self.refused} "
+            f"refused; {self.prognoses} prognoses"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What is watched, and how.
+
+    Attributes
+    ----------
+    source
+        A folder, or the file descriptor of a stream.
+    ownership
+        How the unit and the hours of a recording are known.
+    name
+        Of the watcher: what it has done stands in the history under this name; the folder's path, or "stdin",
+        where left out.
+    split
+        What a file is cut by into recordings, as in `emaphm.read_recordings`.
+    cut
+        Returns the stretches of a recording that identify something; None where it is judged as a whole.
+    diagnose
+        What diagnoses them; `emaphm.diagnose` where left out.
+    detector
+        Says in addition whether they are like healthy ones.
+    takes_new_units
+        Whether units that the history does not know are added to it.
+    once
+        Whether to end when all that is there is judged.
+    webhook, lines
+        Where events go: an address; a file descriptor.
+    """
+
+    source: Path | int
+    ownership: Ownership
+    name: str = ""
+    split: str | None = None
+    cut: Cut | None = cut_stretches
+    diagnose: Diagnose | None = None
+    detector: "Detector | None" = None
+    takes_new_units: bool = False
+    once: bool = False
+    seed: int = 0
+    webhook: str | None = None
+    lines: int | None = None
+
+    @property
+    def watcher(self) -> str:
+        """The name of the watcher."""
+        return self.name or (STDIN if isinstance(self.source, int) else str(self.source.absolute()))
+
+    def check(self) -> None:
+        """Refuse a folder or an address that cannot be used, `MonitoringError`."""
+        if isinstance(self.source, Path) and not self.source.is_dir():
+            what = "is no folder" if self.source.exists() else "no such folder"
+            raise MonitoringError(f"{self.source}: {what}; give one where recordings arrive, or - for stdin")
+        if self.webhook is not None:
+            Webhook(self.webhook, WATCH.delivery.timeout_s)
+
+
+def watch(
+    task: Task,
+    history: History,
+    actuator: Actuator,
+    *,
+    settings: WatchSettings = WATCH,
+    stop: threading.Event | None = None,
+    say: Callable[[str], None] = lambda _: None,
+    on_count: Callable[[int, int], None] | None = None,
+) -> Watching:
+    """Watch until the source ends, `stop` is set, or nobody reads the events any more.
+
+    Parameters
+    ----------
+    say
+        Called with what a person should know and no event is: the history cannot be reached, a webhook does
+        not answer.
+    on_count
+        Called with the number of recordings done, and that with those that wait.
+
+    Raises
+    ------
+    MonitoringError
+        The source or the webhook cannot be used.
+    HistoryFormError
+        A newer version of emaphm has changed the history meanwhile.
+    """
+    task.check()
+    stop = stop or threading.Event()
+    webhook = None if task.webhook is None else Webhook(task.webhook, settings.delivery.timeout_s)
+    state = WatchState(history, task.watcher)
+    lost = {one.kind for one in history.open_conditions() if one.watcher == task.watcher and one.unit is None}
+    with ExitStack() as stack:
+        source = _source(task, actuator, state, settings, is_lost="source_lost" in lost)
+        stack.callback(source.close)
+        receivers = [] if task.lines is None else [Lines(task.lines)]
+        every: list[Receiver] = [*receivers]
+        if webhook is not None:
+            state.skip_to_now(webhook.key)
+            every.append(webhook)
+        deliveries = [Delivery(one, state, settings.delivery, say) for one in every]
+        for delivery in deliveries:
+            stack.callback(delivery.close)
+        judge = Judge(
+            history,
+            actuator,
+            settings.alarm,
+            task.diagnose or _diagnose,
+            task.cut,
+            task.detector,
+            task.takes_new_units,
+            task.seed,
+            task.watcher,
+        )
+        outlook = Outlook(history, settings.prognosis, task.seed, task.watcher)
+        pressure = Pressure(settings.pressure, task.watcher, is_raised="back_pressure" in lost)
+        watcher = _Watcher(
+            source, history, judge, outlook, pressure, deliveries, settings, stop, say, on_count
+        )
+        watcher.run(once=task.once or isinstance(task.source, int), ends=lambda: _closed(receivers))
+        return watcher.done
+
+
+def _closed(receivers: Sequence[Lines]) -> bool:
+    return any(one.is_closed for one in receivers)
+
+
+def _source(
+    task: Task, actuator: Actuator, state: WatchState, settings: WatchSettings, *, is_lost: bool
+) -> Source:
+    if isinstance(task.source, int):
+        return StreamSource(task.source, actuator, task.ownership, state, settings.stream, task.split)
+    return FolderSource(
+        task.source, actuator, task.ownership, state, settings.folder, task.split, is_lost=is_lost
+    )
+
+
+@dataclass(eq=False)
+class _Watcher:
+    """The loop; all that lasts stands in the history, so it may be killed at any moment."""
+
+    source: Source
+    history: History
+    judge: Judge
+    outlook: Outlook
+    pressure: Pressure
+    deliveries: Sequence[Delivery]
+    settings: WatchSettings
+    stop: threading.Event
+    say: Callable[[str], None]
+    on_count: Callable[[int, int], None] | None
+    done: Watching = field(default_factory=Watching)
+
+    def run(self, *, once: bool, ends: Callable[[], bool]) -> None:
+        """Do what is to be done, until there is no more and `once`, or it is to end."""
+        try:
+            while not (self.stop.is_set() or ends()):
+                if self._step():
+                    continue
+                if once and self.source.exhausted and not self.outlook.waiting:
+                    self._keep(self.source.events())
+                    return
+                self.stop.wait(IDLE_S)
+        except _StoppedError:
+            pass
+
+    def _step(self) -> bool:
+        """Do one thing; return whether there was one."""
+        arrival = self._insist(self.source.next)
+        self._keep([*self.source.events(), *self.pressure.events(self.source)])
+        if arrival is not None:
+            with self.pressure.measured():
+                self._judge(arrival)
+        if self.outlook.waiting and (arrival is None or self.outlook.is_urgent()):
+            reason = self._insist(self.outlook.step)
+            self.done.prognoses += reason is None
+            if reason:
+                self.say(reason)
+            self._wake()
+            return True
+        return arrival is not None
+
+    def _judge(self, arrival: Arrival) -> None:
+        before, refused = self.done.judged + self.done.known, list[str]()
+        try:
+            entry, recordings = arrival.read()
+            self._insist(lambda: self.judge.check(entry))
+            for recording in recordings:
+                self._judge_parts(arrival, entry, recording, refused)
+        except HistoryFormError:
+            raise
+        except EmaphmError as error:
+            refused.append(str(error))
+        self.done.refused += len(refused)
+        events = [self._refusal(arrival, reason) for reason in dict.fromkeys(refused)]
+        outcome = "judged" if self.done.judged + self.done.known > before else "refused"
+        self._insist(lambda: arrival.finish(outcome, events))
+        self._wake()
+        if self.on_count:
+            count = self.done.judged + self.done.known
+            self.on_count(count, count + self.source.waiting)
+
+    def _judge_parts(self, arrival: Arrival, entry: Entry, recording: Recording, refused: list[str]) -> None:
+        """Judge a recording; what cannot be is added to `refused`, and what can is done all the same."""
+        try:
+            for part in self.judge.parts(recording):
+                try:
+                    self._judge_one(arrival, entry, part)
+                except (HistoryFormError, _StoppedError):
+                    raise
+                except EmaphmError as error:
+                    refused.append(str(error))
+        except (HistoryFormError, _StoppedError):
+            raise
+        except EmaphmError as error:
+            refused.append(str(error))
+        except Exception as error:  # noqa: BLE001 - a defect of ours must not end the watching of all others
+            self.say("".join(traceback.format_exception(error)).strip())
+            refused.append(f"{recording.source}: a defect of emaphm, please report it: {error!r}")
+
+    def _judge_one(self, arrival: Arrival, entry: Entry, part: Recording) -> None:
+        diagnosis = self._insist(lambda: self.judge.judged(entry, part))
+        if diagnosis is None:
+            self.done.known += 1
+        else:
+            self._insist(lambda: self.history.add(entry, part, diagnosis))
+            self.done.judged += 1
+        details = {"latency_s": round(time.monotonic() - arrival.arrived, 3)}
+        key = recording_hash(part)
+        self._keep(self._insist(lambda: self.judge.events(entry, key, details)))
+        self._wake()
+        self.outlook.ask(entry.unit)
+
+    def _refusal(self, arrival: Arrival, reason: str) -> Event:
+        """Return the event that something is refused; the same content for the same reason is one event."""
+        return Event(
+            "refused",
+            "raised",
+            "warning",
+            reason,
+            arrival.name,
+            details={"file_sha256": arrival.digest} if arrival.digest else {},
+            watcher=self.judge.watcher,
+        )
+
+    def _keep(self, events: Sequence[Event]) -> None:
+        if events:
+            self._insist(lambda: self.history.add_events(*events))
+            self._wake()
+
+    def _wake(self) -> None:
+        for delivery in self.deliveries:
+            delivery.wake()
+
+    def _insist(self, action: Callable[[], T]) -> T:
+        """Return what `action` does, which is tried again while the history cannot be used."""
+        pause, said = self.settings.delivery.first_pause_s, ""
+        while True:
+            try:
+                result = action()
+            except HistoryUnavailableError as error:
+                if str(error) != said:
+                    self.say(f"{error}; trying again, nothing is lost meanwhile")
+                    said = str(error)
+                if self.stop.wait(pause):
+                    raise _StoppedError from None
+                pause = min(2 * pause, self.settings.retry_s)
+            else:
+                if said:
+                    self.say("the history can be used again")
+                return result
+
+
+class _StoppedError(Exception):
+    """The watching is to end while it waits for the history."""
+
+
+def _diagnose(recording: Recording, actuator: Actuator, *, seed: int) -> "Diagnosis":
+    from emaphm.diagnosis import diagnose
+
+    return diagnose(recording, actuator, seed=seed)

@@ -1,0 +1,142 @@
+"""`emaphm watch`: from files and rows that arrive to events, with real diagnoses."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from emaphm.cli import main
+from emaphm.history import History
+
+from . import files
+from .conftest import Refusal
+
+NAME = ("--name", "{unit}_{hours}.csv")
+
+
+@pytest.fixture(scope="module")
+def arrived(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with four recordings of a unit, of which three have much friction, and a broken one."""
+    from emaphm.actuator import Actuator, Chirp, Faults
+    from emaphm.recording import write_recording
+    from emaphm.simulated_recording import simulate
+
+    folder = tmp_path_factory.mktemp("arrived")
+    for number, friction in enumerate((0.0, 0.3, 0.3, 0.3)):
+        faults = Faults(friction=friction)
+        made = simulate(Actuator.thesis(), Chirp(), faults=faults, noise=0.05, seed=number)
+        write_recording(made, folder / f"SN-7_{100 + number}.csv")
+    (folder / "SN-7_90.csv").write_text("no recording")
+    return folder
+
+
+def test_a_folder_is_judged_and_events_are_printed(
+    arrived: Path, desk: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(arrived, desk / "in")
+    line = ["watch", "in", *NAME, "--once", "--settle", "0.1", "--db", "h.sqlite"]
+    assert main(line) == 0
+    out, err = capfd.readouterr()
+    (refused,) = [json.loads(one) for one in out.splitlines() if "SN-7_90" in one]
+    assert refused["event"] == "refused"
+    events = [json.loads(one) for one in out.splitlines()]
+    assert len(events) == 5  # without --new-units, all are refused
+    assert "--new-units" in events[-1]["message"]
+    assert "0 recordings judged" in err
+    assert main([*line, "--new-units"]) == 0
+    out, err = capfd.readouterr()
+    events = [json.loads(one) for one in out.splitlines()]
+    assert [(one["event"], one["hours"]) for one in events] == [("health_changed", 101), ("alarm", 103)]
+    assert events[1]["subject"] == "friction"
+    assert events[1]["details"]["value"] == pytest.approx(0.3, abs=0.03)
+    assert events[1]["details"]["false_alarms"]["recordings_per_hour"] == 1.0
+    assert "4 recordings judged, 0 were in the history already, 1 refused; 1 prognoses" in err
+    with History.open("h.sqlite") as history:
+        assert len(history.unit("SN-7").diagnoses()) == 4
+        assert history.prognoses()["SN-7"].diagnoses == 4
+
+
+@pytest.mark.usefixtures("desk")
+def test_rows_on_standard_input_are_judged(arrived: Path) -> None:
+    text = (arrived / "SN-7_101.csv").read_text()
+    line = [sys.executable, "-m", "emaphm.cli", "watch", "-", "--unit", "A", "--hours", "5", "--new-units"]
+    done = subprocess.run(line, input=text, text=True, capture_output=True, timeout=120, check=False)  # noqa: S603
+    assert done.returncode == 0, done.stderr
+    (event,) = [json.loads(one) for one in done.stdout.splitlines()]
+    assert (event["event"], event["unit"], event["subject"]) == ("health_changed", "A", "friction")
+    assert event["details"]["value"] == pytest.approx(0.3, abs=0.03)
+    assert "1 recordings judged" in done.stderr
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 0), (signal.SIGINT, 130)])
+def test_a_signal_ends_it(desk: Path, number: int, code: int) -> None:
+    (desk / "in").mkdir()
+    line = [sys.executable, "-m", "emaphm.cli", "watch", "in"]
+    with subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:  # noqa: S603
+        assert process.stderr is not None
+        assert "watching in" in process.stderr.readline()
+        time.sleep(0.3)
+        process.send_signal(number)
+        assert process.wait(60) == code
+        assert "Traceback" not in process.stderr.read()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a POSIX pipe")
+def test_a_reader_that_left_ends_it(arrived: Path, desk: Path) -> None:
+    shutil.copytree(arrived, desk / "in")
+    line = [sys.executable, "-m", "emaphm.cli", "watch", "in", *NAME, "--settle", "0"]
+    out, into = os.pipe()
+    os.close(out)
+    with subprocess.Popen(line, stdout=into, stderr=subprocess.PIPE, text=True) as process:  # noqa: S603
+        os.close(into)
+        assert process.wait(60) == 0
+        assert process.stderr is not None
+        assert "Traceback" not in process.stderr.read()
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("none", "none: no such folder"),
+        ("--foder", "unknown option: --foder"),
+        ("good.csv", "is no folder"),
+        (". --name {units}.csv", "did you mean 'unit'"),
+        (". --webhook ftp://host", "--webhook"),
+        (". --raise-after 0", "--raise-after 0"),
+        (". --clear-after 99", "--clear-after 99"),
+        (". --settle -1", "--settle -1"),
+        (". --horizon 0", "horizon of 0"),
+        (". --risk 2", "risk of 2"),
+        (". --hours -4", "hours -4"),
+        (". --healthy none.json", "none.json"),
+        (". --actuator none.toml", "none.toml"),
+        (". --db good.toml", "good.toml"),
+        (". --db postgresql://127.0.0.1:1/x", "127.0.0.1"),
+        (". --seed -1", "--seed -1"),
+    ],
+)
+def test_what_cannot_be_watched_is_refused(refused: Refusal, line: str, said: str) -> None:
+    assert said in refused("watch", *line.split())
+
+
+def test_a_history_of_a_newer_version_is_refused(refused: Refusal, desk: Path) -> None:
+    from emaphm.history.schema import VERSION
+
+    with History.open("h.sqlite", create=True) as history, history.database.writing() as connection:
+        connection.execute(VERSION.update().values(version_num="9999"))
+    (desk / "in").mkdir()
+    assert "newer version of emaphm" in refused("watch", "in", "--db", "h.sqlite")
+
+
+def test_files_of_the_schema_need_a_unit(desk: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    (desk / "in").mkdir()
+    (desk / "in" / "a.csv").write_bytes(files.csv(files.columns()))
+    assert main(["watch", "in", "--once", "--settle", "0"]) == 0
+    (event,) = [json.loads(line) for line in capfd.readouterr().out.splitlines()]
+    assert "its unit is not known; give --unit" in event["message"]

@@ -1,0 +1,1 @@
+"""Recordings watched as they arrive."""

@@ -1,0 +1,144 @@
+"""`python -m tests.monitoring.stand_in FOLDER DB`: watches with a stand-in for the diagnosis.
+
+A real diagnosis takes half a second, so that 10,000 of them take longer than a test should. The stand-in
+gives what the recording's mean current says: all else, from the reading of the file to the events, is real.
+"""
+
+import os
+import sys
+import threading
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from emaphm.actuator import NAMES, Actuator, Faults
+from emaphm.actuator.faults import CARTESIAN_NAMES
+from emaphm.diagnosis import Diagnosis, Estimate
+from emaphm.history import History
+from emaphm.monitoring import WATCH, NamePattern, Ownership, Task, WatchSettings, watch
+from emaphm.recording import Recording
+from emaphm.version import VERSION
+
+ROWS = 60
+FLIGHT_H = 0.24
+"""Hours between two recordings of a unit: 100 of them are 24 hours."""
+
+QUICK = replace(
+    WATCH,
+    folder=replace(WATCH.folder, poll_s=0.2, settle_s=0.3),
+    prognosis=replace(WATCH.prognosis, latest=3, longest_wait_s=1e9),
+    delivery=replace(WATCH.delivery, timeout_s=1.0, first_pause_s=0.05, longest_pause_s=0.5, last_s=20.0),
+)
+
+
+def is_faulty(number: int) -> bool:
+    """Return whether a unit's recording of this number is made with a fault: runs, and single ones."""
+    return number % 40 in {7, 20, 21, 22, 23, 24, 33, 34}
+
+
+def content(unit: int, number: int) -> str:
+    """Return the CSV of a unit's recording, which no other has."""
+    time = np.arange(ROWS) / 1e3
+    current = np.sign(np.cos(2 * np.pi * 40 * time)) + (0.5 if is_faulty(number) else 0.0)
+    current += 1e-6 * (1000 * unit + number)
+    rows = (
+        f"{t:.4f},{5e-3 * np.sin(2 * np.pi * 40 * t):.6f},{i:.7f}" for t, i in zip(time, current, strict=True)
+    )
+    return "time_s,command_rad,current_A\n" + "\n".join(rows) + "\n"
+
+
+def name(unit: int, number: int) -> str:
+    """Return what the file is called."""
+    return f"U{unit:02}_{number * FLIGHT_H:.2f}.csv"
+
+
+THESIS = Actuator.thesis()
+PATTERN = NamePattern.parse("{unit}_{hours}.csv")
+COORDINATES = (*CARTESIAN_NAMES, "load")
+ERROR = 0.01
+"""Standard error of each component."""
+
+FAULTY = 0.3
+"""Friction that is called degraded; a recording without a fault has 0.1 here, one with it 0.6."""
+
+
+def diagnosis(recording: Recording, actuator: Actuator, friction: float, *, seed: int = 0) -> Diagnosis:
+    """Return a diagnosis that has this friction and no other fault; it is called degraded above `FAULTY`."""
+    vector = Faults(friction=friction).vector
+    components = {
+        name: Estimate(
+            float(value),
+            ERROR,
+            (float(value) - 2 * ERROR, float(value) + 2 * ERROR),
+            identifiable=True,
+            verdict="degraded" if name == "friction" and friction > FAULTY else "healthy",
+        )
+        for name, value in zip(NAMES, vector, strict=True)
+    }
+    return Diagnosis(
+        components=components,
+        coordinates=COORDINATES,
+        covariance=ERROR**2 * np.eye(len(COORDINATES)),
+        method="hybrid",
+        model="averaged",
+        fitness_name="least_squares",
+        fitness=0.01,
+        residual_rms_A=0.05,
+        explained=True,
+        evaluations=0,
+        reference_runs=0,
+        seconds=0.0,
+        seed=seed,
+        recording=recording.source,
+        actuator=actuator,
+        version=VERSION,
+        time_s=recording["time_s"],
+        recorded=recording["current_A"],
+        modelled=recording["current_A"],
+    )
+
+
+def diagnosed(recording: Recording, actuator: Actuator, *, seed: int) -> Diagnosis:
+    """Return the stand-in: friction is what the mean current says."""
+    return diagnosis(recording, actuator, float(np.mean(recording["current_A"]).clip(0.0, 1.0)), seed=seed)
+
+
+def run(
+    folder: Path,
+    where: str,
+    *,
+    lines: int | None = None,
+    webhook: str | None = None,
+    once: bool = False,
+    settings: WatchSettings = QUICK,
+    stop: threading.Event | None = None,
+) -> None:
+    """Watch a folder."""
+    with History.open(where, create=True) as history:
+        task = Task(
+            folder,
+            Ownership(THESIS.name, pattern=PATTERN),
+            "test",
+            cut=None,
+            diagnose=diagnosed,
+            takes_new_units=True,
+            once=once,
+            webhook=webhook,
+            lines=lines,
+        )
+        watch(task, history, THESIS, settings=settings, stop=stop, say=_say)
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
+
+
+if __name__ == "__main__":
+    run(
+        Path(sys.argv[1]),
+        sys.argv[2],
+        lines=1,
+        webhook=os.environ.get("WEBHOOK"),
+        once="--once" in sys.argv,
+    )

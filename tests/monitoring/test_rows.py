@@ -1,0 +1,142 @@
+"""Rows of a stream: whatever they are cut by, late, twice, or by a clock that is set back."""
+
+import json
+import math
+import random
+from collections.abc import Iterator
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from emaphm.arrays import Array
+from emaphm.monitoring.settings import StreamSettings
+from emaphm.monitoring.stream.movements import Gathering, Movement
+from emaphm.monitoring.stream.row_order import RowOrder
+from emaphm.monitoring.stream.rows import Cells, RowParser
+
+ROWS: list[Cells] = [{"time_s": i / 10, "unit": "S-1", "x": -1.5} for i in range(20)]
+NDJSON = "".join(json.dumps(row) + "\n" for row in ROWS)
+CSV = "time_s,unit,x\n" + "".join(f"{row['time_s']},S-1,-1.5\n" for row in ROWS)
+
+
+def parsed(content: bytes, cuts: list[int]) -> tuple[list[Cells], RowParser]:
+    parser = RowParser(1000)
+    places = [0, *sorted(cuts), len(content)]
+    rows = [row for a, b in pairwise(places) for row in parser.feed(content[a:b])]
+    return [*rows, *parser.end()], parser
+
+
+@pytest.mark.parametrize(
+    "text", [NDJSON, CSV, CSV.replace("\n", "\r\n"), "\ufeff" + CSV, CSV + CSV.split("\n")[0] + "\n"]
+)
+@given(cuts=st.lists(st.integers(0, 300), max_size=8))
+def test_rows_are_the_same_whatever_the_stream_is_cut_by(text: str, cuts: list[int]) -> None:
+    rows, parser = parsed(text.encode(), cuts)
+    assert rows == ROWS
+    assert not parser.skipped
+
+
+def test_lines_that_are_no_rows_are_counted() -> None:
+    bad = '[1]\n{"time_s": \n' + "x" * 2000 + "\n" + "\n" + '{"time_s": null, "x": true, "y": [1]}\n'
+    rows, parser = parsed((NDJSON + bad + NDJSON).encode(), [700, 1500])
+    assert len(rows) == 41
+    odd = rows[20]
+    assert math.isnan(float(odd["time_s"]))
+    assert math.isnan(float(odd["y"]))
+    assert odd["x"] == 1.0
+    assert sum(parser.skipped.values()) == 3
+    rows, parser = parsed(b"time_s,x\n1,2\n3\n4,,\n5,\n6,7", [])
+    assert rows[0] == {"time_s": 1.0, "x": 2.0}
+    assert len(rows) == 2
+    assert parser.skipped == {"another number of cells than the header": 2, "cut short at the end": 1}
+
+
+def ordered(order: RowOrder, times: list[float]) -> list[float | None]:
+    found = [passed for time in times for passed in order.push(time, {})]
+    return [None if one is None else one[0] for one in [*found, *order.flush()]]
+
+
+def test_rows_that_come_late_are_put_in_order() -> None:
+    times = [float(i) for i in range(200)]
+    dice = random.Random(0)  # noqa: S311
+    shuffled = sorted(times, key=lambda time: time + dice.uniform(0, 8))
+    order = RowOrder(8)
+    assert ordered(order, shuffled) == times
+    assert order.left_out == 0
+
+
+def test_a_row_that_comes_too_late_or_twice_is_left_out() -> None:
+    order = RowOrder(4)
+    assert ordered(order, [*range(20), 3.0, *range(20, 30), 25.0, 29.0]) == list(range(30))
+    assert order.left_out == 3
+
+
+def test_a_clock_that_is_set_back_begins_anew() -> None:
+    order = RowOrder(4)
+    assert ordered(order, [*range(100, 120), *range(10, 30)]) == [*range(100, 120), None, *range(10, 30)]
+
+
+SETTINGS = StreamSettings()
+
+
+def gathered(
+    times: Array, command: Array, settings: StreamSettings = SETTINGS
+) -> tuple[list[Movement], Gathering]:
+    gathering = Gathering(settings)
+
+    def add() -> Iterator[Movement]:
+        for time, value in zip(times.tolist(), command.tolist(), strict=True):
+            yield from gathering.add(time, value, {"time_s": time, "command_rad": value})
+        yield from gathering.end()
+
+    return list(add()), gathering
+
+
+def test_movements_are_cut_at_rests() -> None:
+    times = np.arange(0, 40, 0.01)
+    moving = (times % 10 > 3) & (times % 10 < 5)
+    command = np.where(moving, np.sin(20 * times), 0.0)
+    movements, gathering = gathered(times, command)
+    assert len(movements) == 4
+    for number, one in enumerate(movements):
+        assert one.first < 10 * number + 3
+        assert one.last == pytest.approx(10 * number + 6.0, abs=0.1)
+        assert one.columns.numeric["time_s"].tolist() == pytest.approx(
+            np.arange(one.first, one.last + 0.005, 0.01).tolist()
+        )
+    assert gathering.skipped == 0
+
+
+def test_what_is_held_is_bounded_and_the_rest_until_a_rest_is_skipped() -> None:
+    settings = StreamSettings(longest_s=5.0)
+    times = np.arange(0, 57, 0.01)
+    command = np.where(times < 50, np.sin(20 * times), np.where(times < 55, 0.0, np.sin(20 * times)))
+    movements, gathering = gathered(times, command, settings)
+    assert [round(one.last - one.first, 1) for one in movements] == [5.0, pytest.approx(3.5, abs=1.0)]
+    assert movements[1].first > 50
+    assert gathering.skipped * 0.01 == pytest.approx(46, abs=0.2)
+
+
+def test_a_stream_that_rests_for_ever_holds_nothing() -> None:
+    gathering = Gathering(StreamSettings())
+    most = 0
+    for i in range(100_000):
+        assert not list(gathering.add(i * 0.01, 1.0, {"time_s": i * 0.01, "command_rad": 1.0}))
+        most = max(most, len(gathering._times))
+    assert most <= 202
+
+
+def test_a_short_gap_in_a_movement_skips_what_follows_and_a_long_one_does_not() -> None:
+    times = np.arange(0, 20, 0.01)
+    command = np.sin(20 * times)
+    short = (times < 5) | (times > 5.5)
+    movements, gathering = gathered(times[short], command[short])
+    assert [round(one.last) for one in movements] == [5]
+    assert gathering.skipped > 1400
+    long = (times < 5) | (times > 7.5)
+    movements, gathering = gathered(times[long], command[long])
+    assert [round(one.last) for one in movements] == [5, 20]
+    assert gathering.skipped == 0
