@@ -62,9 +62,11 @@ class AlarmSettings:
 class PrognosisSettings:
     """Of the prognosis that is kept up to date.
 
-    `horizon` [h] and `risk`: as in `emaphm prognose`; `clears_at`: share of the risk at which
-    `rul_below_horizon` is cleared. `fewest`: explained diagnoses before it is raised: with fewer, the prior
-    decides. `latest`: diagnoses of a unit that are used, 13 ms each (`python -m tests.monitoring.cost`).
+    `horizon` [h] and `risk`: as in `emaphm prognose`; of a healthy unit the probability of failure within
+    this horizon stays below this risk. `clears_at`: share of the risk at which `rul_below_horizon` is
+    cleared. `fewest`: explained diagnoses before it is raised: with fewer, the prior decides. `latest`:
+    diagnoses of a unit that are used; more take longer and change little. `python -m tests.monitoring.cost`
+    measures these.
     `longest_wait_s`: a prognosis waits for recordings that wait, so long at most [s].
     """
 

@@ -1,0 +1,159 @@
+"""The verb `watch`: recordings as they arrive, events as lines of JSON."""
+
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from emaphm.cli.history import DB, Database
+from emaphm.cli.options import ActuatorFile, By, Seed, check_seed, described_actuator, whole_number
+from emaphm.cli.output import counter, say
+from emaphm.errors import MonitoringError
+
+if TYPE_CHECKING:
+    from emaphm.detection import Detector
+    from emaphm.monitoring import WatchSettings
+
+STREAM = "-"
+
+LONGEST_SETTLE_S = 3600.0
+
+
+def watch(
+    source: Annotated[
+        str,
+        Parameter(allow_leading_hyphen=True, help="Folder where recordings arrive; - for rows on stdin."),
+    ],
+    *,
+    db: Database = DB,
+    actuator: ActuatorFile = "thesis",
+    unit: Annotated[
+        str | None, Parameter(help="Serial number, of recordings that do not say whose they are.")
+    ] = None,
+    hours: Annotated[
+        float | None, Parameter(help="Flight hours, of recordings that do not say them [h].")
+    ] = None,
+    name: Annotated[
+        str | None,
+        Parameter(help="What file names say: {unit}, {hours}, {cycles}, {any}; e.g. '{unit}_{hours}.csv'."),
+    ] = None,
+    part: Annotated[
+        str | None, Parameter(help="Part number of all units; the actuator's name if left out.")
+    ] = None,
+    new_units: Annotated[
+        bool, Parameter(negative="", help="Add units that the history does not know; else they are refused.")
+    ] = False,
+    by: By = None,
+    whole: Annotated[
+        bool, Parameter(negative="", help="Diagnose each recording as a whole, without cutting stretches.")
+    ] = False,
+    healthy: Annotated[
+        Path | None, Parameter(help="Detector that 'detect learn' wrote, for what no fault explains: .json.")
+    ] = None,
+    horizon: Annotated[float, Parameter(help="How far is planned: flight hours from now on [h].")] = 200.0,
+    risk: Annotated[
+        float, Parameter(help="Probability of failure within the horizon from which an event is made.")
+    ] = 0.05,
+    raise_after: Annotated[
+        int,
+        Parameter(converter=whole_number, help="Degraded diagnoses in succession that raise an alarm."),
+    ] = 3,
+    clear_after: Annotated[
+        int, Parameter(converter=whole_number, help="Healthy diagnoses in succession that clear one.")
+    ] = 3,
+    settle: Annotated[
+        float, Parameter(help="A file is whole when it has not changed for so long [s].")
+    ] = 2.0,
+    webhook: Annotated[
+        str | None,
+        Parameter(env_var="EMAPHM_WEBHOOK", help="Address that is sent each event by POST, as JSON."),
+    ] = None,
+    watcher: Annotated[
+        str | None,
+        Parameter(help="Name under which the history keeps how far it is; the folder, or 'stdin'."),
+    ] = None,
+    once: Annotated[
+        bool, Parameter(negative="", help="End when all files that are there are judged.")
+    ] = False,
+    seed: Seed = 0,
+) -> None:
+    """Judge recordings as they arrive; events are printed as lines of JSON and kept in the history."""
+    check_seed(seed)
+    described = described_actuator(actuator)
+    from emaphm.history import History
+    from emaphm.monitoring import NamePattern, Ownership, Task
+    from emaphm.monitoring import watch as run
+
+    pattern = None if name is None else NamePattern.parse(name)
+    task = Task(
+        _source(source),
+        Ownership(part or described.name, unit, hours, pattern),
+        watcher or "",
+        split=by,
+        **({"cut": None} if whole else {}),
+        detector=None if healthy is None else _detector(healthy),
+        takes_new_units=new_units,
+        once=once,
+        seed=seed,
+        webhook=webhook,
+    )
+    task.check()
+    settings = _settings(
+        horizon=horizon, risk=risk, raise_after=raise_after, clear_after=clear_after, settle=settle
+    )
+    with History.open(db, create=True) as history, _stopped_by_signal() as stop:
+        where = "standard input" if source == STREAM else source
+        say(f"watching {where}, the history is {history.database.address.shown}")
+        with counter("judging", quiet=False) as count:
+            printing = replace(task, lines=sys.stdout.fileno())
+            done = run(printing, history, described, settings=settings, stop=stop, say=say, on_count=count)
+    say(str(done))
+
+
+def _source(text: str) -> Path | int:
+    if text.startswith("-") and text != STREAM:
+        raise MonitoringError(f"unknown option: {text}; see emaphm watch --help")
+    return sys.stdin.fileno() if text == STREAM else Path(text)
+
+
+def _settings(
+    *, horizon: float, risk: float, raise_after: int, clear_after: int, settle: float
+) -> "WatchSettings":
+    from emaphm.monitoring import WATCH
+    from emaphm.prognosis import Question
+
+    Question(horizon, risk)  # refuses what cannot be
+    for option, count in (("--raise-after", raise_after), ("--clear-after", clear_after)):
+        if not 1 <= count < WATCH.alarm.window:
+            raise MonitoringError(f"{option} {count}: give 1 to {WATCH.alarm.window - 1}")
+    if not 0 <= settle <= LONGEST_SETTLE_S:
+        raise MonitoringError(f"--settle {settle:g}: give 0 to {LONGEST_SETTLE_S:g} s")
+    return replace(
+        WATCH,
+        alarm=replace(WATCH.alarm, raise_after=raise_after, clear_after=clear_after),
+        prognosis=replace(WATCH.prognosis, horizon=horizon, risk=risk),
+        folder=replace(WATCH.folder, settle_s=settle),
+    )
+
+
+def _detector(path: Path) -> "Detector":
+    from emaphm.detection import Detector
+
+    return Detector.load(path)
+
+
+@contextmanager
+def _stopped_by_signal() -> Iterator[threading.Event]:
+    """Yield what SIGTERM sets while the body runs: what is being judged is finished, then it ends."""
+    stop = threading.Event()
+    before = signal.signal(signal.SIGTERM, lambda *_: stop.set())
+    try:
+        yield stop
+    finally:
+        signal.signal(signal.SIGTERM, before)

@@ -1,0 +1,264 @@
+"""`python -m tests.monitoring.cost`: what watching costs, and how soon an event is there.
+
+Latencies are of `emaphm watch` with real diagnoses of half a second at 5 kHz, each of which makes an event;
+throughput and memory of a long stream are with a stand-in for the diagnosis.
+"""
+
+import argparse
+import json
+import os
+import queue
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import emaphm as ema
+from emaphm.history import History
+from emaphm.history.watching import WatchedFile, WatchState
+from emaphm.monitoring import WATCH, Ownership, Task, watch
+from emaphm.monitoring.folder import FolderSource
+from emaphm.prognosis import Evidence, Question, prognose
+from emaphm.prognosis.evidence import Observation
+from emaphm.recording import Recording, write_recording
+
+from . import stand_in
+from .kills import memory_mb
+from .stand_in import THESIS
+
+MOVES_S = 0.5
+
+REST_S = 1.5
+
+
+def command() -> ema.Sampled:
+    """Return half a second of a chirp that fades out, and a rest."""
+    time_s = np.arange(0.0, MOVES_S + REST_S, 1e-4)
+    fading = np.clip((MOVES_S - time_s) / 0.1, 0.0, 1.0)
+    return ema.Sampled(time_s, 5e-3 * fading * np.sin(2 * np.pi * 15 * time_s**2))
+
+
+def recordings(count: int) -> list[Recording]:
+    """Return recordings by turns without and with much friction."""
+    return [
+        ema.simulate(
+            THESIS,
+            command(),
+            duration=MOVES_S + REST_S,
+            faults=ema.Faults(friction=0.3 * (i % 2)),
+            noise=0.05,
+            seed=i,
+        )
+        for i in range(count)
+    ]
+
+
+@contextmanager
+def watching(*line: str) -> Iterator[tuple["subprocess.Popen[str]", "queue.Queue[tuple[float, Any]]"]]:
+    """Yield `emaphm watch` and its events with the times at which they came."""
+    with subprocess.Popen(
+        [sys.executable, "-W", "ignore", "-m", "emaphm.cli", "watch", *line],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    ) as process:
+        events: queue.Queue[tuple[float, Any]] = queue.Queue()
+
+        def read() -> None:
+            assert process.stdout is not None
+            for text in process.stdout:
+                events.put((time.monotonic(), json.loads(text)))
+
+        threading.Thread(target=read, daemon=True).start()
+        try:
+            yield process, events
+        finally:
+            process.kill()
+
+
+def next_change(events: "queue.Queue[tuple[float, Any]]") -> float:
+    """Return when the next event on a unit's health came."""
+    while True:
+        at, event = events.get(timeout=120)
+        if event["event"] == "health_changed":
+            return at
+
+
+def of_files(home: Path, count: int) -> None:
+    """Print the time from a file's last row to its event."""
+    folder = home / "in"
+    folder.mkdir()
+    waits = []
+    with watching(
+        str(folder), "--db", f"{home}/files.sqlite", "--name", "{unit}_{hours}.csv", "--new-units"
+    ) as (_, events):
+        for i, one in enumerate(recordings(count + 2)):
+            write_recording(one, folder / f"U_{i}.csv")
+            written = time.monotonic()
+            if i > 0:  # the first is healthy, and no event
+                waits.append(next_change(events) - written)
+    _print_waits("a file, from its last row to its event", waits[1:])
+
+
+def of_rows(home: Path, count: int) -> None:
+    """Print the time from the last row of a movement to its event, of rows that are sent as they are made."""
+    waits = []
+    line = ("-", "--db", f"{home}/rows.sqlite", "--unit", "U", "--new-units")
+    with watching(*line) as (process, events):
+        assert process.stdin is not None
+        for i, one in enumerate(recordings(count + 2)):
+            rows = _rows(one, i)
+            began = time.monotonic()
+            for k in range(0, len(rows), 100):  # as fast as they are made
+                time.sleep(max(0.0, began + k * one.interval_s - time.monotonic()))
+                process.stdin.writelines(rows[k : k + 100])
+                process.stdin.flush()
+            written = began + MOVES_S
+            if i > 0:
+                waits.append(next_change(events) - written)
+    _print_waits("a movement of a stream, from its last row to its event", waits[1:])
+
+
+def _rows(one: Recording, flight: int) -> list[str]:
+    names = ("time_s", "command_rad", "current_A", "voltage_V")
+    columns = [one[name].tolist() for name in names]
+    return [
+        json.dumps({"hours": float(flight), **dict(zip(names, row, strict=True))}) + "\n"
+        for row in zip(*columns, strict=True)
+    ]
+
+
+def _print_waits(what: str, waits: list[float]) -> None:
+    print(
+        f"{what}: median {np.median(waits):.1f} s, {min(waits):.1f} to {max(waits):.1f} s of {len(waits)}",
+        flush=True,
+    )
+
+
+def of_a_long_stream(home: Path, hours: float) -> None:
+    """Print how many rows a second are taken, and the memory, of a stream of `hours` at 100 Hz."""
+    total, out, into = int(hours * 3600 * 100), *os.pipe()
+    memory: list[tuple[float, float]] = []
+
+    def write() -> None:
+        with os.fdopen(into, "w") as pipe:
+            pipe.write("time_s,command_rad,current_A\n")
+            for first in range(0, total, 2000):
+                time_s = np.arange(first, first + 2000) / 100
+                command = np.where(time_s % 20 < 5, 5e-3 * np.sin(8 * np.pi * time_s), 0.0)
+                current = 1e-9 * time_s
+                pipe.writelines(
+                    f"{t:.2f},{c:.6f},{i:.9f}\n"
+                    for t, c, i in zip(time_s.tolist(), command.tolist(), current.tolist(), strict=True)
+                )
+                memory.append((first / total, memory_mb(os.getpid())))
+
+    threading.Thread(target=write, daemon=True).start()
+    began = time.monotonic()
+    with History.open(home / "long.sqlite", create=True) as history:
+        task = Task(
+            out,
+            Ownership(THESIS.name, "U", 1.0),
+            cut=None,
+            diagnose=stand_in.diagnosed,
+            takes_new_units=True,
+        )
+        done = watch(task, history, THESIS, settings=stand_in.QUICK)
+    took = time.monotonic() - began
+    shares = [min(memory, key=lambda one, at=at: abs(one[0] - at))[1] for at in (0.1, 0.5, 1.0)]
+    print(
+        f"a stream of {hours:g} h at 100 Hz: {done.judged} movements of {total} rows in {took:.0f} s, "
+        f"{total / took:.0f} rows/s; memory at 10, 50 and 100 %: {shares[0]:.0f}, {shares[1]:.0f}, "
+        f"{shares[2]:.0f} MB",
+        flush=True,
+    )
+
+
+def of_a_full_folder(home: Path, files: int) -> None:
+    """Print what a look at a folder costs in which all files are judged."""
+    folder = home / "full"
+    folder.mkdir()
+    with History.open(home / "full.sqlite", create=True) as history:
+        state = WatchState(history, "full")
+        for i in range(files):
+            path = folder / f"U_{i}.csv"
+            path.touch()
+            found = path.stat()
+            state.finish_file(WatchedFile(path.name, 0, found.st_mtime_ns, "", "judged"))
+        source = FolderSource(folder, THESIS, Ownership(THESIS.name), state, WATCH.folder)
+        began = time.monotonic()
+        source.next()
+        took = 1e3 * (time.monotonic() - began)
+        print(f"a look at a folder of {files} judged files: {took:.0f} ms", flush=True)
+
+
+def of_a_prognosis() -> None:
+    """Print what a prognosis costs by the number of diagnoses."""
+    for count in (10, WATCH.prognosis.latest):
+        seen = tuple(
+            Observation(10.0 * i, np.append(np.zeros(7), 0.5), 1e-4 * np.eye(8), np.ones(8, bool))
+            for i in range(count)
+        )
+        evidence = Evidence("U", THESIS.name, 10.0 * count, seen)
+        prognose(evidence, THESIS, keep_past=False)
+        began = time.monotonic()
+        prognose(evidence, THESIS, keep_past=False)
+        print(f"a prognosis of {count} diagnoses: {time.monotonic() - began:.2f} s", flush=True)
+
+
+def of_healthy_units(units: int = 4) -> None:
+    """Print the probability of failure that healthy units have, which raises no event up to the risk."""
+    settings, error = WATCH.prognosis, 0.012
+    asked, found = Question(settings.horizon, settings.risk), []
+    for unit in range(units):
+        random = np.random.default_rng(unit)
+        for hours in (2.0, 20.0):
+            seen = tuple(
+                Observation(
+                    hours * (i + 1),
+                    np.abs(error * random.standard_normal(8)) + np.append(np.zeros(7), 0.5),
+                    error**2 * np.eye(8),
+                    np.ones(8, bool),
+                )
+                for i in range(20)
+            )
+            for count in (settings.fewest, 10, 20):
+                evidence = Evidence("U", THESIS.name, hours * count, seen[:count])
+                made = prognose(evidence, THESIS, asked, keep_past=False)
+                found.append(made.probability_of_failure)
+    above = sum(one > settings.risk for one in found)
+    print(
+        f"healthy units, a diagnosis each 2 or 20 h, {settings.fewest} to 20 of them: probability of failure "
+        f"within {settings.horizon:g} h {min(found):.3f} to {max(found):.3f}, {above} of {len(found)} above "
+        f"{settings.risk:g}",
+        flush=True,
+    )
+
+
+def main() -> int:
+    """Print a line for each."""
+    parser = argparse.ArgumentParser(prog="python -m tests.monitoring.cost", description=__doc__)
+    parser.add_argument("--recordings", type=int, default=12)
+    parser.add_argument("--hours", type=float, default=6.0)
+    parser.add_argument("--files", type=int, default=10_000)
+    asked = parser.parse_args()
+    with tempfile.TemporaryDirectory() as home:
+        of_a_prognosis()
+        of_healthy_units()
+        of_files(Path(home), asked.recordings)
+        of_rows(Path(home), asked.recordings)
+        of_a_long_stream(Path(home), asked.hours)
+        of_a_full_folder(Path(home), asked.files)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
