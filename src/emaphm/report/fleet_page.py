@@ -104,7 +104,7 @@ def _introduction(recorded: Units, drawn: Units, diagnosed: Quality) -> Iterator
         f"{PLAN.interval:g} h, {diagnosed.recordings} recordings with load, temperature and supply of their "
         f"own. {100 * diagnosed.explained:.1f} % are explained; the error of a level is "
         f"{diagnosed.error:.4f} (rms), {100 * diagnosed.coverage:.0f} % of levels are within two standard "
-        f"errors. The fleet of a unit is all other units.\n"
+        f"errors. The fleet of a unit is the half of the units that it is not in.\n"
     )
     yield (
         f"*Drawn diagnoses*: {len(drawn)} further units, for the statistics: each diagnosis is the truth "

@@ -101,7 +101,7 @@ def _moved(mean: Array, covariance: Array, hours: float) -> tuple[Array, Array]:
 def _first_passage(mean: Array, covariance: Array, limit: Limit, random: np.random.Generator) -> Array:
     level, rate = random.multivariate_normal(mean, covariance, PATHS, method="eigh").T
     life = np.where(limit.margin(level) <= 0, 0.0, np.inf)
-    hours, step = 0.0, 10.0
+    hours, step = 0.0, 20.0
     while hours < LONGEST_H and np.isinf(life).any():
         rate = rate + RATE_NOISE * np.sqrt(step) * random.standard_normal(PATHS)
         level = level + rate * step + LEVEL_NOISE * np.sqrt(step) * random.standard_normal(PATHS)

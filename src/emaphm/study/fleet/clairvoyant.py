@@ -9,10 +9,10 @@ from emaphm.fleet.synthetic.growth import LAWS
 from emaphm.fleet.synthetic.unit import STEPS, aged
 from emaphm.random_streams import stream
 
-PATHS = 400
-"""Of the unit's future: a share of a half is then right to 2.5 %."""
+PATHS = 200
+"""Of the unit's future: a share of a half is then right to 3.5 %."""
 
-LONGEST_LIFE = 12_000.0
+LONGEST_LIFE = 10_000.0
 """How far is looked [h]; no unit of the study lives as long."""
 
 

@@ -1,7 +1,7 @@
 """What each way of predicting says of a synthetic unit at shares of its life, against its true end."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from emaphm.prognosis import Evidence, Prior
 from emaphm.prognosis.evidence import follow
 from emaphm.prognosis.metrics import Prediction, crps, probability_integral_transform
 from emaphm.prognosis.prognose import lives
+from emaphm.prognosis.settings import FORECAST
 from emaphm.study.fleet.baselines import LONGEST_H, last_slope, mean_life, one_filter_a_component
 from emaphm.study.fleet.clairvoyant import clairvoyant
 
@@ -33,6 +34,9 @@ WITH_FLEET, ALONE, CLAIRVOYANT, LINE, FILTER, MEAN = (
     "mean life of the fleet",
 )
 WAYS = (WITH_FLEET, ALONE, CLAIRVOYANT, FILTER, LINE, MEAN)
+
+TRACKED = replace(FORECAST, paths=300)
+"""Forecasts at every check flight: a risk of 5 % is then right to 1.3 %."""
 
 HORIZON_H, RISK = 400.0, 0.05
 """A unit is warned of where its probability of failure within the horizon [h] exceeds the risk."""
@@ -70,7 +74,7 @@ def judged(
             str(share): _scores(*sample, failure) for share, sample in zip(SHARES, samples, strict=True)
         }
         if tracked:
-            warned[name] = _warning(lives(past, case.evidence, actuator), failure)
+            warned[name] = _warning(lives(past, case.evidence, actuator, settings=TRACKED), failure)
     for share, i in zip(SHARES, chosen, strict=True):
         hours = float(flights[i])
         until = _until(case.evidence, i)

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ from emaphm.study.fleet.judging import Case, judged
 PLAN = FleetPlan(units=52, flights=70, interval=100.0, seed=1)
 """Of the recorded level: all but one or two units fail within 7,000 h."""
 
-MANY = FleetPlan(units=140, flights=70, interval=100.0, seed=2)
+MANY = FleetPlan(units=110, flights=70, interval=100.0, seed=2)
 """Of the level with drawn diagnoses."""
 
 RESULTS = "results.sqlite"
@@ -30,7 +30,7 @@ RESULTS = "results.sqlite"
 RECORDED, DRAWN = "recorded", "drawn"
 """Levels of the study: diagnoses of recordings; diagnoses drawn from the covariances of these."""
 
-FELLOWS = 40
+FELLOWS = 30
 """The first units of that level, which are the fleet of all others and not judged themselves."""
 
 FEWEST = 4
@@ -75,9 +75,9 @@ def run(
     make_folder(folder.path)
     run_chain(Chain(PLAN, folder.fleet, workers=workers, on_step=on_step))
     work = _work(folder)
-    drawn = next((one for one in work if one.level == DRAWN), None)
-    shared = None if drawn is None else fleet_prior(drawn.others, seed=drawn.plan.seed)
-    chosen = _tasks(work, shared)
+    # Units that have the same fleet share its prior, which takes longer than what is judged with it.
+    priors = {one.fleet: fleet_prior(one.others, seed=one.plan.seed) for one in _first_of_each_fleet(work)}
+    chosen = _tasks(work, priors)
     failures = run_tasks(chosen, folder.results, workers=workers, on_task=on_step("judging"))
     if failures:
         raise StudyError(f"{len(failures)} of {len(chosen)} units failed, the first: {failures[0]}")
@@ -86,7 +86,7 @@ def run(
 def results(folder: StudyFolder) -> dict[str, list[dict[str, Any]]]:
     """Return what was judged of each level, unit by unit; errors as in `run`."""
     work = _work(folder)
-    done, _ = folder.results.read(_tasks(work, None))
+    done, _ = folder.results.read(_tasks(work, {}))
     found: dict[str, list[dict[str, Any]]] = {RECORDED: [], DRAWN: []}
     for i, outcome in sorted(done.items()):
         found[work[i].level].append(outcome.result)
@@ -102,9 +102,13 @@ def recorded_fleet(folder: StudyFolder) -> list[tuple[SyntheticUnit, Evidence]]:
 
 @dataclass(frozen=True, eq=False)
 class _Work:
-    """A unit that failed, to be judged: its diagnoses, and its fleet's with their hours of failure [h]."""
+    """A unit that failed, to be judged: its diagnoses, and its fleet's with their hours of failure [h].
+
+    Those of the same `fleet` have the same `others`.
+    """
 
     level: str
+    fleet: str
     plan: FleetPlan
     unit: SyntheticUnit
     evidence: Evidence
@@ -125,18 +129,31 @@ def _work(folder: StudyFolder) -> list[_Work]:
     pool = Pool.of([evidence for _, evidence in recorded])
     units = (drawn_unit(MANY, i) for i in range(MANY.units))
     drawn = [(one, drawn_evidence(one, MANY, pool)) for one in units if one.check_flights(MANY.interval).size]
+    halves = recorded[::2], recorded[1::2]
     return [
-        *(
-            _Work(RECORDED, PLAN, unit, evidence, *_fleet(recorded[:i] + recorded[i + 1 :]))
-            for i, (unit, evidence) in enumerate(recorded)
-            if _is_judged(unit, evidence)
-        ),
-        *(
-            _Work(DRAWN, MANY, unit, evidence, *_fleet(drawn[:FELLOWS]))
-            for unit, evidence in drawn[FELLOWS:]
-            if _is_judged(unit, evidence)
-        ),
+        *_judged_with(RECORDED, "other half", PLAN, halves[0], halves[1]),
+        *_judged_with(RECORDED, "first half", PLAN, halves[1], halves[0]),
+        *_judged_with(DRAWN, "drawn", MANY, drawn[FELLOWS:], drawn[:FELLOWS]),
     ]
+
+
+def _judged_with(
+    level: str,
+    fleet: str,
+    plan: FleetPlan,
+    units: list[tuple[SyntheticUnit, Evidence]],
+    others: list[tuple[SyntheticUnit, Evidence]],
+) -> list[_Work]:
+    known, lives = _fleet(others)
+    return [
+        _Work(level, fleet, plan, unit, evidence, known, lives)
+        for unit, evidence in units
+        if _is_judged(unit, evidence)
+    ]
+
+
+def _first_of_each_fleet(work: list[_Work]) -> Iterable[_Work]:
+    return {one.fleet: one for one in reversed(work)}.values()
 
 
 def _fleet(units: list[tuple[SyntheticUnit, Evidence]]) -> tuple[tuple[Evidence, ...], tuple[float, ...]]:
@@ -148,17 +165,16 @@ def _is_judged(unit: SyntheticUnit, evidence: Evidence) -> bool:
     return unit.failure is not None and len(evidence.used) >= FEWEST
 
 
-def _tasks(work: list[_Work], shared: Prior | None) -> list[Task]:
-    """Return a task for each unit; `shared` is the prior of the drawn level, whose units have one fleet."""
+def _tasks(work: list[_Work], priors: Mapping[str, Prior]) -> list[Task]:
+    """Return a task for each unit, with the prior of its fleet; without, it only names its result."""
     code = revision_of(DECIDING, NOT_DECIDING)
     return [
-        Task(i, _judge, (one, shared if one.level == DRAWN else None), one.key(code), one.unit.serial_number)
+        Task(i, _judge, (one, priors.get(one.fleet)), one.key(code), one.unit.serial_number)
         for i, one in enumerate(work)
     ]
 
 
-def _judge(work: _Work, shared: Prior | None) -> dict[str, Any]:
-    prior = shared or fleet_prior(work.others, seed=work.plan.seed)
+def _judge(work: _Work, prior: Prior) -> dict[str, Any]:
     case = Case(work.unit, work.evidence, prior, work.lives)
     actuator = fleet_actuator(work.plan.drawn_from)
     return {
