@@ -33,6 +33,8 @@ study: $(INSTALLED)  ## run what is missing of the studies in studies/, write th
 	$(BIN)/python -m emaphm.report.comparison_page studies docs/comparison
 	$(BIN)/python -m emaphm.study.spoilt studies/spoilt
 	$(BIN)/python -m emaphm.report.spoilt_page studies/spoilt docs
+	$(BIN)/python -m emaphm.study.fleet studies/fleet
+	$(BIN)/python -m emaphm.report.fleet_page studies/fleet docs
 
 docs: $(DOCUMENTING)  ## build the site in docs/_build/html; every example of it is run
 	rm -rf docs/_build docs/_tutorials docs/reference/generated

@@ -2,7 +2,7 @@
 
 from emaphm.prognosis.advice import Advice, Costs
 from emaphm.prognosis.evidence import Evidence, Observation
-from emaphm.prognosis.fleet_prior import fellows, fleet_prior
+from emaphm.prognosis.from_fleet.learning import fellows, fleet_prior
 from emaphm.prognosis.prior import Prior
 from emaphm.prognosis.prognose import Question, prognose
 from emaphm.prognosis.requirements import FailureLevels, Limit, Requirements, failure_levels

@@ -7,7 +7,7 @@ import numpy as np
 from emaphm.arrays import Array
 from emaphm.prognosis.laws import Numbers
 from emaphm.prognosis.prior import COMPONENTS, NEW, Hypotheses, Prior
-from emaphm.prognosis.settings import FILTER, FilterSettings
+from emaphm.prognosis.settings import FILTER, LAWS, FilterSettings
 from emaphm.random_streams import stream
 
 LEAST_VARIANCE = 1e-12
@@ -37,6 +37,8 @@ class Belief:
     log_weights
         Natural logarithms of the particles' weights for each component, (n, 8); the exponentials of a column
         sum to 1.
+    log_likelihood
+        Of all diagnoses so far, for each component, (8,), but for a constant that all priors share.
     seed, steps
         Source of all randomness, and how many steps have drawn from it.
     """
@@ -55,6 +57,7 @@ class Belief:
     mixed: Array
     rates: Array
     log_weights: Array
+    log_likelihood: Array
     prior: Prior
     seed: int
     steps: int = 0
@@ -82,6 +85,7 @@ class Belief:
             mixed=zero,
             rates=drawn.rate_deviation[:, :, np.newaxis] ** 2 * np.eye(components),
             log_weights=np.full((n, components), -np.log(n)),
+            log_likelihood=np.zeros(components),
             prior=prior,
             seed=seed,
         )
@@ -115,7 +119,7 @@ class Belief:
 
     def law_probabilities(self) -> Array:
         """Return the probability of each law for each component, (8, laws)."""
-        count = len(self.prior.settings.laws)
+        count = len(LAWS)
         return np.stack(
             [(self.weights * (self.law == number)).sum(axis=0) for number in range(count)], axis=1
         )

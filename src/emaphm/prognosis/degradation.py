@@ -26,10 +26,10 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.prognosis.belief import LEAST_VARIANCE, Belief
-from emaphm.prognosis.laws import Mask, noises, transition
-from emaphm.prognosis.prior import NEW, Hypotheses, is_moving, is_waiting
-from emaphm.prognosis.resampling import drawn_rows, recombined
-from emaphm.prognosis.settings import EXPONENTIAL, FILTER, POWER_LAW, FilterSettings
+from emaphm.prognosis.laws import Mask, is_moving, noises, transition
+from emaphm.prognosis.prior import NEW, Hypotheses, is_waiting
+from emaphm.prognosis.resampling import apart_again, drawn_rows, recombined
+from emaphm.prognosis.settings import AS_ANOTHER, EXPONENTIAL, FILTER, POWER_LAW, FilterSettings
 from emaphm.prognosis.stress import Exposure
 from emaphm.random_streams import stream
 
@@ -58,7 +58,9 @@ def predicted(belief: Belief, hours: float, exposed: Exposure | None = None) -> 
     sets_in = is_waiting(belief.law) & (
         random.random(belief.law.shape) < -np.expm1(-step / belief.life_scale)
     )
-    reach, growth = transition(belief.law, belief.life_scale, belief.shape, belief.aged, step, s)
+    reach, growth = transition(
+        belief.law, belief.life_scale, belief.shape, belief.aged, step, s, belief.prior.references
+    )
     reach = np.where(is_waiting(belief.law), 0.0, reach)
     if sets_in.any():
         onset = belief.prior.after_onset(belief.law.shape, random)
@@ -115,8 +117,10 @@ def updated(belief: Belief, estimate: Array, covariance: Array, settings: Filter
         diagonal = np.einsum("nii->ni", part)
         diagonal[...] = np.maximum(diagonal, least)
     log_weights = belief.log_weights - 0.5 * (innovation**2 / variance + np.log(variance))
-    log_weights -= log_weights.max(axis=0)
-    log_weights -= np.log(np.exp(log_weights).sum(axis=0))
+    shift = log_weights.max(axis=0)
+    log_weights -= shift
+    likelihood = np.log(np.exp(log_weights).sum(axis=0))
+    log_weights -= likelihood
     after = replace(
         belief,
         level=belief.level + (belief.levels @ seen)[:, :, 0],
@@ -126,6 +130,7 @@ def updated(belief: Belief, estimate: Array, covariance: Array, settings: Filter
         mixed=belief.mixed - belief.levels @ of_mixed,
         rates=(rates + np.swapaxes(rates, 1, 2)) / 2,
         log_weights=log_weights,
+        log_likelihood=belief.log_likelihood + shift + likelihood,
         steps=belief.steps + 1,
     )
     few = after.effective_number < settings.effective_share * len(log_weights)
@@ -188,7 +193,7 @@ def _changed(belief: Belief, step: float) -> Belief:
         return belief
     drawn = belief.prior.general(belief.law.shape, belief.aged, random)
     drawn = drawn._replace(exponents=belief.exponents)
-    goes_on = changes & is_moving(belief.law) & is_moving(drawn.law)
+    goes_on = changes & is_moving(belief.law) & (belief.law != AS_ANOTHER) & is_moving(drawn.law)
     after = _with_hypotheses(belief, changes & ~goes_on, drawn)
     return replace(
         after,
@@ -226,15 +231,21 @@ def _resampled(belief: Belief, few: Mask, settings: FilterSettings) -> Belief:
     rows[:, ~few] = np.arange(n)[:, np.newaxis]
     after = recombined(belief, rows)
     s = belief.prior.settings
-    factors = np.where(few, np.exp(settings.jitter * random.standard_normal((3, *belief.law.shape))), 1.0)
-    shape = after.shape * factors[1]
+    # Of the same law, and of the same other unit where that is it.
+    groups = after.law * (1 + after.shape.max()) + np.where(after.law == AS_ANOTHER, after.shape, 0.0)
+
+    def apart(values: Array, mask: Mask) -> Array:
+        return np.where(few & mask, apart_again(values, groups, settings, random), values)
+
+    everywhere = np.ones(after.law.shape, bool)
+    shape = apart(after.shape, (after.law == EXPONENTIAL) | (after.law == POWER_LAW))
     shape = np.where(after.law == EXPONENTIAL, np.clip(shape, *s.growth), shape)
     shape = np.where(after.law == POWER_LAW, np.clip(shape, *s.exponent), shape)
     return replace(
         after,
-        life_scale=np.clip(after.life_scale * factors[0], *s.life_scale),
+        life_scale=np.clip(apart(after.life_scale, everywhere), *s.life_scale),
         shape=shape,
-        roughness=np.clip(after.roughness * factors[2], *s.roughness),
+        roughness=np.clip(apart(after.roughness, everywhere), *s.roughness),
         exponents=_jittered(after, few, settings, random),
         log_weights=np.where(few, -np.log(n), belief.log_weights),
     )

@@ -7,10 +7,10 @@ import numpy as np
 from emaphm.arrays import Array
 from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.degradation import LARGEST_RATE
-from emaphm.prognosis.laws import Numbers, noises, transition
-from emaphm.prognosis.prior import COMPONENTS, Prior, is_moving, is_waiting
+from emaphm.prognosis.laws import Numbers, is_moving, noises, transition
+from emaphm.prognosis.prior import COMPONENTS, Prior, is_waiting
 from emaphm.prognosis.resampling import drawn_rows, recombined, systematic
-from emaphm.prognosis.settings import FORECAST, ForecastSettings
+from emaphm.prognosis.settings import AS_ANOTHER, FORECAST, ForecastSettings
 from emaphm.random_streams import stream
 
 LOWEST = np.array([0.0, 0.0, 0.0, 0.0, 0.0, -1.0, -1.0, 0.0])
@@ -116,7 +116,9 @@ def paths(
                 roughness=np.where(sets_in, new.roughness, state.roughness),
                 rate=np.where(sets_in, rate, state.rate),
             )
-        reach, growth = transition(state.law, state.life_scale, state.shape, state.aged, part * step, s)
+        reach, growth = transition(
+            state.law, state.life_scale, state.shape, state.aged, part * step, s, prior.references
+        )
         reach = np.where(is_waiting(state.law), 0.0, reach)
         of_level, _, _ = noises(
             state.law, state.life_scale, state.roughness, pace, replace(s, rate_noise=0.0)
@@ -188,7 +190,7 @@ def _changed(state: State, step: float, prior: Prior, random: np.random.Generato
         return state
     drawn = prior.general(state.law.shape, state.aged, random)
     rate = drawn.rate + drawn.rate_deviation * random.standard_normal(state.law.shape)
-    goes_on = is_moving(state.law) & is_moving(drawn.law)
+    goes_on = is_moving(state.law) & (state.law != AS_ANOTHER) & is_moving(drawn.law)
     return replace(
         state,
         law=np.where(changes, drawn.law, state.law),

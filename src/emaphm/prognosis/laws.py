@@ -4,11 +4,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.arrays import Array
+from emaphm.prognosis.from_fleet.references import References
 from emaphm.prognosis.settings import (
+    AS_ANOTHER,
+    CHANGING_RATE,
     CONSTANT,
     EXPONENTIAL,
-    LINEAR,
     POWER_LAW,
+    SUDDEN_ONSET,
     DegradationSettings,
 )
 
@@ -28,6 +31,7 @@ def transition(
     age: Array,
     hours: Array | float,
     settings: DegradationSettings,
+    references: References | None = None,
 ) -> tuple[Array, Array]:
     """Return reach and growth of the rate over `hours`, each of the shape of `law`.
 
@@ -39,8 +43,10 @@ def transition(
         linear, sudden onset after it              d = h                        g = 1
         exponential, time constant τ = s T         d = τ (exp(h/τ) - 1)         g = exp(h/τ)
         power law, x - x_0 ∝ a^p                   d = a/p (((a+h)/a)^p - 1)    g = ((a+h)/a)^(p-1)
+        as another unit, whose level moved by L    d = T (L((a+h)/T) - L(a/T))  g = 1
 
-    A negative v falls. Before its onset, a component of sudden onset has v = 0.
+    A negative v falls. L is a function of the share of that unit's span, so that T is the time in which this
+    one goes the same way; v = 1/T goes it as far. Before its onset, a component of sudden onset has v = 0.
 
     Parameters
     ----------
@@ -49,11 +55,13 @@ def transition(
     life_scale
         T [h].
     shape
-        s of the exponential law, p of the power law; no meaning for the others.
+        s of the exponential law, p of the power law, number of the other unit; no meaning for the others.
     age
         a, hours since the component was new [h].
     hours
         h, the step [h].
+    references
+        The other units, where the law of any component is theirs; the shape is then (…, 8).
 
     Returns
     -------
@@ -72,7 +80,18 @@ def transition(
         a = np.maximum(age[rows], settings.first_hours)
         ratio, p = (a + h[rows]) / a, shape[rows]
         reach[rows], growth[rows] = a / p * (ratio**p - 1), ratio ** (p - 1)
+    rows = law == AS_ANOTHER
+    if references is not None and rows.any():
+        unit, scale = shape[rows].astype(int), life_scale[rows]
+        column = np.nonzero(rows)[-1]
+        end = references.moved(unit, (age[rows] + h[rows]) / scale, column)
+        reach[rows] = scale * (end - references.moved(unit, age[rows] / scale, column))
     return reach, growth
+
+
+def is_moving(law: Numbers) -> Mask:
+    """Return whether a component of that law has a rate."""
+    return np.asarray((law != CONSTANT) & (law != SUDDEN_ONSET))
 
 
 def rate_scale(
@@ -83,8 +102,7 @@ def rate_scale(
     0 for the laws under which nothing moves yet: constant, and sudden onset before its onset.
     """
     reach, _ = transition(law, life_scale, shape, age, life_scale, settings)
-    moving = (law == LINEAR) | (law == EXPONENTIAL) | (law == POWER_LAW)
-    return np.where(moving, 1 / np.maximum(reach, life_scale * 1e-3), 0.0)
+    return np.where(is_moving(law), 1 / np.maximum(reach, life_scale * 1e-3), 0.0)
 
 
 def noises(
@@ -106,7 +124,8 @@ def noises(
     Variance of the level [-], covariance [1/h], variance of the rate [1/h²].
     """
     h = np.asarray(hours, float)
-    moving = (law == LINEAR) | (law == EXPONENTIAL) | (law == POWER_LAW)
+    moving = is_moving(law)
     q = np.where(moving, 1.0, settings.quiet**2) * (roughness * settings.noise) ** 2 / life_scale
-    r = np.where(moving, (roughness * settings.rate_noise / life_scale) ** 2 / life_scale, 0.0)
+    wanders = law == CHANGING_RATE
+    r = np.where(wanders, (roughness * settings.rate_noise / life_scale) ** 2 / life_scale, 0.0)
     return q * h + r * h**3 / 3, r * h**2 / 2, r * h

@@ -8,12 +8,13 @@ import numpy as np
 
 from emaphm.actuator.faults import CARTESIAN_NAMES, HEALTHY, to_cartesian
 from emaphm.arrays import Array
+from emaphm.prognosis.from_fleet.references import ECCENTRICITY, References
 from emaphm.prognosis.laws import Mask, Numbers, rate_scale, transition
 from emaphm.prognosis.settings import (
+    AS_ANOTHER,
     DEGRADATION,
     EXPONENTIAL,
     LINEAR,
-    POWER_LAW,
     SUDDEN_ONSET,
     DegradationSettings,
 )
@@ -25,13 +26,17 @@ NEW = to_cartesian(HEALTHY.vector)
 """Levels of a healthy unit, shape (8,), in the order of `CARTESIAN_NAMES`."""
 
 
+AS_THEY_WENT = 0.5
+"""Share of a fleet's hypotheses that are ways which its units went; the others are their laws' parameters."""
+
+
 class Hypotheses(NamedTuple):
     """Laws with their parameters, and what is known of the rate under each; any one shape.
 
     law
         Numbers of `LAWS`.
     life_scale, shape
-        T [h]; time constant as a share of T, or exponent.
+        T [h]; time constant as a share of T, exponent, or number of another unit.
     roughness
         Of the process noise, relative to the settings' [-].
     rate, rate_deviation
@@ -54,8 +59,10 @@ class Prior:
     """The prior of the degradation: `settings`, and where a fleet was seen, its hypotheses.
 
     A component's hypothesis is one of the fleet's, `fleet` of shape (k, 8), with probability `fleet_share`,
-    else drawn by the settings: a fleet of few units has seen few ways to degrade. `reference` is the stress
-    that hours and rates are at; None where no stress was recorded, and an hour is an hour.
+    else drawn by the settings: a fleet of few units has seen few ways to degrade. A share of the fleet's
+    are the ways that its units went, `references`. `spreads`, (2, 8), are standard deviations between units
+    that go the same way: of the logarithm of the time, and of the amplitude as a share. `reference` is the
+    stress that hours and rates are at; None where no stress was recorded, and an hour is an hour.
     """
 
     settings: DegradationSettings = DEGRADATION
@@ -63,6 +70,8 @@ class Prior:
     fleet_share: float = 0.0
     units: int = 0
     reference: StressReference | None = None
+    references: References | None = None
+    spreads: Array | None = None
 
     def draw(self, particles: int, random: np.random.Generator, components: int = COMPONENTS) -> Hypotheses:
         """Return hypotheses of the first `components` of a new unit, each array (particles, components)."""
@@ -76,7 +85,7 @@ class Prior:
         def chosen(theirs: Array, mine: Array) -> Array:
             return np.asarray(np.where(is_fleets, theirs[rows, columns], mine))
 
-        return Hypotheses(
+        drawn = Hypotheses(
             law=np.where(is_fleets, self.fleet.law[rows, columns], own.law),
             life_scale=chosen(self.fleet.life_scale, own.life_scale),
             shape=chosen(self.fleet.shape, own.shape),
@@ -86,6 +95,31 @@ class Prior:
             exponents=np.where(
                 is_fleets[..., np.newaxis], self.fleet.exponents[rows, columns], own.exponents
             ),
+        )
+        return self._as_others(drawn, is_fleets & (random.random(own.law.shape) < AS_THEY_WENT), random)
+
+    def _as_others(self, drawn: Hypotheses, where: Mask, random: np.random.Generator) -> Hypotheses:
+        """Return the hypotheses (n, 8), `where` True those that the component goes the way of another unit's.
+
+        In a time and by an amplitude that differ from the other unit's by `spreads`; the coordinates of an
+        eccentricity by any amplitude up to about its own.
+        """
+        if self.references is None or self.spreads is None:
+            return drawn
+        of_time, of_amplitude = self.spreads
+        unit, span = self.references.drawn((where.shape[0], where.shape[1]), random)
+        scale = span * np.exp(of_time * random.standard_normal(where.shape))
+        where = where & (span > 0)
+        rate = 1 / np.where(where, scale, 1.0)
+        deviation = of_amplitude * rate
+        deviation[:, ECCENTRICITY] = rate[:, ECCENTRICITY]
+        rate[:, ECCENTRICITY] = 0.0
+        return drawn._replace(
+            law=np.where(where, AS_ANOTHER, drawn.law).astype(np.int8),
+            life_scale=np.where(where, scale, drawn.life_scale),
+            shape=np.where(where, unit, drawn.shape),
+            rate=np.where(where, rate, drawn.rate),
+            rate_deviation=np.where(where, deviation, drawn.rate_deviation),
         )
 
     def general(self, shape: tuple[int, ...], age: Array, random: np.random.Generator) -> Hypotheses:
@@ -128,11 +162,6 @@ def rate_when_new(hypotheses: Hypotheses, age: Array, settings: DegradationSetti
         settings,
     )
     return growth
-
-
-def is_moving(law: Numbers) -> Mask:
-    """Return whether a component of that law has a rate."""
-    return np.asarray((law == LINEAR) | (law == EXPONENTIAL) | (law == POWER_LAW))
 
 
 def is_waiting(law: Numbers) -> Mask:

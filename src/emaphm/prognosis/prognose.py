@@ -1,6 +1,7 @@
 """Prognosis of a unit: from its diagnoses to the distribution of its remaining useful life, and advice."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -135,14 +136,24 @@ def past_lives(prognosis: Prognosis, settings: ForecastSettings = FORECAST) -> l
     """Return the RUL as forecast at up to `MOST_PAST` earlier diagnoses: pairs of hours and samples [h]."""
     beliefs = prognosis.past
     chosen = np.unique(np.linspace(0, len(beliefs) - 1, min(MOST_PAST, len(beliefs))).astype(int))
-    requirements = Requirements(prognosis.actuator)
-    return [
-        (
-            beliefs[i].hours,
-            _forecast(beliefs[i], prognosis.evidence, requirements, settings, prognosis.ahead)[1].first,
-        )
-        for i in chosen
-    ]
+    return lives(
+        [beliefs[i] for i in chosen], prognosis.evidence, prognosis.actuator, prognosis.ahead, settings
+    )
+
+
+def lives(
+    beliefs: Sequence[Belief],
+    evidence: Evidence,
+    actuator: Actuator,
+    ahead: Stress | None = None,
+    settings: ForecastSettings = FORECAST,
+) -> list[tuple[float, np.ndarray]]:
+    """Return the RUL as forecast from each of the `beliefs` of a unit: pairs of hours and samples [h].
+
+    `ahead` is the stress to come, as in `prognose`.
+    """
+    requirements = Requirements(actuator)
+    return [(one.hours, _forecast(one, evidence, requirements, settings, ahead)[1].first) for one in beliefs]
 
 
 def _forecast(

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from emaphm.arrays import Array
 from emaphm.prognosis.belief import LEAST_VARIANCE, Belief
+from emaphm.prognosis.settings import FilterSettings
 
 ROUNDING = 1e-9
 """Share of a rate's variance below which what the level leaves of it is a rounding error."""
@@ -73,6 +74,33 @@ def _own(belief: Belief) -> tuple[Array, Array, Array]:
 def _mean_product(weights: Array, values: Array, left: Array, right: Array) -> Array:
     """Return the weighted mean of diag(left) values diag(right), (8, 8)."""
     return np.asarray(np.einsum("n,nij,ni,nj->ij", weights, values, left, right, optimize=True))
+
+
+def apart_again(values: Array, groups: Array, settings: FilterSettings, random: np.random.Generator) -> Array:
+    """Return positive `values` (n, c) of resampled particles, copies of which differ again.
+
+    By a kernel that widens nothing: in each of the `groups` (n, c), numbers of particles of one kind, the
+    logarithm is drawn towards the mean by as much as its scatter adds [2]:
+
+        y⁺ = a y + (1 - a) mean(y) + √(1 - a²) max(sd(y), least) z
+
+    a being `shrinkage`, least `least_spread`, z standard normal.
+
+    References
+    ----------
+    [2] Liu, West: Combined parameter and state estimation in simulation-based filtering, in: Sequential
+        Monte Carlo Methods in Practice (2001).
+    """
+    logarithm, a = np.log(np.maximum(values, np.finfo(float).tiny)), settings.shrinkage
+    result = np.empty_like(values)
+    for c in range(values.shape[1]):
+        _, group, count = np.unique(groups[:, c], return_inverse=True, return_counts=True)
+        y = logarithm[:, c]
+        mean = np.bincount(group, y) / count
+        spread = np.sqrt(np.maximum(np.bincount(group, (y - mean[group]) ** 2) / count, 0.0))
+        noise = np.sqrt(1 - a**2) * np.maximum(spread, settings.least_spread)[group]
+        result[:, c] = a * y + (1 - a) * mean[group] + noise * random.standard_normal(y.size)
+    return np.exp(result)
 
 
 def systematic(weights: Array, count: int, random: np.random.Generator) -> NDArray[np.intp]:

@@ -2,17 +2,18 @@
 
 from dataclasses import dataclass
 
-LAWS = ("constant", "linear", "exponential", "power law", "sudden onset")
+LAWS = ("constant", "linear", "exponential", "power law", "sudden onset", "changing rate", "as another unit")
 """Laws of degradation; the number of a law is its place here."""
 
-CONSTANT, LINEAR, EXPONENTIAL, POWER_LAW, SUDDEN_ONSET = range(len(LAWS))
+CONSTANT, LINEAR, EXPONENTIAL, POWER_LAW, SUDDEN_ONSET, CHANGING_RATE, AS_ANOTHER = range(len(LAWS))
 
 
 @dataclass(frozen=True)
 class DegradationSettings:
     """Prior of the degradation of a component, before any of it is seen.
 
-    The law has the prior probabilities `laws`, in the order of `LAWS`: a component that stays as it is must
+    The law has the prior probabilities `laws`, in the order of `LAWS`, the last of which only a
+    fleet can teach: a component that stays as it is must
     be the likeliest single case, as most components of most units are. `life_scale` [h] is the time T in
     which the level changes by about one, its logarithm uniform: from a component that is worn out in some
     hundred hours to one that outlives the aircraft's 60,000 flight hours. `exponent` is that of the power
@@ -34,14 +35,14 @@ class DegradationSettings:
     measures predictions with them on synthetic units, whose laws are not drawn from this prior.
     """
 
-    laws: tuple[float, ...] = (0.4, 0.2, 0.1, 0.1, 0.2)
+    laws: tuple[float, ...] = (0.4, 0.2, 0.1, 0.1, 0.1, 0.1)
     life_scale: tuple[float, float] = (200.0, 60_000.0)
     exponent: tuple[float, float] = (0.5, 3.0)
     growth: tuple[float, float] = (0.15, 1.0)
     noise: float = 0.03
     quiet: float = 0.2
     rate_noise: float = 0.3
-    roughness: tuple[float, float] = (0.1, 1.5)
+    roughness: tuple[float, float] = (0.1, 5.0)
     change_hours: float = 20_000.0
     new_level: float = 0.03
     exponents: tuple[tuple[float, float], ...] = ((0.0, 4.0), (-0.3, 0.9), (0.0, 1.0))
@@ -56,13 +57,15 @@ class FilterSettings:
     `particles` is the number of banks: with 1,000, an update takes 5 ms on one core, and the median of the
     RUL repeats from seed to seed to 1 % (`python -m tests.prognosis.calibration --seeds`).
     Resampled where fewer than `effective_share` of them carry the weight, the usual half. After it, copies
-    differ again by `jitter` in the logarithms of life scale and shape; their prior's width is 5.7. Exponents
-    of the stress differ by `exponent_jitter` of their range.
+    differ again by a kernel of Liu and West with `shrinkage`, their usual 0.98, in the logarithms of life
+    scale, shape and roughness, whose spread it takes as at least `least_spread`. Exponents of the stress
+    differ by `exponent_jitter` of their range.
     """
 
     particles: int = 1000
     effective_share: float = 0.5
-    jitter: float = 0.1
+    shrinkage: float = 0.98
+    least_spread: float = 0.05
     exponent_jitter: float = 0.05
 
 

@@ -6,11 +6,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from emaphm.arrays import Array
 from emaphm.errors import ExecutionError, HistoryError, nearest
 from emaphm.execution import OnTask, Outcome, Task, check_workers, outcomes
 from emaphm.prognosis.evidence import Evidence
-from emaphm.prognosis.fleet_prior import FEWEST_DIAGNOSES, MOST_UNITS, learnt, pooled
-from emaphm.prognosis.prior import Hypotheses, Prior
+from emaphm.prognosis.from_fleet.learning import (
+    FEWEST_DIAGNOSES,
+    MOST_UNITS,
+    Taught,
+    evenly,
+    likeliest_spreads,
+    pooled,
+    taught_by,
+)
+from emaphm.prognosis.prior import Prior
 from emaphm.prognosis.prognose import DEFAULT_QUESTION, Question, prognose
 from emaphm.prognosis.stress import StressReference
 
@@ -45,15 +54,16 @@ class UnitOutcome:
 
 @dataclass(frozen=True)
 class _Fleet:
-    """What the units of a part number teach: their hypotheses by unit, those that teach most first."""
+    """What the units of a part number teach, by unit, and how alike they are (`Prior.spreads`)."""
 
     reference: StressReference | None
-    learnt: Mapping[str, Hypotheses]
+    taught: Mapping[str, Taught]
+    spreads: Array | None = None
 
     def prior_of(self, unit: str) -> Prior:
-        """Return the prior of a unit: of all others, as `fleet_prior` makes it."""
-        others = [one for name, one in self.learnt.items() if name != unit][:MOST_UNITS]
-        return pooled(others, Prior(reference=self.reference)) if others else Prior()
+        """Return the prior of a unit, by all others."""
+        others = [one for name, one in self.taught.items() if name != unit][:MOST_UNITS]
+        return pooled(others, Prior(reference=self.reference), self.spreads) if others else Prior()
 
 
 def prognose_all(
@@ -71,7 +81,8 @@ def prognose_all(
     """Yield the prognosis of each unit, by part and serial number, as tasks on many workers finish.
 
     Each is what `prognose` gives with the `fleet_prior` of the unit's `fellows`, whatever the number of
-    workers. Where stress was recorded, its reference is that of all units which teach, the unit included.
+    workers, but for what is computed once for all units, the unit included: which of a large fleet teach, how
+    alike they are, and the reference of the stress where that was recorded.
 
     Parameters
     ----------
@@ -148,19 +159,21 @@ def _fleet(
     """Return what those units teach that have most explained diagnoses: one more than a unit learns from."""
     teaching = [one for one in lines if one.explained >= FEWEST_DIAGNOSES]
     teaching.sort(key=lambda one: (-one.explained, one.unit.serial_number))
-    names = [one.unit.serial_number for one in teaching[: MOST_UNITS + 1]]
+    names = [one.unit.serial_number for one in evenly(teaching, MOST_UNITS + 1)]
     if not names:
         return _Fleet(None, {})
-    reference = StressReference.of([piece for one in _evidence(where, names) for piece in one.stresses])
+    evidence = _evidence(where, names)
+    reference = StressReference.of([piece for one in evidence for piece in one.stresses])
     general = Prior(reference=reference)
-    tasks = [Task(i, _learnt, (where, name, general, seed), name=name) for i, name in enumerate(names)]
-    found: dict[str, Hypotheses] = {}
+    tasks = [Task(i, _taught, (where, name, general, seed), name=name) for i, name in enumerate(names)]
+    found: dict[str, Taught] = {}
     with closing(outcomes(tasks, workers=workers, scheduler=scheduler)) as arriving:
         for outcome in _in_order(arriving):
             if outcome.failure:
                 raise ExecutionError(f"what the fleet teaches cannot be computed: {outcome.failure}")
             found[names[outcome.index]] = outcome.result
-    return _Fleet(reference, found)
+    prior = pooled(list(found.values()), general)
+    return _Fleet(reference, found, likeliest_spreads(evidence, prior, seed))
 
 
 def _evidence(where: str, names: Sequence[str]) -> list[Evidence]:
@@ -170,10 +183,10 @@ def _evidence(where: str, names: Sequence[str]) -> list[Evidence]:
         return [Evidence.of(history.unit(name)) for name in names]
 
 
-def _learnt(where: str, name: str, general: Prior, seed: int) -> Hypotheses:
+def _taught(where: str, name: str, general: Prior, seed: int) -> Taught:
     """Return what a unit teaches; a task."""
     (evidence,) = _evidence(where, [name])
-    return learnt(evidence, general, seed)
+    return taught_by(evidence, general, seed)
 
 
 def _prognoses(

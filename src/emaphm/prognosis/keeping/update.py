@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from emaphm.history.kept_prognosis import KeptPrognosis, keep_prognosis
 from emaphm.history.views import keep_curves, read_curves
 from emaphm.prognosis.evidence import Evidence
-from emaphm.prognosis.fleet_prior import fellows, fleet_prior
+from emaphm.prognosis.from_fleet.learning import fellows, fleet_prior
 from emaphm.prognosis.keeping.curves import Curves, fan_row
 from emaphm.prognosis.prognose import DEFAULT_QUESTION, Question, past_lives, prognose
 

@@ -1,0 +1,104 @@
+"""Figures of the study of predictions on a synthetic fleet."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from emaphm.plotting.style import (
+    BLACK,
+    BLUE,
+    FAINT,
+    LEGEND,
+    PAGE_WIDTH,
+    SERIES,
+    new_figure,
+    style_axis,
+)
+from emaphm.study.fleet.judging import ALONE, ALPHA, CLAIRVOYANT, FILTER, LINE, MEAN, SHARES, WITH_FLEET
+from emaphm.study.fleet.scores import alpha_lambda_interval, scores
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+SHOWN = (WITH_FLEET, ALONE, CLAIRVOYANT, FILTER, LINE, MEAN)
+
+COLOURS = dict(zip(SHOWN, (BLUE, SERIES[5], BLACK, SERIES[2], SERIES[1], SERIES[7]), strict=True))
+
+MOST_TRACKS = 6
+"""Units whose predictions over life are drawn."""
+
+BINS = 10
+"""Of the probability integral transform."""
+
+
+def draw_scores(units: Sequence[Mapping[str, Any]]) -> "Figure":
+    """Draw alpha-lambda with its 90 % interval, and CRPS, at each share of life, by way of predicting."""
+    figure = new_figure(PAGE_WIDTH, 3.4)
+    good, error = figure.subplots(1, 2)
+    places = np.arange(len(SHARES), dtype=float)
+    for i, way in enumerate(SHOWN):
+        found = [scores(units, way, share) for share in SHARES]
+        shift = 0.06 * (i - (len(SHOWN) - 1) / 2)
+        value = np.array([one.alpha_lambda for one in found])
+        ends = np.array([alpha_lambda_interval(one) for one in found]).T
+        good.errorbar(
+            places + shift,
+            value,
+            np.abs(ends - value),
+            fmt="o-",
+            color=COLOURS[way],
+            markersize=4,
+            linewidth=1,
+            label=way,
+        )
+        error.plot(places, [one.crps for one in found], "o-", color=COLOURS[way], markersize=4, linewidth=1)
+    for axis in (good, error):
+        axis.set_xticks(places, [f"{share:g}" for share in SHARES])
+    good.set_ylim(-0.02, 1.02)
+    error.set_yscale("log")
+    style_axis(good, "alpha-lambda, with 90 % interval", "share of life λ", "share of synthetic units")
+    style_axis(error, "CRPS [h]: lower is better", "share of life λ")
+    handles, labels = good.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=3, **LEGEND)
+    return figure
+
+
+def draw_tracks(units: Sequence[Mapping[str, Any]]) -> "Figure":
+    """Draw the RUL as predicted over the life of some units, with the fleet's prior, against the true one."""
+    tracked = [one for one in units if one["warned"]]
+    chosen = [
+        tracked[i] for i in np.linspace(0, len(tracked) - 1, min(MOST_TRACKS, len(tracked))).astype(int)
+    ]
+    figure = new_figure(PAGE_WIDTH, 4.6)
+    for axis, one in zip(figure.subplots(2, 3).ravel(), chosen, strict=False):
+        _track(axis, one)
+    return figure
+
+
+def _track(axis: "Axes", one: Mapping[str, Any]) -> None:
+    hours, low, median, high = np.array(one["warned"][WITH_FLEET]["track"]).T
+    failure = one["failure"]
+    true = failure - hours
+    axis.fill_between(hours, low, high, color=BLUE, alpha=0.2, linewidth=0, label="90 %")
+    axis.plot(hours, median, "o-", color=BLUE, markersize=2.5, linewidth=0.8, label="median")
+    axis.plot(hours, true, color=BLACK, linewidth=1, label="true")
+    for side in (1 - ALPHA, 1 + ALPHA):
+        axis.plot(hours, side * true, ":", color=FAINT, linewidth=1)
+    axis.set_ylim(0, 1.6 * failure)
+    style_axis(axis, f"{one['failed']}: {one['law']}", "flight hours [h]", "RUL [h]")
+
+
+def draw_calibration(units: Sequence[Mapping[str, Any]]) -> "Figure":
+    """Draw the probability integral transform of our two ways at each share of life; even if calibrated."""
+    figure = new_figure(PAGE_WIDTH, 2.4)
+    edges = np.linspace(0, 1, BINS + 1)
+    for axis, share in zip(figure.subplots(1, len(SHARES), sharey=True), SHARES, strict=True):
+        for way, style in ((WITH_FLEET, "-"), (ALONE, ":")):
+            values = [one["ways"][way][str(share)]["transform"] for one in units]
+            counts, _ = np.histogram(values, edges)
+            axis.stairs(counts / len(values), edges, color=COLOURS[way], linestyle=style, linewidth=1.5)
+        axis.axhline(1 / BINS, color=FAINT, linewidth=0.8)
+        style_axis(axis, f"λ = {share:g}", "P(RUL < true)", "share of units" if share == SHARES[0] else "")
+    return figure

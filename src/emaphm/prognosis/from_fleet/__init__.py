@@ -1,0 +1,1 @@
+"""What other units of a part number teach about a new one."""

@@ -1,0 +1,111 @@
+"""How components of other units have degraded, as a law that another unit may follow in its own time."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emaphm.actuator.faults import CARTESIAN_NAMES
+from emaphm.arrays import Array
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+POINTS = 65
+"""Of a reference, even over its span: 2 % of a life apart, as units have some ten to a hundred diagnoses."""
+
+FEWEST = 3
+"""Diagnoses that a reference needs."""
+
+END = 0.2
+"""Last share of a span whose slope goes on after it."""
+
+ECCENTRICITY = slice(CARTESIAN_NAMES.index("eccentricity_x"), CARTESIAN_NAMES.index("eccentricity_y") + 1)
+
+
+@dataclass(frozen=True, eq=False)
+class References:
+    """What k other units have shown of their components' degradation.
+
+    Attributes
+    ----------
+    change
+        How far each level has moved since the component was new, (k, 8, m), at m even shares of the span,
+        from 0 to 1. Of both coordinates of an eccentricity it is that of its magnitude: its direction
+        differs from unit to unit.
+    span
+        Hours over which the component was followed [h], (k, 8); 0 where it was not.
+    """
+
+    change: Array
+    span: Array
+
+    @classmethod
+    def of(cls, tracks: "Sequence[Track]") -> "References":
+        """Return what units show, one or more, by the tracks of their levels."""
+        change, span = (np.stack(columns) for columns in zip(*map(_shown, tracks), strict=True))
+        return cls(change, span)
+
+    def without(self, unit: int) -> "References":
+        """Return what the other units show."""
+        span = self.span.copy()
+        span[unit] = 0.0
+        return References(self.change, span)
+
+    def drawn(self, shape: tuple[int, int], random: np.random.Generator) -> tuple[NDArray[np.intp], Array]:
+        """Return units (n, 8), each as likely, of those that show the component, and their spans [h].
+
+        A span is 0 where no unit shows it.
+        """
+        seen = self.span > 0
+        order = np.argsort(~seen, axis=0, kind="stable")
+        place = (random.random(shape) * np.maximum(seen.sum(axis=0), 1)).astype(int)
+        columns = np.broadcast_to(np.arange(shape[1]), shape)
+        units = order[place, columns]
+        return units, self.span[units, columns]
+
+    def moved(self, unit: NDArray[np.intp], share: Array, column: NDArray[np.intp]) -> Array:
+        """Return how far the `unit`'s component `column` has moved at a `share` of its span, any one shape.
+
+        After its end, it goes on with the slope of the last `END` of its span.
+        """
+        last = self.change.shape[2] - 1
+        place = np.clip(share, 0.0, 1.0) * last
+        low = np.minimum(place.astype(int), last - 1)
+        start, end = self.change[unit, column, low], self.change[unit, column, low + 1]
+        before = round((1 - END) * last)
+        slope = (self.change[unit, column, last] - self.change[unit, column, before]) / (1 - before / last)
+        return np.asarray(start + (place - low) * (end - start) + slope * np.maximum(share - 1.0, 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """The filtered levels (n, 8) of a unit at flight `hours` (n,) [h], since its components were `born` (8,).
+
+    `age` (n, 8) [h] is how far each has aged at these hours, under its stress; `new` are levels of a new
+    unit, (8,).
+    """
+
+    hours: Array
+    age: Array
+    level: Array
+    born: Array
+    new: Array
+
+
+def _shown(track: Track) -> tuple[Array, Array]:
+    """Return what one unit shows: changes (8, m) and spans (8,)."""
+    components = track.level.shape[1]
+    change = track.level - track.new
+    change[:, ECCENTRICITY] = np.hypot(*track.level[:, ECCENTRICITY].T)[:, np.newaxis]
+    shown, span = np.zeros((components, POINTS)), np.zeros(components)
+    for c, born in enumerate(track.born):
+        rows = track.hours > born
+        if rows.sum() < FEWEST:
+            continue
+        ages = np.concatenate([[0.0], track.age[rows, c]])
+        values = np.concatenate([[0.0], change[rows, c]])
+        span[c] = ages[-1]
+        shown[c] = np.interp(np.linspace(0, span[c], POINTS), ages, values)
+    return shown, span

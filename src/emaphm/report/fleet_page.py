@@ -1,0 +1,259 @@
+"""The page of the study of predictions on a synthetic fleet.
+
+    python -m emaphm.report.fleet_page studies/fleet docs
+
+reads the results that `python -m emaphm.study.fleet studies/fleet` wrote, and writes ``fleet.md`` with the
+figures in ``fleet/``.
+"""
+
+import sys
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from emaphm.errors import EmaphmError, StudyError
+from emaphm.fleet.synthetic.growth import LAWS
+from emaphm.fleet.synthetic.population import Population
+from emaphm.output_files import make_folder, written_whole
+from emaphm.plotting.fleet import draw_calibration, draw_scores, draw_tracks
+from emaphm.plotting.svg import plain_style, svg
+from emaphm.prognosis.metrics import coverage
+from emaphm.report.markdown import table
+from emaphm.study.fleet.diagnoses import Quality, quality
+from emaphm.study.fleet.judging import ALONE, CLAIRVOYANT, HORIZON_H, RISK, SHARES, WAYS, WITH_FLEET
+from emaphm.study.fleet.run import DRAWN, FELLOWS, PLAN, RECORDED, StudyFolder, recorded_fleet, results
+from emaphm.study.fleet.scores import HEADER, alpha_lambda_interval, scores, warnings
+
+Units = Sequence[Mapping[str, Any]]
+
+ASKED_SHARE = 0.9
+"""Of the clairvoyant's alpha-lambda that ours shall reach."""
+
+ASKED_COVERAGE = (0.85, 0.95)
+
+WARNING_SHARE = 0.1
+"""Of life that a warning shall come before the failure."""
+
+TRACKS = (
+    "Predicted with the fleet's prior from each unit's own past: median and 90 % interval, the true RUL "
+    "(black) and ±20 % of it (dotted). The title says what failed in the end, and by which law.\n"
+)
+
+CALIBRATION = (
+    "Both levels; with the fleet's prior (solid), without (dotted). An even line is calibrated; mass at "
+    "the right is failures that come later than predicted.\n"
+)
+
+
+def fleet_page(found: Mapping[str, Units], diagnosed: Quality, folder: str) -> tuple[str, dict[str, bytes]]:
+    """Return the page as Markdown, and its figures as SVG by name; the page links to them in `folder`.
+
+    Raises
+    ------
+    StudyError
+        A level of the study has no results.
+    """
+    recorded, drawn = found[RECORDED], found[DRAWN]
+    if not recorded or not drawn:
+        raise StudyError("the study has no results yet; run: python -m emaphm.study.fleet studies/fleet")
+    with plain_style():
+        figures = {
+            "scores": svg(draw_scores(recorded)),
+            "tracks": svg(draw_tracks(recorded)),
+            "calibration": svg(draw_calibration([*recorded, *drawn])),
+        }
+    lines = [
+        "# Predictions on a synthetic fleet\n",
+        *_introduction(recorded, drawn, diagnosed),
+        "\n## How good\n",
+        *_verdicts(recorded, drawn),
+        f"\n![Scores of each way of predicting, synthetic fleet]({folder}/scores.svg)\n",
+        *_tables("Diagnosed recordings", recorded),
+        *_tables("Drawn diagnoses", drawn),
+        "\n## A new unit\n",
+        *_new_unit(recorded),
+        "\n## Over a life\n",
+        f"![RUL over the life of synthetic units]({folder}/tracks.svg)\n",
+        TRACKS,
+        *_warnings(recorded),
+        "\n## By what fails\n",
+        _by_law([*recorded, *drawn]),
+        "\n## Calibration\n",
+        f"![Probability integral transforms, synthetic fleet]({folder}/calibration.svg)\n",
+        CALIBRATION,
+        "\n## What the fleet is drawn from\n",
+        *_population(PLAN.drawn_from),
+    ]
+    return "\n".join(lines) + "\n", figures
+
+
+def _introduction(recorded: Units, drawn: Units, diagnosed: Quality) -> Iterator[str]:
+    known = sorted({one["law"] for one in [*recorded, *drawn] if not LAWS[one["law"]].known})
+    yield (
+        "Made by `make study` (`python -m emaphm.study.fleet studies/fleet`, then `python -m "
+        "emaphm.report.fleet_page studies/fleet docs`). **Every unit here is synthetic**: drawn from the "
+        "laws below, run to failure, recorded by the reference model, diagnosed by `emaphm`'s own methods, "
+        "and predicted from its own past alone and the other units' histories. What holds for it holds for "
+        "fleets that degrade in such ways, and is no proof for a real one.\n"
+    )
+    yield (
+        f"*Diagnosed recordings*: {len(recorded)} units that failed, of {PLAN.units}, a check flight each "
+        f"{PLAN.interval:g} h, {diagnosed.recordings} recordings with load, temperature and supply of their "
+        f"own. {100 * diagnosed.explained:.1f} % are explained; the error of a level is "
+        f"{diagnosed.error:.4f} (rms), {100 * diagnosed.coverage:.0f} % of levels are within two standard "
+        f"errors. The fleet of a unit is the half of the units that it is not in.\n"
+    )
+    yield (
+        f"*Drawn diagnoses*: {len(drawn)} further units, for the statistics: each diagnosis is the truth "
+        "plus an error drawn from the covariance that a diagnosis of a recording stated at nearby levels. "
+        f"The fleet is {FELLOWS} units that are not judged.\n"
+    )
+    yield f"Laws that the filter does not have: {', '.join(known)}."
+
+
+def _verdicts(recorded: Units, drawn: Units) -> Iterator[str]:
+    rows = []
+    for name, units in (("diagnosed recordings", recorded), ("drawn diagnoses", drawn)):
+        for share in (0.5, 0.75):
+            ours, best = scores(units, WITH_FLEET, share), scores(units, CLAIRVOYANT, share)
+            low, high = alpha_lambda_interval(ours)
+            rows.append(
+                (
+                    f"{name}, λ = {share:g}",
+                    f"{ours.alpha_lambda:.2f} ({low:.2f} to {high:.2f})",
+                    f"{best.alpha_lambda:.2f}",
+                    f"{100 * ours.alpha_lambda / best.alpha_lambda:.0f} %",
+                    f"{100 * (ours.coverage or 0):.0f} %",
+                    f"{100 * ours.late:.0f} %",
+                )
+            )
+    header = ("", "alpha-lambda (90 % interval)", "clairvoyant", "share of it", "coverage of 90 %", "late")
+    yield table(header, rows)
+    yield (
+        f"\nAsked: {100 * ASKED_SHARE:.0f} % of the clairvoyant's alpha-lambda (α 0.2, β 0.5), and a "
+        f"coverage of {100 * ASKED_COVERAGE[0]:.0f} to {100 * ASKED_COVERAGE[1]:.0f} %. The *clairvoyant* "
+        "knows of each component its law with all parameters, its true level, and the unit's mission; what "
+        "it does not know is what chance has not decided: jumps, drift, the stress of flights to come, and "
+        "the moment of an onset or change that is still to come. *Late*: the median exceeds the true RUL "
+        "by more than 20 %."
+    )
+
+
+def _tables(title: str, units: Units) -> Iterator[str]:
+    yield f"\n### {title}\n"
+    for share in SHARES:
+        what = "the first diagnosis" if share == 0 else f"λ = {share:g}"
+        yield f"\nAt {what}, {len(units)} synthetic units:\n"
+        yield table(HEADER, [(way, *scores(units, way, share).row) for way in WAYS])
+    yield (
+        "\n*Mean life*: of those other units that have lived longer. *Last slope*: a straight line through "
+        "the last ten diagnoses of each component. *One filter a component*: a Kalman filter of level and "
+        "rate for each component, without covariances between them, in the manner of `progpy`. A way that "
+        "gives one number has no interval; its CRPS is its absolute error. No failure in sight counts as "
+        "20,000 h.\n"
+    )
+
+
+def _new_unit(units: Units) -> Iterator[str]:
+    ours, alone = (scores(units, way, 0.0) for way in (WITH_FLEET, ALONE))
+    yield (
+        "The first RUL of a unit, from one diagnosis: with the fleet's prior the CRPS is "
+        f"{ours.crps:,.0f} h, the 90 % interval {ours.width:.1f} times as wide as the true RUL, and it holds "
+        f"{100 * (ours.coverage or 0):.0f} % of the true ones; without, {alone.crps:,.0f} h, "
+        f"{alone.width:.1f} times, and {100 * (alone.coverage or 0):.0f} %."
+    )
+
+
+def _warnings(units: Units) -> Iterator[str]:
+    yield (
+        f"A unit is warned of where its probability of failure within {HORIZON_H:g} h exceeds "
+        f"{100 * RISK:g} %, which is `--horizon {HORIZON_H:g}` with the usual risk. Asked: no failure "
+        f"without a warning {100 * WARNING_SHARE:.0f} % of life before it, in 99 %.\n"
+    )
+    rows = []
+    for way in (WITH_FLEET, ALONE):
+        remaining = np.array(warnings(units, way))
+        low, middle, high = np.quantile(remaining, (0.05, 0.5, 0.95))
+        rows.append(
+            (
+                way,
+                f"{np.mean(remaining >= WARNING_SHARE) * 100:.0f} %",
+                f"{100 * middle:.0f} % ({100 * low:.0f} to {100 * high:.0f} %)",
+            )
+        )
+    header = ("", "warned in time", "life that remained at the first warning: median (5 to 95 %)")
+    yield table(header, rows)
+
+
+def _by_law(units: Units) -> str:
+    rows = []
+    for law, count in Counter(one["law"] for one in units).most_common():
+        chosen = [one for one in units if one["law"] == law]
+        cells: list[str] = []
+        for share in (0.5, 0.75):
+            ways = (WITH_FLEET, CLAIRVOYANT)
+            cells += [f"{scores(chosen, way, share).alpha_lambda:.2f}" for way in ways]
+            transforms = [one["ways"][WITH_FLEET][str(share)]["transform"] for one in chosen]
+            cells.append(f"{100 * coverage(transforms):.0f} %")
+        name = law if LAWS[law].known else f"{law} (unknown to the filter)"
+        rows.append((name, str(count), *cells))
+    header = (
+        "law of what fails",
+        "units",
+        "alpha-lambda, λ = 0.5",
+        "clairvoyant",
+        "coverage",
+        "λ = 0.75",
+        "clairvoyant",
+        "coverage",
+    )
+    return table(header, rows)
+
+
+def _population(population: Population) -> Iterator[str]:
+    rows = [
+        (
+            name,
+            ", ".join(f"{law} {100 * share:.0f} %" for law, share in wear.laws.items()),
+            f"{100 * wear.share:.0f} %",
+            f"{wear.life:,.0f} h",
+            f"{wear.spread:g}",
+            f"{wear.limit:g}",
+        )
+        for name, wear in population.wear.items()
+    ]
+    header = ("component", "laws", "of the units", "median life", "spread (log)", "limit")
+    yield table(header, rows)
+    s = population.stress
+    yield (
+        f"\nThe median life is that until the component reaches its limit, under nominal stress. A unit ages "
+        f"2^(ΔT/{s.doubling:g} K) (1 + l)^3 times as fast: its mission has ΔT with a standard deviation of "
+        f"{s.mission_K:g} K and l of {s.mission_load:g}, each stretch between two check flights further "
+        f"{s.flight_K:g} K and {s.flight_load:g}. The laws and the ranges of their parameters are in "
+        "`src/emaphm/fleet/synthetic/growth.py`, the numbers above in `population.py` beside it. They were "
+        "chosen before anything was predicted on them; the prognosis was developed on another fleet "
+        "(`--population development`)."
+    )
+
+
+def write_fleet_page(studies: str | Path, folder: str | Path) -> Path:
+    """Write ``fleet.md`` and its figures to `folder` from the results in `studies`, and return its path."""
+    place, out = StudyFolder(Path(studies)), Path(folder)
+    page, figures = fleet_page(results(place), quality(recorded_fleet(place)), "fleet")
+    make_folder(out / "fleet")
+    for name, picture in figures.items():
+        with written_whole(out / "fleet" / f"{name}.svg") as temporary:
+            temporary.write_bytes(picture)
+    with written_whole(out / "fleet.md") as temporary:
+        temporary.write_text(page, encoding="utf-8")
+    return out / "fleet.md"
+
+
+if __name__ == "__main__":
+    try:
+        write_fleet_page(sys.argv[1], sys.argv[2])
+    except EmaphmError as error:
+        sys.exit(f"error: {error}")

@@ -1,0 +1,47 @@
+"""Measure predictions of remaining useful life on a synthetic fleet.
+
+    python -m emaphm.study.fleet studies/fleet
+
+makes the fleet, diagnoses it and judges the predictions, each unless it is there, and prints a table;
+`python -m emaphm.report.fleet_page studies/fleet docs` writes the page.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+from emaphm.errors import EmaphmError
+from emaphm.execution import OnTask
+from emaphm.study.fleet.judging import SHARES, WAYS
+from emaphm.study.fleet.run import StudyFolder, results, run
+from emaphm.study.fleet.scores import HEADER, scores
+from emaphm.text_table import format_table
+
+
+def main() -> None:
+    """Run the study as the command line asks."""
+    parser = argparse.ArgumentParser(prog="python -m emaphm.study.fleet", description=__doc__)
+    parser.add_argument("folder", type=Path, help="where results are kept; the same command goes on")
+    parser.add_argument("--workers", type=int, help="processes; one a core if left out")
+    asked = parser.parse_args()
+    folder = StudyFolder(asked.folder)
+    run(folder, workers=asked.workers, on_step=_step if sys.stderr.isatty() else lambda _: None)
+    for level, units in results(folder).items():
+        for share in SHARES:
+            print(f"{level}, {len(units)} synthetic units, λ = {share:g}")
+            print(format_table(HEADER, [(way, *scores(units, way, share).row) for way in WAYS]))
+
+
+def _step(name: str) -> OnTask:
+    def count(done: int, total: int) -> None:
+        sys.stderr.write(f"\r{name}: {done} of {total} ")
+        sys.stderr.flush()
+
+    return count
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except EmaphmError as error:
+        sys.exit(f"error: {error}")

@@ -1,0 +1,48 @@
+"""Diagnoses of synthetic units drawn from the covariances of real ones: cheap, for many units.
+
+A second level of the study. Its diagnoses are not computed from recordings: each is the truth plus an error
+drawn from the covariance that a diagnosis of a recording stated at nearby levels. It can say nothing of how
+good diagnoses are, and counts on their covariances being right, which the first level measures.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from emaphm.actuator.faults import to_cartesian
+from emaphm.arrays import Array
+from emaphm.fleet.synthetic import FleetPlan, SyntheticUnit
+from emaphm.fleet.synthetic.recordings import PART_NUMBER
+from emaphm.prognosis import Evidence, Observation
+from emaphm.random_streams import stream
+
+
+@dataclass(frozen=True, eq=False)
+class Pool:
+    """What diagnoses of recordings stated: levels (n, 8) and covariances (n, 8, 8), `CARTESIAN_NAMES`."""
+
+    level: Array
+    covariance: Array
+
+    @classmethod
+    def of(cls, fleet: Sequence[Evidence]) -> "Pool":
+        """Return the pool of the diagnoses of a fleet that explain their recordings."""
+        used = [one for evidence in fleet for one in evidence.used]
+        return cls(np.stack([one.level for one in used]), np.stack([one.covariance for one in used]))
+
+    def near(self, level: Array) -> Array:
+        """Return the covariance (8, 8) that was stated nearest to `level` (8,)."""
+        return np.asarray(self.covariance[np.sum((self.level - level) ** 2, axis=1).argmin()])
+
+
+def drawn_evidence(unit: SyntheticUnit, plan: FleetPlan, pool: Pool) -> Evidence:
+    """Return diagnoses of a unit at each check flight, their errors drawn."""
+    random = stream(plan.seed, "drawn diagnoses", unit.serial_number)
+    observations = []
+    for hours in unit.check_flights(plan.interval):
+        true = to_cartesian(unit.vectors[unit.row(hours)])
+        covariance = pool.near(true)
+        level = random.multivariate_normal(true, covariance, method="eigh")
+        observations.append(Observation(float(hours), level, covariance, np.ones(level.size, bool)))
+    return Evidence(unit.serial_number, PART_NUMBER, observations[-1].hours, tuple(observations))

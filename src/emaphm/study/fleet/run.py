@@ -1,0 +1,183 @@
+"""Running the study: a synthetic fleet through the whole chain, then predictions judged unit by unit."""
+
+import hashlib
+import json
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from emaphm.errors import StudyError
+from emaphm.execution import OnTask, Task, run_tasks
+from emaphm.execution.revision import revision_of
+from emaphm.execution.store import ResultStore
+from emaphm.fleet.synthetic import Chain, FleetFolder, FleetPlan, SyntheticUnit, drawn_unit, run_chain
+from emaphm.fleet.synthetic.recordings import fleet_actuator
+from emaphm.history import History
+from emaphm.output_files import make_folder
+from emaphm.prognosis import Evidence, Prior, fleet_prior
+from emaphm.study.fleet.drawn import Pool, drawn_evidence
+from emaphm.study.fleet.judging import Case, judged
+
+PLAN = FleetPlan(units=52, flights=70, interval=100.0, seed=1)
+"""Of the recorded level: all but one or two units fail within 7,000 h."""
+
+MANY = FleetPlan(units=110, flights=70, interval=100.0, seed=2)
+"""Of the level with drawn diagnoses."""
+
+RESULTS = "results.sqlite"
+
+RECORDED, DRAWN = "recorded", "drawn"
+"""Levels of the study: diagnoses of recordings; diagnoses drawn from the covariances of these."""
+
+FELLOWS = 30
+"""The first units of that level, which are the fleet of all others and not judged themselves."""
+
+FEWEST = 4
+"""Explained diagnoses of a unit that is judged: what failed before cannot be seen to come by anybody."""
+
+DECIDING = ("prognosis", "fleet/synthetic", "study/fleet", "actuator", "random_streams.py")
+NOT_DECIDING = ("actuator/toml.py", "study/fleet/__main__.py", "study/fleet/scores.py")
+
+
+@dataclass(frozen=True)
+class StudyFolder:
+    """The folder of the study: the fleet with its recordings in ``fleet``, what was judged beside it."""
+
+    path: Path
+
+    @property
+    def fleet(self) -> FleetFolder:
+        """The synthetic fleet of the recorded level."""
+        return FleetFolder(self.path / "fleet")
+
+    @property
+    def results(self) -> ResultStore:
+        """What was judged."""
+        return ResultStore(self.path / RESULTS)
+
+
+def run(
+    folder: StudyFolder,
+    *,
+    workers: int | None = None,
+    on_step: Callable[[str], OnTask | None] = lambda _: None,
+) -> None:
+    """Do what is missing of both levels.
+
+    Raises
+    ------
+    StudyError
+        Some units could not be judged; the others are kept.
+    ExecutionError, HistoryError, OutputError
+        Workers, the folder or the history cannot be used.
+    """
+    make_folder(folder.path)
+    run_chain(Chain(PLAN, folder.fleet, workers=workers, on_step=on_step))
+    work = _work(folder)
+    # Units that have the same fleet share its prior, which takes longer than what is judged with it.
+    priors = {one.fleet: fleet_prior(one.others, seed=one.plan.seed) for one in _first_of_each_fleet(work)}
+    chosen = _tasks(work, priors)
+    failures = run_tasks(chosen, folder.results, workers=workers, on_task=on_step("judging"))
+    if failures:
+        raise StudyError(f"{len(failures)} of {len(chosen)} units failed, the first: {failures[0]}")
+
+
+def results(folder: StudyFolder) -> dict[str, list[dict[str, Any]]]:
+    """Return what was judged of each level, unit by unit; errors as in `run`."""
+    work = _work(folder)
+    done, _ = folder.results.read(_tasks(work, {}))
+    found: dict[str, list[dict[str, Any]]] = {RECORDED: [], DRAWN: []}
+    for i, outcome in sorted(done.items()):
+        found[work[i].level].append(outcome.result)
+    return found
+
+
+def recorded_fleet(folder: StudyFolder) -> list[tuple[SyntheticUnit, Evidence]]:
+    """Return the units of the recorded level with their diagnoses."""
+    with History.open(folder.fleet.history) as history:
+        units = [drawn_unit(PLAN, i) for i in range(PLAN.units)]
+        return [(one, Evidence.of(history.unit(one.serial_number))) for one in units]
+
+
+@dataclass(frozen=True, eq=False)
+class _Work:
+    """A unit that failed, to be judged: its diagnoses, and its fleet's with their hours of failure [h].
+
+    Those of the same `fleet` have the same `others`.
+    """
+
+    level: str
+    fleet: str
+    plan: FleetPlan
+    unit: SyntheticUnit
+    evidence: Evidence
+    others: tuple[Evidence, ...]
+    lives: tuple[float, ...]
+
+    def key(self, code: str) -> str:
+        """Return what identifies the result: all that decides it."""
+        diagnoses = [
+            [one.unit, [(x.hours, x.level.tolist(), x.explained) for x in one.observations]]
+            for one in (self.evidence, *self.others)
+        ]
+        return hashlib.sha256(json.dumps([self.level, diagnoses, code]).encode()).hexdigest()
+
+
+def _work(folder: StudyFolder) -> list[_Work]:
+    recorded = recorded_fleet(folder)
+    pool = Pool.of([evidence for _, evidence in recorded])
+    units = (drawn_unit(MANY, i) for i in range(MANY.units))
+    drawn = [(one, drawn_evidence(one, MANY, pool)) for one in units if one.check_flights(MANY.interval).size]
+    halves = recorded[::2], recorded[1::2]
+    return [
+        *_judged_with(RECORDED, "other half", PLAN, halves[0], halves[1]),
+        *_judged_with(RECORDED, "first half", PLAN, halves[1], halves[0]),
+        *_judged_with(DRAWN, "drawn", MANY, drawn[FELLOWS:], drawn[:FELLOWS]),
+    ]
+
+
+def _judged_with(
+    level: str,
+    fleet: str,
+    plan: FleetPlan,
+    units: list[tuple[SyntheticUnit, Evidence]],
+    others: list[tuple[SyntheticUnit, Evidence]],
+) -> list[_Work]:
+    known, lives = _fleet(others)
+    return [
+        _Work(level, fleet, plan, unit, evidence, known, lives)
+        for unit, evidence in units
+        if _is_judged(unit, evidence)
+    ]
+
+
+def _first_of_each_fleet(work: list[_Work]) -> Iterable[_Work]:
+    return {one.fleet: one for one in reversed(work)}.values()
+
+
+def _fleet(units: list[tuple[SyntheticUnit, Evidence]]) -> tuple[tuple[Evidence, ...], tuple[float, ...]]:
+    lives = tuple(one.failure for one, _ in units if one.failure is not None)
+    return tuple(evidence for _, evidence in units), lives
+
+
+def _is_judged(unit: SyntheticUnit, evidence: Evidence) -> bool:
+    return unit.failure is not None and len(evidence.used) >= FEWEST
+
+
+def _tasks(work: list[_Work], priors: Mapping[str, Prior]) -> list[Task]:
+    """Return a task for each unit, with the prior of its fleet; without, it only names its result."""
+    code = revision_of(DECIDING, NOT_DECIDING)
+    return [
+        Task(i, _judge, (one, priors.get(one.fleet)), one.key(code), one.unit.serial_number)
+        for i, one in enumerate(work)
+    ]
+
+
+def _judge(work: _Work, prior: Prior) -> dict[str, Any]:
+    case = Case(work.unit, work.evidence, prior, work.lives)
+    actuator = fleet_actuator(work.plan.drawn_from)
+    return {
+        "level": work.level,
+        **judged(case, work.plan, actuator, work.plan.seed, tracked=work.level == RECORDED),
+    }

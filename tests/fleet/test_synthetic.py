@@ -1,0 +1,166 @@
+"""A synthetic fleet: its laws against closed forms, its truth, and the whole chain over it."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+import polars as pl
+import pytest
+
+from cases import THESIS
+from emaphm.actuator.faults import HEALTHY, NAMES
+from emaphm.cli import main
+from emaphm.errors import ExecutionError
+from emaphm.fleet.synthetic import FleetPlan, drawn_unit, population
+from emaphm.fleet.synthetic.growth import LAWS
+from emaphm.fleet.synthetic.population import FLEET, POPULATIONS, Stress, Wear
+from emaphm.fleet.synthetic.unit import aged
+from emaphm.history import History
+from emaphm.recording import read_recording
+from emaphm.study.fleet.clairvoyant import clairvoyant
+
+U = np.linspace(0, 2, 401)
+PLAN = FleetPlan(units=3, flights=60, interval=100.0)
+
+
+def progress(law: str, **parameters: float) -> np.ndarray:
+    return LAWS[law].progress(U, parameters, np.random.default_rng(0))
+
+
+def test_laws_are_what_they_are_called() -> None:
+    at_1 = np.searchsorted(U, 1.0)
+    assert progress("linear") == pytest.approx(U)
+    for law, parameters in (("exponential", {"growth": 2.0}), ("power law", {"exponent": 1.7})):
+        assert progress(law, **parameters)[at_1] == pytest.approx(1.0)
+    assert np.diff(np.log(1 + progress("exponential", growth=2.0) * np.expm1(2.0))) == pytest.approx(0.01)
+    onset = progress("sudden onset", moment=0.5, slope=2.0)
+    assert onset[U <= 0.5] == pytest.approx(0.0)
+    assert np.diff(onset[U >= 0.5]) == pytest.approx(0.01)
+    two = progress("two-phase", moment=0.5, slope=0.4, factor=3.0)
+    assert np.diff(two)[[0, -1]] == pytest.approx([0.002, 0.006])
+    saturating = progress("logistic", middle=0.5, width=0.15)
+    assert saturating[at_1] == pytest.approx(1.0)
+    assert saturating[-1] - saturating[-2] < 1e-5 < np.diff(saturating)[at_1 // 2]
+
+
+def test_a_gamma_process_has_the_mean_and_variance_of_its_law() -> None:
+    random = np.random.default_rng(1)
+    ends = np.array([LAWS["gamma process"].progress(U, {"jumps": 40.0}, random)[-1] for _ in range(2000)])
+    assert ends.mean() == pytest.approx(2.0, abs=4 * np.sqrt(2 / 40 / 2000))
+    assert ends.var() == pytest.approx(2 / 40, rel=0.15)
+
+
+def test_stress_sets_how_fast_a_unit_ages() -> None:
+    hours, random = np.linspace(0, 1000, 101), np.random.default_rng(0)
+    quiet = Stress(mission_K=0, flight_K=0, mission_load=0, flight_load=0)
+    assert aged(hours, (0.0, 0.0), quiet, 100.0, random) == pytest.approx(hours)
+    assert aged(hours, (40.0, 0.0), quiet, 100.0, random) == pytest.approx(2 * hours)
+    assert aged(hours, (0.0, 0.1), quiet, 100.0, random) == pytest.approx(1.331 * hours)
+
+
+def test_a_unit_ends_where_a_limit_is_first_reached_and_not_by_the_size_of_its_fleet() -> None:
+    for number in range(6):
+        unit = drawn_unit(PLAN, number)
+        again = drawn_unit(replace(PLAN, units=50), number)
+        assert np.array_equal(unit.vectors, again.vectors)
+        beyond = {one.name: one.failed(unit.vectors[:, NAMES.index(one.name)]) for one in unit.components}
+        assert not any(values[:-1].any() for values in beyond.values())
+        if unit.failure is None:
+            assert not any(values[-1] for values in beyond.values())
+            continue
+        assert beyond[str(unit.failed)][-1]
+        flights = unit.check_flights(PLAN.interval)
+        assert flights[-1] < unit.failure <= flights[-1] + PLAN.interval
+
+
+def test_a_clairvoyant_knows_the_life_of_a_unit_that_nothing_can_happen_to(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    wear = {"friction": Wear(MappingProxyType({"linear": 1.0}), 1.0, 2000.0, 0.6)}
+    calm = replace(
+        FLEET,
+        name="calm",
+        wear=MappingProxyType(wear),
+        stress=Stress(mission_K=0, flight_K=0, mission_load=0, flight_load=0),
+        drift=0.0,
+        new_level=0.0,
+    )
+    monkeypatch.setattr(population, "POPULATIONS", {**POPULATIONS, "calm": calm})
+    monkeypatch.setattr("emaphm.fleet.synthetic.plan.POPULATIONS", {**POPULATIONS, "calm": calm})
+    plan = replace(PLAN, population="calm")
+    unit = drawn_unit(plan, 0)
+    (one,) = unit.components
+    assert unit.failure == pytest.approx(one.life, abs=10.0)
+    sample = clairvoyant(unit, 500.0, plan)
+    assert sample == pytest.approx(one.life - 500.0, abs=10.0)
+
+
+def fleet(folder: Path, capsys: pytest.CaptureFixture[str], *further: str) -> dict[str, object]:
+    arguments = ["fleet", "simulate", "-o", str(folder), "--units", "2", "--flights", "1", "--workers", "1"]
+    assert main([*arguments, "--json", *further]) == 0
+    values: dict[str, object] = json.loads(capsys.readouterr().out)
+    return values
+
+
+def test_the_chain_runs_in_one_command_and_goes_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "fleet"
+    made = fleet(folder, capsys, "--simulate-only")
+    assert made["synthetic"] is True
+    assert not (folder / "history.sqlite").exists()
+    whole = fleet(folder, capsys)
+    assert whole["recordings"] == 2
+    units = whole["units"]
+    assert isinstance(units, list)
+    assert all(one["prognosis"]["synthetic"] for one in units)
+    written = {
+        path: path.stat().st_mtime_ns for path in folder.rglob("*.parquet") if "truth" not in path.parts
+    }
+    assert fleet(folder, capsys) == whole
+    assert {path: path.stat().st_mtime_ns for path in written} == written
+    with History.open(folder / "history.sqlite") as history:
+        (unit, _) = history.units()
+        (diagnosis,) = unit.diagnoses()
+    truth = pl.read_parquet(folder / "truth" / "levels.parquet").filter(unit=unit.serial_number, hours=80.0)
+    assert diagnosis.explained
+    assert diagnosis.vector[0] == pytest.approx(truth["friction"][0], abs=0.02)
+    assert read_recording(next(iter(written)), THESIS).labels["origin"] == "synthetic"
+    assert main(["fleet", "simulate", "-o", str(folder), "--units", "3", "--flights", "1"]) == 2
+    assert "holds another synthetic fleet: 'plan.units' (2 there, 3 here)" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["--units", "0"], "0 units cannot be simulated"),
+        (["--flights", "-1"], "-1 flights cannot be simulated"),
+        (["--interval", "nan"], "an interval of nan h"),
+        (["--population", "fleat"], "unknown population 'fleat' (did you mean 'fleet'?)"),
+        (["--horizon", "0"], "a horizon of 0 h"),
+        (["--seed", "-1"], "--seed -1 is negative"),
+        (["--workers", "0"], "--workers 0"),
+    ],
+)
+def test_what_cannot_be_is_refused(
+    arguments: list[str], complaint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["fleet", "simulate", "-o", str(tmp_path / "fleet"), *arguments]) == 2
+    assert complaint in capsys.readouterr().err
+    assert not (tmp_path / "fleet").exists()
+
+
+def test_a_folder_of_something_else_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "thesis.txt").write_text("mine", encoding="utf-8")
+    from emaphm.fleet.synthetic import FleetFolder
+
+    with pytest.raises(ExecutionError, match="holds something else than a synthetic fleet"):
+        FleetFolder(tmp_path).begin(PLAN)
+
+
+def test_a_new_unit_is_about_healthy() -> None:
+    new = np.array([drawn_unit(PLAN, i).new for i in range(30)])
+    plain = [0, 1, 2, 3, 4, 5, 7]
+    assert np.abs(new[:, plain] - HEALTHY.vector[plain]).max() < 0.05

@@ -1,0 +1,93 @@
+"""What other units teach: the ways that they went, in whose time, and by how much units differ."""
+
+import numpy as np
+import pytest
+
+from emaphm.arrays import Array
+from emaphm.prognosis import Evidence, Observation, fleet_prior
+from emaphm.prognosis.evidence import follow
+from emaphm.prognosis.from_fleet.references import References, Track
+from emaphm.prognosis.laws import transition
+from emaphm.prognosis.prior import NEW
+from emaphm.prognosis.resampling import apart_again
+from emaphm.prognosis.settings import AS_ANOTHER, DEGRADATION, FilterSettings
+
+HOURS = np.arange(50.0, 2001.0, 50.0)
+
+
+def bent(hours: Array | float) -> Array:
+    """Return a level that saturates, by none of the filter's laws."""
+    return np.asarray(0.7 / (1 + np.exp(-(np.asarray(hours) - 900.0) / 180.0)))
+
+
+def track(level: Array) -> Track:
+    levels = np.tile(NEW, (HOURS.size, 1))
+    levels[:, 0] = level
+    return Track(HOURS, np.tile(HOURS[:, np.newaxis], 8), levels, np.zeros(8), NEW)
+
+
+def test_a_component_goes_the_way_of_another_unit_in_its_own_time() -> None:
+    references = References.of([track(np.zeros(HOURS.size)), track(bent(HOURS))])
+    law, unit = np.full((1, 8), AS_ANOTHER, np.int8), np.ones((1, 8))
+    scale = np.full((1, 8), 4000.0)  # twice the time of the other one
+    for age, step in ((200.0, 300.0), (1500.0, 900.0), (100.0, 3800.0)):
+        reach, growth = transition(law, scale, unit, np.full((1, 8), age), step, DEGRADATION, references)
+        # Amplitude 1, so a rate of 1/T; the other unit is interpolated at 65 points.
+        expected = bent((age + step) / 2) - bent(age / 2)
+        assert reach[0, 0] / 4000.0 == pytest.approx(expected, abs=2e-3)
+        assert growth[0, 0] == 1.0
+        assert reach[0, 1] == pytest.approx(0.0)
+
+
+def test_after_its_end_a_way_goes_on_straight() -> None:
+    references = References.of([track(3e-4 * HOURS)])
+    where = np.zeros(1, int)
+    assert references.moved(where, np.array([1.5]), where) == pytest.approx([0.9], rel=1e-6)
+
+
+def test_a_replaced_component_teaches_its_last_life_only() -> None:
+    new = track(3e-4 * HOURS)
+    first = np.arange(8) == 0
+    age = np.where(first & (HOURS[:, np.newaxis] > 1000.0), new.age - 1000.0, new.age)
+    again = Track(HOURS, age, new.level, np.where(first, 1000.0, 0.0), NEW)
+    assert References.of([again]).span[0].tolist() == [1000.0, *[2000.0] * 7]
+
+
+def test_copies_differ_again_without_widening() -> None:
+    random = np.random.default_rng(0)
+    values = np.exp(random.normal([[1.0, 5.0]], [[0.3, 0.6]], (4000, 2)))
+    groups = np.zeros(values.shape, int)
+    after = np.log(apart_again(values, groups, FilterSettings(), random))
+    assert after.mean(axis=0) == pytest.approx(np.log(values).mean(axis=0), abs=0.02)
+    assert after.std(axis=0) == pytest.approx([0.3, 0.6], rel=0.04)
+    assert np.abs(after - np.log(values)).min() > 0
+
+
+def flown(time: float, amplitude: float, seed: int, upto: float = 2000.0) -> Evidence:
+    """Return diagnoses of a unit whose friction goes the bent way, in a multiple of its time."""
+    random = np.random.default_rng(seed)
+    observations = []
+    for hours in np.arange(100.0, upto + 1, 100.0):
+        level = NEW + 0.005 * random.standard_normal(8)
+        level[0] += amplitude * bent(hours / time)
+        observations.append(Observation(float(hours), level, 0.005**2 * np.eye(8), np.ones(8, bool)))
+    return Evidence(f"unit {seed}", "part", upto, tuple(observations))
+
+
+@pytest.fixture(scope="module")
+def fleet() -> list[Evidence]:
+    times = np.exp(0.2 * np.random.default_rng(1).standard_normal(6))
+    return [flown(float(time), 1.0, i) for i, time in enumerate(times)]
+
+
+def test_a_new_unit_is_believed_to_go_the_way_of_its_fleet(fleet: list[Evidence]) -> None:
+    prior = fleet_prior(fleet)
+    belief = follow(flown(0.9, 1.0, 99, upto=1200.0), prior).belief
+    assert belief.law_probabilities()[0, AS_ANOTHER] > 0.7
+    assert belief.law_probabilities()[0].sum() == pytest.approx(1.0)
+
+
+def test_that_units_are_alike_is_learnt_from_them(fleet: list[Evidence]) -> None:
+    alike = fleet_prior(fleet).spreads
+    assert alike is not None
+    assert alike[1, 0] <= 0.1

@@ -1,0 +1,120 @@
+"""The study of predictions on a synthetic fleet: what users would otherwise take, scores, and the page."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cases import THESIS
+from emaphm.actuator.faults import HEALTHY, to_cartesian
+from emaphm.actuator.requirements import Requirement
+from emaphm.fleet.synthetic import FleetPlan, drawn_unit
+from emaphm.prognosis import Evidence, Observation
+from emaphm.report.fleet_page import fleet_page
+from emaphm.study.fleet.baselines import last_slope, mean_life, one_filter_a_component
+from emaphm.study.fleet.diagnoses import Quality, quality
+from emaphm.study.fleet.drawn import Pool, drawn_evidence
+from emaphm.study.fleet.judging import ALONE, SHARES, WAYS, WITH_FLEET
+from emaphm.study.fleet.run import DRAWN, RECORDED
+from emaphm.study.fleet.scores import alpha_lambda_interval, scores, warnings
+
+ACTUATOR = THESIS.model_copy(
+    update={
+        "requirements": (
+            Requirement(component="friction", at_most=0.6),
+            Requirement(component="gain", at_least=0.3),
+        )
+    }
+)
+NEW = to_cartesian(HEALTHY.vector)
+
+
+def straight(rate: float, gain_rate: float = 0.0, error: float = 1e-3) -> Evidence:
+    """Return diagnoses of a unit whose friction rises, and whose gain falls, in straight lines."""
+    observations = []
+    for hours in np.arange(100.0, 1001.0, 100.0):
+        level = NEW.copy()
+        level[0] += rate * hours
+        level[7] -= gain_rate * hours
+        observations.append(Observation(float(hours), level, error**2 * np.eye(8), np.ones(8, bool)))
+    return Evidence("synthetic", "synthetic", 1000.0, tuple(observations))
+
+
+def test_the_last_slope_is_exact_on_a_straight_line() -> None:
+    assert last_slope(straight(3e-4), ACTUATOR) == pytest.approx([1000.0])
+    assert last_slope(straight(3e-4, 1.5e-4), ACTUATOR) == pytest.approx([0.2 / 1.5e-4 - 1000.0])
+    assert np.isinf(last_slope(straight(-1e-4), ACTUATOR))
+
+
+def test_one_filter_a_component_goes_on_in_a_straight_line() -> None:
+    sample = one_filter_a_component(straight(3e-4), ACTUATOR, seed=0)
+    assert np.median(sample) == pytest.approx(1000.0, rel=0.05)
+    assert 200.0 < np.diff(np.quantile(sample, (0.05, 0.95)))[0] < 1000.0
+
+
+def test_the_mean_life_is_that_of_the_units_that_live_longer() -> None:
+    assert mean_life(1000.0, [500.0, 1500.0, 2500.0]) == pytest.approx([1000.0])
+    assert mean_life(3000.0, [500.0, 1500.0, 2500.0]) == pytest.approx([0.0])
+
+
+def test_drawn_diagnoses_have_the_errors_that_were_stated() -> None:
+    plan = FleetPlan(units=1, flights=400, interval=2.0)
+    unit = drawn_unit(plan, 0)
+    deviations = np.linspace(0.002, 0.016, 8)
+    pool = Pool(NEW[np.newaxis], np.diag(deviations**2)[np.newaxis])
+    evidence = drawn_evidence(unit, plan, pool)
+    errors = np.array(
+        [one.level - to_cartesian(unit.vectors[unit.row(one.hours)]) for one in evidence.observations]
+    )
+    assert errors.std(axis=0) == pytest.approx(deviations, rel=0.15)
+    found = quality([(unit, evidence)])
+    assert found.error == pytest.approx(np.sqrt(np.mean(deviations**2)), rel=0.05)
+    assert found.coverage == pytest.approx(0.954, abs=0.015)
+
+
+def made_up(unit: int, *, good: bool) -> dict[str, Any]:
+    """Return what `judged` would of a unit, whose predictions are all good, or all late."""
+    one = {
+        "hours": 100.0,
+        "true": 1000.0,
+        "median": 1000.0 if good else 1500.0,
+        "low": 500.0,
+        "high": 2000.0,
+        "within": 0.8 if good else 0.2,
+        "transform": 0.5 if good else 0.01,
+        "crps": 100.0 if good else 400.0,
+        "certain": False,
+    }
+    track = [[100.0, 500.0, 1000.0, 2000.0], [600.0, 300.0, 500.0, 700.0]]
+    return {
+        "unit": f"SYNTHETIC-{unit}",
+        "failure": 1100.0,
+        "failed": "friction",
+        "law": "logistic",
+        "diagnoses": 10,
+        "explained": 10,
+        "ways": {way: {str(share): one for share in SHARES} for way in WAYS},
+        "warned": {
+            way: {"remaining": 550.0 if good else None, "track": track} for way in (WITH_FLEET, ALONE)
+        },
+    }
+
+
+def test_scores_count_units() -> None:
+    units = [made_up(i, good=i < 3) for i in range(4)]
+    found = scores(units, WITH_FLEET, 0.5)
+    assert (found.alpha_lambda, found.coverage, found.late, found.crps) == (0.75, 0.75, 0.25, 175.0)
+    assert (found.error, found.width) == (0.0, 1.5)
+    assert warnings(units, ALONE) == [0.5, 0.5, 0.5, 0.0]
+    # Of 3 of 4 units, by scipy.stats.binomtest(3, 4).proportion_ci(0.9, "wilson").
+    assert alpha_lambda_interval(found) == pytest.approx((0.35617, 0.94209), abs=5e-5)
+
+
+def test_the_page_says_synthetic_and_holds_every_way() -> None:
+    units = [made_up(i, good=i < 3) for i in range(4)]
+    text, figures = fleet_page({RECORDED: units, DRAWN: units}, Quality(40, 0.975, 0.004, 0.95), "fleet")
+    assert "Every unit here is synthetic" in text
+    assert all(way in text for way in WAYS)
+    assert "logistic (unknown to the filter)" in text
+    assert set(figures) == {"scores", "tracks", "calibration"}
+    assert all(picture.startswith(b"<?xml") for picture in figures.values())
