@@ -28,6 +28,10 @@ def write_examples(folder: Path) -> None:
         for number in range(files):
             faults = ema.Faults(friction=0.1 * number) if name == "flights" else ema.Faults()
             _write(folder / name / f"{number + 1:02d}.csv", actuator, faults, 100 + number)
+    (folder / "incoming").mkdir()
+    for hours in (100, 120):
+        faults = ema.Faults(friction=hours / 1000)
+        _write(folder / "incoming" / f"SN-0007_{hours}.csv", actuator, faults, hours)
     _write_history(folder / "history.sqlite", actuator)
 
 
