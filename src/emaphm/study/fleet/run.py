@@ -22,7 +22,7 @@ from emaphm.study.fleet.judging import Case, judged
 PLAN = FleetPlan(units=52, flights=70, interval=100.0, seed=1)
 """Of the recorded level: all but one or two units fail within 7,000 h."""
 
-MANY = FleetPlan(units=110, flights=70, interval=100.0, seed=2)
+MANY = FleetPlan(units=70, flights=70, interval=100.0, seed=2)
 """Of the level with drawn diagnoses."""
 
 RESULTS = "results.sqlite"
