@@ -6,6 +6,7 @@ import pytest
 
 from cases import THESIS
 from emaphm.fleet import diagnose_all
+from emaphm.fleet.synthetic import Chain, FleetFolder, FleetPlan, prognoses, run_chain
 from execution.test_dask_cluster import Cluster
 
 from .files import QUICK, written
@@ -32,3 +33,16 @@ def test_a_batch_has_the_same_results_on_a_cluster(tmp_path: Path) -> None:
         assert there[i]["k"] == here[i]["k"]
     resumed = [one.values for one in diagnose_all(files, THESIS, QUICK, workers=1, folder=tmp_path / "out")]
     assert resumed == there
+
+
+def test_a_synthetic_fleet_goes_its_whole_way_on_a_cluster(tmp_path: Path) -> None:
+    plan = FleetPlan(units=1, flights=1)
+    cluster = Cluster(tmp_path)
+    try:
+        cluster.add_worker()
+        run_chain(Chain(plan, FleetFolder(tmp_path / "there"), scheduler=cluster.address))
+    finally:
+        cluster.close()
+    run_chain(Chain(plan, FleetFolder(tmp_path / "here"), workers=1))
+    (there,), (here,) = (prognoses(FleetFolder(tmp_path / name)) for name in ("there", "here"))
+    assert there == here

@@ -14,7 +14,7 @@ from emaphm.report.fleet_page import fleet_page
 from emaphm.study.fleet.baselines import last_slope, mean_life, one_filter_a_component
 from emaphm.study.fleet.diagnoses import Quality, quality
 from emaphm.study.fleet.drawn import Pool, drawn_evidence
-from emaphm.study.fleet.judging import ALONE, SHARES, WAYS, WITH_FLEET
+from emaphm.study.fleet.judging import SHARES, WAYS, WITH_FLEET
 from emaphm.study.fleet.run import DRAWN, RECORDED
 from emaphm.study.fleet.scores import alpha_lambda_interval, scores, warnings
 
@@ -94,9 +94,7 @@ def made_up(unit: int, *, good: bool) -> dict[str, Any]:
         "diagnoses": 10,
         "explained": 10,
         "ways": {way: {str(share): one for share in SHARES} for way in WAYS},
-        "warned": {
-            way: {"remaining": 550.0 if good else None, "track": track} for way in (WITH_FLEET, ALONE)
-        },
+        "warned": {"remaining": 550.0 if good else None, "track": track},
     }
 
 
@@ -105,7 +103,7 @@ def test_scores_count_units() -> None:
     found = scores(units, WITH_FLEET, 0.5)
     assert (found.alpha_lambda, found.coverage, found.late, found.crps) == (0.75, 0.75, 0.25, 175.0)
     assert (found.error, found.width) == (0.0, 1.5)
-    assert warnings(units, ALONE) == [0.5, 0.5, 0.5, 0.0]
+    assert warnings(units) == [0.5, 0.5, 0.5, 0.0]
     # Of 3 of 4 units, by scipy.stats.binomtest(3, 4).proportion_ci(0.9, "wilson").
     assert alpha_lambda_interval(found) == pytest.approx((0.35617, 0.94209), abs=5e-5)
 

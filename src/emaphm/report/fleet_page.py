@@ -42,6 +42,30 @@ TRACKS = (
     "(black) and ±20 % of it (dotted). The title says what failed in the end, and by which law.\n"
 )
 
+ONE_OF_YOUR_OWN = """
+## One of your own
+
+```console
+$ emaphm fleet simulate -o fleet --units 10 --flights 20
+$ emaphm prognose --unit SYNTHETIC-0003 --db fleet/history.sqlite --report SYNTHETIC-0003.html
+```
+
+makes ten synthetic units with up to 20 check flights each, one in 80 h (`--interval`), records and
+diagnoses them, keeps the diagnoses in a history, with the removals of those that failed, and predicts
+the life of each that still works, the others being its prior. `--simulate-only` stops after the
+recordings. The same command goes on where it was stopped; another plan, or another version of what
+decides a diagnosis, is refused in the same folder. `--workers` and `--scheduler` (Dask, whose workers
+share the folder) as for `emaphm diagnose`; `--db` for another history than the folder's own. The folder
+holds:
+
+| file | what |
+| --- | --- |
+| `flights.csv`, `recordings/` | what an operator has: unit, hours, cycles, recordings |
+| `actuator.toml` | the actuator with its requirements |
+| `history.sqlite`, `prognoses.ndjson` | diagnoses, removals, findings; JSON of each unit that works |
+| `truth/` | what no operator has: laws and failures (`units.json`), levels (`levels.parquet`) |
+"""
+
 CALIBRATION = (
     "Both levels; with the fleet's prior (solid), without (dotted). An even line is calibrated; mass at "
     "the right is failures that come later than predicted.\n"
@@ -86,6 +110,7 @@ def fleet_page(found: Mapping[str, Units], diagnosed: Quality, folder: str) -> t
         CALIBRATION,
         "\n## What the fleet is drawn from\n",
         *_population(PLAN.drawn_from),
+        ONE_OF_YOUR_OWN,
     ]
     return "\n".join(lines) + "\n", figures
 
@@ -173,19 +198,14 @@ def _warnings(units: Units) -> Iterator[str]:
         f"{100 * RISK:g} %, which is `--horizon {HORIZON_H:g}` with the usual risk. Asked: no failure "
         f"without a warning {100 * WARNING_SHARE:.0f} % of life before it, in 99 %.\n"
     )
-    rows = []
-    for way in (WITH_FLEET, ALONE):
-        remaining = np.array(warnings(units, way))
-        low, middle, high = np.quantile(remaining, (0.05, 0.5, 0.95))
-        rows.append(
-            (
-                way,
-                f"{np.mean(remaining >= WARNING_SHARE) * 100:.0f} %",
-                f"{100 * middle:.0f} % ({100 * low:.0f} to {100 * high:.0f} %)",
-            )
-        )
-    header = ("", "warned in time", "life that remained at the first warning: median (5 to 95 %)")
-    yield table(header, rows)
+    remaining = np.array(warnings(units))
+    low, middle, high = np.quantile(remaining, (0.05, 0.5, 0.95))
+    in_time = int(np.sum(remaining >= WARNING_SHARE))
+    yield (
+        f"With the fleet's prior, {in_time} of {len(units)} units are warned of in time "
+        f"({100 * in_time / len(units):.0f} %); at the first warning there remain {100 * middle:.0f} % of life "
+        f"(median; 5 to 95 %: {100 * low:.0f} to {100 * high:.0f} %)."
+    )
 
 
 def _by_law(units: Units) -> str:

@@ -55,7 +55,7 @@ class Case:
 def judged(
     case: Case, plan: FleetPlan, actuator: Actuator, seed: int, *, tracked: bool = True
 ) -> dict[str, Any]:
-    """Return the scores of each way at each share of life; if `tracked`, when our two ways first warn.
+    """Return the scores of each way at each share of life; if `tracked`, when ours first warns.
 
     Raises
     ------
@@ -66,15 +66,15 @@ def judged(
     failure = float(case.unit.failure or np.inf)
     chosen = [int(np.searchsorted(flights, _reached(flights, failure, one), "right")) - 1 for one in SHARES]
     ways: dict[str, dict[str, Any]] = {}
-    warned: dict[str, Any] = {}
+    warned: dict[str, Any] | None = None
     for name, prior in ((WITH_FLEET, case.prior), (ALONE, Prior())):
         past = follow(case.evidence, prior, seed=seed).past
         samples = lives([past[i] for i in chosen], case.evidence, actuator)
         ways[name] = {
             str(share): _scores(*sample, failure) for share, sample in zip(SHARES, samples, strict=True)
         }
-        if tracked:
-            warned[name] = _warning(lives(past, case.evidence, actuator, settings=TRACKED), failure)
+        if tracked and name == WITH_FLEET:
+            warned = _warning(lives(past, case.evidence, actuator, settings=TRACKED), failure)
     for share, i in zip(SHARES, chosen, strict=True):
         hours = float(flights[i])
         until = _until(case.evidence, i)

@@ -22,7 +22,7 @@ from emaphm.study.fleet.judging import Case, judged
 PLAN = FleetPlan(units=52, flights=70, interval=100.0, seed=1)
 """Of the recorded level: all but one or two units fail within 7,000 h."""
 
-MANY = FleetPlan(units=110, flights=70, interval=100.0, seed=2)
+MANY = FleetPlan(units=70, flights=70, interval=100.0, seed=2)
 """Of the level with drawn diagnoses."""
 
 RESULTS = "results.sqlite"
@@ -126,10 +126,10 @@ class _Work:
 
 def _work(folder: StudyFolder) -> list[_Work]:
     recorded = recorded_fleet(folder)
-    pool = Pool.of([evidence for _, evidence in recorded])
+    halves = recorded[: PLAN.units // 2], recorded[PLAN.units // 2 :]
+    pool = Pool.of([evidence for _, evidence in halves[0]])
     units = (drawn_unit(MANY, i) for i in range(MANY.units))
     drawn = [(one, drawn_evidence(one, MANY, pool)) for one in units if one.check_flights(MANY.interval).size]
-    halves = recorded[::2], recorded[1::2]
     return [
         *_judged_with(RECORDED, "other half", PLAN, halves[0], halves[1]),
         *_judged_with(RECORDED, "first half", PLAN, halves[1], halves[0]),
