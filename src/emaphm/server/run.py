@@ -24,6 +24,9 @@ from emaphm.server.work.worker import Place
 if TYPE_CHECKING:
     from emaphm.actuator import Actuator
 
+MOST_PENDING = 2048
+"""Connections that the system holds until the server takes them."""
+
 
 def serve(
     db: str,
@@ -161,16 +164,16 @@ def _is_loopback(host: str) -> bool:
 def _listening(host: str, port: int) -> Iterator[socket.socket]:
     if not 0 <= port < 2**16:
         raise ServerError(f"--port {port}: give a number from 0 to 65535")
-    try:
-        family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
-        found = socket.socket(family, socket.SOCK_STREAM)
-        found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        found.bind(address)
-        found.listen(2048)
-    except (OSError, UnicodeError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise ServerError(
-            f"{host}:{port} cannot be used ({reason}); give another --port, or end what uses it"
-        ) from None
-    with found:
+    with ExitStack() as stack:
+        try:
+            family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+            found = stack.enter_context(socket.socket(family, socket.SOCK_STREAM))
+            found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            found.bind(address)
+            found.listen(MOST_PENDING)
+        except (OSError, UnicodeError) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise ServerError(
+                f"{host}:{port} cannot be used ({reason}); give another --port, or end what uses it"
+            ) from None
         yield found

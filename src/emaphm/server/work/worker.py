@@ -2,6 +2,7 @@
 
 import os
 import signal
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -64,9 +65,10 @@ def work(orders: Connection, parent: Connection, place: Place) -> None:
     os.environ.update(dict.fromkeys(THREADS, "1"))
     end_with_parent(parent)
     _limit_memory(place.memory_bytes)
-    while True:
-        job = orders.recv()
-        orders.send(_outcome(job, place, orders))
+    with suppress(EOFError, OSError):  # the server has ended
+        while True:
+            job = orders.recv()
+            orders.send(_outcome(job, place, orders))
 
 
 def _limit_memory(most_bytes: int) -> None:

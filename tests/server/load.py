@@ -1,0 +1,162 @@
+"""`python -m tests.server.load`: readers and uploads at once, and how long pages take.
+
+A reader opens pages of a made-up fleet one after the other and looks at each for `--pause` seconds; an
+uploader sends a recording, waits until it is diagnosed, and sends the next. Readers, uploaders, server and
+workers share this machine.
+"""
+
+import argparse
+import random
+import statistics
+import sys
+import tempfile
+import threading
+import time
+from collections import defaultdict
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from .flights import as_csv, flight
+from .made_up import fill
+from .process import Server, over, serving
+
+ALONE = 20
+"""Times that the page of the fleet is loaded with nothing else going on."""
+
+SORTS = ("urgency", "unit", "part", "rul", "hours", "health", "last", "explained")
+
+
+@dataclass
+class Times:
+    """Seconds that pages took, by kind, and answers that were no page."""
+
+    seconds: dict[str, list[float]] = field(default_factory=lambda: defaultdict(list))
+    bad: list[tuple[str, int]] = field(default_factory=list)
+    uploads: list[float] = field(default_factory=list)
+    memory_MiB: list[float] = field(default_factory=list)
+
+
+def paths(units: int, each: int, dice: random.Random) -> dict[str, str]:
+    """Return a page of each kind."""
+    return {
+        "fleet": f"/?sort={dice.choice(SORTS)}&order={dice.choice(('asc', 'desc'))}",
+        "fleet, filtered": f"/?search={dice.randrange(units):04d}&advice=fly+on",
+        "unit": f"/units/{dice.randrange(units) + 1}",
+        "diagnosis": f"/diagnoses/{dice.randrange(units * each) + 1}",
+        "data health": "/data",
+        "API, units": "/api/v1/units?limit=100",
+        "API, curves": f"/api/v1/units/{dice.randrange(units) + 1}/curves",
+    }
+
+
+def read(server: Server, times: Times, stop: threading.Event, seed: int, given: argparse.Namespace) -> None:
+    """Read until `stop`."""
+    dice = random.Random(seed)
+    connection = server.connection()
+    stop.wait(dice.random() * given.pause)
+    while not stop.is_set():
+        kind, path = dice.choice(list(paths(given.units, given.each, dice).items()))
+        began = time.perf_counter()
+        try:
+            connection.request("GET", path)
+            answer = connection.getresponse()
+            answer.read()
+            status = answer.status
+        except OSError:
+            connection.close()
+            status = 0
+        times.seconds[kind].append(time.perf_counter() - began)
+        if status != 200:
+            times.bad.append((path, status))
+        stop.wait(given.pause)
+    connection.close()
+
+
+def upload(server: Server, times: Times, stop: threading.Event, number: int) -> None:
+    """Send recordings until `stop`."""
+    table, sent = flight(), 0
+    while not stop.is_set():
+        content = as_csv(table, 1000 * (number + 1) + sent)
+        fields = {"unit": f"UP-{number}", "hours": str(10 * sent), "actuator": "thesis"}
+        began = time.perf_counter()
+        status, answer = server.send(f"{sent}.csv", content, fields)
+        if status != 202:
+            times.bad.append(("upload", status))
+            stop.wait(1.0)
+            continue
+        found = over(server, answer["id"])
+        if found["state"] != "done":
+            times.bad.append((f"upload: {found['message']}", 0))
+        times.uploads.append(time.perf_counter() - began)
+        sent += 1
+
+
+def watch(server: Server, times: Times, stop: threading.Event) -> None:
+    """Note the memory until `stop`."""
+    while not stop.wait(2.0):
+        times.memory_MiB.append(server.memory())
+
+
+def alone(server: Server) -> tuple[float, list[float]]:
+    """Return the seconds of the first page of the fleet, and of others, each in another order."""
+    took = []
+    for i in range(ALONE + 1):
+        began = time.perf_counter()
+        server.get(f"/?sort={SORTS[i % len(SORTS)]}&search={'' if i < len(SORTS) else 'SN-'}&order=x{i}")
+        took.append(time.perf_counter() - began)
+    return took[0], took[1:]
+
+
+def line(name: str, seconds: list[float]) -> str:
+    """Return a line on times."""
+    ordered = sorted(seconds)
+    p50, p95 = statistics.median(ordered), ordered[int(0.95 * (len(ordered) - 1))]
+    return f"{name:17} {len(ordered):6} {1e3 * p50:8.0f} {1e3 * p95:8.0f} {1e3 * ordered[-1]:8.0f}"
+
+
+def main() -> int:
+    """Print a line for each kind of page."""
+    parser = argparse.ArgumentParser(prog="python -m tests.server.load", description=__doc__)
+    parser.add_argument("--units", type=int, default=1000)
+    parser.add_argument("--each", type=int, default=10, help="recordings of each unit")
+    parser.add_argument("--readers", type=int, default=50)
+    parser.add_argument("--uploaders", type=int, default=4)
+    parser.add_argument("--seconds", type=float, default=300.0)
+    parser.add_argument("--pause", type=float, default=1.0, help="that a reader looks at a page [s]")
+    given = parser.parse_args()
+    times, stop = Times(), threading.Event()
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "fleet.sqlite"
+        fill(file, given.units, given.each)
+        with serving(file) as server:
+            first, others = alone(server)
+            print(f"page of the fleet of {given.units} units, nothing else going on:")
+            print(f"first {1e3 * first:.0f} ms, then {1e3 * statistics.median(others):.0f} ms (median)")
+            threads = [
+                threading.Thread(target=read, args=(server, times, stop, i, given))
+                for i in range(given.readers)
+            ]
+            threads += [
+                threading.Thread(target=upload, args=(server, times, stop, i)) for i in range(given.uploaders)
+            ]
+            threads.append(threading.Thread(target=watch, args=(server, times, stop)))
+            for thread in threads:
+                thread.start()
+            time.sleep(given.seconds)
+            stop.set()
+            for thread in threads:
+                thread.join()
+    print(f"{given.readers} readers, {given.uploaders} uploaders, {given.seconds:g} s:")
+    print(f"{'page':17} {'opened':>6} {'p50 ms':>8} {'p95 ms':>8} {'most ms':>8}")
+    for name, seconds in times.seconds.items():
+        print(line(name, seconds))
+    print(line("all pages", [one for each in times.seconds.values() for one in each]))
+    if times.uploads:
+        print(f"uploads diagnosed: {len(times.uploads)}, median {statistics.median(times.uploads):.1f} s")
+    print(f"memory of the server and its processes: {max(times.memory_MiB, default=0):.0f} MiB at most")
+    print(f"answers that were no page: {len(times.bad)} {sorted(set(times.bad))[:5] if times.bad else ''}")
+    return 1 if times.bad else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
