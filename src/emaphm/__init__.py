@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         Sine,
         Step,
     )
+    from emaphm.amortized import Estimator, RecordingSetup, diagnose_by, train_estimator
     from emaphm.calibration import Calibration, CampaignRow, calibrate, read_campaign
     from emaphm.detection import Detector, DetectorResult
     from emaphm.diagnosis import Diagnosis, diagnose, error_percent
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "emaphm.actuator": "Actuator Chirp DecayingChirp Faults Ramp Sampled Sine Step",
     "emaphm.errors": "EmaphmError",
+    "emaphm.amortized": "Estimator RecordingSetup diagnose_by train_estimator",
     "emaphm.calibration": "Calibration CampaignRow calibrate read_campaign",
     "emaphm.detection": "Detector DetectorResult",
     "emaphm.diagnosis": "Diagnosis diagnose error_percent",
@@ -70,11 +72,13 @@ __all__ = [
     "Diagnosis",
     "DiagnosisSettings",
     "EmaphmError",
+    "Estimator",
     "Faults",
     "History",
     "JointDiagnosis",
     "Ramp",
     "Recording",
+    "RecordingSetup",
     "Sampled",
     "Segments",
     "Sine",
@@ -85,6 +89,7 @@ __all__ = [
     "design",
     "diagnose",
     "diagnose_all",
+    "diagnose_by",
     "diagnose_joint",
     "error_percent",
     "read_campaign",
@@ -94,6 +99,7 @@ __all__ = [
     "segments",
     "simulate",
     "simulate_batch",
+    "train_estimator",
     "write_recording",
     "write_report",
 ]

@@ -10,7 +10,7 @@ import pytest
 from amortized.toys import THESIS, constant_estimator, with_limit
 from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.amortized.diagnosing import diagnose_by
-from emaphm.amortized.test_setup import TestSetup
+from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.arrays import Array
 from emaphm.diagnosis import diagnose, error_percent
 from emaphm.errors import MethodError
@@ -18,7 +18,7 @@ from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 
 TRUTH = Faults(friction=0.4, backlash=0.3, short_b=0.2, eccentricity=0.3, eccentricity_phase=0.7, gain=0.6)
-SETUP = TestSetup.of(THESIS, Chirp())
+SETUP = RecordingSetup.of(THESIS, Chirp())
 ANSWER = SETUP.space.points(TRUTH.vector)
 
 
@@ -140,7 +140,7 @@ def test_an_actuator_without_windings_is_refused() -> None:
         THESIS.model_dump(mode="json", exclude_none=True, exclude={"electrical"}), where="ideal"
     )
     with pytest.raises(MethodError, match="windings"):
-        TestSetup.of(ideal, Chirp())
+        RecordingSetup.of(ideal, Chirp())
 
 
 @pytest.mark.parametrize(
@@ -154,4 +154,4 @@ def test_an_actuator_without_windings_is_refused() -> None:
 )
 def test_impossible_setups_are_refused(values: dict[str, object], complaint: str) -> None:
     with pytest.raises(MethodError, match=complaint):
-        TestSetup.of(THESIS, Chirp(), **values)  # type: ignore[arg-type]
+        RecordingSetup.of(THESIS, Chirp(), **values)  # type: ignore[arg-type]

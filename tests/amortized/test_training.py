@@ -14,7 +14,7 @@ from emaphm.amortized.simulating import (
     simulate_shards,
     training_folder,
 )
-from emaphm.amortized.train import train
+from emaphm.amortized.train import train_estimator
 from emaphm.amortized.training import Epoch, TrainingSettings, train_network
 from emaphm.errors import ExecutionError, MethodError, OutputError
 
@@ -173,20 +173,20 @@ def test_a_full_disk_keeps_what_finished(tmp_path: Path, monkeypatch: pytest.Mon
 def test_two_trainings_do_not_share_a_folder(tmp_path: Path) -> None:
     folder = training_folder(tmp_path / "work", short_setup(), 0)
     with folder.locked(), pytest.raises(ExecutionError, match="another training"):
-        train(short_setup(), CHIRP, tmp_path / "work", simulations=1024)
+        train_estimator(short_setup(), CHIRP, tmp_path / "work", simulations=1024)
     with pytest.raises(ExecutionError, match=r"another setup: 'setup\.channels"):
         training_folder(tmp_path / "work", short_setup(channels=("current_A",)), 0)
 
 
 def test_too_few_simulations_are_refused(tmp_path: Path) -> None:
     with pytest.raises(MethodError, match="too few"):
-        train(short_setup(), CHIRP, tmp_path / "work", simulations=10)
+        train_estimator(short_setup(), CHIRP, tmp_path / "work", simulations=10)
 
 
 @pytest.mark.usefixtures("small_shards")
 def test_from_simulations_to_a_file(tmp_path: Path) -> None:
     setup = short_setup(nuisances=())
-    estimator = train(setup, CHIRP, tmp_path / "work", simulations=128, workers=1, settings=SMALL)
+    estimator = train_estimator(setup, CHIRP, tmp_path / "work", simulations=128, workers=1, settings=SMALL)
     path = tmp_path / "unit.estimator"
     estimator.save(path)
     again = type(estimator).load(path)

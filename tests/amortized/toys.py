@@ -8,8 +8,8 @@ from emaphm.actuator import Actuator, Chirp
 from emaphm.amortized.estimator import Estimator, Limits
 from emaphm.amortized.network import Block, Dense, Network, Normalisation, Single, output_width
 from emaphm.amortized.projection import Projection
+from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.amortized.simulating import block_of
-from emaphm.amortized.test_setup import TestSetup
 from emaphm.arrays import Array
 
 THESIS = Actuator.thesis()
@@ -17,9 +17,9 @@ SHORT = {"duration": 0.1, "sample_rate": 2000.0}
 CHIRP = Chirp(stop_hz=40.0, duration=0.1)
 
 
-def short_setup(**others: object) -> TestSetup:
+def short_setup(**others: object) -> RecordingSetup:
     """Return the setup of a manoeuvre that takes 0.1 s."""
-    return TestSetup.of(THESIS, CHIRP, **{**SHORT, **others})  # type: ignore[arg-type]
+    return RecordingSetup.of(THESIS, CHIRP, **{**SHORT, **others})  # type: ignore[arg-type]
 
 
 def half(values: Array | Single) -> Single:
@@ -28,7 +28,7 @@ def half(values: Array | Single) -> Single:
 
 
 def constant_estimator(
-    setup: TestSetup, answer: Array, deviation: float = 0.1, limit: float = 1e6, width: int = 4
+    setup: RecordingSetup, answer: Array, deviation: float = 0.1, limit: float = 1e6, width: int = 4
 ) -> Estimator:
     """Return an estimator that answers `answer` (d,) whatever it is asked, normal with one `deviation`."""
     d, k = setup.space.dimensions, 3

@@ -8,7 +8,7 @@ import pytest
 
 from amortized.toys import THESIS, constant_estimator, short_setup
 from emaphm.actuator import Chirp, Faults
-from emaphm.amortized.test_setup import TestSetup
+from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.cli.main import run
 from emaphm.fleet import DiagnosisSettings
 from emaphm.recording import Recording, write_recording
@@ -20,7 +20,7 @@ TRUTH = Faults(friction=0.3, gain=0.6)
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("estimators")
-    setup = TestSetup.of(THESIS, Chirp())
+    setup = RecordingSetup.of(THESIS, Chirp())
     constant_estimator(setup, setup.space.points(TRUTH.vector), 0.02).save(place / "unit.estimator")
     for seed in range(2):
         whole = simulate(THESIS, Chirp(), faults=TRUTH, noise=0.05, adc_bits=12, seed=seed)

@@ -10,8 +10,8 @@ from emaphm.actuator import Actuator
 from emaphm.amortized.mixture import Mixture
 from emaphm.amortized.network import Network, Single
 from emaphm.amortized.projection import Projection
+from emaphm.amortized.recording_setup import RecordingSetup, actuator_hash, rows_of
 from emaphm.amortized.simulating import block_of, in_blocks
-from emaphm.amortized.test_setup import TestSetup, actuator_hash, rows_of
 from emaphm.arrays import Array
 from emaphm.errors import MethodError
 from emaphm.estimation.parameter_space import ParameterSpace
@@ -40,7 +40,7 @@ class Estimator:
     read. All else is in the setup.
     """
 
-    setup: TestSetup
+    setup: RecordingSetup
     projection: Projection
     network: Network
     temperature: Array

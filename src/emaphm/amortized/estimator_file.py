@@ -17,8 +17,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from emaphm.actuator import Actuator
 from emaphm.amortized.network import Block, Dense, Network, Normalisation, output_width
 from emaphm.amortized.projection import Projection
+from emaphm.amortized.recording_setup import MOST_ROWS, RecordingSetup
 from emaphm.amortized.simulating import block_of
-from emaphm.amortized.test_setup import MOST_ROWS, TestSetup
 from emaphm.arrays import Array
 from emaphm.errors import ActuatorError, MethodError
 from emaphm.input_files import checked_size
@@ -279,12 +279,12 @@ def _limits(arrays: dict[str, Array]) -> Any:
     return Limits(arrays["limits.distances"], arrays["limits.ratios"])
 
 
-def _setup(header: _Setup, command: Array, path: Path) -> TestSetup:
+def _setup(header: _Setup, command: Array, path: Path) -> RecordingSetup:
     try:
         actuator = Actuator.from_dict(header.actuator, where=str(path))
     except ActuatorError as error:
         raise MethodError(f"{error}; the file is damaged or of another version, train it again") from None
-    return TestSetup(
+    return RecordingSetup(
         actuator,
         command,
         header.interval_s,

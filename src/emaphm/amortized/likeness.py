@@ -17,8 +17,8 @@ import numpy as np
 from emaphm.amortized.estimator import Estimator, Limits
 from emaphm.amortized.mixture import Mixture
 from emaphm.amortized.network import Single
+from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.amortized.simulating import noise_rms, simulated
-from emaphm.amortized.test_setup import TestSetup
 from emaphm.arrays import Array
 from emaphm.estimation.problem import Problem
 from emaphm.recording import Recording
@@ -44,7 +44,7 @@ LIKENESS = LikenessSettings()
 
 
 def predictive_ratios(
-    setup: TestSetup, inputs: Inputs, mixture: Mixture, rows: Single, rng: np.random.Generator
+    setup: RecordingSetup, inputs: Inputs, mixture: Mixture, rows: Single, rng: np.random.Generator
 ) -> Array:
     """Return the ratio at the top of this file, of each channel of a recording's rows (channels, blocks)."""
     space = setup.space

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from emaphm.actuator import Command
 from emaphm.amortized.drawing import PRIOR, draw
-from emaphm.amortized.test_setup import TestSetup
+from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.arrays import Array
 from emaphm.errors import ExecutionError
 from emaphm.estimation.sensors.sensor_model import all_as_described
@@ -69,7 +69,7 @@ def in_blocks(rows: Array | Single, block: int) -> Single:
     return np.asarray(cut.reshape(*rows.shape[:-1], blocks, block).mean(axis=-1), np.float32)
 
 
-def noise_rms(setup: TestSetup) -> Single:
+def noise_rms(setup: RecordingSetup) -> Single:
     """Return the noise of a block of each channel, rms (channels,): white noise and the converters' rounding.
 
     A converter of step q adds q²/12 to the variance of a row (Widrow 1956), independent from row to row where
@@ -80,7 +80,7 @@ def noise_rms(setup: TestSetup) -> Single:
     return np.sqrt(np.array(variances) / block_of(setup.samples)).astype(np.float32)
 
 
-def simulated(setup: TestSetup, inputs: Inputs, model: Model, points: Array) -> Single:
+def simulated(setup: RecordingSetup, inputs: Inputs, model: Model, points: Array) -> Single:
     """Return the noise-free rows of `points` (n, d) in blocks, (n, channels, blocks); on one thread."""
     space = setup.space
     lumped = space.nuisances.lumped_parameters(setup.actuator, space.nuisance_values(points))
@@ -90,7 +90,7 @@ def simulated(setup: TestSetup, inputs: Inputs, model: Model, points: Array) -> 
     return in_blocks(shown, block_of(setup.samples))
 
 
-def shard(setup: TestSetup, command: Command, seed: int, number: int) -> tuple[Single, Single]:
+def shard(setup: RecordingSetup, command: Command, seed: int, number: int) -> tuple[Single, Single]:
     """Return points (n, d) and rows of one shard, on whichever worker."""
     points = draw(setup.space, SHARD_DRAWS, stream(seed, "training draws", number))
     inputs = setup.inputs(command, REFERENCE.step_for(setup.actuator))
@@ -98,7 +98,7 @@ def shard(setup: TestSetup, command: Command, seed: int, number: int) -> tuple[S
 
 
 def simulate_shards(
-    setup: TestSetup,
+    setup: RecordingSetup,
     command: Command,
     count: int,
     folder: WorkFolder,
@@ -147,7 +147,7 @@ def read_shards(folder: WorkFolder, numbers: Sequence[int]) -> TrainingSet:
     return TrainingSet(np.concatenate(points), np.concatenate(rows))
 
 
-def training_folder(path: Path, setup: TestSetup, seed: int) -> WorkFolder:
+def training_folder(path: Path, setup: RecordingSetup, seed: int) -> WorkFolder:
     """Return the folder of a training set at `path`, begun or of the same setup.
 
     Raises

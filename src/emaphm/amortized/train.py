@@ -14,6 +14,7 @@ from emaphm.amortized.estimator import Estimator, Limits
 from emaphm.amortized.judging import Judgement, judged, temperature_of
 from emaphm.amortized.likeness import limits_of, predictive_ratios
 from emaphm.amortized.network import Single
+from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.amortized.simulating import (
     SHARD_DRAWS,
     TrainingSet,
@@ -22,7 +23,6 @@ from emaphm.amortized.simulating import (
     simulate_shards,
     training_folder,
 )
-from emaphm.amortized.test_setup import TestSetup
 from emaphm.amortized.torch_network import library
 from emaphm.amortized.training import TRAINING, OnEpoch, Trained, TrainingSettings, train_network
 from emaphm.arrays import Array
@@ -39,8 +39,8 @@ CHECKED = 1024
 """Held-out draws that the limits of the comparison with the averaged model are taken from."""
 
 
-def train(
-    setup: TestSetup,
+def train_estimator(
+    setup: RecordingSetup,
     command: Command,
     folder: str | Path,
     *,
@@ -115,7 +115,7 @@ def train(
 
 
 def _calibrated(
-    setup: TestSetup,
+    setup: RecordingSetup,
     command: Command,
     trained: Trained,
     validation: TrainingSet,
@@ -151,7 +151,7 @@ def _calibrated(
     return Estimator(setup, trained.projection, trained.network, temperature, limits, facts)
 
 
-def _noisy(setup: TestSetup, held_out: TrainingSet, rng: np.random.Generator) -> Single:
+def _noisy(setup: RecordingSetup, held_out: TrainingSet, rng: np.random.Generator) -> Single:
     normal = rng.standard_normal(held_out.rows.shape, dtype=np.float32)
     return np.asarray(held_out.rows + noise_rms(setup)[:, np.newaxis] * normal)
 

@@ -91,15 +91,15 @@ def train(
     from dataclasses import replace
     from shutil import rmtree
 
-    from emaphm.amortized.test_setup import TestSetup
-    from emaphm.amortized.train import train as learn
+    from emaphm.amortized.recording_setup import RecordingSetup
+    from emaphm.amortized.train import train_estimator
     from emaphm.amortized.training import TRAINING
     from emaphm.errors import MethodError
 
     if epochs is not None and epochs < 1:
         raise MethodError(f"--epochs {epochs}: give 1 or more")
     driven = command_named(command, amplitude, frequency, duration)
-    setup = TestSetup.of(
+    setup = RecordingSetup.of(
         described,
         driven,
         duration=duration,
@@ -112,7 +112,7 @@ def train(
     place = folder or out.with_name(f"{out.name}.training")
     with counter("simulating", as_json) as count:
         try:
-            estimator = learn(
+            estimator = train_estimator(
                 setup,
                 driven,
                 place,

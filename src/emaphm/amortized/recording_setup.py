@@ -32,7 +32,7 @@ RATE_TOLERANCE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class TestSetup:
+class RecordingSetup:
     """An actuator, a manoeuvre from rest, what is recorded of it, and how.
 
     Attributes
@@ -48,8 +48,6 @@ class TestSetup:
     nuisances
         What is unknown of a recording and no fault: names, or None for the actuator's own.
     """
-
-    __test__ = False  # no test, whatever its name begins with
 
     actuator: Actuator
     command_rad: Array
