@@ -173,8 +173,8 @@ def of_a_long_stream(home: Path, hours: float) -> None:
         )
         done = watch(task, history, THESIS, settings=stand_in.QUICK)
     took = time.monotonic() - began
-    times, sizes = np.array(memory).T
-    shares = [float(sizes[np.abs(times - at).argmin()]) for at in (0.1, 0.5, 1.0)]
+    times = np.array([share for share, _ in memory])
+    shares = [memory[int(np.argmin(np.abs(times - at)))][1] for at in (0.1, 0.5, 1.0)]
     print(
         f"a stream of {hours:g} h at 100 Hz: {done.judged} movements of {total} rows in {took:.0f} s, "
         f"{total / took:.0f} rows/s; memory at 10, 50 and 100 %: {shares[0]:.0f}, {shares[1]:.0f}, "

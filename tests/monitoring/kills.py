@@ -1,8 +1,8 @@
 """`python -m tests.monitoring.kills --files 10000 --kills 20`: kills a watcher again and again.
 
-Files arrive while it runs, by renaming and in two halves; the diagnosis is a stand-in (`stand_in.py`). Prints
-what it found; it ends with 1 if a file is lost or judged twice, an event is missing, twice in the history, or
-was never sent.
+Files arrive while it runs, by renaming and in two halves; the diagnosis is a stand-in (`stand_in.py`), or
+with `--real` the program's. Prints what it found; it ends with 1 if a file is lost or judged twice, an event
+is missing, twice in the history, or was never sent.
 """
 
 import argparse
@@ -16,7 +16,7 @@ import tempfile
 import threading
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -39,6 +39,7 @@ class Arriving:
     folder: Path
     files: int
     seconds: float
+    content: Callable[[int, int], str]
     written: int = 0
     thread: threading.Thread = field(init=False)
 
@@ -50,7 +51,7 @@ class Arriving:
         for i in range(self.files):
             time.sleep(max(0.0, began + self.seconds * i / self.files - time.monotonic()))
             unit, number = i % UNITS, i // UNITS
-            path, text = self.folder / stand_in.name(unit, number), stand_in.content(unit, number)
+            path, text = self.folder / stand_in.name(unit, number), self.content(unit, number)
             if i % 3:
                 part = path.with_suffix(".part")
                 part.write_text(text)
@@ -151,26 +152,29 @@ def main() -> int:
     parser.add_argument("--files", type=int, default=10_000)
     parser.add_argument("--kills", type=int, default=20)
     parser.add_argument("--seconds", type=float, default=240.0, help="in which the files arrive")
+    parser.add_argument("--real", action="store_true", help="diagnose simulated recordings")
     parser.add_argument("--seed", type=int, default=0)
     asked = parser.parse_args()
     dice, wrong = random.Random(asked.seed), list[str]()
     with tempfile.TemporaryDirectory() as home, webhook() as hook:
         folder, where, lines = Path(home) / "in", f"{home}/history.sqlite", Path(home) / "lines"
         folder.mkdir()
-        arriving = Arriving(folder, asked.files, asked.seconds)
+        more = ("--real",) if asked.real else ()
+        content = stand_in.simulated if asked.real else stand_in.content
+        arriving = Arriving(folder, asked.files, asked.seconds, content)
         arriving.thread.start()
         began, halfway = time.monotonic(), 0
         for kill in range(asked.kills):
             before = judged(where)
             aim = max(before + 1, asked.files * kill // (asked.kills + 1))
-            with watcher(folder, where, lines, hook.url) as process:
+            with watcher(folder, where, lines, hook.url, *more) as process:
                 while judged(where) < aim and process.poll() is None:
                     time.sleep(0.05)
                 time.sleep(dice.uniform(0.0, 0.5))
                 halfway += judged(where) < asked.files
         arriving.thread.join()
         memory: list[float] = []
-        with watcher(folder, where, lines, hook.url, "--once") as process:
+        with watcher(folder, where, lines, hook.url, "--once", *more) as process:
             while process.poll() is None:
                 memory.append(memory_mb(process.pid))
                 time.sleep(0.2)
@@ -181,7 +185,7 @@ def main() -> int:
         wrong += check(where, asked.files, sent, hook)
         undisturbed = f"{home}/undisturbed.sqlite"
         series: list[tuple[int, float]] = []
-        with watcher(folder, undisturbed, Path(home) / "other", hook.url, "--once") as process:
+        with watcher(folder, undisturbed, Path(home) / "other", hook.url, "--once", *more) as process:
             while process.poll() is None:
                 series.append((judged(undisturbed), memory_mb(process.pid)))
                 time.sleep(1.0)

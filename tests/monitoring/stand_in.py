@@ -2,6 +2,7 @@
 
 A real diagnosis takes half a second, so that 10,000 of them take longer than a test should. The stand-in
 gives what the recording's mean current says: all else, from the reading of the file to the events, is real.
+With `--real`, so is the diagnosis; with `--once` it ends when all files are judged.
 """
 
 import os
@@ -46,6 +47,16 @@ def content(unit: int, number: int) -> str:
         f"{t:.4f},{5e-3 * np.sin(2 * np.pi * 40 * t):.6f},{i:.7f}" for t, i in zip(time, current, strict=True)
     )
     return "time_s,command_rad,current_A\n" + "\n".join(rows) + "\n"
+
+
+def simulated(unit: int, number: int) -> str:
+    """Return the CSV of a simulated recording, for real diagnoses."""
+    from emaphm.actuator import Chirp
+    from emaphm.simulated_recording import simulate
+
+    faults = Faults(friction=0.3 if number else 0.0)  # three of four recordings have it: an alarm
+    made = simulate(THESIS, Chirp(), faults=faults, noise=0.05, seed=1000 * unit + number)
+    return made.to_frame().select("time_s", "command_rad", "current_A", "voltage_V").write_csv()
 
 
 def name(unit: int, number: int) -> str:
@@ -111,6 +122,7 @@ def run(
     lines: int | None = None,
     webhook: str | None = None,
     once: bool = False,
+    real: bool = False,
     settings: WatchSettings = QUICK,
     stop: threading.Event | None = None,
 ) -> None:
@@ -121,7 +133,7 @@ def run(
             Ownership(THESIS.name, pattern=PATTERN),
             "test",
             cut=None,
-            diagnose=diagnosed,
+            diagnose=None if real else diagnosed,
             takes_new_units=True,
             once=once,
             webhook=webhook,
@@ -141,4 +153,5 @@ if __name__ == "__main__":
         lines=1,
         webhook=os.environ.get("WEBHOOK"),
         once="--once" in sys.argv,
+        real="--real" in sys.argv,
     )

@@ -608,3 +608,11 @@ def test_a_full_disk_is_waited_for(inbox: Path, history: History) -> None:
     assert set(held) <= set(judged(history))
     assert len(set(judged(history))) == 52
     assert "can be used again" in said[-1]
+
+
+def test_a_receiver_that_stays_away_is_not_asked_without_a_pause(inbox: Path, history: History) -> None:
+    put(inbox, *range(19, 27))
+    with webhook() as hook:
+        hook.status = lambda: 503
+        once(inbox, history, webhook=hook.url)
+        assert 1 <= hook.attempts < 30

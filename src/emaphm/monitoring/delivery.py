@@ -20,6 +20,10 @@ class RefusedError(Exception):
     """The receiver does not take this event."""
 
 
+class GoneError(Exception):
+    """Nobody receives any more."""
+
+
 class Receiver(Protocol):
     """Where events go."""
 
@@ -32,7 +36,7 @@ class Receiver(Protocol):
         """What messages call it."""
 
     def send(self, event: Event) -> None:
-        """Send an event; `FailedError` or `RefusedError` where that is not done."""
+        """Send an event; `FailedError`, `RefusedError` or `GoneError` where that is not done."""
 
 
 @dataclass(eq=False)
@@ -70,17 +74,21 @@ class Delivery:
             self._news.clear()
             stopping = self._stop.is_set()
             try:
-                is_all = self._send_all()
-            except HistoryError:
-                is_all = False  # said by whoever writes to it
-                self._pause(self.settings.first_pause_s)
-            if stopping and (is_all or time.monotonic() > self._until):
+                if not self._send_all():
+                    return
+            except GoneError:
                 return
-            if is_all:
-                self._news.wait(self.settings.longest_pause_s)
+            except HistoryError:  # said by whoever writes to it
+                if stopping and time.monotonic() > self._until:
+                    return
+                self._pause(self.settings.first_pause_s)
+                continue
+            if stopping:
+                return
+            self._news.wait(self.settings.longest_pause_s)
 
     def _send_all(self) -> bool:
-        """Send what the history has; return whether that was all."""
+        """Send what the history has; return whether that was all, or the time was over before."""
         while batch := self.state.undelivered(self.receiver.key, self.settings.batch):
             for event in batch:
                 if not self._send(event):

@@ -13,7 +13,7 @@ from urllib.parse import urlsplit
 
 from emaphm.errors import MonitoringError
 from emaphm.history import Event
-from emaphm.monitoring.delivery import FailedError, RefusedError
+from emaphm.monitoring.delivery import FailedError, GoneError, RefusedError
 from emaphm.version import VERSION
 
 MAY_PASS = (408, 425, 429)
@@ -44,6 +44,8 @@ class Lines:
                 self._rest = self._rest[os.write(self.descriptor, self._rest) :]
         except OSError as error:
             self.is_closed = error.errno in {errno.EPIPE, errno.EBADF}
+            if self.is_closed:
+                raise GoneError from None
             raise FailedError(error.strerror or str(error)) from None
         self._event = ""
 
