@@ -24,7 +24,7 @@ UPLOADERS = 4
 LONGEST_S = 6.0
 """Between a start and the kill."""
 
-PAUSE_S = 2.0
+PAUSE_S = 5.0
 """Of an uploader after an upload was accepted."""
 
 
