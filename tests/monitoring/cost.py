@@ -6,6 +6,7 @@ throughput and memory of a long stream are with a stand-in for the diagnosis.
 
 import argparse
 import json
+import math
 import os
 import queue
 import subprocess
@@ -32,6 +33,8 @@ from emaphm.recording import Recording, write_recording
 from . import stand_in
 from .kills import memory_mb
 from .stand_in import THESIS
+
+PATIENCE_S = 40.0
 
 MOVES_S = 0.5
 
@@ -85,9 +88,12 @@ def watching(*line: str) -> Iterator[tuple["subprocess.Popen[str]", "queue.Queue
 
 
 def next_change(events: "queue.Queue[tuple[float, Any]]") -> float:
-    """Return when the next event on a unit's health came."""
+    """Return when the next event on a unit's health came, NaN where the recording made none."""
     while True:
-        at, event = events.get(timeout=120)
+        try:
+            at, event = events.get(timeout=PATIENCE_S)
+        except queue.Empty:
+            return float("nan")
         if event["event"] == "health_changed":
             return at
 
@@ -137,8 +143,11 @@ def _rows(one: Recording, flight: int) -> list[str]:
 
 
 def _print_waits(what: str, waits: list[float]) -> None:
+    found = [one for one in waits if not math.isnan(one)]
     print(
-        f"{what}: median {np.median(waits):.1f} s, {min(waits):.1f} to {max(waits):.1f} s of {len(waits)}",
+        f"{what}: median {np.median(found):.1f} s, {min(found):.1f} to {max(found):.1f} s; "
+        f"{len(found)} of {len(waits)} recordings made an event; load {os.getloadavg()[0]:.0f} on "
+        f"{os.cpu_count()} cores",
         flush=True,
     )
 
@@ -247,9 +256,9 @@ def of_healthy_units(units: int = 4) -> None:
 def main() -> int:
     """Print a line for each."""
     parser = argparse.ArgumentParser(prog="python -m tests.monitoring.cost", description=__doc__)
-    parser.add_argument("--recordings", type=int, default=12)
-    parser.add_argument("--hours", type=float, default=6.0)
-    parser.add_argument("--files", type=int, default=10_000)
+    parser.add_argument("--recordings", type=int, default=8)
+    parser.add_argument("--hours", type=float, default=2.0)
+    parser.add_argument("--files", type=int, default=2000)
     asked = parser.parse_args()
     with tempfile.TemporaryDirectory() as home:
         of_a_prognosis()
