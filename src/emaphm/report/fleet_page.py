@@ -203,8 +203,8 @@ def _warnings(units: Units) -> Iterator[str]:
     in_time = int(np.sum(remaining >= WARNING_SHARE))
     yield (
         f"With the fleet's prior, {in_time} of {len(units)} units are warned of in time "
-        f"({100 * in_time / len(units):.0f} %); at the first warning there remain {100 * middle:.0f} % of "
-        f"life (median; 5 to 95 %: {100 * low:.0f} to {100 * high:.0f} %)."
+        f"({100 * in_time / len(units):.0f} %); at the first warning {100 * middle:.0f} % of life remain "
+        f"(median; 5 to 95 %: {100 * low:.0f} to {100 * high:.0f} %)."
     )
 
 
