@@ -87,14 +87,14 @@ def watching(*line: str) -> Iterator[tuple["subprocess.Popen[str]", "queue.Queue
             process.kill()
 
 
-def next_change(events: "queue.Queue[tuple[float, Any]]") -> float:
-    """Return when the next event on a unit's health came, NaN where the recording made none."""
+def change_at(events: "queue.Queue[tuple[float, Any]]", hours: float) -> float:
+    """Return when the event on the health at these hours came, NaN where there was none in time."""
     while True:
         try:
             at, event = events.get(timeout=PATIENCE_S)
         except queue.Empty:
             return float("nan")
-        if event["event"] == "health_changed":
+        if (event["event"], event["hours"]) == ("health_changed", hours):
             return at
 
 
@@ -110,7 +110,7 @@ def of_files(home: Path, count: int) -> None:
             write_recording(one, folder / f"U_{i}.csv")
             written = time.monotonic()
             if i > 0:  # the first is healthy, and no event
-                waits.append(next_change(events) - written)
+                waits.append(change_at(events, float(i)) - written)
     _print_waits("a file, from its last row to its event", waits[1:])
 
 
@@ -129,7 +129,7 @@ def of_rows(home: Path, count: int) -> None:
                 process.stdin.flush()
             written = began + MOVES_S
             if i > 0:
-                waits.append(next_change(events) - written)
+                waits.append(change_at(events, float(i)) - written)
     _print_waits("a movement of a stream, from its last row to its event", waits[1:])
 
 
