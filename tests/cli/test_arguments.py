@@ -11,7 +11,7 @@ KNOWN_FAULTS = "backlash, eccentricity, eccentricity_phase, friction, gain, shor
 BAD_ARGUMENTS = {
     # no such verb, option or value
     "simul out.csv": ('"simul"', 'Did you mean "simulate"?'),
-    "--bogus": ('"--bogus"', "Available commands: demo, simulate, diagnose, calibrate, replay"),
+    "--bogus": ('"--bogus"', "Available commands: demo, init, simulate, diagnose, calibrate, replay"),
     "simulate out.csv --nois 1": ("--nois", "Did you mean --noise?"),
     "simulate out.csv other.csv": ("other.csv",),
     "replay good.csv --json=maybe": ("--json", '"maybe"'),

@@ -9,7 +9,7 @@ import pytest
 from amortized.toys import THESIS, constant_estimator, short_setup
 from emaphm.actuator import Chirp, Faults
 from emaphm.amortized.recording_setup import RecordingSetup
-from emaphm.cli.main import run
+from emaphm.cli import main
 from emaphm.fleet import DiagnosisSettings
 from emaphm.recording import Recording, write_recording
 from emaphm.simulated_recording import simulate
@@ -59,7 +59,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_what_is_asked_wrongly_is_answered_in_one_line(
     folder: Path, arguments: list[str], complaint: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run([one.format(folder) for one in arguments]) == 2
+    assert main([one.format(folder) for one in arguments]) == 2
     captured = capsys.readouterr()
     assert complaint in captured.err
     assert captured.err.count("\n") == 1
@@ -75,7 +75,7 @@ def test_json_says_which_method_it_was(folder: Path, capsys: pytest.CaptureFixtu
         "--fast",
         "--json",
     ]
-    assert run(asked) == 0
+    assert main(asked) == 0
     values = json.loads(capsys.readouterr().out)
     assert values["method"] == "estimator"
     np.testing.assert_allclose(values["k"][0], TRUTH.friction, atol=1e-3)
@@ -83,7 +83,7 @@ def test_json_says_which_method_it_was(folder: Path, capsys: pytest.CaptureFixtu
 
 def test_a_batch_is_answered_by_the_estimator(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     asked = ["diagnose", f"{folder}/0.csv", f"{folder}/1.csv", "--estimator", f"{folder}/unit.estimator"]
-    assert run([*asked, "--fast", "--json", "--workers", "1", "-o", f"{folder}/batch"]) == 0
+    assert main([*asked, "--fast", "--json", "--workers", "1", "-o", f"{folder}/batch"]) == 0
     lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     assert [line["method"] for line in lines] == ["estimator"] * 2
 

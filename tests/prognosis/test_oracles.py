@@ -6,6 +6,7 @@ They are loaded by the tests, since they take seconds.
 import warnings
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 import pytest
 from scipy.stats import kstest
@@ -28,8 +29,9 @@ PATHS = 4000
 
 
 def loaded(name: str) -> Any:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # their own, while they are imported
+    # Their own warnings while they are imported, and their style of figures, are not ours.
+    with warnings.catch_warnings(), mpl.rc_context():
+        warnings.simplefilter("ignore")
         return pytest.importorskip(name)
 
 

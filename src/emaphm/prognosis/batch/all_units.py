@@ -2,7 +2,7 @@
 
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -54,16 +54,22 @@ class UnitOutcome:
 
 @dataclass(frozen=True)
 class _Fleet:
-    """What the units of a part number teach, by unit, and how alike they are (`Prior.spreads`)."""
+    """What the units of a part number teach, by unit, and how alike all are (`Prior.spreads`)."""
 
+    where: str
     reference: StressReference | None
     taught: Mapping[str, Taught]
     spreads: Array | None = None
 
-    def prior_of(self, unit: str) -> Prior:
-        """Return the prior of a unit, by all others."""
-        others = [one for name, one in self.taught.items() if name != unit][:MOST_UNITS]
-        return pooled(others, Prior(reference=self.reference), self.spreads) if others else Prior()
+    def prior_of(self, unit: str, seed: int) -> Prior:
+        """Return the prior of a unit, by the others: how alike those are is computed anew without it."""
+        names = [name for name in self.taught if name != unit][:MOST_UNITS]
+        if not names:
+            return Prior()
+        prior = pooled([self.taught[name] for name in names], Prior(reference=self.reference), self.spreads)
+        if unit not in self.taught:
+            return prior
+        return replace(prior, spreads=likeliest_spreads(_evidence(self.where, names), prior, seed))
 
 
 def prognose_all(
@@ -81,8 +87,8 @@ def prognose_all(
     """Yield the prognosis of each unit, by part and serial number, as tasks on many workers finish.
 
     Each is what `prognose` gives with the `fleet_prior` of the unit's `fellows`, whatever the number of
-    workers, but for what is computed once for all units, the unit included: which of a large fleet teach, how
-    alike they are, and the reference of the stress where that was recorded.
+    workers, but for what is chosen once for all units: which units of a large fleet teach, and the reference
+    of the stress where that was recorded.
 
     Parameters
     ----------
@@ -161,7 +167,7 @@ def _fleet(
     teaching.sort(key=lambda one: (-one.explained, one.unit.serial_number))
     names = [one.unit.serial_number for one in evenly(teaching, MOST_UNITS + 1)]
     if not names:
-        return _Fleet(None, {})
+        return _Fleet(where, None, {})
     evidence = _evidence(where, names)
     reference = StressReference.of([piece for one in evidence for piece in one.stresses])
     general = Prior(reference=reference)
@@ -173,7 +179,7 @@ def _fleet(
                 raise ExecutionError(f"what the fleet teaches cannot be computed: {outcome.failure}")
             found[names[outcome.index]] = outcome.result
     prior = pooled(list(found.values()), general)
-    return _Fleet(reference, found, likeliest_spreads(evidence, prior, seed))
+    return _Fleet(where, reference, found, likeliest_spreads(evidence, prior, seed))
 
 
 def _evidence(where: str, names: Sequence[str]) -> list[Evidence]:
@@ -207,7 +213,7 @@ def _prognoses(
             try:
                 unit = history.unit(name)
                 evidence = Evidence.of(unit)
-                prior = None if fleet is None else fleet.prior_of(name)
+                prior = None if fleet is None else fleet.prior_of(name, seed)
                 made = prognose(evidence, actuator or unit.actuator, question, prior=prior, seed=seed)
             except EmaphmError as error:
                 results.append(UnitOutcome(name, {}, error=str(error)))
