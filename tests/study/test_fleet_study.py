@@ -110,7 +110,8 @@ def test_scores_count_units() -> None:
 
 def test_the_page_says_synthetic_and_holds_every_way() -> None:
     units = [made_up(i, good=i < 3) for i in range(4)]
-    text, figures = fleet_page({RECORDED: units, DRAWN: units}, Quality(40, 0.975, 0.004, 0.95), "fleet")
+    text, figures = fleet_page({RECORDED: units, DRAWN: units}, 9, Quality(40, 0.975, 0.004, 0.95), "fleet")
+    assert "The study is not complete: 8 of 9 runs" in text
     assert "Every unit here is synthetic" in text
     assert all(way in text for way in WAYS)
     assert "logistic (unknown to the filter)" in text

@@ -15,16 +15,17 @@ from typing import Any
 import numpy as np
 
 from emaphm.errors import EmaphmError, StudyError
+from emaphm.fleet.synthetic import drawn_unit
 from emaphm.fleet.synthetic.growth import LAWS
 from emaphm.fleet.synthetic.population import Population
 from emaphm.output_files import make_folder, written_whole
 from emaphm.plotting.fleet import draw_calibration, draw_scores, draw_tracks
 from emaphm.plotting.svg import plain_style, svg
 from emaphm.prognosis.metrics import coverage
-from emaphm.report.markdown import table
+from emaphm.report.markdown import incomplete, table
 from emaphm.study.fleet.diagnoses import Quality, quality
 from emaphm.study.fleet.judging import ALONE, CLAIRVOYANT, HORIZON_H, RISK, SHARES, WAYS, WITH_FLEET
-from emaphm.study.fleet.run import DRAWN, FELLOWS, PLAN, RECORDED, StudyFolder, recorded_fleet, results
+from emaphm.study.fleet.run import DRAWN, FELLOWS, MANY, PLAN, RECORDED, StudyFolder, recorded_fleet, results
 from emaphm.study.fleet.scores import HEADER, alpha_lambda_interval, scores, warnings
 
 Units = Sequence[Mapping[str, Any]]
@@ -72,8 +73,12 @@ CALIBRATION = (
 )
 
 
-def fleet_page(found: Mapping[str, Units], diagnosed: Quality, folder: str) -> tuple[str, dict[str, bytes]]:
+def fleet_page(
+    found: Mapping[str, Units], total: int, diagnosed: Quality, folder: str
+) -> tuple[str, dict[str, bytes]]:
     """Return the page as Markdown, and its figures as SVG by name; the page links to them in `folder`.
+
+    `found` has what is finished, by level, of `total` units.
 
     Raises
     ------
@@ -91,6 +96,7 @@ def fleet_page(found: Mapping[str, Units], diagnosed: Quality, folder: str) -> t
         }
     lines = [
         "# Predictions on a synthetic fleet\n",
+        *incomplete(len(recorded) + len(drawn), total),
         *_introduction(recorded, drawn, diagnosed),
         "\n## How good\n",
         *_verdicts(recorded, drawn),
@@ -262,7 +268,10 @@ def _population(population: Population) -> Iterator[str]:
 def write_fleet_page(studies: str | Path, folder: str | Path) -> Path:
     """Write ``fleet.md`` and its figures to `folder` from the results in `studies`, and return its path."""
     place, out = StudyFolder(Path(studies)), Path(folder)
-    page, figures = fleet_page(results(place), quality(recorded_fleet(place)), "fleet")
+    fleet = recorded_fleet(place)
+    drawn = (drawn_unit(MANY, i) for i in range(FELLOWS, MANY.units))
+    failed = [one for one in (*(unit for unit, _ in fleet), *drawn) if one.failure is not None]
+    page, figures = fleet_page(results(place), len(failed), quality(fleet), "fleet")
     make_folder(out / "fleet")
     for name, picture in figures.items():
         with written_whole(out / "fleet" / f"{name}.svg") as temporary:
