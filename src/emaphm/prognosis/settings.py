@@ -20,8 +20,8 @@ class DegradationSettings:
     law, from running-in to accelerating wear; `growth` the time constant of the exponential law as a share of
     T. `noise` is the standard deviation by which a level deviates from its law over T, by a Wiener process;
     `quiet` what is left of it where nothing degrades: 0.02 in 1,000 h at most. `rate_noise` is that of a
-    changing rate, as a share of 1/T. All three are multiplied by the component's roughness, drawn from `roughness`
-    with its logarithm uniform: what wears evenly is distinguished from what does not.
+    changing rate, as a share of 1/T. All three are multiplied by the component's roughness, drawn from
+    `roughness` with its logarithm uniform: what wears evenly is distinguished from what does not.
     `change_hours` [h] is the mean time after which a component takes up another law: longer than most lives,
     so that it changes few forecasts.
     `exponents` are the ranges, all equally likely, of those of load, temperature (per 10 K) and cycles in
