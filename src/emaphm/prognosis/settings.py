@@ -12,16 +12,16 @@ CONSTANT, LINEAR, EXPONENTIAL, POWER_LAW, SUDDEN_ONSET, CHANGING_RATE, AS_ANOTHE
 class DegradationSettings:
     """Prior of the degradation of a component, before any of it is seen.
 
-    The law has the prior probabilities `laws`, in the order of `LAWS`, the last of which only a
-    fleet can teach: a component that stays as it is must
-    be the likeliest single case, as most components of most units are. `life_scale` [h] is the time T in
+    The law has the prior probabilities `laws`, in the order of `LAWS`, the last of which only a fleet can
+    teach: a component that stays as it is must be the likeliest single case, as most components of most units
+    are. `life_scale` [h] is the time T in
     which the level changes by about one, its logarithm uniform: from a component that is worn out in some
     hundred hours to one that outlives the aircraft's 60,000 flight hours. `exponent` is that of the power
     law, from running-in to accelerating wear; `growth` the time constant of the exponential law as a share of
     T. `noise` is the standard deviation by which a level deviates from its law over T, by a Wiener process;
-    `quiet` what is left of it where nothing degrades: 0.02 in 1,000 h at most. `rate_noise` is that of the
-    rate, as a share of 1/T. All three are multiplied by the component's roughness, drawn from `roughness`
-    with its logarithm uniform: what wears evenly is distinguished from what does not.
+    `quiet` what is left of it where nothing degrades: 0.02 in 1,000 h at most. `rate_noise` is that of a
+    changing rate, as a share of 1/T. All three are multiplied by the component's roughness, drawn from
+    `roughness` with its logarithm uniform: what wears evenly is distinguished from what does not.
     `change_hours` [h] is the mean time after which a component takes up another law: longer than most lives,
     so that it changes few forecasts.
     `exponents` are the ranges, all equally likely, of those of load, temperature (per 10 K) and cycles in
