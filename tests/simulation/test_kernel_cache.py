@@ -41,7 +41,7 @@ def _compilations(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
         return CODE[0]
 
     monkeypatch.setattr(compilation, "compiled", compiled)
-    monkeypatch.setattr(kernel_cache, "_folder", lambda: tmp_path)
+    monkeypatch.setattr(kernel_cache, "kernel_folder", lambda: tmp_path)
     return names
 
 
@@ -100,7 +100,7 @@ def test_a_folder_that_cannot_be_written_costs_only_the_next_compilation(
 ) -> None:
     taken = tmp_path / "file"
     taken.touch()
-    monkeypatch.setattr(kernel_cache, "_folder", lambda: taken / "below")
+    monkeypatch.setattr(kernel_cache, "kernel_folder", lambda: taken / "below")
     np.testing.assert_array_equal(simulated(), simulated())
     assert compilations == ["averaged"] * 2
 

@@ -25,6 +25,7 @@ from emaphm.diagnosis.error_metric import error_percent
 from emaphm.errors import EmaphmError
 from emaphm.execution import Task, outcomes
 from emaphm.fleet import DiagnosisSettings
+from emaphm.random_streams import stream
 from emaphm.recording import Recording
 from emaphm.study.cases import SINGLE, heavy_faults, random_faults, small_fault
 from emaphm.study.plan import Plan
@@ -229,7 +230,7 @@ def unlike_table(found: Sequence[tuple[Case, str, dict[str, Any]]]) -> str:
 def speed_table(path: Path) -> str:
     """Return how fast the network answers on one core, alone and in batches."""
     estimator = Estimator.load(path)
-    rng, size = np.random.default_rng(0), LARGEST_BATCH
+    rng, size = stream(0, "rows of a batch"), LARGEST_BATCH
     blocks = estimator.projection.mean.size // len(estimator.setup.channels)
     rows = rng.normal(size=(size, len(estimator.setup.channels), blocks)).astype(np.float32)
     lines = [
