@@ -2,6 +2,7 @@
 
 import logging
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -75,6 +76,11 @@ def _prepare(_: Sphinx) -> None:
     write_python_names(pages / "python.md")
     contributing = (HERE.parent / "CONTRIBUTING.md").read_text(encoding="utf-8")
     (pages / "contributing.md").write_text(contributing.replace("](docs/", "](../../"), encoding="utf-8")
+    for name in ("reprise", "xjtu"):
+        # Their commands need measured data, which a build may not have.
+        text = (HERE.parent / "examples" / name / "README.md").read_text(encoding="utf-8")
+        text = text.replace("```console", "```text").replace("](../../docs/", "](../../")
+        (pages / f"{name}.md").write_text(text, encoding="utf-8")
     write_toml_keys(pages / "toml_keys.md")
     folder = BUILT / "examples" / "reference"
     shutil.copytree(files, folder)
@@ -93,6 +99,7 @@ def _prepare(_: Sphinx) -> None:
 def _outside(_: Sphinx, __: str, text: list[str]) -> None:
     """Turn links to files above the documentation, which a forge follows, into links to their pages here."""
     text[0] = text[0].replace("](../CONTRIBUTING.md", "](reference/generated/contributing.md")
+    text[0] = re.sub(r"\]\(\.\./examples/(\w+)/README\.md", r"](reference/generated/\1.md", text[0])
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
