@@ -5,7 +5,7 @@
 The data set is public: REPRISE, University of Bergamo (Mazzoleni, Scandella, Previdi, Pispola, Data in Brief
 29:105153, 2020). FILE is a table of features with the columns `date`, `condition`, `frequency_hz` and
 `rms_A`, the phase current's RMS over one period of a sinusoid. Without FILE, the folder named by the
-environment variable EMAPHM_DATA is searched, else `../shared/data` beside the project.
+environment variable EMAPHM_DATA is searched, else `../shared/data` next to the project.
 
 What is said of a test uses that test and those before it, never a later one. See README.md.
 """

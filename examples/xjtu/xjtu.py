@@ -4,7 +4,7 @@
 
 The data set is public: XJTU Ball Screw Degradation Dataset, Xi'an Jiaotong University. FILE is a table with
 the columns `hours`, `friction_torque_upper` and `friction_torque_lower` [N·m]. Without FILE, the folder
-named by the environment variable EMAPHM_DATA is searched, else `../shared/data` beside the project. See
+named by the environment variable EMAPHM_DATA is searched, else `../shared/data` next to the project. See
 README.md.
 """
 
@@ -42,7 +42,7 @@ FEWEST = 8
 """Readings before the first forecast: two speeds' worth of them, to see how readings scatter."""
 
 EVERY = 4
-"""A forecast is made after each so many readings: once a speed."""
+"""A forecast is made each time this number of readings is new: once a speed."""
 
 CONFIDENCE = 0.95
 

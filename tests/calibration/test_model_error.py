@@ -164,10 +164,10 @@ def test_a_healthy_recording_of_a_plant_that_the_model_lacks_is_no_worse_than_he
     assert diagnosis.explained
     for one in diagnosis.components.values():
         assert one.verdict != "degraded"
-    beside = diagnosis.model_error["current_A"]
-    assert beside.ratio == pytest.approx(1.0, abs=0.15)
-    assert beside.recordings == 3
-    assert beside.rank_confidence == 0.75
+    compared = diagnosis.model_error["current_A"]
+    assert compared.ratio == pytest.approx(1.0, abs=0.15)
+    assert compared.recordings == 3
+    assert compared.rank_confidence == 0.75
     assert "3 healthy recordings left out of the calibration" in "\n".join(diagnosis.notes())
     assert diagnosis.to_dict()["model_error"]["current_A"]["as_healthy"] is True
 

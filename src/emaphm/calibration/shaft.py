@@ -64,7 +64,8 @@ def fit_description(
     """Return the joint fit of a description; errors as in `emaphm.calibration.calibrate`.
 
     A free shaft is fitted by every row, where its swing shows. All else is then fitted by means over the
-    swings, with what the first fit knows of the shaft; the description that is returned has that shaft.
+    swings, with the errors of the shaft from the first fit as its prior; the description that is returned
+    has that shaft.
     """
     actuator, free, start = description.actuator, description.free, description.start
     if actuator.transmission is None or not set(NAMES) & set(free):

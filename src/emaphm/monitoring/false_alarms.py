@@ -42,7 +42,7 @@ class FalseAlarmRate:
         return self._in_hours(self.per_recording)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the rate as it stands in the details of an event."""
+        """Return the rate in the form of the details of an event."""
         return {
             "per_recording_at_most": self.per_recording,
             "recordings_per_hour": self.recordings_per_hour,

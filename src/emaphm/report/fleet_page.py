@@ -169,9 +169,9 @@ def _verdicts(recorded: Units, drawn: Units) -> Iterator[str]:
     yield (
         f"\nAsked: {100 * ASKED_SHARE:.0f} % of the clairvoyant's alpha-lambda (α 0.2, β 0.5), and a "
         f"coverage of {100 * ASKED_COVERAGE[0]:.0f} to {100 * ASKED_COVERAGE[1]:.0f} %. The *clairvoyant* "
-        "knows of each component its law with all parameters, its true level, and the unit's mission; what "
-        "it does not know is what chance has not decided: jumps, drift, the stress of flights to come, and "
-        "the moment of an onset or change that is still to come. *Late*: the median exceeds the true RUL "
+        "is given the law of each component with all parameters, its true level, and the unit's mission; "
+        "what it does not know is what chance has not decided: jumps, drift, the stress of flights to come, "
+        "and the moment of an onset or change that is still to come. *Late*: the median exceeds the true RUL "
         "by more than 20 %."
     )
 
@@ -278,8 +278,8 @@ def _population(population: Population) -> Iterator[str]:
         f"2^(ΔT/{s.doubling:g} K) (1 + l)^3 times as fast: its mission has ΔT with a standard deviation of "
         f"{s.mission_K:g} K and l of {s.mission_load:g}, each stretch between two check flights further "
         f"{s.flight_K:g} K and {s.flight_load:g}. The laws and the ranges of their parameters are in "
-        "`src/emaphm/fleet/synthetic/growth.py`, the numbers above in `population.py` beside it. They were "
-        "chosen before anything was predicted on them; the prognosis was developed on another fleet "
+        "`src/emaphm/fleet/synthetic/growth.py`, the numbers above in `population.py` of that folder. They "
+        "were chosen before anything was predicted on them; the prognosis was developed on another fleet "
         "(`--population development`)."
     )
 

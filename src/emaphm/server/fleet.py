@@ -27,7 +27,7 @@ class FleetRow:
 
     Hours are flight hours [h]; `rul_low`, `rul_high` the ends of the 90 % interval, null beyond what is
     forecast; `advice` is good for `advice_in` hours from the prognosis on, at `advice_at`; `current` says
-    whether the prognosis knows of all that was added.
+    whether the prognosis covers all that was added.
     """
 
     id: int

@@ -73,7 +73,7 @@ class Guard:
         await self._run(scope, body, _with_headers(send))
 
     async def _upload(self, scope: "Scope", receive: "Receive", send: "Send") -> None:
-        """Let an upload through, in its time; no more than so many at once."""
+        """Let an upload through, in its time; a limited number at once."""
         if self._uploading >= self._settings.uploads_at_once:
             busy = _said(
                 scope, 503, "too many uploads at once; try again in some seconds", {"retry-after": "5"}
@@ -127,7 +127,7 @@ class Guard:
 
 
 class _Bounded:
-    """The body of a request, of so many bytes at most; `timer` ends with its last byte."""
+    """The body of a request, of a limited size; `timer` ends with its last byte."""
 
     def __init__(self, receive: "Receive", most: int) -> None:
         self._receive = receive

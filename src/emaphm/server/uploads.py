@@ -27,7 +27,7 @@ LONGEST_NAME = 100
 
 
 class BusyError(EmaphmError):
-    """So many uploads wait that another is not taken."""
+    """The queue is full: no further upload is taken."""
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from emaphm.strict_json import finite
 def keep_curves(
     connection: sa.Connection, unit_id: int, hours: float, diagnoses: int, document: dict[str, Any]
 ) -> None:
-    """Keep the curves of a prognosis, made at flight `hours` [h] from so many `diagnoses`."""
+    """Keep the curves of a prognosis, made at flight `hours` [h] from the given number of `diagnoses`."""
     values = {"hours": hours, "diagnoses": diagnoses, "document": json.dumps(finite(document))}
     of_unit = PROGNOSIS_CURVES.c.unit_id == unit_id
     if not connection.execute(PROGNOSIS_CURVES.update().where(of_unit).values(values)).rowcount:

@@ -42,7 +42,7 @@ NOT_DECIDING = ("actuator/toml.py", "study/fleet/__main__.py", "study/fleet/scor
 
 @dataclass(frozen=True)
 class StudyFolder:
-    """The folder of the study: the fleet with its recordings in ``fleet``, what was judged beside it."""
+    """The folder of the study: the fleet with its recordings in ``fleet``, what was judged next to it."""
 
     path: Path
 
