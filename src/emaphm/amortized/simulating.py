@@ -24,7 +24,7 @@ from emaphm.arrays import Array
 from emaphm.errors import ExecutionError
 from emaphm.estimation.sensors.sensor_model import all_as_described
 from emaphm.execution import Task, outcomes
-from emaphm.execution.folder import WorkFolder, difference
+from emaphm.execution.folder import WorkFolder
 from emaphm.output_files import written_whole
 from emaphm.random_streams import stream
 from emaphm.simulation import REFERENCE, Inputs, Model, Plant, observe_batch
@@ -157,14 +157,7 @@ def training_folder(path: Path, setup: RecordingSetup, seed: int) -> WorkFolder:
     """
     folder = WorkFolder(path, SETTINGS, "training of an estimator", ExecutionError)
     text = json.dumps({"setup": setup.identity(), "seed": seed, "prior": asdict(PRIOR)}, indent=1)
-    if not folder.settings.exists():
-        folder.begin(text)
-    try:
-        there = json.loads(folder.settings.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        reason = str(error).splitlines()[0]
-        raise ExecutionError(f"{folder.settings}: cannot be read ({reason}); give another --folder") from None
-    differing = difference(there, json.loads(text))
+    differing = folder.begin_or_resume(text, elsewhere="another --folder")
     if differing:
         raise ExecutionError(
             f"{path} holds the training set of another setup: {differing}; give another --folder, or remove "

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -199,33 +200,8 @@ def diagnose(
     several = joint or further or workers or scheduler or out or by or recording.is_dir()
     from emaphm.cli import batch
 
-    if several:
-        if report:
-            raise MethodError("--report is of one recording; diagnose that one alone, without --joint")
-        if healthy:
-            raise MethodError("--healthy is for one recording; judge several by 'emaphm detect judge'")
-        settings = batch.settings(
-            method=method,
-            model=model,
-            fitness=fitness,
-            correction=correction,
-            nuisance=nuisance,
-            posterior=posterior,
-            estimator=None if estimator is None else str(estimator),
-            fast=fast,
-            seed=seed,
-        )
-        paths, files = (recording, *further), batch.reading(by, known)
-        if joint:
-            batch.check_joint(settings, workers, scheduler, out)
-            batch.diagnose_joint(paths, described, settings, files, as_json)
-        else:
-            batch.diagnose_each(paths, described, settings, files, workers, scheduler, out, as_json)
-        return
-    recorded = recording_of(recording, described, known)
-    check = None if healthy is None else healthy_check(healthy, recorded)
-    # Not before: what cannot be read is refused without waiting for a compiler to be loaded.
-    settings = batch.settings(
+    asked = partial(
+        batch.settings,
         method=method,
         model=model,
         fitness=fitness,
@@ -236,6 +212,23 @@ def diagnose(
         fast=fast,
         seed=seed,
     )
+    if several:
+        if report:
+            raise MethodError("--report is of one recording; diagnose that one alone, without --joint")
+        if healthy:
+            raise MethodError("--healthy is for one recording; judge several by 'emaphm detect judge'")
+        settings = asked()
+        paths, files = (recording, *further), batch.reading(by, known)
+        if joint:
+            batch.check_joint(settings, workers, scheduler, out)
+            batch.diagnose_joint(paths, described, settings, files, as_json)
+        else:
+            batch.diagnose_each(paths, described, settings, files, workers, scheduler, out, as_json)
+        return
+    recorded = recording_of(recording, described, known)
+    check = None if healthy is None else healthy_check(healthy, recorded)
+    # Not before: what cannot be read is refused without waiting for a compiler to be loaded.
+    settings = asked()
     with progress("diagnosing", as_json) as advance:
         diagnosis = settings.diagnosed(recorded, described, workers=None, on_progress=advance)
     diagnosis = replace(diagnosis, healthy_check=check)

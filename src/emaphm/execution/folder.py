@@ -1,6 +1,7 @@
 """The folder of long work: the settings that it began with, which its results hold for, and a lock."""
 
 import fcntl
+import json
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -65,6 +66,26 @@ class WorkFolder:
             if not self.settings.exists():
                 with written_whole(self.settings) as temporary:
                     temporary.write_text(settings, encoding="utf-8")
+
+    def begin_or_resume(self, settings: str, *, elsewhere: str = "another folder with -o") -> str:
+        """Begin with `settings`, JSON, or go on; return how they differ from what it began with.
+
+        The result is empty where nothing differs, and for a new folder. `elsewhere` is what messages say to
+        give in place of this folder.
+
+        Raises
+        ------
+        EmaphmError
+            As `begin`, or the folder's settings cannot be read.
+        """
+        if not self.settings.exists():
+            self.begin(settings)
+        try:
+            there = json.loads(self.settings.read_text(encoding="utf-8"))
+        except (OSError, ValueError, RecursionError) as error:
+            reason = str(error).splitlines()[0]
+            raise self.error(f"{self.settings}: cannot be read ({reason}); give {elsewhere}") from None
+        return difference(there, json.loads(settings))
 
     @contextmanager
     def locked(self) -> Iterator[None]:

@@ -6,12 +6,11 @@ from collections.abc import Generator, Iterator, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from emaphm.actuator import Actuator
 from emaphm.errors import ExecutionError
 from emaphm.execution import OnTask, Outcome, ResultStore, Task, check_workers, outcomes, run_missing
-from emaphm.execution.folder import WorkFolder, difference
+from emaphm.execution.folder import WorkFolder
 from emaphm.fleet.result import BatchResult
 from emaphm.fleet.settings import DiagnosisSettings
 from emaphm.fleet.sources import FileReading
@@ -126,7 +125,7 @@ def _running(batch: _Batch, tasks: list[Task], store: ResultStore | None) -> Gen
 
 
 def _counted(arriving: Generator[Outcome], done: int, batch: _Batch) -> Generator[Outcome]:
-    """Pass outcomes on, and tell `on_file` of each."""
+    """Pass outcomes on, and call `on_file` after each."""
     total = len(batch.paths)
     with closing(arriving):
         if batch.on_file:
@@ -166,24 +165,10 @@ def _prepared(
         "settings": settings.to_dict(),
         "reading": reading.to_dict(),
     }
-    text = json.dumps(here, indent=1)
-    if not folder.settings.exists():
-        folder.begin(text)
-    there = _settings_in(folder)
-    differing = difference(there, json.loads(text))
+    differing = folder.begin_or_resume(json.dumps(here, indent=1))
     if differing:
         raise ExecutionError(
             f"{path} holds results of other settings: {differing}; give the same ones, or another folder "
             "with -o"
         )
     return folder
-
-
-def _settings_in(folder: WorkFolder) -> Any:
-    try:
-        return json.loads(folder.settings.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        reason = str(error).splitlines()[0]
-        raise ExecutionError(
-            f"{folder.settings}: cannot be read ({reason}); give another folder with -o"
-        ) from None

@@ -16,6 +16,7 @@ from emaphm.prognosis.forecast import Paths
 from emaphm.prognosis.requirements import COMPONENTS, Limit, vectors_of
 from emaphm.prognosis.settings import LAWS
 from emaphm.prognosis.stress import Stress, stress_dict
+from emaphm.strict_json import finite
 from emaphm.text_table import format_table
 from emaphm.version import VERSION
 
@@ -181,11 +182,6 @@ def quantile(sample: Array, probability: float) -> float:
     """Return a quantile of a sample (n,) that may hold `inf`: the least value not below that share of it."""
     place = math.ceil(probability * sample.size) - 1
     return float(np.sort(sample)[min(max(place, 0), sample.size - 1)])
-
-
-def finite(hours: float) -> float | None:
-    """Return hours, None for `inf`."""
-    return hours if math.isfinite(hours) else None
 
 
 def hours_text(hours: float) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 from emaphm.actuator import Actuator
 from emaphm.diagnosis.deciding_code import NOT_DECIDING
 from emaphm.errors import ExecutionError
-from emaphm.execution.folder import WorkFolder, difference
+from emaphm.execution.folder import WorkFolder
 from emaphm.execution.revision import revision_of
 from emaphm.fleet.synthetic.plan import FleetPlan
 from emaphm.fleet.synthetic.unit import SyntheticUnit
@@ -87,11 +87,8 @@ class FleetFolder:
         ExecutionError
             The folder holds another fleet, one of another version, or something else.
         """
-        folder = self.work
         here = {"synthetic": True, "plan": plan.to_dict(), "revision": revision()}
-        if not folder.settings.exists():
-            folder.begin(json.dumps(here, indent=1))
-        differing = difference(_settings_in(folder), json.loads(json.dumps(here)))
+        differing = self.work.begin_or_resume(json.dumps(here, indent=1))
         if differing:
             raise ExecutionError(
                 f"{self.path} holds another synthetic fleet: {differing}; ask for the same one, or give "
@@ -150,16 +147,6 @@ def _levels(units: list[SyntheticUnit]) -> Any:
         )
         for one in units
     )
-
-
-def _settings_in(folder: WorkFolder) -> Any:
-    try:
-        return json.loads(folder.settings.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        reason = str(error).splitlines()[0]
-        raise ExecutionError(
-            f"{folder.settings}: cannot be read ({reason}); give another folder with -o"
-        ) from None
 
 
 def _write(path: Path, text: str) -> None:

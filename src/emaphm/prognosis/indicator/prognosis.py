@@ -12,10 +12,11 @@ from emaphm.prognosis.forecast import drawn_states, first_passage, paths
 from emaphm.prognosis.indicator.readings import FAILING, Indicator
 from emaphm.prognosis.prior import Prior
 from emaphm.prognosis.prognose import DEFAULT_QUESTION, ENOUGH, Question, pace_ahead, stress_notes
-from emaphm.prognosis.result import INTERVAL90, advice_text, finite, hours_text, quantile
+from emaphm.prognosis.result import INTERVAL90, advice_text, hours_text, quantile
 from emaphm.prognosis.settings import FORECAST, INDICATOR_FILTER, LAWS, FilterSettings, ForecastSettings
 from emaphm.prognosis.stress import STRESSES, Stress, StressReference, stress_dict
 from emaphm.random_streams import stream
+from emaphm.strict_json import finite
 from emaphm.version import VERSION
 
 

@@ -140,11 +140,6 @@ class Plant:
         )
 
     @property
-    def has_windings(self) -> bool:
-        """Whether three windings are described and switched."""
-        return self.structure.drive in ("hysteresis", "six-step", "foc")
-
-    @property
     def count(self) -> int:
         """The number of actuators, n."""
         return int(self.inertia.size)
