@@ -7,6 +7,7 @@ import pytest
 
 from cases import THESIS
 from emaphm.actuator import Actuator, Chirp, Faults
+from emaphm.actuator.law_sections import Drive
 from emaphm.actuator.model_error import NOT_LEARNED, ChannelError, ModelError
 from emaphm.arrays import Array
 from emaphm.calibration import calibrate
@@ -199,3 +200,20 @@ def test_a_large_fault_is_still_told_from_healthy(unit: Actuator) -> None:
 def test_one_recording_teaches_no_error() -> None:
     one = calibrate([recorded(0)], THESIS, FREE, workers=1, max_corrections=0)
     assert one.actuator.model_error == NOT_LEARNED
+
+
+def test_the_ripple_that_faults_add_is_no_reason_against_an_estimate() -> None:
+    # What a calibration with three healthy recordings of this plant learned: its lag, and its model's error.
+    current = ChannelError(floor=0.035, noise=0.057, correlation_time=1e-3, scatter=0.02, recordings=3)
+    voltage = ChannelError(floor=1.9, noise=1.5, correlation_time=2.7e-3, scatter=0.033, recordings=3)
+    drive = Drive(kind="hysteresis", current_lag=22.6e-6)
+    learned = ModelError(current_A=current, voltage_V=voltage)
+    unit = THESIS.model_copy(update={"drive": drive, "model_error": learned})
+    faults = Faults(friction=0.3, short_c=0.6, eccentricity=0.8, eccentricity_phase=0.4)
+    whole = foreign_plant.simulate(
+        THESIS, Chirp(), ForeignFeatures(sensor_lag=20e-6), faults=faults, noise=0.05, adc_bits=12
+    )
+    recording = Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")})
+    diagnosis = diagnose(recording, unit, nuisances=("load",), workers=1)
+    assert diagnosis.explained
+    assert np.abs(diagnosis.faults.vector - faults.vector).max() < 0.05

@@ -229,7 +229,9 @@ def conclude(
     if jacobians is None:
         jacobians = jacobians_at(objective, result.point, stream(seed, "Jacobians of the covariance"))
     moves = moves_at(objective, result.point)
-    healthy = compared_with_healthy(problem, result.residual_by_channel, SMALLEST_SHARE)
+    healthy = compared_with_healthy(
+        problem, result.residual_by_channel, least_share=SMALLEST_SHARE, switching=result.switching_variances
+    )
     reasons = reasons_against(result, jacobians, healthy, seed, moves=moves)
     known = identifiability(replace(result, jacobians=jacobians), seed, explained=not reasons)
     components = estimates(space, result.point, known.covariance, known.collinear_sets)

@@ -121,6 +121,14 @@ class SearchResult:
         return dict(zip(problem.channels, rows / problem.weights[:, np.newaxis], strict=True))
 
     @property
+    def switching_variances(self) -> dict[str, float]:
+        """The variance of chaotic switching in each channel, in the square of its unit; empty if unknown."""
+        if self.discrepancy is None or not self.discrepancy.channel_variances.size:
+            return {}
+        variances = self.discrepancy.channel_variances.tolist()
+        return dict(zip(self.objective.problem.channels, variances, strict=True))
+
+    @property
     def remaining_bias(self) -> Array:
         """What a further correction would still change of the outputs, (rows,); 0 where not known."""
         return self.outputs_correction - self.correction

@@ -82,8 +82,9 @@ def reasons_against(
        root of the sum of their squares where the noise is that of most rows.
     2. So is that of every other channel that is compared: r² ≤ c² (σ² + q²/12 + s²) + (m y)², with q the step
        that it is rounded to, s² the variance of switching, c and m from `EXPLANATION`.
-       Where a calibration has learned the model's error in a channel, this replaces 1 and 2: its residual is
-       no worse than that of healthy recordings.
+       Where a calibration has learned the model's error in a channel, a residual that is no worse than that
+       of healthy recordings is enough. Of the primary channel it is asked in place of 1, and of any channel
+       where the reference model has not corrected the estimate.
     3. The model resembles every channel: r² ≤ u y² + q²/12 + s². Not asked of an actuator at rest.
     4. No nuisance is farther off than its stated prior allows. The error of a sensor may be: it is reported
        as a fault of that sensor.
@@ -109,10 +110,9 @@ def reasons_against(
     moves
         Whether the actuator moved.
     """
-    unlike = {name: one for name, one in healthy.items() if not one.as_healthy}
-    found = [f"{name}: the residual is {one}".rstrip(".") for name, one in unlike.items()]
-    found += [
-        *(() if result.objective.problem.primary in healthy else _primary(result)),
+    primary = result.objective.problem.primary
+    found = [
+        *(_unlike_healthy(primary, healthy) if primary in healthy else _primary(result)),
         *_channels(result, healthy, moves=moves),
         *_nuisances(result),
         *_phases(result),
@@ -145,6 +145,11 @@ def is_explained(recorded: Array, residual: Array, noise: float, *, corrected: b
     return bool(np.mean(residual**2) <= variance)
 
 
+def _unlike_healthy(name: str, healthy: Mapping[str, HealthyComparison]) -> Iterator[str]:
+    if not healthy[name].as_healthy:
+        yield f"{name}: the residual is {healthy[name]}".rstrip(".")
+
+
 def _primary(result: SearchResult) -> Iterator[str]:
     problem = result.objective.problem
     corrected = bool(result.correction.any())
@@ -170,19 +175,24 @@ def _channels(
     problem = result.objective.problem
     rows = result.objective.channel_rows
     residuals = result.residual[:rows].reshape(len(problem.channels), -1) / problem.weights[:, np.newaxis]
-    switching, model = np.zeros(len(problem.channels)), EXPLANATION.uncorrected_model
-    if result.discrepancy is not None and result.discrepancy.channel_variances.size:
-        switching, model = result.discrepancy.channel_variances, EXPLANATION.channel_model
-    for name, residual, variance in zip(problem.channels, residuals, switching, strict=True):
+    switching = result.switching_variances
+    model = EXPLANATION.channel_model if switching else EXPLANATION.uncorrected_model
+    for name, residual in zip(problem.channels, residuals, strict=True):
+        variance = switching.get(name, 0.0)
         recorded = problem.measured[name]
         square, size = float(np.mean(residual**2)), float(np.mean(recorded**2))
-        known = float(variance) + rounding_step(recorded) ** 2 / 12 + (_described(name, result)) ** 2
+        known = variance + rounding_step(recorded) ** 2 / 12 + (_described(name, result)) ** 2
         noise = max(usual_noise(recorded) ** 2, known)
-        allowed = EXPLANATION.channel_noise**2 * (noise + float(variance))
+        exceeds = square > EXPLANATION.channel_noise**2 * (noise + variance) + model**2 * size
         share = _percent(square**0.5, size**0.5)
         if moves and square > EXPLANATION.unresembled * size + known:
             yield f"{name}: the model does not resemble it (the residual is {share})"
-        elif name not in (problem.primary, *healthy) and square > allowed + model**2 * size:
+        elif name == problem.primary:
+            continue
+        elif name in healthy:
+            if exceeds or not switching:
+                yield from _unlike_healthy(name, healthy)
+        elif exceeds:
             yield (
                 f"{name}: the residual of {share} is more than noise, rounding and "
                 "switching account for; its sensor, unit or sign may be wrong"

@@ -168,17 +168,24 @@ def error_variance(problem: "Problem", channel: str) -> float:
 
 
 def compared_with_healthy(
-    problem: "Problem", residuals: Mapping[str, Array], least_share: float = 0.0
+    problem: "Problem",
+    residuals: Mapping[str, Array],
+    *,
+    least_share: float = 0.0,
+    switching: Mapping[str, float] | None = None,
 ) -> dict[str, HealthyComparison]:
     """Return each channel's residual (samples,) compared with healthy recordings, where that was learned.
 
-    Of the primary channel a residual of `least_share` of its rms is expected too, added by squares: healthy
-    recordings do not show what faults leave where the estimate is right.
+    Two things that healthy recordings do not show are expected too, added by squares. `switching` is its
+    variance at the estimate, by channel: what it exceeds the learned error by, since faults change the
+    ripple. Of the primary channel a residual of `least_share` of its rms is left where the estimate is right.
     """
     found = {}
     for name, healthy in expected_residual(problem, residuals).items():
         share = least_share if name == problem.primary else 0.0
-        expected = float(np.hypot(healthy, share * np.sqrt(np.mean(problem.measured[name] ** 2))))
+        left = share**2 * float(np.mean(problem.measured[name] ** 2))
+        ripple = max(0.0, (switching or {}).get(name, 0.0) - error_variance(problem, name))
+        expected = float((healthy**2 + left + ripple) ** 0.5)
         error = problem.actuator.model_error.of(name)
         assert error is not None  # noqa: S101 - what is expected has been learned
         size = float(np.sqrt(np.mean(residuals[name] ** 2)))
