@@ -186,7 +186,7 @@ def test_the_map_names_the_settings_that_are_wrong_without_saying_so(limits: Pla
     undrawn = [section.model_copy(update={"figure": ""}) for section in limits.sections]
     page, none = limits_page(limits.model_copy(update={"sections": undrawn}), results(limits), "limits")
     assert none == {}
-    assert "448 of 1672 runs" in page
+    assert "448 of 1744 runs" in page
     assert "none of 58." in page
     explained = {"compliant shaft, mild": False, "lagging current sensors, mild": True}
 
@@ -225,7 +225,7 @@ def test_the_base_setting_is_diagnosed_once_for_all_sections(limits: Plan) -> No
     # their laws calibrated or not.
     assert len(settings) == 46 - 6 + 2 + 2 * 8
     # Of the foreign plants fewer cases: each is another kernel, and may try every law.
-    assert limits.total == 42 * (20 + 2 * 5 + 6) + 16 * (3 + 1 * 5 + 2)
+    assert limits.total == 42 * (20 + 2 * 5 + 6) + 8 * (5 + 1 * 5 + 2) + 8 * (10 + 1 * 5 + 2)
 
 
 def test_rates_are_those_of_the_results(limits: Plan) -> None:
