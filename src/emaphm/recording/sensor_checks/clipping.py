@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator
 from emaphm.arrays import Array
@@ -14,16 +15,20 @@ class ClippingSettings:
     """Which plateaus at the largest or smallest value count as clipped.
 
     `least_rows` in `least_plateaus` at least. Of a signal whose noise exceeds `noise_counts` counts, no value
-    comes twice in a row but by chance, the largest least of all. Of a smooth one, the slopes on either side
-    of a plateau, over `slope_rows` or a quarter of it, would lead it `excess` counts farther: a smooth
-    maximum in coarse counts is a plateau too, but of less than a count. Values within `near` of a limit of
-    the hardware are its own; of a voltage, from `near_supply` of the supply on: what the source really gives
-    may be less.
+    comes twice in a row but by chance, the largest least of all; nor does it come back to its largest value
+    `least_rows` times, `least_excess` times as often as to each count within the noise below, and as to any
+    of the `next_values` below (to `same` of the noise). Of a smooth one, the slopes on either side of a
+    plateau, over `slope_rows` or a quarter of it, would lead it `excess` counts farther: a smooth maximum in
+    coarse counts is a plateau too, but of less than a count. Values within `near` of a limit of the hardware
+    are its own; of a voltage, from `near_supply` of the supply on: what the source really gives may be less.
     """
 
     least_rows: int = 8
     least_plateaus: int = 2
     noise_counts: float = 1.5
+    least_excess: float = 4.0
+    next_values: int = 10
+    same: float = 1e-3
     slope_rows: int = 4
     excess: float = 3.0
     near: float = 0.03
@@ -42,6 +47,9 @@ def clipped_rows(values: Array, channel: str, command: Array, actuator: Actuator
     for level, sign in ((values.max(), 1.0), (values.min(), -1.0)):
         if level == 0 or count == 0 or _is_limit(level, channel, actuator):
             continue
+        if noisy and _returns(sign * values, first, count, noise):
+            clipped |= values == level
+            continue
         rows, plateaus = np.zeros(values.size, bool), 0
         for start, length in zip(first, lengths, strict=True):
             end = start + length
@@ -51,6 +59,22 @@ def clipped_rows(values: Array, channel: str, command: Array, actuator: Actuator
         if rows.sum() >= CLIPPING.least_rows and plateaus >= CLIPPING.least_plateaus:
             clipped |= rows
     return clipped
+
+
+def _returns(values: Array, first: NDArray[np.intp], count: float, noise: float) -> bool:
+    """Return whether `values` (n,), of which runs of equal ones begin at `first`, pile up at the largest.
+
+    One that rests at its largest value comes there once or twice, however long it stays. One that switches in
+    a cycle comes back to others as often.
+    """
+    level, reached = values.max(), values[first]
+    visits = int(np.count_nonzero(reached == level))
+    if visits < CLIPPING.least_rows:
+        return False
+    within_noise = float(np.count_nonzero((values < level) & (values >= level - noise))) * count / noise
+    counts = np.round((level - reached) / max(count, CLIPPING.same * noise))
+    next_values = np.unique(counts[counts > 0], return_counts=True)[1][: CLIPPING.next_values]
+    return visits >= CLIPPING.least_excess * max(within_noise, int(next_values.max(initial=0)))
 
 
 def _cut(values: Array, start: int, end: int, least: float) -> bool:
