@@ -10,7 +10,8 @@ from emaphm.diagnosis.selection.extension import Candidate, with_nuisances
 from emaphm.diagnosis.selection.profile import PROFILE, PROFILED, profile
 from emaphm.diagnosis.selection.sensor_error_scores import jacobians_with_errors, regressed_error
 from emaphm.diagnosis.selection.settings import SELECTION, SENSOR_SELECTION, widening
-from emaphm.diagnosis.selection.supply_scan import SUPPLY, is_scanned, supply_candidate
+from emaphm.diagnosis.selection.supply_profile import SUPPLY
+from emaphm.diagnosis.selection.supply_scan import is_scanned, supply_candidate
 from emaphm.estimation.global_search.multistart import local_search, with_descents
 from emaphm.estimation.nuisances import PRIORS_PER_UNIT
 from emaphm.estimation.objective import MapObjective
@@ -46,7 +47,7 @@ def worthwhile_candidates(
     starts: dict[str, tuple[float, MapObjective, Array]] = {}
     profiled: list[Candidate] = []
     for name in others:
-        if name == SUPPLY and is_scanned(problem):
+        if name == SUPPLY and is_scanned(problem.actuator):
             scanned = supply_candidate(result, names, seed)
             profiled += [] if scanned is None else [scanned]
             continue

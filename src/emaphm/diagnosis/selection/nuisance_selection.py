@@ -15,7 +15,8 @@ from emaphm.diagnosis.selection.nuisance_candidates import worthwhile_candidates
 from emaphm.diagnosis.selection.profile import PROFILED
 from emaphm.diagnosis.selection.rivals import residual_power, with_rivals
 from emaphm.diagnosis.selection.settings import SELECTION, SENSOR_SELECTION, widening
-from emaphm.diagnosis.selection.supply_scan import SUPPLY, is_off, supply_share, with_supply
+from emaphm.diagnosis.selection.supply_profile import SUPPLY, supply_share
+from emaphm.diagnosis.selection.supply_scan import is_off, with_supply
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.global_search.multistart import multistart
 from emaphm.estimation.nuisances import usual_deviation
