@@ -16,18 +16,20 @@ class ClippingSettings:
 
     `least_rows` in `least_plateaus` at least. Of a signal whose noise exceeds `noise_counts` counts, no value
     comes twice in a row but by chance, the largest least of all; nor does it come back to its largest value
-    `least_rows` times, `least_excess` times as often as to each count within the noise below, and as to any
-    of the `next_values` below (to `same` of the noise). Of a smooth one, the slopes on either side of a
-    plateau, over `slope_rows` or a quarter of it, would lead it `excess` counts farther: a smooth maximum in
-    coarse counts is a plateau too, but of less than a count. Values within `near` of a limit of the hardware
-    are its own; of a voltage, from `near_supply` of the supply on: what the source really gives may be less.
+    `least_rows` times, `least_excess` times as often as to each count within the noise below. That is not
+    asked of a drive that switches in a cycle, where `cycle` values, to `same` of the noise, are more than
+    `most_in_cycle` of all. Of a smooth signal, the slopes on either side of a plateau, over `slope_rows` or a
+    quarter of it, would lead it `excess` counts farther: a smooth maximum in coarse counts is a plateau too,
+    but of less than a count. Values within `near` of a limit of the hardware are its own; of a voltage, from
+    `near_supply` of the supply on: what the source really gives may be less.
     """
 
     least_rows: int = 8
     least_plateaus: int = 2
     noise_counts: float = 1.5
     least_excess: float = 4.0
-    next_values: int = 10
+    cycle: int = 20
+    most_in_cycle: float = 0.5
     same: float = 1e-3
     slope_rows: int = 4
     excess: float = 3.0
@@ -65,16 +67,16 @@ def _returns(values: Array, first: NDArray[np.intp], count: float, noise: float)
     """Return whether `values` (n,), of which runs of equal ones begin at `first`, pile up at the largest.
 
     One that rests at its largest value comes there once or twice, however long it stays. One that switches in
-    a cycle comes back to others as often.
+    a cycle has few values, and comes back to others as often.
     """
-    level, reached = values.max(), values[first]
-    visits = int(np.count_nonzero(reached == level))
+    level = values.max()
+    visits = int(np.count_nonzero(values[first] == level))
     if visits < CLIPPING.least_rows:
         return False
     within_noise = float(np.count_nonzero((values < level) & (values >= level - noise))) * count / noise
-    counts = np.round((level - reached) / max(count, CLIPPING.same * noise))
-    next_values = np.unique(counts[counts > 0], return_counts=True)[1][: CLIPPING.next_values]
-    return visits >= CLIPPING.least_excess * max(within_noise, int(next_values.max(initial=0)))
+    alike = np.unique(np.round(values / max(count, CLIPPING.same * noise)), return_counts=True)[1]
+    in_cycle = np.sort(alike)[-CLIPPING.cycle :].sum() > CLIPPING.most_in_cycle * values.size
+    return not in_cycle and visits >= CLIPPING.least_excess * within_noise
 
 
 def _cut(values: Array, start: int, end: int, least: float) -> bool:
