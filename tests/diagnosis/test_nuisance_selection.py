@@ -107,7 +107,8 @@ def test_an_inertia_is_likelier_than_a_voltage_of_another_scale_that_explains_as
 
 
 def test_rivals_add_their_spread_by_their_probability() -> None:
-    objective = SimpleNamespace(space=SimpleNamespace(coordinates=("friction", "gain")))
+    nothing = SimpleNamespace(names=(), nominal=np.zeros(0))
+    objective = SimpleNamespace(space=SimpleNamespace(coordinates=("friction", "gain"), nuisances=nothing))
     lacking = SimpleNamespace(space=SimpleNamespace(coordinates=("gain",)))
     best = SearchResult.at(cast("Any", objective), np.array([0.3, 0.5]), correction=np.zeros(1))
     others = [

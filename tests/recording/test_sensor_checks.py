@@ -95,6 +95,50 @@ def test_lost_samples_are_found_and_interpolated() -> None:
     assert not held_rows(true).any()
 
 
+def test_lost_samples_of_a_noisy_signal_of_fine_counts_are_found() -> None:
+    rng = np.random.default_rng(1)
+    true = np.sin(2 * np.pi * np.arange(2500) / 500) + rng.normal(0.0, 0.05, 2500)
+    lost = np.arange(7, 2490, 100)
+    values = true.copy()
+    values[lost] = values[lost - 1]
+    np.testing.assert_array_equal(np.flatnonzero(held_rows(values)), lost)
+    assert not held_rows(true).any()
+    # In counts of half the noise one value in seven repeats by chance: which were lost cannot be seen.
+    assert not held_rows(np.round(values / 0.025) * 0.025).any()
+
+
+def test_lost_samples_of_a_smooth_signal_in_counts_are_found() -> None:
+    exact = 800 * np.sin(2 * np.pi * np.arange(1000) / 1000)
+    true = np.round(exact)
+    lost = np.arange(20, 990, 35)
+    spoilt = true.copy()
+    spoilt[lost] = spoilt[lost - 1]
+    # Where it moves by four counts a row or more, a repeated value is no rounding; elsewhere it may be.
+    found, moving = held_rows(spoilt), np.abs(np.diff(exact, prepend=exact[0])) > 4
+    np.testing.assert_array_equal(np.flatnonzero(found & moving), lost[moving[lost]])
+    assert np.isin(np.flatnonzero(found), lost).all()
+    assert not held_rows(true).any()
+
+
+def test_a_drive_that_switches_in_a_cycle_raises_no_alarm() -> None:
+    # Six voltages in turn, two of them equal neighbours: they repeat, and come back to the largest.
+    voltage = np.tile([-0.3, 4.8, 1.4, 1.4, 5.5, 0.5], 300)
+    command = np.linspace(0.0, 1.0, voltage.size)
+    assert not held_rows(voltage).any()
+    assert not clipped_rows(voltage, "voltage_V", command, THESIS).any()
+
+
+def test_a_noisy_channel_that_is_cut_in_single_rows_is_found() -> None:
+    rng = np.random.default_rng(2)
+    count = 0.02
+    true = np.round(rng.normal(0.0, 2.0, 2500) / count) * count
+    command = np.linspace(0.0, 1.0, true.size)
+    # 1.2 % of a normal distribution lie beyond 2.5 deviations: some 16 rows either way, hardly two in a row.
+    found = clipped_rows(np.clip(true, -5.0, 5.0), "voltage_V", command, THESIS)
+    np.testing.assert_array_equal(found, np.abs(true) >= 5.0)
+    assert not clipped_rows(true, "voltage_V", command, THESIS).any()
+
+
 def test_a_jam_is_no_frozen_sensor() -> None:
     # The position stops where the actuator jams and stays there to the end; nothing says the sensor froze.
     command = np.sin(2 * np.pi * np.arange(1000) / 500)

@@ -15,6 +15,7 @@ from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.diagnosis.result import Diagnosis
 from emaphm.diagnosis.selection.law_selection import select_laws
 from emaphm.diagnosis.selection.nuisance_selection import select_nuisances
+from emaphm.diagnosis.selection.supply_scan import with_asked_supply
 from emaphm.diagnosis.verdict import VERDICT, estimates, unexplained
 from emaphm.errors import MethodError, nearest
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS, with_discrepancy
@@ -129,6 +130,8 @@ def diagnose(
     recording = recording.with_channels(recording.channels, notes) if notes else recording
     selected: tuple[str, ...] = ()
     laws: tuple[str, ...] = ()
+    if chosen.least_squares and result.discrepancy is not None:
+        result = with_asked_supply(result, max_corrections, seed)
     if nuisances is None and chosen.least_squares and result.discrepancy is not None:
         searched = result
         result, selected = select_nuisances(searched, max_corrections, seed)
@@ -296,7 +299,7 @@ def nuisance_estimates(
             float(value[0]),
             float(error),
             unit_of(name, objective.problem.actuator.coordinates),
-            bool(error < VERDICT.uninformative * before),
+            name in nuisances.located or bool(error < VERDICT.uninformative * before),
         )
         for (name, value), error, before in zip(
             values.items(), errors, nuisances.prior_deviations, strict=True

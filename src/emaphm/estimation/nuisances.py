@@ -6,7 +6,7 @@ recording, such as the load; others to the unit: how its parameters deviate from
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Self
 
 import numpy as np
@@ -60,6 +60,14 @@ def unit_of(name: str, coordinates: str = "rotary") -> str:
     return unit_for(str(extra["unit"]) if isinstance(extra, dict) else "-", coordinates)
 
 
+@dataclass(frozen=True)
+class Located:
+    """The value of a nuisance as something other than the search has found it, and its standard deviation."""
+
+    value: float
+    deviation: float
+
+
 @dataclass(frozen=True, eq=False)
 class NuisanceSet:
     """The nuisances that are estimated with the faults: coordinates with independent priors.
@@ -67,6 +75,7 @@ class NuisanceSet:
     `names`, `priors` (standard deviations) and `widest` (bounds), (m,) each, are the coordinates'.
     `quantities` are what these stand for, in their own units: the chosen nuisances, and the deviations of
     the unit's `parameters`; `meaning`, (quantities, m), is what a unit of each coordinate adds to each.
+    `located` are quantities whose values were found otherwise: their coordinates are about these.
     """
 
     names: tuple[str, ...]
@@ -75,6 +84,7 @@ class NuisanceSet:
     quantities: tuple[str, ...]
     meaning: Array
     parameters: tuple[str, ...]
+    located: Mapping[str, Located] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -83,11 +93,12 @@ class NuisanceSet:
         names: Sequence[str] | None,
         channels: Sequence[str],
         unit: ParameterVariation | None = None,
+        located: Mapping[str, Located] | None = None,
     ) -> Self:
         """Return the named nuisances, or the actuator's own, less what `channels` make known.
 
         And the deviations of the `unit` from the description: as the actuator's baseline has them where
-        left out.
+        left out. Those that are `located` have their values and deviations in place of nominal and prior.
 
         Raises
         ------
@@ -106,9 +117,11 @@ class NuisanceSet:
         unit = unit or ParameterVariation.of_baseline(actuator)
         axes = tuple(f"{BASELINE}{i}" for i in range(1, unit.priors.size + 1))
         meaning = np.zeros((len(kept) + len(unit.parameters), len(kept) + len(axes)))
-        meaning[: len(kept), : len(kept)] = np.diag(
-            [PRIORS_PER_UNIT * usual_deviation(actuator, name) for name in kept]
-        )
+        known = {name: one for name, one in (located or {}).items() if name in kept}
+        deviations = [
+            known[name].deviation if name in known else usual_deviation(actuator, name) for name in kept
+        ]
+        meaning[: len(kept), : len(kept)] = np.diag([PRIORS_PER_UNIT * one for one in deviations])
         meaning[len(kept) :, len(kept) :] = unit.axes
         priors = np.concatenate([np.full(len(kept), 1 / PRIORS_PER_UNIT), unit.priors])
         return cls(
@@ -118,6 +131,7 @@ class NuisanceSet:
             (*kept, *(BASELINE + name for name in unit.parameters)),
             meaning,
             unit.parameters,
+            known,
         )
 
     @property
@@ -157,7 +171,17 @@ class NuisanceSet:
         """Return the values (n,) of each quantity, in its own unit, for `points` (n, m)."""
         # Summed row by row: a matrix product's last bits would depend on how many rows there are.
         values = np.sum(points[:, np.newaxis, :] * self.meaning, axis=2)
-        return dict(zip(self.quantities, values.T, strict=True))
+        result = dict(zip(self.quantities, values.T, strict=True))
+        return result | {name: one.value + result[name] for name, one in self.located.items()}
+
+    @property
+    def nominal(self) -> Array:
+        """The coordinates (m,) of what is described: 0, but of what is located."""
+        point = np.zeros(len(self.names))
+        for name, one in self.located.items():
+            i = self.names.index(name)
+            point[i] = -one.value / self.meaning[i, i]
+        return point
 
     def lumped_parameters(
         self, actuator: Actuator, values: Mapping[str, Array], temperature_rise_K: float = 0.0

@@ -11,8 +11,9 @@ import numpy as np
 from emaphm.actuator import Actuator
 from emaphm.diagnosis.diagnose import objective_for
 from emaphm.diagnosis.identifiability import identifiability
-from emaphm.diagnosis.selection.nuisance_candidates import with_nuisances
+from emaphm.diagnosis.selection.extension import with_nuisances
 from emaphm.diagnosis.selection.nuisance_selection import select_nuisances
+from emaphm.diagnosis.selection.supply_scan import with_asked_supply
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.joint.objective import JointObjective
 from emaphm.estimation.joint.random_effects import random_effects
@@ -48,6 +49,8 @@ def search_alone(
         # The first one's streams are those of a diagnosis of it alone.
         own = seed if r == 0 else child_seed(seed, "recording", r)
         result = search(objective, method, fitness="least_squares", max_corrections=max_corrections, seed=own)
+        if result.discrepancy is not None:
+            result = with_asked_supply(result, max_corrections, own)
         asked = nuisances is None and result.discrepancy is not None
         found.append(select_nuisances(result, max_corrections, own) if asked else (result, ()))
         if on_progress:

@@ -4,25 +4,22 @@ A wrong inertia reads as a fault wherever it is taken as known, and leaves hardl
 the recording has information on it, a Gauss-Newton step leads away from its nominal value (Rao 1948; Engle
 1984), and descents from there leave a slightly smaller residual. The nuisance is then estimated with the
 faults. It is kept if it is still significant, deviates by more than every actuator does, and the residual is
-smaller. Of an inertia the reference model is asked too (`profile`). Of several that are kept, the most
-probable by residual and prior is selected; the others widen the intervals (`rivals`).
+smaller. Of an inertia (`profile`) and a supply (`supply_scan`) the reference model is asked. Of several that
+are kept, the most probable by residual and prior is selected; the others widen the intervals (`rivals`).
 """
 
 import numpy as np
 
-from emaphm.diagnosis.selection.nuisance_candidates import (
-    SELECTION,
-    SENSOR_SELECTION,
-    Candidate,
-    widening,
-    with_nuisances,
-    worthwhile_candidates,
-)
+from emaphm.diagnosis.selection.extension import Candidate, with_nuisances
+from emaphm.diagnosis.selection.nuisance_candidates import worthwhile_candidates
 from emaphm.diagnosis.selection.profile import PROFILED
 from emaphm.diagnosis.selection.rivals import residual_power, with_rivals
+from emaphm.diagnosis.selection.settings import SELECTION, SENSOR_SELECTION, widening
+from emaphm.diagnosis.selection.supply_profile import SUPPLY, supply_share
+from emaphm.diagnosis.selection.supply_scan import is_off, with_supply
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.global_search.multistart import multistart
-from emaphm.estimation.nuisances import PRIORS_PER_UNIT
+from emaphm.estimation.nuisances import usual_deviation
 from emaphm.estimation.objective import CORRELATED_ROWS
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.sensors.sensor_model import COMMON_DELAY, sensor_error
@@ -40,7 +37,7 @@ def select_nuisances(
     names: tuple[str, ...] = ()
     while True:
         result, candidates = worthwhile_candidates(result, names, seed)
-        best = _best(result, candidates, max_corrections, seed)
+        best = _best(result, candidates, names, max_corrections, seed)
         if not (result if best is None else best[1]).explained:
             best = _from_afar(result, names, max_corrections, seed) or best
         if best is None:
@@ -80,9 +77,15 @@ def _from_afar(
 
 
 def _best(
-    result: SearchResult, candidates: list[Candidate], max_corrections: int, seed: int
+    result: SearchResult,
+    candidates: list[Candidate],
+    names: tuple[str, ...],
+    max_corrections: int,
+    seed: int,
 ) -> tuple[str, SearchResult] | None:
     """Return the most probable candidate and its result, None where none is significant.
+
+    `names` were selected before.
 
     What the other candidates, and none of them, would make of the estimate adds to its scatter.
     """
@@ -94,6 +97,8 @@ def _best(
             continue
         child = child_seed(seed, "nuisance selection", candidate.name)
         tried = correct_bias(candidate.objective, candidate.point[np.newaxis], max_corrections, child)
+        if candidate.name == SUPPLY:
+            tried = with_supply(tried, names, max_corrections, child)
         if _significant(tried, result, candidate.name, child):
             kept.append((candidate.name, tried))
     if not kept:
@@ -125,24 +130,30 @@ def _improbability(tried: SearchResult, before: SearchResult, name: str, share: 
     described to 1 %, though both leave the same.
     """
     rows = before.objective.channel_rows / CORRELATED_ROWS
-    value = tried.point[tried.objective.space.coordinates.index(name)]
-    squared = float(value * PRIORS_PER_UNIT * widening(name)) ** 2
+    squared = _deviation(tried, name) ** 2
     prior = 2 * np.log1p(squared) if sensor_error(name) else squared
     return float(rows * np.log(share) + prior)
 
 
 def _significant(tried: SearchResult, before: SearchResult, name: str, seed: int) -> bool:
     """Return whether the estimate of `name` in `tried` is kept."""
+    if abs(_deviation(tried, name)) <= SELECTION.least_deviation:
+        return False
+    if name in tried.objective.space.nuisances.located:
+        return is_off(tried) and supply_share(tried, before, seed) < SELECTION.likely_share
     share, score = _share_of_residual(tried, before), _score(tried, name, seed)
     equal = 1.0 if sensor_error(name) else SELECTION.equal_share
     significant = (score >= SELECTION.certain_score and share < equal) or (
         (score >= SELECTION.likely_score or name in PROFILED) and share < SELECTION.likely_share
     )
-    if sensor_error(name):
-        significant = significant and _is_of_a_sensor(tried, name, share)
-    value = tried.point[tried.objective.space.coordinates.index(name)]
-    least = SELECTION.least_deviation / PRIORS_PER_UNIT / widening(name)
-    return significant and bool(abs(value) > least)
+    return significant and (sensor_error(name) is None or _is_of_a_sensor(tried, name, share))
+
+
+def _deviation(tried: SearchResult, name: str) -> float:
+    """Return how far `name` is estimated off nominal, in standard deviations of the description's prior."""
+    objective = tried.objective
+    value = float(objective.space.nuisance_values(tried.point[np.newaxis])[name][0])
+    return value / usual_deviation(objective.problem.actuator, name)
 
 
 def _is_of_a_sensor(tried: SearchResult, name: str, share: float) -> bool:

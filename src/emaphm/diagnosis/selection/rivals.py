@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.estimation.discrepancy import discrepancies, reference_problem
+from emaphm.estimation.discrepancy import Discrepancy, discrepancies, reference_problem
 from emaphm.estimation.search_result import SearchResult
 from emaphm.random_streams import stream
 
@@ -31,20 +31,27 @@ def with_rivals(result: SearchResult, others: Sequence[SearchResult], improbabil
 
 
 def residual_power(result: SearchResult, like: SearchResult, seed: int) -> float:
-    """Return the mean squared residual of `result` as `like` weights it, by `COMPARED` times as many runs.
-
-    A mean over the usual number of runs of the reference model leaves 1 to 3 % of chance.
-    """
+    """Return the mean squared residual of `result` as `like` weights it, by `compared_anew`."""
     rows = like.objective.channel_rows
-    reference, rng = reference_problem(result.objective), stream(seed, "reference runs of rivals")
-    point, outputs = result.point[np.newaxis], result.outputs[np.newaxis]
-    means = [discrepancies(result.objective, point, outputs, reference, rng)[0].mean for _ in range(COMPARED)]
+    means = [one.mean for one in compared_anew(result, seed)]
     residual = (result.objective.target - result.outputs - np.mean(means, axis=0))[:rows]
     ratios = like.objective.problem.weights / result.objective.problem.weights
     return float(np.mean((residual * np.repeat(ratios, like.objective.problem.samples)) ** 2))
 
 
+def compared_anew(result: SearchResult, seed: int) -> list[Discrepancy]:
+    """Return `COMPARED` new discrepancies at `result`.
+
+    A mean over the usual number of runs of the reference model leaves 1 to 3 % of chance.
+    """
+    reference, rng = reference_problem(result.objective), stream(seed, "reference runs of rivals")
+    point, outputs = result.point[np.newaxis], result.outputs[np.newaxis]
+    return [discrepancies(result.objective, point, outputs, reference, rng)[0] for _ in range(COMPARED)]
+
+
 def _coordinates(other: SearchResult, result: SearchResult) -> Array:
-    """Return the estimate of `other` in the coordinates (d,) of `result`: nominal, 0, where it lacks them."""
+    """Return the estimate of `other` in the coordinates (d,) of `result`: nominal where it lacks them."""
     values = dict(zip(other.objective.space.coordinates, other.point.tolist(), strict=True))
-    return np.array([values.get(name, 0.0) for name in result.objective.space.coordinates])
+    nuisances = result.objective.space.nuisances
+    nominal = dict(zip(nuisances.names, nuisances.nominal.tolist(), strict=True))
+    return np.array([values.get(name, nominal.get(name, 0.0)) for name in result.objective.space.coordinates])

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator
 from emaphm.arrays import Array
@@ -14,16 +15,22 @@ class ClippingSettings:
     """Which plateaus at the largest or smallest value count as clipped.
 
     `least_rows` in `least_plateaus` at least. Of a signal whose noise exceeds `noise_counts` counts, no value
-    comes twice in a row but by chance, the largest least of all. Of a smooth one, the slopes on either side
-    of a plateau, over `slope_rows` or a quarter of it, would lead it `excess` counts farther: a smooth
-    maximum in coarse counts is a plateau too, but of less than a count. Values within `near` of a limit of
-    the hardware are its own; of a voltage, from `near_supply` of the supply on: what the source really gives
-    may be less.
+    comes twice in a row but by chance, the largest least of all; nor does it come back to its largest value
+    `least_rows` times, `least_excess` times as often as to each count within the noise below. That is not
+    asked of a drive that switches in a cycle, where `cycle` values, to `same` of the noise, are more than
+    `most_in_cycle` of all. Of a smooth signal, the slopes on either side of a plateau, over `slope_rows` or a
+    quarter of it, would lead it `excess` counts farther: a smooth maximum in coarse counts is a plateau too,
+    but of less than a count. Values within `near` of a limit of the hardware are its own; of a voltage, from
+    `near_supply` of the supply on: what the source really gives may be less.
     """
 
     least_rows: int = 8
     least_plateaus: int = 2
     noise_counts: float = 1.5
+    least_excess: float = 4.0
+    cycle: int = 20
+    most_in_cycle: float = 0.5
+    same: float = 1e-3
     slope_rows: int = 4
     excess: float = 3.0
     near: float = 0.03
@@ -42,6 +49,9 @@ def clipped_rows(values: Array, channel: str, command: Array, actuator: Actuator
     for level, sign in ((values.max(), 1.0), (values.min(), -1.0)):
         if level == 0 or count == 0 or _is_limit(level, channel, actuator):
             continue
+        if noisy and _returns(sign * values, first, count, noise):
+            clipped |= values == level
+            continue
         rows, plateaus = np.zeros(values.size, bool), 0
         for start, length in zip(first, lengths, strict=True):
             end = start + length
@@ -51,6 +61,22 @@ def clipped_rows(values: Array, channel: str, command: Array, actuator: Actuator
         if rows.sum() >= CLIPPING.least_rows and plateaus >= CLIPPING.least_plateaus:
             clipped |= rows
     return clipped
+
+
+def _returns(values: Array, first: NDArray[np.intp], count: float, noise: float) -> bool:
+    """Return whether `values` (n,), of which runs of equal ones begin at `first`, pile up at the largest.
+
+    One that rests at its largest value comes there once or twice, however long it stays. One that switches in
+    a cycle has few values, and comes back to others as often.
+    """
+    level = values.max()
+    visits = int(np.count_nonzero(values[first] == level))
+    if visits < CLIPPING.least_rows:
+        return False
+    within_noise = float(np.count_nonzero((values < level) & (values >= level - noise))) * count / noise
+    alike = np.unique(np.round(values / max(count, CLIPPING.same * noise)), return_counts=True)[1]
+    in_cycle = np.sort(alike)[-CLIPPING.cycle :].sum() > CLIPPING.most_in_cycle * values.size
+    return not in_cycle and visits >= CLIPPING.least_excess * within_noise
 
 
 def _cut(values: Array, start: int, end: int, least: float) -> bool:

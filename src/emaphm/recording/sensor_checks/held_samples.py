@@ -12,16 +12,27 @@ from emaphm.recording.sensor_checks.resolution import Mask, row_noise, runs_of_e
 class HeldSettings:
     """Which repeated values count as held.
 
-    A run of equal values is held where the signal, by the rows on either side, goes on by more than `moves`
-    times its noise and counts in each row: noise alone then repeats a value once in 10⁷ rows. Between
-    `least_rows` of them and `longest_run` rows each: fewer may be chance, longer ones are frozen. At least
-    `least_share` of the rows that could show it are held.
+    In a smooth signal: a run of equal values where the signal, by the rows on either side, goes on by more
+    than `moves` times its noise, and `counts` counts, in each row: noise alone then repeats a value once in
+    10⁷ rows. Between `least_rows` of them and `longest_run` rows each: fewer may be chance, longer ones are
+    frozen. At least `least_share` of the rows that could show it are held.
+
+    In a signal that is noise or ripple of many counts: single repeats between rows that are `counts` counts
+    away at least. A difference of 0 is then hardly likelier than one of 1 or 2 counts; where it is
+    `least_excess` times as frequent, and as any other difference, to `same` of the noise, most repeats are
+    held rows: of a drive that switches in a cycle, the same differences return too. They are `least_repeats`
+    and `least_repeated` of all rows at least.
     """
 
     moves: float = 5.0
+    counts: int = 2
     least_rows: int = 3
     longest_run: int = 20
     least_share: float = 2e-3
+    least_excess: float = 4.0
+    same: float = 1e-3
+    least_repeats: int = 8
+    least_repeated: float = 3e-3
 
 
 HELD = HeldSettings()
@@ -30,13 +41,19 @@ HELD = HeldSettings()
 def held_rows(values: Array) -> Mask:
     """Return whether each row of `values` (n,) only repeats the one before it, where that can be seen.
 
-    A held row is followed by a jump of all that was missed. Rows where the signal hardly moves are not found:
-    there a held sample does no harm.
+    Rows where the signal moves no more than a repeat by chance are not found: there a held sample does no
+    harm.
     """
-    nothing = np.zeros(values.size, bool)
     if values.size < 8:
-        return nothing
-    least = HELD.moves * max(row_noise(values), step_of_counts(values))
+        return np.zeros(values.size, bool)
+    return _in_motion(values) | _in_noise(values)
+
+
+def _in_motion(values: Array) -> Mask:
+    """Return the held rows of a smooth signal: each is followed by a jump of all that was missed."""
+    nothing = np.zeros(values.size, bool)
+    # Differences of exact counts, but for rounding.
+    least = max(HELD.moves * row_noise(values), (HELD.counts - 0.01) * step_of_counts(values))
     steps = np.diff(values)
     held = nothing.copy()
     first, lengths = runs_of_equal(values)
@@ -54,6 +71,25 @@ def held_rows(values: Array) -> Mask:
     could = int(np.count_nonzero(np.abs(steps) > least))
     few = held.sum() < HELD.least_rows or held.sum() < HELD.least_share * could
     return nothing if few else held
+
+
+def _in_noise(values: Array) -> Mask:
+    """Return the held rows of a signal of fine counts: repeats that are far more frequent than by chance."""
+    held = np.zeros(values.size, bool)
+    count, noise = step_of_counts(values), row_noise(values)
+    steps = np.diff(values)
+    least = (HELD.counts - 0.5) * count
+    between = (np.abs(steps[:-2]) > least) & (np.abs(steps[2:]) > least)
+    found = steps[1:-1][between]
+    repeats = int(np.count_nonzero(found == 0))
+    if repeats < max(HELD.least_repeats, HELD.least_repeated * values.size):
+        return held
+    others = found[found != 0]
+    near = np.count_nonzero(np.abs(others) < (HELD.counts + 0.5) * count) / (2 * HELD.counts)
+    alike = np.unique(np.round(others / max(count, HELD.same * noise)), return_counts=True)[1]
+    if repeats >= HELD.least_excess * max(near, int(alike.max(initial=0))):
+        held[2:-1] = between & (steps[1:-1] == 0)
+    return held
 
 
 def interpolated(values: Array, held: Mask) -> Array:

@@ -1,0 +1,92 @@
+"""When a nuisance that nobody named is tried, and when it is kept."""
+
+from dataclasses import dataclass
+
+from emaphm.estimation.sensors.sensor_model import sensor_error
+
+
+@dataclass(frozen=True)
+class NuisanceSelectionSettings:
+    """When a nuisance is tried, and when it is kept; `make study` (limits, inertia and supply) measures them.
+
+    Tried: a score above `tried_score` standard errors, and descents that leave less than `tried_share` of the
+    mean squared residual. Derivatives at a wrong estimate make scores unreliable: 5 % of inertia had 1.6 to 7
+    where line voltage was recorded, the actuator as described up to 4. Descents separate them: with 5 % of
+    inertia they left 0.998 at most, 0.98 mostly; as described 0.996 and more, but for 1 recording in 100.
+
+    Kept: an estimate `certain_score` standard errors off nominal with a smaller residual, or `likely_score`
+    with less than `likely_share` of it, for which a profiled one needs no score: the kinks that a search
+    ends at make its scatter large. 5 % of inertia, once estimated, left 0.65 to 0.95; the actuator as
+    described no less than chance, 0.96. Chance is switching, up to `equal_share`: of what belongs to the
+    actuator, a certain score decides within it. It must also be off by `least_deviation`, a share of its
+    prior's standard deviation: less is expected of every actuator.
+
+    The data must determine the nuisance to `informative`, a share of its prior's standard deviation.
+    The prior of what is tried is `widening` times as wide: it would otherwise shrink a large deviation.
+    """
+
+    tried_score: float = 1.0
+    tried_share: float = 0.995
+    certain_score: float = 3.0
+    likely_score: float = 1.5
+    likely_share: float = 0.95
+    equal_share: float = 1.03
+    least_deviation: float = 0.5
+    informative: float = 1.0
+    widening: float = 4.0
+    descents: int = 2
+
+
+SELECTION = NuisanceSelectionSettings()
+
+
+@dataclass(frozen=True)
+class SensorSelectionSettings:
+    """What is different for errors of sensors: faults of a sensor are of any size, and there are many kinds.
+
+    Tried: the `most_tried` of the largest scores, `tried_score` at least. Even large faults score no more
+    than 2 to 5 where the search has bent the actuator's faults to them: 1 to 5 rows of delay 2.2 to 3.7, a
+    voltage × 0.5 6, a current × 1.2 5 (3 random fault vectors each). Descents separate them.
+
+    Priors are `widening` times as wide, those of delays `delay_widening`: flat for whatever can be recorded,
+    up to 11 times the scale, 20 rows of a delay at 5 kHz. A search begins within `search_widening` times the
+    prior: 15 % of scale, 3 ms of delay, and twice that.
+
+    The data must determine one to `informative` prior standard deviations at the estimate without it, where a
+    wrong estimate makes standard errors large too.
+
+    Where a factor leaves less than `gross_share` of a channel's rms residual, descents begin at that factor:
+    a reversed sensor is beyond what the derivatives show.
+
+    Of candidates whose descents leave up to `rival_share` times the least residual, that with the least one
+    after its own correction is kept: errors of one channel look like those of another. One that leaves the
+    recording unexplained has to leave less than `unexplained_share` of the residual.
+
+    A parameter that is not needed removes χ² / rows of the mean squared residual, with one degree of freedom.
+    Of the seventeen errors, none exceeds `chance` in 99 of 100 recordings. A delay is also more than
+    `least_rows` of a row: of slow rows, how a signal runs between them is known no better.
+    """
+
+    tried_score: float = 1.8
+    most_tried: int = 3
+    widening: float = 250.0
+    delay_widening: float = 5.0
+    informative: float = 10.0
+    gross_share: float = 0.6
+    search_widening: float = 15.0
+    most_corrected: int = 3
+    rival_share: float = 1.5
+    unexplained_share: float = 0.5
+    chance: float = 12.0
+    least_rows: float = 0.1
+
+
+SENSOR_SELECTION = SensorSelectionSettings()
+
+
+def widening(name: str) -> float:
+    """Return how many times as wide as the description's the prior of a tried nuisance is."""
+    error = sensor_error(name)
+    if error is None:
+        return SELECTION.widening
+    return SENSOR_SELECTION.delay_widening if error[1] == "delay" else SENSOR_SELECTION.widening

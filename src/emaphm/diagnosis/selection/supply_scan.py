@@ -1,0 +1,90 @@
+"""A supply that deviates from its description: located by scans of the reference model, and held there."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from emaphm.actuator import Actuator
+from emaphm.diagnosis.selection.extension import Candidate, with_nuisances
+from emaphm.diagnosis.selection.supply_profile import (
+    SUPPLY,
+    SUPPLY_SCAN,
+    column_of,
+    supply_profile,
+    unit_of_supply,
+)
+from emaphm.estimation.bias_correction import correct_bias
+from emaphm.estimation.nuisances import Located
+from emaphm.estimation.search_result import SearchResult
+from emaphm.random_streams import child_seed
+
+
+def is_scanned(actuator: Actuator) -> bool:
+    """Return whether the supply acts by the switching alone."""
+    return actuator.drive_kind == "hysteresis"
+
+
+def supply_candidate(result: SearchResult, names: tuple[str, ...], seed: int) -> Candidate | None:
+    """Return the supply that the reference model prefers to the described one, None where it does not.
+
+    `names` were selected before.
+    """
+    objective, start = with_nuisances(result, names, (SUPPLY,))
+    profile = supply_profile(objective, start, result.noise_level, seed, thorough=False)
+    if profile.promising and not _certain(profile.located[0]):
+        again = child_seed(seed, "supply scan, again")
+        profile = profile.with_another(
+            supply_profile(objective, start, result.noise_level, again, thorough=True)
+        )
+    located, share = profile.located
+    if not profile.promising or abs(located.value) < located.deviation:
+        return None
+    objective, point = with_nuisances(result, names, (SUPPLY,), located={SUPPLY: located})
+    return Candidate(SUPPLY, objective, point, share)
+
+
+def with_supply(
+    result: SearchResult, names: tuple[str, ...], max_corrections: int, seed: int
+) -> SearchResult:
+    """Return the result with a supply that is estimated already where the reference model puts it.
+
+    Scanned anew at each estimate, until it stays.
+    """
+    names = tuple(dict.fromkeys((*names, SUPPLY)))
+    for i in range(SUPPLY_SCAN.corrections):
+        child = child_seed(seed, "located supply", str(i))
+        objective, start = with_nuisances(result, names, (), located={SUPPLY: None})
+        profiles = [
+            supply_profile(objective, start, result.noise_level, one, thorough=True)
+            for one in (child, child_seed(child, "supply scan, again"))
+        ]
+        located, _ = profiles[0].with_another(profiles[1]).located
+        before = result.objective.space.nuisances.located.get(SUPPLY)
+        objective, point = with_nuisances(result, names, (), located={SUPPLY: located})
+        if before is not None and before.value == located.value:
+            # Where it is within the value's deviation stays.
+            point[column_of(objective)] = _value(result, before) / unit_of_supply(objective)
+            return replace(result, objective=objective, point=point, known_outputs=None, jacobians=None)
+        result = correct_bias(objective, point[np.newaxis], max_corrections, child)
+    return result
+
+
+def with_asked_supply(result: SearchResult, max_corrections: int, seed: int) -> SearchResult:
+    """Return the result with a supply that somebody named where the reference model puts it."""
+    if SUPPLY in result.objective.space.nuisances.chosen and is_scanned(result.objective.problem.actuator):
+        return with_supply(result, (), max_corrections, seed)
+    return result
+
+
+def is_off(result: SearchResult) -> bool:
+    """Return whether the located supply is not the described one, beyond doubt of the scan."""
+    return _certain(result.objective.space.nuisances.located[SUPPLY])
+
+
+def _certain(located: Located) -> bool:
+    return abs(located.value) > SUPPLY_SCAN.certain * located.deviation
+
+
+def _value(result: SearchResult, about: Located) -> float:
+    """Return how far the supply is from where it was located."""
+    return float(result.objective.space.nuisance_values(result.point[np.newaxis])[SUPPLY][0]) - about.value

@@ -1,0 +1,85 @@
+"""A supply that deviates is found by the ripple that it makes, and a described one is left alone."""
+
+import numpy as np
+import pytest
+
+from cases import THESIS
+from emaphm.actuator import Actuator, Chirp, Faults
+from emaphm.actuator.lumped_parameters import with_lumped_parameters
+from emaphm.arrays import Array
+from emaphm.diagnosis import Diagnosis, diagnose, error_percent
+from emaphm.diagnosis.selection.supply_profile import SUPPLY_SCAN, SupplyProfile
+from emaphm.diagnosis.selection.supply_scan import is_scanned
+from emaphm.recording import Recording
+from emaphm.simulated_recording import simulate
+
+SHOWN = ("time_s", "command_rad", "current_A", "voltage_V")
+FAULTS = Faults(0.3, 0.4, 0.0, 0.25, 0.1, 0.35, 0.7, 0.4)
+ROWS = 2500
+
+
+def recorded(supply: float) -> Recording:
+    assert THESIS.electrical is not None
+    present = with_lumped_parameters(THESIS, {"supply": (1 + supply) * THESIS.electrical.supply})
+    whole = simulate(present, Chirp(), faults=FAULTS, noise=0.05, adc_bits=12)
+    return Recording({name: whole[name] for name in SHOWN})
+
+
+def check(found: Diagnosis, supply: float) -> None:
+    estimate = found.nuisances["supply"]
+    assert abs(estimate.value - supply) <= max(SUPPLY_SCAN.step, 3 * estimate.standard_error)
+    assert estimate.known
+    assert found.explained
+    assert error_percent(FAULTS.vector, found.faults.vector) < 1.0
+    assert f"supply {estimate}" in str(found)
+
+
+@pytest.mark.parametrize("supply", [-0.1, 0.1])
+def test_a_supply_that_deviates_is_found(supply: float) -> None:
+    found = diagnose(recorded(supply), THESIS, workers=2)
+    assert found.selected == ("supply",)
+    assert found.to_dict()["suspected"] == ["supply"]
+    check(found, supply)
+
+
+def test_a_supply_that_somebody_named_is_located() -> None:
+    found = diagnose(recorded(-0.1), THESIS, nuisances=("load", "temperature", "supply"), workers=2)
+    assert found.selected == ()
+    check(found, -0.1)
+
+
+def profile(powers: Array) -> SupplyProfile:
+    steps = [0, *(k for k in range(-6, 7) if k)]
+    return SupplyProfile(SUPPLY_SCAN.step * np.array(steps, float), powers, 0.05, ROWS)
+
+
+def test_a_profile_without_a_dip_says_no_more_than_the_prior() -> None:
+    flat = profile(np.ones(13))
+    located, share = flat.located
+    assert (located.value, share) == (0.0, 1.0)
+    # A normal distribution of 5 %, on steps of 2 % and cut at 12 %: its variance within ±2.4 deviations.
+    assert located.deviation == pytest.approx(0.046, abs=0.003)
+    assert not flat.promising
+
+
+def test_a_dip_that_stands_out_locates_the_supply() -> None:
+    powers = np.ones(13)
+    powers[2] = 0.6
+    located, share = profile(powers).located
+    assert located.value == pytest.approx(-0.1)
+    assert share == pytest.approx(0.6)
+    # Nothing else is likely: what remains is an even distribution within a step.
+    assert located.deviation == pytest.approx(SUPPLY_SCAN.step / 12**0.5, rel=0.05)
+    assert profile(powers).promising
+
+
+def test_a_dip_by_chance_leaves_the_supply_uncertain() -> None:
+    powers = np.ones(13)
+    powers[2] = 0.95
+    located, _ = profile(powers).located
+    assert abs(located.value) < SUPPLY_SCAN.certain * located.deviation
+
+
+def test_a_drive_whose_supply_acts_otherwise_is_not_scanned() -> None:
+    for actuator, scanned in ((THESIS, True), (Actuator.pmsm(), False)):
+        assert is_scanned(actuator) == scanned
