@@ -10,6 +10,7 @@ from emaphm.arrays import Array
 from emaphm.diagnosis import Diagnosis, diagnose, error_percent
 from emaphm.diagnosis.selection.supply_profile import SUPPLY_SCAN, SupplyProfile
 from emaphm.diagnosis.selection.supply_scan import is_scanned
+from emaphm.errors import RecordingError
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 
@@ -46,6 +47,24 @@ def test_a_supply_that_somebody_named_is_located() -> None:
     found = diagnose(recorded(-0.1), THESIS, nuisances=("load", "temperature", "supply"), workers=2)
     assert found.selected == ()
     check(found, -0.1)
+
+
+def test_a_recorded_supply_is_known() -> None:
+    whole = recorded(-0.1)
+    assert THESIS.electrical is not None
+    supply = 0.9 * THESIS.electrical.supply + np.random.default_rng(1).normal(0.0, 0.5, whole.samples)
+    found = diagnose(whole.with_channels({**whole.channels, "supply_V": supply}), THESIS, workers=2)
+    assert found.selected == ()
+    assert "supply" not in found.nuisances
+    assert found.explained
+    assert error_percent(FAULTS.vector, found.faults.vector) < 1.0
+
+
+def test_a_recorded_supply_that_is_not_positive_is_refused() -> None:
+    whole = recorded(0.0)
+    spoilt = whole.with_channels({**whole.channels, "supply_V": np.full(whole.samples, -48.0)})
+    with pytest.raises(RecordingError, match=r"supply_V is -48 V on average.*leave that column out"):
+        diagnose(spoilt, THESIS)
 
 
 def profile(powers: Array) -> SupplyProfile:

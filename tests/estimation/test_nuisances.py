@@ -13,7 +13,7 @@ from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_par
 from emaphm.arrays import Array
 from emaphm.diagnosis import diagnose
 from emaphm.errors import ActuatorError, MethodError
-from emaphm.estimation.nuisances import NAMES, PRIORS_PER_UNIT, NuisanceSet, unit_of
+from emaphm.estimation.nuisances import NAMES, PRIORS_PER_UNIT, Located, NuisanceSet, unit_of
 from emaphm.estimation.objective import faults_objective
 from emaphm.estimation.parameter_variation import ParameterVariation
 from emaphm.estimation.problem import Problem
@@ -35,6 +35,21 @@ def warmed(kelvin: float) -> dict[str, float]:
         "resistance": cold["resistance"] * (1 + 0.00393 * kelvin),
         "torque_constant": cold["torque_constant"] * (1 - 0.0011 * kelvin),
     }
+
+
+# What was located.
+
+
+def test_a_located_nuisance_varies_about_its_value_and_not_about_nominal() -> None:
+    located = {"supply": Located(-0.1, 0.01)}
+    nuisances = NuisanceSet.of(THESIS, ("load", "supply"), (), located=located)
+    points = np.array([[0.0, 0.0], [0.0, 1 / PRIORS_PER_UNIT], nuisances.nominal])
+    values = nuisances.values(points)
+    np.testing.assert_allclose(values["supply"], [-0.1, -0.09, 0.0], atol=1e-12)
+    supply = lumped_parameters(THESIS, ("supply",))["supply"]
+    acting = nuisances.lumped_parameters(THESIS, values)["supply"]
+    np.testing.assert_allclose(acting, supply * np.array([0.9, 0.91, 1.0]))
+    np.testing.assert_allclose(nuisances.prior_deviations[1], 0.01)
 
 
 # What is chosen.

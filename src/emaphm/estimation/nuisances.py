@@ -18,6 +18,7 @@ from emaphm.actuator.quantity import unit_for
 from emaphm.arrays import Array
 from emaphm.errors import MethodError, nearest
 from emaphm.estimation.parameter_variation import ParameterVariation, variation_unit, varied
+from emaphm.estimation.recorded_supply import makes_supply_known
 from emaphm.estimation.sensors.sensor_model import ERROR_KINDS, SENSOR_CHANNELS, sensor_error
 
 COPPER = 3.93e-3
@@ -224,6 +225,8 @@ NO_NUISANCES = NuisanceSet((), np.zeros(0), np.zeros(0), (), np.zeros((0, 0)), (
 def _matters(actuator: Actuator, name: str, channels: Sequence[str]) -> bool:
     """Return whether a nuisance is not made known by `channels`, and acts on what the actuator has."""
     acts = name not in NEEDS_WINDINGS or actuator.electrical is not None
+    if name == "supply" and makes_supply_known(channels, actuator):
+        return False
     return acts and KNOWN_BY.get(name) not in channels
 
 

@@ -13,6 +13,7 @@ from emaphm.errors import MethodError
 from emaphm.estimation.driving_signals import DrivingSignals
 from emaphm.estimation.initial_state import initial_state
 from emaphm.estimation.noise_level import noise_level
+from emaphm.estimation.recorded_supply import with_recorded_supply
 from emaphm.estimation.run_counts import RunCounts
 from emaphm.estimation.sensors.sensor_model import all_as_described, as_described, described_noise
 from emaphm.estimation.uncertainty.model_error import row_errors
@@ -70,8 +71,11 @@ class Problem:
         ------
         MethodError
             The model has none of the recorded channels.
+        RecordingError
+            A recorded supply is not positive.
         """
         recording = with_equivalent_current(recording, actuator)
+        actuator = with_recorded_supply(actuator, recording)
         driving = DrivingSignals.of(recording)
         compared = compared_channels(recording, actuator, model)
         if channels is not None:
