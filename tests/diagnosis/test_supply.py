@@ -5,12 +5,18 @@ import pytest
 
 from cases import THESIS
 from emaphm.actuator import Actuator, Chirp, Faults
+from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.arrays import Array
 from emaphm.diagnosis import Diagnosis, diagnose, error_percent
+from emaphm.diagnosis.selection.law_selection import with_law
 from emaphm.diagnosis.selection.supply_profile import SUPPLY_SCAN, SupplyProfile
 from emaphm.diagnosis.selection.supply_scan import is_scanned
 from emaphm.errors import RecordingError
+from emaphm.estimation.nuisances import Located, NuisanceSet
+from emaphm.estimation.objective import MapObjective
+from emaphm.estimation.parameter_space import ParameterSpace
+from emaphm.estimation.problem import Problem
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 
@@ -65,6 +71,15 @@ def test_a_recorded_supply_that_is_not_positive_is_refused() -> None:
     spoilt = whole.with_channels({**whole.channels, "supply_V": np.full(whole.samples, -48.0)})
     with pytest.raises(RecordingError, match=r"supply_V is -48 V on average.*leave that column out"):
         diagnose(spoilt, THESIS)
+
+
+def test_a_law_that_is_tried_leaves_the_supply_where_it_was_located() -> None:
+    nuisances = NuisanceSet.of(THESIS, ("load", "supply"), (), located={"supply": Located(-0.1, 0.01)})
+    objective = MapObjective.of(Problem.of(recorded(-0.1), THESIS), ParameterSpace.of(THESIS, nuisances))
+    extended = with_law(objective, LAWS["stribeck"])
+    assert extended.space.nuisances.located == nuisances.located
+    nominal = np.zeros((1, extended.space.dimensions))
+    assert extended.space.nuisance_values(nominal)["supply"] == pytest.approx(-0.1)
 
 
 def profile(powers: Array) -> SupplyProfile:

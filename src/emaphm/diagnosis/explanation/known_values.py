@@ -58,7 +58,7 @@ def _contradicted(result: SearchResult, name: str, seed: int) -> str:
     others = tuple(one for one in objective.problem.measured if one != channel)
     nuisances = objective.space.nuisances
     wider = with_wider_priors(actuator, {name: settings.widening})
-    free = NuisanceSet.of(wider, (*nuisances.chosen, name), others, nuisances.unit)
+    free = NuisanceSet.of(wider, (*nuisances.chosen, name), others, nuisances.unit, nuisances.located)
     space = ParameterSpace.of(actuator, free)
     values = dict(zip(objective.space.coordinates, result.point, strict=True))
     start = np.array([values.get(one, 0.0) for one in space.coordinates])

@@ -170,7 +170,7 @@ def with_law(objective: MapObjective, law: Law) -> MapObjective:
     free = tuple(name for name in parameters if name not in nuisances.parameters)
     free = tuple(name for name in free if described_parts(actuator, name) is not None)
     unit = nuisances.unit.combined_with(ParameterVariation.suspected(actuator, free))
-    chosen = NuisanceSet.of(actuator, nuisances.chosen, tuple(problem.measured), unit)
+    chosen = NuisanceSet.of(actuator, nuisances.chosen, tuple(problem.measured), unit, nuisances.located)
     return replace(
         objective,
         problem=replace(problem, actuator=actuator),
