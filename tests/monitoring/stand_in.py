@@ -18,6 +18,7 @@ from emaphm.actuator.faults import CARTESIAN_NAMES
 from emaphm.diagnosis import Diagnosis, Estimate
 from emaphm.history import History
 from emaphm.monitoring import WATCH, NamePattern, Ownership, Task, WatchSettings, watch
+from emaphm.monitoring.diagnosers import search
 from emaphm.recording import Recording
 from emaphm.version import VERSION
 
@@ -133,8 +134,9 @@ def run(
             Ownership(THESIS.name, pattern=PATTERN),
             "test",
             cut=None,
-            diagnose=None if real else diagnosed,
+            diagnose=search if real else diagnosed,
             takes_new_units=True,
+            isolated=True,
             once=once,
             webhook=webhook,
             lines=lines,

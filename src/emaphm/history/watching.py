@@ -16,12 +16,16 @@ from emaphm.history.schema import check_revision
 from emaphm.history.tables import DELIVERED, WATCHED_FILES, WATCHED_ROWS
 from emaphm.history.writing import storable
 
+JUDGED, REFUSED, CHANGED, TRIED, SET_ASIDE = OUTCOMES = ("judged", "refused", "changed", "tried", "set aside")
+"""What became of a file. Changed: after it was judged. Tried: the process that judged it has died of it once,
+it is tried once more; set aside: that happened twice, it is never tried again."""
+
 
 @dataclass(frozen=True)
 class WatchedFile:
-    """A file that a watcher has done with: size [bytes], time of the last change, SHA-256 of its content.
+    """A file as a watcher has left it: size [bytes], time of the last change, SHA-256 of its content.
 
-    `outcome` is "judged", "refused", or "changed" where it was changed after it had been judged.
+    `outcome` is one of `OUTCOMES`.
     """
 
     name: str
@@ -51,7 +55,7 @@ class WatchState:
     watcher: str
 
     def files(self, names: Sequence[str]) -> dict[str, WatchedFile]:
-        """Return those of the files `names` that are done with, by name."""
+        """Return what became of those of the files `names` that were judged or tried, by name."""
         held = {storable(name): name for name in names}
         query = sa.select(WATCHED_FILES).where(
             WATCHED_FILES.c.watcher == self.watcher, WATCHED_FILES.c.name.in_(list(held))
@@ -70,7 +74,7 @@ class WatchState:
             check_revision(connection, self.history.database.address.shown)
             connection.execute(
                 WATCHED_FILES.delete().where(
-                    WATCHED_FILES.c.watcher == self.watcher, WATCHED_FILES.c.outcome == "refused"
+                    WATCHED_FILES.c.watcher == self.watcher, WATCHED_FILES.c.outcome == REFUSED
                 )
             )
 

@@ -2,26 +2,21 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from emaphm.actuator import Actuator
 from emaphm.errors import RecordingError
 from emaphm.history import Entry, Event, History
 from emaphm.history.reading import unit_or_none
+from emaphm.monitoring.arrival import Call, call_here
 from emaphm.monitoring.conditions import Situation, health_events
+from emaphm.monitoring.diagnosers import Diagnose, methods_of
 from emaphm.monitoring.settings import AlarmSettings
 from emaphm.recording import Recording
 
 if TYPE_CHECKING:
     from emaphm.detection import Detector
     from emaphm.diagnosis import Diagnosis
-
-
-class Diagnose(Protocol):
-    """What diagnoses a recording; `emaphm.diagnose` is one."""
-
-    def __call__(self, recording: Recording, actuator: Actuator, *, seed: int) -> "Diagnosis":
-        """Return the diagnosis."""
 
 
 Cut = Callable[[Recording, Actuator], list[Recording]]
@@ -69,6 +64,8 @@ class Judge:
         Whether a unit that the history does not know is added to it.
     cut
         None where a recording is judged as a whole.
+    call
+        Calls what cuts, diagnoses and compares with healthy recordings: here, or in another process.
     """
 
     history: History
@@ -80,6 +77,7 @@ class Judge:
     takes_new_units: bool = False
     seed: int = 0
     watcher: str = ""
+    call: Call = call_here
 
     def check(self, entry: Entry) -> None:
         """Refuse a recording of a unit that is not known and not to be added, `RecordingError`."""
@@ -101,20 +99,26 @@ class Judge:
         if self.cut is None:
             yield recording
         else:
-            yield from self.cut(recording, self.actuator)
+            yield from self.call(self.cut, recording, self.actuator)
 
     def judged(self, entry: Entry, recording: Recording) -> "Diagnosis | None":
         """Return the diagnosis of a recording, None where the history has it already; errors as usual."""
-        if not self.history.missing(entry, recording, self.actuator, self.seed):
+        if self._is_judged(entry, recording):
             return None
-        diagnosis = self.diagnose(recording, self.actuator, seed=self.seed)
+        diagnosis = self.call(self.diagnose, recording, self.actuator, seed=self.seed)
         if self.detector is None:
             return diagnosis
         try:
-            check = self.detector.judge(recording)
+            check = self.call(self.detector.judge, recording)
         except RecordingError:  # a manoeuvre that was never seen healthy: the detector says nothing of it
             return diagnosis
         return replace(diagnosis, healthy_check=check)
+
+    def _is_judged(self, entry: Entry, recording: Recording) -> bool:
+        return not all(
+            self.history.missing(entry, recording, self.actuator, self.seed, method)
+            for method in methods_of(self.diagnose)
+        )
 
     def events(self, entry: Entry, recording_hash: str, details: dict[str, Any]) -> list[Event]:
         """Return what the diagnosis of a recording changes.

@@ -6,18 +6,21 @@ import traceback
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from emaphm.actuator import Actuator
 from emaphm.errors import EmaphmError, HistoryFormError, HistoryUnavailableError, MonitoringError
+from emaphm.execution.one_process import Calls, EndedError
 from emaphm.history import Entry, Event, History
 from emaphm.history.fingerprint import recording_hash
-from emaphm.history.watching import WatchState
-from emaphm.monitoring.arrival import Arrival, Source
+from emaphm.history.watching import JUDGED, REFUSED, SET_ASIDE, WatchState
+from emaphm.monitoring.arrival import Arrival, Call, Source, call_here
 from emaphm.monitoring.delivery import Delivery, Receiver
+from emaphm.monitoring.diagnosers import Diagnose, load, search
 from emaphm.monitoring.folder import FolderSource
-from emaphm.monitoring.judging import Cut, Diagnose, Judge, cut_stretches
+from emaphm.monitoring.judging import Cut, Judge, cut_stretches
 from emaphm.monitoring.outlook import Outlook
 from emaphm.monitoring.ownership import Ownership
 from emaphm.monitoring.pressure import Pressure
@@ -28,7 +31,6 @@ from emaphm.recording import Recording
 
 if TYPE_CHECKING:
     from emaphm.detection import Detector
-    from emaphm.diagnosis import Diagnosis
 
 T = TypeVar("T")
 
@@ -36,6 +38,10 @@ IDLE_S = 0.05
 """Pause where nothing is to be done [s]."""
 
 STDIN = "stdin"
+
+TOO_MUCH_MEMORY = "it takes more memory than it may have; cut one manoeuvre out of it"
+
+NOT_AGAIN = "it is set aside and not tried again; cut one manoeuvre out of it, as a new file"
 
 
 @dataclass
@@ -72,11 +78,14 @@ class Task:
     cut
         Returns the stretches of a recording that identify something; None where it is judged as a whole.
     diagnose
-        What diagnoses them; `emaphm.diagnose` where left out.
+        What diagnoses them, as `emaphm.diagnose` does, which is the usual; or an estimator.
     detector
         Says in addition whether they are like healthy ones.
     takes_new_units
         Whether units that the history does not know are added to it.
+    isolated
+        Whether recordings are read and diagnosed in a process of their own. One that kills it, or takes too
+        long, is tried once more and then set aside. A script needs the usual ``if __name__ == "__main__":``.
     once
         Whether to end when all that is there is judged.
     webhook, lines
@@ -88,9 +97,10 @@ class Task:
     name: str = ""
     split: str | None = None
     cut: Cut | None = cut_stretches
-    diagnose: Diagnose | None = None
+    diagnose: Diagnose = search
     detector: "Detector | None" = None
     takes_new_units: bool = False
+    isolated: bool = False
     once: bool = False
     seed: int = 0
     webhook: str | None = None
@@ -143,7 +153,12 @@ def watch(
     state = WatchState(history, task.watcher)
     lost = {one.kind for one in history.open_conditions() if one.watcher == task.watcher and one.unit is None}
     with ExitStack() as stack:
-        source = _source(task, actuator, state, settings, is_lost="source_lost" in lost)
+        call: Call = call_here
+        if task.isolated:
+            call = Calls(settings.isolation.seconds, settings.isolation.most_bytes)
+            stack.callback(call.end)
+            call(load)  # else the first recording would wait for it, and be taken for a slow one
+        source = _source(task, actuator, state, settings, call, is_lost="source_lost" in lost)
         stack.callback(source.close)
         receivers = [] if task.lines is None else [Lines(task.lines)]
         every: list[Receiver] = [*receivers]
@@ -157,12 +172,13 @@ def watch(
             history,
             actuator,
             settings.alarm,
-            task.diagnose or _diagnose,
+            task.diagnose,
             task.cut,
             task.detector,
             task.takes_new_units,
             task.seed,
             task.watcher,
+            call,
         )
         outlook = Outlook(history, settings.prognosis, task.seed, task.watcher)
         pressure = Pressure(settings.pressure, task.watcher, is_raised="back_pressure" in lost)
@@ -178,12 +194,12 @@ def _closed(receivers: Sequence[Lines]) -> bool:
 
 
 def _source(
-    task: Task, actuator: Actuator, state: WatchState, settings: WatchSettings, *, is_lost: bool
+    task: Task, actuator: Actuator, state: WatchState, settings: WatchSettings, call: Call, *, is_lost: bool
 ) -> Source:
     if isinstance(task.source, int):
-        return StreamSource(task.source, actuator, task.ownership, state, settings.stream, task.split)
+        return StreamSource(task.source, actuator, task.ownership, state, settings.stream, task.split, call)
     return FolderSource(
-        task.source, actuator, task.ownership, state, settings.folder, task.split, is_lost=is_lost
+        task.source, actuator, task.ownership, state, settings.folder, task.split, call, is_lost
     )
 
 
@@ -233,19 +249,30 @@ class _Watcher:
         return arrival is not None
 
     def _judge(self, arrival: Arrival) -> None:
-        before, refused = self.done.judged + self.done.known, list[str]()
-        try:
-            entry, recordings = arrival.read()
-            self._insist(lambda: self.judge.check(entry))
-            for recording in recordings:
-                self._judge_parts(arrival, entry, recording, refused)
-        except HistoryFormError:
-            raise
-        except EmaphmError as error:
-            refused.append(str(error))
+        """Judge an arrival; one that kills the process that judges it is tried once more, then set aside."""
+        before, outcome = self.done.judged + self.done.known, ""
+        while not outcome:
+            refused = list[str]()
+            try:
+                entry, recordings = arrival.read()
+                self._insist(partial(self.judge.check, entry))
+                for recording in recordings:
+                    self._judge_parts(arrival, entry, recording, refused)
+            except HistoryFormError:
+                raise
+            except EmaphmError as error:
+                refused.append(str(error))
+            except MemoryError:
+                refused.append(f"{arrival.name}: {TOO_MUCH_MEMORY}")
+            except EndedError as error:
+                if self._insist(arrival.once_more):
+                    self.say(f"{arrival.name}: {error}; it is tried once more")
+                    continue
+                refused.append(f"{arrival.name}: {error}, for the second time; {NOT_AGAIN}")
+                outcome = SET_ASIDE
+            outcome = outcome or (JUDGED if self.done.judged + self.done.known > before else REFUSED)
         self.done.refused += len(refused)
         events = [self._refusal(arrival, reason) for reason in dict.fromkeys(refused)]
-        outcome = "judged" if self.done.judged + self.done.known > before else "refused"
         self._insist(lambda: arrival.finish(outcome, events))
         self._wake()
         if self.on_count:
@@ -262,7 +289,7 @@ class _Watcher:
                     raise
                 except EmaphmError as error:
                     refused.append(str(error))
-        except (HistoryFormError, _StoppedError):
+        except (HistoryFormError, _StoppedError, EndedError, MemoryError):
             raise
         except EmaphmError as error:
             refused.append(str(error))
@@ -325,9 +352,3 @@ class _Watcher:
 
 class _StoppedError(Exception):
     """The watching is to end while it waits for the history."""
-
-
-def _diagnose(recording: Recording, actuator: Actuator, *, seed: int) -> "Diagnosis":
-    from emaphm.diagnosis import diagnose
-
-    return diagnose(recording, actuator, seed=seed)

@@ -1,7 +1,5 @@
 """What a worker process does: it diagnoses uploads and makes prognoses, one at a time."""
 
-import os
-import signal
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from multiprocessing.connection import Connection
@@ -9,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from emaphm.errors import EmaphmError, HistoryError
-from emaphm.execution.processes import THREADS, end_with_parent
+from emaphm.execution.one_process import prepare_worker
 from emaphm.server.folders import WorkFolder
 from emaphm.server.work.queue import DONE, FAILED, REFUSED
 
@@ -61,22 +59,11 @@ class Place:
 
 def work(orders: Connection, parent: Connection, place: Place) -> None:
     """Do jobs as they come through `orders`, until the server ends; answer progress and an `Outcome`."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server ends its workers itself
-    os.environ.update(dict.fromkeys(THREADS, "1"))
-    end_with_parent(parent)
-    _limit_memory(place.memory_bytes)
+    prepare_worker(parent, place.memory_bytes)
     with suppress(EOFError, OSError):  # the server has ended
         while True:
             job = orders.recv()
             orders.send(_outcome(job, place, orders))
-
-
-def _limit_memory(most_bytes: int) -> None:
-    import resource
-
-    _, most = resource.getrlimit(resource.RLIMIT_AS)
-    if most == resource.RLIM_INFINITY or most_bytes < most:
-        resource.setrlimit(resource.RLIMIT_AS, (most_bytes, most))
 
 
 def _outcome(job: Upload | Forecast, place: Place, orders: Connection) -> Outcome:
