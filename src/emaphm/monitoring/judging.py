@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 from emaphm.actuator import Actuator
 from emaphm.errors import RecordingError
 from emaphm.history import Entry, Event, History
+from emaphm.history.events import read_events
+from emaphm.history.fingerprint import recording_hash
 from emaphm.history.reading import unit_or_none
 from emaphm.monitoring.arrival import Call, call_here
 from emaphm.monitoring.conditions import Situation, health_events
@@ -120,19 +122,35 @@ class Judge:
             for method in methods_of(self.diagnose)
         )
 
-    def events(self, entry: Entry, recording_hash: str, details: dict[str, Any]) -> list[Event]:
-        """Return what the diagnosis of a recording changes.
+    def filed(
+        self, entry: Entry, recording: Recording, diagnosis: "Diagnosis | None", details: dict[str, Any]
+    ) -> list[Event]:
+        """Add what `judged` gave and the events that follow from it to the history; return these.
 
-        Nothing where the unit has a later one: an old recording that arrives late says nothing of its health
-        now, and the events of one that was judged before stand in the history.
+        May be repeated, also where it was interrupted: each is there once. There are no events where the unit
+        has a later diagnosis: an old recording that arrives late says nothing of its health now.
+
+        Parameters
+        ----------
+        details
+            Values that the details of all events have.
         """
+        if diagnosis is not None:
+            self.history.add(entry, recording, diagnosis)
+        events = self._events(entry, recording_hash(recording), details)
+        if events:
+            self.history.add_events(*events)
+        return events
+
+    def _events(self, entry: Entry, key: str, details: dict[str, Any]) -> list[Event]:
         with self.history.database.reading() as connection:
-            row = unit_or_none(connection, entry.unit)
-        if row is None:
-            return []
+            if unit_or_none(connection, entry.unit) is None:
+                return []
+            # Another watcher, or the server, may have seen the same recording.
+            before = read_events(connection, unit=entry.unit, recording_hash=key)
         unit = self.history.unit(entry.unit)
         diagnoses = unit.diagnoses(self.settings.window)
-        if not diagnoses or diagnoses[-1].recording_hash != recording_hash:
+        if not diagnoses or diagnoses[-1].recording_hash != key:
             return []
         now = Situation(
             entry.unit,
@@ -143,4 +161,5 @@ class Judge:
             self.watcher,
             details,
         )
-        return health_events(now)
+        known = {(one.state, one.condition) for one in before if one.watcher != self.watcher}
+        return [one for one in health_events(now) if (one.state, one.condition) not in known]

@@ -14,7 +14,6 @@ from emaphm.actuator import Actuator
 from emaphm.errors import EmaphmError, HistoryFormError, HistoryUnavailableError, MonitoringError
 from emaphm.execution.one_process import Calls, EndedError
 from emaphm.history import Entry, Event, History
-from emaphm.history.fingerprint import recording_hash
 from emaphm.history.watching import JUDGED, REFUSED, SET_ASIDE, WatchState
 from emaphm.monitoring.arrival import Arrival, Call, Source, call_here
 from emaphm.monitoring.delivery import Delivery, Receiver
@@ -299,14 +298,10 @@ class _Watcher:
 
     def _judge_one(self, arrival: Arrival, entry: Entry, part: Recording) -> None:
         diagnosis = self._insist(lambda: self.judge.judged(entry, part))
-        if diagnosis is None:
-            self.done.known += 1
-        else:
-            self._insist(lambda: self.history.add(entry, part, diagnosis))
-            self.done.judged += 1
         details = {"latency_s": round(time.monotonic() - arrival.arrived, 3)}
-        key = recording_hash(part)
-        self._keep(self._insist(lambda: self.judge.events(entry, key, details)))
+        self._insist(lambda: self.judge.filed(entry, part, diagnosis, details))
+        self.done.known += diagnosis is None
+        self.done.judged += diagnosis is not None
         self._wake()
         self.outlook.ask(entry.unit)
 

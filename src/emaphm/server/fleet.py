@@ -147,6 +147,10 @@ class FleetView:
         self._fleet = Fleet(self._fleet.version + 1, rows)
         return self._fleet
 
+    def ids(self) -> dict[str, int]:
+        """Return the id of each unit by its serial number."""
+        return {row.unit: row.id for row in self.fleet().rows}
+
     def row(self, unit_id: int) -> FleetRow | None:
         """Return the row of a unit, None where there is none of that id."""
         return next((row for row in self.fleet().rows if row.id == unit_id), None)

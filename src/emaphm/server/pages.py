@@ -9,6 +9,7 @@ from fastapi import APIRouter, Form, HTTPException, Request
 from starlette.responses import FileResponse, HTMLResponse, RedirectResponse, Response
 
 from emaphm.errors import EmaphmError
+from emaphm.history.events import KINDS
 from emaphm.history.views import diagnosis, diagnosis_lines, read_curves
 from emaphm.recording.io.read import READERS
 from emaphm.server import api
@@ -128,7 +129,7 @@ def unit(request: Request, server: Server, unit_id: Id) -> Response:
         findings=found.findings(),
         events=server.history.events(unit=row.unit, newest_first=True, limit=MOST_LISTED),
         plotly=f"/static/{_plotly_version()}/{PLOTLY}",
-        uploads=list(server.uploads.actuators),
+        ids={row.unit: row.id},
     )
 
 
@@ -239,7 +240,25 @@ def data_health(request: Request, server: Server) -> Response:
         newest_first=True,
         limit=MOST_LISTED,
     )
-    return _html("data.html.jinja", request, found=found, events=events)
+    return _html("data.html.jinja", request, found=found, events=events, ids=server.fleet.ids())
+
+
+@router.get("/events")
+def events(request: Request, server: Server, kind: str = "") -> Response:
+    """Return the page of what became known of the units, the newest first."""
+    kind = kind if kind in KINDS else ""
+    found = server.history.events(kinds=(kind,) if kind else (), newest_first=True, limit=MOST_LISTED)
+    still_open = [one for one in reversed(server.history.open_conditions()) if kind in ("", one.kind)]
+    return _html(
+        "events.html.jinja",
+        request,
+        events=found,
+        still_open=still_open,
+        kind=kind,
+        kinds=KINDS,
+        most=MOST_LISTED,
+        ids=server.fleet.ids(),
+    )
 
 
 @router.get("/login")

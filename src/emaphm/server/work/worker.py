@@ -2,6 +2,7 @@
 
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,9 +14,14 @@ from emaphm.server.work.queue import DONE, FAILED, REFUSED
 
 if TYPE_CHECKING:
     from emaphm.actuator import Actuator
+    from emaphm.detection import Detector
     from emaphm.diagnosis import Diagnosis
     from emaphm.history import History, Unit
+    from emaphm.progress import Progress
     from emaphm.recording import Recording
+
+SERVER = "server"
+"""The watcher of events that follow from what the server has diagnosed and forecast."""
 
 AS_BEFORE = ""
 """The description of a unit's last diagnosis."""
@@ -48,13 +54,17 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Place:
-    """Where a worker works: the history's address, the server's folder, descriptions by name."""
+    """Where a worker works: the history's address, the server's folder, descriptions by name.
+
+    `detector` says in addition whether an upload is like healthy recordings.
+    """
 
     db: str
     folder: WorkFolder
     actuators: "dict[str, Actuator]" = field(repr=False)
     memory_bytes: int
     upload_bytes: int
+    detector: "Detector | None" = field(default=None, repr=False)
 
 
 def work(orders: Connection, parent: Connection, place: Place) -> None:
@@ -72,9 +82,7 @@ def _outcome(job: Upload | Forecast, place: Place, orders: Connection) -> Outcom
     try:
         with History.open(place.db) as history:
             if isinstance(job, Forecast):
-                from emaphm.prognosis.keeping import update_prognosis
-
-                update_prognosis(history, history.unit(job.unit))
+                _forecast(history, job.unit)
                 return Outcome(DONE)
             return _diagnosed(job, history, place, orders)
     except EmaphmError as error:
@@ -90,6 +98,8 @@ def _outcome(job: Upload | Forecast, place: Place, orders: Connection) -> Outcom
 
 def _diagnosed(job: Upload, history: "History", place: Place, orders: Connection) -> Outcome:
     from emaphm.history import Entry
+    from emaphm.monitoring import WATCH
+    from emaphm.monitoring.judging import Judge
     from emaphm.recording import read_recording
     from emaphm.recording.io.limits import ReadLimits
 
@@ -102,15 +112,41 @@ def _diagnosed(job: Upload, history: "History", place: Place, orders: Connection
     )
     recording = read_recording(job.file, actuator, limits=ReadLimits(file_bytes=place.upload_bytes))
     recording = replace(recording, source=job.name)
-    if not history.missing(entry, recording, actuator):
-        return Outcome(DONE, "is in the history already", _result(history, recording))
-    from emaphm.diagnosis import diagnose
-
-    diagnosis = diagnose(recording, actuator, workers=1, on_progress=orders.send)
-    history.add(entry, recording, diagnosis)
-    result = _result(history, recording)
+    judge = Judge(
+        history,
+        actuator,
+        WATCH.alarm,
+        partial(_searched, on_progress=orders.send),
+        None,
+        place.detector,
+        takes_new_units=True,
+        watcher=SERVER,
+    )
+    diagnosis = judge.judged(entry, recording)
+    events = judge.filed(entry, recording, diagnosis, {})
+    result = _result(history, recording) | {"events": [one.message for one in events]}
+    if diagnosis is None:
+        return Outcome(DONE, "is in the history already", result)
     _write_report(diagnosis, result["diagnosis"], place.folder)
     return Outcome(DONE, "", result)
+
+
+def _searched(
+    recording: "Recording", actuator: "Actuator", *, seed: int, on_progress: "Progress"
+) -> "Diagnosis":
+    from emaphm.diagnosis import diagnose
+
+    return diagnose(recording, actuator, seed=seed, workers=1, on_progress=on_progress)
+
+
+def _forecast(history: "History", serial_number: str) -> None:
+    """Make the prognosis of a unit, and the event that follows from it."""
+    from emaphm.monitoring import WATCH
+    from emaphm.monitoring.outlook import rul_events
+    from emaphm.prognosis.keeping import update_prognosis
+
+    made = update_prognosis(history, history.unit(serial_number)).prognosis
+    history.add_events(*rul_events(history, made, WATCH.prognosis, SERVER))
 
 
 def _described(history: "History", known: "Unit | None", request: dict[str, Any], place: Place) -> "Actuator":
