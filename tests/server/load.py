@@ -6,6 +6,7 @@ workers share this machine.
 """
 
 import argparse
+import os
 import random
 import statistics
 import sys
@@ -140,17 +141,22 @@ def main() -> int:
                 threading.Thread(target=upload, args=(server, times, stop, i)) for i in range(given.uploaders)
             ]
             threads.append(threading.Thread(target=watch, args=(server, times, stop)))
+            before = server.processor_seconds()
             for thread in threads:
                 thread.start()
             time.sleep(given.seconds)
             stop.set()
             for thread in threads:
                 thread.join()
+            took = server.processor_seconds() - before
     print(f"{given.readers} readers, {given.uploaders} uploaders, {given.seconds:g} s:")
     print(f"{'page':17} {'opened':>6} {'p50 ms':>8} {'p95 ms':>8} {'most ms':>8}")
     for name, seconds in times.seconds.items():
         print(line(name, seconds))
     print(line("all pages", [one for each in times.seconds.values() for one in each]))
+    count = sum(map(len, times.seconds.values()))
+    print(f"processor time of the server: {took:.1f} s, {1e3 * took / max(count, 1):.1f} ms a page")
+    print(f"load average of the machine: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
     if times.uploads:
         print(f"uploads diagnosed: {len(times.uploads)}, median {statistics.median(times.uploads):.1f} s")
     print(f"memory of the server and its processes: {max(times.memory_MiB, default=0):.0f} MiB at most")

@@ -58,6 +58,14 @@ def test_links_sort_and_forms_filter(client: "TestClient") -> None:
     assert units_on(client, "/?sort=nonsense&page=-3")[0] == "SN-0004"
 
 
+def test_a_browser_is_not_sent_the_same_fleet_again(client: "TestClient", state: "ServerState") -> None:
+    tag = client.get("/?sort=unit").headers["etag"]
+    assert client.get("/?sort=unit", headers={"if-none-match": tag}).status_code == 304
+    assert client.get("/", headers={"if-none-match": tag}).status_code == 200
+    state.history.add_removal("SN-0001", Removal(900.0, "failed"))
+    assert client.get("/?sort=unit", headers={"if-none-match": tag}).status_code == 200
+
+
 def test_a_page_of_a_unit_has_all_that_is_known_of_it(client: "TestClient") -> None:
     text = client.get("/units/3").text
     for part in ("SN-0002", "flight 8.csv", "suspected", "slow to respond", "backlash degraded", "Fan chart"):

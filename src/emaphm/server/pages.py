@@ -63,9 +63,12 @@ def fleet(
     sort = sort if sort in SORTS else "urgency"
     choice = Choice(sort, order == "desc", part, advice, health, search[:200])
     number = int(page) if page.isascii() and page.isdigit() and len(page) < 7 else 1
-    found = server.fleet.fleet()
-    key = (found.version, choice, number)
-    return HTMLResponse(server.kept.page(key, lambda: _fleet(request, server, choice, number)))
+    key = (server.fleet.fleet().version, choice, number)
+    tag = server.kept.tag(key)
+    if request.headers.get("if-none-match") == tag:
+        return Response(status_code=304, headers={"etag": tag})
+    content = server.kept.page(key, lambda: _fleet(request, server, choice, number))
+    return HTMLResponse(content, headers={"etag": tag})
 
 
 def _fleet(request: Request, server: ServerState, choice: Choice, number: int) -> bytes:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from emaphm.errors import ServerError
 from emaphm.history import History
-from emaphm.server.app import create_app
+from emaphm.server.app import create_app, warm_up
 from emaphm.server.fleet import FleetView
 from emaphm.server.folders import WorkFolder
 from emaphm.server.settings import SETTINGS, ServerSettings
@@ -79,6 +79,7 @@ def serve(
         listening = stack.enter_context(_listening(host, port))
         state = stack.enter_context(running(db, known, work, described(actuators), settings, detector))
         app = create_app(state, only_loopback=only_loopback)
+        warm_up(app)
         config = uvicorn.Config(
             app,
             log_level="warning",

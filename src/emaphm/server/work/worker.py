@@ -1,5 +1,6 @@
 """What a worker process does: it diagnoses uploads and makes prognoses, one at a time."""
 
+import os
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -25,6 +26,10 @@ SERVER = "server"
 
 AS_BEFORE = ""
 """The description of a unit's last diagnosis."""
+
+
+NICENESS = 10
+"""Of a worker, which takes all of a core for seconds: pages go first."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +75,7 @@ class Place:
 def work(orders: Connection, parent: Connection, place: Place) -> None:
     """Do jobs as they come through `orders`, until the server ends; answer progress and an `Outcome`."""
     prepare_worker(parent, place.memory_bytes)
+    os.nice(NICENESS)
     with suppress(EOFError, OSError):  # the server has ended
         while True:
             job = orders.recv()
