@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from emaphm.server.state import ServerState
 
-PAGES = ("/", "/units/2", "/diagnoses/3", "/upload", "/data", "/login", "/nothing-here")
+PAGES = ("/", "/units/2", "/diagnoses/3", "/upload", "/data", "/events", "/login", "/nothing-here")
 
 
 class Page(HTMLParser):

@@ -78,15 +78,15 @@ class WatchState:
                 )
             )
 
-    def finish_file(self, file: WatchedFile, events: Sequence[Event] = ()) -> None:
-        """Note that a file is done with, and add events, in one step."""
+    def finish_file(self, file: WatchedFile, events: Sequence[Event] = ()) -> int:
+        """Note what became of a file, and add events, in one step; return how many of these are new."""
         values = {
             "size": file.size,
             "modified_ns": file.modified_ns,
             "digest": file.digest,
             "outcome": file.outcome,
         }
-        self._put(WATCHED_FILES, {"name": storable(file.name)}, values, events)
+        return self._put(WATCHED_FILES, {"name": storable(file.name)}, values, events)
 
     def rows_judged(self) -> dict[str, RowsJudged]:
         """Return by unit up to where its rows were judged."""
@@ -94,9 +94,9 @@ class WatchState:
         with self.history.database.reading() as connection:
             return {row.unit: RowsJudged(row.hours, row.time_s) for row in connection.execute(query)}
 
-    def finish_rows(self, unit: str, rows: RowsJudged, events: Sequence[Event] = ()) -> None:
-        """Note up to where the rows of a unit were judged, and add events, in one step."""
-        self._put(WATCHED_ROWS, {"unit": unit}, {"hours": rows.hours, "time_s": rows.time_s}, events)
+    def finish_rows(self, unit: str, rows: RowsJudged, events: Sequence[Event] = ()) -> int:
+        """Note up to where the rows of a unit were judged, and add events; return how many are new."""
+        return self._put(WATCHED_ROWS, {"unit": unit}, {"hours": rows.hours, "time_s": rows.time_s}, events)
 
     def undelivered(self, receiver: str, most: int) -> tuple[Event, ...]:
         """Return the first events of this watcher that a receiver has not been sent, `most` at most."""
@@ -124,11 +124,12 @@ class WatchState:
 
     def _put(
         self, table: sa.Table, key: Mapping[str, Any], values: Mapping[str, Any], events: Sequence[Event]
-    ) -> None:
+    ) -> int:
         with self.history.database.writing() as connection:
             check_revision(connection, self.history.database.address.shown)
-            add_events(connection, events)
+            new = add_events(connection, events)
             every = {"watcher": self.watcher, **key}
             mine = [table.c[name] == value for name, value in every.items()]
             if not connection.execute(table.update().where(*mine).values(**values)).rowcount:
                 connection.execute(table.insert().values(**every, **values))
+        return new

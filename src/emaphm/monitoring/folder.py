@@ -201,8 +201,8 @@ class FolderSource:
             recordings = self.call(read_recordings, path, self.actuator, split=self.split)
             return self.ownership.entry(candidate.name, recordings[0].labels), recordings
 
-        def finish(became: str, events: Sequence[Event]) -> None:
-            self.state.finish_file(_done(candidate, digest, outcome or became), events)
+        def finish(became: str, events: Sequence[Event]) -> int:
+            return self.state.finish_file(_done(candidate, digest, outcome or became), events)
 
         def once_more() -> bool:
             nonlocal is_tried

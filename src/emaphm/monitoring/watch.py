@@ -272,7 +272,8 @@ class _Watcher:
             outcome = outcome or (JUDGED if self.done.judged + self.done.known > before else REFUSED)
         self.done.refused += len(refused)
         events = [self._refusal(arrival, reason) for reason in dict.fromkeys(refused)]
-        self._insist(lambda: arrival.finish(outcome, events))
+        if self._insist(lambda: arrival.finish(outcome, events)) < len(events):
+            self.say(f"refused as before: {refused[0]}")  # its event was printed by an earlier run
         self._wake()
         if self.on_count:
             count = self.done.judged + self.done.known

@@ -137,13 +137,13 @@ def unit(request: Request, server: Server, unit_id: Id) -> Response:
 
 
 @router.get("/units/{unit_id}/{name}.svg")
-def unit_figure(server: Server, unit_id: Id, name: str, v: str = "") -> Response:
-    """Return a figure of a unit's prognosis."""
+def unit_figure(server: Server, unit_id: Id, name: str, v: str = "", narrow: bool = False) -> Response:
+    """Return a figure of a unit's prognosis; `narrow` is for a phone."""
     if name not in FIGURES:
         raise HTTPException(404, f"no figure '{name[:20]}'")
     document = api.curves(server, unit_id)
-    key = ("unit", unit_id, name, document["now"], len(document["seen"]), len(document["fan"]))
-    return _picture(server.drawer.figure(key, name, document), forever=bool(v))
+    key = ("unit", unit_id, name, document["now"], len(document["seen"]), len(document["fan"]), narrow)
+    return _picture(server.drawer.figure(key, name, document, narrow=narrow), forever=bool(v))
 
 
 @router.get("/diagnoses/{diagnosis_id}")
@@ -221,7 +221,7 @@ def _upload_page(
         given=given,
         error=error,
         actuators=server.uploads.actuators,
-        endings=",".join(READERS),
+        endings=tuple(READERS),
         most_MiB=server.settings.upload_bytes / 2**20,
         jobs=[api.job_answer(server, one) for one in server.queue.jobs(20)],
     )

@@ -145,15 +145,14 @@ class StreamSource:
         def read() -> tuple[Entry, list[Recording]]:
             return entry, self.call(recordings_of, movement.columns, name, self.actuator, split=self.split)
 
-        def finish(_outcome: str, events: Sequence[Event]) -> None:
+        def finish(_outcome: str, events: Sequence[Event]) -> int:
             last = movement.last
             before = self.state.rows_judged().get(entry.unit)
             if before is not None and before.hours == entry.hours:
                 last = max(last, before.time_s)  # the clock may have been set back
             if before is None or entry.hours >= before.hours:
-                self.state.finish_rows(entry.unit, RowsJudged(entry.hours, last), events)
-            elif events:
-                self.state.history.add_events(*events)
+                return self.state.finish_rows(entry.unit, RowsJudged(entry.hours, last), events)
+            return self.state.history.add_events(*events) if events else 0
 
         tries = iter((True, False))
         return Arrival(name, read, finish, lambda: next(tries), ended.arrived)

@@ -11,8 +11,11 @@ from emaphm.server.settings import ServerSettings
 Key = tuple[Any, ...]
 
 
-def drawn(name: str, document: dict[str, Any]) -> bytes:
-    """Return a figure of a prognosis ("health", "life", "fan"), or "faults" of a diagnosis, as SVG."""
+def drawn(name: str, document: dict[str, Any], *, narrow: bool = False) -> bytes:
+    """Return a figure of a prognosis ("health", "life", "fan"), or "faults" of a diagnosis, as SVG.
+
+    `narrow` is for a phone.
+    """
     from emaphm.plotting import fault_intervals, prognosis
     from emaphm.plotting.svg import plain_style, svg
 
@@ -22,7 +25,7 @@ def drawn(name: str, document: dict[str, Any]) -> bytes:
         from emaphm.prognosis.keeping import Curves
 
         draw = {"health": prognosis.draw_health, "life": prognosis.draw_life, "fan": prognosis.draw_fan}[name]
-        return svg(draw(Curves.from_dict(document)))
+        return svg(draw(Curves.from_dict(document), narrow=narrow))
 
 
 def estimates(document: dict[str, Any]) -> dict[str, Any]:
@@ -54,7 +57,7 @@ class Drawer:
         self._lock = threading.Lock()
         self._calls = Calls(settings.drawing_seconds, settings.worker_bytes)
 
-    def figure(self, key: Key, name: str, document: dict[str, Any]) -> bytes:
+    def figure(self, key: Key, name: str, document: dict[str, Any], *, narrow: bool = False) -> bytes:
         """Return the figure `name` of `document`; the same `key` gives the same figure.
 
         Raises
@@ -67,7 +70,7 @@ class Drawer:
                 self._kept.move_to_end(key)
                 return self._kept[key]
         try:
-            content = self._calls(drawn, name, document)
+            content = self._calls(drawn, name, document, narrow=narrow)
         except EndedError:
             raise ServerError("the figure was not drawn in time; load the page again") from None
         with self._lock:
