@@ -16,7 +16,7 @@ import numpy as np
 from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.actuator.faults import CARTESIAN_NAMES
 from emaphm.diagnosis import Diagnosis, Estimate
-from emaphm.history import History
+from emaphm.history import Entry, History
 from emaphm.monitoring import WATCH, NamePattern, Ownership, Task, WatchSettings, watch
 from emaphm.monitoring.diagnosers import search
 from emaphm.recording import Recording
@@ -114,6 +114,15 @@ def diagnosis(recording: Recording, actuator: Actuator, friction: float, *, seed
 def diagnosed(recording: Recording, actuator: Actuator, *, seed: int) -> Diagnosis:
     """Return the stand-in: friction is what the mean current says."""
     return diagnosis(recording, actuator, float(np.mean(recording["current_A"]).clip(0.0, 1.0)), seed=seed)
+
+
+def fly(history: History, friction: list[float], first: float = 0.0) -> None:
+    """Add diagnoses of a unit, 20 h apart, of this friction."""
+    for i, level in enumerate(friction):
+        hours = first + 20.0 * i
+        columns = {name: np.arange(60.0) + hours for name in ("time_s", "command_rad", "current_A")}
+        recording = Recording(columns, source=f"{hours:g}.csv")
+        history.add(Entry("S1", THESIS.name, hours), recording, diagnosis(recording, THESIS, level))
 
 
 def run(

@@ -8,12 +8,12 @@ import pytest
 
 from emaphm.actuator import Actuator
 from emaphm.history import Event, History
-from emaphm.monitoring import Ownership, Task, watch
+from emaphm.monitoring import WATCH, Ownership, Task, watch
 from emaphm.monitoring.outlook import Outlook
 from emaphm.server.folders import WorkFolder
 from emaphm.server.work import worker
 from emaphm.server.work.queue import DONE
-from emaphm.server.work.worker import SERVER, Outcome, Place, Upload
+from emaphm.server.work.worker import SERVER, Forecast, Outcome, Place, Upload
 from monitoring import stand_in
 
 if TYPE_CHECKING:
@@ -83,6 +83,17 @@ def test_uploads_make_the_events_that_watching_makes(arrived: Path, tmp_path: Pa
     again = uploaded(arrived, where)  # a job that was killed after its recording was added
     assert {one.message for one in again} == {"is in the history already"}
     assert len(watched(arrived, where)) == len(events)  # nor does a watcher say it a second time
+
+
+def test_a_prognosis_of_the_server_makes_the_event_of_a_life_that_ends(tmp_path: Path) -> None:
+    with History.open(tmp_path / "history.sqlite", create=True) as history:
+        stand_in.fly(history, [0.1 + 0.12 * i for i in range(8)])
+        place = Place(str(tmp_path / "history.sqlite"), WorkFolder(tmp_path), {}, 2**33, 2**26)
+        assert worker._outcome(Forecast("S1"), place, Pipe()[1]).state == DONE
+        (event,) = history.events()
+    assert (event.kind, event.state, event.watcher) == ("rul_below_horizon", "raised", SERVER)
+    assert event.details["horizon_hours"] == WATCH.prognosis.horizon
+    assert "within 200 h is 100.0 %, by friction" in event.message
 
 
 def test_events_of_the_fleet_are_a_page(client: "TestClient") -> None:

@@ -101,7 +101,7 @@ def rul_events(
     what = f"{made.component} ({made.limit.label})" if made.limit else "nothing in sight"
     about = (
         f"{unit} at {made.evidence.hours:g} h: probability of failure within {settings.horizon:g} h is "
-        f"{100 * risk:.2g} %, by {what}"
+        f"{100 * risk:.1f} %, by {what}"
     )
     details = {
         "probability_of_failure": risk,
