@@ -3,8 +3,8 @@
 import threading
 import time
 import traceback
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -24,7 +24,7 @@ from emaphm.monitoring.outlook import Outlook
 from emaphm.monitoring.ownership import Ownership
 from emaphm.monitoring.pressure import Pressure
 from emaphm.monitoring.receivers import Lines, Webhook
-from emaphm.monitoring.settings import WATCH, WatchSettings
+from emaphm.monitoring.settings import WATCH, IsolationSettings, WatchSettings
 from emaphm.monitoring.stream.source import StreamSource
 from emaphm.recording import Recording
 
@@ -152,11 +152,7 @@ def watch(
     state = WatchState(history, task.watcher)
     lost = {one.kind for one in history.open_conditions() if one.watcher == task.watcher and one.unit is None}
     with ExitStack() as stack:
-        call: Call = call_here
-        if task.isolated:
-            call = Calls(settings.isolation.seconds, settings.isolation.most_bytes)
-            stack.callback(call.end)
-            call(load)  # else the first recording would wait for it, and be taken for a slow one
+        call = stack.enter_context(_isolated(settings.isolation)) if task.isolated else call_here
         source = _source(task, actuator, state, settings, call, is_lost="source_lost" in lost)
         stack.callback(source.close)
         receivers = [] if task.lines is None else [Lines(task.lines)]
@@ -186,6 +182,22 @@ def watch(
         )
         watcher.run(once=task.once or isinstance(task.source, int), ends=lambda: _closed(receivers))
         return watcher.done
+
+
+@contextmanager
+def _isolated(settings: IsolationSettings) -> Iterator[Call]:
+    """Yield what calls functions in a process of their own, which ends with the body."""
+    calls = Calls(settings.seconds, settings.most_bytes)
+    try:
+        calls(load)  # else the first recording would wait for it, and be taken for a slow one
+        yield calls
+    except EndedError as error:
+        raise MonitoringError(
+            f"the process that judges recordings cannot be started: {error}; free memory, then start again "
+            "(in a script of your own: is it guarded by `if __name__ == '__main__':`?)"
+        ) from None
+    finally:
+        calls.end()
 
 
 def _closed(receivers: Sequence[Lines]) -> bool:
