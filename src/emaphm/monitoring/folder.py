@@ -218,7 +218,12 @@ class FolderSource:
         self._candidates, self._ready = {}, []
         if not self.is_lost:
             self.is_lost = True
-            self._say("raised", "warning", f"{self.folder}: cannot be read ({error.strerror or error})")
+            reason = error.strerror or error
+            self._say(
+                "raised",
+                "warning",
+                f"{self.folder}: cannot be read ({reason}); mount or make it again; it is looked for",
+            )
 
     def _found_again(self) -> None:
         if self.is_lost:

@@ -28,8 +28,9 @@ AS_BEFORE = ""
 """The description of a unit's last diagnosis."""
 
 
-NICENESS = 10
-"""Of a worker, which takes all of a core for seconds: pages go first."""
+NICENESS = 3
+"""Of a worker, which takes all of a core for seconds: pages go first. It has half the share of others
+where all cores are busy; with 10 it would have a tenth, and uploads would wait for minutes."""
 
 
 @dataclass(frozen=True)
