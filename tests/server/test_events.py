@@ -19,6 +19,8 @@ from monitoring import stand_in
 if TYPE_CHECKING:
     from starlette.testclient import TestClient
 
+    from emaphm.server.state import ServerState
+
 THESIS = Actuator.thesis()
 
 NUMBERS = range(18, 30)
@@ -96,6 +98,10 @@ def test_a_prognosis_of_the_server_makes_the_event_of_a_life_that_ends(tmp_path:
     assert "within 200 h is 100.0 %, by friction" in event.message
 
 
-def test_events_of_the_fleet_are_a_page(client: "TestClient") -> None:
+def test_events_of_the_fleet_are_a_page(client: "TestClient", state: "ServerState") -> None:
     assert "friction is degraded" in client.get("/events").text
     assert "friction is degraded" not in client.get("/events?kind=sensor_fault").text
+    assert "<b>1</b> with an alarm" in client.get("/").text
+    state.history.add_events(Event("alarm", "cleared", "info", "healthy", "friction", "SN-0001", 200.0))
+    assert "<b>0</b> with an alarm" in client.get("/").text
+    assert not client.get("/api/v1/events?only_open=true").json()["events"]

@@ -89,6 +89,7 @@ def _fleet(request: Request, server: ServerState, choice: Choice, number: int) -
     counts = {
         "units": len(found.rows),
         **{action: sum(row.advice == action for row in found.rows) for action in ACTIONS},
+        "with an alarm": sum(bool(row.alarms) for row in found.rows),
         "without a prognosis": sum(row.advice is None for row in found.rows),
     }
     return render(
