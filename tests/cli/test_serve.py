@@ -37,7 +37,6 @@ def test_a_port_in_use(refused: Refusal, db: str) -> None:
         (("--host", "no.such.host.invalid"), "--add-token NAME"),
         (("--workers", "0"), "1 or more"),
         (("--actuator", "absent.toml"), "no such actuator file"),
-        (("--tokens", "absent"), "no such file"),
         (("--add-token", "alice"), "--tokens FILE"),
     ],
 )
