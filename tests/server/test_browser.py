@@ -232,6 +232,7 @@ def test_a_token_is_asked_for(opened: Any, filled: Path, tmp_path: Path) -> None
         page.get_by_role("button", name="Log out").click()
         page.goto(f"{url}/units/2")
         assert page.url.endswith("/login")
+        page.close()  # before the server ends: else the icon may be asked for in vain
 
 
 def test_a_wrong_token_is_refused(browser: "Browser", filled: Path, tmp_path: Path) -> None:
