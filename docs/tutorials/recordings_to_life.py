@@ -1,9 +1,10 @@
 """
-A unit: from recordings to its remaining useful life
-====================================================
+A fleet: from recordings to remaining useful life and its page
+==============================================================
 
-Diagnoses of a unit over its flights are a history. The history gives the distribution of the time until the
-actuator no longer does what is required of it. All flights here are simulated: friction and backlash grow.
+Four units fly. Each recording is diagnosed and kept in a history; the history gives the distribution of the
+time until a unit no longer does what is required of it, and a page on which the most urgent unit is first.
+All flights here are simulated: each unit wears in a way of its own.
 """
 
 # %%
@@ -13,12 +14,17 @@ actuator no longer does what is required of it. All flights here are simulated: 
 # A requirement is a level of a fault that a manual gives, or a measure of what the actuator does. They stand
 # in the actuator's TOML as ``[[requirements]]``.
 
+import json
+import re
+import subprocess
 import tempfile
+import time
 from pathlib import Path
+from urllib.request import urlopen
 
 import emaphm as ema
-from emaphm.history import Entry, History
-from emaphm.prognosis import Evidence, Question, failure_levels, prognose
+from emaphm.history import Entry, Finding, History, Removal
+from emaphm.prognosis import Evidence, Question, failure_levels, fellows, fleet_prior, prognose
 
 thesis = ema.Actuator.thesis()
 requirements = [
@@ -32,38 +38,95 @@ for one in failure_levels(actuator):
     print(one.limit.label, one.value, one.levels["friction"], one.levels["backlash"])
 
 # %%
-# Ten flights
-# -----------
+# Five flights of four units
+# --------------------------
 #
 # Each flight's recording is diagnosed and added. A history is a file, or a PostgreSQL database by its
-# address.
+# address. In service, ``emaphm watch`` does this with the recordings that arrive.
 
-folder = Path(tempfile.mkdtemp())
-history = History.open(str(folder / "history.sqlite"), create=True)
-for flight in range(10):
-    hours = 100.0 * (flight + 1)
-    faults = ema.Faults(friction=0.02 + 0.01 * flight, backlash=0.05 + 0.04 * flight)
-    recording = ema.simulate(actuator, ema.Chirp(), faults=faults, noise=0.05, seed=flight)
-    diagnosis = ema.diagnose(recording, actuator, seed=0)
-    history.add(Entry("SN-0042", actuator.name, hours), recording, diagnosis)
+db = Path(tempfile.mkdtemp()) / "fleet.sqlite"
+history = History.open(db, create=True)
 
-unit = history.unit("SN-0042")
-for one in unit.diagnoses():
-    friction, backlash = one.vector[:2]
-    print(f"{one.hours:6.0f} h  friction {friction:.3f}  backlash {backlash:.3f}  explained {one.explained}")
+wear = {  # friction and backlash of the first flight, and what each flight adds
+    "SN-0041": (0.02, 0.05, 0.002, 0.002),
+    "SN-0042": (0.02, 0.10, 0.015, 0.09),
+    "SN-0043": (0.02, 0.05, 0.035, 0.01),
+    "SN-0044": (0.02, 0.30, 0.010, 0.10),
+}
+
+
+def faults(name: str, flight: int) -> ema.Faults:
+    """Return the faults of a unit on a flight; SN-0044 is replaced after its third."""
+    friction, backlash, more_friction, more_backlash = wear[name]
+    if name == "SN-0044" and flight > 2:
+        flight, backlash = flight - 3, 0.05
+    return ema.Faults(friction=friction + more_friction * flight, backlash=backlash + more_backlash * flight)
+
+
+for number, name in enumerate(wear):
+    for flight in range(5):
+        hours, seed = 200.0 * (flight + 1), 10 * number + flight
+        recording = ema.simulate(actuator, ema.Chirp(), faults=faults(name, flight), noise=0.05, seed=seed)
+        history.add(Entry(name, actuator.name, hours), recording, ema.diagnose(recording, actuator, seed=0))
+
+history.add_removal("SN-0044", Removal(600.0, "suspected", "slow to respond"))
+history.add_finding("SN-0044", Finding(600.0, "unit", "degraded", replaced=True))
+
+for unit in history.units():
+    levels = [f"{one.vector[0]:.2f}/{one.vector[1]:.2f}" for one in unit.diagnoses()]
+    print(unit.serial_number, "friction/backlash", *levels)
 
 # %%
-# How long it will last
-# ---------------------
+# How long a unit will last
+# -------------------------
 #
 # The degradation filter follows level and rate of each component under several laws at once, with the full
-# covariance of each diagnosis. From its state, thousands of futures are drawn; the remaining useful life is
-# the time at which the first requirement fails.
+# covariance of each diagnosis. The other units of the part number teach it what rates are usual. From its
+# state, thousands of futures are drawn; the remaining useful life (RUL) is the time at which the first
+# requirement fails.
 
-prognosis = prognose(Evidence.of(unit), actuator, Question(horizon=500.0), seed=0)
+unit = history.unit("SN-0042")
+prior = fleet_prior(fellows(history, unit))
+prognosis = prognose(Evidence.of(unit), actuator, Question(horizon=500.0), prior=prior, seed=0)
 print(prognosis)
 
 # %%
 
 figure = prognosis.plot()
 history.close()
+
+# %%
+# The page of the fleet
+# ---------------------
+#
+# ``emaphm serve --db fleet.sqlite`` shows the history in a browser, and gives other software the same by
+# HTTP. It makes the prognoses of all units by itself; here we wait for them.
+
+server = subprocess.Popen(["emaphm", "serve", "--db", db, "--port", "0", "--json"], stdout=subprocess.PIPE)
+address = json.loads(server.stdout.readline())["url"]
+fleet = []
+while not fleet or not all(one["current"] for one in fleet):
+    time.sleep(0.5)
+    fleet = json.load(urlopen(f"{address}api/v1/units"))["units"]
+
+for one in fleet:
+    print(f"{one['unit']}: {one['advice']} {one['advice_at']:.0f} h; RUL {one['rul']:.0f} h")
+
+# %%
+# The table of the page, the most urgent unit first. On the page itself its headings sort, a unit leads to its
+# health over flight hours, and a diagnosis to its intervals.
+
+page = urlopen(address).read().decode()
+server.terminate()
+server.wait()
+
+
+class Table:
+    """The table of the page, without its links."""
+
+    def _repr_html_(self) -> str:
+        found = re.search("<table.*</table>", page, re.DOTALL)
+        return re.sub("</?a[^>]*>", "", found.group())
+
+
+Table()

@@ -32,10 +32,11 @@ def test_a_port_in_use(refused: Refusal, db: str) -> None:
     [
         (("--port", "70000"), "from 0 to 65535"),
         (("--host", "0.0.0.0"), "--add-token NAME"),  # noqa: S104 - it is refused
+        (("--tokens", "none"), "none: no such file; make it with --tokens none --add-token NAME"),
+        (("--healthy", "none.json"), "none.json"),
         (("--host", "no.such.host.invalid"), "--add-token NAME"),
         (("--workers", "0"), "1 or more"),
         (("--actuator", "absent.toml"), "no such actuator file"),
-        (("--tokens", "absent"), "no such file"),
         (("--add-token", "alice"), "--tokens FILE"),
     ],
 )

@@ -7,12 +7,17 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from amortized.toys import CHIRP, THESIS, constant_estimator, short_setup
+from emaphm.actuator import Faults
 from emaphm.cli import main
 from emaphm.history import History
+from emaphm.recording import Recording, write_recording
+from emaphm.simulated_recording import simulate
 
 from . import files
 from .conftest import Refusal
@@ -23,14 +28,12 @@ NAME = ("--name", "{unit}_{hours}.csv")
 @pytest.fixture(scope="module")
 def arrived(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with four recordings of a unit, of which three have much friction, and a broken one."""
-    from emaphm.actuator import Actuator, Chirp, Faults
-    from emaphm.recording import write_recording
-    from emaphm.simulated_recording import simulate
+    from emaphm.actuator import Chirp
 
     folder = tmp_path_factory.mktemp("arrived")
     for number, friction in enumerate((0.0, 0.3, 0.3, 0.3)):
         faults = Faults(friction=friction)
-        made = simulate(Actuator.thesis(), Chirp(), faults=faults, noise=0.05, seed=number)
+        made = simulate(THESIS, Chirp(), faults=faults, noise=0.05, seed=number)
         write_recording(made, folder / f"SN-7_{100 + number}.csv")
     (folder / "SN-7_90.csv").write_text("no recording")
     return folder
@@ -119,6 +122,8 @@ def test_a_reader_that_left_ends_it(arrived: Path, desk: Path) -> None:
         (". --db good.toml", "good.toml"),
         (". --db postgresql://127.0.0.1:1/x", "127.0.0.1"),
         (". --seed -1", "--seed -1"),
+        (". --fast", "--estimator FILE"),
+        (". --estimator good.csv", "no estimator"),
     ],
 )
 def test_what_cannot_be_watched_is_refused(refused: Refusal, line: str, said: str) -> None:
@@ -140,3 +145,24 @@ def test_files_of_the_schema_need_a_unit(desk: Path, capfd: pytest.CaptureFixtur
     assert main(["watch", "in", "--once", "--settle", "0"]) == 0
     (event,) = [json.loads(line) for line in capfd.readouterr().out.splitlines()]
     assert "its unit is not known; give --unit" in event["message"]
+
+
+def test_an_estimator_answers_where_it_can(
+    tmp_path: Path, desk: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    setup = short_setup()
+    estimator = constant_estimator(setup, setup.space.points(Faults(friction=0.3).vector), 0.02)
+    estimator.save(tmp_path / "unit.estimator")
+    (desk / "in").mkdir()
+    for number, stop_hz in enumerate((40.0, 30.0)):  # the second is another manoeuvre
+        command = replace(CHIRP, stop_hz=stop_hz)
+        made = simulate(THESIS, command, faults=Faults(friction=0.3), duration=0.1, sample_rate=2000.0)
+        columns = {name: made[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")}
+        write_recording(Recording(columns), desk / "in" / f"U_{number}.csv")
+    line = ["watch", "in", *NAME, "--once", "--settle", "0.1", "--db", "h.sqlite", "--new-units", "--whole"]
+    assert main([*line, "--estimator", str(tmp_path / "unit.estimator"), "--fast"]) == 0
+    assert "2 recordings judged" in capfd.readouterr().err
+    with History.open("h.sqlite") as history:
+        kept = [json.loads(one.text) for one in history.unit("U").diagnoses()]
+    assert [one["method"].startswith("estimator") for one in kept] == [True, False]
+    assert any("the estimator was not asked" in note for note in kept[1]["notes"])

@@ -17,7 +17,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -68,11 +68,15 @@ class Arriving:
 
 
 def memory_mb(pid: int) -> float:
-    """Return the resident memory of a process [MB]."""
-    for line in Path(f"/proc/{pid}/status").read_text().splitlines():
-        if line.startswith("VmRSS"):
-            return int(line.split()[1]) / 1024
-    return 0.0
+    """Return the resident memory of a process and of those that it has started [MB]."""
+    total = 0.0
+    with suppress(OSError):
+        for line in Path(f"/proc/{pid}/status").read_text().splitlines():
+            if line.startswith("VmRSS"):
+                total += int(line.split()[1]) / 1024
+        for children in Path(f"/proc/{pid}/task").glob("*/children"):
+            total += sum(memory_mb(int(child)) for child in children.read_text().split())
+    return total
 
 
 @contextmanager
@@ -212,7 +216,7 @@ def _say(
     for share in (0.1, 0.25, 0.5, 0.75, 1.0):
         at = [rss for count, rss in series if 0 < count <= share * files]
         if at:
-            print(f"undisturbed, memory up to {share * files:.0f} files: {at[-1]:.0f} MB")
+            print(f"undisturbed, memory up to {share * files:.0f} files: {max(at):.0f} MB at most")
 
 
 if __name__ == "__main__":

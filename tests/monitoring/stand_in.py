@@ -16,8 +16,9 @@ import numpy as np
 from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.actuator.faults import CARTESIAN_NAMES
 from emaphm.diagnosis import Diagnosis, Estimate
-from emaphm.history import History
+from emaphm.history import Entry, History
 from emaphm.monitoring import WATCH, NamePattern, Ownership, Task, WatchSettings, watch
+from emaphm.monitoring.diagnosers import search
 from emaphm.recording import Recording
 from emaphm.version import VERSION
 
@@ -115,6 +116,15 @@ def diagnosed(recording: Recording, actuator: Actuator, *, seed: int) -> Diagnos
     return diagnosis(recording, actuator, float(np.mean(recording["current_A"]).clip(0.0, 1.0)), seed=seed)
 
 
+def fly(history: History, friction: list[float], first: float = 0.0) -> None:
+    """Add diagnoses of a unit, 20 h apart, of this friction."""
+    for i, level in enumerate(friction):
+        hours = first + 20.0 * i
+        columns = {name: np.arange(60.0) + hours for name in ("time_s", "command_rad", "current_A")}
+        recording = Recording(columns, source=f"{hours:g}.csv")
+        history.add(Entry("S1", THESIS.name, hours), recording, diagnosis(recording, THESIS, level))
+
+
 def run(
     folder: Path,
     where: str,
@@ -133,8 +143,9 @@ def run(
             Ownership(THESIS.name, pattern=PATTERN),
             "test",
             cut=None,
-            diagnose=None if real else diagnosed,
+            diagnose=search if real else diagnosed,
             takes_new_units=True,
+            isolated=True,
             once=once,
             webhook=webhook,
             lines=lines,

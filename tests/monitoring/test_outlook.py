@@ -4,30 +4,20 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from emaphm.history import Entry, Finding, History
+from emaphm.history import Finding, History
 from emaphm.monitoring.outlook import Outlook
 from emaphm.monitoring.settings import WATCH
 from emaphm.prognosis import Evidence, Question, prognose
-from emaphm.recording import Recording
 
-from .stand_in import THESIS, diagnosis
+from .stand_in import THESIS, fly
 
 
 @pytest.fixture
 def history(tmp_path: Path) -> Iterator[History]:
     with History.open(tmp_path / "history.sqlite", create=True) as opened:
         yield opened
-
-
-def fly(history: History, friction: list[float], first: float = 0.0) -> None:
-    for i, level in enumerate(friction):
-        hours = first + 20.0 * i
-        columns = {name: np.arange(60.0) + hours for name in ("time_s", "command_rad", "current_A")}
-        recording = Recording(columns, source=f"{hours:g}.csv")
-        history.add(Entry("S1", THESIS.name, hours), recording, diagnosis(recording, THESIS, level))
 
 
 def test_it_is_that_of_the_verb_and_one_for_all_diagnoses(history: History) -> None:

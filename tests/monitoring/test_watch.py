@@ -199,8 +199,10 @@ def test_what_cannot_be_used_is_refused_once_and_tried_again_at_the_next_start(
     (inbox / "U04_1.csv").mkdir()
     (inbox / ".hidden.csv").write_text("no recording")
     (inbox / "note.txt").write_text("no recording")
+    said = list[str]()
     for _ in range(2):
-        assert once(inbox, history).refused == 3
+        assert once(inbox, history, said).refused == 3
+    assert len([line for line in said if "refused as before" in line]) == 3  # their events are there already
     refused = {one.subject: one.message for one in history.events()}
     assert set(refused) == {"U01_5.csv", "nameless.csv", "U03_7.csv"}
     assert "its unit is not known" in refused["nameless.csv"]

@@ -61,6 +61,11 @@ class Server:
         """Return the resident memory of the server and its processes [MiB]."""
         return sum(map(_resident, family(self.process.pid))) / 1024
 
+    def processor_seconds(self) -> float:
+        """Return the processor time of the server, without the processes that it has started [s]."""
+        fields = Path(f"/proc/{self.process.pid}/stat").read_text().rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
 
 @contextmanager
 def serving(file: Path, *options: str) -> Iterator[Server]:

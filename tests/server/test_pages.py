@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from emaphm.server.state import ServerState
 
-PAGES = ("/", "/units/2", "/diagnoses/3", "/upload", "/data", "/login", "/nothing-here")
+PAGES = ("/", "/units/2", "/diagnoses/3", "/upload", "/data", "/events", "/login", "/nothing-here")
 
 
 class Page(HTMLParser):
@@ -56,6 +56,14 @@ def test_links_sort_and_forms_filter(client: "TestClient") -> None:
     assert units_on(client, "/?search=0007") == ["SN-0007"]
     assert units_on(client, "/?search=no+such") == []
     assert units_on(client, "/?sort=nonsense&page=-3")[0] == "SN-0004"
+
+
+def test_a_browser_is_not_sent_the_same_fleet_again(client: "TestClient", state: "ServerState") -> None:
+    tag = client.get("/?sort=unit").headers["etag"]
+    assert client.get("/?sort=unit", headers={"if-none-match": tag}).status_code == 304
+    assert client.get("/", headers={"if-none-match": tag}).status_code == 200
+    state.history.add_removal("SN-0001", Removal(900.0, "failed"))
+    assert client.get("/?sort=unit", headers={"if-none-match": tag}).status_code == 200
 
 
 def test_a_page_of_a_unit_has_all_that_is_known_of_it(client: "TestClient") -> None:

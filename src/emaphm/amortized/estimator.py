@@ -77,6 +77,12 @@ class Estimator:
         """What identifies the actuator that it was trained for."""
         return actuator_hash(self.setup.actuator)
 
+    def check_actuator(self, actuator: Actuator) -> None:
+        """Refuse another description than the one that it was trained for, `MethodError`."""
+        refusal = self.setup.refusal_of(actuator)
+        if refusal is not None:
+            raise MethodError(f"{refusal}; {WAY_OUT}")
+
     def check(self, recording: Recording, actuator: Actuator) -> None:
         """Refuse a recording that the estimator cannot be asked about; `MethodError` gives the way out."""
         refusal = self.setup.refusal(recording, actuator)

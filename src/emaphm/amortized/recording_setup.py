@@ -164,17 +164,23 @@ class RecordingSetup:
             "nuisances": None if self.nuisances is None else list(self.nuisances),
         }
 
+    def refusal_of(self, actuator: Actuator) -> str | None:
+        """Return why the estimator cannot be asked about recordings of `actuator`, None where it can."""
+        if actuator_hash(actuator) == actuator_hash(self.actuator):
+            return None
+        return (
+            f"the estimator was trained for another description of an actuator ('{self.actuator.name}', "
+            f"{actuator_hash(self.actuator)}; this is '{actuator.name}', {actuator_hash(actuator)})"
+        )
+
     def refusal(self, recording: Recording, actuator: Actuator) -> str | None:  # noqa: PLR0911 - one a rule
         """Return why the estimator cannot be asked about `recording` of `actuator`, None where it can.
 
         The reasons are those that no search with the estimator's help could mend: another actuator,
         manoeuvre, rate or duration, or a channel that is missing.
         """
-        if actuator_hash(actuator) != actuator_hash(self.actuator):
-            return (
-                f"the estimator was trained for another description of an actuator ('{self.actuator.name}', "
-                f"{actuator_hash(self.actuator)}; this is '{actuator.name}', {actuator_hash(actuator)})"
-            )
+        if (other := self.refusal_of(actuator)) is not None:
+            return other
         missing = [name for name in self.channels if name not in recording]
         if missing:
             return f"{recording.source} has no {', '.join(missing)}, which the estimator was trained on"

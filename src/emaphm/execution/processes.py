@@ -60,7 +60,7 @@ def _as_finished(pool: Executor, tasks: Sequence[Task], most: int) -> Generator[
     queue = iter(tasks)
     pending: set[Future[Outcome]] = set()
     while True:
-        with _interrupts_held_back(), _one_thread_each():
+        with interrupts_held_back(), _one_thread_each():
             pending |= {pool.submit(attempt, task) for task in islice(queue, most - len(pending))}
         if not pending:
             return
@@ -70,7 +70,7 @@ def _as_finished(pool: Executor, tasks: Sequence[Task], most: int) -> Generator[
 
 
 @contextmanager
-def _interrupts_held_back() -> Iterator[None]:
+def interrupts_held_back() -> Iterator[None]:
     """Start processes that Ctrl-C leaves alone, from their first moment on: they inherit what is blocked."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:

@@ -154,11 +154,15 @@ def read_events(
     since: str | None = None,
     until: str | None = None,
     watcher: str | None = None,
+    recording_hash: str | None = None,
     after: int | None = None,
     newest_first: bool = False,
     limit: int | None = None,
 ) -> tuple[Event, ...]:
-    """Return events as `History.events` does; `watcher` asks for those that one watcher made."""
+    """Return events as `History.events` does; `watcher` asks for those that one watcher made.
+
+    `recording_hash` for those that come from one recording.
+    """
     query = sa.select(EVENTS)
     if unit is not None:
         query = query.where(EVENTS.c.unit == unit)
@@ -170,6 +174,8 @@ def read_events(
         query = query.where(EVENTS.c.at < until)
     if watcher is not None:
         query = query.where(EVENTS.c.watcher == watcher)
+    if recording_hash is not None:
+        query = query.where(EVENTS.c.recording_hash == recording_hash)
     if after is not None:
         query = query.where(EVENTS.c.id > after)
     query = query.order_by(EVENTS.c.id.desc() if newest_first else EVENTS.c.id)

@@ -16,12 +16,16 @@ from emaphm.history.schema import check_revision
 from emaphm.history.tables import DELIVERED, WATCHED_FILES, WATCHED_ROWS
 from emaphm.history.writing import storable
 
+JUDGED, REFUSED, CHANGED, TRIED, SET_ASIDE = OUTCOMES = ("judged", "refused", "changed", "tried", "set aside")
+"""What became of a file. Changed: after it was judged. Tried: the process that judged it has died of it once,
+it is tried once more; set aside: that happened twice, it is never tried again."""
+
 
 @dataclass(frozen=True)
 class WatchedFile:
-    """A file that a watcher has done with: size [bytes], time of the last change, SHA-256 of its content.
+    """A file as a watcher has left it: size [bytes], time of the last change, SHA-256 of its content.
 
-    `outcome` is "judged", "refused", or "changed" where it was changed after it had been judged.
+    `outcome` is one of `OUTCOMES`.
     """
 
     name: str
@@ -51,7 +55,7 @@ class WatchState:
     watcher: str
 
     def files(self, names: Sequence[str]) -> dict[str, WatchedFile]:
-        """Return those of the files `names` that are done with, by name."""
+        """Return what became of those of the files `names` that were judged or tried, by name."""
         held = {storable(name): name for name in names}
         query = sa.select(WATCHED_FILES).where(
             WATCHED_FILES.c.watcher == self.watcher, WATCHED_FILES.c.name.in_(list(held))
@@ -70,19 +74,19 @@ class WatchState:
             check_revision(connection, self.history.database.address.shown)
             connection.execute(
                 WATCHED_FILES.delete().where(
-                    WATCHED_FILES.c.watcher == self.watcher, WATCHED_FILES.c.outcome == "refused"
+                    WATCHED_FILES.c.watcher == self.watcher, WATCHED_FILES.c.outcome == REFUSED
                 )
             )
 
-    def finish_file(self, file: WatchedFile, events: Sequence[Event] = ()) -> None:
-        """Note that a file is done with, and add events, in one step."""
+    def finish_file(self, file: WatchedFile, events: Sequence[Event] = ()) -> int:
+        """Note what became of a file, and add events, in one step; return how many of these are new."""
         values = {
             "size": file.size,
             "modified_ns": file.modified_ns,
             "digest": file.digest,
             "outcome": file.outcome,
         }
-        self._put(WATCHED_FILES, {"name": storable(file.name)}, values, events)
+        return self._put(WATCHED_FILES, {"name": storable(file.name)}, values, events)
 
     def rows_judged(self) -> dict[str, RowsJudged]:
         """Return by unit up to where its rows were judged."""
@@ -90,9 +94,9 @@ class WatchState:
         with self.history.database.reading() as connection:
             return {row.unit: RowsJudged(row.hours, row.time_s) for row in connection.execute(query)}
 
-    def finish_rows(self, unit: str, rows: RowsJudged, events: Sequence[Event] = ()) -> None:
-        """Note up to where the rows of a unit were judged, and add events, in one step."""
-        self._put(WATCHED_ROWS, {"unit": unit}, {"hours": rows.hours, "time_s": rows.time_s}, events)
+    def finish_rows(self, unit: str, rows: RowsJudged, events: Sequence[Event] = ()) -> int:
+        """Note up to where the rows of a unit were judged, and add events; return how many are new."""
+        return self._put(WATCHED_ROWS, {"unit": unit}, {"hours": rows.hours, "time_s": rows.time_s}, events)
 
     def undelivered(self, receiver: str, most: int) -> tuple[Event, ...]:
         """Return the first events of this watcher that a receiver has not been sent, `most` at most."""
@@ -120,11 +124,12 @@ class WatchState:
 
     def _put(
         self, table: sa.Table, key: Mapping[str, Any], values: Mapping[str, Any], events: Sequence[Event]
-    ) -> None:
+    ) -> int:
         with self.history.database.writing() as connection:
             check_revision(connection, self.history.database.address.shown)
-            add_events(connection, events)
+            new = add_events(connection, events)
             every = {"watcher": self.watcher, **key}
             mine = [table.c[name] == value for name, value in every.items()]
             if not connection.execute(table.update().where(*mine).values(**values)).rowcount:
                 connection.execute(table.insert().values(**every, **values))
+        return new

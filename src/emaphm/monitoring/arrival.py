@@ -2,10 +2,25 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import ParamSpec, Protocol, TypeVar
 
 from emaphm.history import Entry, Event
 from emaphm.recording import Recording
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+class Call(Protocol):
+    """Calls a function, here or in a process of its own (`emaphm.execution.one_process.Calls`)."""
+
+    def __call__(self, function: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> T:
+        """Return what it returns."""
+
+
+def call_here(function: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> T:
+    """Return what a function returns that is called in this process."""
+    return function(*args, **kwargs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,7 +34,11 @@ class Arrival:
     read
         Returns the entry and the recordings; `RecordingError` or `HistoryError` where they cannot be used.
     finish
-        Called with the outcome, "judged" or "refused", and events to be kept with it.
+        Called with the outcome, one of `emaphm.history.watching.OUTCOMES`, and events to be kept with it;
+        returns how many of them are new.
+    once_more
+        Called where the process that judged it has died of it, or took too long: notes that, and returns
+        whether it is to be tried again. It is tried twice at most, over all runs of the watcher.
     arrived
         When the last row was there, by `time.monotonic` [s].
     digest
@@ -28,7 +47,8 @@ class Arrival:
 
     name: str
     read: Callable[[], tuple[Entry, list[Recording]]]
-    finish: Callable[[str, Sequence[Event]], None]
+    finish: Callable[[str, Sequence[Event]], int]
+    once_more: Callable[[], bool]
     arrived: float
     digest: str = ""
 

@@ -12,8 +12,8 @@ from pathlib import Path
 from emaphm.actuator import Actuator
 from emaphm.errors import RecordingError
 from emaphm.history import Entry, Event
-from emaphm.history.watching import WatchedFile, WatchState
-from emaphm.monitoring.arrival import Arrival
+from emaphm.history.watching import CHANGED, REFUSED, SET_ASIDE, TRIED, WatchedFile, WatchState
+from emaphm.monitoring.arrival import Arrival, Call, call_here
 from emaphm.monitoring.ownership import HOURS_LABEL, Ownership
 from emaphm.monitoring.settings import FolderSettings
 from emaphm.recording import Recording, read_recordings
@@ -37,6 +37,10 @@ class Candidate:
         """Whether the file still is what it was."""
         return (self.size, self.modified_ns) == (found.st_size, found.st_mtime_ns)
 
+    def same_as(self, before: WatchedFile) -> bool:
+        """Whether the file is as the watcher has left it, by its size and time."""
+        return (self.size, self.modified_ns) == (before.size, before.modified_ns)
+
 
 @dataclass(eq=False)
 class FolderSource:
@@ -52,6 +56,7 @@ class FolderSource:
     state: WatchState
     settings: FolderSettings
     split: str | None = None
+    call: Call = call_here
     is_lost: bool = False
     _candidates: dict[str, Candidate] = field(default_factory=dict)
     _ready: list[Candidate] = field(default_factory=list)
@@ -127,9 +132,9 @@ class FolderSource:
         while group := list(islice(every, AT_ONCE)):
             done = self.state.files([name for name, _ in group])
             for name, found in group:
-                before = done.get(name)
-                if before is None or (before.size, before.modified_ns) != (found.st_size, found.st_mtime_ns):
-                    yield Candidate(name, found.st_size, found.st_mtime_ns, now)
+                one, before = Candidate(name, found.st_size, found.st_mtime_ns, now), done.get(name)
+                if before is None or before.outcome == TRIED or not one.same_as(before):
+                    yield one
 
     def _every_file(self) -> Iterator[tuple[str, os.stat_result]]:
         with os.scandir(self.folder) as entries:
@@ -162,13 +167,14 @@ class FolderSource:
         if not is_same:
             return None
         before = self.state.files([candidate.name]).get(candidate.name)
-        if before is None or before.outcome == "refused":
-            return self._work(candidate, path, digest)
+        if before is None or _is_open(before, digest):
+            is_tried = before is not None and (before.outcome, before.digest) == (TRIED, digest)
+            return self._work(candidate, path, digest, is_tried=is_tried)
         if before.digest == digest:
             self.state.finish_file(_done(candidate, digest, before.outcome))
             return None
         reason = "was changed after it was judged; write new rows to a new file, or give a longer --settle"
-        return self._work(candidate, path, digest, refusal=reason, outcome="changed")
+        return self._work(candidate, path, digest, refusal=reason, outcome=CHANGED)
 
     def _unreadable(self, candidate: Candidate, path: Path, error: OSError) -> Arrival | None:
         """Return a file that the system refuses as work, which says so; None where it is tried again."""
@@ -180,24 +186,44 @@ class FolderSource:
         return self._work(candidate, path, "", refusal=f"cannot be read ({error.strerror or error})")
 
     def _work(
-        self, candidate: Candidate, path: Path, digest: str, *, refusal: str = "", outcome: str = ""
+        self,
+        candidate: Candidate,
+        path: Path,
+        digest: str,
+        *,
+        refusal: str = "",
+        outcome: str = "",
+        is_tried: bool = False,
     ) -> Arrival:
         def read() -> tuple[Entry, list[Recording]]:
             if refusal:
                 raise RecordingError(f"{path}: {refusal}")
-            recordings = read_recordings(path, self.actuator, split=self.split)
+            recordings = self.call(read_recordings, path, self.actuator, split=self.split)
             return self.ownership.entry(candidate.name, recordings[0].labels), recordings
 
-        def finish(became: str, events: Sequence[Event]) -> None:
-            self.state.finish_file(_done(candidate, digest, outcome or became), events)
+        def finish(became: str, events: Sequence[Event]) -> int:
+            return self.state.finish_file(_done(candidate, digest, outcome or became), events)
 
-        return Arrival(candidate.name, read, finish, candidate.since, digest)
+        def once_more() -> bool:
+            nonlocal is_tried
+            if is_tried:
+                return False
+            self.state.finish_file(_done(candidate, digest, TRIED))
+            is_tried = True
+            return True
+
+        return Arrival(candidate.name, read, finish, once_more, candidate.since, digest)
 
     def _lost(self, error: OSError) -> None:
         self._candidates, self._ready = {}, []
         if not self.is_lost:
             self.is_lost = True
-            self._say("raised", "warning", f"{self.folder}: cannot be read ({error.strerror or error})")
+            reason = error.strerror or error
+            self._say(
+                "raised",
+                "warning",
+                f"{self.folder}: cannot be read ({reason}); mount or make it again; it is looked for",
+            )
 
     def _found_again(self) -> None:
         if self.is_lost:
@@ -212,3 +238,8 @@ class FolderSource:
 
 def _done(candidate: Candidate, digest: str, outcome: str) -> WatchedFile:
     return WatchedFile(candidate.name, candidate.size, candidate.modified_ns, digest, outcome)
+
+
+def _is_open(before: WatchedFile, digest: str) -> bool:
+    """Return whether a file is still to be judged that was seen before, its content now `digest`."""
+    return before.outcome in {REFUSED, TRIED} or (before.outcome == SET_ASIDE and before.digest != digest)

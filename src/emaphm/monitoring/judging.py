@@ -2,26 +2,23 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from emaphm.actuator import Actuator
 from emaphm.errors import RecordingError
 from emaphm.history import Entry, Event, History
+from emaphm.history.events import read_events
+from emaphm.history.fingerprint import recording_hash
 from emaphm.history.reading import unit_or_none
+from emaphm.monitoring.arrival import Call, call_here
 from emaphm.monitoring.conditions import Situation, health_events
+from emaphm.monitoring.diagnosers import Diagnose, methods_of
 from emaphm.monitoring.settings import AlarmSettings
 from emaphm.recording import Recording
 
 if TYPE_CHECKING:
     from emaphm.detection import Detector
     from emaphm.diagnosis import Diagnosis
-
-
-class Diagnose(Protocol):
-    """What diagnoses a recording; `emaphm.diagnose` is one."""
-
-    def __call__(self, recording: Recording, actuator: Actuator, *, seed: int) -> "Diagnosis":
-        """Return the diagnosis."""
 
 
 Cut = Callable[[Recording, Actuator], list[Recording]]
@@ -69,6 +66,8 @@ class Judge:
         Whether a unit that the history does not know is added to it.
     cut
         None where a recording is judged as a whole.
+    call
+        Calls what cuts, diagnoses and compares with healthy recordings: here, or in another process.
     """
 
     history: History
@@ -80,6 +79,7 @@ class Judge:
     takes_new_units: bool = False
     seed: int = 0
     watcher: str = ""
+    call: Call = call_here
 
     def check(self, entry: Entry) -> None:
         """Refuse a recording of a unit that is not known and not to be added, `RecordingError`."""
@@ -101,34 +101,56 @@ class Judge:
         if self.cut is None:
             yield recording
         else:
-            yield from self.cut(recording, self.actuator)
+            yield from self.call(self.cut, recording, self.actuator)
 
     def judged(self, entry: Entry, recording: Recording) -> "Diagnosis | None":
         """Return the diagnosis of a recording, None where the history has it already; errors as usual."""
-        if not self.history.missing(entry, recording, self.actuator, self.seed):
+        if self._is_judged(entry, recording):
             return None
-        diagnosis = self.diagnose(recording, self.actuator, seed=self.seed)
+        diagnosis = self.call(self.diagnose, recording, self.actuator, seed=self.seed)
         if self.detector is None:
             return diagnosis
         try:
-            check = self.detector.judge(recording)
+            check = self.call(self.detector.judge, recording)
         except RecordingError:  # a manoeuvre that was never seen healthy: the detector says nothing of it
             return diagnosis
         return replace(diagnosis, healthy_check=check)
 
-    def events(self, entry: Entry, recording_hash: str, details: dict[str, Any]) -> list[Event]:
-        """Return what the diagnosis of a recording changes.
+    def _is_judged(self, entry: Entry, recording: Recording) -> bool:
+        return not all(
+            self.history.missing(entry, recording, self.actuator, self.seed, method)
+            for method in methods_of(self.diagnose)
+        )
 
-        Nothing where the unit has a later one: an old recording that arrives late says nothing of its health
-        now, and the events of one that was judged before stand in the history.
+    def filed(
+        self, entry: Entry, recording: Recording, diagnosis: "Diagnosis | None", details: dict[str, Any]
+    ) -> list[Event]:
+        """Add what `judged` gave and the events that follow from it to the history; return these.
+
+        May be repeated, also where it was interrupted: each is there once. There are no events where the unit
+        has a later diagnosis: an old recording that arrives late says nothing of its health now.
+
+        Parameters
+        ----------
+        details
+            Values that the details of all events have.
         """
+        if diagnosis is not None:
+            self.history.add(entry, recording, diagnosis)
+        events = self._events(entry, recording_hash(recording), details)
+        if events:
+            self.history.add_events(*events)
+        return events
+
+    def _events(self, entry: Entry, key: str, details: dict[str, Any]) -> list[Event]:
         with self.history.database.reading() as connection:
-            row = unit_or_none(connection, entry.unit)
-        if row is None:
-            return []
+            if unit_or_none(connection, entry.unit) is None:
+                return []
+            # Another watcher, or the server, may have seen the same recording.
+            before = read_events(connection, unit=entry.unit, recording_hash=key)
         unit = self.history.unit(entry.unit)
         diagnoses = unit.diagnoses(self.settings.window)
-        if not diagnoses or diagnoses[-1].recording_hash != recording_hash:
+        if not diagnoses or diagnoses[-1].recording_hash != key:
             return []
         now = Situation(
             entry.unit,
@@ -139,4 +161,5 @@ class Judge:
             self.watcher,
             details,
         )
-        return health_events(now)
+        known = {(one.state, one.condition) for one in before if one.watcher != self.watcher}
+        return [one for one in health_events(now) if (one.state, one.condition) not in known]

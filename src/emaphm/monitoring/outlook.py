@@ -3,6 +3,8 @@
 import time
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from emaphm.errors import EmaphmError, HistoryError
 from emaphm.history import Event, History, KeptPrognosis
 from emaphm.monitoring.settings import PrognosisSettings
@@ -71,7 +73,7 @@ class Outlook:
         made = prognose(evidence, unit.actuator, question, seed=self.seed, keep_past=False)
         counted = self._recordings(serial_number)
         kept = KeptPrognosis(evidence.hours, counted, made.to_dict())
-        events = self._events(made)
+        events = rul_events(self.history, made, self.settings, self.watcher)
         self.history.keep_prognosis(serial_number, kept)
         if events:
             self.history.add_events(*events)
@@ -79,41 +81,48 @@ class Outlook:
     def _recordings(self, serial_number: str) -> int:
         return self.history.recordings(serial_number)
 
-    def _events(self, made: Prognosis) -> list[Event]:
-        unit, risk = made.evidence.unit, made.probability_of_failure
-        is_open = any(one.kind == KIND for one in self.history.open_conditions(unit))
-        low, high = made.to_dict()["rul_hours"]["interval90"]
-        what = f"{made.component} ({made.limit.label})" if made.limit else "nothing in sight"
-        about = (
-            f"{unit} at {made.evidence.hours:g} h: probability of failure within {made.horizon:g} h is "
-            f"{100 * risk:.2g} %, by {what}"
+
+def rul_events(
+    history: History, made: Prognosis, settings: PrognosisSettings, watcher: str = ""
+) -> list[Event]:
+    """Return the events that a new prognosis makes: whether a failure within the horizon has become likely.
+
+    The horizon is that of `settings`, whatever the prognosis was made for.
+    """
+    unit, risk = made.evidence.unit, float(np.mean(made.sample <= settings.horizon))
+    is_open = any(one.kind == KIND for one in history.open_conditions(unit))
+    if not is_open and risk > settings.risk and len(made.evidence.used) >= settings.fewest:
+        state, severity = "raised", "alarm"
+    elif is_open and risk < settings.clears_at * settings.risk:
+        state, severity = "cleared", "info"
+    else:
+        return []
+    low, high = made.to_dict()["rul_hours"]["interval90"]
+    what = f"{made.component} ({made.limit.label})" if made.limit else "nothing in sight"
+    about = (
+        f"{unit} at {made.evidence.hours:g} h: probability of failure within {settings.horizon:g} h is "
+        f"{100 * risk:.1f} %, by {what}"
+    )
+    details = {
+        "probability_of_failure": risk,
+        "horizon_hours": settings.horizon,
+        "rul_hours": {"median": made.median, "interval90": [low, high]},
+        "component": made.component,
+        "advice": made.advice.to_dict(made.evidence.hours),
+    }
+    last = history.unit(unit).diagnoses(1)[0]
+    return [
+        Event(
+            KIND,
+            state,
+            severity,
+            about,
+            "",
+            unit,
+            made.evidence.hours,
+            last.recording,
+            last.recording_hash,
+            details,
+            watcher,
         )
-        details = {
-            "probability_of_failure": risk,
-            "horizon_hours": made.horizon,
-            "rul_hours": {"median": made.median, "interval90": [low, high]},
-            "component": made.component,
-            "advice": made.advice.to_dict(made.evidence.hours),
-        }
-        if not is_open and risk > self.settings.risk and len(made.evidence.used) >= self.settings.fewest:
-            state, severity = "raised", "alarm"
-        elif is_open and risk < self.settings.clears_at * self.settings.risk:
-            state, severity = "cleared", "info"
-        else:
-            return []
-        last = self.history.unit(unit).diagnoses(1)[0]
-        return [
-            Event(
-                KIND,
-                state,
-                severity,
-                about,
-                "",
-                unit,
-                made.evidence.hours,
-                last.recording,
-                last.recording_hash,
-                details,
-                self.watcher,
-            )
-        ]
+    ]

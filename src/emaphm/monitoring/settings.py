@@ -104,6 +104,18 @@ class PressureSettings:
 
 
 @dataclass(frozen=True)
+class IsolationSettings:
+    """Of the process that reads and diagnoses.
+
+    `seconds`: that one recording may take [s]; the slowest diagnosis takes a tenth. `most_bytes`: address
+    space [bytes]; libraries reserve more than they use.
+    """
+
+    seconds: float = 600.0
+    most_bytes: int = 8 * 2**30
+
+
+@dataclass(frozen=True)
 class WatchSettings:
     """All of these; `retry_s` is the longest pause between attempts to reach a history that fails [s]."""
 
@@ -113,6 +125,7 @@ class WatchSettings:
     prognosis: PrognosisSettings = PrognosisSettings()
     delivery: DeliverySettings = DeliverySettings()
     pressure: PressureSettings = PressureSettings()
+    isolation: IsolationSettings = IsolationSettings()
     retry_s: float = 30.0
 
 

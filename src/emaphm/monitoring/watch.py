@@ -3,32 +3,33 @@
 import threading
 import time
 import traceback
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from emaphm.actuator import Actuator
 from emaphm.errors import EmaphmError, HistoryFormError, HistoryUnavailableError, MonitoringError
+from emaphm.execution.one_process import Calls, EndedError
 from emaphm.history import Entry, Event, History
-from emaphm.history.fingerprint import recording_hash
-from emaphm.history.watching import WatchState
-from emaphm.monitoring.arrival import Arrival, Source
+from emaphm.history.watching import JUDGED, REFUSED, SET_ASIDE, WatchState
+from emaphm.monitoring.arrival import Arrival, Call, Source, call_here
 from emaphm.monitoring.delivery import Delivery, Receiver
+from emaphm.monitoring.diagnosers import Diagnose, load, search
 from emaphm.monitoring.folder import FolderSource
-from emaphm.monitoring.judging import Cut, Diagnose, Judge, cut_stretches
+from emaphm.monitoring.judging import Cut, Judge, cut_stretches
 from emaphm.monitoring.outlook import Outlook
 from emaphm.monitoring.ownership import Ownership
 from emaphm.monitoring.pressure import Pressure
 from emaphm.monitoring.receivers import Lines, Webhook
-from emaphm.monitoring.settings import WATCH, WatchSettings
+from emaphm.monitoring.settings import WATCH, IsolationSettings, WatchSettings
 from emaphm.monitoring.stream.source import StreamSource
 from emaphm.recording import Recording
 
 if TYPE_CHECKING:
     from emaphm.detection import Detector
-    from emaphm.diagnosis import Diagnosis
 
 T = TypeVar("T")
 
@@ -36,6 +37,10 @@ IDLE_S = 0.05
 """Pause where nothing is to be done [s]."""
 
 STDIN = "stdin"
+
+TOO_MUCH_MEMORY = "it takes more memory than it may have; cut one manoeuvre out of it"
+
+NOT_AGAIN = "it is set aside and not tried again; cut one manoeuvre out of it, as a new file"
 
 
 @dataclass
@@ -72,11 +77,14 @@ class Task:
     cut
         Returns the stretches of a recording that identify something; None where it is judged as a whole.
     diagnose
-        What diagnoses them; `emaphm.diagnose` where left out.
+        What diagnoses them, as `emaphm.diagnose` does, which is the usual; or an estimator.
     detector
         Says in addition whether they are like healthy ones.
     takes_new_units
         Whether units that the history does not know are added to it.
+    isolated
+        Whether recordings are read and diagnosed in a process of their own. One that kills it, or takes too
+        long, is tried once more and then set aside. A script needs the usual ``if __name__ == "__main__":``.
     once
         Whether to end when all that is there is judged.
     webhook, lines
@@ -88,9 +96,10 @@ class Task:
     name: str = ""
     split: str | None = None
     cut: Cut | None = cut_stretches
-    diagnose: Diagnose | None = None
+    diagnose: Diagnose = search
     detector: "Detector | None" = None
     takes_new_units: bool = False
+    isolated: bool = False
     once: bool = False
     seed: int = 0
     webhook: str | None = None
@@ -143,7 +152,8 @@ def watch(
     state = WatchState(history, task.watcher)
     lost = {one.kind for one in history.open_conditions() if one.watcher == task.watcher and one.unit is None}
     with ExitStack() as stack:
-        source = _source(task, actuator, state, settings, is_lost="source_lost" in lost)
+        call = stack.enter_context(_isolated(settings.isolation)) if task.isolated else call_here
+        source = _source(task, actuator, state, settings, call, is_lost="source_lost" in lost)
         stack.callback(source.close)
         receivers = [] if task.lines is None else [Lines(task.lines)]
         every: list[Receiver] = [*receivers]
@@ -157,12 +167,13 @@ def watch(
             history,
             actuator,
             settings.alarm,
-            task.diagnose or _diagnose,
+            task.diagnose,
             task.cut,
             task.detector,
             task.takes_new_units,
             task.seed,
             task.watcher,
+            call,
         )
         outlook = Outlook(history, settings.prognosis, task.seed, task.watcher)
         pressure = Pressure(settings.pressure, task.watcher, is_raised="back_pressure" in lost)
@@ -173,17 +184,33 @@ def watch(
         return watcher.done
 
 
+@contextmanager
+def _isolated(settings: IsolationSettings) -> Iterator[Call]:
+    """Yield what calls functions in a process of their own, which ends with the body."""
+    calls = Calls(settings.seconds, settings.most_bytes)
+    try:
+        calls(load)  # else the first recording would wait for it, and be taken for a slow one
+        yield calls
+    except EndedError as error:
+        raise MonitoringError(
+            f"the process that judges recordings cannot be started: {error}; free memory, then start again "
+            "(in a script of your own: is it guarded by `if __name__ == '__main__':`?)"
+        ) from None
+    finally:
+        calls.end()
+
+
 def _closed(receivers: Sequence[Lines]) -> bool:
     return any(one.is_closed for one in receivers)
 
 
 def _source(
-    task: Task, actuator: Actuator, state: WatchState, settings: WatchSettings, *, is_lost: bool
+    task: Task, actuator: Actuator, state: WatchState, settings: WatchSettings, call: Call, *, is_lost: bool
 ) -> Source:
     if isinstance(task.source, int):
-        return StreamSource(task.source, actuator, task.ownership, state, settings.stream, task.split)
+        return StreamSource(task.source, actuator, task.ownership, state, settings.stream, task.split, call)
     return FolderSource(
-        task.source, actuator, task.ownership, state, settings.folder, task.split, is_lost=is_lost
+        task.source, actuator, task.ownership, state, settings.folder, task.split, call, is_lost
     )
 
 
@@ -233,20 +260,32 @@ class _Watcher:
         return arrival is not None
 
     def _judge(self, arrival: Arrival) -> None:
-        before, refused = self.done.judged + self.done.known, list[str]()
-        try:
-            entry, recordings = arrival.read()
-            self._insist(lambda: self.judge.check(entry))
-            for recording in recordings:
-                self._judge_parts(arrival, entry, recording, refused)
-        except HistoryFormError:
-            raise
-        except EmaphmError as error:
-            refused.append(str(error))
+        """Judge an arrival; one that kills the process that judges it is tried once more, then set aside."""
+        before, outcome = self.done.judged + self.done.known, ""
+        while not outcome:
+            refused = list[str]()
+            try:
+                entry, recordings = arrival.read()
+                self._insist(partial(self.judge.check, entry))
+                for recording in recordings:
+                    self._judge_parts(arrival, entry, recording, refused)
+            except HistoryFormError:
+                raise
+            except EmaphmError as error:
+                refused.append(str(error))
+            except MemoryError:
+                refused.append(f"{arrival.name}: {TOO_MUCH_MEMORY}")
+            except EndedError as error:
+                if self._insist(arrival.once_more):
+                    self.say(f"{arrival.name}: {error}; it is tried once more")
+                    continue
+                refused.append(f"{arrival.name}: {error}, for the second time; {NOT_AGAIN}")
+                outcome = SET_ASIDE
+            outcome = outcome or (JUDGED if self.done.judged + self.done.known > before else REFUSED)
         self.done.refused += len(refused)
         events = [self._refusal(arrival, reason) for reason in dict.fromkeys(refused)]
-        outcome = "judged" if self.done.judged + self.done.known > before else "refused"
-        self._insist(lambda: arrival.finish(outcome, events))
+        if self._insist(lambda: arrival.finish(outcome, events)) < len(events):
+            self.say(f"refused as before: {refused[0]}")  # its event was printed by an earlier run
         self._wake()
         if self.on_count:
             count = self.done.judged + self.done.known
@@ -262,7 +301,7 @@ class _Watcher:
                     raise
                 except EmaphmError as error:
                     refused.append(str(error))
-        except (HistoryFormError, _StoppedError):
+        except (HistoryFormError, _StoppedError, EndedError, MemoryError):
             raise
         except EmaphmError as error:
             refused.append(str(error))
@@ -272,14 +311,10 @@ class _Watcher:
 
     def _judge_one(self, arrival: Arrival, entry: Entry, part: Recording) -> None:
         diagnosis = self._insist(lambda: self.judge.judged(entry, part))
-        if diagnosis is None:
-            self.done.known += 1
-        else:
-            self._insist(lambda: self.history.add(entry, part, diagnosis))
-            self.done.judged += 1
         details = {"latency_s": round(time.monotonic() - arrival.arrived, 3)}
-        key = recording_hash(part)
-        self._keep(self._insist(lambda: self.judge.events(entry, key, details)))
+        self._insist(lambda: self.judge.filed(entry, part, diagnosis, details))
+        self.done.known += diagnosis is None
+        self.done.judged += diagnosis is not None
         self._wake()
         self.outlook.ask(entry.unit)
 
@@ -325,9 +360,3 @@ class _Watcher:
 
 class _StoppedError(Exception):
     """The watching is to end while it waits for the history."""
-
-
-def _diagnose(recording: Recording, actuator: Actuator, *, seed: int) -> "Diagnosis":
-    from emaphm.diagnosis import diagnose
-
-    return diagnose(recording, actuator, seed=seed)

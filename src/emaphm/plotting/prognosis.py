@@ -10,6 +10,7 @@ from emaphm.plotting.style import (
     PAGE_WIDTH,
     VERMILION,
     figure_title,
+    legend_above,
     legend_beside_title,
     new_figure,
     no_formula,
@@ -32,6 +33,9 @@ MEDIAN = PROBABILITIES.index(0.5)
 
 LONGEST_NAME = 40
 
+NARROW_WIDTH = 4.0
+"""Of a figure for a phone, whose text then has the size of the page's [in]."""
+
 
 def draw_prognosis(prognosis: "Prognosis") -> "Figure":
     """Draw the health of all components over time, and the distribution of the RUL."""
@@ -39,28 +43,38 @@ def draw_prognosis(prognosis: "Prognosis") -> "Figure":
     figure = new_figure(PAGE_WIDTH, 7.5)
     parts = figure.subfigures(2, 1, squeeze=False, height_ratios=(3, 1.3)).ravel()
     _healths(parts[0], curves)
-    _distribution(parts[1].subplots(), curves)
+    axis = parts[1].subplots()
+    _distribution(axis, curves)
+    legend_beside_title(axis, columns=3)
     figure_title(figure, f"unit {shortened(curves.unit, LONGEST_NAME)}")
     return figure
 
 
-def draw_health(curves: Curves) -> "Figure":
-    """Draw the level of each component: diagnoses with 90 % intervals, filtered, forecast, and its limits."""
-    figure = new_figure(PAGE_WIDTH, 6.0)
-    _healths(figure, curves)
+def draw_health(curves: Curves, *, narrow: bool = False) -> "Figure":
+    """Draw the level of each component: diagnoses with 90 % intervals, filtered, forecast, and its limits.
+
+    `narrow` is for a phone: the components stand one below the other.
+    """
+    figure = new_figure(NARROW_WIDTH, 11.0) if narrow else new_figure(PAGE_WIDTH, 6.0)
+    _healths(figure, curves, columns=1 if narrow else 2)
     return figure
 
 
-def draw_life(curves: Curves) -> "Figure":
-    """Draw the probability of failure over the hours to come."""
-    figure = new_figure(PAGE_WIDTH, 2.6)
-    _distribution(figure.subplots(), curves)
+def draw_life(curves: Curves, *, narrow: bool = False) -> "Figure":
+    """Draw the probability of failure over the hours to come; `narrow` is for a phone."""
+    figure = new_figure(NARROW_WIDTH if narrow else PAGE_WIDTH, 2.6)
+    axis = figure.subplots()
+    _distribution(axis, curves)
+    _legend(figure, axis, narrow=narrow)
     return figure
 
 
-def draw_fan(curves: Curves) -> "Figure":
-    """Draw the fan chart of the RUL: its quantiles as forecast at earlier hours, and now."""
-    figure = new_figure(PAGE_WIDTH, 3.0)
+def draw_fan(curves: Curves, *, narrow: bool = False) -> "Figure":
+    """Draw the fan chart of the RUL: its quantiles as forecast at earlier hours, and now.
+
+    `narrow` is for a phone.
+    """
+    figure = new_figure(NARROW_WIDTH if narrow else PAGE_WIDTH, 3.0)
     axis = figure.subplots()
     hours, *quantiles = np.array(curves.fan).T
     for low, high, opacity in BANDS:
@@ -76,20 +90,32 @@ def draw_fan(curves: Curves) -> "Figure":
     axis.plot(hours, quantiles[MEDIAN], "o-", color=BLUE, markersize=3, label="median")
     axis.set_ylim(bottom=0)
     style_axis(axis, "RUL as forecast", "flight hours [h]", f"RUL [h], at most {curves.longest:,.0f}")
-    legend_beside_title(axis, columns=3)
+    _legend(figure, axis, narrow=narrow)
     return figure
 
 
-def _healths(figure: "Figure | SubFigure", curves: Curves) -> None:
-    axes = figure.subplots(4, 2, sharex=True).ravel()
+def _legend(figure: "Figure", axis: "Axes", *, narrow: bool) -> None:
+    if narrow:
+        legend_above(figure, *axis.get_legend_handles_labels())
+    else:
+        legend_beside_title(axis, columns=3)
+
+
+def _healths(figure: "Figure | SubFigure", curves: Curves, columns: int = 2) -> None:
+    count = len(COMPONENTS)
+    axes = figure.subplots(-(-count // columns), columns, sharex=True).ravel()
     for axis, name in zip(axes, COMPONENTS, strict=False):
         _health(axis, name, curves)
-    axes[-1].set_visible(False)
-    for axis in axes[-3:-1]:
+    for axis in axes[count:]:
+        axis.set_visible(False)
+    for axis in axes[count - columns : count]:
         axis.set_xlabel("flight hours [h]")
         axis.tick_params(labelbottom=True)
     handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="lower right", frameon=False, fontsize=8)
+    if count % columns:
+        figure.legend(handles, labels, loc="lower right", frameon=False, fontsize=8)
+    else:
+        figure.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False, fontsize=8)
 
 
 def _health(axis: "Axes", name: str, curves: Curves) -> None:
@@ -132,7 +158,6 @@ def _distribution(axis: "Axes", curves: Curves) -> None:
     axis.axvline(curves.now + curves.horizon, color=FAINT, linestyle=":", label="horizon")
     axis.set_ylim(0, 1.02)
     style_axis(axis, "probability of failure", "flight hours [h]")
-    legend_beside_title(axis, columns=3)
 
 
 def _band(low: int, high: int) -> str:

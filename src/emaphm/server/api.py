@@ -204,10 +204,20 @@ def events(
         int | None, Query(ge=0, le=LARGEST_ID, description="Only those of higher numbers.")
     ] = None,
     newest_first: bool = True,
+    only_open: Annotated[bool, Query(description="Only what was raised and not cleared since.")] = False,
     limit: Limit = 100,
 ) -> dict[str, list[dict[str, Any]]]:
     """Return events."""
     serial = None if unit_id is None else row_of(server, unit_id).unit
+    if only_open:
+        still_open = [
+            one
+            for one in server.history.open_conditions(serial)
+            if kind in ("", one.kind) and (one.number or 0) > (after or 0)
+        ]
+        if newest_first:
+            still_open.reverse()
+        return {"events": [one.to_dict() for one in still_open[:limit]]}
     with server.history.database.reading() as connection:
         found = read_events(
             connection,

@@ -56,6 +56,11 @@ def create_app(state: "ServerState", *, only_loopback: bool = True) -> FastAPI:
     return app
 
 
+def warm_up(app: FastAPI) -> None:
+    """Render the page of the fleet, so that the first who asks for it does not wait for that."""
+    pages.fleet(Request({"type": "http", "app": app, "headers": []}), app.state.server)
+
+
 def _answer(request: Request, status: int, text: str, headers: dict[str, str] | None = None) -> Response:
     if request.url.path.startswith("/api/"):
         return JSONResponse({"detail": text}, status, headers)

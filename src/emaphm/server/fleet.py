@@ -5,11 +5,14 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from emaphm.history.events import read_open_conditions
 from emaphm.history.kept_prognosis import KeptPrognosis, read_prognoses
 from emaphm.history.views import Marks, UnitState, changed_units, marks, states
 from emaphm.prognosis.keeping import is_current
 
 if TYPE_CHECKING:
+    from sqlalchemy import Connection
+
     from emaphm.history import History
 
 ACTIONS = ("replace before", "inspect by", "fly on")
@@ -26,8 +29,8 @@ class FleetRow:
     """A unit: its last flight, its last diagnosis, and its prognosis, null where there is none yet.
 
     Hours are flight hours [h]; `rul_low`, `rul_high` the ends of the 90 % interval, null beyond what is
-    forecast; `advice` is good for `advice_in` hours from the prognosis on, at `advice_at`; `current` says
-    whether the prognosis covers all that was added.
+    forecast; `alarms` are those that were raised and not cleared; `advice` is good for `advice_in` hours from
+    the prognosis on, at `advice_at`; `current` says whether the prognosis covers all that was added.
     """
 
     id: int
@@ -44,6 +47,7 @@ class FleetRow:
     degraded: tuple[str, ...]
     reasons: tuple[str, ...]
     sensor_faults: tuple[str, ...]
+    alarms: tuple[str, ...]
     advice: str | None
     advice_in: float | None
     advice_at: float | None
@@ -126,6 +130,7 @@ class FleetView:
         self._marks: Marks | None = None
         self._states: dict[int, UnitState] = {}
         self._prognoses: dict[str, KeptPrognosis] = {}
+        self._alarms: dict[str, tuple[str, ...]] = {}
         self._fleet = Fleet(0, ())
         self._asked: dict[str, tuple[int, str]] = {}
 
@@ -142,10 +147,19 @@ class FleetView:
                 self._states |= states(connection, changed_units(connection, before))
             if before is None or before.prognoses != now.prognoses:
                 self._prognoses = read_prognoses(connection)
+            if before is None or before.event != now.event:
+                self._alarms = _alarms(connection)
             self._marks = now
-        rows = tuple(_row(one, self._prognoses.get(one.serial_number)) for one in self._states.values())
+        rows = tuple(
+            _row(one, self._prognoses.get(one.serial_number), self._alarms.get(one.serial_number, ()))
+            for one in self._states.values()
+        )
         self._fleet = Fleet(self._fleet.version + 1, rows)
         return self._fleet
+
+    def ids(self) -> dict[str, int]:
+        """Return the id of each unit by its serial number."""
+        return {row.unit: row.id for row in self.fleet().rows}
 
     def row(self, unit_id: int) -> FleetRow | None:
         """Return the row of a unit, None where there is none of that id."""
@@ -172,7 +186,16 @@ class FleetView:
                 self._marks = self._marks._replace(prognoses=(-1, 0, 0.0))
 
 
-def _row(state: UnitState, prognosis: KeptPrognosis | None) -> FleetRow:
+def _alarms(connection: "Connection") -> dict[str, tuple[str, ...]]:
+    """Return the alarms of each unit that are open, by its serial number."""
+    found: dict[str, tuple[str, ...]] = {}
+    for one in read_open_conditions(connection):
+        if one.unit is not None and one.severity == "alarm":
+            found[one.unit] = (*found.get(one.unit, ()), one.message)
+    return found
+
+
+def _row(state: UnitState, prognosis: KeptPrognosis | None, alarms: tuple[str, ...]) -> FleetRow:
     faults = state.document["faults"]
     verdicts = {name: one["verdict"] for name, one in faults.items() if name != "eccentricity_phase"}
     degraded = tuple(name for name, verdict in verdicts.items() if verdict == "degraded")
@@ -191,6 +214,7 @@ def _row(state: UnitState, prognosis: KeptPrognosis | None) -> FleetRow:
         degraded=degraded,
         reasons=tuple(state.document.get("reasons", ())),
         sensor_faults=tuple(one["sentence"] for one in state.document.get("sensor_faults", ())),
+        alarms=alarms,
         current=is_current(state, prognosis),
         **_forecast(prognosis),
     )

@@ -1,5 +1,6 @@
 """Pages from the templates in this room; text in them is escaped."""
 
+import re
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -34,12 +35,14 @@ def _environment() -> "Environment":
         lstrip_blocks=True,
     )
     environment.filters |= {
-        "hours": lambda value: "–" if value is None else f"{value:,.0f} h",
+        "hours": lambda value: "–" if value is None else f"{value:,.0f}\u00a0h",
         "rul": lambda value: NEVER if value is None else hours_text(value),
         "percent": lambda value: "–" if value is None else f"{100 * value:.1f} %",
         "label": lambda name: LABELS.get(name, name),
         "digits": lambda value: "–" if value is None else f"{value:.4g}",
         "slug": lambda text: (text or "none").replace(" ", "-"),
+        "kind": lambda name: name.replace("_", " ").replace("rul", "RUL"),
+        "file": lambda name: re.split(r"[/\\]", name)[-1] or name,
         "day": lambda text: text[:10],
         "moment": lambda text: text[:16].replace("T", " "),
     }

@@ -9,6 +9,7 @@ from fastapi import APIRouter, Form, HTTPException, Request
 from starlette.responses import FileResponse, HTMLResponse, RedirectResponse, Response
 
 from emaphm.errors import EmaphmError
+from emaphm.history.events import KINDS
 from emaphm.history.views import diagnosis, diagnosis_lines, read_curves
 from emaphm.recording.io.read import READERS
 from emaphm.server import api
@@ -62,9 +63,12 @@ def fleet(
     sort = sort if sort in SORTS else "urgency"
     choice = Choice(sort, order == "desc", part, advice, health, search[:200])
     number = int(page) if page.isascii() and page.isdigit() and len(page) < 7 else 1
-    found = server.fleet.fleet()
-    key = (found.version, choice, number)
-    return HTMLResponse(server.kept.page(key, lambda: _fleet(request, server, choice, number)))
+    key = (server.fleet.fleet().version, choice, number)
+    tag = server.kept.tag(key)
+    if request.headers.get("if-none-match") == tag:
+        return Response(status_code=304, headers={"etag": tag})
+    content = server.kept.page(key, lambda: _fleet(request, server, choice, number))
+    return HTMLResponse(content, headers={"etag": tag})
 
 
 def _fleet(request: Request, server: ServerState, choice: Choice, number: int) -> bytes:
@@ -85,6 +89,7 @@ def _fleet(request: Request, server: ServerState, choice: Choice, number: int) -
     counts = {
         "units": len(found.rows),
         **{action: sum(row.advice == action for row in found.rows) for action in ACTIONS},
+        "with an alarm": sum(bool(row.alarms) for row in found.rows),
         "without a prognosis": sum(row.advice is None for row in found.rows),
     }
     return render(
@@ -128,18 +133,18 @@ def unit(request: Request, server: Server, unit_id: Id) -> Response:
         findings=found.findings(),
         events=server.history.events(unit=row.unit, newest_first=True, limit=MOST_LISTED),
         plotly=f"/static/{_plotly_version()}/{PLOTLY}",
-        uploads=list(server.uploads.actuators),
+        ids={row.unit: row.id},
     )
 
 
 @router.get("/units/{unit_id}/{name}.svg")
-def unit_figure(server: Server, unit_id: Id, name: str, v: str = "") -> Response:
-    """Return a figure of a unit's prognosis."""
+def unit_figure(server: Server, unit_id: Id, name: str, v: str = "", narrow: bool = False) -> Response:
+    """Return a figure of a unit's prognosis; `narrow` is for a phone."""
     if name not in FIGURES:
         raise HTTPException(404, f"no figure '{name[:20]}'")
     document = api.curves(server, unit_id)
-    key = ("unit", unit_id, name, document["now"], len(document["seen"]), len(document["fan"]))
-    return _picture(server.drawer.figure(key, name, document), forever=bool(v))
+    key = ("unit", unit_id, name, document["now"], len(document["seen"]), len(document["fan"]), narrow)
+    return _picture(server.drawer.figure(key, name, document, narrow=narrow), forever=bool(v))
 
 
 @router.get("/diagnoses/{diagnosis_id}")
@@ -217,7 +222,7 @@ def _upload_page(
         given=given,
         error=error,
         actuators=server.uploads.actuators,
-        endings=",".join(READERS),
+        endings=tuple(READERS),
         most_MiB=server.settings.upload_bytes / 2**20,
         jobs=[api.job_answer(server, one) for one in server.queue.jobs(20)],
     )
@@ -239,7 +244,25 @@ def data_health(request: Request, server: Server) -> Response:
         newest_first=True,
         limit=MOST_LISTED,
     )
-    return _html("data.html.jinja", request, found=found, events=events)
+    return _html("data.html.jinja", request, found=found, events=events, ids=server.fleet.ids())
+
+
+@router.get("/events")
+def events(request: Request, server: Server, kind: str = "") -> Response:
+    """Return the page of what became known of the units, the newest first."""
+    kind = kind if kind in KINDS else ""
+    found = server.history.events(kinds=(kind,) if kind else (), newest_first=True, limit=MOST_LISTED)
+    still_open = [one for one in reversed(server.history.open_conditions()) if kind in ("", one.kind)]
+    return _html(
+        "events.html.jinja",
+        request,
+        events=found,
+        still_open=still_open,
+        kind=kind,
+        kinds=KINDS,
+        most=MOST_LISTED,
+        ids=server.fleet.ids(),
+    )
 
 
 @router.get("/login")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from emaphm.errors import ServerError
 from emaphm.history import History
-from emaphm.server.app import create_app
+from emaphm.server.app import create_app, warm_up
 from emaphm.server.fleet import FleetView
 from emaphm.server.folders import WorkFolder
 from emaphm.server.settings import SETTINGS, ServerSettings
@@ -23,6 +23,7 @@ from emaphm.server.work.worker import Place
 
 if TYPE_CHECKING:
     from emaphm.actuator import Actuator
+    from emaphm.detection import Detector
 
 MOST_PENDING = 2048
 """Connections that the system holds until the server takes them."""
@@ -36,6 +37,7 @@ def serve(
     tokens: Path | None = None,
     work: Path | None = None,
     actuators: Sequence[str] = ("thesis",),
+    healthy: Path | None = None,
     settings: ServerSettings = SETTINGS,
     on_ready: Callable[[str], None] = lambda _: None,
 ) -> None:
@@ -51,6 +53,8 @@ def serve(
         The server's folder; next to the file of the history where left out.
     actuators
         Descriptions that an upload may name: files, or built-in ones.
+    healthy
+        A file of `emaphm detect learn`: uploads are compared with healthy recordings too.
     on_ready
         Called with the address of the first page when the server answers.
 
@@ -70,10 +74,12 @@ def serve(
             "and give --tokens FILE"
         )
     known = None if tokens is None else read_tokens(tokens)
+    detector = None if healthy is None else _detector(healthy)
     with ExitStack() as stack:
         listening = stack.enter_context(_listening(host, port))
-        state = stack.enter_context(running(db, known, work, described(actuators), settings))
+        state = stack.enter_context(running(db, known, work, described(actuators), settings, detector))
         app = create_app(state, only_loopback=only_loopback)
+        warm_up(app)
         config = uvicorn.Config(
             app,
             log_level="warning",
@@ -96,6 +102,7 @@ def running(
     work: Path | None,
     actuators: "Mapping[str, Actuator]",
     settings: ServerSettings = SETTINGS,
+    detector: "Detector | None" = None,
 ) -> Iterator[ServerState]:
     """Yield what the pages need, its processes running while the body does."""
     with History.open(db) as history:
@@ -107,7 +114,7 @@ def running(
             drawer = Drawer(settings)
             stack.callback(drawer.stop)
             fleet = FleetView(history)
-            place = Place(db, folder, dict(actuators), settings.worker_bytes, settings.upload_bytes)
+            place = Place(db, folder, dict(actuators), settings.worker_bytes, settings.upload_bytes, detector)
             pool = Pool(queue, place, settings, fleet.outdated, fleet.forecast)
             pool.start()
             stack.callback(pool.stop)
@@ -144,6 +151,12 @@ def described(names: Sequence[str]) -> "dict[str, Actuator]":
             raise ServerError(f"two descriptions are called '{actuator.name}'; rename one of them")
         result[actuator.name] = actuator
     return result
+
+
+def _detector(path: Path) -> "Detector":
+    from emaphm.detection import Detector
+
+    return Detector.load(path)
 
 
 def _default_folder(history: History) -> Path:

@@ -58,6 +58,8 @@ def read_tokens(path: Path) -> dict[str, str]:
     ServerError
         The file is missing, others can read or write it, or it is no file of tokens.
     """
+    if not path.exists():
+        raise ServerError(f"{path}: no such file; make it with --tokens {path} --add-token NAME")
     content = read_bytes(path, MOST_BYTES, ServerError)
     found = path.stat()
     if stat.S_IMODE(found.st_mode) & 0o077:

@@ -37,6 +37,9 @@ def serve(
         Path | None,
         Parameter(help="Folder for the queue, uploads and reports; next to the history's file if left out."),
     ] = None,
+    healthy: Annotated[
+        Path | None, Parameter(help="Detector that 'detect learn' wrote: uploads are compared with it too.")
+    ] = None,
     workers: Annotated[
         int, Parameter(converter=whole_number, help="Processes that diagnose uploads, one upload each.")
     ] = 2,
@@ -69,6 +72,7 @@ def serve(
         tokens=tokens,
         work=work,
         actuators=actuator,
+        healthy=healthy,
         settings=replace(SETTINGS, workers=workers),
         on_ready=ready,
     )

@@ -14,11 +14,13 @@ from cyclopts import Parameter
 from emaphm.cli.options import ActuatorFile, By, Seed, check_seed, described_actuator, whole_number
 from emaphm.cli.output import counter, say
 from emaphm.cli.units.history import DB, Database
-from emaphm.errors import MonitoringError
+from emaphm.errors import MethodError, MonitoringError
 
 if TYPE_CHECKING:
+    from emaphm.actuator import Actuator
     from emaphm.detection import Detector
     from emaphm.monitoring import WatchSettings
+    from emaphm.monitoring.diagnosers import ByEstimator
 
 STREAM = "-"
 
@@ -53,6 +55,12 @@ def watch(
     whole: Annotated[
         bool, Parameter(negative="", help="Diagnose each recording as a whole, without cutting stretches.")
     ] = False,
+    estimator: Annotated[
+        Path | None, Parameter(help="Begin each diagnosis where an estimator of 'emaphm train' says.")
+    ] = None,
+    fast: Annotated[
+        bool, Parameter(negative="", help="Take the estimator's answer as it is: milliseconds, less exact.")
+    ] = False,
     healthy: Annotated[
         Path | None, Parameter(help="Detector that 'detect learn' wrote, for what no fault explains: .json.")
     ] = None,
@@ -85,10 +93,14 @@ def watch(
 ) -> None:
     """Judge recordings as they arrive; events are printed as lines of JSON and kept in the history."""
     check_seed(seed)
+    if fast and estimator is None:
+        raise MethodError("--fast takes an estimator's answer; name its file: --estimator FILE")
     described = described_actuator(actuator)
     from emaphm.history import History
     from emaphm.monitoring import NamePattern, Ownership, Task
     from emaphm.monitoring import watch as run
+    from emaphm.monitoring.diagnosers import search
+    from emaphm.monitoring.judging import cut_stretches
 
     pattern = None if name is None else NamePattern.parse(name)
     task = Task(
@@ -96,9 +108,11 @@ def watch(
         Ownership(part or described.name, unit, hours, pattern),
         watcher or "",
         split=by,
-        **({"cut": None} if whole else {}),
+        cut=None if whole else cut_stretches,
+        diagnose=search if estimator is None else _by_estimator(estimator, described, fast=fast),
         detector=None if healthy is None else _detector(healthy),
         takes_new_units=new_units,
+        isolated=True,
         once=once,
         seed=seed,
         webhook=webhook,
@@ -140,6 +154,14 @@ def _settings(
         prognosis=replace(WATCH.prognosis, horizon=horizon, risk=risk),
         folder=replace(WATCH.folder, settle_s=settle),
     )
+
+
+def _by_estimator(path: Path, actuator: "Actuator", *, fast: bool) -> "ByEstimator":
+    from emaphm.monitoring.diagnosers import ByEstimator
+
+    made = ByEstimator(str(path), fast)
+    made.check(actuator)
+    return made
 
 
 def _detector(path: Path) -> "Detector":

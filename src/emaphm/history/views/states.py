@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import sqlalchemy as sa
 
-from emaphm.history.tables import DIAGNOSES, FINDINGS, FLIGHTS, PROGNOSES, RECORDINGS, REMOVALS, UNITS
+from emaphm.history.tables import DIAGNOSES, EVENTS, FINDINGS, FLIGHTS, PROGNOSES, RECORDINGS, REMOVALS, UNITS
 
 MOST_ASKED = 500
 """Units asked for in one query: databases take no more than some thousand parameters."""
@@ -19,6 +19,7 @@ class Marks(NamedTuple):
     diagnosis: int
     removal: int
     finding: int
+    event: int
     prognoses: tuple[int, int, float]
 
 
@@ -56,14 +57,14 @@ class UnitState:
 
 def marks(connection: sa.Connection) -> Marks:
     """Return the newest rows of a history."""
-    diagnosis, removal, finding = (
+    diagnosis, removal, finding, event = (
         connection.execute(sa.select(sa.func.max(table.c.id))).scalar() or 0
-        for table in (DIAGNOSES, REMOVALS, FINDINGS)
+        for table in (DIAGNOSES, REMOVALS, FINDINGS, EVENTS)
     )
     kept = connection.execute(
         sa.select(sa.func.count(), sa.func.sum(PROGNOSES.c.diagnoses), sa.func.sum(PROGNOSES.c.hours))
     ).one()
-    return Marks(diagnosis, removal, finding, (kept[0], int(kept[1] or 0), float(kept[2] or 0.0)))
+    return Marks(diagnosis, removal, finding, event, (kept[0], int(kept[1] or 0), float(kept[2] or 0.0)))
 
 
 def changed_units(connection: sa.Connection, since: Marks) -> set[int]:

@@ -14,7 +14,7 @@ from emaphm.actuator.channels import ChannelEntry
 from emaphm.errors import HistoryError, MonitoringError, RecordingError
 from emaphm.history import Entry, Event
 from emaphm.history.watching import RowsJudged, WatchState
-from emaphm.monitoring.arrival import Arrival
+from emaphm.monitoring.arrival import Arrival, Call, call_here
 from emaphm.monitoring.ownership import CYCLES_LABEL, HOURS_LABEL, UNIT_LABELS, Ownership
 from emaphm.monitoring.settings import StreamSettings
 from emaphm.monitoring.stream.movements import Gathering, Movement
@@ -71,6 +71,7 @@ class StreamSource:
     state: WatchState
     settings: StreamSettings
     split: str | None = None
+    call: Call = call_here
 
     def __post_init__(self) -> None:
         for name in ("time_s", "command_rad"):
@@ -142,19 +143,19 @@ class StreamSource:
         name = f"{entry.unit} at {entry.hours:g} h, {movement.first:.3f} to {movement.last:.3f} s"
 
         def read() -> tuple[Entry, list[Recording]]:
-            return entry, recordings_of(movement.columns, name, self.actuator, split=self.split)
+            return entry, self.call(recordings_of, movement.columns, name, self.actuator, split=self.split)
 
-        def finish(_outcome: str, events: Sequence[Event]) -> None:
+        def finish(_outcome: str, events: Sequence[Event]) -> int:
             last = movement.last
             before = self.state.rows_judged().get(entry.unit)
             if before is not None and before.hours == entry.hours:
                 last = max(last, before.time_s)  # the clock may have been set back
             if before is None or entry.hours >= before.hours:
-                self.state.finish_rows(entry.unit, RowsJudged(entry.hours, last), events)
-            elif events:
-                self.state.history.add_events(*events)
+                return self.state.finish_rows(entry.unit, RowsJudged(entry.hours, last), events)
+            return self.state.history.add_events(*events) if events else 0
 
-        return Arrival(name, read, finish, ended.arrived)
+        tries = iter((True, False))
+        return Arrival(name, read, finish, lambda: next(tries), ended.arrived)
 
     def _run(self) -> None:
         """Read until the stream ends."""

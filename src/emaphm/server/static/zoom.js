@@ -79,7 +79,7 @@ async function zoom() {
     plot.className = `zoom zoom-${place.dataset.plot}`;
     plot.setAttribute("role", "img");
     plot.setAttribute("aria-label", image.alt);
-    image.replaceWith(plot);
+    image.parentElement.replaceWith(plot);
     await Plotly.newPlot(plot, traces, { ...common, ...layout }, { responsive: true, displayModeBar: false });
     const hint = document.createElement("span");
     hint.textContent = " Drag to zoom, double-click to go back.";

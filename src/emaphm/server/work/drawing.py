@@ -1,22 +1,21 @@
 """Figures as SVG, drawn by a process of its own and kept in memory: drawing would hold up the pages."""
 
-import multiprocessing
 import threading
 from collections import OrderedDict
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures import TimeoutError as LateError
-from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
 from emaphm.errors import ServerError
-from emaphm.execution.processes import end_with_parent
+from emaphm.execution.one_process import Calls, EndedError
 from emaphm.server.settings import ServerSettings
 
 Key = tuple[Any, ...]
 
 
-def drawn(name: str, document: dict[str, Any]) -> bytes:
-    """Return a figure of a prognosis ("health", "life", "fan"), or "faults" of a diagnosis, as SVG."""
+def drawn(name: str, document: dict[str, Any], *, narrow: bool = False) -> bytes:
+    """Return a figure of a prognosis ("health", "life", "fan"), or "faults" of a diagnosis, as SVG.
+
+    `narrow` is for a phone.
+    """
     from emaphm.plotting import fault_intervals, prognosis
     from emaphm.plotting.svg import plain_style, svg
 
@@ -26,7 +25,7 @@ def drawn(name: str, document: dict[str, Any]) -> bytes:
         from emaphm.prognosis.keeping import Curves
 
         draw = {"health": prognosis.draw_health, "life": prognosis.draw_life, "fan": prognosis.draw_fan}[name]
-        return svg(draw(Curves.from_dict(document)))
+        return svg(draw(Curves.from_dict(document), narrow=narrow))
 
 
 def estimates(document: dict[str, Any]) -> dict[str, Any]:
@@ -56,10 +55,9 @@ class Drawer:
         self._settings = settings
         self._kept: OrderedDict[Key, bytes] = OrderedDict()
         self._lock = threading.Lock()
-        self._pool: ProcessPoolExecutor | None = None
-        self._ours: Any = None
+        self._calls = Calls(settings.drawing_seconds, settings.worker_bytes)
 
-    def figure(self, key: Key, name: str, document: dict[str, Any]) -> bytes:
+    def figure(self, key: Key, name: str, document: dict[str, Any], *, narrow: bool = False) -> bytes:
         """Return the figure `name` of `document`; the same `key` gives the same figure.
 
         Raises
@@ -71,12 +69,9 @@ class Drawer:
             if key in self._kept:
                 self._kept.move_to_end(key)
                 return self._kept[key]
-            pool = self._pool or self._started()
         try:
-            content = pool.submit(drawn, name, document).result(self._settings.drawing_seconds)
-        except (BrokenProcessPool, LateError):
-            with self._lock:
-                self._ended(pool)
+            content = self._calls(drawn, name, document, narrow=narrow)
+        except EndedError:
             raise ServerError("the figure was not drawn in time; load the page again") from None
         with self._lock:
             self._kept[key] = content
@@ -86,19 +81,4 @@ class Drawer:
 
     def stop(self) -> None:
         """End the process."""
-        with self._lock:
-            if self._pool is not None:
-                self._ended(self._pool)
-
-    def _started(self) -> ProcessPoolExecutor:
-        context = multiprocessing.get_context("spawn")
-        theirs, self._ours = context.Pipe(duplex=False)
-        self._pool = ProcessPoolExecutor(1, context, end_with_parent, (theirs,))
-        return self._pool
-
-    def _ended(self, pool: ProcessPoolExecutor) -> None:
-        if self._pool is not pool:
-            return
-        self._ours.close()  # its process ends with that, also in the middle of a figure
-        pool.shutdown(wait=False, cancel_futures=True)
-        self._pool = None
+        self._calls.end()

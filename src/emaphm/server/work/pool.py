@@ -1,16 +1,13 @@
 """A bounded pool of worker processes: each is fed by a thread, and started again when it dies."""
 
 import logging
-import multiprocessing
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from multiprocessing.connection import Connection
-from multiprocessing.context import SpawnProcess
 from typing import Any
 
 from emaphm.errors import EmaphmError
+from emaphm.execution.one_process import OneProcess
 from emaphm.server.settings import ServerSettings
 from emaphm.server.work.queue import DONE, FAILED, Job, Queue
 from emaphm.server.work.worker import Forecast, Outcome, Place, Upload, work
@@ -87,7 +84,7 @@ class Pool:
 
     def _feed(self) -> None:
         """Feed one process until the pool stops."""
-        process = _Process(self._place)
+        process = OneProcess(work, self._place)
         try:
             while not self._stopping:
                 try:
@@ -102,7 +99,7 @@ class Pool:
         finally:
             process.end()
 
-    def _next(self, process: "_Process") -> bool:
+    def _next(self, process: OneProcess) -> bool:
         """Do one job; return whether there was one."""
         job = self._queue.take()
         if job is not None:
@@ -124,7 +121,7 @@ class Pool:
         finally:
             self._forecasts.release()
 
-    def _upload(self, job: Job, process: "_Process") -> None:
+    def _upload(self, job: Job, process: OneProcess) -> None:
         order = Upload(self._place.folder.upload(job.file), job.request["name"], job.request)
         outcome = self._done(process, order, lambda share: self._progress.__setitem__(job.id, share))
         self._progress.pop(job.id, None)
@@ -139,7 +136,7 @@ class Pool:
         if outcome.state != FAILED:  # what was killed may be worth a look
             order.file.unlink(missing_ok=True)
 
-    def _done(self, process: "_Process", order: Any, on_progress: Callable[[float], None]) -> Outcome | None:
+    def _done(self, process: OneProcess, order: Any, on_progress: Callable[[float], None]) -> Outcome | None:
         """Return what became of an order, None where the process died or the pool stops."""
         deadline = time.monotonic() + self._settings.job_seconds
         try:
@@ -157,44 +154,3 @@ class Pool:
         except (EOFError, OSError):
             process.end()
         return None
-
-
-@dataclass
-class _Process:
-    """One worker process, which is started with the first order, and again after it has ended."""
-
-    place: Place
-    process: SpawnProcess | None = None
-    ends: list[Connection] = field(default_factory=list)
-
-    @property
-    def orders(self) -> Connection:
-        """The way to the process and back."""
-        return self.ends[0]
-
-    def send(self, order: Any) -> None:
-        """Give the process an order."""
-        if self.process is None or not self.process.is_alive():
-            self.end()
-            self._start()
-        self.orders.send(order)
-
-    def _start(self) -> None:
-        context = multiprocessing.get_context("spawn")
-        ours, theirs = context.Pipe()
-        parent, held = context.Pipe(duplex=False)
-        self.process = context.Process(target=work, args=(theirs, parent, self.place), daemon=True)
-        self.process.start()
-        theirs.close()
-        parent.close()
-        self.ends = [ours, held]
-
-    def end(self) -> None:
-        """End the process."""
-        for end in self.ends:
-            end.close()
-        self.ends = []
-        if self.process is not None:
-            self.process.kill()
-            self.process.join()
-            self.process = None

@@ -1,26 +1,36 @@
 """What a worker process does: it diagnoses uploads and makes prognoses, one at a time."""
 
 import os
-import signal
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from emaphm.errors import EmaphmError, HistoryError
-from emaphm.execution.processes import THREADS, end_with_parent
+from emaphm.execution.one_process import prepare_worker
 from emaphm.server.folders import WorkFolder
 from emaphm.server.work.queue import DONE, FAILED, REFUSED
 
 if TYPE_CHECKING:
     from emaphm.actuator import Actuator
+    from emaphm.detection import Detector
     from emaphm.diagnosis import Diagnosis
     from emaphm.history import History, Unit
+    from emaphm.progress import Progress
     from emaphm.recording import Recording
+
+SERVER = "server"
+"""The watcher of events that follow from what the server has diagnosed and forecast."""
 
 AS_BEFORE = ""
 """The description of a unit's last diagnosis."""
+
+
+NICENESS = 3
+"""Of a worker, which takes all of a core for seconds: pages go first. It has half the share of others
+where all cores are busy; with 10 it would have a tenth, and uploads would wait for minutes."""
 
 
 @dataclass(frozen=True)
@@ -50,33 +60,27 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Place:
-    """Where a worker works: the history's address, the server's folder, descriptions by name."""
+    """Where a worker works: the history's address, the server's folder, descriptions by name.
+
+    `detector` says in addition whether an upload is like healthy recordings.
+    """
 
     db: str
     folder: WorkFolder
     actuators: "dict[str, Actuator]" = field(repr=False)
     memory_bytes: int
     upload_bytes: int
+    detector: "Detector | None" = field(default=None, repr=False)
 
 
 def work(orders: Connection, parent: Connection, place: Place) -> None:
     """Do jobs as they come through `orders`, until the server ends; answer progress and an `Outcome`."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server ends its workers itself
-    os.environ.update(dict.fromkeys(THREADS, "1"))
-    end_with_parent(parent)
-    _limit_memory(place.memory_bytes)
+    prepare_worker(parent, place.memory_bytes)
+    os.nice(NICENESS)
     with suppress(EOFError, OSError):  # the server has ended
         while True:
             job = orders.recv()
             orders.send(_outcome(job, place, orders))
-
-
-def _limit_memory(most_bytes: int) -> None:
-    import resource
-
-    _, most = resource.getrlimit(resource.RLIMIT_AS)
-    if most == resource.RLIM_INFINITY or most_bytes < most:
-        resource.setrlimit(resource.RLIMIT_AS, (most_bytes, most))
 
 
 def _outcome(job: Upload | Forecast, place: Place, orders: Connection) -> Outcome:
@@ -85,9 +89,7 @@ def _outcome(job: Upload | Forecast, place: Place, orders: Connection) -> Outcom
     try:
         with History.open(place.db) as history:
             if isinstance(job, Forecast):
-                from emaphm.prognosis.keeping import update_prognosis
-
-                update_prognosis(history, history.unit(job.unit))
+                _forecast(history, job.unit)
                 return Outcome(DONE)
             return _diagnosed(job, history, place, orders)
     except EmaphmError as error:
@@ -103,6 +105,8 @@ def _outcome(job: Upload | Forecast, place: Place, orders: Connection) -> Outcom
 
 def _diagnosed(job: Upload, history: "History", place: Place, orders: Connection) -> Outcome:
     from emaphm.history import Entry
+    from emaphm.monitoring import WATCH
+    from emaphm.monitoring.judging import Judge
     from emaphm.recording import read_recording
     from emaphm.recording.io.limits import ReadLimits
 
@@ -115,15 +119,41 @@ def _diagnosed(job: Upload, history: "History", place: Place, orders: Connection
     )
     recording = read_recording(job.file, actuator, limits=ReadLimits(file_bytes=place.upload_bytes))
     recording = replace(recording, source=job.name)
-    if not history.missing(entry, recording, actuator):
-        return Outcome(DONE, "is in the history already", _result(history, recording))
-    from emaphm.diagnosis import diagnose
-
-    diagnosis = diagnose(recording, actuator, workers=1, on_progress=orders.send)
-    history.add(entry, recording, diagnosis)
-    result = _result(history, recording)
+    judge = Judge(
+        history,
+        actuator,
+        WATCH.alarm,
+        partial(_searched, on_progress=orders.send),
+        None,
+        place.detector,
+        takes_new_units=True,
+        watcher=SERVER,
+    )
+    diagnosis = judge.judged(entry, recording)
+    events = judge.filed(entry, recording, diagnosis, {})
+    result = _result(history, recording) | {"events": [one.message for one in events]}
+    if diagnosis is None:
+        return Outcome(DONE, "is in the history already", result)
     _write_report(diagnosis, result["diagnosis"], place.folder)
     return Outcome(DONE, "", result)
+
+
+def _searched(
+    recording: "Recording", actuator: "Actuator", *, seed: int, on_progress: "Progress"
+) -> "Diagnosis":
+    from emaphm.diagnosis import diagnose
+
+    return diagnose(recording, actuator, seed=seed, workers=1, on_progress=on_progress)
+
+
+def _forecast(history: "History", serial_number: str) -> None:
+    """Make the prognosis of a unit, and the event that follows from it."""
+    from emaphm.monitoring import WATCH
+    from emaphm.monitoring.outlook import rul_events
+    from emaphm.prognosis.keeping import update_prognosis
+
+    made = update_prognosis(history, history.unit(serial_number)).prognosis
+    history.add_events(*rul_events(history, made, WATCH.prognosis, SERVER))
 
 
 def _described(history: "History", known: "Unit | None", request: dict[str, Any], place: Place) -> "Actuator":

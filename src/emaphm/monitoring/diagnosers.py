@@ -1,0 +1,75 @@
+"""What diagnoses recordings as they arrive: the full search, or an estimator that helps it."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+from emaphm.actuator import Actuator
+from emaphm.errors import MethodError
+from emaphm.estimation.methods import HYBRID
+from emaphm.recording import Recording
+
+if TYPE_CHECKING:
+    from emaphm.diagnosis import Diagnosis
+    from emaphm.fleet import DiagnosisSettings
+
+
+def load() -> None:
+    """Load what diagnoses need, which takes some tenths of a second."""
+    import emaphm.diagnosis  # noqa: F401
+
+
+class Diagnose(Protocol):
+    """What diagnoses a recording; `emaphm.diagnose` is one."""
+
+    def __call__(self, recording: Recording, actuator: Actuator, *, seed: int) -> "Diagnosis":
+        """Return the diagnosis."""
+
+
+def search(recording: Recording, actuator: Actuator, *, seed: int) -> "Diagnosis":
+    """Return the diagnosis by `emaphm.diagnose`."""
+    from emaphm.diagnosis import diagnose
+
+    return diagnose(recording, actuator, seed=seed)
+
+
+@dataclass(frozen=True)
+class ByEstimator:
+    """Diagnoses with the help of an estimator that `emaphm train` wrote.
+
+    `fast` says whether its answer is taken as it is (`emaphm.amortized.diagnosing`). A recording that it was
+    not trained for, of another manoeuvre say, is diagnosed by the full search; a note says why.
+    """
+
+    file: str
+    fast: bool = False
+
+    def __call__(self, recording: Recording, actuator: Actuator, *, seed: int) -> "Diagnosis":
+        """Return the diagnosis."""
+        try:
+            return self._settings(seed).diagnosed(recording, actuator)
+        except MethodError as error:
+            from emaphm.amortized.estimator import WAY_OUT
+
+            note = f"the estimator was not asked: {str(error).removesuffix(f'; {WAY_OUT}')}"
+            return search(recording.with_channels(recording.channels, [note]), actuator, seed=seed)
+
+    def check(self, actuator: Actuator) -> None:
+        """Refuse a file that is no estimator of this actuator, `MethodError`."""
+        from emaphm.amortized.diagnosing import estimator_at
+
+        self._settings(0).check_estimator()
+        estimator_at(self.file).check_actuator(actuator)
+
+    def _settings(self, seed: int) -> "DiagnosisSettings":
+        from emaphm.fleet import DiagnosisSettings
+
+        return DiagnosisSettings(seed=seed, estimator=self.file, fast=self.fast)
+
+
+def methods_of(diagnose: Diagnose) -> tuple[str, ...]:
+    """Return what its diagnoses may be called: as was asked, or the full search where that cannot be."""
+    from emaphm.amortized.diagnosing import CORRECTED, METHOD
+
+    if not isinstance(diagnose, ByEstimator):
+        return (HYBRID,)
+    return (METHOD, CORRECTED, HYBRID) if diagnose.fast else (CORRECTED, HYBRID)

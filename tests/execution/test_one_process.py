@@ -1,0 +1,56 @@
+"""A function in a process of its own: what it returns and raises, and that it may die."""
+
+import os
+import signal
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from emaphm.errors import RecordingError
+from emaphm.execution.one_process import Calls, EndedError
+
+GIB = 2**30
+
+
+def die() -> None:
+    """Die, as of a segmentation fault."""
+    os.kill(os.getpid(), signal.SIGSEGV)
+
+
+def refuse(name: str) -> None:
+    """Raise what a user can correct."""
+    raise RecordingError(f"{name}: is no recording")
+
+
+@pytest.fixture(scope="module")
+def calls() -> Iterator[Calls]:
+    made = Calls(5.0, 2 * GIB)
+    yield made
+    made.end()
+
+
+def test_results_and_errors_come_back_from_one_process(calls: Calls) -> None:
+    assert calls(os.getpid) == calls(os.getpid) != os.getpid()
+    assert calls(sorted, [2, 1], reverse=False) == [1, 2]
+    with pytest.raises(RecordingError, match=r"a.csv: is no recording") as caught:
+        calls(refuse, "a.csv")
+    assert "in refuse" in str(caught.value.__cause__)
+
+
+def test_a_death_is_said_and_the_next_call_is_answered(calls: Calls) -> None:
+    with pytest.raises(EndedError, match="SIGSEGV"):
+        calls(die)
+    assert calls(sorted, [2, 1]) == [1, 2]
+
+
+def test_memory_is_bounded(calls: Calls) -> None:
+    with pytest.raises(MemoryError):
+        calls(bytearray, 4 * GIB)
+
+
+def test_what_takes_too_long_is_ended() -> None:
+    calls = Calls(0.3, 2 * GIB)
+    with pytest.raises(EndedError, match=r"longer than 0.3 s"):
+        calls(time.sleep, 60.0)
+    calls.end()

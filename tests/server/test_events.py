@@ -1,0 +1,107 @@
+"""What an upload makes known is an event, as `emaphm watch` makes it."""
+
+from multiprocessing.connection import Pipe
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from emaphm.actuator import Actuator
+from emaphm.history import Event, History
+from emaphm.monitoring import WATCH, Ownership, Task, watch
+from emaphm.monitoring.outlook import Outlook
+from emaphm.server.folders import WorkFolder
+from emaphm.server.work import worker
+from emaphm.server.work.queue import DONE
+from emaphm.server.work.worker import SERVER, Forecast, Outcome, Place, Upload
+from monitoring import stand_in
+
+if TYPE_CHECKING:
+    from starlette.testclient import TestClient
+
+    from emaphm.server.state import ServerState
+
+THESIS = Actuator.thesis()
+
+NUMBERS = range(18, 30)
+"""Of recordings: healthy ones, five with a fault, healthy ones again."""
+
+
+@pytest.fixture
+def arrived(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a folder of recordings; the diagnosis is a stand-in, there are no reports and no prognoses."""
+    monkeypatch.setattr("emaphm.diagnosis.diagnose", _diagnose)
+    monkeypatch.setattr(worker, "_write_report", lambda *_: None)
+    monkeypatch.setattr(Outlook, "ask", lambda *_: None)
+    folder = tmp_path / "in"
+    folder.mkdir()
+    for number in NUMBERS:
+        (folder / stand_in.name(1, number)).write_text(stand_in.content(1, number))
+    return folder
+
+
+def _diagnose(recording: object, actuator: Actuator, *, seed: int, **_: object) -> object:
+    return stand_in.diagnosed(recording, actuator, seed=seed)  # type: ignore[arg-type]
+
+
+def watched(folder: Path, where: Path) -> tuple[Event, ...]:
+    with History.open(where, create=True) as history:
+        ownership = Ownership(THESIS.name, pattern=stand_in.PATTERN)
+        task = Task(folder, ownership, cut=None, takes_new_units=True, once=True)
+        watch(task, history, THESIS, settings=stand_in.QUICK)
+        return history.events()
+
+
+def uploaded(folder: Path, where: Path) -> list[Outcome]:
+    with History.open(where, create=True):
+        pass
+    place = Place(str(where), WorkFolder(folder), {THESIS.name: THESIS}, 2**33, 2**26)
+    _, orders = Pipe()
+    outcomes = []
+    for number in NUMBERS:
+        path = folder / stand_in.name(1, number)
+        request = {"unit": "U01", "hours": round(number * stand_in.FLIGHT_H, 2), "part": "", "cycles": None}
+        request |= {"position": None, "late": False, "actuator": THESIS.name}
+        outcomes.append(worker._outcome(Upload(path, path.name, request), place, orders))
+    return outcomes
+
+
+def known(events: tuple[Event, ...]) -> list[tuple[object, ...]]:
+    return [(one.kind, one.state, one.severity, one.subject, one.recording_hash) for one in events]
+
+
+def test_uploads_make_the_events_that_watching_makes(arrived: Path, tmp_path: Path) -> None:
+    where = tmp_path / "uploads.sqlite"
+    outcomes = uploaded(arrived, where)
+    assert {one.state for one in outcomes} == {DONE}
+    with History.open(where) as history:
+        events = history.events()
+    assert known(events) == known(watched(arrived, tmp_path / "watched.sqlite"))
+    assert {one.kind for one in events} == {"health_changed", "alarm"}
+    assert {one.watcher for one in events} == {SERVER}
+    said = [message for one in outcomes for message in one.result["events"]]
+    assert said == [one.message for one in events]
+
+    again = uploaded(arrived, where)  # a job that was killed after its recording was added
+    assert {one.message for one in again} == {"is in the history already"}
+    assert len(watched(arrived, where)) == len(events)  # nor does a watcher say it a second time
+
+
+def test_a_prognosis_of_the_server_makes_the_event_of_a_life_that_ends(tmp_path: Path) -> None:
+    with History.open(tmp_path / "history.sqlite", create=True) as history:
+        stand_in.fly(history, [0.1 + 0.12 * i for i in range(8)])
+        place = Place(str(tmp_path / "history.sqlite"), WorkFolder(tmp_path), {}, 2**33, 2**26)
+        assert worker._outcome(Forecast("S1"), place, Pipe()[1]).state == DONE
+        (event,) = history.events()
+    assert (event.kind, event.state, event.watcher) == ("rul_below_horizon", "raised", SERVER)
+    assert event.details["horizon_hours"] == WATCH.prognosis.horizon
+    assert "within 200 h is 100.0 %, by friction" in event.message
+
+
+def test_events_of_the_fleet_are_a_page(client: "TestClient", state: "ServerState") -> None:
+    assert "friction is degraded" in client.get("/events").text
+    assert "friction is degraded" not in client.get("/events?kind=sensor_fault").text
+    assert "<b>1</b> with an alarm" in client.get("/").text
+    state.history.add_events(Event("alarm", "cleared", "info", "healthy", "friction", "SN-0001", 200.0))
+    assert "<b>0</b> with an alarm" in client.get("/").text
+    assert not client.get("/api/v1/events?only_open=true").json()["events"]
