@@ -82,7 +82,7 @@ def diagnose_by(
     recording = with_equivalent_current(recording, actuator)
     estimator.check(recording, actuator)
     objective = _objective(estimator, recording, actuator)
-    mixture = estimator.answer(recording)
+    mixture = estimator.answer(recording, objective.problem.inputs)
     findings = check_sensors(recording, actuator).findings
     reasons = tuple(finding.sentence.removesuffix(".") for finding in findings) or reasons_not_to_believe(
         estimator, recording, mixture, objective.problem, stream(seed, "likeness of the recording")

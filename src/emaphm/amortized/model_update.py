@@ -1,0 +1,246 @@
+"""The update of a network's answer by the averaged model: one Gauss-Newton step, judged by a second network.
+
+A network that reads rows alone has seen few actuators like the one at hand. The averaged model says what
+those rows would be: it is run at the answer's mean θ₁ and, for each coordinate, one standard deviation away
+along the columns of F₁, Σ₁ = F₁ F₁ᵀ. With the residual r of the first run and the differences J of the others,
+
+    z = B (r - m),   x = (1 + Jᵀ BᵀB J)⁻¹ Jᵀ Bᵀ z,   θ₂ = θ₁ + F₁ x,   Σ₂ = F₁ (1 + Jᵀ BᵀB J)⁻¹ F₁ᵀ:
+
+least squares with the answer as the prior (Tarantola 2005, ch. 3). m is the mean of what separates the
+reference model from the averaged one over the training set, and B whitens its scatter: rows in which the two
+differ anyway, by the switching mostly, count for little.
+
+Neither a linear model nor a discrepancy that is independent of the faults is right. A second network reads
+z, x, the information, θ₂ and the standard deviations, and gives the posterior as a mixture in units of Σ₂ about θ₂.
+It has learned from draws that the first has not seen, whose answers are as wrong as those of recordings.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from emaphm.amortized.mixture import Mixture
+from emaphm.amortized.network import Network, Single
+from emaphm.amortized.projection import Projection
+from emaphm.amortized.recording_setup import RecordingSetup
+from emaphm.amortized.simulating import TrainingSet, noise_rms, simulated
+from emaphm.arrays import Array
+from emaphm.estimation.parameter_space import ParameterSpace
+from emaphm.simulation import AVERAGED, Inputs
+
+
+@dataclass(frozen=True)
+class UpdateSettings:
+    """How an answer is compared with the averaged model.
+
+    B has `components` rows. The discrepancy is learned from `discrepancies` draws at most, the directions that
+    matter from the first `directions` of them. A residual counts up to `largest` standard deviations of the
+    discrepancy in a row or a component of z, a step up to `longest` of the answer's. Differences are divided
+    by moves with a `ridge`: a run that a bound has held tells little. As many as `at_once` answers are
+    compared together, so that the memory stays within some 300 MB.
+    """
+
+    components: int = 256
+    discrepancies: int = 8192
+    directions: int = 2048
+    largest_row: float = 30.0
+    largest: float = 8.0
+    longest: float = 3.0
+    ridge: float = 1e-4
+    at_once: int = 128
+
+
+UPDATE = UpdateSettings()
+
+
+@dataclass(frozen=True, eq=False)
+class Whitening:
+    """`units` (channels,) of rows, and m (channels × blocks,) and Bᵀ (channels × blocks, k) in these units."""
+
+    units: Array
+    mean: Single
+    basis: Single
+
+    def __call__(self, residual: Single) -> Array:
+        """Return z (n, k) of residuals (n, channels, blocks)."""
+        return np.asarray((self._flat(residual) - self.mean) @ self.basis, float)
+
+    def of_differences(self, differences: Single) -> Array:
+        """Return B times differences of runs (n, channels, blocks), (n, k)."""
+        return np.asarray(self._flat(differences) @ self.basis, float)
+
+    def _flat(self, rows: Single) -> Single:
+        return np.asarray((rows / self.units[:, np.newaxis]).reshape(len(rows), -1), np.float32)
+
+    @classmethod
+    def of(
+        cls,
+        setup: RecordingSetup,
+        inputs: Inputs,
+        draws: TrainingSet,
+        rows: Single,
+        answers: Sequence[Mixture],
+        units: Array,
+    ) -> Self:
+        """Return the whitening learned from noise-free `draws`, their `rows` with noise, and the answers."""
+        width = rows.shape[1] * rows.shape[2]
+        bare = cls(units, np.zeros(width, np.float32), np.eye(width, dtype=np.float32))
+        some = draws.part(0, UPDATE.discrepancies)
+        pieces = [
+            bare._flat(part.rows - simulated(setup, inputs, AVERAGED, part.points.astype(float)))
+            for part in (some.part(i, i + UPDATE.at_once) for i in range(0, len(some), UPDATE.at_once))
+        ]
+        discrepancy = np.clip(np.concatenate(pieces), -UPDATE.largest_row, UPDATE.largest_row)
+        mean = discrepancy.mean(axis=0)
+        discrepancy -= mean
+        covariance = (discrepancy.T @ discrepancy).astype(float) / len(discrepancy)
+        covariance += np.diag(np.repeat((noise_rms(setup) / units) ** 2, rows.shape[2]))
+        variances, directions = np.linalg.eigh(covariance)
+        least = np.finfo(np.float32).eps * variances[-1]
+        all_of_it = cls(units, mean, (directions / np.sqrt(np.maximum(variances, least))).astype(np.float32))
+        second = np.zeros((width, width))
+        for i in range(0, min(len(rows), UPDATE.directions), UPDATE.at_once):
+            part = slice(i, min(i + UPDATE.at_once, UPDATE.directions))
+            runs = _Runs.about(setup, inputs, answers[part])
+            z = np.clip(all_of_it(rows[part] - runs.middle), -UPDATE.largest, UPDATE.largest)
+            moved = all_of_it.of_differences(runs.differences)
+            moved /= np.maximum(1.0, np.sqrt(np.mean(moved**2, axis=1, keepdims=True)))
+            second += z.T @ z + moved.T @ moved / runs.moves.shape[1]
+        _, chosen = np.linalg.eigh(second)
+        basis = all_of_it.basis @ chosen[:, ::-1][:, : UPDATE.components]
+        # As a file has it: of half precision.
+        return cls(units, mean, basis.astype(np.float16).astype(np.float32))
+
+
+@dataclass(frozen=True, eq=False)
+class _Runs:
+    """Runs of the averaged model about answers: F₁ (n, d, d) and θ₁ (n, d), the `middle` run (n, channels,
+    blocks), the `differences` of the others from it (n × d, channels, blocks), and their `moves` in units of
+    F₁ (n, d, d), a row a run."""
+
+    factors: Array
+    means: Array
+    middle: Single
+    differences: Single
+    moves: Array
+
+    @classmethod
+    def about(cls, setup: RecordingSetup, inputs: Inputs, answers: Sequence[Mixture]) -> Self:
+        """Return the runs about each of the answers (n)."""
+        space = setup.space
+        n, d = len(answers), space.dimensions
+        means = space.project(np.array([one.mean for one in answers]))
+        factors = np.linalg.cholesky(np.array([one.covariance for one in answers]))
+        points = _within(space, means, factors.transpose(0, 2, 1))
+        every = np.concatenate([means[:, np.newaxis], points], axis=1).reshape(-1, d)
+        rows = simulated(setup, inputs, AVERAGED, every).reshape(n, d + 1, len(setup.channels), -1)
+        differences = (rows[:, 1:] - rows[:, :1]).reshape(n * d, *rows.shape[2:])
+        away = points - means[:, np.newaxis]
+        moves = np.linalg.solve(factors[:, np.newaxis], away[..., np.newaxis])[..., 0]
+        return cls(factors, means, rows[:, 0], differences, moves)
+
+
+def _within(space: ParameterSpace, means: Array, steps: Array) -> Array:
+    """Return means (n, d) plus or minus `steps` (n, d, d), whichever the bounds leave more of."""
+    ways = [means[:, np.newaxis] + sign * steps for sign in (1.0, -1.0)]
+    moved = [space.project(way.reshape(-1, way.shape[-1])).reshape(way.shape) for way in ways]
+    lost = [np.abs(one - other).sum(axis=-1) for one, other in zip(ways, moved, strict=True)]
+    return np.where((lost[0] > lost[1])[..., np.newaxis], moved[1], moved[0])
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """θ₂ (n, d), the Cholesky factors of Σ₂ (n, d, d), and what the second network reads, (n, features)."""
+
+    means: Array
+    factors: Array
+    features: Single
+
+    @classmethod
+    def of(
+        cls,
+        setup: RecordingSetup,
+        inputs: Inputs,
+        whitening: Whitening,
+        rows: Single,
+        answers: Sequence[Mixture],
+    ) -> Self:
+        """Return the Gauss-Newton steps from the answers for rows (n, channels, blocks)."""
+        pieces = [
+            cls._of(setup, inputs, whitening, rows[i : i + UPDATE.at_once], answers[i : i + UPDATE.at_once])
+            for i in range(0, len(rows), UPDATE.at_once)
+        ]
+        return cls(
+            np.concatenate([one.means for one in pieces]),
+            np.concatenate([one.factors for one in pieces]),
+            np.concatenate([one.features for one in pieces]),
+        )
+
+    @classmethod
+    def _of(
+        cls,
+        setup: RecordingSetup,
+        inputs: Inputs,
+        whitening: Whitening,
+        rows: Single,
+        answers: Sequence[Mixture],
+    ) -> Self:
+        runs = _Runs.about(setup, inputs, answers)
+        n, d = runs.means.shape
+        one = np.eye(d)
+        z = whitening(rows - runs.middle)
+        moved = whitening.of_differences(runs.differences).reshape(n, d, -1)
+        turned = runs.moves.transpose(0, 2, 1)
+        jacobians = np.linalg.solve(turned @ runs.moves + UPDATE.ridge * one, turned @ moved)
+        information = jacobians @ jacobians.transpose(0, 2, 1)
+        gradient = jacobians @ np.clip(z, -UPDATE.largest, UPDATE.largest)[..., np.newaxis]
+        x = np.linalg.solve(information + one, gradient)[..., 0]
+        x = np.clip(x, -UPDATE.longest, UPDATE.longest)
+        means = runs.means + np.einsum("nij,nj->ni", runs.factors, x)
+        # (1 + G)⁻¹ = L⁻ᵀ L⁻¹ for 1 + G = L Lᵀ; its Cholesky factor keeps those of the mixtures triangular.
+        covariance = np.linalg.inv(information + one)
+        covariance = runs.factors @ covariance @ runs.factors.transpose(0, 2, 1)
+        factors = np.linalg.cholesky((covariance + covariance.transpose(0, 2, 1)) / 2)
+        features = [
+            np.arcsinh(z),
+            x,
+            np.log1p(np.einsum("nii->ni", information)),
+            means / setup.space.prior_deviations,
+            np.log(np.sqrt(np.einsum("nij,nij->ni", runs.factors, runs.factors))),
+        ]
+        return cls(means, factors, np.concatenate(features, axis=1).astype(np.float32))
+
+    def units_of(self, points: Array) -> Array:
+        """Return points (n, d) in units of Σ₂ about θ₂."""
+        return np.asarray(np.linalg.solve(self.factors, (points - self.means)[..., np.newaxis])[..., 0])
+
+    def points_of(self, units: Array) -> Array:
+        """Return the points (n, d) of what `units_of` returns."""
+        return np.asarray(self.means + np.einsum("nij,nj->ni", self.factors, units))
+
+
+@dataclass(frozen=True, eq=False)
+class ModelUpdate:
+    """The whitening, and the second network with the projection that it reads its features through."""
+
+    whitening: Whitening
+    projection: Projection
+    network: Network
+
+    def answers(
+        self, setup: RecordingSetup, inputs: Inputs, rows: Single, first: Sequence[Mixture]
+    ) -> list[Mixture]:
+        """Return what is known of recordings (n), from their rows and the `first` answers."""
+        step = Step.of(setup, inputs, self.whitening, rows, first)
+        found = self.network.mixtures(self.network.features(step.features))
+        return [
+            Mixture(one.weights, mean + one.means @ factor.T, factor @ one.factors)
+            for one, mean, factor in zip(found, step.means, step.factors, strict=True)
+        ]
+
+
+def feature_count(components: int, dimensions: int) -> int:
+    """Return how many features the second network reads."""
+    return components + 4 * dimensions
