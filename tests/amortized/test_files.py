@@ -95,7 +95,10 @@ WRONG = {
     "other coordinates": (header(coordinates=["friction"] * 10), "coordinates"),
     "a member too many": (replaced("run.py", b"print(1)"), "'run.py'"),
     "no number": (replaced("network.entry.bias.npy", array(np.full(4, np.nan, "<f2"))), "not finite"),
-    "numbers of another kind": (replaced("network.entry.bias.npy", array(np.zeros(4))), "another shape or kind"),
+    "numbers of another kind": (
+        replaced("network.entry.bias.npy", array(np.zeros(4))),
+        "another shape or kind",
+    ),
     "an object": (replaced("network.entry.bias.npy", array(np.array([Harm()] * 4, object))), "no estimator"),
     "a pickle": (replaced("network.entry.bias.npy", pickle.dumps(Harm())), "no estimator"),
     "an array cut off": (replaced("network.entry.bias.npy", array(np.zeros(4, "<f2"))[:-2]), "no estimator"),

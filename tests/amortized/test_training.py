@@ -18,7 +18,6 @@ from emaphm.amortized.train import train_estimator
 from emaphm.amortized.training import Epoch, TrainingSettings, train_network
 from emaphm.arrays import Array
 from emaphm.errors import ExecutionError, MethodError, OutputError
-
 from emaphm.simulation import AVERAGED
 
 torch = pytest.importorskip("torch", reason="PyTorch is not installed")

@@ -57,7 +57,9 @@ def constant_estimator(
         1,
     )
     limits = Limits(np.full(2, limit), np.full(len(setup.channels), limit))
-    return Estimator(setup, projection, network, no_update(setup, width), np.ones(d), limits, {"simulations": 0})
+    return Estimator(
+        setup, projection, network, no_update(setup, width), np.ones(d), limits, {"simulations": 0}
+    )
 
 
 def no_update(setup: RecordingSetup, width: int = 4) -> ModelUpdate:

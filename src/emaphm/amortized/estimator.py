@@ -38,9 +38,9 @@ class Limits:
 class Estimator:
     """What a file of `emaphm train` holds.
 
-    `network` answers from rows alone, read through `projection`; `update` improves its answers by the averaged
-    model. `temperature` (d,) multiplies the standard deviations; `facts` are those of its training, for people
-    to read. All else is in the setup.
+    `network` answers from rows alone, read through `projection`; `update` improves its answers by the
+    averaged model. `temperature` (d,) multiplies the standard deviations; `facts` are those of its training,
+    for people to read. All else is in the setup.
     """
 
     setup: RecordingSetup

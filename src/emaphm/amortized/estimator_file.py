@@ -80,9 +80,7 @@ class _Network(BaseModel):
     @classmethod
     def of(cls, network: Network) -> "_Network":
         principal, width = network.entry.weight.shape
-        return cls(
-            principal=principal, width=width, depth=len(network.blocks), components=network.components
-        )
+        return cls(principal=principal, width=width, depth=len(network.blocks), components=network.components)
 
 
 class _Header(BaseModel):

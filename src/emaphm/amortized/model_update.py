@@ -2,7 +2,7 @@
 
 A network that reads rows alone has seen few actuators like the one at hand. The averaged model says what
 those rows would be: it is run at the answer's mean θ₁ and, for each coordinate, one standard deviation away
-along the columns of F₁, Σ₁ = F₁ F₁ᵀ. With the residual r of the first run and the differences J of the others,
+along the columns of F₁, Σ₁ = F₁ F₁ᵀ. With the residual r of that run and the differences J of the others,
 
     z = B (r - m),   x = (1 + Jᵀ BᵀB J)⁻¹ Jᵀ Bᵀ z,   θ₂ = θ₁ + F₁ x,   Σ₂ = F₁ (1 + Jᵀ BᵀB J)⁻¹ F₁ᵀ:
 
@@ -11,8 +11,9 @@ reference model from the averaged one over the training set, and B whitens its s
 differ anyway, by the switching mostly, count for little.
 
 Neither a linear model nor a discrepancy that is independent of the faults is right. A second network reads
-z, x, the information, θ₂ and the standard deviations, and gives the posterior as a mixture in units of Σ₂ about θ₂.
-It has learned from draws that the first has not seen, whose answers are as wrong as those of recordings.
+z, x, the information, θ₂ and the standard deviations, and gives the posterior as a mixture about θ₂, in units
+of Σ₂ and a share of Σ₁. It has learned from draws that the first has not seen, whose answers are as wrong as
+those of recordings.
 """
 
 from collections.abc import Sequence
@@ -35,21 +36,21 @@ from emaphm.simulation import AVERAGED, Inputs
 class UpdateSettings:
     """How an answer is compared with the averaged model.
 
-    B has `components` rows. The discrepancy is learned from `discrepancies` draws at most, the directions that
-    matter from the first `directions` of them. A residual counts up to `largest` standard deviations of the
-    discrepancy in a row or a component of z, a step up to `longest` of the answer's. Differences are divided
-    by moves with a `ridge`: a run that a bound has held tells little. As many as `at_once` answers are
-    compared together, so that the memory stays within some 300 MB.
+    B has `components` rows, chosen by `directions` answers at most. A residual counts up to `largest_row`
+    units in a row and up to `largest` standard deviations in z; a step goes up to `longest` of the answer's.
+    Differences are divided by moves with a `ridge`: a run that a bound has held tells little. Units are
+    `floor` of the answer's standard deviations at least: no linear model is as sure as a large J would have
+    it. `at_once` answers are compared together, which takes 500 MB.
     """
 
     components: int = 256
-    discrepancies: int = 8192
     directions: int = 2048
     largest_row: float = 30.0
     largest: float = 8.0
     longest: float = 3.0
     ridge: float = 1e-4
-    at_once: int = 128
+    floor: float = 0.2
+    at_once: int = 256
 
 
 UPDATE = UpdateSettings()
@@ -57,7 +58,7 @@ UPDATE = UpdateSettings()
 
 @dataclass(frozen=True, eq=False)
 class Whitening:
-    """`units` (channels,) of rows, and m (channels × blocks,) and Bᵀ (channels × blocks, k) in these units."""
+    """`units` (channels,) of rows, and m (rows,) and Bᵀ (rows, k) in these units, all channels end to end."""
 
     units: Array
     mean: Single
@@ -84,41 +85,47 @@ class Whitening:
         answers: Sequence[Mixture],
         units: Array,
     ) -> Self:
-        """Return the whitening learned from noise-free `draws`, their `rows` with noise, and the answers."""
-        width = rows.shape[1] * rows.shape[2]
+        """Return the whitening of what noise-free `draws` differ by from the averaged model, and of noise.
+
+        Of its directions, those are kept in which the averaged model moves most about `answers` for `rows`.
+        """
+        channels, blocks = rows.shape[1:]
+        width = channels * blocks
         bare = cls(units, np.zeros(width, np.float32), np.eye(width, dtype=np.float32))
-        some = draws.part(0, UPDATE.discrepancies)
-        pieces = [
-            bare._flat(part.rows - simulated(setup, inputs, AVERAGED, part.points.astype(float)))
-            for part in (some.part(i, i + UPDATE.at_once) for i in range(0, len(some), UPDATE.at_once))
-        ]
-        discrepancy = np.clip(np.concatenate(pieces), -UPDATE.largest_row, UPDATE.largest_row)
-        mean = discrepancy.mean(axis=0)
-        discrepancy -= mean
-        covariance = (discrepancy.T @ discrepancy).astype(float) / len(discrepancy)
-        covariance += np.diag(np.repeat((noise_rms(setup) / units) ** 2, rows.shape[2]))
+        total, products = np.zeros(width), np.zeros((width, width))
+        for i in range(0, len(draws), UPDATE.at_once):
+            part = draws.part(i, i + UPDATE.at_once)
+            averaged = simulated(setup, inputs, AVERAGED, part.points.astype(float))
+            differences = bare._flat(part.rows - averaged)
+            differences = np.clip(differences, -UPDATE.largest_row, UPDATE.largest_row)
+            total += differences.sum(axis=0)
+            products += differences.T @ differences
+        mean = total / len(draws)
+        covariance = products / len(draws) - np.outer(mean, mean)
+        covariance += np.diag(np.repeat((noise_rms(setup) / units) ** 2, blocks))
         variances, directions = np.linalg.eigh(covariance)
         least = np.finfo(np.float32).eps * variances[-1]
-        all_of_it = cls(units, mean, (directions / np.sqrt(np.maximum(variances, least))).astype(np.float32))
-        second = np.zeros((width, width))
+        whitened = (directions / np.sqrt(np.maximum(variances, least))).astype(np.float32)
+        whole = cls(units, mean.astype(np.float32), whitened)
+        information = np.zeros((width, width))
         for i in range(0, min(len(rows), UPDATE.directions), UPDATE.at_once):
-            part = slice(i, min(i + UPDATE.at_once, UPDATE.directions))
-            runs = _Runs.about(setup, inputs, answers[part])
-            z = np.clip(all_of_it(rows[part] - runs.middle), -UPDATE.largest, UPDATE.largest)
-            moved = all_of_it.of_differences(runs.differences)
+            runs = _Runs.about(setup, inputs, answers[i : i + UPDATE.at_once])
+            moved = whole.of_differences(runs.differences)
             moved /= np.maximum(1.0, np.sqrt(np.mean(moved**2, axis=1, keepdims=True)))
-            second += z.T @ z + moved.T @ moved / runs.moves.shape[1]
-        _, chosen = np.linalg.eigh(second)
-        basis = all_of_it.basis @ chosen[:, ::-1][:, : UPDATE.components]
+            information += moved.T @ moved
+        _, chosen = np.linalg.eigh(information)
+        basis = whitened @ chosen[:, ::-1][:, : UPDATE.components]
         # As a file has it: of half precision.
-        return cls(units, mean, basis.astype(np.float16).astype(np.float32))
+        return cls(units, whole.mean, basis.astype(np.float16).astype(np.float32))
 
 
 @dataclass(frozen=True, eq=False)
 class _Runs:
-    """Runs of the averaged model about answers: F₁ (n, d, d) and θ₁ (n, d), the `middle` run (n, channels,
-    blocks), the `differences` of the others from it (n × d, channels, blocks), and their `moves` in units of
-    F₁ (n, d, d), a row a run."""
+    """Runs of the averaged model about n answers.
+
+    F₁ (n, d, d) and θ₁ (n, d), the `middle` run (n, channels, blocks), the `differences` of the others from
+    it (n × d, channels, blocks), and their `moves` in units of F₁ (n, d, d), a row a run.
+    """
 
     factors: Array
     means: Array
@@ -152,7 +159,7 @@ def _within(space: ParameterSpace, means: Array, steps: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """θ₂ (n, d), the Cholesky factors of Σ₂ (n, d, d), and what the second network reads, (n, features)."""
+    """θ₂ (n, d), the Cholesky factors (n, d, d) of the units about it, and what the second network reads."""
 
     means: Array
     factors: Array
@@ -199,21 +206,22 @@ class Step:
         x = np.linalg.solve(information + one, gradient)[..., 0]
         x = np.clip(x, -UPDATE.longest, UPDATE.longest)
         means = runs.means + np.einsum("nij,nj->ni", runs.factors, x)
-        # (1 + G)⁻¹ = L⁻ᵀ L⁻¹ for 1 + G = L Lᵀ; its Cholesky factor keeps those of the mixtures triangular.
         covariance = np.linalg.inv(information + one)
         covariance = runs.factors @ covariance @ runs.factors.transpose(0, 2, 1)
+        variances = np.einsum("nij,nij->ni", runs.factors, runs.factors)
+        covariance += UPDATE.floor**2 * variances[:, :, np.newaxis] * one
         factors = np.linalg.cholesky((covariance + covariance.transpose(0, 2, 1)) / 2)
         features = [
             np.arcsinh(z),
             x,
             np.log1p(np.einsum("nii->ni", information)),
             means / setup.space.prior_deviations,
-            np.log(np.sqrt(np.einsum("nij,nij->ni", runs.factors, runs.factors))),
+            np.log(variances) / 2,
         ]
         return cls(means, factors, np.concatenate(features, axis=1).astype(np.float32))
 
     def units_of(self, points: Array) -> Array:
-        """Return points (n, d) in units of Σ₂ about θ₂."""
+        """Return points (n, d) in these units about θ₂."""
         return np.asarray(np.linalg.solve(self.factors, (points - self.means)[..., np.newaxis])[..., 0])
 
     def points_of(self, units: Array) -> Array:

@@ -77,8 +77,8 @@ def train_estimator(
     folder
         Where simulations are kept as they finish. A later call with the same folder and setup goes on.
     simulations
-        How many the first network learns from, in whole shards of `SHARD_DRAWS`. The update learns from half as
-        many more, and four shards are held out.
+        How many the first network learns from, in whole shards of `SHARD_DRAWS`. The update learns from three
+        quarters as many more, and four shards are held out.
     workers, scheduler
         Of the simulations, as for `emaphm.execution.outcomes`. Training itself is on this machine.
     on_shard, on_epoch
@@ -97,7 +97,7 @@ def train_estimator(
     check_workers(scheduler)
     place = training_folder(Path(folder), setup, seed)
     count = -(-simulations // SHARD_DRAWS)
-    further = -(-count // 2)
+    further = -(-3 * count // 4)
     with place.locked():
         place.clear()
         began = time.perf_counter()
@@ -120,12 +120,10 @@ def train_estimator(
         unseen = read_shards(place, range(first, first + further))
     inputs = setup.inputs(command, AVERAGED.step_for(setup.actuator))
     trained = _first_network(setup, training, validation, seed, settings, on_epoch)
-    update, second = _model_update(setup, inputs, trained, unseen, validation, seed, on_epoch)
+    update, second = _model_update(setup, inputs, trained, training, unseen, validation, seed, on_epoch)
     space = setup.space
     nothing = Limits(np.full(2, np.inf), np.full(len(setup.channels), np.inf))
-    bare = Estimator(
-        setup, trained.projection, trained.network, update, np.ones(space.dimensions), nothing
-    )
+    bare = Estimator(setup, trained.projection, trained.network, update, np.ones(space.dimensions), nothing)
     facts = {
         "version": VERSION,
         "simulations": len(training),
@@ -167,16 +165,17 @@ def _model_update(
     setup: RecordingSetup,
     inputs: Inputs,
     first: Trained,
+    training: TrainingSet,
     unseen: TrainingSet,
     validation: TrainingSet,
     seed: int,
     on_epoch: OnEpoch | None,
 ) -> tuple[ModelUpdate, float]:
-    """Return the update learned from draws that the `first` network has not seen, and the time it took [s]."""
+    """Return the update, learned from draws that the `first` network has not seen, and its time [s]."""
     began = time.perf_counter()
     rows = _noisy(setup, unseen, stream(seed, "noise of the update"))
     answers = first_answers(first.network, rows)
-    whitening = Whitening.of(setup, inputs, unseen, rows, answers, first.projection.units)
+    whitening = Whitening.of(setup, inputs, training, rows, answers, first.projection.units)
     step = Step.of(setup, inputs, whitening, rows, answers)
     rows = _noisy(setup, validation, stream(seed, "validation noise of the update"))
     held_out = Step.of(setup, inputs, whitening, rows, first_answers(first.network, rows))

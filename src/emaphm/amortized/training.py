@@ -48,7 +48,7 @@ class TrainingSettings:
 TRAINING = TrainingSettings()
 
 UPDATE_TRAINING = TrainingSettings(
-    principal=1024, width=256, depth=2, epochs=16, noise_factor=(0.0, 0.0), patience=4
+    principal=1024, width=256, depth=2, epochs=12, noise_factor=(0.0, 0.0), patience=4
 )
 """Of the second network: it reads all of its features, and they have their noise already."""
 

@@ -234,7 +234,9 @@ def speed_table(path: Path) -> str:
     rng, size = stream(0, "rows of a batch"), LARGEST_BATCH
     blocks = estimator.projection.mean.size // len(estimator.setup.channels)
     rows = rng.normal(size=(size, len(estimator.setup.channels), blocks)).astype(np.float32)
-    recording = recorded(Rig(label="base", channels=estimator.setup.channels), Actuator.thesis(), Manoeuvre(), Faults(), 0)
+    recording = recorded(
+        Rig(label="base", channels=estimator.setup.channels), Actuator.thesis(), Manoeuvre(), Faults(), 0
+    )
     inputs = Problem.of(recording, Actuator.thesis(), workers=1).inputs
     lines = [
         "| recordings at once | processor time of each, ms | recordings a second |",
