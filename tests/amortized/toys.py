@@ -6,7 +6,7 @@ import numpy as np
 
 from emaphm.actuator import Actuator, Chirp
 from emaphm.amortized.estimator import Estimator, Limits
-from emaphm.amortized.model_update import ModelUpdate, Whitening, feature_count
+from emaphm.amortized.model_update import UPDATE, ModelUpdate, Whitening, feature_count
 from emaphm.amortized.network import Block, Dense, Network, Normalisation, Single, output_width
 from emaphm.amortized.projection import Projection
 from emaphm.amortized.recording_setup import RecordingSetup
@@ -74,12 +74,15 @@ def no_update(setup: RecordingSetup, width: int = 4) -> ModelUpdate:
     )
     norm = Normalisation(np.ones(width, np.float32), np.zeros(width, np.float32))
     nothing = Dense(np.zeros((width, width), np.float32), np.zeros(width, np.float32))
+    # Units that are wider than the answer by their floor.
+    lower = np.diag(np.full(d, 0.5 * np.log1p(UPDATE.floor**2)))
+    out = np.concatenate([np.zeros(1 + d), lower[np.tril_indices(d)]])
     network = Network(
         projection.layer,
         Dense(np.zeros((features, width), np.float32), np.zeros(width, np.float32)),
         (Block(norm, nothing, nothing),),
         norm,
-        Dense(np.zeros((width, output_width(1, d)), np.float32), np.zeros(output_width(1, d), np.float32)),
+        Dense(np.zeros((width, out.size), np.float32), half(out)),
         np.ones(d),
         1,
     )

@@ -36,8 +36,9 @@ METHOD = "estimator"
 CORRECTED = METHOD + WITH_LEAST_SQUARES
 """What it is called where least squares have gone on from the network's answer."""
 
-LEAST_WEIGHT = 0.05
-"""Weight of a mixture's component from which on a search begins at its mean too."""
+LEAST_WEIGHT, SEPARATION = 0.05, 3.0
+"""Weight of a mixture's component, and its distance from the mean in standard deviations, from which on a
+search begins there too: each start more leaves fewer runs of the reference model for the others."""
 
 SAMPLES = 1000
 """Samples of the answer that its credible intervals are taken from."""
@@ -100,7 +101,7 @@ def diagnose_by(
         if fast:
             notes = [f"the estimator's answer was corrected: {reason}" for reason in answer.reasons]
             recording = recording.with_channels(recording.channels, notes)
-        starts = Starts(METHOD, mixture.starts(LEAST_WEIGHT), estimator.space.coordinates)
+        starts = Starts(METHOD, mixture.starts(LEAST_WEIGHT, SEPARATION), estimator.space.coordinates)
     diagnosis = diagnose(
         recording,
         actuator,
