@@ -10,6 +10,7 @@ from typing import Self
 import numpy as np
 
 from emaphm.actuator import Actuator
+from emaphm.amortized.drawing import PRIOR, SHORTS
 from emaphm.amortized.estimator import Estimator
 from emaphm.amortized.likeness import LIKENESS, reasons_not_to_believe
 from emaphm.amortized.mixture import Mixture
@@ -20,6 +21,7 @@ from emaphm.diagnosis.verdict import estimates
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS
 from emaphm.estimation.methods import WITH_LEAST_SQUARES
 from emaphm.estimation.objective import MapObjective
+from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.posterior.samples import Posterior
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
@@ -39,6 +41,10 @@ CORRECTED = METHOD + WITH_LEAST_SQUARES
 LEAST_WEIGHT, SEPARATION = 0.05, 3.0
 """Weight of a mixture's component, and its distance from the mean in standard deviations, from which on a
 search begins there too: each start more leaves fewer runs of the reference model for the others."""
+
+WIDE, DRAWS = 0.04, 6
+"""Standard deviation of a fault from which on a search begins at so many draws from the answer too. It does so
+wherever all phases are shorted heavily: kinks hold a single descent there."""
 
 SAMPLES = 1000
 """Samples of the answer that its credible intervals are taken from."""
@@ -101,7 +107,7 @@ def diagnose_by(
         if fast:
             notes = [f"the estimator's answer was corrected: {reason}" for reason in answer.reasons]
             recording = recording.with_channels(recording.channels, notes)
-        starts = Starts(METHOD, mixture.starts(LEAST_WEIGHT, SEPARATION), estimator.space.coordinates)
+        starts = _starts(mixture, estimator.space, seed)
     diagnosis = diagnose(
         recording,
         actuator,
@@ -114,6 +120,16 @@ def diagnose_by(
         on_progress=on_progress,
     )
     return replace(diagnosis, seconds=time.perf_counter() - began)
+
+
+def _starts(mixture: Mixture, space: ParameterSpace, seed: int) -> Starts:
+    """Return where a search begins: at the answer, and where a descent may be held also at draws from it."""
+    points = mixture.starts(LEAST_WEIGHT, SEPARATION)
+    deviations = np.sqrt(np.diag(mixture.covariance))[: len(space.columns)]
+    shorts = space.faults(space.project(points[:1]))[0, SHORTS]
+    if deviations.max() > WIDE or shorts.min() > PRIOR.heavy_short[0]:
+        points = np.vstack([points, mixture.inside(space, DRAWS, stream(seed, "starts from the answer"))])
+    return Starts(METHOD, points, space.coordinates)
 
 
 def _objective(estimator: Estimator, recording: Recording, actuator: Actuator) -> MapObjective:
