@@ -11,7 +11,7 @@ from emaphm.amortized.mixture import Mixture
 from emaphm.amortized.model_update import Step, Whitening
 from emaphm.amortized.network import Single
 from emaphm.amortized.recording_setup import RecordingSetup
-from emaphm.amortized.simulating import TrainingSet
+from emaphm.amortized.simulating import TrainingSet, noise_rms
 from emaphm.arrays import Array
 from emaphm.simulation import AVERAGED, Inputs, Model
 
@@ -43,7 +43,7 @@ def draws(count: int, rng: np.random.Generator, scatter: Array) -> tuple[Array, 
     """Return points, and rows of a reference model that differs from the linear one by `scatter`."""
     points = MIDDLE + 0.05 * rng.normal(size=(count, D))
     exact = points @ RESPONSE + 0.3 + rng.normal(size=(count, ROWS)) @ scatter.T
-    noise = model_update.noise_rms(SETUP)[0] * rng.normal(size=exact.shape)
+    noise = noise_rms(SETUP)[0] * rng.normal(size=exact.shape)
     as_rows = [values[:, np.newaxis].astype(np.float32) for values in (exact, exact + noise)]
     return points, as_rows[0], as_rows[1]
 
@@ -57,7 +57,7 @@ def test_a_step_is_the_posterior_of_a_linear_model(linear: Inputs) -> None:
     whitening = Whitening.of(SETUP, linear, learned, rows, answers, np.array([0.05]))
     step = Step.of(SETUP, linear, whitening, rows[:200], answers[:200])
     prior = answers[0].covariance
-    noise = scatter @ scatter.T + model_update.noise_rms(SETUP)[0] ** 2 * np.eye(ROWS)
+    noise = scatter @ scatter.T + noise_rms(SETUP)[0] ** 2 * np.eye(ROWS)
     expected = np.linalg.inv(np.linalg.inv(prior) + RESPONSE @ np.linalg.solve(noise, RESPONSE.T))
     residual = rows[:200, 0] - MIDDLE @ RESPONSE - 0.3
     means = MIDDLE + residual @ np.linalg.solve(noise, RESPONSE.T) @ expected

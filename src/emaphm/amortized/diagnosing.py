@@ -43,8 +43,8 @@ LEAST_WEIGHT, SEPARATION = 0.05, 3.0
 search begins there too: each start more leaves fewer runs of the reference model for the others."""
 
 WIDE, DRAWS = 0.04, 6
-"""Standard deviation of a fault from which on a search begins at so many draws from the answer too. It does so
-wherever all phases are shorted heavily: kinks hold a single descent there."""
+"""Standard deviation of a fault from which on a search begins at so many draws from the answer too. It does
+so wherever all phases are shorted heavily: kinks hold a single descent there."""
 
 SAMPLES = 1000
 """Samples of the answer that its credible intervals are taken from."""

@@ -138,7 +138,7 @@ FIRST, UPDATE = "network", "update"
 """Names of the two networks."""
 
 
-def _arrays(estimator: "Estimator") -> dict[str, Array]:
+def _arrays(estimator: "Estimator") -> dict[str, Any]:
     update = estimator.update
     return {
         "command_rad": estimator.setup.command_rad,
@@ -224,6 +224,8 @@ def read_estimator(path: Path, kind: "type[Estimator]") -> Any:
 
 
 def _estimator(archive: zipfile.ZipFile, path: Path, kind: "type[Estimator]") -> Any:
+    from emaphm.amortized.estimator import Limits
+
     sizes = {one.filename: one.file_size for one in archive.infolist()}
     if HEADER not in sizes or sizes[HEADER] > MOST_HEADER_BYTES:
         raise _no_estimator(path, f"it has no {HEADER}")
@@ -245,7 +247,7 @@ def _estimator(archive: zipfile.ZipFile, path: Path, kind: "type[Estimator]") ->
         network,
         ModelUpdate(whitening, *_network(UPDATE, header.update, arrays)),
         arrays["temperature"],
-        _limits(arrays),
+        Limits(arrays["limits.distances"], arrays["limits.ratios"]),
         header.facts,
     )
     if list(estimator.space.coordinates) != header.coordinates:
@@ -311,12 +313,6 @@ def _network(of: str, header: _Network, arrays: dict[str, Array]) -> tuple[Proje
         arrays[f"{of}.deviations"],
         header.components,
     )
-
-
-def _limits(arrays: dict[str, Array]) -> Any:
-    from emaphm.amortized.estimator import Limits
-
-    return Limits(arrays["limits.distances"], arrays["limits.ratios"])
 
 
 def _setup(header: _Setup, command: Array, path: Path) -> RecordingSetup:

@@ -18,6 +18,7 @@ those of recordings.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -64,16 +65,19 @@ class Whitening:
     mean: Single
     basis: Single
 
-    def __call__(self, residual: Single) -> Array:
-        """Return z (n, k) of residuals (n, channels, blocks)."""
-        return np.asarray((self._flat(residual) - self.mean) @ self.basis, float)
-
-    def of_differences(self, differences: Single) -> Array:
-        """Return B times differences of runs (n, channels, blocks), (n, k)."""
-        return np.asarray(self._flat(differences) @ self.basis, float)
+    def z(self, rows: Single, runs: "_Runs") -> tuple[Array, Array]:
+        """Return z (n, k) of rows (n, channels, blocks), and B times the runs' differences, (n, d, k)."""
+        whole = self._flat(np.concatenate([rows, runs.rows])) @ self.basis
+        recorded, modelled = whole[: len(rows)], whole[len(rows) :].reshape(len(rows), -1, whole.shape[1])
+        residual = recorded - modelled[:, 0] - self._of_mean
+        return residual.astype(float), (modelled[:, 1:] - modelled[:, :1]).astype(float)
 
     def _flat(self, rows: Single) -> Single:
-        return np.asarray((rows / self.units[:, np.newaxis]).reshape(len(rows), -1), np.float32)
+        return np.asarray((rows / self.units[:, np.newaxis].astype(np.float32)).reshape(len(rows), -1))
+
+    @cached_property
+    def _of_mean(self) -> Single:
+        return np.asarray(self.mean @ self.basis)
 
     @classmethod
     def of(
@@ -94,9 +98,9 @@ class Whitening:
         bare = cls(units, np.zeros(width, np.float32), np.eye(width, dtype=np.float32))
         total, products = np.zeros(width), np.zeros((width, width))
         for i in range(0, len(draws), UPDATE.at_once):
-            part = draws.part(i, i + UPDATE.at_once)
-            averaged = simulated(setup, inputs, AVERAGED, part.points.astype(float))
-            differences = bare._flat(part.rows - averaged)
+            some = draws.part(i, i + UPDATE.at_once)
+            averaged = simulated(setup, inputs, AVERAGED, some.points.astype(float))
+            differences = bare._flat(some.rows - averaged)
             differences = np.clip(differences, -UPDATE.largest_row, UPDATE.largest_row)
             total += differences.sum(axis=0)
             products += differences.T @ differences
@@ -109,8 +113,8 @@ class Whitening:
         whole = cls(units, mean.astype(np.float32), whitened)
         information = np.zeros((width, width))
         for i in range(0, min(len(rows), UPDATE.directions), UPDATE.at_once):
-            runs = _Runs.about(setup, inputs, answers[i : i + UPDATE.at_once])
-            moved = whole.of_differences(runs.differences)
+            part = slice(i, i + UPDATE.at_once)
+            moved = whole.z(rows[part], _Runs.about(setup, inputs, answers[part]))[1].reshape(-1, width)
             moved /= np.maximum(1.0, np.sqrt(np.mean(moved**2, axis=1, keepdims=True)))
             information += moved.T @ moved
         _, chosen = np.linalg.eigh(information)
@@ -123,30 +127,27 @@ class Whitening:
 class _Runs:
     """Runs of the averaged model about n answers.
 
-    F₁ (n, d, d) and θ₁ (n, d), the `middle` run (n, channels, blocks), the `differences` of the others from
-    it (n × d, channels, blocks), and their `moves` in units of F₁ (n, d, d), a row a run.
+    F₁ (n, d, d) and θ₁ (n, d), the `rows` at θ₁ and d points about it (n × (d + 1), channels, blocks), and
+    the `moves` of these in units of F₁ (n, d, d), a row a run.
     """
 
     factors: Array
     means: Array
-    middle: Single
-    differences: Single
+    rows: Single
     moves: Array
 
     @classmethod
     def about(cls, setup: RecordingSetup, inputs: Inputs, answers: Sequence[Mixture]) -> Self:
         """Return the runs about each of the answers (n)."""
         space = setup.space
-        n, d = len(answers), space.dimensions
+        d = space.dimensions
         means = space.project(np.array([one.mean for one in answers]))
         factors = np.linalg.cholesky(np.array([one.covariance for one in answers]))
         points = _within(space, means, factors.transpose(0, 2, 1))
         every = np.concatenate([means[:, np.newaxis], points], axis=1).reshape(-1, d)
-        rows = simulated(setup, inputs, AVERAGED, every).reshape(n, d + 1, len(setup.channels), -1)
-        differences = (rows[:, 1:] - rows[:, :1]).reshape(n * d, *rows.shape[2:])
         away = points - means[:, np.newaxis]
         moves = np.linalg.solve(factors[:, np.newaxis], away[..., np.newaxis])[..., 0]
-        return cls(factors, means, rows[:, 0], differences, moves)
+        return cls(factors, means, simulated(setup, inputs, AVERAGED, every), moves)
 
 
 def _within(space: ParameterSpace, means: Array, steps: Array) -> Array:
@@ -176,49 +177,10 @@ class Step:
     ) -> Self:
         """Return the Gauss-Newton steps from the answers for rows (n, channels, blocks)."""
         pieces = [
-            cls._of(setup, inputs, whitening, rows[i : i + UPDATE.at_once], answers[i : i + UPDATE.at_once])
+            _step(setup, inputs, whitening, rows[i : i + UPDATE.at_once], answers[i : i + UPDATE.at_once])
             for i in range(0, len(rows), UPDATE.at_once)
         ]
-        return cls(
-            np.concatenate([one.means for one in pieces]),
-            np.concatenate([one.factors for one in pieces]),
-            np.concatenate([one.features for one in pieces]),
-        )
-
-    @classmethod
-    def _of(
-        cls,
-        setup: RecordingSetup,
-        inputs: Inputs,
-        whitening: Whitening,
-        rows: Single,
-        answers: Sequence[Mixture],
-    ) -> Self:
-        runs = _Runs.about(setup, inputs, answers)
-        n, d = runs.means.shape
-        one = np.eye(d)
-        z = whitening(rows - runs.middle)
-        moved = whitening.of_differences(runs.differences).reshape(n, d, -1)
-        turned = runs.moves.transpose(0, 2, 1)
-        jacobians = np.linalg.solve(turned @ runs.moves + UPDATE.ridge * one, turned @ moved)
-        information = jacobians @ jacobians.transpose(0, 2, 1)
-        gradient = jacobians @ np.clip(z, -UPDATE.largest, UPDATE.largest)[..., np.newaxis]
-        x = np.linalg.solve(information + one, gradient)[..., 0]
-        x = np.clip(x, -UPDATE.longest, UPDATE.longest)
-        means = runs.means + np.einsum("nij,nj->ni", runs.factors, x)
-        covariance = np.linalg.inv(information + one)
-        covariance = runs.factors @ covariance @ runs.factors.transpose(0, 2, 1)
-        variances = np.einsum("nij,nij->ni", runs.factors, runs.factors)
-        covariance += UPDATE.floor**2 * variances[:, :, np.newaxis] * one
-        factors = np.linalg.cholesky((covariance + covariance.transpose(0, 2, 1)) / 2)
-        features = [
-            np.arcsinh(z),
-            x,
-            np.log1p(np.einsum("nii->ni", information)),
-            means / setup.space.prior_deviations,
-            np.log(variances) / 2,
-        ]
-        return cls(means, factors, np.concatenate(features, axis=1).astype(np.float32))
+        return cls(*(np.concatenate(parts) for parts in zip(*pieces, strict=True)))
 
     def units_of(self, points: Array) -> Array:
         """Return points (n, d) in these units about θ₂."""
@@ -227,6 +189,35 @@ class Step:
     def points_of(self, units: Array) -> Array:
         """Return the points (n, d) of what `units_of` returns."""
         return np.asarray(self.means + np.einsum("nij,nj->ni", self.factors, units))
+
+
+def _step(
+    setup: RecordingSetup, inputs: Inputs, whitening: Whitening, rows: Single, answers: Sequence[Mixture]
+) -> tuple[Array, Array, Single]:
+    """Return means, factors and features of the steps from answers that are compared together."""
+    runs = _Runs.about(setup, inputs, answers)
+    one = np.eye(runs.means.shape[1])
+    z, moved = whitening.z(rows, runs)
+    turned = runs.moves.transpose(0, 2, 1)
+    jacobians = np.linalg.solve(turned @ runs.moves + UPDATE.ridge * one, turned @ moved)
+    information = jacobians @ jacobians.transpose(0, 2, 1)
+    gradient = jacobians @ np.clip(z, -UPDATE.largest, UPDATE.largest)[..., np.newaxis]
+    x = np.linalg.solve(information + one, gradient)[..., 0]
+    x = np.clip(x, -UPDATE.longest, UPDATE.longest)
+    means = runs.means + np.einsum("nij,nj->ni", runs.factors, x)
+    covariance = np.linalg.inv(information + one)
+    covariance = runs.factors @ covariance @ runs.factors.transpose(0, 2, 1)
+    variances = np.einsum("nij,nij->ni", runs.factors, runs.factors)
+    covariance += UPDATE.floor**2 * variances[:, :, np.newaxis] * one
+    factors = np.linalg.cholesky((covariance + covariance.transpose(0, 2, 1)) / 2)
+    features = [
+        np.arcsinh(z),
+        x,
+        np.log1p(np.einsum("nii->ni", information)),
+        means / setup.space.prior_deviations,
+        np.log(variances) / 2,
+    ]
+    return np.asarray(means), np.asarray(factors, float), np.concatenate(features, axis=1).astype(np.float32)
 
 
 @dataclass(frozen=True, eq=False)

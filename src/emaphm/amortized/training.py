@@ -135,7 +135,12 @@ def train_network(
     projection = Projection.of(training.rows, noise, settings.principal)
     layer = projection.layer
     module = made(layer, settings.width, settings.depth, settings.components, deviations.size)
-    run = _Run(torch, module, training, noise, deviations, settings, child_seed(seed, "training"))
+
+    def run_on(restarts: int, step: int) -> _Run:
+        child = child_seed(seed, "training")
+        return _Run(torch, module, training, noise, deviations, settings, child, restarts, step)
+
+    run = run_on(0, 0)
     held_out = _with_noise(validation, noise, stream(seed, "validation noise"))
     epochs: list[Epoch] = []
     best, least, since, restarts = copy.deepcopy(module.state_dict()), math.inf, 0, 0
@@ -151,7 +156,7 @@ def train_network(
             if restarts > settings.restarts:
                 note = "training diverged again and ends here; the best state is kept"
             module.load_state_dict(best)
-            run = run.restarted(restarts)
+            run = run_on(restarts, run.step)
         elif validation_loss < least:
             best, least, since = copy.deepcopy(module.state_dict()), validation_loss, 0
         else:
@@ -186,8 +191,8 @@ class _Run:
         deviations: Array,
         settings: TrainingSettings,
         seed: int,
-        restarts: int = 0,
-        step: int = 0,
+        restarts: int,
+        step: int,
     ) -> None:
         self.torch, self.module, self.training, self.settings = torch, module, training, settings
         self.noise, self.deviations, self.seed = noise, deviations, seed
@@ -197,20 +202,6 @@ class _Run:
         self.per_epoch = max(1, len(training) // settings.batch)
         self.optimizer = torch.optim.AdamW(
             module.parameters(), lr=settings.rate, weight_decay=settings.decay, betas=(0.9, 0.98)
-        )
-
-    def restarted(self, restarts: int) -> "_Run":
-        """Return a run that goes on here at half the rate for each restart."""
-        return _Run(
-            self.torch,
-            self.module,
-            self.training,
-            self.noise,
-            self.deviations,
-            self.settings,
-            self.seed,
-            restarts,
-            self.step,
         )
 
     def epoch(self, number: int) -> float:
