@@ -3,8 +3,6 @@
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
-from pathlib import Path
 from typing import Self
 
 import numpy as np
@@ -45,6 +43,10 @@ search begins there too: each start more leaves fewer runs of the reference mode
 WIDE, DRAWS = 0.04, 6
 """Standard deviation of a fault from which on a search begins at so many draws from the answer too. It does
 so wherever all phases are shorted heavily: kinks hold a single descent there."""
+
+FARTHEST = 3.5
+"""Distance from the answer in its standard deviations from which on the end of a search that began there is
+not believed: kinks have led it astray, or the answer was wrong."""
 
 SAMPLES = 1000
 """Samples of the answer that its credible intervals are taken from."""
@@ -108,18 +110,38 @@ def diagnose_by(
             notes = [f"the estimator's answer was corrected: {reason}" for reason in answer.reasons]
             recording = recording.with_channels(recording.channels, notes)
         starts = _starts(mixture, estimator.space, seed)
-    diagnosis = diagnose(
-        recording,
-        actuator,
-        max_corrections=max_corrections,
-        nuisances=nuisances,
-        seed=seed,
-        workers=workers,
-        posterior=posterior,
-        starts=starts,
-        on_progress=on_progress,
-    )
+
+    def searched(recording: Recording, starts: Starts | None) -> Diagnosis:
+        return diagnose(
+            recording,
+            actuator,
+            max_corrections=max_corrections,
+            nuisances=nuisances,
+            seed=seed,
+            workers=workers,
+            posterior=posterior,
+            starts=starts,
+            on_progress=on_progress,
+        )
+
+    diagnosis = searched(recording, starts)
+    if diagnosis.method == CORRECTED:
+        name, deviations = _farthest(mixture, estimator.space, diagnosis)
+        if deviations > FARTHEST:
+            note = (
+                f"least squares led away from the estimator's answer, by {deviations:.2g} of its standard "
+                f"deviations in {name}; all of the range was searched"
+            )
+            diagnosis = searched(recording.with_channels(recording.channels, [note]), None)
     return replace(diagnosis, seconds=time.perf_counter() - began)
+
+
+def _farthest(mixture: Mixture, space: ParameterSpace, diagnosis: Diagnosis) -> tuple[str, float]:
+    """Return the fault in which a diagnosis differs most from the answer, in its standard deviations."""
+    faults = len(space.columns)
+    away = np.abs(space.points(diagnosis.faults.vector) - mixture.mean)[:faults]
+    away /= np.sqrt(np.diag(mixture.covariance))[:faults]
+    return space.coordinates[int(away.argmax())], float(away.max())
 
 
 def _starts(mixture: Mixture, space: ParameterSpace, seed: int) -> Starts:
@@ -189,18 +211,3 @@ class _Answer:
             moves=self.moves,
             posterior=Posterior.of(space, samples, None),
         )
-
-
-def estimator_at(path: str | Path) -> Estimator:
-    """Return the estimator in a file, read once a process as long as the file stays the same."""
-    resolved = Path(path)
-    try:
-        found = resolved.stat()
-    except (OSError, ValueError):
-        return Estimator.load(resolved)  # which says what is wrong
-    return _read(resolved.absolute(), found.st_mtime_ns, found.st_size)
-
-
-@lru_cache(maxsize=4)
-def _read(path: Path, _changed: int, _size: int) -> Estimator:
-    return Estimator.load(path)

@@ -91,13 +91,9 @@ class Estimator:
         """Return what the network reads of a recording that `check` has accepted, (1, channels, blocks)."""
         return in_blocks(rows_of(recording, self.setup.channels), block_of(self.setup.samples))
 
-    def first_answers(self, rows: Single) -> list[Mixture]:
-        """Return what the rows (n, channels, blocks) of many recordings say by themselves."""
-        return first_answers(self.network, rows)
-
     def answers(self, rows: Single, inputs: Inputs) -> list[Mixture]:
         """Return what is known of each of many recordings (n), all driven by `inputs`."""
-        updated = self.update.answers(self.setup, inputs, rows, self.first_answers(rows))
+        updated = self.update.answers(self.setup, inputs, rows, first_answers(self.network, rows))
         return [one.scaled(self.temperature) for one in updated]
 
     def distances(self, rows: Single) -> Array:

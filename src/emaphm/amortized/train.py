@@ -33,6 +33,7 @@ from emaphm.amortized.training import (
     TrainingSettings,
     median_error,
     train_network,
+    with_noise,
 )
 from emaphm.arrays import Array
 from emaphm.errors import MethodError
@@ -173,11 +174,11 @@ def _model_update(
 ) -> tuple[ModelUpdate, float]:
     """Return the update, learned from draws that the `first` network has not seen, and its time [s]."""
     began = time.perf_counter()
-    rows = _noisy(setup, unseen, stream(seed, "noise of the update"))
+    rows = with_noise(unseen, noise_rms(setup), stream(seed, "noise of the update"))
     answers = first_answers(first.network, rows)
     whitening = Whitening.of(setup, inputs, training, rows, answers, first.projection.units)
     step = Step.of(setup, inputs, whitening, rows, answers)
-    rows = _noisy(setup, validation, stream(seed, "validation noise of the update"))
+    rows = with_noise(validation, noise_rms(setup), stream(seed, "validation noise of the update"))
     held_out = Step.of(setup, inputs, whitening, rows, first_answers(first.network, rows))
     faults = len(setup.space.columns)
     trained = train_network(
@@ -209,20 +210,15 @@ def _calibrated(
 ) -> Estimator:
     """Return the estimator with its temperature and limits, and how it was judged among its facts."""
     setup, space = bare.setup, bare.space
-    rows = _noisy(setup, validation, stream(seed, "noise of the calibration"))
+    rows = with_noise(validation, noise_rms(setup), stream(seed, "noise of the calibration"))
     temperature = temperature_of(bare.answers(rows, inputs), validation.points.astype(float))
     warm = replace(bare, temperature=temperature)
     limits = limits_of(warm.distances(rows), _ratios(warm, inputs, rows[:CHECKED], seed))
-    judging_rows = _noisy(setup, judging, stream(seed, "noise of the judgement"))
+    judging_rows = with_noise(judging, noise_rms(setup), stream(seed, "noise of the judgement"))
     rng = stream(seed, "samples of the judgement")
     judgement = judged(warm.answers(judging_rows, inputs), judging.points.astype(float), space, rng)
     facts = {**facts, "judgement": _judgement_dict(judgement, space.coordinates)}
     return replace(warm, limits=limits, facts=facts)
-
-
-def _noisy(setup: RecordingSetup, held_out: TrainingSet, rng: np.random.Generator) -> Single:
-    normal = rng.standard_normal(held_out.rows.shape, dtype=np.float32)
-    return np.asarray(held_out.rows + noise_rms(setup)[:, np.newaxis] * normal)
 
 
 def _ratios(estimator: Estimator, inputs: Inputs, rows: Single, seed: int) -> Array:

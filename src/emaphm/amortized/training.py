@@ -141,7 +141,7 @@ def train_network(
         return _Run(torch, module, training, noise, deviations, settings, child, restarts, step)
 
     run = run_on(0, 0)
-    held_out = _with_noise(validation, noise, stream(seed, "validation noise"))
+    held_out = with_noise(validation, noise, stream(seed, "validation noise"))
     epochs: list[Epoch] = []
     best, least, since, restarts = copy.deepcopy(module.state_dict()), math.inf, 0, 0
     number = 0
@@ -246,7 +246,8 @@ def has_half_precision(torch: Any) -> bool:
     return bool(asked and asked())
 
 
-def _with_noise(held_out: TrainingSet, noise: Single, rng: np.random.Generator) -> Single:
+def with_noise(held_out: TrainingSet, noise: Single, rng: np.random.Generator) -> Single:
+    """Return the rows of a set with the sensors' noise, rms (channels,)."""
     normal = rng.standard_normal(held_out.rows.shape, dtype=np.float32)
     return np.asarray(held_out.rows + noise[:, np.newaxis] * normal)
 
