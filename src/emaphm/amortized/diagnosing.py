@@ -195,7 +195,7 @@ class _Answer:
             fitness=self.result.cost,
             residual_rms_A=float(np.sqrt(np.mean(residual**2))),
             explained=True,
-            evaluations=problem.runs.of(problem.model)[0] + LIKENESS.runs,
+            evaluations=problem.runs.of(problem.model)[0] + LIKENESS.runs + space.dimensions + 1,
             reference_runs=0,
             seconds=time.perf_counter() - began,
             seed=seed,

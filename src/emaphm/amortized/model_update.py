@@ -146,7 +146,7 @@ class _Runs:
         points = _within(space, means, factors.transpose(0, 2, 1))
         every = np.concatenate([means[:, np.newaxis], points], axis=1).reshape(-1, d)
         away = points - means[:, np.newaxis]
-        moves = np.linalg.solve(factors[:, np.newaxis], away[..., np.newaxis])[..., 0]
+        moves = np.asarray(np.linalg.solve(factors[:, np.newaxis], away[..., np.newaxis])[..., 0], float)
         return cls(factors, means, simulated(setup, inputs, AVERAGED, every), moves)
 
 
