@@ -41,7 +41,7 @@ class UpdateSettings:
     units in a row and up to `largest` standard deviations in z; a step goes up to `longest` of the answer's.
     Differences are divided by moves with a `ridge`: a run that a bound has held tells little. Units are
     `floor` of the answer's standard deviations at least: no linear model is as sure as a large J would have
-    it. `at_once` answers are compared together, which takes 500 MB.
+    it. `at_once` answers are compared together, which takes 130 MB.
     """
 
     components: int = 256
@@ -51,7 +51,7 @@ class UpdateSettings:
     longest: float = 3.0
     ridge: float = 1e-4
     floor: float = 0.2
-    at_once: int = 256
+    at_once: int = 64
 
 
 UPDATE = UpdateSettings()
