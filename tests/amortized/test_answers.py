@@ -50,6 +50,17 @@ def test_moments_are_those_of_its_samples() -> None:
     np.testing.assert_allclose(np.cov(samples.T), one.covariance, atol=2e-3)
 
 
+def test_a_search_begins_where_components_differ() -> None:
+    factors = np.tile(0.05 * np.eye(2), (3, 1, 1))
+    factors[2] *= 10.0
+    means = np.array([[0.2, 0.5], [0.8, 0.5], [0.8, 0.5]])
+    weights = np.array([0.5, 0.4, 0.1])
+    starts = Mixture(weights, means, factors).starts(0.05, 3.0)
+    np.testing.assert_allclose(starts, [[0.5, 0.5], [0.2, 0.5], [0.8, 0.5]])
+    alike = Mixture(weights, np.tile(means[0], (3, 1)), factors)
+    np.testing.assert_allclose(alike.starts(0.05, 3.0), means[:1])
+
+
 def test_samples_lie_within_the_bounds_even_where_the_mean_does_not() -> None:
     far = Mixture(np.ones(1), MIDDLE[np.newaxis] + 5.0, 0.01 * np.eye(10)[np.newaxis])
     samples = far.inside(SPACE, 50, np.random.default_rng(4))

@@ -9,7 +9,9 @@ import pytest
 
 from amortized.toys import THESIS, constant_estimator, with_limit
 from emaphm.actuator import Actuator, Chirp, Faults
+from emaphm.amortized import diagnosing
 from emaphm.amortized.diagnosing import diagnose_by
+from emaphm.amortized.mixture import Mixture
 from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.arrays import Array
 from emaphm.diagnosis import diagnose, error_percent
@@ -86,6 +88,25 @@ def test_a_sure_and_wrong_answer_is_not_believed(recording: Recording) -> None:
     diagnosis = diagnose_by(wrong, recording, THESIS, fast=True, workers=1)
     assert diagnosis.method == "hybrid"
     assert any("answer's own uncertainty" in note for note in diagnosis.recording_notes)
+
+
+def test_a_search_that_leads_away_from_a_sure_answer_is_made_anew(recording: Recording) -> None:
+    off = constant_estimator(SETUP, ANSWER + 0.03, 0.005)
+    diagnosis = diagnose_by(off, recording, THESIS, workers=1)
+    assert diagnosis.method == "hybrid"
+    assert any("away from the estimator's answer" in note for note in diagnosis.recording_notes)
+    assert error_percent(TRUTH.vector, diagnosis.faults.vector) < 1.5
+
+
+def test_a_search_begins_at_several_points_where_the_answer_is_wide() -> None:
+    def starts(deviation: float, shorts: float = 0.0) -> int:
+        middle = np.where(np.isin(SETUP.space.columns, (2, 3, 4)), shorts, 0.3)
+        mean = np.concatenate([middle, np.zeros(SETUP.space.dimensions - middle.size)])
+        one = Mixture(np.ones(1), mean[np.newaxis], deviation * np.eye(mean.size)[np.newaxis])
+        return len(diagnosing._starts(one, SETUP.space, 0).points)
+
+    assert starts(0.01) == 1
+    assert starts(0.1) == starts(0.01, shorts=0.6) == 1 + diagnosing.DRAWS
 
 
 def chirp(recording: Recording, **columns: Array) -> Recording:

@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from amortized.toys import constant_estimator, short_setup
+from amortized.toys import CHIRP, constant_estimator, short_setup
 from emaphm.amortized import Estimator
 from emaphm.amortized.estimator_file import HEADER
 from emaphm.errors import MethodError, OutputError
+from emaphm.simulation import AVERAGED
 
 ANSWER = np.linspace(-0.2, 0.6, 10)
 
@@ -30,7 +31,8 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_what_is_read_answers_as_what_was_written(written: Path) -> None:
     before, after = constant_estimator(short_setup(), ANSWER), Estimator.load(written)
     rows = np.random.default_rng(0).normal(size=(3, 2, 200)).astype(np.float32)
-    for one, other in zip(before.answers(rows), after.answers(rows), strict=True):
+    inputs = before.setup.inputs(CHIRP, AVERAGED.step_for(before.setup.actuator))
+    for one, other in zip(before.answers(rows, inputs), after.answers(rows, inputs), strict=True):
         np.testing.assert_allclose(one.mean, other.mean)
         np.testing.assert_allclose(one.covariance, other.covariance, rtol=1e-3)
     np.testing.assert_array_equal(before.distances(rows), after.distances(rows))
@@ -83,20 +85,23 @@ class Harm:
 
 
 WRONG = {
-    "another version": (header(format="emaphm estimator 9"), "reads 'emaphm estimator 1'"),
+    "another version": (header(format="emaphm estimator 9"), "reads 'emaphm estimator 2'"),
     "something else": (header(format="model"), "no estimator"),
     "no header": (lambda members: members.pop(HEADER), "no header.json"),
     "broken header": (replaced(HEADER, b"{"), "no JSON"),
-    "another graph": (network(depth=2), "'norm1.weight' is missing"),
+    "another graph": (network(depth=2), "'network.norm1.weight' is missing"),
     "a wider network": (network(width=5), "another shape"),
     "a huge network": (network(width=10**9), "network.width"),
-    "other coordinates": (network(coordinates=["friction"] * 10), "coordinates"),
+    "other coordinates": (header(coordinates=["friction"] * 10), "coordinates"),
     "a member too many": (replaced("run.py", b"print(1)"), "'run.py'"),
-    "no number": (replaced("entry.bias.npy", array(np.full(4, np.nan, "<f2"))), "not finite"),
-    "numbers of another kind": (replaced("entry.bias.npy", array(np.zeros(4))), "another shape or kind"),
-    "an object": (replaced("entry.bias.npy", array(np.array([Harm()] * 4, object))), "no estimator"),
-    "a pickle": (replaced("entry.bias.npy", pickle.dumps(Harm())), "no estimator"),
-    "an array cut off": (replaced("entry.bias.npy", array(np.zeros(4, "<f2"))[:-2]), "no estimator"),
+    "no number": (replaced("network.entry.bias.npy", array(np.full(4, np.nan, "<f2"))), "not finite"),
+    "numbers of another kind": (
+        replaced("network.entry.bias.npy", array(np.zeros(4))),
+        "another shape or kind",
+    ),
+    "an object": (replaced("network.entry.bias.npy", array(np.array([Harm()] * 4, object))), "no estimator"),
+    "a pickle": (replaced("network.entry.bias.npy", pickle.dumps(Harm())), "no estimator"),
+    "an array cut off": (replaced("network.entry.bias.npy", array(np.zeros(4, "<f2"))[:-2]), "no estimator"),
     "another actuator's laws": (header(setup={}), "setup.actuator"),
 }
 
@@ -149,7 +154,7 @@ def test_a_bomb_is_refused_before_it_is_unpacked(written: Path, tmp_path: Path) 
     path = tmp_path / "bomb.estimator"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, content in members.items():
-            archive.writestr(name, bytes(2**27) if name == "basis.npy" else content)
+            archive.writestr(name, bytes(2**27) if name == "network.basis.npy" else content)
     assert path.stat().st_size < 2**20
     with pytest.raises(MethodError, match="larger"):
         Estimator.load(path)

@@ -6,6 +6,7 @@ import numpy as np
 
 from emaphm.actuator import Actuator, Chirp
 from emaphm.amortized.estimator import Estimator, Limits
+from emaphm.amortized.model_update import UPDATE, ModelUpdate, Whitening, feature_count
 from emaphm.amortized.network import Block, Dense, Network, Normalisation, Single, output_width
 from emaphm.amortized.projection import Projection
 from emaphm.amortized.recording_setup import RecordingSetup
@@ -56,7 +57,36 @@ def constant_estimator(
         1,
     )
     limits = Limits(np.full(2, limit), np.full(len(setup.channels), limit))
-    return Estimator(setup, projection, network, np.ones(d), limits, {"simulations": 0})
+    return Estimator(
+        setup, projection, network, no_update(setup, width), np.ones(d), limits, {"simulations": 0}
+    )
+
+
+def no_update(setup: RecordingSetup, width: int = 4) -> ModelUpdate:
+    """Return an update that compares nothing, so that the first answer stays what it is."""
+    d, k = setup.space.dimensions, 2
+    rows = len(setup.channels) * (setup.samples // block_of(setup.samples))
+    zeros = np.zeros((rows, k), np.float32)
+    whitening = Whitening(np.ones(len(setup.channels)), np.zeros(rows, np.float32), zeros)
+    features = feature_count(k, d)
+    projection = Projection(
+        np.ones(1), np.zeros(features, np.float32), np.eye(features, dtype=np.float32), np.ones(features)
+    )
+    norm = Normalisation(np.ones(width, np.float32), np.zeros(width, np.float32))
+    nothing = Dense(np.zeros((width, width), np.float32), np.zeros(width, np.float32))
+    # Units that are wider than the answer by their floor.
+    lower = np.diag(np.full(d, 0.5 * np.log1p(UPDATE.floor**2)))
+    out = np.concatenate([np.zeros(1 + d), lower[np.tril_indices(d)]])
+    network = Network(
+        projection.layer,
+        Dense(np.zeros((features, width), np.float32), np.zeros(width, np.float32)),
+        (Block(norm, nothing, nothing),),
+        norm,
+        Dense(np.zeros((width, out.size), np.float32), half(out)),
+        np.ones(d),
+        1,
+    )
+    return ModelUpdate(whitening, projection, network)
 
 
 def with_limit(estimator: Estimator, limit: float) -> Estimator:

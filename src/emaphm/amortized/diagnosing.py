@@ -3,13 +3,12 @@
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
-from pathlib import Path
 from typing import Self
 
 import numpy as np
 
 from emaphm.actuator import Actuator
+from emaphm.amortized.drawing import PRIOR, SHORTS
 from emaphm.amortized.estimator import Estimator
 from emaphm.amortized.likeness import LIKENESS, reasons_not_to_believe
 from emaphm.amortized.mixture import Mixture
@@ -20,6 +19,7 @@ from emaphm.diagnosis.verdict import estimates
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS
 from emaphm.estimation.methods import WITH_LEAST_SQUARES
 from emaphm.estimation.objective import MapObjective
+from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.posterior.samples import Posterior
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
@@ -36,8 +36,17 @@ METHOD = "estimator"
 CORRECTED = METHOD + WITH_LEAST_SQUARES
 """What it is called where least squares have gone on from the network's answer."""
 
-LEAST_WEIGHT = 0.05
-"""Weight of a mixture's component from which on a search begins at its mean too."""
+LEAST_WEIGHT, SEPARATION = 0.05, 3.0
+"""Weight of a mixture's component, and its distance from the mean in standard deviations, from which on a
+search begins there too: each start more leaves fewer runs of the reference model for the others."""
+
+WIDE, DRAWS = 0.04, 6
+"""Standard deviation of a fault from which on a search begins at so many draws from the answer too. It does
+so wherever all phases are shorted heavily: kinks hold a single descent there."""
+
+FARTHEST = 3.5
+"""Distance from the answer in its standard deviations from which on the end of a search that began there is
+not believed: kinks have led it astray, or the answer was wrong."""
 
 SAMPLES = 1000
 """Samples of the answer that its credible intervals are taken from."""
@@ -82,7 +91,7 @@ def diagnose_by(
     recording = with_equivalent_current(recording, actuator)
     estimator.check(recording, actuator)
     objective = _objective(estimator, recording, actuator)
-    mixture = estimator.answer(recording)
+    mixture = estimator.answer(recording, objective.problem.inputs)
     findings = check_sensors(recording, actuator).findings
     reasons = tuple(finding.sentence.removesuffix(".") for finding in findings) or reasons_not_to_believe(
         estimator, recording, mixture, objective.problem, stream(seed, "likeness of the recording")
@@ -100,19 +109,49 @@ def diagnose_by(
         if fast:
             notes = [f"the estimator's answer was corrected: {reason}" for reason in answer.reasons]
             recording = recording.with_channels(recording.channels, notes)
-        starts = Starts(METHOD, mixture.starts(LEAST_WEIGHT), estimator.space.coordinates)
-    diagnosis = diagnose(
-        recording,
-        actuator,
-        max_corrections=max_corrections,
-        nuisances=nuisances,
-        seed=seed,
-        workers=workers,
-        posterior=posterior,
-        starts=starts,
-        on_progress=on_progress,
-    )
+        starts = _starts(mixture, estimator.space, seed)
+
+    def searched(recording: Recording, starts: Starts | None) -> Diagnosis:
+        return diagnose(
+            recording,
+            actuator,
+            max_corrections=max_corrections,
+            nuisances=nuisances,
+            seed=seed,
+            workers=workers,
+            posterior=posterior,
+            starts=starts,
+            on_progress=on_progress,
+        )
+
+    diagnosis = searched(recording, starts)
+    if diagnosis.method == CORRECTED:
+        name, deviations = _farthest(mixture, estimator.space, diagnosis)
+        if deviations > FARTHEST:
+            note = (
+                f"least squares led away from the estimator's answer, by {deviations:.2g} of its standard "
+                f"deviations in {name}; all of the range was searched"
+            )
+            diagnosis = searched(recording.with_channels(recording.channels, [note]), None)
     return replace(diagnosis, seconds=time.perf_counter() - began)
+
+
+def _farthest(mixture: Mixture, space: ParameterSpace, diagnosis: Diagnosis) -> tuple[str, float]:
+    """Return the fault in which a diagnosis differs most from the answer, in its standard deviations."""
+    faults = len(space.columns)
+    away = np.abs(space.points(diagnosis.faults.vector) - mixture.mean)[:faults]
+    away /= np.sqrt(np.diag(mixture.covariance))[:faults]
+    return space.coordinates[int(away.argmax())], float(away.max())
+
+
+def _starts(mixture: Mixture, space: ParameterSpace, seed: int) -> Starts:
+    """Return where a search begins: at the answer, and where a descent may be held also at draws from it."""
+    points = mixture.starts(LEAST_WEIGHT, SEPARATION)
+    deviations = np.sqrt(np.diag(mixture.covariance))[: len(space.columns)]
+    shorts = space.faults(space.project(points[:1]))[0, SHORTS]
+    if deviations.max() > WIDE or shorts.min() > PRIOR.heavy_short[0]:
+        points = np.vstack([points, mixture.inside(space, DRAWS, stream(seed, "starts from the answer"))])
+    return Starts(METHOD, points, space.coordinates)
 
 
 def _objective(estimator: Estimator, recording: Recording, actuator: Actuator) -> MapObjective:
@@ -156,7 +195,7 @@ class _Answer:
             fitness=self.result.cost,
             residual_rms_A=float(np.sqrt(np.mean(residual**2))),
             explained=True,
-            evaluations=problem.runs.of(problem.model)[0] + LIKENESS.runs,
+            evaluations=problem.runs.of(problem.model)[0] + LIKENESS.runs + space.dimensions + 1,
             reference_runs=0,
             seconds=time.perf_counter() - began,
             seed=seed,
@@ -172,18 +211,3 @@ class _Answer:
             moves=self.moves,
             posterior=Posterior.of(space, samples, None),
         )
-
-
-def estimator_at(path: str | Path) -> Estimator:
-    """Return the estimator in a file, read once a process as long as the file stays the same."""
-    resolved = Path(path)
-    try:
-        found = resolved.stat()
-    except (OSError, ValueError):
-        return Estimator.load(resolved)  # which says what is wrong
-    return _read(resolved.absolute(), found.st_mtime_ns, found.st_size)
-
-
-@lru_cache(maxsize=4)
-def _read(path: Path, _changed: int, _size: int) -> Estimator:
-    return Estimator.load(path)

@@ -8,6 +8,7 @@ from typing import Any, Self
 
 from emaphm.actuator import Actuator
 from emaphm.amortized.mixture import Mixture
+from emaphm.amortized.model_update import ModelUpdate
 from emaphm.amortized.network import Network, Single
 from emaphm.amortized.projection import Projection
 from emaphm.amortized.recording_setup import RecordingSetup, actuator_hash, rows_of
@@ -16,6 +17,7 @@ from emaphm.arrays import Array
 from emaphm.errors import MethodError
 from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.recording import Recording
+from emaphm.simulation import Inputs
 
 WAY_OUT = "leave out --estimator, or train one for it with 'emaphm train'"
 
@@ -36,13 +38,15 @@ class Limits:
 class Estimator:
     """What a file of `emaphm train` holds.
 
-    `temperature` (d,) multiplies the standard deviations; `facts` are those of its training, for people to
-    read. All else is in the setup.
+    `network` answers from rows alone, read through `projection`; `update` improves its answers by the
+    averaged model. `temperature` (d,) multiplies the standard deviations; `facts` are those of its training,
+    for people to read. All else is in the setup.
     """
 
     setup: RecordingSetup
     projection: Projection
     network: Network
+    update: ModelUpdate
     temperature: Array
     limits: Limits
     facts: Mapping[str, Any] = field(default_factory=dict)
@@ -93,14 +97,20 @@ class Estimator:
         """Return what the network reads of a recording that `check` has accepted, (1, channels, blocks)."""
         return in_blocks(rows_of(recording, self.setup.channels), block_of(self.setup.samples))
 
-    def answers(self, rows: Single) -> list[Mixture]:
-        """Return what is known of each of many recordings, their rows (n, channels, blocks)."""
-        return self.network.mixtures(self.network.features(rows), self.temperature)
+    def answers(self, rows: Single, inputs: Inputs) -> list[Mixture]:
+        """Return what is known of each of many recordings (n), all driven by `inputs`."""
+        updated = self.update.answers(self.setup, inputs, rows, first_answers(self.network, rows))
+        return [one.scaled(self.temperature) for one in updated]
 
     def distances(self, rows: Single) -> Array:
         """Return how unlike the training set rows (n, channels, blocks) are, (n, 2)."""
         return self.projection.distances(rows, self.network.features(rows))
 
-    def answer(self, recording: Recording) -> Mixture:
-        """Return what is known of a recording that `check` has accepted."""
-        return self.answers(self.rows(recording))[0]
+    def answer(self, recording: Recording, inputs: Inputs) -> Mixture:
+        """Return what is known of a recording that `check` has accepted, driven by `inputs`."""
+        return self.answers(self.rows(recording), inputs)[0]
+
+
+def first_answers(network: Network, rows: Single) -> list[Mixture]:
+    """Return what a network makes of rows (n, channels, blocks)."""
+    return network.mixtures(network.features(rows))

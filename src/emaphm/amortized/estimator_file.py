@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from emaphm.actuator import Actuator
+from emaphm.amortized.model_update import ModelUpdate, Whitening, feature_count
 from emaphm.amortized.network import Block, Dense, Network, Normalisation, output_width
 from emaphm.amortized.projection import Projection
 from emaphm.amortized.recording_setup import MOST_ROWS, RecordingSetup
@@ -28,7 +29,7 @@ from emaphm.version import VERSION
 if TYPE_CHECKING:
     from emaphm.amortized.estimator import Estimator
 
-FORMAT = "emaphm estimator 1"
+FORMAT = "emaphm estimator 2"
 HEADER = "header.json"
 
 MOST_BYTES = 64 * 2**20
@@ -75,22 +76,29 @@ class _Network(BaseModel):
     width: Size
     depth: Annotated[int, Field(ge=1, le=DEEPEST)]
     components: Annotated[int, Field(ge=1, le=MOST_COMPONENTS)]
-    coordinates: Annotated[list[str], Field(min_length=1, max_length=128)]
+
+    @classmethod
+    def of(cls, network: Network) -> "_Network":
+        principal, width = network.entry.weight.shape
+        return cls(principal=principal, width=width, depth=len(network.blocks), components=network.components)
 
 
 class _Header(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
-    format: Literal["emaphm estimator 1"]
+    format: Literal["emaphm estimator 2"]
     version: str
     setup: _Setup
+    coordinates: Annotated[list[str], Field(min_length=1, max_length=128)]
     network: _Network
+    update: _Network
+    compared: Size
     facts: dict[str, Any]
 
 
 def write_estimator(estimator: "Estimator", path: str | Path) -> None:
     """Write an estimator to one file; `OutputError` where it cannot be written."""
-    setup, network = estimator.setup, estimator.network
+    setup, update = estimator.setup, estimator.update
     header = _Header(
         format=FORMAT,
         version=VERSION,
@@ -104,13 +112,10 @@ def write_estimator(estimator: "Estimator", path: str | Path) -> None:
             adc_bits=setup.adc_bits,
             nuisances=None if setup.nuisances is None else list(setup.nuisances),
         ),
-        network=_Network(
-            principal=network.entry.weight.shape[0],
-            width=network.entry.weight.shape[1],
-            depth=len(network.blocks),
-            components=network.components,
-            coordinates=list(estimator.space.coordinates),
-        ),
+        coordinates=list(estimator.space.coordinates),
+        network=_Network.of(estimator.network),
+        update=_Network.of(update.network),
+        compared=update.whitening.basis.shape[1],
         facts={
             **estimator.facts,
             "actuator_hash": estimator.actuator_hash,
@@ -120,51 +125,78 @@ def write_estimator(estimator: "Estimator", path: str | Path) -> None:
     with written_whole(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr(HEADER, json.dumps(header.model_dump(), indent=1, allow_nan=False))
         for name, values in _arrays(estimator).items():
-            kind = EXACT if name.partition(".")[0] in DOUBLE else WEIGHTS
+            kind = EXACT if name.rpartition(".")[2] in DOUBLE else WEIGHTS
             buffer = io.BytesIO()
             np.lib.format.write_array(buffer, values.astype(kind), allow_pickle=False)
             archive.writestr(f"{name}.npy", buffer.getvalue())
 
 
-DOUBLE = ("command_rad", "units", "mean", "scatter", "deviations", "temperature", "limits")
+DOUBLE = ("command_rad", "units", "mean", "scatter", "deviations", "temperature", "distances", "ratios")
+"""Last parts of the names of what is kept exactly."""
+
+FIRST, UPDATE = "network", "update"
+"""Names of the two networks."""
 
 
-def _arrays(estimator: "Estimator") -> dict[str, Array]:
-    network, projection = estimator.network, estimator.projection
+def _arrays(estimator: "Estimator") -> dict[str, Any]:
+    update = estimator.update
+    return {
+        "command_rad": estimator.setup.command_rad,
+        "temperature": estimator.temperature,
+        "limits.distances": estimator.limits.distances,
+        "limits.ratios": estimator.limits.ratios,
+        "compared.units": update.whitening.units,
+        "compared.mean": update.whitening.mean,
+        "compared.basis": update.whitening.basis,
+        **_network_arrays(FIRST, estimator.projection, estimator.network),
+        **_network_arrays(UPDATE, update.projection, update.network),
+    }
+
+
+def _network_arrays(of: str, projection: Projection, network: Network) -> dict[str, Array]:
+    """Return the arrays of the network named `of`."""
     layers: dict[str, Any] = {"entry": network.entry, "exit": network.exit, "norm": network.norm}
     for i, block in enumerate(network.blocks):
         layers |= {f"norm{i}": block.norm, f"first{i}": block.first, f"second{i}": block.second}
     arrays: dict[str, Any] = {
-        "command_rad": estimator.setup.command_rad,
-        "units": projection.units,
-        "mean": projection.mean,
-        "basis": projection.basis,
-        "scatter": projection.deviations,
-        "deviations": network.deviations,
-        "temperature": estimator.temperature,
-        "limits.distances": estimator.limits.distances,
-        "limits.ratios": estimator.limits.ratios,
+        f"{of}.units": projection.units,
+        f"{of}.mean": projection.mean,
+        f"{of}.basis": projection.basis,
+        f"{of}.scatter": projection.deviations,
+        f"{of}.deviations": network.deviations,
     }
     for name, layer in layers.items():
         one, other = (layer.weight, layer.bias) if isinstance(layer, Dense) else (layer.scale, layer.shift)
-        arrays |= {f"{name}.weight": one, f"{name}.bias": other}
+        arrays |= {f"{of}.{name}.weight": one, f"{of}.{name}.bias": other}
     return arrays
 
 
 def _shapes(header: _Header) -> dict[str, tuple[int, ...]]:
     """Return the shape that each array must have."""
-    net, channels, rows = header.network, len(header.setup.channels), header.setup.rows
-    blocks, d, width = rows // block_of(rows), len(net.coordinates), net.width
-    shapes: dict[str, tuple[int, ...]] = {
+    channels, rows, d = len(header.setup.channels), header.setup.rows, len(header.coordinates)
+    width = channels * (rows // block_of(rows))
+    return {
         "command_rad": (rows,),
-        "units": (channels,),
-        "mean": (channels * blocks,),
-        "basis": (channels * blocks, net.principal),
-        "scatter": (net.principal,),
-        "deviations": (d,),
         "temperature": (d,),
         "limits.distances": (2,),
         "limits.ratios": (channels,),
+        "compared.units": (channels,),
+        "compared.mean": (width,),
+        "compared.basis": (width, header.compared),
+        **_network_shapes(FIRST, header.network, channels, width, d),
+        **_network_shapes(UPDATE, header.update, 1, feature_count(header.compared, d), d),
+    }
+
+
+def _network_shapes(of: str, net: _Network, channels: int, inputs: int, d: int) -> dict[str, tuple[int, ...]]:
+    """Return the shapes of the arrays of the network named `of`, which reads `inputs` numbers."""
+    width = net.width
+    shapes: dict[str, tuple[int, ...]] = {
+        "units": (channels,),
+        "mean": (inputs,),
+        "basis": (inputs, net.principal),
+        "scatter": (net.principal,),
+        "deviations": (d,),
         "entry.weight": (net.principal, width),
         "entry.bias": (width,),
         "norm.weight": (width,),
@@ -176,7 +208,7 @@ def _shapes(header: _Header) -> dict[str, tuple[int, ...]]:
         shapes |= {f"norm{i}.weight": (width,), f"norm{i}.bias": (width,)}
         for layer in ("first", "second"):
             shapes |= {f"{layer}{i}.weight": (width, width), f"{layer}{i}.bias": (width,)}
-    return shapes
+    return {f"{of}.{name}": shape for name, shape in shapes.items()}
 
 
 def read_estimator(path: Path, kind: "type[Estimator]") -> Any:
@@ -192,6 +224,8 @@ def read_estimator(path: Path, kind: "type[Estimator]") -> Any:
 
 
 def _estimator(archive: zipfile.ZipFile, path: Path, kind: "type[Estimator]") -> Any:
+    from emaphm.amortized.estimator import Limits
+
     sizes = {one.filename: one.file_size for one in archive.infolist()}
     if HEADER not in sizes or sizes[HEADER] > MOST_HEADER_BYTES:
         raise _no_estimator(path, f"it has no {HEADER}")
@@ -203,17 +237,20 @@ def _estimator(archive: zipfile.ZipFile, path: Path, kind: "type[Estimator]") ->
     if sum(sizes.values()) > MOST_BYTES:
         raise _no_estimator(path, "its content is larger than that of any estimator")
     arrays = {name: _read_array(archive, name, shape, path) for name, shape in shapes.items()}
+    projection, network = _network(FIRST, header.network, arrays)
+    whitening = Whitening(
+        arrays["compared.units"], _single(arrays["compared.mean"]), _single(arrays["compared.basis"])
+    )
     estimator = kind(
         _setup(header.setup, arrays["command_rad"], path),
-        Projection(
-            arrays["units"], arrays["mean"].astype(np.float32), _single(arrays["basis"]), arrays["scatter"]
-        ),
-        _network(header.network, arrays),
+        projection,
+        network,
+        ModelUpdate(whitening, *_network(UPDATE, header.update, arrays)),
         arrays["temperature"],
-        _limits(arrays),
+        Limits(arrays["limits.distances"], arrays["limits.ratios"]),
         header.facts,
     )
-    if list(estimator.space.coordinates) != header.network.coordinates:
+    if list(estimator.space.coordinates) != header.coordinates:
         raise _no_estimator(path, "its coordinates are not those of its actuator; train it again")
     return estimator
 
@@ -236,7 +273,7 @@ def _read_header(content: bytes, path: Path) -> _Header:
 
 
 def _read_array(archive: zipfile.ZipFile, name: str, shape: tuple[int, ...], path: Path) -> Array:
-    wanted = np.dtype(EXACT if name.partition(".")[0] in DOUBLE else WEIGHTS)
+    wanted = np.dtype(EXACT if name.rpartition(".")[2] in DOUBLE else WEIGHTS)
     try:
         content = archive.read(f"{name}.npy")
     except KeyError:
@@ -249,34 +286,33 @@ def _read_array(archive: zipfile.ZipFile, name: str, shape: tuple[int, ...], pat
     return np.asarray(values)
 
 
-def _network(header: _Network, arrays: dict[str, Array]) -> Network:
+def _network(of: str, header: _Network, arrays: dict[str, Array]) -> tuple[Projection, Network]:
+    """Return the projection and the network named `of`."""
+
     def dense(name: str) -> Dense:
-        return Dense(_single(arrays[f"{name}.weight"]), _single(arrays[f"{name}.bias"]))
+        return Dense(_single(arrays[f"{of}.{name}.weight"]), _single(arrays[f"{of}.{name}.bias"]))
 
     def norm(name: str) -> Normalisation:
-        return Normalisation(_single(arrays[f"{name}.weight"]), _single(arrays[f"{name}.bias"]))
+        return Normalisation(_single(arrays[f"{of}.{name}.weight"]), _single(arrays[f"{of}.{name}.bias"]))
 
     projection = Projection(
-        arrays["units"], arrays["mean"].astype(np.float32), _single(arrays["basis"]), arrays["scatter"]
+        arrays[f"{of}.units"],
+        _single(arrays[f"{of}.mean"]),
+        _single(arrays[f"{of}.basis"]),
+        arrays[f"{of}.scatter"],
     )
     blocks = tuple(
         Block(norm(f"norm{i}"), dense(f"first{i}"), dense(f"second{i}")) for i in range(header.depth)
     )
-    return Network(
+    return projection, Network(
         projection.layer,
         dense("entry"),
         blocks,
         norm("norm"),
         dense("exit"),
-        arrays["deviations"],
+        arrays[f"{of}.deviations"],
         header.components,
     )
-
-
-def _limits(arrays: dict[str, Array]) -> Any:
-    from emaphm.amortized.estimator import Limits
-
-    return Limits(arrays["limits.distances"], arrays["limits.ratios"])
 
 
 def _setup(header: _Setup, command: Array, path: Path) -> RecordingSetup:

@@ -32,10 +32,15 @@ class Mixture:
         apart = self.means - self.mean
         return np.asarray(within + np.einsum("m,mi,mj->ij", self.weights, apart, apart))
 
-    def starts(self, least_weight: float) -> Array:
-        """Return the mean, and the means of components of at least `least_weight` if there are several."""
-        kept = self.means[self.weights >= least_weight]
-        return np.vstack([self.mean[np.newaxis], *([kept] if len(kept) > 1 else [])])
+    def starts(self, least_weight: float, separation: float) -> Array:
+        """Return the mean, and the means of components that say something else.
+
+        Those of at least `least_weight` that are farther from the mean than `separation` of their own
+        standard deviations (Mahalanobis).
+        """
+        apart = np.linalg.solve(self.factors, (self.means - self.mean)[..., np.newaxis])[..., 0]
+        other = (self.weights >= least_weight) & (np.linalg.norm(apart, axis=1) > separation)
+        return np.vstack([self.mean[np.newaxis], self.means[other]])
 
     def sample(self, count: int, rng: np.random.Generator) -> Array:
         """Return `count` points (count, d)."""

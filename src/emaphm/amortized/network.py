@@ -111,8 +111,8 @@ class Network:
             h = block(h)
         return self.exit(self.norm(h))
 
-    def mixtures(self, features: Single, temperature: Array) -> list[Mixture]:
-        """Return the mixture for each of `features` (n, k), its deviations `temperature` (d,) as large."""
+    def mixtures(self, features: Single) -> list[Mixture]:
+        """Return the mixture for each of `features` (n, k)."""
         d = self.dimensions
         outputs = self.outputs(features).astype(float).reshape(len(features), self.components, -1)
         logits = outputs[..., 0] - outputs[..., 0].max(axis=1, keepdims=True)
@@ -124,7 +124,7 @@ class Network:
         diagonal = np.einsum("nmii->nmi", lower)
         diagonal[...] = np.exp(np.clip(diagonal, LOWEST_LOG, HIGHEST_LOG))
         # Σ = (Lᵀ L)⁻¹ = L⁻¹ L⁻ᵀ.
-        factors = np.linalg.inv(lower) * (self.deviations * temperature)[:, np.newaxis]
+        factors = np.linalg.inv(lower) * self.deviations[:, np.newaxis]
         return [Mixture(*one) for one in zip(weights, means, factors, strict=True)]
 
 

@@ -4,6 +4,7 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -109,7 +110,7 @@ class RecordingSetup:
         """Rows of a recording."""
         return int(self.command_rad.size)
 
-    @property
+    @cached_property
     def space(self) -> ParameterSpace:
         """The coordinates of what is estimated: faults, then nuisances and what the baseline leaves open."""
         chosen = NuisanceSet.of(self.actuator, self.nuisances, self.channels)

@@ -65,8 +65,9 @@ def block_of(samples: int) -> int:
 def in_blocks(rows: Array | Single, block: int) -> Single:
     """Return rows (…, samples) as means over blocks, (…, samples // block); what is over is left out."""
     blocks = rows.shape[-1] // block
-    cut = rows[..., : blocks * block]
-    return np.asarray(cut.reshape(*rows.shape[:-1], blocks, block).mean(axis=-1), np.float32)
+    # A reduction over an axis as short as a block would take NumPy ten times as long.
+    total = sum(rows[..., i : blocks * block : block] for i in range(block))
+    return np.asarray(total / block, np.float32)
 
 
 def noise_rms(setup: RecordingSetup) -> Single:

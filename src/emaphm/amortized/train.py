@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +10,10 @@ import numpy as np
 
 from emaphm.actuator import Command
 from emaphm.amortized.drawing import PRIOR
-from emaphm.amortized.estimator import Estimator, Limits
+from emaphm.amortized.estimator import Estimator, Limits, first_answers
 from emaphm.amortized.judging import Judgement, judged, temperature_of
 from emaphm.amortized.likeness import limits_of, predictive_ratios
+from emaphm.amortized.model_update import ModelUpdate, Step, Whitening
 from emaphm.amortized.network import Single
 from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.amortized.simulating import (
@@ -24,16 +25,32 @@ from emaphm.amortized.simulating import (
     training_folder,
 )
 from emaphm.amortized.torch_network import library
-from emaphm.amortized.training import TRAINING, OnEpoch, Trained, TrainingSettings, train_network
+from emaphm.amortized.training import (
+    TRAINING,
+    UPDATE_TRAINING,
+    OnEpoch,
+    Trained,
+    TrainingSettings,
+    median_error,
+    train_network,
+    with_noise,
+)
 from emaphm.arrays import Array
 from emaphm.errors import MethodError
 from emaphm.execution import check_workers
 from emaphm.random_streams import stream
-from emaphm.simulation import AVERAGED
+from emaphm.simulation import AVERAGED, Inputs
 from emaphm.version import VERSION
 
 HELD_OUT = 2
 """Shards that decide when training stops and how sure the answers are; as many again judge the result."""
+
+FARTHEST = 60.0
+"""Largest error of a step in its own standard deviations that the second network is shown: a step that is
+farther off is wrong altogether."""
+
+LEAST_DIFFERENCE = 1e-3
+"""Smallest difference of a feature that means anything."""
 
 CHECKED = 1024
 """Held-out draws that the limits of the comparison with the averaged model are taken from."""
@@ -61,7 +78,8 @@ def train_estimator(
     folder
         Where simulations are kept as they finish. A later call with the same folder and setup goes on.
     simulations
-        How many to learn from, in whole shards of `SHARD_DRAWS`; four shards more are held out.
+        How many the first network learns from, in whole shards of `SHARD_DRAWS`. The update learns from three
+        quarters as many more, and four shards are held out.
     workers, scheduler
         Of the simulations, as for `emaphm.execution.outcomes`. Training itself is on this machine.
     on_shard, on_epoch
@@ -80,13 +98,14 @@ def train_estimator(
     check_workers(scheduler)
     place = training_folder(Path(folder), setup, seed)
     count = -(-simulations // SHARD_DRAWS)
+    further = -(-3 * count // 4)
     with place.locked():
         place.clear()
         began = time.perf_counter()
         simulate_shards(
             setup,
             command,
-            count + 2 * HELD_OUT,
+            2 * HELD_OUT + count + further,
             place,
             seed=seed,
             workers=workers,
@@ -97,73 +116,117 @@ def train_estimator(
         # The first are held out: with more simulations they stay the same.
         validation = read_shards(place, range(HELD_OUT))
         judging = read_shards(place, range(HELD_OUT, 2 * HELD_OUT))
-        training = read_shards(place, range(2 * HELD_OUT, 2 * HELD_OUT + count))
+        first = 2 * HELD_OUT + count
+        training = read_shards(place, range(2 * HELD_OUT, first))
+        unseen = read_shards(place, range(first, first + further))
+    inputs = setup.inputs(command, AVERAGED.step_for(setup.actuator))
+    trained = _first_network(setup, training, validation, seed, settings, on_epoch)
+    update, second = _model_update(setup, inputs, trained, training, unseen, validation, seed, on_epoch)
     space = setup.space
-    trained = train_network(
-        training,
-        validation,
-        noise_rms(setup),
-        space.prior_deviations,
-        len(space.columns),
-        seed=seed,
-        settings=settings,
-        on_epoch=on_epoch,
-    )
-    return _calibrated(
-        setup, command, trained, validation, judging, simulating, seed, settings, len(training)
-    )
-
-
-def _calibrated(
-    setup: RecordingSetup,
-    command: Command,
-    trained: Trained,
-    validation: TrainingSet,
-    judging: TrainingSet,
-    simulating: float,
-    seed: int,
-    settings: TrainingSettings,
-    simulations: int,
-) -> Estimator:
-    """Return the estimator of a trained network: its temperature, its limits, and how it was judged."""
     nothing = Limits(np.full(2, np.inf), np.full(len(setup.channels), np.inf))
-    one = np.ones(trained.network.dimensions)
-    bare = Estimator(setup, trained.projection, trained.network, one, nothing)
-    rows = _noisy(setup, validation, stream(seed, "noise of the calibration"))
-    temperature = temperature_of(bare.answers(rows), validation.points.astype(float))
-    warm = Estimator(setup, trained.projection, trained.network, temperature, nothing)
-    limits = limits_of(warm.distances(rows), _ratios(warm, command, rows[:CHECKED], seed))
-    judging_rows = _noisy(setup, judging, stream(seed, "noise of the judgement"))
-    rng = stream(seed, "samples of the judgement")
-    judgement = judged(warm.answers(judging_rows), judging.points.astype(float), warm.space, rng)
+    bare = Estimator(setup, trained.projection, trained.network, update, np.ones(space.dimensions), nothing)
     facts = {
         "version": VERSION,
-        "simulations": simulations,
+        "simulations": len(training),
+        "update_simulations": len(unseen),
         "simulation_seconds": round(simulating, 1),
-        "training_seconds": round(trained.seconds, 1),
+        "training_seconds": round(trained.seconds + second, 1),
         "epochs": len(trained.epochs),
         "notes": list(trained.notes),
         "seed": seed,
         "settings": asdict(settings),
         "prior": asdict(PRIOR),
-        "judgement": _judgement_dict(judgement, warm.space.coordinates),
     }
-    return Estimator(setup, trained.projection, trained.network, temperature, limits, facts)
+    return _calibrated(bare, inputs, validation, judging, seed, facts)
 
 
-def _noisy(setup: RecordingSetup, held_out: TrainingSet, rng: np.random.Generator) -> Single:
-    normal = rng.standard_normal(held_out.rows.shape, dtype=np.float32)
-    return np.asarray(held_out.rows + noise_rms(setup)[:, np.newaxis] * normal)
+def _first_network(
+    setup: RecordingSetup,
+    training: TrainingSet,
+    validation: TrainingSet,
+    seed: int,
+    settings: TrainingSettings,
+    on_epoch: OnEpoch | None,
+) -> Trained:
+    """Return the network that reads rows alone."""
+    space = setup.space
+    return train_network(
+        training,
+        validation,
+        noise_rms(setup),
+        space.prior_deviations,
+        lambda means: median_error(means, validation.points.astype(float), len(space.columns)),
+        seed=seed,
+        settings=settings,
+        on_epoch=on_epoch,
+    )
 
 
-def _ratios(estimator: Estimator, command: Command, rows: Single, seed: int) -> Array:
-    inputs = estimator.setup.inputs(command, AVERAGED.step_for(estimator.setup.actuator))
+def _model_update(
+    setup: RecordingSetup,
+    inputs: Inputs,
+    first: Trained,
+    training: TrainingSet,
+    unseen: TrainingSet,
+    validation: TrainingSet,
+    seed: int,
+    on_epoch: OnEpoch | None,
+) -> tuple[ModelUpdate, float]:
+    """Return the update, learned from draws that the `first` network has not seen, and its time [s]."""
+    began = time.perf_counter()
+    rows = with_noise(unseen, noise_rms(setup), stream(seed, "noise of the update"))
+    answers = first_answers(first.network, rows)
+    whitening = Whitening.of(setup, inputs, training, rows, answers, first.projection.units)
+    step = Step.of(setup, inputs, whitening, rows, answers)
+    rows = with_noise(validation, noise_rms(setup), stream(seed, "validation noise of the update"))
+    held_out = Step.of(setup, inputs, whitening, rows, first_answers(first.network, rows))
+    faults = len(setup.space.columns)
+    trained = train_network(
+        _in_units(step, unseen.points),
+        _in_units(held_out, validation.points),
+        np.full(1, LEAST_DIFFERENCE, np.float32),
+        np.ones(setup.space.dimensions),
+        lambda means: median_error(held_out.points_of(means), validation.points.astype(float), faults),
+        seed=seed,
+        settings=UPDATE_TRAINING,
+        on_epoch=on_epoch,
+    )
+    return ModelUpdate(whitening, trained.projection, trained.network), time.perf_counter() - began
+
+
+def _in_units(step: Step, points: Single) -> TrainingSet:
+    """Return what the second network learns: a step's features as one channel, and what the step misses."""
+    missed = np.clip(step.units_of(points.astype(float)), -FARTHEST, FARTHEST)
+    return TrainingSet(missed.astype(np.float32), step.features[:, np.newaxis])
+
+
+def _calibrated(
+    bare: Estimator,
+    inputs: Inputs,
+    validation: TrainingSet,
+    judging: TrainingSet,
+    seed: int,
+    facts: dict[str, Any],
+) -> Estimator:
+    """Return the estimator with its temperature and limits, and how it was judged among its facts."""
+    setup, space = bare.setup, bare.space
+    rows = with_noise(validation, noise_rms(setup), stream(seed, "noise of the calibration"))
+    temperature = temperature_of(bare.answers(rows, inputs), validation.points.astype(float))
+    warm = replace(bare, temperature=temperature)
+    limits = limits_of(warm.distances(rows), _ratios(warm, inputs, rows[:CHECKED], seed))
+    judging_rows = with_noise(judging, noise_rms(setup), stream(seed, "noise of the judgement"))
+    rng = stream(seed, "samples of the judgement")
+    judgement = judged(warm.answers(judging_rows, inputs), judging.points.astype(float), space, rng)
+    facts = {**facts, "judgement": _judgement_dict(judgement, space.coordinates)}
+    return replace(warm, limits=limits, facts=facts)
+
+
+def _ratios(estimator: Estimator, inputs: Inputs, rows: Single, seed: int) -> Array:
     rng = stream(seed, "likeness")
-    answers = estimator.answers(rows)
     return np.array(
         [
             predictive_ratios(estimator.setup, inputs, answer, one, rng)
-            for answer, one in zip(answers, rows, strict=True)
+            for answer, one in zip(estimator.answers(rows, inputs), rows, strict=True)
         ]
     )
 

@@ -47,6 +47,11 @@ class TrainingSettings:
 
 TRAINING = TrainingSettings()
 
+UPDATE_TRAINING = TrainingSettings(
+    principal=1024, width=256, depth=2, epochs=12, noise_factor=(0.0, 0.0), patience=4
+)
+"""Of the second network: it reads all of its features, and they have their noise already."""
+
 DIVERGED = 50.0
 """Rise of the validation loss above its least that counts as divergence: no training recovers from it."""
 
@@ -55,8 +60,8 @@ DIVERGED = 50.0
 class Epoch:
     """What is reported after each epoch.
 
-    Losses are negative log densities. The error is the median, over the validation set, of the root of the
-    sum of squares over the faults' coordinates [%]. `note` says what went wrong.
+    Losses are negative log densities. The error is that of the validation set, as `median_error`. `note` says
+    what went wrong.
     """
 
     number: int
@@ -77,6 +82,7 @@ class Epoch:
 
 
 OnEpoch = Callable[[Epoch], None]
+ErrorOf = Callable[[Array], float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +105,7 @@ def train_network(
     validation: TrainingSet,
     noise: Single,
     deviations: Array,
-    faults: int,
+    error_of: ErrorOf,
     *,
     seed: int = 0,
     settings: TrainingSettings = TRAINING,
@@ -115,8 +121,8 @@ def train_network(
         Of a block of each channel, rms (channels,).
     deviations
         Of each coordinate before a recording, (d,).
-    faults
-        How many of the first coordinates are faults: their errors are reported.
+    error_of
+        Returns the error [%] of answers' means (n, d) for the validation set, which is reported.
 
     Raises
     ------
@@ -129,15 +135,20 @@ def train_network(
     projection = Projection.of(training.rows, noise, settings.principal)
     layer = projection.layer
     module = made(layer, settings.width, settings.depth, settings.components, deviations.size)
-    run = _Run(torch, module, training, noise, deviations, settings, child_seed(seed, "training"))
-    held_out = _with_noise(validation, noise, stream(seed, "validation noise"))
+
+    def run_on(restarts: int, step: int) -> _Run:
+        child = child_seed(seed, "training")
+        return _Run(torch, module, training, noise, deviations, settings, child, restarts, step)
+
+    run = run_on(0, 0)
+    held_out = with_noise(validation, noise, stream(seed, "validation noise"))
     epochs: list[Epoch] = []
     best, least, since, restarts = copy.deepcopy(module.state_dict()), math.inf, 0, 0
     number = 0
     while number < settings.epochs:
         number += 1
         training_loss = run.epoch(number)
-        validation_loss, error = _validated(torch, module, held_out, validation, deviations, faults, settings)
+        validation_loss, means = _validated(torch, module, held_out, validation, deviations, settings)
         note = ""
         if not math.isfinite(validation_loss + training_loss) or validation_loss > least + DIVERGED:
             restarts += 1
@@ -145,13 +156,15 @@ def train_network(
             if restarts > settings.restarts:
                 note = "training diverged again and ends here; the best state is kept"
             module.load_state_dict(best)
-            run = run.restarted(restarts)
+            run = run_on(restarts, run.step)
         elif validation_loss < least:
             best, least, since = copy.deepcopy(module.state_dict()), validation_loss, 0
         else:
             since += 1
         seconds = time.perf_counter() - began
-        epochs.append(Epoch(number, settings.epochs, training_loss, validation_loss, error, seconds, note))
+        epochs.append(
+            Epoch(number, settings.epochs, training_loss, validation_loss, error_of(means), seconds, note)
+        )
         if on_epoch:
             on_epoch(epochs[-1])
         if since >= settings.patience or restarts > settings.restarts:
@@ -178,8 +191,8 @@ class _Run:
         deviations: Array,
         settings: TrainingSettings,
         seed: int,
-        restarts: int = 0,
-        step: int = 0,
+        restarts: int,
+        step: int,
     ) -> None:
         self.torch, self.module, self.training, self.settings = torch, module, training, settings
         self.noise, self.deviations, self.seed = noise, deviations, seed
@@ -189,20 +202,6 @@ class _Run:
         self.per_epoch = max(1, len(training) // settings.batch)
         self.optimizer = torch.optim.AdamW(
             module.parameters(), lr=settings.rate, weight_decay=settings.decay, betas=(0.9, 0.98)
-        )
-
-    def restarted(self, restarts: int) -> "_Run":
-        """Return a run that goes on here at half the rate for each restart."""
-        return _Run(
-            self.torch,
-            self.module,
-            self.training,
-            self.noise,
-            self.deviations,
-            self.settings,
-            self.seed,
-            restarts,
-            self.step,
         )
 
     def epoch(self, number: int) -> float:
@@ -247,7 +246,8 @@ def has_half_precision(torch: Any) -> bool:
     return bool(asked and asked())
 
 
-def _with_noise(held_out: TrainingSet, noise: Single, rng: np.random.Generator) -> Single:
+def with_noise(held_out: TrainingSet, noise: Single, rng: np.random.Generator) -> Single:
+    """Return the rows of a set with the sensors' noise, rms (channels,)."""
     normal = rng.standard_normal(held_out.rows.shape, dtype=np.float32)
     return np.asarray(held_out.rows + noise[:, np.newaxis] * normal)
 
@@ -258,10 +258,9 @@ def _validated(
     rows: Single,
     validation: TrainingSet,
     deviations: Array,
-    faults: int,
     settings: TrainingSettings,
-) -> tuple[float, float]:
-    """Return the mean loss, and the median error of the means [%]."""
+) -> tuple[float, Array]:
+    """Return the mean loss, and the means (n, d) of the answers."""
     module.eval()
     with torch.no_grad():
         outputs = module(torch.from_numpy(rows).flatten(1))
@@ -269,6 +268,10 @@ def _validated(
         value = float(loss(outputs, points, settings.components).mean())
         by_component = outputs.reshape(len(rows), settings.components, -1)
         weights = torch.softmax(by_component[..., 0], dim=1)
-        means = (weights[..., None] * by_component[..., 1 : 1 + deviations.size]).sum(1).numpy() * deviations
-    difference = (means - validation.points)[:, :faults]
-    return value, 100 * float(np.median(np.sqrt(np.sum(difference**2, axis=1))))
+        means = (weights[..., None] * by_component[..., 1 : 1 + deviations.size]).sum(1).numpy()
+    return value, means * deviations
+
+
+def median_error(means: Array, truths: Array, faults: int) -> float:
+    """Return the median of the root of the sum of squares over the first `faults` coordinates [%]."""
+    return 100 * float(np.median(np.sqrt(np.sum((means - truths)[:, :faults] ** 2, axis=1))))

@@ -2,11 +2,13 @@
 
 import hashlib
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from emaphm.actuator import Actuator
-from emaphm.amortized.diagnosing import diagnose_by, estimator_at
+from emaphm.amortized.diagnosing import diagnose_by
+from emaphm.amortized.estimator import Estimator
 from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.errors import MethodError
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS
@@ -98,3 +100,18 @@ class DiagnosisSettings:
         content = None if self.estimator is None else Path(self.estimator).read_bytes()
         digest = None if content is None else hashlib.sha256(content).hexdigest()
         return asdict(self) | {"estimator": digest}
+
+
+def estimator_at(path: str | Path) -> Estimator:
+    """Return the estimator in a file, read once a process as long as the file stays the same."""
+    resolved = Path(path)
+    try:
+        found = resolved.stat()
+    except (OSError, ValueError):
+        return Estimator.load(resolved)  # which says what is wrong
+    return _read(resolved.absolute(), found.st_mtime_ns, found.st_size)
+
+
+@lru_cache(maxsize=4)
+def _read(path: Path, _changed: int, _size: int) -> Estimator:
+    return Estimator.load(path)

@@ -23,6 +23,7 @@ from emaphm.amortized import Estimator
 from emaphm.arrays import Array
 from emaphm.diagnosis.error_metric import error_percent
 from emaphm.errors import EmaphmError
+from emaphm.estimation.problem import Problem
 from emaphm.execution import Task, outcomes
 from emaphm.fleet import DiagnosisSettings
 from emaphm.random_streams import stream
@@ -233,16 +234,20 @@ def speed_table(path: Path) -> str:
     rng, size = stream(0, "rows of a batch"), LARGEST_BATCH
     blocks = estimator.projection.mean.size // len(estimator.setup.channels)
     rows = rng.normal(size=(size, len(estimator.setup.channels), blocks)).astype(np.float32)
+    recording = recorded(
+        Rig(label="base", channels=estimator.setup.channels), Actuator.thesis(), Manoeuvre(), Faults(), 0
+    )
+    inputs = Problem.of(recording, Actuator.thesis(), workers=1).inputs
     lines = [
         "| recordings at once | processor time of each, ms | recordings a second |",
         "| ---: | ---: | ---: |",
     ]
     for count in (1, 16, size):
         repeats = max(1, 200 // count)
-        estimator.answers(rows[:count])
+        estimator.answers(rows[:count], inputs)
         began = time.process_time()
         for _ in range(repeats):
-            estimator.answers(rows[:count])
+            estimator.answers(rows[:count], inputs)
         each = (time.process_time() - began) / repeats / count
         lines.append(f"| {count} | {1e3 * each:.3f} | {1 / each:,.0f} |")
     return "\n".join(lines)

@@ -84,8 +84,9 @@ def multistart(
 
 
 def descend_from(objective: MapObjective, starts: Array) -> LeastSquaresResult:
-    """Return where fine descents lead from `starts` (n, d), which are near the optimum already."""
-    return _descend(objective, objective.space.project(starts), MULTISTART.fine, False)
+    """Return where coarse and then fine descents lead from `starts` (n, d), which are near the optimum."""
+    coarse = _descend(objective, objective.space.project(starts), MULTISTART.coarse, False)
+    return _descend(objective, coarse.points, MULTISTART.fine, False)
 
 
 def local_search(

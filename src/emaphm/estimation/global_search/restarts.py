@@ -6,8 +6,8 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.estimation.bias_correction import correct_bias
-from emaphm.estimation.correction_iterations import FROM_STARTS
-from emaphm.estimation.global_search.multistart import multistart
+from emaphm.estimation.correction_iterations import BIAS_CORRECTION, FROM_STARTS
+from emaphm.estimation.global_search.multistart import descend_from, multistart
 from emaphm.estimation.methods import Method
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.reference.refinement import refine_by_reference
@@ -17,6 +17,9 @@ from emaphm.random_streams import child_seed
 
 MAX_RESTARTS = 3
 """Most further searches."""
+
+MOST_STARTS = 2
+"""Ends of descents that a correction begins at, as many as after a global search."""
 
 SAME_POINT = 0.02
 """Difference of every coordinate below which two searches have ended at the same point."""
@@ -34,30 +37,61 @@ def search_with_restarts(
 
     Restart at most `MAX_RESTARTS` times while the residual exceeds noise and switching; stop once two
     searches agree. The other ends are the result's alternatives. With `starts` (n, d), the first search is a
-    correction from there; its end is kept where it leaves no more than noise and switching.
+    correction from there, and no other follows where it leaves no more than noise and switching.
     """
+    ends: list[SearchResult] = []
     if starts is not None:
         points = objective.space.project(starts)
-        result = correct_bias(
-            objective, points, max_corrections, seed, subprogress(on_progress, 0.0, 0.9), FROM_STARTS
-        )
-        if result.down_to_noise:
-            return replace(result, started=True)
-    result = _search(objective, method, max_corrections, seed, on_progress)
-    ends = [result]
-    for restart in range(MAX_RESTARTS):
-        if result.down_to_noise:
-            break
-        other = _search(objective, method, max_corrections, child_seed(seed, "restart", restart))
+        ends.append(_from_starts(objective, points, max_corrections, seed, on_progress))
+        if ends[0].down_to_noise:
+            return ends[0]
+    for search in range(1 + MAX_RESTARTS):
+        child = child_seed(seed, "restart", search - 1) if search else seed
+        other = _search(objective, method, max_corrections, child, None if search else on_progress)
+        agree = bool(ends) and _alike(other, _best(ends))
         ends.append(other)
-        agree = bool(np.all(np.abs(other.point - result.point) < SAME_POINT))
-        if other.residual_variance < result.residual_variance:
-            result = other
-        if agree:
+        if agree or _best(ends).down_to_noise:
             break
+    result = _best(ends)
     others = tuple(one for one in ends if one is not result)
     refined = refine_by_reference(result, seed)
     return replace(refined, alternatives=others) if others else refined
+
+
+def _best(ends: list[SearchResult]) -> SearchResult:
+    return min(ends, key=lambda one: one.residual_variance)
+
+
+def _alike(one: SearchResult, other: SearchResult) -> bool:
+    return bool(np.all(np.abs(one.point - other.point) < SAME_POINT))
+
+
+def _from_starts(
+    objective: MapObjective,
+    points: Array,
+    max_corrections: int,
+    seed: int,
+    on_progress: Progress | None,
+) -> SearchResult:
+    """Return where corrections from `points` lead.
+
+    From one point, on without patience as long as it gets anywhere. Several say that it is not known to a
+    few percent where the optimum is: descents from all of them, and a correction as after a global search
+    from the best. Such a one also follows a first that is held above noise and switching, and then steps by
+    the reference model itself.
+    """
+    progress = subprogress(on_progress, 0.0, 0.9)
+    settings = FROM_STARTS
+    if len(points) > 1:
+        found = descend_from(objective, points)
+        points = found.points[np.argsort(found.costs, kind="stable")[:MOST_STARTS]]
+        settings = BIAS_CORRECTION
+    result = correct_bias(objective, points, max_corrections, seed, progress, settings)
+    if not result.down_to_noise:
+        child = child_seed(seed, "on from the starts")
+        onwards = correct_bias(objective, result.point[np.newaxis], max_corrections, child)
+        result = refine_by_reference(_best([result, onwards]), child)
+    return replace(result, started=True)
 
 
 def _search(
