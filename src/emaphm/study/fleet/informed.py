@@ -89,7 +89,7 @@ class Component:
     def slope(self, age: Array, rows: Rows) -> Array:
         """Return by how much the level moves in an hour of ageing, (n,) [1/h]."""
         step = SMALL * self.life[rows]
-        return np.asarray((self.moved(age + step, rows) - self.moved(age, rows)) / step
+        return np.asarray((self.moved(age + step, rows) - self.moved(age, rows)) / step)
 
     def see(self, one: Observation) -> None:
         """Weigh the draws by a diagnosis."""
