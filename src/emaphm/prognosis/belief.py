@@ -26,7 +26,7 @@ class Belief:
         Flight hours [h] at which each component was new, shape (8,).
     aged
         Hours [h] at the reference stress that each component has aged since it was new, (n, 8).
-    law, life_scale, shape, roughness
+    law, life_scale, shape, roughness, unevenness
         Of each particle and component, (n, 8): as in `Hypotheses`.
     exponents
         Of the stress, (n, 8, 3): as in `Hypotheses`.
@@ -34,6 +34,8 @@ class Belief:
         Means of the Kalman filters, (n, 8); [-], [1/h].
     levels, mixed, rates
         Their covariances, (n, 8, 8): of the levels; of levels (rows) and rates (columns); of the rates.
+    age_and_level
+        Covariance of each component's ageing and level since the last update, (n, 8) [h].
     log_weights
         Natural logarithms of the particles' weights for each component, (n, 8); the exponentials of a column
         sum to 1.
@@ -50,12 +52,14 @@ class Belief:
     life_scale: Array
     shape: Array
     roughness: Array
+    unevenness: Array
     exponents: Array
     level: Array
     rate: Array
     levels: Array
     mixed: Array
     rates: Array
+    age_and_level: Array
     log_weights: Array
     log_likelihood: Array
     prior: Prior
@@ -78,12 +82,14 @@ class Belief:
             life_scale=drawn.life_scale,
             shape=drawn.shape,
             roughness=drawn.roughness,
+            unevenness=drawn.unevenness,
             exponents=drawn.exponents,
             level=np.tile(NEW[:components], (n, 1)),
             rate=drawn.rate,
             levels=zero + prior.settings.new_level**2 * np.eye(components),
             mixed=zero,
             rates=drawn.rate_deviation[:, :, np.newaxis] ** 2 * np.eye(components),
+            age_and_level=np.zeros((n, components)),
             log_weights=np.full((n, components), -np.log(n)),
             log_likelihood=np.zeros(components),
             prior=prior,
@@ -114,7 +120,14 @@ class Belief:
         """Return the particles' hypotheses, with the present rates, each array (n, 8)."""
         deviation = np.sqrt(np.maximum(np.einsum("nii->ni", self.rates), 0.0))
         return Hypotheses(
-            self.law, self.life_scale, self.shape, self.roughness, self.rate, deviation, self.exponents
+            self.law,
+            self.life_scale,
+            self.shape,
+            self.roughness,
+            self.unevenness,
+            self.rate,
+            deviation,
+            self.exponents,
         )
 
     def law_probabilities(self) -> Array:
