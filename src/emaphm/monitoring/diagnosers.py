@@ -55,7 +55,7 @@ class ByEstimator:
 
     def check(self, actuator: Actuator) -> None:
         """Refuse a file that is no estimator of this actuator, `MethodError`."""
-        from emaphm.amortized.diagnosing import estimator_at
+        from emaphm.fleet.settings import estimator_at
 
         self._settings(0).check_estimator()
         estimator_at(self.file).check_actuator(actuator)
