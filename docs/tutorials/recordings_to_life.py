@@ -110,7 +110,7 @@ while not fleet or not all(one["current"] for one in fleet):
     fleet = json.load(urlopen(f"{address}api/v1/units"))["units"]
 
 for one in fleet:
-    print(f"{one['unit']}: {one['advice']} {one['advice_at']:.0f} h; RUL {one['rul']:.0f} h")
+    print(f"{one['unit']}: {one['advice']} (at {one['advice_at']:.0f} h); RUL {one['rul']:.0f} h")
 
 # %%
 # The table of the page, the most urgent unit first. On the page itself its headings sort, a unit leads to its
