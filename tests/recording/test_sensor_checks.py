@@ -81,6 +81,14 @@ def test_a_clipped_channel_is_found(whole: Recording, name: str) -> None:
     assert finding.size == pytest.approx(0.7 * np.abs(whole[name]).max())
 
 
+def test_every_row_at_the_end_of_a_range_is_given_up() -> None:
+    # The first and the last plateau lack rows on one side to see their slopes by.
+    command = np.sin(2 * np.pi * np.arange(4000) / 1000)
+    values = np.clip(2 * command, -0.95, 0.95)
+    found = clipped_rows(values, "speed_rad_s", command, THESIS)
+    np.testing.assert_array_equal(found, np.abs(values) == 0.95)
+
+
 def test_lost_samples_are_found_and_interpolated() -> None:
     # A clean sine: what was lost is known, and a straight line between rows errs by its curvature alone.
     true = np.sin(2 * np.pi * np.arange(1000) / 200)

@@ -72,14 +72,16 @@ class SupplyProfile:
     def located(self) -> tuple[Located, float]:
         """The most probable deviation with its standard deviation, and its share of the residual.
 
-        `CORRELATED_ROWS` of the rows count as one.
+        The mean of it and the two next to it, by probability: the supply may lie between. `CORRELATED_ROWS`
+        of the rows count as one.
         """
         levels = self.rows / CORRELATED_ROWS * np.log(self.powers) + (self.deviations / self.prior) ** 2
         best = int(np.argmin(levels))
         weights = np.exp((levels[best] - levels) / 2)
-        away = (self.deviations - self.deviations[best]) ** 2
-        variance = float(weights @ away / weights.sum()) + SUPPLY_SCAN.step**2 / 12
-        return Located(float(self.deviations[best]), variance**0.5), float(self.shares[best])
+        around = np.abs(self.deviations - self.deviations[best]) < 1.5 * SUPPLY_SCAN.step
+        value = float(weights[around] @ self.deviations[around] / weights[around].sum())
+        variance = float(weights @ (self.deviations - value) ** 2 / weights.sum()) + SUPPLY_SCAN.step**2 / 12
+        return Located(value, variance**0.5), float(self.shares[best])
 
     @property
     def promising(self) -> bool:

@@ -61,9 +61,9 @@ def with_supply(
         located, _ = profiles[0].with_another(profiles[1]).located
         before = result.objective.space.nuisances.located.get(SUPPLY)
         objective, point = with_nuisances(result, names, (), located={SUPPLY: located})
-        if before is not None and before.value == located.value:
-            # Where it is within the value's deviation stays.
-            point[column_of(objective)] = _value(result, before) / unit_of_supply(objective)
+        if before is not None and abs(before.value - located.value) < SUPPLY_SCAN.step / 2:
+            # The estimate stays, so does its supply.
+            point[column_of(objective)] = _value(result, located) / unit_of_supply(objective)
             return replace(result, objective=objective, point=point, known_outputs=None, jacobians=None)
         result = correct_bias(objective, point[np.newaxis], max_corrections, child)
     return result

@@ -59,7 +59,12 @@ def clipped_rows(values: Array, channel: str, command: Array, actuator: Actuator
                 cut = noisy or _cut(sign * values, start, end, CLIPPING.excess * max(count, noise))
                 rows[start:end], plateaus = cut, plateaus + cut
         if rows.sum() >= CLIPPING.least_rows and plateaus >= CLIPPING.least_plateaus:
-            clipped |= rows
+            # What stops there gently may be cut off as well.
+            clipped |= values == level
+    ends = values.max(), values.min()
+    if clipped.any() and ends[0] == -ends[1]:
+        # A sensor's range is symmetric: what was cut at one end was at the other too.
+        clipped |= np.abs(values) == ends[0]
     return clipped
 
 
