@@ -17,7 +17,7 @@ from pathlib import Path
 from emaphm.history import History, KeptSettings
 from emaphm.history.fingerprint import description_of, recording_hash
 from emaphm.history.writing import add_diagnosis
-from emaphm.prognosis import Evidence, fellows, fleet_prior, prognose
+from emaphm.prognosis import Evidence, learnt_prior, prognose
 from emaphm.prognosis.batch import prognose_all
 from emaphm.prognosis.evidence import follow
 from emaphm.prognosis.prior import Prior
@@ -63,9 +63,10 @@ def time_prognoses(where: str, few: int, workers: int) -> None:
         count = len(evidence.used)
         print(f"follow a unit's {count}: {took:.2f} s, {1e3 * took / count:.1f} ms of processor an update")
         print(f"prognose one, alone: {cpu_seconds(lambda: prognose(evidence, actuator)):.2f} s of processor")
-        others = fellows(history, unit)
-        took = cpu_seconds(lambda: fleet_prior(others))
-        print(f"what {len(others)} other units teach it: {took:.1f} s of processor")
+        took = cpu_seconds(lambda: learnt_prior(history, unit))
+        again = cpu_seconds(lambda: learnt_prior(history, unit))
+        count = learnt_prior(history, unit).units
+        print(f"what {count} other units teach it: {took:.1f} s of processor, {again:.2f} s the second time")
     began, spent = time.perf_counter(), sum(os.times()[:4])
     made = list(prognose_all(where, part_number=FEW_PART, workers=workers))
     took, spent = time.perf_counter() - began, sum(os.times()[:4]) - spent

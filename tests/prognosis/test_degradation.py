@@ -13,7 +13,11 @@ from emaphm.prognosis.resampling import systematic
 from emaphm.prognosis.settings import CHANGING_RATE, DegradationSettings, FilterSettings
 
 ONE_LAW = DegradationSettings(
-    laws=(0, 0, 0, 0, 0, 1), life_scale=(1000.0, 1000.0 + 1e-9), change_hours=1e15, roughness=(1.0, 1.0)
+    laws=(0, 0, 0, 0, 0, 1),
+    life_scale=(1000.0, 1000.0 + 1e-9),
+    change_hours=1e15,
+    roughness=(1.0, 1.0),
+    unevenness=(1e-12, 1e-12),
 )
 FEW = FilterSettings(particles=20)
 

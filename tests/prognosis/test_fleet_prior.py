@@ -85,9 +85,3 @@ def test_a_new_unit_is_believed_to_go_the_way_of_its_fleet(fleet: list[Evidence]
     belief = follow(flown(0.9, 1.0, 99, upto=1200.0), prior).belief
     assert belief.law_probabilities()[0, AS_ANOTHER] > 0.7
     assert belief.law_probabilities()[0].sum() == pytest.approx(1.0)
-
-
-def test_that_units_are_alike_is_learnt_from_them(fleet: list[Evidence]) -> None:
-    alike = fleet_prior(fleet).spreads
-    assert alike is not None
-    assert alike[1, 0] <= 0.1

@@ -34,6 +34,7 @@ def states(law: int, count: int, *, level: float, rate: float, life_scale: float
         np.full(shape, life_scale),
         np.full(shape, 0.5),
         np.ones(shape),
+        np.zeros(shape),
         levels,
         rates,
     )

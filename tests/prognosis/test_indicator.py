@@ -74,6 +74,7 @@ def test_a_pure_wiener_process_fails_by_the_inverse_gaussian_distribution() -> N
         noise=noise,
         rate_noise=0.0,
         roughness=(1.0, 1.0 + 1e-12),
+        unevenness=(1e-12, 1e-12),
         change_hours=1e15,
         new_level=1e-4,
     )

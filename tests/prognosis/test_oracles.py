@@ -47,6 +47,7 @@ def remaining_lives(pace: float = 1.0) -> np.ndarray:
         life_scale=np.full(shape, SCALE),
         shape=np.full(shape, 0.5),
         roughness=np.ones(shape),
+        unevenness=np.zeros(shape),
         level=level,
         rate=rate,
     )

@@ -50,12 +50,14 @@ class Belief:
     life_scale: Array
     shape: Array
     roughness: Array
+    unevenness: Array
     exponents: Array
     level: Array
     rate: Array
     levels: Array
     mixed: Array
     rates: Array
+    age_and_level: Array
     log_weights: Array
     log_likelihood: Array
     prior: Prior
@@ -78,12 +80,14 @@ class Belief:
             life_scale=drawn.life_scale,
             shape=drawn.shape,
             roughness=drawn.roughness,
+            unevenness=drawn.unevenness,
             exponents=drawn.exponents,
             level=np.tile(NEW[:components], (n, 1)),
             rate=drawn.rate,
             levels=zero + prior.settings.new_level**2 * np.eye(components),
             mixed=zero,
             rates=drawn.rate_deviation[:, :, np.newaxis] ** 2 * np.eye(components),
+            age_and_level=np.zeros((n, components)),
             log_weights=np.full((n, components), -np.log(n)),
             log_likelihood=np.zeros(components),
             prior=prior,
@@ -114,7 +118,14 @@ class Belief:
         """Return the particles' hypotheses, with the present rates, each array (n, 8)."""
         deviation = np.sqrt(np.maximum(np.einsum("nii->ni", self.rates), 0.0))
         return Hypotheses(
-            self.law, self.life_scale, self.shape, self.roughness, self.rate, deviation, self.exponents
+            self.law,
+            self.life_scale,
+            self.shape,
+            self.roughness,
+            self.unevenness,
+            self.rate,
+            deviation,
+            self.exponents,
         )
 
     def law_probabilities(self) -> Array:

@@ -26,7 +26,15 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.prognosis.belief import LEAST_VARIANCE, Belief
-from emaphm.prognosis.laws import Mask, is_moving, noises, transition
+from emaphm.prognosis.from_fleet.references import ECCENTRICITY
+from emaphm.prognosis.laws import (
+    Mask,
+    has_plane,
+    in_common,
+    is_moving,
+    noises,
+    transition,
+)
 from emaphm.prognosis.prior import NEW, Hypotheses, is_waiting
 from emaphm.prognosis.resampling import apart_again, drawn_rows, recombined
 from emaphm.prognosis.settings import AS_ANOTHER, EXPONENTIAL, FILTER, POWER_LAW, FilterSettings
@@ -56,7 +64,7 @@ def predicted(belief: Belief, hours: float, exposed: Exposure | None = None) -> 
     random = stream(belief.seed, "degradation", belief.steps, "onset")
     s = belief.prior.settings
     sets_in = is_waiting(belief.law) & (
-        random.random(belief.law.shape) < -np.expm1(-step / belief.life_scale)
+        in_common(random.random(belief.law.shape)) < -np.expm1(-step / belief.life_scale)
     )
     reach, growth = transition(
         belief.law, belief.life_scale, belief.shape, belief.aged, step, s, belief.prior.references
@@ -65,17 +73,28 @@ def predicted(belief: Belief, hours: float, exposed: Exposure | None = None) -> 
     if sets_in.any():
         onset = belief.prior.after_onset(belief.law.shape, random)
         belief = _with_hypotheses(belief, sets_in, onset._replace(exponents=belief.exponents))
-        reach = np.where(sets_in, step * random.random(reach.shape), reach)
+        reach = np.where(sets_in, step * in_common(random.random(reach.shape)), reach)
     # x⁺ = x + d v, v⁺ = g v: F = [[I, diag d], [0, diag g]], so that P⁺ = F P Fᵀ + Q needs no matrix product.
     across = belief.mixed * reach[:, np.newaxis, :]
     levels = belief.levels + across + np.swapaxes(across, 1, 2)
     levels += belief.rates * reach[:, :, np.newaxis] * reach[:, np.newaxis, :]
     mixed = (belief.mixed + belief.rates * reach[:, :, np.newaxis]) * growth[:, np.newaxis, :]
     rates = belief.rates * growth[:, :, np.newaxis] * growth[:, np.newaxis, :]
-    for part, variance in zip(
-        (levels, mixed, rates), noises(belief.law, belief.life_scale, belief.roughness, step, s), strict=True
+    own = np.einsum("nii->ni", belief.rates)
+    of_age = belief.unevenness**2 * belief.life_scale * step
+    by_level, by_rate = reach / step, (growth - 1) / step
+    uneven = of_age * (belief.rate**2 + own)
+    wiener = noises(belief.law, belief.life_scale, belief.roughness, step, s)
+    for part, variance, more in zip(
+        (levels, mixed, rates), wiener, (by_level**2, by_level * by_rate, by_rate**2), strict=True
     ):
-        np.einsum("nii->ni", part)[...] += variance
+        np.einsum("nii->ni", part)[...] += variance + more * uneven
+        if has_plane(step.shape[1]):
+            x, y = ECCENTRICITY
+            both = belief.rate[:, x] * belief.rate[:, y] + belief.rates[:, x, y]
+            common = (more * of_age)[:, x] * both
+            part[:, x, y] += common
+            part[:, y, x] += common
     after = replace(
         belief,
         hours=hours,
@@ -85,6 +104,7 @@ def predicted(belief: Belief, hours: float, exposed: Exposure | None = None) -> 
         levels=levels,
         mixed=mixed,
         rates=rates,
+        age_and_level=belief.age_and_level + by_level * belief.rate * of_age,
         steps=belief.steps + 1,
     )
     return _limited(after)
@@ -101,7 +121,6 @@ def updated(belief: Belief, estimate: Array, covariance: Array, settings: Filter
     """
     innovation = estimate - belief.level
     total = belief.levels + covariance
-    variance = np.einsum("nii->ni", total)
     count = belief.level.shape[1]
     sides = np.concatenate([innovation[:, :, np.newaxis], belief.levels, belief.mixed], axis=2)
     solved = np.linalg.solve(total, sides)
@@ -116,7 +135,7 @@ def updated(belief: Belief, estimate: Array, covariance: Array, settings: Filter
     for part, least in ((levels, LEAST_VARIANCE), (rates, 0.0)):
         diagonal = np.einsum("nii->ni", part)
         diagonal[...] = np.maximum(diagonal, least)
-    log_weights = belief.log_weights - 0.5 * (innovation**2 / variance + np.log(variance))
+    log_weights = belief.log_weights + settings.trust * _own_likelihood(innovation, total)
     shift = log_weights.max(axis=0)
     log_weights -= shift
     likelihood = np.log(np.exp(log_weights).sum(axis=0))
@@ -129,12 +148,37 @@ def updated(belief: Belief, estimate: Array, covariance: Array, settings: Filter
         levels=(levels + np.swapaxes(levels, 1, 2)) / 2,
         mixed=belief.mixed - belief.levels @ of_mixed,
         rates=(rates + np.swapaxes(rates, 1, 2)) / 2,
+        aged=np.maximum(belief.aged + _age_seen(belief.age_and_level, innovation, total), belief.aged / 2),
+        age_and_level=np.zeros_like(belief.aged),
         log_weights=log_weights,
         log_likelihood=belief.log_likelihood + shift + likelihood,
         steps=belief.steps + 1,
     )
     few = after.effective_number < settings.effective_share * len(log_weights)
     return _resampled(after, few, settings) if few.any() else after
+
+
+def _own_likelihood(innovation: Array, total: Array) -> Array:
+    """Return the logarithm of each component's own likelihood, (n, 8), of the innovations' covariances."""
+    variance = np.einsum("nii->ni", total)
+    result = np.asarray(-0.5 * (innovation**2 / variance + np.log(variance)))
+    if has_plane(innovation.shape[1]):
+        plane = np.ix_(range(len(total)), ECCENTRICITY, ECCENTRICITY)
+        own = innovation[:, ECCENTRICITY]
+        misfit = np.einsum("ni,ni->n", own, np.linalg.solve(total[plane], own[:, :, np.newaxis])[:, :, 0])
+        result[:, ECCENTRICITY] = -0.5 * (misfit + np.log(np.linalg.det(total[plane])))[:, np.newaxis]
+    return result
+
+
+def _age_seen(age_and_level: Array, innovation: Array, total: Array) -> Array:
+    """Return by how many hours [h] components have aged more than expected, (n, 8), as their levels say."""
+    result = np.asarray(age_and_level * innovation / np.einsum("nii->ni", total))
+    if has_plane(innovation.shape[1]):
+        plane = np.ix_(range(len(total)), ECCENTRICITY, ECCENTRICITY)
+        solved = np.linalg.solve(total[plane], innovation[:, ECCENTRICITY, np.newaxis])[:, :, 0]
+        seen = np.einsum("ni,ni->n", age_and_level[:, ECCENTRICITY], solved)
+        result[:, ECCENTRICITY] = seen[:, np.newaxis]
+    return result
 
 
 def replaced(belief: Belief, components: Mask) -> Belief:
@@ -188,7 +232,7 @@ def _changed(belief: Belief, step: float) -> Belief:
     """
     random = stream(belief.seed, "degradation", belief.steps, "change")
     s = belief.prior.settings
-    changes = random.random(belief.law.shape) < -np.expm1(-step / s.change_hours)
+    changes = in_common(random.random(belief.law.shape)) < -np.expm1(-step / s.change_hours)
     if not changes.any():
         return belief
     drawn = belief.prior.general(belief.law.shape, belief.aged, random)
@@ -201,6 +245,7 @@ def _changed(belief: Belief, step: float) -> Belief:
         life_scale=np.where(goes_on, drawn.life_scale, after.life_scale),
         shape=np.where(goes_on, drawn.shape, after.shape),
         roughness=np.where(goes_on, drawn.roughness, after.roughness),
+        unevenness=np.where(goes_on, drawn.unevenness, after.unevenness),
     )
 
 
@@ -216,6 +261,7 @@ def _with_hypotheses(belief: Belief, where: Mask, drawn: Hypotheses) -> Belief:
         life_scale=np.where(where, drawn.life_scale, belief.life_scale),
         shape=np.where(where, drawn.shape, belief.shape),
         roughness=np.where(where, drawn.roughness, belief.roughness),
+        unevenness=np.where(where, drawn.unevenness, belief.unevenness),
         exponents=np.where(where[..., np.newaxis], drawn.exponents, belief.exponents),
         rate=np.where(where, drawn.rate, belief.rate),
         mixed=mixed,
@@ -235,7 +281,7 @@ def _resampled(belief: Belief, few: Mask, settings: FilterSettings) -> Belief:
     groups = after.law * (1 + after.shape.max()) + np.where(after.law == AS_ANOTHER, after.shape, 0.0)
 
     def apart(values: Array, mask: Mask) -> Array:
-        return np.where(few & mask, apart_again(values, groups, settings, random), values)
+        return np.where(few & mask, in_common(apart_again(values, groups, settings, random)), values)
 
     everywhere = np.ones(after.law.shape, bool)
     shape = apart(after.shape, (after.law == EXPONENTIAL) | (after.law == POWER_LAW))
@@ -246,6 +292,7 @@ def _resampled(belief: Belief, few: Mask, settings: FilterSettings) -> Belief:
         life_scale=np.clip(apart(after.life_scale, everywhere), *s.life_scale),
         shape=shape,
         roughness=np.clip(apart(after.roughness, everywhere), *s.roughness),
+        unevenness=np.clip(apart(after.unevenness, everywhere), *s.unevenness),
         exponents=_jittered(after, few, settings, random),
         log_weights=np.where(few, -np.log(n), belief.log_weights),
     )
@@ -256,5 +303,6 @@ def _jittered(belief: Belief, few: Mask, settings: FilterSettings, random: np.ra
     if belief.prior.reference is None:
         return belief.exponents
     low, high = np.array(belief.prior.settings.exponents).T
-    shift = settings.exponent_jitter * (high - low) * random.standard_normal(belief.exponents.shape)
+    shift = settings.exponent_jitter * (high - low)
+    shift = shift * in_common(random.standard_normal(belief.exponents.shape))
     return np.where(few[:, np.newaxis], np.clip(belief.exponents + shift, low, high), belief.exponents)

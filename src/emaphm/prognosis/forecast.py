@@ -7,7 +7,7 @@ import numpy as np
 from emaphm.arrays import Array
 from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.degradation import LARGEST_RATE
-from emaphm.prognosis.laws import Numbers, is_moving, noises, transition
+from emaphm.prognosis.laws import Numbers, in_common, is_moving, noises, transition
 from emaphm.prognosis.prior import COMPONENTS, Prior, is_waiting
 from emaphm.prognosis.resampling import drawn_rows, recombined, systematic
 from emaphm.prognosis.settings import AS_ANOTHER, FORECAST, ForecastSettings
@@ -34,6 +34,7 @@ class State:
     life_scale: Array
     shape: Array
     roughness: Array
+    unevenness: Array
     level: Array
     rate: Array
 
@@ -70,6 +71,7 @@ def drawn_states(belief: Belief, count: int) -> State:
         units.life_scale[rows],
         units.shape[rows],
         units.roughness[rows],
+        units.unevenness[rows],
         _in_circle(level[rows]),
         rate[rows],
     )
@@ -101,11 +103,11 @@ def paths(
     s = prior.settings
     for i, flown in enumerate(np.diff(hours)):
         state = _changed(state, flown, prior, random)
-        step = pace * flown
+        step = _uneven(state, pace * flown, random)
         sets_in = is_waiting(state.law) & (
-            random.random(state.law.shape) < -np.expm1(-step / state.life_scale)
+            in_common(random.random(state.law.shape)) < -np.expm1(-step / state.life_scale)
         )
-        part = np.where(sets_in, random.random(state.law.shape), 1.0)
+        part = np.where(sets_in, in_common(random.random(state.law.shape)), 1.0)
         if sets_in.any():
             new = prior.after_onset(state.law.shape, random)
             rate = new.rate + new.rate_deviation * random.standard_normal(state.law.shape)
@@ -114,6 +116,7 @@ def paths(
                 law=np.where(sets_in, new.law, state.law),
                 life_scale=np.where(sets_in, new.life_scale, state.life_scale),
                 roughness=np.where(sets_in, new.roughness, state.roughness),
+                unevenness=np.where(sets_in, new.unevenness, state.unevenness),
                 rate=np.where(sets_in, rate, state.rate),
             )
         reach, growth = transition(
@@ -178,6 +181,13 @@ def first_passage(hours: Array, margin: Array, noise: Array, random: np.random.G
     return passed
 
 
+def _uneven(state: State, hours: Array, random: np.random.Generator) -> Array:
+    """Return by how many hours [h] components age in `hours` (n, 8) of even ageing: log-normal."""
+    variance = np.log1p(state.unevenness**2 * state.life_scale / hours)
+    shock = np.sqrt(variance) * in_common(random.standard_normal(hours.shape))
+    return np.asarray(hours * np.exp(shock - variance / 2))
+
+
 def _grid(settings: ForecastSettings) -> Array:
     """Return the times of the forecast [h], their steps growing geometrically from the first one."""
     ratio = np.geomspace(1.0, settings.longest_hours / settings.first_step, settings.steps)
@@ -185,7 +195,7 @@ def _grid(settings: ForecastSettings) -> Array:
 
 
 def _changed(state: State, step: float, prior: Prior, random: np.random.Generator) -> State:
-    changes = random.random(state.law.shape) < -np.expm1(-step / prior.settings.change_hours)
+    changes = in_common(random.random(state.law.shape)) < -np.expm1(-step / prior.settings.change_hours)
     if not changes.any():
         return state
     drawn = prior.general(state.law.shape, state.aged, random)
@@ -197,6 +207,7 @@ def _changed(state: State, step: float, prior: Prior, random: np.random.Generato
         life_scale=np.where(changes, drawn.life_scale, state.life_scale),
         shape=np.where(changes, drawn.shape, state.shape),
         roughness=np.where(changes, drawn.roughness, state.roughness),
+        unevenness=np.where(changes, drawn.unevenness, state.unevenness),
         rate=np.where(changes & ~goes_on, rate, state.rate),
     )
 

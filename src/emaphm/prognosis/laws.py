@@ -1,10 +1,12 @@
 """Laws of degradation: how level and rate of a component go on, given the law."""
 
+from typing import Any, TypeVar
+
 import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.arrays import Array
-from emaphm.prognosis.from_fleet.references import References
+from emaphm.prognosis.from_fleet.references import ECCENTRICITY, References
 from emaphm.prognosis.settings import (
     AS_ANOTHER,
     CHANGING_RATE,
@@ -20,8 +22,24 @@ LARGEST_EXPONENT = 7.0
 
 Numbers = NDArray[np.int8]
 
+AnyArray = TypeVar("AnyArray", bound=NDArray[Any])
+
 Mask = NDArray[np.bool_]
 """True and False, any shape; a docstring gives it."""
+
+
+def has_plane(components: int) -> bool:
+    """Return whether the eccentricity's two coordinates are among the first `components`."""
+    return components > max(ECCENTRICITY)
+
+
+def in_common(values: AnyArray) -> AnyArray:
+    """Return `values` (n, components, …) with the eccentricity's first coordinate's for its second too."""
+    if not has_plane(values.shape[1]):
+        return values
+    result = values.copy()
+    result[:, ECCENTRICITY[1]] = values[:, ECCENTRICITY[0]]
+    return result
 
 
 def transition(

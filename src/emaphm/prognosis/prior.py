@@ -9,7 +9,7 @@ import numpy as np
 from emaphm.actuator.faults import CARTESIAN_NAMES, HEALTHY, to_cartesian
 from emaphm.arrays import Array
 from emaphm.prognosis.from_fleet.references import ECCENTRICITY, References
-from emaphm.prognosis.laws import Mask, Numbers, rate_scale, transition
+from emaphm.prognosis.laws import Mask, Numbers, in_common, rate_scale, transition
 from emaphm.prognosis.settings import (
     AS_ANOTHER,
     DEGRADATION,
@@ -49,6 +49,7 @@ class Hypotheses(NamedTuple):
     life_scale: Array
     shape: Array
     roughness: Array
+    unevenness: Array
     rate: Array
     rate_deviation: Array
     exponents: Array
@@ -60,9 +61,8 @@ class Prior:
 
     A component's hypothesis is one of the fleet's, `fleet` of shape (k, 8), with probability `fleet_share`,
     else drawn by the settings: a fleet of few units has seen few ways to degrade. A share of the fleet's
-    are the ways that its units went, `references`. `spreads`, (2, 8), are standard deviations between units
-    that go the same way: of the logarithm of the time, and of the amplitude as a share. `reference` is the
-    stress that hours and rates are at; None where no stress was recorded, and an hour is an hour.
+    are the ways that its units went, `references`. `reference` is the stress that hours and rates are at;
+    None where no stress was recorded, and an hour is an hour.
     """
 
     settings: DegradationSettings = DEGRADATION
@@ -71,15 +71,14 @@ class Prior:
     units: int = 0
     reference: StressReference | None = None
     references: References | None = None
-    spreads: Array | None = None
 
     def draw(self, particles: int, random: np.random.Generator, components: int = COMPONENTS) -> Hypotheses:
         """Return hypotheses of the first `components` of a new unit, each array (particles, components)."""
         own = self.general((particles, components), np.zeros((particles, components)), random)
         if self.fleet is None:
             return own
-        rows = random.integers(len(self.fleet.law), size=own.law.shape)
-        is_fleets = random.random(own.law.shape) < self.fleet_share
+        rows = in_common(random.integers(len(self.fleet.law), size=own.law.shape))
+        is_fleets = in_common(random.random(own.law.shape)) < self.fleet_share
         columns = np.arange(components)
 
         def chosen(theirs: Array, mine: Array) -> Array:
@@ -90,29 +89,34 @@ class Prior:
             life_scale=chosen(self.fleet.life_scale, own.life_scale),
             shape=chosen(self.fleet.shape, own.shape),
             roughness=chosen(self.fleet.roughness, own.roughness),
+            unevenness=chosen(self.fleet.unevenness, own.unevenness),
             rate=chosen(self.fleet.rate, own.rate),
             rate_deviation=chosen(self.fleet.rate_deviation, own.rate_deviation),
             exponents=np.where(
                 is_fleets[..., np.newaxis], self.fleet.exponents[rows, columns], own.exponents
             ),
         )
-        return self._as_others(drawn, is_fleets & (random.random(own.law.shape) < AS_THEY_WENT), random)
+        as_they_went = in_common(random.random(own.law.shape)) < AS_THEY_WENT
+        return self._as_others(drawn, is_fleets & as_they_went, random)
 
     def _as_others(self, drawn: Hypotheses, where: Mask, random: np.random.Generator) -> Hypotheses:
         """Return the hypotheses (n, 8), `where` True those that the component goes the way of another unit's.
 
-        In a time and by an amplitude that differ from the other unit's by `spreads`; the coordinates of an
-        eccentricity by any amplitude up to about its own.
+        In a time and by an amplitude that differ from the other unit's by one of the settings' `spreads`; the
+        coordinates of an eccentricity by any amplitude up to about its own.
         """
-        if self.references is None or self.spreads is None:
+        if self.references is None:
             return drawn
-        of_time, of_amplitude = self.spreads
+        spreads = np.array(self.settings.spreads)
+        choice = in_common(random.integers(len(spreads), size=where.shape))
+        of_time, of_amplitude = np.moveaxis(spreads[choice], -1, 0)
         unit, span = self.references.drawn((where.shape[0], where.shape[1]), random)
-        scale = span * np.exp(of_time * random.standard_normal(where.shape))
+        unit, span = in_common(unit), in_common(span)
+        scale = span * np.exp(of_time * in_common(random.standard_normal(where.shape)))
         where = where & (span > 0)
         rate = 1 / np.where(where, scale, 1.0)
         deviation = of_amplitude * rate
-        deviation[:, ECCENTRICITY] = rate[:, ECCENTRICITY]
+        deviation[:, ECCENTRICITY] = rate[:, ECCENTRICITY] / np.sqrt(2)
         rate[:, ECCENTRICITY] = 0.0
         return drawn._replace(
             law=np.where(where, AS_ANOTHER, drawn.law).astype(np.int8),
@@ -133,9 +137,9 @@ class Prior:
         form = np.where(law == EXPONENTIAL, growth, p)
         deviation = rate_scale(law, life_scale, form, age, s)
         roughness = np.exp(random.uniform(math.log(s.roughness[0]), math.log(s.roughness[1]), shape))
-        return Hypotheses(
-            law, life_scale, form, roughness, np.zeros(shape), deviation, self._exponents(shape, random)
-        )
+        unevenness = np.exp(random.uniform(math.log(s.unevenness[0]), math.log(s.unevenness[1]), shape))
+        drawn = (law, life_scale, form, roughness, unevenness, np.zeros(shape), deviation)
+        return Hypotheses(*map(in_common, (*drawn, self._exponents(shape, random))))
 
     def _exponents(self, shape: tuple[int, ...], random: np.random.Generator) -> Array:
         if self.reference is None:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from emaphm.arrays import Array
 from emaphm.prognosis.belief import LEAST_VARIANCE, Belief
+from emaphm.prognosis.laws import in_common
 from emaphm.prognosis.settings import FilterSettings
 
 ROUNDING = 1e-9
@@ -16,7 +17,7 @@ ROUNDING = 1e-9
 def drawn_rows(belief: Belief, count: int, random: np.random.Generator) -> NDArray[np.intp]:
     """Return rows of the particles for each component, (count, 8), drawn by its weights, in any order."""
     columns = [random.permutation(systematic(one, count, random)) for one in belief.weights.T]
-    return np.stack(columns, axis=1)
+    return in_common(np.stack(columns, axis=1))
 
 
 def recombined(belief: Belief, rows: NDArray[np.intp]) -> Belief:
@@ -52,6 +53,8 @@ def recombined(belief: Belief, rows: NDArray[np.intp]) -> Belief:
         life_scale=belief.life_scale[rows, columns],
         shape=belief.shape[rows, columns],
         roughness=belief.roughness[rows, columns],
+        unevenness=belief.unevenness[rows, columns],
+        age_and_level=belief.age_and_level[rows, columns],
         exponents=belief.exponents[rows, columns],
         level=belief.level[rows, columns],
         rate=belief.rate[rows, columns],

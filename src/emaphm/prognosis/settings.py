@@ -43,6 +43,8 @@ class DegradationSettings:
     quiet: float = 0.2
     rate_noise: float = 0.3
     roughness: tuple[float, float] = (0.1, 5.0)
+    unevenness: tuple[float, float] = (0.003, 0.2)
+    spreads: tuple[tuple[float, float], ...] = ((0.1, 0.05), (0.2, 0.1), (0.4, 0.1), (0.4, 0.3))
     change_hours: float = 20_000.0
     new_level: float = 0.03
     exponents: tuple[tuple[float, float], ...] = ((0.0, 4.0), (-0.3, 0.9), (0.0, 1.0))
@@ -67,6 +69,7 @@ class FilterSettings:
     shrinkage: float = 0.98
     least_spread: float = 0.05
     exponent_jitter: float = 0.05
+    trust: float = 0.7
 
 
 @dataclass(frozen=True)

@@ -83,7 +83,7 @@ def prognose(
         raise PrognosisError("--workers and --scheduler are for --all; leave them out with --unit")
     costs = _costs(failure_cost, replacement_cost)
     described = described_actuator(actuator) if actuator is not None else None
-    from emaphm.prognosis import Evidence, Question, Stress, fellows, fleet_prior
+    from emaphm.prognosis import Evidence, Prior, Question, Stress, learnt_prior
     from emaphm.prognosis import prognose as ask
 
     given = (load, temperature, cycles_per_hour)
@@ -113,8 +113,8 @@ def prognose(
     with History.open(db) as history:
         found = history.unit(unit)
         evidence, described = Evidence.of(found), described or found.actuator
-        others = fellows(history, found) if fleet else []
-    result = ask(evidence, described, question, prior=fleet_prior(others, seed=seed), seed=seed)
+        prior = learnt_prior(history, found, seed=seed) if fleet else Prior()
+    result = ask(evidence, described, question, prior=prior, seed=seed)
     if keep:
         with History.open(db) as history:
             kept = KeptPrognosis(evidence.hours, len(evidence.observations), result.to_dict())

@@ -2,11 +2,10 @@
 
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from emaphm.arrays import Array
 from emaphm.errors import ExecutionError, HistoryError, nearest
 from emaphm.execution import OnTask, Outcome, Task, check_workers, outcomes
 from emaphm.prognosis.evidence import Evidence
@@ -14,10 +13,9 @@ from emaphm.prognosis.from_fleet.learning import (
     FEWEST_DIAGNOSES,
     MOST_UNITS,
     Taught,
-    evenly,
-    likeliest_spreads,
     pooled,
     taught_by,
+    teachers,
 )
 from emaphm.prognosis.prior import Prior
 from emaphm.prognosis.prognose import DEFAULT_QUESTION, Question, prognose
@@ -54,22 +52,17 @@ class UnitOutcome:
 
 @dataclass(frozen=True)
 class _Fleet:
-    """What the units of a part number teach, by unit, and how alike all are (`Prior.spreads`)."""
+    """What the units of a part number teach, by unit."""
 
-    where: str
     reference: StressReference | None
     taught: Mapping[str, Taught]
-    spreads: Array | None = None
 
-    def prior_of(self, unit: str, seed: int) -> Prior:
-        """Return the prior of a unit, by the others: how alike those are is computed anew without it."""
+    def prior_of(self, unit: str) -> Prior:
+        """Return the prior of a unit, by the others."""
         names = [name for name in self.taught if name != unit][:MOST_UNITS]
         if not names:
             return Prior()
-        prior = pooled([self.taught[name] for name in names], Prior(reference=self.reference), self.spreads)
-        if unit not in self.taught:
-            return prior
-        return replace(prior, spreads=likeliest_spreads(_evidence(self.where, names), prior, seed))
+        return pooled([self.taught[name] for name in names], Prior(reference=self.reference))
 
 
 def prognose_all(
@@ -86,9 +79,7 @@ def prognose_all(
 ) -> Generator[UnitOutcome]:
     """Yield the prognosis of each unit, by part and serial number, as tasks on many workers finish.
 
-    Each is what `prognose` gives with the `fleet_prior` of the unit's `fellows`, whatever the number of
-    workers, but for what is chosen once for all units: which units of a large fleet teach, and the reference
-    of the stress where that was recorded.
+    Each is what `prognose` gives with the unit's `learnt_prior`, whatever the number of workers.
 
     Parameters
     ----------
@@ -164,10 +155,9 @@ def _fleet(
 ) -> _Fleet:
     """Return what those units teach that have most explained diagnoses: one more than a unit learns from."""
     teaching = [one for one in lines if one.explained >= FEWEST_DIAGNOSES]
-    teaching.sort(key=lambda one: (-one.explained, one.unit.serial_number))
-    names = [one.unit.serial_number for one in evenly(teaching, MOST_UNITS + 1)]
+    names = [one.unit.serial_number for one in teachers(teaching)]
     if not names:
-        return _Fleet(where, None, {})
+        return _Fleet(None, {})
     evidence = _evidence(where, names)
     reference = StressReference.of([piece for one in evidence for piece in one.stresses])
     general = Prior(reference=reference)
@@ -178,8 +168,7 @@ def _fleet(
             if outcome.failure:
                 raise ExecutionError(f"what the fleet teaches cannot be computed: {outcome.failure}")
             found[names[outcome.index]] = outcome.result
-    prior = pooled(list(found.values()), general)
-    return _Fleet(where, reference, found, likeliest_spreads(evidence, prior, seed))
+    return _Fleet(reference, found)
 
 
 def _evidence(where: str, names: Sequence[str]) -> list[Evidence]:
@@ -213,7 +202,7 @@ def _prognoses(
             try:
                 unit = history.unit(name)
                 evidence = Evidence.of(unit)
-                prior = None if fleet is None else fleet.prior_of(name, seed)
+                prior = None if fleet is None else fleet.prior_of(name)
                 made = prognose(evidence, actuator or unit.actuator, question, prior=prior, seed=seed)
             except EmaphmError as error:
                 results.append(UnitOutcome(name, {}, error=str(error)))

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from emaphm.arrays import Array
 from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.evidence import Evidence, Followed, follow
-from emaphm.prognosis.from_fleet.references import References, Track
+from emaphm.prognosis.from_fleet.memory import Memory, fingerprint
+from emaphm.prognosis.from_fleet.references import ECCENTRICITY, References, Track
 from emaphm.prognosis.laws import is_moving
-from emaphm.prognosis.prior import COMPONENTS, NEW, Hypotheses, Prior, rate_when_new
+from emaphm.prognosis.prior import NEW, Hypotheses, Prior, rate_when_new
 from emaphm.prognosis.resampling import drawn_rows, recombined
 from emaphm.prognosis.settings import FILTER
 from emaphm.prognosis.stress import StressReference
@@ -19,14 +19,15 @@ from emaphm.random_streams import stream
 
 if TYPE_CHECKING:
     from emaphm.history import History, Unit
+    from emaphm.history.overview import Overview
 
 MOST_UNITS = 30
 """Units that are followed."""
 
 T = TypeVar("T")
 
-FOLLOWED_BY = replace(FILTER, particles=300)
-"""Their filter: a third of a prognosis's particles, since its draws are pooled; 2 ms a diagnosis."""
+FOLLOWED_BY = replace(FILTER, trust=1.0)
+"""Their filter: they have been followed for long, and what is kept of them is a sample, not a forecast."""
 
 WEIGHT_OF_GENERAL = 2.0
 """Units that the general prior counts as: with two of a fleet, half of what is expected is the fleet's."""
@@ -37,32 +38,31 @@ FEWEST_DIAGNOSES = 3
 SPREAD = 0.3
 """Standard deviation of a new unit's rate about that of another unit, as a share of it."""
 
-SPREADS = ((0.1, 0.05), (0.2, 0.1), (0.4, 0.1), (0.4, 0.3))
-"""Spreads that are tried of units that go the same way: of the time's logarithm and of the amplitude.
-
-From units that are nearly alike to such whose lives differ by half; the last, widest, holds for a fleet of
-one, which shows no spread.
-"""
-
-MOST_TRIED = 10
-"""Units on which they are tried."""
-
-DRAWN = 200
+DRAWN = 500
 """Particles that each unit gives."""
 
+KEPT = 150
+"""Units whose teaching a process remembers, 0.4 MB each."""
 
-def fellows(history: "History", unit: "Unit") -> list[Evidence]:
-    """Return what a history says of other units of the part number that have enough diagnoses.
 
-    `MOST_UNITS` at most; `HistoryError` where the database fails.
+def learnt_prior(history: "History", unit: "Unit", *, seed: int = 0) -> Prior:
+    """Return the `fleet_prior` of a unit, by the others of its part number that have enough diagnoses.
+
+    Chosen from the whole fleet before the unit is left out, so that all its units learn from the same ones: a
+    process that makes one prognosis after the other follows each of them once. Errors as in `fleet_prior`;
+    `HistoryError` where the database fails.
     """
-    others = [
-        one
-        for one in history.overviews(unit.part_number)
-        if one.explained >= FEWEST_DIAGNOSES and one.unit.serial_number != unit.serial_number
-    ]
-    others.sort(key=lambda one: (-one.explained, one.unit.serial_number))
-    return [Evidence.of(history.unit(one.unit.serial_number)) for one in evenly(others)]
+    teaching = [one for one in history.overviews(unit.part_number) if one.explained >= FEWEST_DIAGNOSES]
+    chosen = [Evidence.of(history.unit(one.unit.serial_number)) for one in teachers(teaching)]
+    reference = StressReference.of([piece for one in chosen for piece in one.stresses])
+    others = [one for one in chosen if one.unit != unit.serial_number][:MOST_UNITS]
+    return fleet_prior(others, Prior(reference=reference), seed=seed)
+
+
+def teachers(overviews: "Sequence[Overview]") -> "list[Overview]":
+    """Return the units of a fleet that teach: one more than a unit learns from, as it may be one of them."""
+    ordered = sorted(overviews, key=lambda one: (-one.explained, one.unit.serial_number))
+    return evenly(ordered, MOST_UNITS + 1)
 
 
 def evenly(ordered: Sequence[T], most: int = MOST_UNITS) -> list[T]:
@@ -93,8 +93,7 @@ def fleet_prior(others: Sequence[Evidence], prior: Prior | None = None, *, seed:
         return general
     reference = general.reference or StressReference.of([piece for one in chosen for piece in one.stresses])
     general = replace(general, reference=reference)
-    prior = pooled([taught_by(one, general, seed) for one in chosen], general)
-    return replace(prior, spreads=likeliest_spreads(chosen, prior, seed))
+    return pooled([taught_by(one, general, seed) for one in chosen], general)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,14 +104,21 @@ class Taught:
     track: Track
 
 
+TAUGHT: Memory[Taught] = Memory(KEPT)
+
+
 def taught_by(evidence: Evidence, general: Prior, seed: int) -> Taught:
     """Return what a unit teaches, followed from the `general` prior; errors as in `follow`."""
-    followed = follow(evidence, general, seed=seed, settings=FOLLOWED_BY)
-    return Taught(_hypotheses(followed.belief, evidence.unit, seed), _track(followed))
+
+    def taught() -> Taught:
+        followed = follow(evidence, general, seed=seed, settings=FOLLOWED_BY)
+        return Taught(_hypotheses(followed.belief, evidence.unit, seed), _track(followed))
+
+    return TAUGHT.get(fingerprint(evidence, general.settings, general.reference, seed), taught)
 
 
-def pooled(parts: Sequence[Taught], general: Prior, spreads: Array | None = None) -> Prior:
-    """Return the prior that several units, one or more, teach together; `spreads` as in `Prior`."""
+def pooled(parts: Sequence[Taught], general: Prior) -> Prior:
+    """Return the prior that several units, one or more, teach together."""
     columns = zip(*(one.hypotheses for one in parts), strict=True)
     return replace(
         general,
@@ -120,28 +126,7 @@ def pooled(parts: Sequence[Taught], general: Prior, spreads: Array | None = None
         fleet_share=len(parts) / (len(parts) + WEIGHT_OF_GENERAL),
         units=len(parts),
         references=References.of([one.track for one in parts]),
-        spreads=spreads,
     )
-
-
-def likeliest_spreads(chosen: Sequence[Evidence], prior: Prior, seed: int) -> Array:
-    """Return the spreads (2, 8) of the `SPREADS` under which the units are likeliest, given the others.
-
-    Each component's by its own diagnoses (empirical Bayes, or maximum likelihood of the second type).
-    """
-    candidates = np.repeat(np.array(SPREADS)[:, :, np.newaxis], COMPONENTS, axis=2)
-    if len(chosen) < 2 or prior.references is None:
-        return np.asarray(candidates[-1])
-    total = np.zeros((len(SPREADS), COMPONENTS))
-    rows = np.unique(np.linspace(0, len(chosen) - 1, min(MOST_TRIED, len(chosen))).astype(int))
-    for i in rows:
-        of_others = replace(prior, references=prior.references.without(int(i)))
-        for j, spreads in enumerate(candidates):
-            tried = replace(of_others, spreads=spreads)
-            held = follow(chosen[i], tried, seed=seed, settings=FOLLOWED_BY).belief
-            total[j] += held.log_likelihood
-    best = total.argmax(axis=0)
-    return np.asarray(candidates[best, :, np.arange(COMPONENTS)].T)
 
 
 def _track(followed: Followed) -> Track:
@@ -162,4 +147,7 @@ def _hypotheses(belief: Belief, unit: str, seed: int) -> Hypotheses:
     factor = rate_when_new(held, units.aged, belief.prior.settings)
     rate = np.where(is_moving(held.law), held.rate / factor, 0.0)
     deviation = np.hypot(held.rate_deviation / factor, SPREAD * np.abs(rate))
+    # The direction of an eccentricity differs from unit to unit.
+    plane = np.sqrt(np.mean(rate[:, ECCENTRICITY] ** 2 + deviation[:, ECCENTRICITY] ** 2, axis=1))
+    rate[:, ECCENTRICITY], deviation[:, ECCENTRICITY] = 0.0, plane[:, np.newaxis]
     return held._replace(rate=rate, rate_deviation=np.where(is_moving(held.law), deviation, 0.0))

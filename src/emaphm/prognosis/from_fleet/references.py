@@ -21,7 +21,8 @@ FEWEST = 3
 END = 0.2
 """Last share of a span whose slope goes on after it."""
 
-ECCENTRICITY = slice(CARTESIAN_NAMES.index("eccentricity_x"), CARTESIAN_NAMES.index("eccentricity_y") + 1)
+ECCENTRICITY = (CARTESIAN_NAMES.index("eccentricity_x"), CARTESIAN_NAMES.index("eccentricity_y"))
+"""Columns of the coordinates of one growth in a plane: law, parameters and ageing are common to both."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,12 +47,6 @@ class References:
         """Return what units show, one or more, by the tracks of their levels."""
         change, span = (np.stack(columns) for columns in zip(*map(_shown, tracks), strict=True))
         return cls(change, span)
-
-    def without(self, unit: int) -> "References":
-        """Return what the other units show."""
-        span = self.span.copy()
-        span[unit] = 0.0
-        return References(self.change, span)
 
     def drawn(self, shape: tuple[int, int], random: np.random.Generator) -> tuple[NDArray[np.intp], Array]:
         """Return units (n, 8), each as likely, of those that show the component, and their spans [h].

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from emaphm.history.kept_prognosis import KeptPrognosis, keep_prognosis
 from emaphm.history.views import keep_curves, read_curves
 from emaphm.prognosis.evidence import Evidence
-from emaphm.prognosis.from_fleet.learning import fellows, fleet_prior
+from emaphm.prognosis.from_fleet.learning import learnt_prior
 from emaphm.prognosis.keeping.curves import Curves, fan_row
 from emaphm.prognosis.prognose import DEFAULT_QUESTION, Question, past_lives, prognose
 
@@ -32,12 +32,13 @@ def update_prognosis(
 ) -> Updated:
     """Return the prognosis of `unit`, learning from the others of its part number, and keep it.
 
-    It takes some seconds: about one for the unit, and 0.2 s for each other unit that is learned from.
+    It takes about one second for the unit, and 0.2 s for each other unit that is learnt from and that this
+    process has not followed yet.
 
     Errors as in `emaphm.prognosis.prognose`; `HistoryError` where the database fails.
     """
     evidence = Evidence.of(unit)
-    prior = fleet_prior(fellows(history, unit), seed=seed)
+    prior = learnt_prior(history, unit, seed=seed)
     prognosis = prognose(evidence, unit.actuator, question, prior=prior, seed=seed)
     curves = Curves.of(prognosis, _earlier(history, unit, prognosis))
     count = len(evidence.observations)

@@ -16,6 +16,7 @@ from emaphm.prognosis.prognose import lives
 from emaphm.prognosis.settings import FORECAST
 from emaphm.study.fleet.baselines import LONGEST_H, last_slope, mean_life, one_filter_a_component
 from emaphm.study.fleet.clairvoyant import clairvoyant
+from emaphm.study.fleet.informed import informed
 
 SHARES = (0.0, 0.25, 0.5, 0.75)
 """λ: of the way from the first check flight to the failure."""
@@ -25,15 +26,16 @@ ALPHA, BETA = 0.2, 0.5
 LATE = 0.2
 """A median is late where it exceeds the true RUL by more than this share of it."""
 
-WITH_FLEET, ALONE, CLAIRVOYANT, LINE, FILTER, MEAN = (
+WITH_FLEET, ALONE, CLAIRVOYANT, INFORMED, LINE, FILTER, MEAN = (
     "ours, with the fleet's prior",
     "ours, general prior",
     "clairvoyant",
+    "Bayes' rule, population known",
     "last slope",
     "one filter a component",
     "mean life of the fleet",
 )
-WAYS = (WITH_FLEET, ALONE, CLAIRVOYANT, FILTER, LINE, MEAN)
+WAYS = (WITH_FLEET, ALONE, CLAIRVOYANT, INFORMED, FILTER, LINE, MEAN)
 
 TRACKED = replace(FORECAST, paths=300)
 """Forecasts at every check flight: a risk of 5 % is then right to 1.3 %."""
@@ -75,11 +77,13 @@ def judged(
         }
         if tracked and name == WITH_FLEET:
             warned = _warning(lives(past, case.evidence, actuator, settings=TRACKED), failure)
-    for share, i in zip(SHARES, chosen, strict=True):
+    known = informed(case.evidence, plan, chosen)
+    for share, i, by_population in zip(SHARES, chosen, known, strict=True):
         hours = float(flights[i])
         until = _until(case.evidence, i)
         others: dict[str, Array] = {
             CLAIRVOYANT: clairvoyant(case.unit, hours, plan),
+            INFORMED: by_population,
             FILTER: one_filter_a_component(until, actuator, seed),
             LINE: last_slope(until, actuator),
             MEAN: mean_life(hours, case.lives),
