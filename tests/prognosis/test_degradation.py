@@ -149,3 +149,30 @@ def test_an_update_takes_milliseconds() -> None:
 
 def test_a_law_is_the_number_that_it_has() -> None:
     assert set(np.unique(Belief.new(Prior(ONE_LAW), settings=FEW).law)) == {CHANGING_RATE}
+
+
+def test_uneven_ageing_adds_to_the_variances_by_the_law() -> None:
+    """Linear law, rate v ~ N(0, 1/T²), ageing of variance u² T h: the level gets E[v²] u² T h more."""
+    u, scale, hours = 0.1, 1000.0, 300.0
+    settings = DegradationSettings(
+        laws=(0, 1, 0, 0, 0, 0),
+        life_scale=(scale, scale + 1e-9),
+        noise=0.0,
+        unevenness=(u, u + 1e-12),
+        change_hours=1e15,
+    )
+    after = predicted(Belief.new(Prior(settings), settings=FEW), hours)
+    expected = settings.new_level**2 + (hours / scale) ** 2 + u**2 * scale * hours / scale**2
+    assert np.einsum("nii->ni", after.levels) == pytest.approx(np.full((20, 8), expected), rel=1e-6)
+    assert np.einsum("nii->ni", after.rates) == pytest.approx(np.full((20, 8), scale**-2.0), rel=1e-6)
+
+
+def test_the_coordinates_of_an_eccentricity_are_one_growth() -> None:
+    belief = Belief.new(Prior(), settings=FilterSettings(particles=300))
+    for i in range(1, 15):
+        z = NEW.copy()
+        z[5:7] += 0.02 * i * np.array([0.6, -0.8])
+        belief = updated(predicted(belief, 50.0 * i), z, np.eye(8) * 1e-4)
+    for values in (belief.law, belief.life_scale, belief.aged, belief.log_weights, belief.unevenness):
+        assert np.array_equal(values[:, 5], values[:, 6])
+    assert belief.mean_rate[5:7] == pytest.approx([0.02 * 0.6 / 50, -0.02 * 0.8 / 50], rel=0.15)

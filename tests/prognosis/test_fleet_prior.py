@@ -1,11 +1,15 @@
 """What other units teach: the ways that they went, in whose time, and by how much units differ."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from emaphm.arrays import Array
 from emaphm.prognosis import Evidence, Observation, fleet_prior
-from emaphm.prognosis.evidence import follow
+from emaphm.prognosis.evidence import Followed, follow
+from emaphm.prognosis.from_fleet import learning
+from emaphm.prognosis.from_fleet.memory import Memory
 from emaphm.prognosis.from_fleet.references import References, Track
 from emaphm.prognosis.laws import transition
 from emaphm.prognosis.prior import NEW
@@ -85,3 +89,30 @@ def test_a_new_unit_is_believed_to_go_the_way_of_its_fleet(fleet: list[Evidence]
     belief = follow(flown(0.9, 1.0, 99, upto=1200.0), prior).belief
     assert belief.law_probabilities()[0, AS_ANOTHER] > 0.7
     assert belief.law_probabilities()[0].sum() == pytest.approx(1.0)
+
+
+def test_a_unit_is_followed_once_until_it_is_diagnosed_again(
+    fleet: list[Evidence], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = []
+
+    def counted(evidence: Evidence, *args: Any, **options: Any) -> Followed:
+        seen.append(evidence.unit)
+        return follow(evidence, *args, **options)
+
+    monkeypatch.setattr(learning, "follow", counted)
+    first = fleet_prior(fleet, seed=5)
+    assert sorted(seen) == sorted(one.unit for one in fleet)
+    again = fleet_prior([*fleet[1:], flown(1.0, 1.0, 0, upto=2100.0)], seed=5)
+    assert seen[len(fleet) :] == ["unit 0"]
+    assert first.fleet is not None
+    assert again.fleet is not None
+    assert first.fleet.rate.shape == again.fleet.rate.shape
+
+
+def test_what_was_not_asked_for_the_longest_is_forgotten() -> None:
+    made: list[str] = []
+    memory: Memory[str] = Memory(2)
+    for key in ("a", "b", "a", "c", "a", "b"):
+        assert memory.get(key, lambda key=key: made.append(key) or key) == key  # type: ignore[misc, func-returns-value]
+    assert made == ["a", "b", "c", "b"]

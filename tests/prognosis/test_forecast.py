@@ -1,5 +1,8 @@
 """Forecasts against closed forms: first passages of a Wiener process, truncated normals, laws."""
 
+import math
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import invgauss, kstest, norm, truncnorm
@@ -137,3 +140,15 @@ def test_process_noise_adds_up() -> None:
         a, b, c = (part[0] for part in noises(law, scale, np.ones(1), 10.0, s))
         ll, lr, rr = ll + 20 * lr + 100 * rr + a, lr + 10 * rr + b, rr + c
     assert (ll, lr, rr) == pytest.approx(whole, rel=1e-9)
+
+
+def test_uneven_ageing_scatters_a_level_by_its_rate() -> None:
+    """Ageing has the variance u² T h in h hours; at the rate v, the level has v² times that."""
+    even = states(LINEAR, 8000, level=0.0, rate=1e-4)
+    state = replace(even, unevenness=np.full(even.law.shape, 0.1))
+    settings = DegradationSettings(noise=0.0, rate_noise=0.0, change_hours=1e12)
+    made = paths(state, Prior(settings), seed=3, settings=ForecastSettings(longest_hours=4000.0, steps=40))
+    last = made.level[-1, :, 0]
+    assert last.mean() == pytest.approx(1e-4 * made.hours[-1], rel=0.01)
+    # The standard deviation of 8,000 values is right to 0.8 %, and five of these are allowed.
+    assert last.std() == pytest.approx(1e-4 * 0.1 * math.sqrt(1000.0 * made.hours[-1]), rel=0.04)

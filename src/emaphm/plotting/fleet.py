@@ -15,16 +15,26 @@ from emaphm.plotting.style import (
     new_figure,
     style_axis,
 )
-from emaphm.study.fleet.judging import ALONE, ALPHA, CLAIRVOYANT, FILTER, LINE, MEAN, SHARES, WITH_FLEET
+from emaphm.study.fleet.judging import (
+    ALONE,
+    ALPHA,
+    CLAIRVOYANT,
+    FILTER,
+    INFORMED,
+    LINE,
+    MEAN,
+    SHARES,
+    WITH_FLEET,
+)
 from emaphm.study.fleet.scores import alpha_lambda_interval, scores
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-SHOWN = (WITH_FLEET, ALONE, CLAIRVOYANT, FILTER, LINE, MEAN)
+SHOWN = (WITH_FLEET, ALONE, CLAIRVOYANT, INFORMED, FILTER, LINE, MEAN)
 
-COLOURS = dict(zip(SHOWN, (BLUE, SERIES[5], BLACK, SERIES[2], SERIES[1], SERIES[7]), strict=True))
+COLOURS = dict(zip(SHOWN, (BLUE, SERIES[5], BLACK, SERIES[3], SERIES[2], SERIES[1], SERIES[7]), strict=True))
 
 MOST_TRACKS = 6
 """Units whose predictions over life are drawn."""

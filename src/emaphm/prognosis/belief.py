@@ -26,7 +26,7 @@ class Belief:
         Flight hours [h] at which each component was new, shape (8,).
     aged
         Hours [h] at the reference stress that each component has aged since it was new, (n, 8).
-    law, life_scale, shape, roughness
+    law, life_scale, shape, roughness, unevenness
         Of each particle and component, (n, 8): as in `Hypotheses`.
     exponents
         Of the stress, (n, 8, 3): as in `Hypotheses`.
@@ -34,6 +34,8 @@ class Belief:
         Means of the Kalman filters, (n, 8); [-], [1/h].
     levels, mixed, rates
         Their covariances, (n, 8, 8): of the levels; of levels (rows) and rates (columns); of the rates.
+    age_and_level
+        Covariance of each component's ageing and level since the last update, (n, 8) [h].
     log_weights
         Natural logarithms of the particles' weights for each component, (n, 8); the exponentials of a column
         sum to 1.

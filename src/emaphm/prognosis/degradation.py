@@ -8,7 +8,8 @@ Each component has weights of its own, from the likelihood of its own estimate, 
 block particle filter [3]. A whole unit's particle would have to be right in eight laws at once, which needs
 many times as many. This is exact where the estimates of a diagnosis are uncorrelated. Where they are
 correlated, levels and rates take all of the covariance, and only the choice between laws does without what
-the others' errors say.
+the others' errors say. The two coordinates of an eccentricity are one growth: they have law, parameters,
+ageing and weights in common, the latter from the likelihood of both.
 
 References
 ----------
@@ -54,7 +55,8 @@ def predicted(belief: Belief, hours: float, exposed: Exposure | None = None) -> 
     A component of sudden onset sets in with probability 1 - exp(-h/T) in h hours, at a moment of which each
     is equally likely; any component takes up another law with probability 1 - exp(-h/`change_hours`). The
     hours h of a law, of its noise and of an onset are those by which the component ages under the stress
-    that it was `exposed` to; flight hours where that is left out.
+    that it was `exposed` to; flight hours where that is left out. Ageing is uneven: its variance in h hours
+    is u² T h, u being the `unevenness`, and moves level and rate along the law.
     """
     flown = hours - belief.hours
     if flown <= 0:

@@ -39,6 +39,8 @@ class Hypotheses(NamedTuple):
         T [h]; time constant as a share of T, exponent, or number of another unit.
     roughness
         Of the process noise, relative to the settings' [-].
+    unevenness
+        Standard deviation of the ageing within T, as a share of T [-].
     rate, rate_deviation
         Mean and standard deviation of the rate [1/h] when the component is new, or at an onset or change.
     exponents

@@ -24,7 +24,16 @@ from emaphm.plotting.svg import plain_style, svg
 from emaphm.prognosis.metrics import coverage
 from emaphm.report.markdown import incomplete, table
 from emaphm.study.fleet.diagnoses import Quality, quality
-from emaphm.study.fleet.judging import ALONE, CLAIRVOYANT, HORIZON_H, RISK, SHARES, WAYS, WITH_FLEET
+from emaphm.study.fleet.judging import (
+    ALONE,
+    CLAIRVOYANT,
+    HORIZON_H,
+    INFORMED,
+    RISK,
+    SHARES,
+    WAYS,
+    WITH_FLEET,
+)
 from emaphm.study.fleet.run import DRAWN, FELLOWS, MANY, PLAN, RECORDED, StudyFolder, recorded_fleet, results
 from emaphm.study.fleet.scores import HEADER, alpha_lambda_interval, scores, warnings
 
@@ -160,11 +169,20 @@ def _verdicts(recorded: Units, drawn: Units) -> Iterator[str]:
                     f"{ours.alpha_lambda:.2f} ({low:.2f} to {high:.2f})",
                     f"{best.alpha_lambda:.2f}",
                     f"{100 * ours.alpha_lambda / best.alpha_lambda:.0f} %",
+                    f"{scores(units, INFORMED, share).alpha_lambda:.2f}",
                     f"{100 * (ours.coverage or 0):.0f} %",
                     f"{100 * ours.late:.0f} %",
                 )
             )
-    header = ("", "alpha-lambda (90 % interval)", "clairvoyant", "share of it", "coverage of 90 %", "late")
+    header = (
+        "",
+        "alpha-lambda (90 % interval)",
+        "clairvoyant",
+        "share of it",
+        "Bayes' rule",
+        "coverage of 90 %",
+        "late",
+    )
     yield table(header, rows)
     yield (
         f"\nAsked: {100 * ASKED_SHARE:.0f} % of the clairvoyant's alpha-lambda (α 0.2, β 0.5), and a "
@@ -173,6 +191,13 @@ def _verdicts(recorded: Units, drawn: Units) -> Iterator[str]:
         "what it does not know is what chance has not decided: jumps, drift, the stress of flights to come, "
         "and the moment of an onset or change that is still to come. *Late*: the median exceeds the true RUL "
         "by more than 20 %."
+    )
+    yield (
+        "\n*Bayes' rule, population known* is given what the fleet is drawn from: the laws of each component "
+        "with their shares, the ranges of their parameters, the distributions of lives and stress; of a unit "
+        "it sees the diagnoses alone. It is the best, on average over such units and but for sampling, that "
+        "any prediction can be which does not know the unit's own law and parameters. The difference between "
+        "it and the clairvoyant can be learnt from no fleet, however large."
     )
 
 
@@ -239,7 +264,7 @@ def _by_law(units: Units) -> str:
         chosen = [one for one in units if one["law"] == law]
         cells: list[str] = []
         for share in (0.5, 0.75):
-            ways = (WITH_FLEET, CLAIRVOYANT)
+            ways = (WITH_FLEET, CLAIRVOYANT, INFORMED)
             cells += [f"{scores(chosen, way, share).alpha_lambda:.2f}" for way in ways]
             transforms = [one["ways"][WITH_FLEET][str(share)]["transform"] for one in chosen]
             cells.append(f"{100 * coverage(transforms):.0f} %")
@@ -250,9 +275,11 @@ def _by_law(units: Units) -> str:
         "units",
         "alpha-lambda, λ = 0.5",
         "clairvoyant",
+        "Bayes' rule",
         "coverage",
         "λ = 0.75",
         "clairvoyant",
+        "Bayes' rule",
         "coverage",
     )
     return table(header, rows)
