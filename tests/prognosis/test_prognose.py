@@ -13,11 +13,11 @@ from emaphm.arrays import Array
 from emaphm.errors import PrognosisError
 from emaphm.prognosis import Evidence, Observation, Question, fleet_prior, prognose
 from emaphm.prognosis.belief import Belief
-from emaphm.prognosis.failure_times import failure_times, responsible
 from emaphm.prognosis.forecast import Paths, drawn_states, paths
 from emaphm.prognosis.metrics import Prediction, probability_integral_transform
 from emaphm.prognosis.prior import NEW, Prior
 from emaphm.prognosis.requirements import Requirements
+from emaphm.prognosis.requirements.failure_times import failure_times, responsible
 from emaphm.prognosis.settings import ForecastSettings
 
 ERROR = 0.01

@@ -11,9 +11,11 @@ from emaphm.actuator.requirements import Requirement
 from emaphm.fleet.synthetic import FleetPlan, drawn_unit
 from emaphm.prognosis import Evidence, Observation
 from emaphm.report.fleet_page import fleet_page
+from emaphm.study.fleet import informed as informed_module
 from emaphm.study.fleet.baselines import last_slope, mean_life, one_filter_a_component
 from emaphm.study.fleet.diagnoses import Quality, quality
 from emaphm.study.fleet.drawn import Pool, drawn_evidence
+from emaphm.study.fleet.informed import informed
 from emaphm.study.fleet.judging import SHARES, WAYS, WITH_FLEET
 from emaphm.study.fleet.run import DRAWN, RECORDED
 from emaphm.study.fleet.scores import alpha_lambda_interval, scores, warnings
@@ -117,3 +119,18 @@ def test_the_page_says_synthetic_and_holds_every_way() -> None:
     assert "logistic (unknown to the filter)" in text
     assert set(figures) == {"scores", "tracks", "calibration"}
     assert all(picture.startswith(b"<?xml") for picture in figures.values())
+
+
+def test_who_knows_the_population_learns_the_unit_from_its_diagnoses(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(informed_module, "SAMPLE", 4000)
+    plan = FleetPlan(units=1, flights=70, interval=100.0, seed=3)
+    unit = drawn_unit(plan, 0)
+    assert unit.failure is not None
+    pool = Pool(NEW[np.newaxis], 0.002**2 * np.eye(8)[np.newaxis])
+    evidence = drawn_evidence(unit, plan, pool)
+    last = len(evidence.used) - 4
+    early, late = informed(evidence, plan, [0, last])
+    spread = np.diff(np.quantile(early, (0.05, 0.95))), np.diff(np.quantile(late, (0.05, 0.95)))
+    assert spread[1] < spread[0] / 5
+    for sample, hours in ((early, 100.0), (late, 100.0 * (last + 1))):
+        assert 0.01 < np.mean(hours + sample < unit.failure) < 0.99

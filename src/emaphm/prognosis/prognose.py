@@ -13,10 +13,10 @@ from emaphm.errors import PrognosisError
 from emaphm.prognosis.advice import Costs, advice
 from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.evidence import Evidence, follow
-from emaphm.prognosis.failure_times import FailureTimes, failure_times, responsible
 from emaphm.prognosis.forecast import Paths, State, drawn_states, paths
 from emaphm.prognosis.prior import NEW, Prior
 from emaphm.prognosis.requirements import COMPONENTS, Limit, Requirements, vectors_of
+from emaphm.prognosis.requirements.failure_times import FailureTimes, failure_times, responsible
 from emaphm.prognosis.result import Prognosis
 from emaphm.prognosis.settings import CONSTANT, FORECAST, ForecastSettings
 from emaphm.prognosis.stress import STRESSES, Stress, StressReference, exposure

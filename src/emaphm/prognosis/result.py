@@ -11,9 +11,9 @@ from emaphm.arrays import Array
 from emaphm.prognosis.advice import Advice
 from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.evidence import Evidence
-from emaphm.prognosis.failure_times import FailureTimes
 from emaphm.prognosis.forecast import Paths
 from emaphm.prognosis.requirements import COMPONENTS, Limit, vectors_of
+from emaphm.prognosis.requirements.failure_times import FailureTimes
 from emaphm.prognosis.settings import LAWS
 from emaphm.prognosis.stress import Stress, stress_dict
 from emaphm.strict_json import finite

@@ -8,7 +8,7 @@ from emaphm.actuator import NAMES
 from emaphm.actuator.faults import CARTESIAN_NAMES, HEALTHY
 from emaphm.arrays import Array
 from emaphm.prognosis.forecast import Paths, first_passage
-from emaphm.prognosis.requirements import COMPONENTS, Limit, Requirements, vectors_of
+from emaphm.prognosis.requirements.margins import COMPONENTS, Limit, Requirements, vectors_of
 from emaphm.random_streams import stream
 
 MOST_ATTRIBUTED = 200
