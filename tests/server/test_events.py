@@ -10,7 +10,7 @@ from emaphm.actuator import Actuator
 from emaphm.history import Event, History
 from emaphm.monitoring import WATCH, Ownership, Task, watch
 from emaphm.monitoring.outlook import Outlook
-from emaphm.server.folders import WorkFolder
+from emaphm.server.folders import ServerFolder
 from emaphm.server.work import worker
 from emaphm.server.work.queue import DONE
 from emaphm.server.work.worker import SERVER, Forecast, Outcome, Place, Upload
@@ -55,7 +55,7 @@ def watched(folder: Path, where: Path) -> tuple[Event, ...]:
 def uploaded(folder: Path, where: Path) -> list[Outcome]:
     with History.open(where, create=True):
         pass
-    place = Place(str(where), WorkFolder(folder), {THESIS.name: THESIS}, 2**33, 2**26)
+    place = Place(str(where), ServerFolder(folder), {THESIS.name: THESIS}, 2**33, 2**26)
     _, orders = Pipe()
     outcomes = []
     for number in NUMBERS:
@@ -90,7 +90,7 @@ def test_uploads_make_the_events_that_watching_makes(arrived: Path, tmp_path: Pa
 def test_a_prognosis_of_the_server_makes_the_event_of_a_life_that_ends(tmp_path: Path) -> None:
     with History.open(tmp_path / "history.sqlite", create=True) as history:
         stand_in.fly(history, [0.1 + 0.12 * i for i in range(8)])
-        place = Place(str(tmp_path / "history.sqlite"), WorkFolder(tmp_path), {}, 2**33, 2**26)
+        place = Place(str(tmp_path / "history.sqlite"), ServerFolder(tmp_path), {}, 2**33, 2**26)
         assert worker._outcome(Forecast("S1"), place, Pipe()[1]).state == DONE
         (event,) = history.events()
     assert (event.kind, event.state, event.watcher) == ("rul_below_horizon", "raised", SERVER)

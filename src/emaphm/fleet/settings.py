@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from emaphm.actuator import Actuator
-from emaphm.amortized.diagnosing import diagnose_by
+from emaphm.amortized.diagnosing import CORRECTED, METHOD, diagnose_by
 from emaphm.amortized.estimator import Estimator
 from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.errors import MethodError
@@ -63,6 +63,13 @@ class DiagnosisSettings:
                 "or --fast"
             )
         estimator_at(self.estimator)
+
+    @property
+    def method_names(self) -> tuple[str, ...]:
+        """What the method of a diagnosis may be called: as asked, or the full search where that cannot be."""
+        if self.estimator is None:
+            return (self.method,)
+        return (METHOD, CORRECTED, HYBRID) if self.fast else (CORRECTED, HYBRID)
 
     def diagnosed(
         self,

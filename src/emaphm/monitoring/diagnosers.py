@@ -46,7 +46,7 @@ class ByEstimator:
     def __call__(self, recording: Recording, actuator: Actuator, *, seed: int) -> "Diagnosis":
         """Return the diagnosis."""
         try:
-            return self._settings(seed).diagnosed(recording, actuator)
+            return self.settings(seed).diagnosed(recording, actuator)
         except MethodError as error:
             from emaphm.amortized.estimator import WAY_OUT
 
@@ -57,19 +57,16 @@ class ByEstimator:
         """Refuse a file that is no estimator of this actuator, `MethodError`."""
         from emaphm.fleet.settings import estimator_at
 
-        self._settings(0).check_estimator()
+        self.settings(0).check_estimator()
         estimator_at(self.file).check_actuator(actuator)
 
-    def _settings(self, seed: int) -> "DiagnosisSettings":
+    def settings(self, seed: int) -> "DiagnosisSettings":
+        """Return what it asks of `emaphm.fleet`."""
         from emaphm.fleet import DiagnosisSettings
 
         return DiagnosisSettings(seed=seed, estimator=self.file, fast=self.fast)
 
 
 def methods_of(diagnose: Diagnose) -> tuple[str, ...]:
-    """Return what its diagnoses may be called: as was asked, or the full search where that cannot be."""
-    from emaphm.amortized.diagnosing import CORRECTED, METHOD
-
-    if not isinstance(diagnose, ByEstimator):
-        return (HYBRID,)
-    return (METHOD, CORRECTED, HYBRID) if diagnose.fast else (CORRECTED, HYBRID)
+    """Return what the method of its diagnoses may be called."""
+    return diagnose.settings(0).method_names if isinstance(diagnose, ByEstimator) else (HYBRID,)

@@ -16,7 +16,7 @@ PARTIAL = ".part"
 
 
 @dataclass(frozen=True)
-class WorkFolder:
+class ServerFolder:
     """A folder that one server works in."""
 
     path: Path

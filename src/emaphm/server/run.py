@@ -11,7 +11,7 @@ from emaphm.errors import ServerError
 from emaphm.history import History
 from emaphm.server.app import create_app, warm_up
 from emaphm.server.fleet import FleetView
-from emaphm.server.folders import WorkFolder
+from emaphm.server.folders import ServerFolder
 from emaphm.server.settings import SETTINGS, ServerSettings
 from emaphm.server.state import Kept, ServerState
 from emaphm.server.tokens import Doorkeeper, read_tokens
@@ -106,7 +106,7 @@ def running(
 ) -> Iterator[ServerState]:
     """Yield what the pages need, its processes running while the body does."""
     with History.open(db) as history:
-        folder = WorkFolder(work or _default_folder(history))
+        folder = ServerFolder(work or _default_folder(history))
         with ExitStack() as stack:
             stack.enter_context(folder.locked())
             queue = Queue(folder.queue)

@@ -9,7 +9,7 @@ from secrets import token_hex
 
 from emaphm.history import History
 from emaphm.server.fleet import FleetView
-from emaphm.server.folders import WorkFolder
+from emaphm.server.folders import ServerFolder
 from emaphm.server.settings import ServerSettings
 from emaphm.server.tokens import Doorkeeper
 from emaphm.server.uploads import Uploads
@@ -50,7 +50,7 @@ class ServerState:
     """All of it."""
 
     history: History
-    folder: WorkFolder
+    folder: ServerFolder
     queue: Queue
     pool: Pool
     drawer: Drawer

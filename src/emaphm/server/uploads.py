@@ -13,7 +13,7 @@ from starlette.requests import ClientDisconnect, Request
 from emaphm.errors import EmaphmError, HistoryError, RecordingError, nearest
 from emaphm.history.records import Entry
 from emaphm.recording.io.read import READERS
-from emaphm.server.folders import PARTIAL, WorkFolder, new_upload, on_disk
+from emaphm.server.folders import PARTIAL, ServerFolder, new_upload, on_disk
 from emaphm.server.work.queue import Queue
 from emaphm.server.work.worker import AS_BEFORE
 
@@ -34,7 +34,7 @@ class BusyError(EmaphmError):
 class Uploads:
     """Where uploads go."""
 
-    folder: WorkFolder
+    folder: ServerFolder
     queue: Queue
     pool: "Pool"
     actuators: tuple[str, ...]

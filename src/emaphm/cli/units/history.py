@@ -74,23 +74,23 @@ def add(
     """Diagnose recordings of one flight and add them; what is in the history already is left as it is."""
     check_seed(seed)
     described = described_actuator(actuator)
-    from emaphm.amortized.diagnosing import CORRECTED
+    from emaphm.fleet import DiagnosisSettings
     from emaphm.history import Entry, History
 
     entry = Entry(unit, part or described.name, hours, cycles, position, late, load, temperature)
     recordings = [recording_of(path, described) for path in (recording, *further)]
     with History.open(db, create=True) as history:
         is_new = all(one.serial_number != unit for one in history.units())
-        method = "hybrid" if estimator is None else CORRECTED
-        missing = [history.missing(entry, one, described, seed, method) for one in recordings]
+        settings = DiagnosisSettings(seed=seed, estimator=None if estimator is None else str(estimator))
+        missing = [
+            all(history.missing(entry, one, described, seed, method) for method in settings.method_names)
+            for one in recordings
+        ]
         added = []
         for recorded, to_do in zip(recordings, missing, strict=True):
             if not to_do:
                 added.append({"recording": recorded.source, "added": False})
                 continue
-            from emaphm.fleet import DiagnosisSettings
-
-            settings = DiagnosisSettings(seed=seed, estimator=None if estimator is None else str(estimator))
             with progress(f"diagnosing {recorded.source}", as_json) as advance:
                 diagnosis = settings.diagnosed(recorded, described, workers=None, on_progress=advance)
             outcome = history.add(entry, recorded, diagnosis)

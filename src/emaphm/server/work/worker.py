@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from emaphm.errors import EmaphmError, HistoryError
 from emaphm.execution.one_process import prepare_worker
-from emaphm.server.folders import WorkFolder
+from emaphm.server.folders import ServerFolder
 from emaphm.server.work.queue import DONE, FAILED, REFUSED
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ class Place:
     """
 
     db: str
-    folder: WorkFolder
+    folder: ServerFolder
     actuators: "dict[str, Actuator]" = field(repr=False)
     memory_bytes: int
     upload_bytes: int
@@ -189,7 +189,7 @@ def _result(history: "History", recording: "Recording") -> dict[str, Any]:
     }
 
 
-def _write_report(diagnosis: "Diagnosis", number: int, folder: WorkFolder) -> None:
+def _write_report(diagnosis: "Diagnosis", number: int, folder: ServerFolder) -> None:
     """Write the report and the figures of the recording, which the history does not hold."""
     from emaphm.output_files import written_whole
     from emaphm.plotting.diagnosis import draw_fit, draw_residual
