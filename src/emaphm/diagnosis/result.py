@@ -114,6 +114,7 @@ class Diagnosis:
             self.nuisances,
             self.collinear_sets,
             self.channels,
+            self.actuator,
             explained=self.explained,
         )
         return replace(self, sensor_faults=found)

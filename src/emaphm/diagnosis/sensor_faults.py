@@ -4,8 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from emaphm.actuator import NAMES
+from emaphm.actuator import NAMES, Actuator
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
+from emaphm.estimation.nuisances import usual_deviation
 from emaphm.estimation.sensors.sensor_model import SENSOR_CHANNELS, sensor_error
 from emaphm.estimation.uncertainty.collinearity import CollinearSet
 from emaphm.recording.sensor_checks import SensorFinding
@@ -65,10 +66,14 @@ def sensor_faults(
     nuisances: Mapping[str, NuisanceEstimate],
     collinear_sets: Sequence[CollinearSet],
     channels: Sequence[str],
+    actuator: Actuator,
     *,
     explained: bool,
 ) -> tuple[SensorFault, ...]:
     """Return the faults of sensors.
+
+    A delay that was estimated is a fault; a zero, scale or drift where it is larger than what the `actuator`
+    says is usual of its sensors.
 
     Parameters
     ----------
@@ -83,8 +88,10 @@ def sensor_faults(
     found = [SensorFault(f.channel, f.kind, f.size, f.unit, None, f"{f.sentence}.") for f in findings]
     if explained:
         for name in selected:
-            error = sensor_error(name)
-            if error is not None and abs(nuisances[name].value) > CERTAIN * nuisances[name].standard_error:
+            error, size = sensor_error(name), abs(nuisances[name].value)
+            if error is None or size <= CERTAIN * nuisances[name].standard_error:
+                continue
+            if error[1] == "delay" or size > usual_deviation(actuator, name):
                 found.append(_estimated(name, *error, nuisances[name], collinear_sets, channels))
     return tuple(found)
 
