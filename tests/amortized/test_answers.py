@@ -9,8 +9,8 @@ from emaphm.actuator import Actuator
 from emaphm.actuator.faults import lower_bounds
 from emaphm.amortized.drawing import PRIOR, draw
 from emaphm.amortized.judging import judged, temperature_of
-from emaphm.amortized.mixture import Mixture
-from emaphm.amortized.projection import Projection
+from emaphm.amortized.networks.mixture import Mixture
+from emaphm.amortized.networks.projection import Projection
 from emaphm.amortized.simulating import in_blocks, noise_rms
 from emaphm.arrays import Array
 
@@ -138,7 +138,7 @@ def test_right_answers_are_judged_right_and_sure_ones_wrong() -> None:
 
 def test_the_trained_loss_is_the_density_of_the_mixture() -> None:
     torch = pytest.importorskip("torch", reason="PyTorch is not installed")
-    from emaphm.amortized.torch_network import loss
+    from emaphm.amortized.networks.torch_network import loss
 
     rng = np.random.default_rng(8)
     d, components = 3, 2

@@ -11,7 +11,7 @@ from amortized.toys import THESIS, constant_estimator, with_limit
 from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.amortized import diagnosing
 from emaphm.amortized.diagnosing import diagnose_by
-from emaphm.amortized.mixture import Mixture
+from emaphm.amortized.networks.mixture import Mixture
 from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.arrays import Array
 from emaphm.diagnosis import diagnose, error_percent

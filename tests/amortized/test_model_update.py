@@ -7,9 +7,9 @@ import pytest
 
 from amortized.toys import CHIRP, short_setup
 from emaphm.amortized import model_update
-from emaphm.amortized.mixture import Mixture
 from emaphm.amortized.model_update import Step, Whitening
-from emaphm.amortized.network import Single
+from emaphm.amortized.networks.mixture import Mixture
+from emaphm.amortized.networks.network import Single
 from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.amortized.simulating import TrainingSet, noise_rms
 from emaphm.arrays import Array

@@ -73,8 +73,8 @@ def test_the_posterior_of_a_linear_problem_is_learned() -> None:
 
 
 def test_numpy_and_torch_run_the_same_network() -> None:
-    from emaphm.amortized.projection import Projection
-    from emaphm.amortized.torch_network import converted, made
+    from emaphm.amortized.networks.projection import Projection
+    from emaphm.amortized.networks.torch_network import converted, made
 
     rows = linear(300, np.random.default_rng(0)).rows
     layer = Projection.of(rows, np.full(1, 0.1, np.float32), 3).layer

@@ -7,8 +7,8 @@ import numpy as np
 from emaphm.actuator import Actuator, Chirp
 from emaphm.amortized.estimator import Estimator, Limits
 from emaphm.amortized.model_update import UPDATE, ModelUpdate, Whitening, feature_count
-from emaphm.amortized.network import Block, Dense, Network, Normalisation, Single, output_width
-from emaphm.amortized.projection import Projection
+from emaphm.amortized.networks.network import Block, Dense, Network, Normalisation, Single, output_width
+from emaphm.amortized.networks.projection import Projection
 from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.amortized.simulating import block_of
 from emaphm.arrays import Array

@@ -11,7 +11,7 @@ from emaphm.actuator import Actuator
 from emaphm.amortized.drawing import PRIOR, SHORTS
 from emaphm.amortized.estimator import Estimator
 from emaphm.amortized.likeness import LIKENESS, reasons_not_to_believe
-from emaphm.amortized.mixture import Mixture
+from emaphm.amortized.networks.mixture import Mixture
 from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.diagnosis.diagnose import moves_at, nuisance_estimates
 from emaphm.diagnosis.explanation.reasons import reasons_against

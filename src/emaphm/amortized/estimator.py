@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any, Self
 
 from emaphm.actuator import Actuator
-from emaphm.amortized.mixture import Mixture
 from emaphm.amortized.model_update import ModelUpdate
-from emaphm.amortized.network import Network, Single
-from emaphm.amortized.projection import Projection
+from emaphm.amortized.networks.mixture import Mixture
+from emaphm.amortized.networks.network import Network, Single
+from emaphm.amortized.networks.projection import Projection
 from emaphm.amortized.recording_setup import RecordingSetup, actuator_hash, rows_of
 from emaphm.amortized.simulating import block_of, in_blocks
 from emaphm.arrays import Array

@@ -16,8 +16,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from emaphm.actuator import Actuator
 from emaphm.amortized.model_update import ModelUpdate, Whitening, feature_count
-from emaphm.amortized.network import Block, Dense, Network, Normalisation, output_width
-from emaphm.amortized.projection import Projection
+from emaphm.amortized.networks.network import Block, Dense, Network, Normalisation, output_width
+from emaphm.amortized.networks.projection import Projection
 from emaphm.amortized.recording_setup import MOST_ROWS, RecordingSetup
 from emaphm.amortized.simulating import block_of
 from emaphm.arrays import Array

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from emaphm.amortized.mixture import Mixture
+from emaphm.amortized.networks.mixture import Mixture
 from emaphm.arrays import Array
 from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.quantiles import chi_squared_quantile, normal_quantile

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.amortized.estimator import Estimator, Limits
-from emaphm.amortized.mixture import Mixture
-from emaphm.amortized.network import Single
+from emaphm.amortized.networks.mixture import Mixture
+from emaphm.amortized.networks.network import Single
 from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.amortized.simulating import noise_rms, simulated
 from emaphm.arrays import Array

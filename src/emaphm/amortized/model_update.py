@@ -23,9 +23,9 @@ from typing import Self
 
 import numpy as np
 
-from emaphm.amortized.mixture import Mixture
-from emaphm.amortized.network import Network, Single
-from emaphm.amortized.projection import Projection
+from emaphm.amortized.networks.mixture import Mixture
+from emaphm.amortized.networks.network import Network, Single
+from emaphm.amortized.networks.projection import Projection
 from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.amortized.simulating import TrainingSet, noise_rms, simulated
 from emaphm.arrays import Array

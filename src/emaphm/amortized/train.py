@@ -14,7 +14,8 @@ from emaphm.amortized.estimator import Estimator, Limits, first_answers
 from emaphm.amortized.judging import Judgement, judged, temperature_of
 from emaphm.amortized.likeness import limits_of, predictive_ratios
 from emaphm.amortized.model_update import ModelUpdate, Step, Whitening
-from emaphm.amortized.network import Single
+from emaphm.amortized.networks.network import Single
+from emaphm.amortized.networks.torch_network import library
 from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.amortized.simulating import (
     SHARD_DRAWS,
@@ -24,7 +25,6 @@ from emaphm.amortized.simulating import (
     simulate_shards,
     training_folder,
 )
-from emaphm.amortized.torch_network import library
 from emaphm.amortized.training import (
     TRAINING,
     UPDATE_TRAINING,

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from emaphm.amortized.network import Network, Single
-from emaphm.amortized.projection import Projection
+from emaphm.amortized.networks.network import Network, Single
+from emaphm.amortized.networks.projection import Projection
+from emaphm.amortized.networks.torch_network import converted, library, loss, made
 from emaphm.amortized.simulating import TrainingSet
-from emaphm.amortized.torch_network import converted, library, loss, made
 from emaphm.arrays import Array
 from emaphm.errors import MethodError
 from emaphm.random_streams import child_seed, stream

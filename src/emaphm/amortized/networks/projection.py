@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from emaphm.amortized.network import Dense, Single
+from emaphm.amortized.networks.network import Dense, Single
 from emaphm.arrays import Array
 
 MOST_FITTED = 16_384

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from emaphm.amortized.mixture import Mixture
+from emaphm.amortized.networks.mixture import Mixture
 from emaphm.arrays import Array
 
 Single = NDArray[np.float32]

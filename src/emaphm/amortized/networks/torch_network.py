@@ -1,11 +1,11 @@
-"""The same network as `emaphm.amortized.network`, for PyTorch to train."""
+"""The same network as `emaphm.amortized.networks.network`, for PyTorch to train."""
 
 import math
 from typing import Any
 
 import numpy as np
 
-from emaphm.amortized.network import (
+from emaphm.amortized.networks.network import (
     EPSILON,
     HIGHEST_LOG,
     LOWEST_LOG,
