@@ -24,7 +24,7 @@ from urllib.request import urlopen
 
 import emaphm as ema
 from emaphm.history import Entry, Finding, History, Removal
-from emaphm.prognosis import Evidence, Question, failure_levels, fellows, fleet_prior, prognose
+from emaphm.prognosis import Evidence, Question, failure_levels, learnt_prior, prognose
 
 thesis = ema.Actuator.thesis()
 requirements = [
@@ -86,7 +86,7 @@ for unit in history.units():
 # requirement fails.
 
 unit = history.unit("SN-0042")
-prior = fleet_prior(fellows(history, unit))
+prior = learnt_prior(history, unit)
 prognosis = prognose(Evidence.of(unit), actuator, Question(horizon=500.0), prior=prior, seed=0)
 print(prognosis)
 
