@@ -41,8 +41,8 @@ LEAST_WEIGHT, SEPARATION = 0.05, 3.0
 search begins there too: each start more leaves fewer runs of the reference model for the others."""
 
 WIDE, DRAWS = 0.04, 6
-"""Standard deviation of a fault from which on a search begins at so many draws from the answer too. It does
-so wherever all phases are shorted heavily: kinks hold a single descent there."""
+"""Standard deviation of a fault from which on a search begins at draws from the answer too, and how many. It
+does so wherever all phases are shorted heavily: kinks hold a single descent there."""
 
 FARTHEST = 3.5
 """Distance from the answer in its standard deviations from which on the end of a search that began there is

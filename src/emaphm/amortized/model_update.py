@@ -39,7 +39,7 @@ class UpdateSettings:
 
     B has `components` rows, chosen by `directions` answers at most. A residual counts up to `largest_row`
     units in a row and up to `largest` standard deviations in z; a step goes up to `longest` of the answer's.
-    Differences are divided by moves with a `ridge`: a run that a bound has held tells little. Units are
+    Differences are divided by moves with a `ridge`: a run that a bound has held says little. Units are
     `floor` of the answer's standard deviations at least: no linear model is as sure as a large J would have
     it. `at_once` answers are compared together, which takes 130 MB.
     """

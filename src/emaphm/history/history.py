@@ -104,9 +104,9 @@ class History:
         recording: "Recording",
         actuator: "Actuator",
         seed: int = 0,
-        method: str = "hybrid",
+        methods: Sequence[str] = ("hybrid",),
     ) -> bool:
-        """Return whether a recording is still to be diagnosed by `method`, `diagnose`'s other settings.
+        """Return whether a recording is still to be diagnosed by any of `methods`, with usual other settings.
 
         Raises
         ------
@@ -117,8 +117,10 @@ class History:
         key = recording_hash(recording)
         with self.database.reading() as connection:
             writing.check_entry(connection, entry, key)
-            return not reading.has_diagnosis(
-                connection, key, KeptSettings(description_of(actuator)[0], method, seed=seed)
+            description = description_of(actuator)[0]
+            return not any(
+                reading.has_diagnosis(connection, key, KeptSettings(description, method, seed=seed))
+                for method in methods
             )
 
     def add(self, entry: Entry, recording: "Recording", diagnosis: "Diagnosis") -> Added:

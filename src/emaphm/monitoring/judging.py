@@ -117,10 +117,8 @@ class Judge:
         return replace(diagnosis, healthy_check=check)
 
     def _is_judged(self, entry: Entry, recording: Recording) -> bool:
-        return not all(
-            self.history.missing(entry, recording, self.actuator, self.seed, method)
-            for method in methods_of(self.diagnose)
-        )
+        methods = methods_of(self.diagnose)
+        return not self.history.missing(entry, recording, self.actuator, self.seed, methods)
 
     def filed(
         self, entry: Entry, recording: Recording, diagnosis: "Diagnosis | None", details: dict[str, Any]

@@ -82,10 +82,8 @@ def add(
     with History.open(db, create=True) as history:
         is_new = all(one.serial_number != unit for one in history.units())
         settings = DiagnosisSettings(seed=seed, estimator=None if estimator is None else str(estimator))
-        missing = [
-            all(history.missing(entry, one, described, seed, method) for method in settings.method_names)
-            for one in recordings
-        ]
+        methods = settings.method_names
+        missing = [history.missing(entry, one, described, seed, methods) for one in recordings]
         added = []
         for recorded, to_do in zip(recordings, missing, strict=True):
             if not to_do:
