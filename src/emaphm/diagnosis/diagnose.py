@@ -13,8 +13,7 @@ from emaphm.diagnosis.explanation.reasons import idle_channels, reasons_against
 from emaphm.diagnosis.identifiability import identifiability
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.diagnosis.result import Diagnosis
-from emaphm.diagnosis.selection.law_selection import select_laws
-from emaphm.diagnosis.selection.nuisance_selection import select_nuisances
+from emaphm.diagnosis.selection.deviations import select_deviations
 from emaphm.diagnosis.selection.supply_scan import with_asked_supply
 from emaphm.diagnosis.verdict import VERDICT, estimates, unexplained
 from emaphm.errors import MethodError, nearest
@@ -133,14 +132,8 @@ def diagnose(
     if chosen.least_squares and result.discrepancy is not None:
         result = with_asked_supply(result, max_corrections, seed)
     if nuisances is None and chosen.least_squares and result.discrepancy is not None:
-        searched = result
-        result, selected = select_nuisances(searched, max_corrections, seed)
-        # Standing, an actuator shows no law of its motion.
-        if not result.explained and moves_at(result.objective, result.point):
-            result, laws = select_laws(searched, chosen, max_corrections, seed)
-            alternatives = result.alternatives
-            result, selected = select_nuisances(result, max_corrections, seed)
-            result = replace(result, alternatives=alternatives)
+        moves = moves_at(result.objective, result.point)
+        result, selected, laws = select_deviations(result, chosen, max_corrections, seed, moves=moves)
     result = with_discrepancy(result, seed)
     diagnosis = replace(
         conclude(result, recording, name, fitness, seed), selected=selected, laws=laws

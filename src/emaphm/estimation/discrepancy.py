@@ -28,14 +28,16 @@ LONGEST_S = 60.0
 class Discrepancy:
     """The reference model's outputs less the fitted model's at a point.
 
-    `mean` and `standard_error`, (rows,), are weighted as the objective's outputs; `switching_variance`
-    is the variance that chaotic switching makes of the primary channel in one run, in the square of its unit;
-    `channel_variances`, (channels,), are those of all channels, each in the square of its own unit.
+    `mean` and `standard_error`, (rows,), are of several `runs` and weighted as the objective's outputs;
+    `switching_variance` is the variance that chaotic switching makes of the primary channel in one run, in
+    the square of its unit; `channel_variances`, (channels,), are those of all channels, each in the square of
+    its own unit.
     """
 
     mean: Array
     standard_error: Array
     switching_variance: float
+    runs: int
     channel_variances: Array = field(default_factory=lambda: np.zeros(0))
 
     def rescaled(self, objective: MapObjective, before: MapObjective) -> "Discrepancy":
@@ -44,6 +46,7 @@ class Discrepancy:
             objective.rescaled(self.mean, before),
             objective.rescaled(self.standard_error, before),
             self.switching_variance,
+            self.runs,
             self.channel_variances,
         )
 
@@ -78,6 +81,7 @@ def discrepancies(
             runs[i].mean(axis=0) - outputs[i],
             (variance[i] / repeats) ** 0.5,
             float(variance[i, :samples].mean()),
+            repeats,
             by_channel[i] / weights**2,
         )
         for i in range(n)

@@ -6,7 +6,7 @@ recording, such as the load; others to the unit: how its parameters deviate from
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
@@ -115,24 +115,30 @@ class NuisanceSet:
                     f"nuisance '{name}' needs an [electrical] section, which actuator '{actuator.name}' lacks"
                 )
         kept = tuple(name for name in chosen if _matters(actuator, name, channels))
-        unit = unit or ParameterVariation.of_baseline(actuator)
-        axes = tuple(f"{BASELINE}{i}" for i in range(1, unit.priors.size + 1))
-        meaning = np.zeros((len(kept) + len(unit.parameters), len(kept) + len(axes)))
         known = {name: one for name, one in (located or {}).items() if name in kept}
         deviations = [
             known[name].deviation if name in known else usual_deviation(actuator, name) for name in kept
         ]
-        meaning[: len(kept), : len(kept)] = np.diag([PRIORS_PER_UNIT * one for one in deviations])
-        meaning[len(kept) :, len(kept) :] = unit.axes
-        priors = np.concatenate([np.full(len(kept), 1 / PRIORS_PER_UNIT), unit.priors])
-        return cls(
-            (*kept, *axes),
-            priors,
-            np.concatenate([WIDEST * priors[: len(kept)], unit.widest]),
-            (*kept, *(BASELINE + name for name in unit.parameters)),
-            meaning,
-            unit.parameters,
-            known,
+        priors = np.full(len(kept), 1 / PRIORS_PER_UNIT)
+        meaning = np.diag([PRIORS_PER_UNIT * one for one in deviations])
+        alone = cls(kept, priors, WIDEST * priors, kept, meaning, (), known)
+        return alone.with_unit(unit or ParameterVariation.of_baseline(actuator))
+
+    def with_unit(self, unit: ParameterVariation) -> Self:
+        """Return the same chosen nuisances with other deviations of the unit."""
+        chosen, count = self.chosen, len(self.chosen)
+        axes = tuple(f"{BASELINE}{i}" for i in range(1, unit.priors.size + 1))
+        meaning = np.zeros((count + len(unit.parameters), count + len(axes)))
+        meaning[:count, :count] = self.meaning[:count, :count]
+        meaning[count:, count:] = unit.axes
+        return replace(
+            self,
+            names=(*chosen, *axes),
+            priors=np.concatenate([self.priors[:count], unit.priors]),
+            widest=np.concatenate([self.widest[:count], unit.widest]),
+            quantities=(*chosen, *(BASELINE + name for name in unit.parameters)),
+            meaning=meaning,
+            parameters=unit.parameters,
         )
 
     @property

@@ -17,7 +17,6 @@ from emaphm.arrays import Array
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.global_search.multistart import local_search, multistart
 from emaphm.estimation.methods import Method
-from emaphm.estimation.nuisances import NuisanceSet
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.parameter_variation import ParameterVariation
@@ -72,11 +71,11 @@ def select_laws(
     ends = [result, *result.alternatives]
     while not result.explained and len(names) < LAW_SELECTION.most:
         tried = [
-            _fitted(result, LAWS[name], method, child_seed(seed, "law selection", name))
+            fit_with_law(result, LAWS[name], method, child_seed(seed, "law selection", name))
             for name in SUSPECTS
-            if _possible(result.objective.problem.actuator, LAWS[name])
+            if is_possible(result.objective.problem.actuator, LAWS[name])
         ]
-        outcomes = {one.law: _corrected(one, max_corrections, seed) for one in _promising(tried)}
+        outcomes = {one.law: corrected_fit(one, max_corrections, seed) for one in _promising(tried)}
         if not outcomes:
             break
         ends += outcomes.values()
@@ -93,7 +92,7 @@ def select_laws(
 
 
 @dataclass(frozen=True, eq=False)
-class _Fit:
+class LawFit:
     """Where the averaged model with a `law` fits best: points (n, d) of the objective.
 
     `far` is the least cost [A²] of a new global search, `near` that of descents from the estimate without the
@@ -107,7 +106,7 @@ class _Fit:
     near: float
 
 
-def _promising(fits: list[_Fit]) -> list[_Fit]:
+def _promising(fits: list[LawFit]) -> list[LawFit]:
     """Return those that are best far from the estimate, or near it."""
     count = LAW_SELECTION.corrected
     far = sorted(fits, key=lambda one: one.far)[:count]
@@ -115,11 +114,12 @@ def _promising(fits: list[_Fit]) -> list[_Fit]:
     return [one for one in fits if one in far or one in near or one.law in ONLY_WHILE_SWITCHING]
 
 
-def _possible(actuator: Actuator, law: Law) -> bool:
+def is_possible(actuator: Actuator, law: Law) -> bool:
+    """Return whether the actuator may have the law, which its description lacks."""
     return not law.is_in(actuator) and not law.reason_against(actuator)
 
 
-def _fitted(result: SearchResult, law: Law, method: Method, seed: int) -> _Fit:
+def fit_with_law(result: SearchResult, law: Law, method: Method, seed: int) -> LawFit:
     """Return where the averaged model fits best once its actuator has the law."""
     objective = with_law(result.objective, law)
     found = multistart(objective, seed, method.optimizer)
@@ -129,7 +129,7 @@ def _fitted(result: SearchResult, law: Law, method: Method, seed: int) -> _Fit:
     rows = objective.channel_rows
     correction[:rows] = result.outputs_correction[:rows]
     near = local_search(objective, start, correction, stream(seed, "local search")).best
-    return _Fit(
+    return LawFit(
         law.name,
         objective,
         np.vstack([near, found.points]),
@@ -144,7 +144,8 @@ def _current_cost(objective: MapObjective, point: Array, correction: Array | flo
     return float(np.mean(residual**2)) / float(objective.problem.weights[0]) ** 2
 
 
-def _corrected(fit: _Fit, max_corrections: int, seed: int) -> SearchResult:
+def corrected_fit(fit: LawFit, max_corrections: int, seed: int) -> SearchResult:
+    """Return the estimate with the law, its bias corrected by the reference model."""
     child = child_seed(seed, "law selection, corrected", fit.law)
     if fit.law not in ONLY_WHILE_SWITCHING:
         return correct_bias(fit.objective, fit.points, max_corrections, child)
@@ -163,16 +164,23 @@ def _corrected(fit: _Fit, max_corrections: int, seed: int) -> SearchResult:
 
 
 def with_law(objective: MapObjective, law: Law) -> MapObjective:
-    """Return the objective of the actuator with `law`, its parameters free like faults and nuisances."""
+    """Return the objective of the actuator with `law`, its parameters free like faults and nuisances.
+
+    But for what acts on the switching only, which no search finds.
+    """
+    return with_free_law(objective, law, () if law.name in ONLY_WHILE_SWITCHING else law.parameters)
+
+
+def with_free_law(objective: MapObjective, law: Law, parameters: tuple[str, ...]) -> MapObjective:
+    """Return the objective of the actuator with `law`, of whose own `parameters` these are free."""
     problem, nuisances = objective.problem, objective.space.nuisances
     actuator = law.added_to(problem.actuator)
-    parameters = () if law.name in ONLY_WHILE_SWITCHING else (*law.parameters, *law.also_free)
-    free = tuple(name for name in parameters if name not in nuisances.parameters)
+    names = (*parameters, *law.also_free)
+    free = tuple(name for name in names if name not in nuisances.parameters)
     free = tuple(name for name in free if described_parts(actuator, name) is not None)
     unit = nuisances.unit.combined_with(ParameterVariation.suspected(actuator, free))
-    chosen = NuisanceSet.of(actuator, nuisances.chosen, tuple(problem.measured), unit, nuisances.located)
     return replace(
         objective,
         problem=replace(problem, actuator=actuator),
-        space=ParameterSpace.of(actuator, chosen),
+        space=ParameterSpace.of(actuator, nuisances.with_unit(unit)),
     )

@@ -13,9 +13,10 @@ import numpy as np
 from emaphm.diagnosis.selection.extension import Candidate, with_nuisances
 from emaphm.diagnosis.selection.nuisance_candidates import worthwhile_candidates
 from emaphm.diagnosis.selection.profile import PROFILED
+from emaphm.diagnosis.selection.ripple import ripple_share
 from emaphm.diagnosis.selection.rivals import residual_power, with_rivals
 from emaphm.diagnosis.selection.settings import SELECTION, SENSOR_SELECTION, widening
-from emaphm.diagnosis.selection.supply_profile import SUPPLY, supply_share
+from emaphm.diagnosis.selection.supply_profile import SUPPLY
 from emaphm.diagnosis.selection.supply_scan import is_off, with_supply
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.global_search.multistart import multistart
@@ -140,7 +141,7 @@ def _significant(tried: SearchResult, before: SearchResult, name: str, seed: int
     if abs(_deviation(tried, name)) <= SELECTION.least_deviation:
         return False
     if name in tried.objective.space.nuisances.located:
-        return is_off(tried) and supply_share(tried, before, seed) < SELECTION.likely_share
+        return is_off(tried) and ripple_share(tried, before, seed) < SELECTION.likely_share
     share, score = _share_of_residual(tried, before), _score(tried, name, seed)
     equal = 1.0 if sensor_error(name) else SELECTION.equal_share
     significant = (score >= SELECTION.certain_score and share < equal) or (

@@ -5,21 +5,19 @@ model has hardly a derivative for it, so that neither a search nor a score test 
 reference model the ripple shows it: only within some 4 % of the true supply does it follow the recorded one.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.diagnosis.selection.rivals import compared_anew
+from emaphm.diagnosis.selection.ripple import RippleResidual, ripple_powers
 from emaphm.diagnosis.selection.settings import SELECTION
 from emaphm.estimation.bias_correction import compared
 from emaphm.estimation.discrepancy import REFERENCE_RUNS, reference_problem
 from emaphm.estimation.nuisances import Located, usual_deviation
 from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective
 from emaphm.estimation.problem import Problem
-from emaphm.estimation.search_result import SearchResult
 from emaphm.random_streams import stream
 
 SUPPLY = "supply"
@@ -107,11 +105,11 @@ def supply_profile(
     rng, reference = stream(seed, "reference runs of a supply scan"), reference_problem(objective)
     first, others = _steps(prior)
 
-    def outcomes_of(deviations: Array) -> list[_Outcome]:
+    def outcomes_of(deviations: Array) -> list[RippleResidual]:
         return _at_supplies(objective, start, deviations, reference, rng)
 
     def profile_of(deviations: Array) -> SupplyProfile:
-        return SupplyProfile(deviations, _powers(outcomes, noise), prior, objective.problem.samples)
+        return SupplyProfile(deviations, ripple_powers(outcomes, noise), prior, objective.problem.samples)
 
     outcomes = outcomes_of(first)
     profile = profile_of(first)
@@ -131,65 +129,18 @@ def _steps(prior: float) -> tuple[Array, Array]:
     return settings.step * np.array(first, float), settings.step * np.array(others, float)
 
 
-@dataclass(frozen=True, eq=False)
-class _Outcome:
-    """What the mean of several `runs` of the reference model leaves of the primary channel, (rows,).
-
-    And the `switching` variance of one run, (rows,).
-    """
-
-    residual: Array
-    switching: Array
-    runs: int
-
-
 def _at_supplies(
     objective: MapObjective, start: Array, deviations: Array, reference: Problem, rng: np.random.Generator
-) -> list[_Outcome]:
+) -> list[RippleResidual]:
     """Return the outcomes at `start` (d,) with supplies off by `deviations` (n,)."""
-    rows, points = objective.problem.samples, np.tile(start, (len(deviations), 1))
+    points = np.tile(start, (len(deviations), 1))
     points[:, column_of(objective)] = deviations / unit_of_supply(objective)
     none, together = np.zeros_like(objective.target), REFERENCE_RUNS // SUPPLY_SCAN.runs
-    outcomes = []
+    outcomes: list[RippleResidual] = []
     for k in range(0, len(points), together):
         batch = points[k : k + together]
-        runs = REFERENCE_RUNS // len(batch)
-        for one in compared(objective, none, batch, reference, rng):
-            assert one.discrepancy is not None  # noqa: S101 - every result of a comparison has one
-            switching = runs * one.discrepancy.standard_error[:rows] ** 2
-            outcomes.append(_Outcome(one.residual[:rows], switching, runs))
+        outcomes += [RippleResidual.of(one) for one in compared(objective, none, batch, reference, rng)]
     return outcomes
-
-
-def _powers(outcomes: Sequence[_Outcome], noise: float) -> Array:
-    """Return the mean squared residual of each, (n,), its rows weighted by their variance.
-
-    The rows where the runs agree say most. The variance is the mean over all supplies, with that of the
-    `noise`. What a mean over few runs has of the switching is subtracted.
-    """
-    switching = np.mean([one.switching for one in outcomes], axis=0)
-    in_mean = float(np.mean([1 / one.runs for one in outcomes]))
-    weights = 1 / (switching * (1 + in_mean) + noise**2)
-    weights /= weights.sum()
-    powers = [float(weights @ (one.residual**2 - one.switching / one.runs)) for one in outcomes]
-    return np.maximum(powers, np.finfo(float).tiny)
-
-
-def supply_share(tried: SearchResult, before: SearchResult, seed: int) -> float:
-    """Return what `tried`, with another supply, leaves of the residual that `before` leaves, by many runs.
-
-    The residual of the primary channel, its rows weighted as in the scan.
-    """
-    rows = before.objective.problem.samples
-    outcomes = []
-    for one in (tried, before):
-        known = compared_anew(one, seed)
-        mean = np.mean([each.mean[:rows] for each in known], axis=0)
-        switching = REFERENCE_RUNS * np.mean([each.standard_error[:rows] ** 2 for each in known], axis=0)
-        residual = (one.objective.target - one.outputs)[:rows] - mean
-        outcomes.append(_Outcome(residual, switching, REFERENCE_RUNS * len(known)))
-    powers = _powers(outcomes, before.noise_level)
-    return float(powers[0] / powers[1])
 
 
 def column_of(objective: MapObjective) -> int:

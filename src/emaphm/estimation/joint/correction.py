@@ -118,7 +118,7 @@ def _uncorrected(joint: JointObjective, point: Array) -> JointEstimate:
 
 
 def _none(rows: Array) -> Discrepancy:
-    return Discrepancy(np.zeros_like(rows), np.zeros_like(rows), 0.0)
+    return Discrepancy(np.zeros_like(rows), np.zeros_like(rows), 0.0, runs=1)
 
 
 def compared(joint: JointObjective, points: Array, seed: int, *name: str | int) -> list[JointEstimate]:
