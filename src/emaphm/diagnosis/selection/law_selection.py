@@ -39,6 +39,10 @@ SUSPECTS = (
 """The laws that are tried, in this order."""
 
 
+FRICTION_CURVES = ("stribeck", "transition", "load-dependent", "directional", "quadratic")
+"""Those that together make a friction curve: where one explains a recording, another may be there too."""
+
+
 ONLY_WHILE_SWITCHING = ("sensor-lag",)
 """Laws that hardly act on the averaged model: the reference model shows them, by a scan."""
 
@@ -49,11 +53,13 @@ class LawSelectionSettings:
 
     Tried while the recording is not explained. All laws are fitted by the averaged model, from afar and from
     the estimate; the `corrected` best of each also with a correction of their own. One is kept that leaves
-    less than `share` of the mean squared residual; `most` laws at most.
+    less than `share` of the mean squared residual; `most` laws at most. A second law of the friction is also
+    tried where the first explains the recording, and kept with less than `second_share`: chance leaves 0.96.
     """
 
     corrected: int = 2
     share: float = 0.8
+    second_share: float = 0.95
     most: int = 4
 
 
@@ -69,10 +75,11 @@ def select_laws(
     """
     names: tuple[str, ...] = ()
     ends = [result, *result.alternatives]
-    while not result.explained and len(names) < LAW_SELECTION.most:
+    while len(names) < LAW_SELECTION.most:
+        suspects = SUSPECTS if not result.explained else _second_of_friction(names)
         tried = [
             fit_with_law(result, LAWS[name], method, child_seed(seed, "law selection", name))
-            for name in SUSPECTS
+            for name in suspects
             if is_possible(result.objective.problem.actuator, LAWS[name])
         ]
         outcomes = {one.law: corrected_fit(one, max_corrections, seed) for one in _promising(tried)}
@@ -80,7 +87,8 @@ def select_laws(
             break
         ends += outcomes.values()
         law = min(outcomes, key=lambda name: outcomes[name].residual_variance)
-        if outcomes[law].residual_variance > LAW_SELECTION.share * result.residual_variance:
+        share = LAW_SELECTION.second_share if result.explained else LAW_SELECTION.share
+        if outcomes[law].residual_variance > share * result.residual_variance:
             break
         result, names = refine_by_reference(outcomes[law], seed), (*names, law)
         ends.remove(outcomes[law])
@@ -89,6 +97,11 @@ def select_laws(
         return result, names
     others = tuple(replace(one, alternatives=()) for one in ends if one is not result)
     return replace(result, alternatives=others), names
+
+
+def _second_of_friction(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the laws to try where the one that was selected, of a friction curve, explains the recording."""
+    return FRICTION_CURVES if len(names) == 1 and names[0] in FRICTION_CURVES else ()
 
 
 @dataclass(frozen=True, eq=False)
