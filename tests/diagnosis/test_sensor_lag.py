@@ -1,0 +1,60 @@
+"""A lag of the drive's current sensors shows in the ripple, whatever the residual as a whole."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cases import THESIS
+from emaphm.actuator import Actuator, Chirp, Faults
+from emaphm.actuator.laws import LAWS
+from emaphm.actuator.lumped_parameters import with_lumped_parameters
+from emaphm.diagnosis.selection.extension import with_nuisances
+from emaphm.diagnosis.selection.law_selection import with_free_law, with_law
+from emaphm.diagnosis.selection.sensor_lag import is_lag_suspected
+from emaphm.estimation.bias_correction import with_discrepancy
+from emaphm.estimation.objective import faults_objective
+from emaphm.estimation.problem import Problem
+from emaphm.estimation.search_result import SearchResult
+from emaphm.recording import Recording
+from emaphm.simulated_recording import simulate
+
+LAG = LAWS["sensor-lag"]
+FAULTS = Faults(0.3, 0.4, 0.0, 0.25, 0.1, 0.35, 0.7, 0.4)
+
+
+def at_the_truth(lag: float, actuator: Actuator = THESIS) -> SearchResult:
+    """Return the true faults as an estimate of `actuator`, of a recording with a `lag` [s] of the current."""
+    present = with_lumped_parameters(LAG.added_to(THESIS), {"current_lag": lag}) if lag else THESIS
+    whole = simulate(present, Chirp(), faults=FAULTS, noise=0.05, adc_bits=12)
+    recording = Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")})
+    objective = faults_objective(Problem.of(recording, actuator), ("load",))
+    point = objective.space.points(FAULTS.vector[np.newaxis])[0]
+    return with_discrepancy(SearchResult.at(objective, point), seed=0)
+
+
+@pytest.mark.parametrize("lag", [5e-6, 2e-5])
+def test_a_lag_is_suspected_where_there_is_one(lag: float) -> None:
+    assert is_lag_suspected(at_the_truth(lag), seed=0)
+
+
+def test_none_is_suspected_of_a_prompt_sensor_or_one_whose_lag_is_described() -> None:
+    assert not is_lag_suspected(at_the_truth(0.0), seed=0)
+    assert not is_lag_suspected(at_the_truth(2e-5, LAG.added_to(THESIS)), seed=0)
+
+
+def test_a_law_that_is_added_leaves_what_a_nuisance_with_a_wider_prior_means() -> None:
+    objective, _ = with_nuisances(at_the_truth(0.0), (), ("current_scale",))
+    point = np.full(objective.space.dimensions, 0.01)
+    before = objective.space.nuisance_values(point[np.newaxis])
+    for extended in (with_law(objective, LAG), with_free_law(objective, LAG, LAG.parameters)):
+        longer = np.zeros(extended.space.dimensions)
+        longer[: point.size] = point
+        after = extended.space.nuisance_values(longer[np.newaxis])
+        assert {name: after[name] for name in before} == before
+
+
+def test_a_lag_is_not_tried_where_the_drive_senses_no_current() -> None:
+    result = at_the_truth(0.0)
+    problem = replace(result.objective.problem, actuator=Actuator.pmsm())
+    assert not is_lag_suspected(replace(result, objective=replace(result.objective, problem=problem)), seed=0)
