@@ -73,11 +73,9 @@ def worthwhile_candidates(
         if error < _informative(name) / PRIORS_PER_UNIT / widening(name):
             starts[name] = float(abs(step[i])) / error, extended, point + step
     starts |= _gross_starts(result, names, others)
-    candidates = [
-        _refit_with(name, *starts[name][1:], result, seed)
-        for name in _worth_trying({name: score for name, (score, _, _) in starts.items()})
-    ]
-    candidates = [candidate for candidate in candidates if candidate.share < SELECTION.tried_share]
+    scores = {name: score for name, (score, _, _) in starts.items()}
+    candidates = [_refit_with(name, *starts[name][1:], result, seed) for name in _worth_trying(scores)]
+    candidates = [candidate for candidate in candidates if _leaves_less(candidate, scores[candidate.name])]
     named = {candidate.name for candidate in candidates}
     candidates += [candidate for candidate in profiled if candidate.name not in named]
     known = replace(result, jacobians=jacobians[:, own])
@@ -106,6 +104,13 @@ def _worth_trying(scores: Mapping[str, float]) -> list[str]:
         for name, score in scores.items()
         if name in chosen or (name not in sensors and score > SELECTION.tried_score)
     ]
+
+
+def _leaves_less(candidate: Candidate, score: float) -> bool:
+    """Return whether a candidate leaves enough less of the residual for a correction of its own."""
+    if sensor_error(candidate.name) and score > SENSOR_SELECTION.sure_score:
+        return candidate.share < 1.0
+    return candidate.share < SELECTION.tried_share
 
 
 def _gross_starts(
