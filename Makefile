@@ -10,7 +10,7 @@ demo: $(INSTALLED)  ## simulate a faulty actuator, diagnose it, write demo/repor
 	$(BIN)/emaphm demo --force
 
 test: $(INSTALLED)  ## run the tests
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile
 
 lint: $(INSTALLED)  ## check style and types
 	$(BIN)/ruff check .

@@ -1,10 +1,12 @@
 """Recordings with one fault of a sensor each, and what a diagnosis says of them.
 
-``python -m emaphm.study.sensor_errors 3`` prints the tables of docs/sensor_faults.md, of 3 cases a fault.
+``python -m emaphm.study.sensor_errors 5`` prints the table of docs/sensor_faults.md, of 5 cases a fault;
+``--sensor``, ``--fault`` and ``--channels`` choose one row of it, and what else is recorded.
 """
 
+import argparse
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -12,7 +14,7 @@ import numpy as np
 
 from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.arrays import Array
-from emaphm.diagnosis import Diagnosis, diagnose
+from emaphm.diagnosis import Diagnosis, diagnose, error_percent
 from emaphm.random_streams import stream
 from emaphm.recording import Recording, full_scales
 from emaphm.study.cases import random_faults
@@ -21,10 +23,15 @@ from emaphm.study.rig import Manoeuvre, Rig
 from emaphm.text_table import format_table
 
 CHANNELS = ("current_A", "voltage_V", "position_rad", "speed_rad_s")
-RIG = Rig(label="sensors", channels=CHANNELS)
 
 Kind = Literal["bias", "scale", "drift", "delay", "held", "frozen", "clipped"]
 KINDS: tuple[Kind, ...] = ("bias", "scale", "drift", "delay", "held", "frozen", "clipped")
+
+ALL: tuple[tuple[str | None, Kind | None], ...] = (
+    (None, None),
+    *((channel, kind) for channel in CHANNELS for kind in KINDS),
+)
+"""Sensors and their faults, first a recording without any."""
 
 WRONG = 0.03
 """Error of a component beyond which a definite verdict, two half-widths off, is called confidently wrong."""
@@ -81,12 +88,17 @@ def _frozen(values: Array) -> Array:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a diagnosis said: whether a fault of a sensor was `named`, `rightly`, and what of it is wrong."""
+    """What a diagnosis said: whether a fault of a sensor was `named`, `rightly`, and what of it is wrong.
+
+    `error` is that of the fault vector [%], `held` the share of the components inside their intervals.
+    """
 
     named: bool
     rightly: bool
     explained: bool
     wrong: tuple[str, ...]
+    error: float
+    held: float
 
 
 def judged(diagnosis: Diagnosis, truth: Faults, channel: str | None, kind: Kind | None) -> Outcome:
@@ -98,7 +110,13 @@ def judged(diagnosis: Diagnosis, truth: Faults, channel: str | None, kind: Kind 
         for name, true in zip(NAMES, truth.vector, strict=True)
         if name != "eccentricity_phase" and _confidently_wrong(diagnosis, name, float(true))
     )
-    return Outcome(bool(found), rightly, diagnosis.explained, wrong)
+    components = diagnosis.components.values()
+    held = [
+        one.interval95[0] <= true <= one.interval95[1]
+        for one, true in zip(components, truth.vector, strict=True)
+    ]
+    error = float(error_percent(truth.vector, diagnosis.faults.vector))
+    return Outcome(bool(found), rightly, diagnosis.explained, wrong, error, float(np.mean(held)))
 
 
 def _confidently_wrong(diagnosis: Diagnosis, name: str, truth: float) -> bool:
@@ -108,39 +126,71 @@ def _confidently_wrong(diagnosis: Diagnosis, name: str, truth: float) -> bool:
     return diagnosis.explained and one.verdict != "cannot tell" and off
 
 
-def rows(count: int, first_seed: int = 0) -> Iterator[tuple[str, ...]]:
-    """Yield rows of text, one a fault: how many of `count` cases were named, rightly, and are wrong."""
-    actuator = Actuator.thesis()
-    cases: list[tuple[str | None, Kind | None]] = [(None, None)]
-    cases += [(channel, kind) for channel in CHANNELS for kind in KINDS]
-    for channel, kind in cases:
+def rows(
+    count: int,
+    first_seed: int = 0,
+    faults: Sequence[tuple[str | None, Kind | None]] = ALL,
+    channels: tuple[str, ...] = CHANNELS,
+) -> Iterator[tuple[str, ...]]:
+    """Yield rows of text, one of each of `faults`, as `HEADER` has them, of `count` cases with `channels`."""
+    actuator, rig = Actuator.thesis(), Rig(label="sensors", channels=channels)
+    for channel, kind in faults:
         outcomes = []
         for seed in range(first_seed, first_seed + count):
             truth = random_faults(seed)
-            recording = recorded(RIG, actuator, Manoeuvre(), truth, seed)
+            recording = recorded(rig, actuator, Manoeuvre(), truth, seed)
             if channel is not None and kind is not None:
                 recording = spoilt(recording, channel, kind, actuator, seed)
             outcomes.append(judged(diagnose(recording, actuator, seed=seed, workers=1), truth, channel, kind))
+        counted = (
+            [one.named for one in outcomes],
+            [one.rightly for one in outcomes],
+            [one.explained for one in outcomes],
+            [bool(one.wrong) for one in outcomes],
+        )
         yield (
             channel or "none",
             kind or "-",
-            *(
-                f"{sum(what)} of {count}"
-                for what in (
-                    [one.named for one in outcomes],
-                    [one.rightly for one in outcomes],
-                    [one.explained for one in outcomes],
-                    [bool(one.wrong) for one in outcomes],
-                )
-            ),
+            *(f"{sum(what)} of {count}" for what in counted),
+            f"{np.median([one.error for one in outcomes]):.2f} %",
+            f"{100 * np.mean([one.held for one in outcomes]):.0f} %",
         )
 
 
-HEADER = ("sensor", "fault", "named", "rightly", "explained", "confidently wrong")
+HEADER = (
+    "sensor",
+    "fault",
+    "named",
+    "rightly",
+    "explained",
+    "confidently wrong",
+    "median error",
+    "intervals that hold",
+)
 
-if __name__ == "__main__":
+
+def main() -> None:
+    """Print the table that the command line asks for."""
+    parser = argparse.ArgumentParser(prog="python -m emaphm.study.sensor_errors", description=__doc__)
+    parser.add_argument("cases", type=int, nargs="?", default=1, help="random fault vectors of each fault")
+    parser.add_argument("--first", type=int, default=0, help="seed of the first of them")
+    parser.add_argument("--sensor", choices=CHANNELS, help="a channel; all if left out")
+    parser.add_argument("--fault", choices=KINDS, help="a fault; all if left out")
+    parser.add_argument("--channels", nargs="+", choices=CHANNELS, default=CHANNELS, help="what is recorded")
+    asked = parser.parse_args()
+    chosen = [
+        (channel, kind)
+        for channel, kind in ALL
+        if asked.sensor in (None, channel)
+        and asked.fault in (None, kind)
+        and (channel is None or channel in asked.channels)
+    ]
     table = []
-    for row in rows(int(sys.argv[1]) if len(sys.argv) > 1 else 1):
+    for row in rows(asked.cases, asked.first, chosen, tuple(asked.channels)):
         table.append(row)
         sys.stderr.write(" | ".join(row) + "\n")
     sys.stdout.write(format_table(HEADER, table) + "\n")
+
+
+if __name__ == "__main__":
+    main()
