@@ -90,6 +90,14 @@ def test_a_sure_and_wrong_answer_is_not_believed(recording: Recording) -> None:
     assert any("answer's own uncertainty" in note for note in diagnosis.recording_notes)
 
 
+def test_an_answer_that_is_doubted_is_not_believed(recording: Recording) -> None:
+    doubted = constant_estimator(SETUP, ANSWER, 0.01)
+    doubted = replace(doubted, limits=replace(doubted.limits, doubt=0.4))
+    diagnosis = diagnose_by(doubted, recording, THESIS, fast=True, workers=1)
+    assert diagnosis.method == "hybrid"
+    assert any("a doubt of 0.5, at most 0.4" in note for note in diagnosis.recording_notes)
+
+
 def test_a_search_that_leads_away_from_a_sure_answer_is_made_anew(recording: Recording) -> None:
     off = constant_estimator(SETUP, ANSWER + 0.03, 0.005)
     diagnosis = diagnose_by(off, recording, THESIS, workers=1)

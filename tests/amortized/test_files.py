@@ -85,7 +85,7 @@ class Harm:
 
 
 WRONG = {
-    "another version": (header(format="emaphm estimator 9"), "reads 'emaphm estimator 2'"),
+    "another version": (header(format="emaphm estimator 9"), "reads 'emaphm estimator 3'"),
     "something else": (header(format="model"), "no estimator"),
     "no header": (lambda members: members.pop(HEADER), "no header.json"),
     "broken header": (replaced(HEADER, b"{"), "no JSON"),

@@ -29,7 +29,12 @@ def linear(monkeypatch: pytest.MonkeyPatch) -> Inputs:
     def rows(_setup: RecordingSetup, _inputs: Inputs, _model: Model, points: Array) -> Single:
         return (points @ RESPONSE)[:, np.newaxis].astype(np.float32)
 
+    def others(_setup: RecordingSetup, _inputs: Inputs, points: Array) -> Single:
+        found = np.stack([points @ RESPONSE[::-1], points @ RESPONSE[::-1] ** 2], axis=1)
+        return found[:, :, np.newaxis].astype(np.float32)
+
     monkeypatch.setattr(model_update, "simulated", rows)
+    monkeypatch.setattr(model_update, "other_descriptions", others)
     monkeypatch.setattr(model_update, "UPDATE", replace(model_update.UPDATE, floor=0.0))
     return SETUP.inputs(CHIRP, AVERAGED.step_for(SETUP.actuator))
 

@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from emaphm.actuator import Actuator, Chirp
+from emaphm.amortized.doubt.comparison import doubt_feature_count
+from emaphm.amortized.doubt.doubt import Doubt
 from emaphm.amortized.estimator import Estimator, Limits
 from emaphm.amortized.model_update import UPDATE, ModelUpdate, Whitening, feature_count
 from emaphm.amortized.networks.network import Block, Dense, Network, Normalisation, Single, output_width
@@ -56,10 +58,36 @@ def constant_estimator(
         np.ones(d),
         1,
     )
-    limits = Limits(np.full(2, limit), np.full(len(setup.channels), limit))
+    limits = Limits(np.full(2, limit), np.full(len(setup.channels), limit), limit)
+    doubt = constant_doubt(setup, 0.5, width)
     return Estimator(
-        setup, projection, network, no_update(setup, width), np.ones(d), limits, {"simulations": 0}
+        setup, projection, network, no_update(setup, width), np.ones(d), doubt, limits, {"simulations": 0}
     )
+
+
+def constant_doubt(setup: RecordingSetup, ratio: float, width: int = 4) -> Doubt:
+    """Return a doubt that expects an error of `ratio` times the allowed one, whatever it reads."""
+    features = doubt_feature_count(len(setup.channels), setup.space.dimensions)
+    projection, norm, nothing = _reading(features, width)
+    network = Network(
+        projection.layer,
+        Dense(np.zeros((features, width), np.float32), np.zeros(width, np.float32)),
+        (Block(norm, nothing, nothing),),
+        norm,
+        Dense(np.zeros((width, output_width(1, 1)), np.float32), half(np.array([0.0, np.log(ratio), 0.0]))),
+        np.ones(1),
+        1,
+    )
+    return Doubt(projection, network)
+
+
+def _reading(features: int, width: int) -> tuple[Projection, Normalisation, Dense]:
+    """Return a projection that leaves features as they are, a norm, and a layer of zeros."""
+    projection = Projection(
+        np.ones(1), np.zeros(features, np.float32), np.eye(features, dtype=np.float32), np.ones(features)
+    )
+    norm = Normalisation(np.ones(width, np.float32), np.zeros(width, np.float32))
+    return projection, norm, Dense(np.zeros((width, width), np.float32), np.zeros(width, np.float32))
 
 
 def no_update(setup: RecordingSetup, width: int = 4) -> ModelUpdate:
@@ -69,11 +97,7 @@ def no_update(setup: RecordingSetup, width: int = 4) -> ModelUpdate:
     zeros = np.zeros((rows, k), np.float32)
     whitening = Whitening(np.ones(len(setup.channels)), np.zeros(rows, np.float32), zeros)
     features = feature_count(k, d)
-    projection = Projection(
-        np.ones(1), np.zeros(features, np.float32), np.eye(features, dtype=np.float32), np.ones(features)
-    )
-    norm = Normalisation(np.ones(width, np.float32), np.zeros(width, np.float32))
-    nothing = Dense(np.zeros((width, width), np.float32), np.zeros(width, np.float32))
+    projection, norm, nothing = _reading(features, width)
     # Units that are wider than the answer by their floor.
     lower = np.diag(np.full(d, 0.5 * np.log1p(UPDATE.floor**2)))
     out = np.concatenate([np.zeros(1 + d), lower[np.tril_indices(d)]])
@@ -94,5 +118,5 @@ def with_limit(estimator: Estimator, limit: float) -> Estimator:
     limits = estimator.limits
     return replace(
         estimator,
-        limits=Limits(np.full_like(limits.distances, limit), np.full_like(limits.ratios, limit)),
+        limits=Limits(np.full_like(limits.distances, limit), np.full_like(limits.ratios, limit), limit),
     )

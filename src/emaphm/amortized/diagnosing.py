@@ -8,9 +8,11 @@ from typing import Self
 import numpy as np
 
 from emaphm.actuator import Actuator
+from emaphm.amortized.doubt.comparison import RUNS
+from emaphm.amortized.doubt.deviations import OTHERS
 from emaphm.amortized.drawing import PRIOR, SHORTS
 from emaphm.amortized.estimator import Estimator
-from emaphm.amortized.likeness import LIKENESS, reasons_not_to_believe
+from emaphm.amortized.likeness import reasons_not_to_believe
 from emaphm.amortized.networks.mixture import Mixture
 from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.diagnosis.diagnose import moves_at, nuisance_estimates
@@ -195,7 +197,7 @@ class _Answer:
             fitness=self.result.cost,
             residual_rms_A=float(np.sqrt(np.mean(residual**2))),
             explained=True,
-            evaluations=problem.runs.of(problem.model)[0] + LIKENESS.runs + space.dimensions + 1,
+            evaluations=problem.runs.of(problem.model)[0] + RUNS + OTHERS + space.dimensions + 1,
             reference_runs=0,
             seconds=time.perf_counter() - began,
             seed=seed,

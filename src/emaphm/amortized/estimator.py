@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any, Self
 
 from emaphm.actuator import Actuator
+from emaphm.amortized.doubt.comparison import Comparison
+from emaphm.amortized.doubt.doubt import Doubt
 from emaphm.amortized.model_update import ModelUpdate
 from emaphm.amortized.networks.mixture import Mixture
 from emaphm.amortized.networks.network import Network, Single
@@ -24,14 +26,15 @@ WAY_OUT = "leave out --estimator, or train one for it with 'emaphm train'"
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """What held-out draws do not exceed: 99 % of them, and a margin.
+    """What most held-out draws do not exceed, see `emaphm.amortized.likeness`.
 
-    `distances` (2,) are those of `Projection.distances`, `ratios` (channels,) those of
-    `emaphm.amortized.likeness`.
+    `distances` (2,) are those of `Projection.distances`, `ratios` (channels,) those of the comparison with
+    the averaged model, and `doubt` that of `Doubt`.
     """
 
     distances: Array
     ratios: Array
+    doubt: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +42,9 @@ class Estimator:
     """What a file of `emaphm train` holds.
 
     `network` answers from rows alone, read through `projection`; `update` improves its answers by the
-    averaged model. `temperature` (d,) multiplies the standard deviations; `facts` are those of its training,
-    for people to read. All else is in the setup.
+    averaged model. `temperature` (d,) multiplies the standard deviations; `doubt` says how wrong an answer is
+    likely to be, and `limits` when none is believed. `facts` are those of its training, for people to read.
+    All else is in the setup.
     """
 
     setup: RecordingSetup
@@ -48,6 +52,7 @@ class Estimator:
     network: Network
     update: ModelUpdate
     temperature: Array
+    doubt: Doubt
     limits: Limits
     facts: Mapping[str, Any] = field(default_factory=dict)
 
@@ -99,12 +104,16 @@ class Estimator:
 
     def answers(self, rows: Single, inputs: Inputs) -> list[Mixture]:
         """Return what is known of each of many recordings (n), all driven by `inputs`."""
-        updated = self.update.answers(self.setup, inputs, rows, first_answers(self.network, rows))
-        return [one.scaled(self.temperature) for one in updated]
+        return calibrated_answers(self.setup, self.network, self.update, self.temperature, rows, inputs)
 
     def distances(self, rows: Single) -> Array:
         """Return how unlike the training set rows (n, channels, blocks) are, (n, 2)."""
         return self.projection.distances(rows, self.network.features(rows))
+
+    def doubts(self, comparison: Comparison) -> Array:
+        """Return how wrong each of the answers is likely to be, next to what it states, (n,)."""
+        distances = self.distances(comparison.rows)
+        return self.doubt.of(comparison.features(self.setup, self.update.whitening, distances))
 
     def answer(self, recording: Recording, inputs: Inputs) -> Mixture:
         """Return what is known of a recording that `check` has accepted, driven by `inputs`."""
@@ -114,3 +123,16 @@ class Estimator:
 def first_answers(network: Network, rows: Single) -> list[Mixture]:
     """Return what a network makes of rows (n, channels, blocks)."""
     return network.mixtures(network.features(rows))
+
+
+def calibrated_answers(
+    setup: RecordingSetup,
+    network: Network,
+    update: ModelUpdate,
+    temperature: Array,
+    rows: Single,
+    inputs: Inputs,
+) -> list[Mixture]:
+    """Return what both networks make of rows (n, channels, blocks), as sure as `temperature` (d,) allows."""
+    updated = update.answers(setup, inputs, rows, first_answers(network, rows))
+    return [one.scaled(temperature) for one in updated]

@@ -15,6 +15,8 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from emaphm.actuator import Actuator
+from emaphm.amortized.doubt.comparison import doubt_feature_count
+from emaphm.amortized.doubt.doubt import Doubt
 from emaphm.amortized.model_update import ModelUpdate, Whitening, feature_count
 from emaphm.amortized.networks.network import Block, Dense, Network, Normalisation, output_width
 from emaphm.amortized.networks.projection import Projection
@@ -29,7 +31,7 @@ from emaphm.version import VERSION
 if TYPE_CHECKING:
     from emaphm.amortized.estimator import Estimator
 
-FORMAT = "emaphm estimator 2"
+FORMAT = "emaphm estimator 3"
 HEADER = "header.json"
 
 MOST_BYTES = 64 * 2**20
@@ -86,12 +88,13 @@ class _Network(BaseModel):
 class _Header(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
-    format: Literal["emaphm estimator 2"]
+    format: Literal["emaphm estimator 3"]
     version: str
     setup: _Setup
     coordinates: Annotated[list[str], Field(min_length=1, max_length=128)]
     network: _Network
     update: _Network
+    doubt: _Network
     compared: Size
     facts: dict[str, Any]
 
@@ -115,6 +118,7 @@ def write_estimator(estimator: "Estimator", path: str | Path) -> None:
         coordinates=list(estimator.space.coordinates),
         network=_Network.of(estimator.network),
         update=_Network.of(update.network),
+        doubt=_Network.of(estimator.doubt.network),
         compared=update.whitening.basis.shape[1],
         facts={
             **estimator.facts,
@@ -131,11 +135,21 @@ def write_estimator(estimator: "Estimator", path: str | Path) -> None:
             archive.writestr(f"{name}.npy", buffer.getvalue())
 
 
-DOUBLE = ("command_rad", "units", "mean", "scatter", "deviations", "temperature", "distances", "ratios")
+DOUBLE = (
+    "command_rad",
+    "units",
+    "mean",
+    "scatter",
+    "deviations",
+    "temperature",
+    "distances",
+    "ratios",
+    "largest_doubt",
+)
 """Last parts of the names of what is kept exactly."""
 
-FIRST, UPDATE = "network", "update"
-"""Names of the two networks."""
+FIRST, UPDATE, DOUBT = "network", "update", "doubt"
+"""Names of the networks."""
 
 
 def _arrays(estimator: "Estimator") -> dict[str, Any]:
@@ -145,11 +159,13 @@ def _arrays(estimator: "Estimator") -> dict[str, Any]:
         "temperature": estimator.temperature,
         "limits.distances": estimator.limits.distances,
         "limits.ratios": estimator.limits.ratios,
+        "limits.largest_doubt": np.array([estimator.limits.doubt]),
         "compared.units": update.whitening.units,
         "compared.mean": update.whitening.mean,
         "compared.basis": update.whitening.basis,
         **_network_arrays(FIRST, estimator.projection, estimator.network),
         **_network_arrays(UPDATE, update.projection, update.network),
+        **_network_arrays(DOUBT, estimator.doubt.projection, estimator.doubt.network),
     }
 
 
@@ -180,11 +196,13 @@ def _shapes(header: _Header) -> dict[str, tuple[int, ...]]:
         "temperature": (d,),
         "limits.distances": (2,),
         "limits.ratios": (channels,),
+        "limits.largest_doubt": (1,),
         "compared.units": (channels,),
         "compared.mean": (width,),
         "compared.basis": (width, header.compared),
         **_network_shapes(FIRST, header.network, channels, width, d),
         **_network_shapes(UPDATE, header.update, 1, feature_count(header.compared, d), d),
+        **_network_shapes(DOUBT, header.doubt, 1, doubt_feature_count(channels, d), 1),
     }
 
 
@@ -247,7 +265,8 @@ def _estimator(archive: zipfile.ZipFile, path: Path, kind: "type[Estimator]") ->
         network,
         ModelUpdate(whitening, *_network(UPDATE, header.update, arrays)),
         arrays["temperature"],
-        Limits(arrays["limits.distances"], arrays["limits.ratios"]),
+        Doubt(*_network(DOUBT, header.doubt, arrays)),
+        Limits(arrays["limits.distances"], arrays["limits.ratios"], float(arrays["limits.largest_doubt"][0])),
         header.facts,
     )
     if list(estimator.space.coordinates) != header.coordinates:

@@ -1,57 +1,56 @@
 """When an estimator is not to be believed: recordings unlike those that it was trained on.
 
-Three distances of a recording from the training set are compared with those of held-out simulations. Two are
-of the recording alone (`Projection.distances`). The third is of the answer: sixteen points of it are run by
-the averaged model, at the price of one, and the recording has to lie among them,
+What a recording and its answer show is compared with what held-out simulations do, in three ways.
 
-    ratio = rms(recorded - mean) / √(variance of the runs + noise² + (model error)²),
+1. Two distances of the recording alone from the training set (`Projection.distances`).
+2. Sixteen points of the answer are run by the averaged model, at the price of one, and the recording has to
+   lie among them: for each channel
 
-for each channel. A network answers whatever it is asked; only such a comparison with physics shows an answer
-that is sure and wrong.
+       ratio = rms(recorded - mean) / √(variance of the runs + noise² + (model error)²).
+
+3. What is left of the recording may look like what no simulation has, a late sensor for instance
+   (`emaphm.amortized.doubt`).
+
+A network answers whatever it is asked; only a comparison with physics shows an answer that is sure and wrong.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from emaphm.amortized.doubt.comparison import Comparison
 from emaphm.amortized.estimator import Estimator, Limits
 from emaphm.amortized.networks.mixture import Mixture
-from emaphm.amortized.networks.network import Single
 from emaphm.amortized.recording_setup import RecordingSetup
-from emaphm.amortized.simulating import noise_rms, simulated
+from emaphm.amortized.simulating import noise_rms
 from emaphm.arrays import Array
 from emaphm.estimation.problem import Problem
 from emaphm.recording import Recording
-from emaphm.simulation import AVERAGED, Inputs
 
 
 @dataclass(frozen=True)
 class LikenessSettings:
     """How a recording is compared with the training set.
 
-    `runs` of the averaged model, as many as its kernel advances together; its error `model`, relative to a
-    channel's rms; and limits: the `quantile` of held-out draws, times `margin`. Beyond are draws with heavy
-    shorts, mostly: a full search for one of them costs less than a wrong answer.
+    The averaged model's error `model`, relative to a channel's rms; and limits: the `quantile` of held-out
+    draws, times `margin`. Beyond are draws with heavy shorts, mostly: a full search for one of them costs
+    less than a wrong answer. The limit of the doubt is its `doubt` quantile.
     """
 
-    runs: int = 16
     model: float = 0.02
     quantile: float = 0.99
     margin: float = 1.1
+    doubt: float = 0.98
 
 
 LIKENESS = LikenessSettings()
 
 
-def predictive_ratios(
-    setup: RecordingSetup, inputs: Inputs, mixture: Mixture, rows: Single, rng: np.random.Generator
-) -> Array:
-    """Return the ratio at the top of this file, of each channel of a recording's rows (channels, blocks)."""
-    space = setup.space
-    points = np.vstack([mixture.mean, mixture.inside(space, LIKENESS.runs - 1, rng)])
-    runs = simulated(setup, inputs, AVERAGED, space.project(points))
-    residual = np.mean((rows - runs[0]) ** 2, axis=-1)
-    variance = np.mean((runs[1:] - runs[0]) ** 2, axis=(0, 2))
+def predictive_ratios(setup: RecordingSetup, comparison: Comparison) -> Array:
+    """Return the ratio at the top of this file, (n, channels)."""
+    rows, runs = comparison.rows, comparison.runs
+    residual = np.mean((rows - runs[:, 0]) ** 2, axis=-1)
+    variance = np.mean((runs[:, 1:] - runs[:, :1]) ** 2, axis=(1, 3))
     expected = variance + noise_rms(setup) ** 2 + LIKENESS.model**2 * np.mean(rows**2, axis=-1)
     return np.asarray(np.sqrt(residual / np.maximum(expected, np.finfo(np.float32).tiny)), float)
 
@@ -63,29 +62,45 @@ def reasons_not_to_believe(
 
     `problem` is that of reproducing it by the averaged model.
     """
-    if not estimator.setup.starts_there(problem.start):
+    setup, limits = estimator.setup, estimator.limits
+    if not setup.starts_there(problem.start):
         return ("it starts elsewhere than the training's manoeuvre, which starts at rest at 0",)
     rows = estimator.rows(recording)
-    distances, limits = estimator.distances(rows)[0], estimator.limits
+    distances = estimator.distances(rows)[0]
     what = ("farther from the middle of the training set", "of another shape than the training set")
     found = [
         f"the recording is {text} than simulations are ({distance:.3g}, at most {limit:.3g})"
         for text, distance, limit in zip(what, distances, limits.distances, strict=True)
         if not distance <= limit
     ]
-    ratios = predictive_ratios(estimator.setup, problem.inputs, mixture, rows[0], rng)
+    comparison = Comparison.of(setup, problem.inputs, rows, [mixture], rng)
     found += [
         f"the model at its answer is farther from {name} than the answer's own uncertainty allows "
         f"({ratio:.3g} times, at most {limit:.3g})"
-        for name, ratio, limit in zip(estimator.setup.channels, ratios, limits.ratios, strict=True)
+        for name, ratio, limit in zip(
+            setup.channels, predictive_ratios(setup, comparison)[0], limits.ratios, strict=True
+        )
         if not ratio <= limit
     ]
+    doubt = float(estimator.doubts(comparison)[0])
+    if not doubt <= limits.doubt:
+        found.append(
+            "what the model at its answer leaves of the recording is as where sensors err or the actuator is "
+            f"not as described, and answers are wrong (a doubt of {doubt:.3g}, at most {limits.doubt:.3g})"
+        )
     return tuple(found)
 
 
-def limits_of(distances: Array, ratios: Array) -> Limits:
-    """Return the limits from held-out `distances` (n, 2) and `ratios` (n, channels)."""
+def limits_of(distances: Array, ratios: Array, doubts: Array) -> Limits:
+    """Return the limits from held-out `distances` (n, 2), `ratios` (n, channels) and `doubts` (n,)."""
     return Limits(
         LIKENESS.margin * np.quantile(distances, LIKENESS.quantile, axis=0),
         LIKENESS.margin * np.quantile(ratios, LIKENESS.quantile, axis=0),
+        float(np.quantile(doubts, LIKENESS.doubt)),
     )
+
+
+def are_beyond(limits: Limits, distances: Array, ratios: Array, doubts: Array) -> Array:
+    """Return which of n draws are beyond a limit, (n,); arguments as for `limits_of`."""
+    within = np.all(distances <= limits.distances, axis=1) & np.all(ratios <= limits.ratios, axis=1)
+    return np.asarray(~(within & (doubts <= limits.doubt)))

@@ -23,6 +23,7 @@ from typing import Self
 
 import numpy as np
 
+from emaphm.amortized.doubt.deviations import deviation_directions, other_descriptions
 from emaphm.amortized.networks.mixture import Mixture
 from emaphm.amortized.networks.network import Network, Single
 from emaphm.amortized.networks.projection import Projection
@@ -67,16 +68,21 @@ class Whitening:
 
     def z(self, rows: Single, runs: "_Runs") -> tuple[Array, Array]:
         """Return z (n, k) of rows (n, channels, blocks), and B times the runs' differences, (n, d, k)."""
-        whole = self._flat(np.concatenate([rows, runs.rows])) @ self.basis
+        whole = self.whitened(np.concatenate([rows, runs.rows]))
         recorded, modelled = whole[: len(rows)], whole[len(rows) :].reshape(len(rows), -1, whole.shape[1])
-        residual = recorded - modelled[:, 0] - self._of_mean
+        residual = recorded - modelled[:, 0] - self.whitened_mean
         return residual.astype(float), (modelled[:, 1:] - modelled[:, :1]).astype(float)
 
     def _flat(self, rows: Single) -> Single:
         return np.asarray((rows / self.units[:, np.newaxis].astype(np.float32)).reshape(len(rows), -1))
 
+    def whitened(self, rows: Single) -> Single:
+        """Return B times rows (n, channels, blocks), (n, k)."""
+        return np.asarray(self._flat(rows) @ self.basis)
+
     @cached_property
-    def _of_mean(self) -> Single:
+    def whitened_mean(self) -> Single:
+        """B m, (k,)."""
         return np.asarray(self.mean @ self.basis)
 
     @classmethod
@@ -91,7 +97,8 @@ class Whitening:
     ) -> Self:
         """Return the whitening of what noise-free `draws` differ by from the averaged model, and of noise.
 
-        Of its directions, those are kept in which the averaged model moves most about `answers` for `rows`.
+        Of its directions, those are kept in which the averaged model moves most about `answers` for `rows`,
+        and in which errors of sensors and of the description would show most.
         """
         channels, blocks = rows.shape[1:]
         width = channels * blocks
@@ -114,9 +121,14 @@ class Whitening:
         information = np.zeros((width, width))
         for i in range(0, min(len(rows), UPDATE.directions), UPDATE.at_once):
             part = slice(i, i + UPDATE.at_once)
-            moved = whole.z(rows[part], _Runs.about(setup, inputs, answers[part]))[1].reshape(-1, width)
-            moved /= np.maximum(1.0, np.sqrt(np.mean(moved**2, axis=1, keepdims=True)))
-            information += moved.T @ moved
+            runs = _Runs.about(setup, inputs, answers[part])
+            moved = whole.z(rows[part], runs)[1].reshape(-1, width)
+            modelled = runs.rows.reshape(len(runs.means), -1, *rows.shape[1:])[:, 0]
+            along = deviation_directions(modelled, other_descriptions(setup, inputs, runs.means))
+            errors = whole.whitened(along.reshape(-1, *rows.shape[1:]))
+            seen = np.concatenate([moved, errors])
+            seen /= np.maximum(1.0, np.sqrt(np.mean(seen**2, axis=1, keepdims=True)))
+            information += seen.T @ seen
         _, chosen = np.linalg.eigh(information)
         basis = whitened @ chosen[:, ::-1][:, : UPDATE.components]
         # As a file has it: of half precision.

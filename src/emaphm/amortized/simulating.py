@@ -17,7 +17,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from emaphm.actuator import Command
+from emaphm.actuator import Actuator, Command
+from emaphm.actuator.lumped_parameters import lumped_parameters
 from emaphm.amortized.drawing import PRIOR, draw
 from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.arrays import Array
@@ -81,11 +82,26 @@ def noise_rms(setup: RecordingSetup) -> Single:
     return np.sqrt(np.array(variances) / block_of(setup.samples)).astype(np.float32)
 
 
-def simulated(setup: RecordingSetup, inputs: Inputs, model: Model, points: Array) -> Single:
-    """Return the noise-free rows of `points` (n, d) in blocks, (n, channels, blocks); on one thread."""
+def simulated(
+    setup: RecordingSetup,
+    inputs: Inputs,
+    model: Model,
+    points: Array,
+    *,
+    actuator: Actuator | None = None,
+    inertia: Array | None = None,
+) -> Single:
+    """Return the noise-free rows of `points` (n, d) in blocks, (n, channels, blocks); on one thread.
+
+    Of the setup's actuator, or of another `actuator` with the same coordinates; `inertia` (n,) is added to
+    its inertia, relative to it.
+    """
     space = setup.space
     lumped = space.nuisances.lumped_parameters(setup.actuator, space.nuisance_values(points))
-    plant = Plant.of(setup.actuator, space.faults(points), lumped)
+    if inertia is not None:
+        described = lumped_parameters(setup.actuator, ("inertia",))["inertia"]
+        lumped["inertia"] = lumped.get("inertia", described) * (1 + inertia)
+    plant = Plant.of(actuator or setup.actuator, space.faults(points), lumped)
     exact = observe_batch(model, plant, inputs, channels=setup.channels, workers=1)
     shown = all_as_described(exact, setup.channels, setup.actuator, setup.interval_s)
     return in_blocks(shown, block_of(setup.samples))

@@ -1,19 +1,23 @@
 """From a setup to its estimator: simulate, train, calibrate, judge."""
 
 import time
-from collections.abc import Callable
-from dataclasses import asdict, replace
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
 from emaphm.actuator import Command
+from emaphm.amortized.doubt.comparison import AT_ONCE, Comparison
+from emaphm.amortized.doubt.deviations import deviating
+from emaphm.amortized.doubt.doubt import Doubt, error_ratios
 from emaphm.amortized.drawing import PRIOR
-from emaphm.amortized.estimator import Estimator, Limits, first_answers
+from emaphm.amortized.estimator import Estimator, calibrated_answers, first_answers
 from emaphm.amortized.judging import Judgement, judged, temperature_of
-from emaphm.amortized.likeness import limits_of, predictive_ratios
+from emaphm.amortized.likeness import are_beyond, limits_of, predictive_ratios
 from emaphm.amortized.model_update import ModelUpdate, Step, Whitening
+from emaphm.amortized.networks.mixture import Mixture
 from emaphm.amortized.networks.network import Single
 from emaphm.amortized.networks.torch_network import library
 from emaphm.amortized.recording_setup import RecordingSetup
@@ -26,6 +30,7 @@ from emaphm.amortized.simulating import (
     training_folder,
 )
 from emaphm.amortized.training import (
+    DOUBT_TRAINING,
     TRAINING,
     UPDATE_TRAINING,
     OnEpoch,
@@ -52,8 +57,8 @@ farther off is wrong altogether."""
 LEAST_DIFFERENCE = 1e-3
 """Smallest difference of a feature that means anything."""
 
-CHECKED = 1024
-"""Held-out draws that the limits of the comparison with the averaged model are taken from."""
+DOUBTED = 24_576
+"""Draws that the doubt learns from, at most."""
 
 
 def train_estimator(
@@ -122,22 +127,21 @@ def train_estimator(
     inputs = setup.inputs(command, AVERAGED.step_for(setup.actuator))
     trained = _first_network(setup, training, validation, seed, settings, on_epoch)
     update, second = _model_update(setup, inputs, trained, training, unseen, validation, seed, on_epoch)
-    space = setup.space
-    nothing = Limits(np.full(2, np.inf), np.full(len(setup.channels), np.inf))
-    bare = Estimator(setup, trained.projection, trained.network, update, np.ones(space.dimensions), nothing)
+    answering = _Answering.of(setup, inputs, trained, update, validation, seed)
+    doubt, third = _doubt(answering, unseen.part(0, DOUBTED), validation, seed)
     facts = {
         "version": VERSION,
         "simulations": len(training),
         "update_simulations": len(unseen),
         "simulation_seconds": round(simulating, 1),
-        "training_seconds": round(trained.seconds + second, 1),
+        "training_seconds": round(trained.seconds + second + third, 1),
         "epochs": len(trained.epochs),
         "notes": list(trained.notes),
         "seed": seed,
         "settings": asdict(settings),
         "prior": asdict(PRIOR),
     }
-    return _calibrated(bare, inputs, validation, judging, seed, facts)
+    return _finished(answering, doubt, validation, judging, seed, facts)
 
 
 def _first_network(
@@ -200,34 +204,123 @@ def _in_units(step: Step, points: Single) -> TrainingSet:
     return TrainingSet(missed.astype(np.float32), step.features[:, np.newaxis])
 
 
-def _calibrated(
-    bare: Estimator,
-    inputs: Inputs,
+@dataclass(frozen=True, eq=False)
+class _Answering:
+    """What answers, before it is known when to doubt it; fields as those of `Estimator`."""
+
+    setup: RecordingSetup
+    inputs: Inputs
+    first: Trained
+    update: ModelUpdate
+    temperature: Array
+
+    @classmethod
+    def of(
+        cls,
+        setup: RecordingSetup,
+        inputs: Inputs,
+        first: Trained,
+        update: ModelUpdate,
+        validation: TrainingSet,
+        seed: int,
+    ) -> Self:
+        """Return it with the temperature that `validation` asks for."""
+        as_learned = cls(setup, inputs, first, update, np.ones(setup.space.dimensions))
+        rows = with_noise(validation, noise_rms(setup), stream(seed, "noise of the calibration"))
+        found = temperature_of(as_learned.answers(rows), validation.points.astype(float))
+        return replace(as_learned, temperature=found)
+
+    def answers(self, rows: Single) -> list[Mixture]:
+        return calibrated_answers(
+            self.setup, self.first.network, self.update, self.temperature, rows, self.inputs
+        )
+
+    def distances(self, rows: Single) -> Array:
+        return self.first.projection.distances(rows, self.first.network.features(rows))
+
+    def compared(
+        self, rows: Single, answers: Sequence[Mixture], rng: np.random.Generator
+    ) -> tuple[Single, Array]:
+        """Return what the doubt reads of answers (n, k), and their ratios (n, channels)."""
+        features, ratios = [], []
+        for i in range(0, len(rows), AT_ONCE):
+            part = slice(i, i + AT_ONCE)
+            one = Comparison.of(self.setup, self.inputs, rows[part], answers[part], rng)
+            features.append(one.features(self.setup, self.update.whitening, self.distances(rows[part])))
+            ratios.append(predictive_ratios(self.setup, one))
+        return np.concatenate(features), np.concatenate(ratios)
+
+
+def _doubt(
+    answering: _Answering, unseen: TrainingSet, validation: TrainingSet, seed: int
+) -> tuple[Doubt, float]:
+    """Return the doubt, learned from draws that deviate, and its time [s]."""
+    began = time.perf_counter()
+    setup = answering.setup
+    faults = len(setup.space.columns)
+
+    def learned_from(draws: TrainingSet, name: str) -> TrainingSet:
+        """Return the features as one channel, and the logarithms of the ratios as points."""
+        features, ratios = [], []
+        rng = stream(seed, name)
+        for i in range(0, len(draws), SHARD_DRAWS):
+            some = deviating(setup, answering.inputs, draws.part(i, i + SHARD_DRAWS), rng)
+            rows = with_noise(some, noise_rms(setup), rng)
+            answers = answering.answers(rows)
+            features.append(answering.compared(rows, answers, rng)[0])
+            means = np.array([one.mean for one in answers])
+            variances = np.array([np.diag(one.covariance) for one in answers])
+            ratios.append(error_ratios(means, variances, some.points.astype(float), faults))
+        points = np.log(np.concatenate(ratios))[:, np.newaxis].astype(np.float32)
+        return TrainingSet(points, np.concatenate(features)[:, np.newaxis])
+
+    held_out = learned_from(validation, "deviations of the validation")
+    trained = train_network(
+        learned_from(unseen, "deviations"),
+        held_out,
+        np.full(1, LEAST_DIFFERENCE, np.float32),
+        np.ones(1),
+        lambda means: 100 * float(np.median(np.abs(means - held_out.points))),
+        seed=seed,
+        settings=DOUBT_TRAINING,
+    )
+    return Doubt(trained.projection, trained.network), time.perf_counter() - began
+
+
+def _finished(
+    answering: _Answering,
+    doubt: Doubt,
     validation: TrainingSet,
     judging: TrainingSet,
     seed: int,
     facts: dict[str, Any],
 ) -> Estimator:
-    """Return the estimator with its temperature and limits, and how it was judged among its facts."""
-    setup, space = bare.setup, bare.space
-    rows = with_noise(validation, noise_rms(setup), stream(seed, "noise of the calibration"))
-    temperature = temperature_of(bare.answers(rows, inputs), validation.points.astype(float))
-    warm = replace(bare, temperature=temperature)
-    limits = limits_of(warm.distances(rows), _ratios(warm, inputs, rows[:CHECKED], seed))
-    judging_rows = with_noise(judging, noise_rms(setup), stream(seed, "noise of the judgement"))
+    """Return the estimator with its limits, and how it was judged among its facts."""
+    setup, space = answering.setup, answering.setup.space
+
+    def looked_at(draws: TrainingSet, name: str) -> tuple[list[Mixture], Array, Array, Array]:
+        """Return answers, and what is limited: distances, ratios and doubts."""
+        rows = with_noise(draws, noise_rms(setup), stream(seed, f"noise of the {name}"))
+        answers = answering.answers(rows)
+        features, ratios = answering.compared(rows, answers, stream(seed, "likeness", name))
+        return answers, answering.distances(rows), ratios, doubt.of(features)
+
+    limits = limits_of(*looked_at(validation, "calibration")[1:])
+    answers, *found = looked_at(judging, "judgement")
     rng = stream(seed, "samples of the judgement")
-    judgement = judged(warm.answers(judging_rows, inputs), judging.points.astype(float), space, rng)
-    facts = {**facts, "judgement": _judgement_dict(judgement, space.coordinates)}
-    return replace(warm, limits=limits, facts=facts)
-
-
-def _ratios(estimator: Estimator, inputs: Inputs, rows: Single, seed: int) -> Array:
-    rng = stream(seed, "likeness")
-    return np.array(
-        [
-            predictive_ratios(estimator.setup, inputs, answer, one, rng)
-            for answer, one in zip(estimator.answers(rows, inputs), rows, strict=True)
-        ]
+    judgement = judged(answers, judging.points.astype(float), space, rng)
+    beyond = float(np.mean(are_beyond(limits, *found)))
+    facts = {**facts, "judgement": _judgement_dict(judgement, space.coordinates) | {"not_believed": beyond}}
+    first = answering.first
+    return Estimator(
+        setup,
+        first.projection,
+        first.network,
+        answering.update,
+        answering.temperature,
+        doubt,
+        limits,
+        facts,
     )
 
 

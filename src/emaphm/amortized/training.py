@@ -52,6 +52,11 @@ UPDATE_TRAINING = TrainingSettings(
 )
 """Of the second network: it reads all of its features, and they have their noise already."""
 
+DOUBT_TRAINING = TrainingSettings(
+    principal=1024, width=64, depth=1, components=1, epochs=16, noise_factor=(0.0, 0.0), patience=4
+)
+"""Of the network of the doubt."""
+
 DIVERGED = 50.0
 """Rise of the validation loss above its least that counts as divergence: no training recovers from it."""
 
