@@ -57,7 +57,7 @@ farther off is wrong altogether."""
 LEAST_DIFFERENCE = 1e-3
 """Smallest difference of a feature that means anything."""
 
-DOUBTED = 24_576
+DOUBTED = 49_152
 """Draws that the doubt learns from, at most."""
 
 
