@@ -10,11 +10,11 @@ import pytest
 from amortized.toys import THESIS, constant_estimator, with_limit
 from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.amortized import diagnosing
-from emaphm.amortized.diagnosing import diagnose_by
+from emaphm.amortized.diagnosing import answer_alone, diagnose_by
 from emaphm.amortized.networks.mixture import Mixture
 from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.arrays import Array
-from emaphm.diagnosis import diagnose, error_percent
+from emaphm.diagnosis import Diagnosis, diagnose, error_percent
 from emaphm.errors import MethodError
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
@@ -42,6 +42,20 @@ def test_the_answer_alone_is_the_networks(recording: Recording) -> None:
     assert values.keys() >= diagnose(recording, THESIS, max_corrections=0).to_dict().keys()
     low, high = values["posterior"]["faults"]["gain"]["interval95"]
     assert 0.6 - 0.024 < low < 0.6 - 0.016 < 0.6 + 0.016 < high < 0.6 + 0.024
+
+
+def test_the_answer_alone_is_had_without_a_search(recording: Recording) -> None:
+    sure = constant_estimator(SETUP, ANSWER, 0.01)
+    found = answer_alone(sure, recording, THESIS)
+    assert isinstance(found, Diagnosis)
+    assert found.faults == diagnose_by(sure, recording, THESIS, fast=True).faults
+    for unusable, why in (
+        (with_limit(sure, 1e-6), "than simulations are"),
+        (constant_estimator(SETUP, ANSWER + 0.05, 0.05), "residual"),
+    ):
+        reasons = answer_alone(unusable, recording, THESIS)
+        assert isinstance(reasons, tuple)
+        assert any(why in reason for reason in reasons)
 
 
 def test_a_search_begins_at_the_answer(recording: Recording) -> None:

@@ -19,8 +19,9 @@ from typing import Any
 import numpy as np
 
 from emaphm.actuator import NAMES, Actuator, Faults
-from emaphm.amortized import Estimator
+from emaphm.amortized import Estimator, answer_alone
 from emaphm.arrays import Array
+from emaphm.diagnosis import Diagnosis
 from emaphm.diagnosis.error_metric import error_percent
 from emaphm.errors import EmaphmError
 from emaphm.estimation.problem import Problem
@@ -37,6 +38,10 @@ from emaphm.study.spoilt.run import cases as spoilt_cases
 from emaphm.study.spoilt.run import spoilt
 
 METHODS = ("estimator alone", "estimator, corrected", "full search")
+WITHOUT_SEARCH = "estimator without search"
+"""Of the first method what its answer alone is: where it would search, the outcome is `NOT_TAKEN`."""
+
+NOT_TAKEN = "not taken"
 
 COUNTS = {"random": 300, "heavy": 300, "healthy": 500, "small": 50}
 """Recordings of each group, of small faults each kind; as in the plan `accuracy`, but for heavy shorts."""
@@ -109,6 +114,11 @@ def perform(case: Case, method: str, path: str) -> dict[str, Any]:
 def _diagnosed(
     recording: Recording, actuator: Actuator, truth: Faults, method: str, path: str, seed: int
 ) -> dict[str, Any]:
+    if method == WITHOUT_SEARCH:
+        found = answer_alone(Estimator.load(path), recording, actuator, seed=seed)
+        if isinstance(found, Diagnosis):
+            return judged(found, truth) | {"method": found.method, "error": _error(found, truth)}
+        return {"outcome": NOT_TAKEN, "reasons": list(found)}
     settings = DiagnosisSettings(
         estimator=None if method == METHODS[2] else path, fast=method == METHODS[0], seed=seed
     )
@@ -117,7 +127,7 @@ def _diagnosed(
     components = [diagnosis.components[name] for name in NAMES]
     return judged(diagnosis, truth) | {
         "method": diagnosis.method,
-        "error": float(error_percent(truth.vector, diagnosis.faults.vector)),
+        "error": _error(diagnosis, truth),
         "covered": [
             _within(one.interval95, value) for one, value in zip(components, truth.vector, strict=True)
         ],
@@ -126,6 +136,10 @@ def _diagnosed(
         "wall_s": diagnosis.seconds,
         "processor_s": time.process_time() - processor,
     }
+
+
+def _error(diagnosis: Diagnosis, truth: Faults) -> float:
+    return float(error_percent(truth.vector, diagnosis.faults.vector))
 
 
 def _within(interval: tuple[float, float], truth: float) -> bool:
@@ -209,20 +223,23 @@ def _detected(result: dict[str, Any], kind: str) -> bool:
 def unlike_table(found: Sequence[tuple[Case, str, dict[str, Any]]]) -> str:
     """Return what became of foreign and spoilt recordings: by whom they were answered, and how well."""
     answered = "answered by the network alone, by least squares from it, by the full search"
+    columns = (*OUTCOMES, NOT_TAKEN)
     lines = [
-        f"| recordings | method | {' | '.join(OUTCOMES)} | {answered} |",
-        f"| --- | --- |{' ---: |' * (len(OUTCOMES) + 1)}",
+        f"| recordings | method | {' | '.join(columns)} | errors of the wrong, % | {answered} |",
+        f"| --- | --- |{' ---: |' * (len(columns) + 2)}",
     ]
     for group in ("foreign", "spoilt"):
         for label in dict.fromkeys(c.label for c, _, _ in found if c.group == group):
-            for method in METHODS:
+            for method in (*METHODS, WITHOUT_SEARCH):
                 one = [r for c, m, r in found if c.group == group and c.label == label and m == method]
                 if not one:
                     continue
                 tally = Counter(r["outcome"] for r in one)
                 by = Counter(r.get("method") for r in one)
+                wrong = sorted(r["error"] for r in one if r["outcome"] == "silent wrong")
                 lines.append(
-                    f"| {label} | {method} | {' | '.join(str(tally[name] or '') for name in OUTCOMES)} "
+                    f"| {label} | {method} | {' | '.join(str(tally[name] or '') for name in columns)} "
+                    f"| {', '.join(f'{error:.1f}' for error in wrong)} "
                     f"| {by['estimator']}, {by['estimator+lsq']}, {by['hybrid']} |"
                 )
     return "\n".join(lines)
@@ -263,7 +280,7 @@ def main() -> None:
     parser.add_argument("estimator", type=Path, help="file of 'emaphm train'")
     parser.add_argument("--workers", type=int, help="processes; one a core if left out")
     parser.add_argument("--share", type=float, default=1.0, help="share of the recordings to try, up to 1")
-    parser.add_argument("--methods", nargs="+", default=METHODS, choices=METHODS)
+    parser.add_argument("--methods", nargs="+", default=METHODS, choices=(*METHODS, WITHOUT_SEARCH))
     parser.add_argument("--groups", nargs="+", default=(), help="some of the groups of recordings")
     asked = parser.parse_args()
     channels = Estimator.load(asked.estimator).setup.channels

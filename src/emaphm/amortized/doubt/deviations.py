@@ -23,7 +23,7 @@ from emaphm.simulation import AVERAGED, Inputs
 class DeviationSettings:
     """How often training recordings deviate, and by how much; sizes are even on a logarithmic scale.
 
-    Three in ten do not deviate, four in ten in one respect.
+    Four in ten do not deviate, four in ten in one respect.
 
     Sensors come `rows` late or early, all together `often`, each by itself `seldom`. Scales and inertia are
     off by `relative`, each `often`; zeros by `relative` of the channel's rms, `seldom`. Of the difference
