@@ -24,7 +24,7 @@ if TYPE_CHECKING:
         Sine,
         Step,
     )
-    from emaphm.amortized import Estimator, RecordingSetup, diagnose_by, train_estimator
+    from emaphm.amortized import Estimator, RecordingSetup, answer_alone, diagnose_by, train_estimator
     from emaphm.calibration import Calibration, CampaignRow, calibrate, read_campaign
     from emaphm.detection import Detector, DetectorResult
     from emaphm.diagnosis import Diagnosis, diagnose, error_percent
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "emaphm.actuator": "Actuator Chirp DecayingChirp Faults Ramp Sampled Sine Step",
     "emaphm.errors": "EmaphmError",
-    "emaphm.amortized": "Estimator RecordingSetup diagnose_by train_estimator",
+    "emaphm.amortized": "Estimator RecordingSetup answer_alone diagnose_by train_estimator",
     "emaphm.calibration": "Calibration CampaignRow calibrate read_campaign",
     "emaphm.detection": "Detector DetectorResult",
     "emaphm.diagnosis": "Diagnosis diagnose error_percent",
@@ -85,6 +85,7 @@ __all__ = [
     "Step",
     "__version__",
     "acquire",
+    "answer_alone",
     "calibrate",
     "design",
     "diagnose",
