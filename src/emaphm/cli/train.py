@@ -175,7 +175,8 @@ def _text(estimator: "Estimator", out: Path, size: int) -> str:
     header = ("coordinate", "truth in the 95 % interval", f"χ² of ranks, ≤ {judged['rank_chi2_limit']:.1f}")
     errors = (
         f"{judged['draws']} held-out simulations: error {judged['median_error_percent']:.2f} % (median), "
-        f"{judged['p95_error_percent']:.2f} % (95th percentile)."
+        f"{judged['p95_error_percent']:.2f} % (95th percentile); {100 * judged['not_believed']:.1f} % are "
+        "not believed."
     )
     costs = (
         f"{facts['simulations']} simulations in {facts['simulation_seconds']:.0f} s, {facts['epochs']} "
