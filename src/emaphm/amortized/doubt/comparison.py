@@ -29,8 +29,9 @@ RUNS = 16
 RIDGE = 1e-6
 """Added to the normal matrix of the runs, relative to its mean diagonal: runs may be alike."""
 
-SMALL_RESIDUAL, SMALL_DISTANCE = 0.3, 0.1
-"""Added to, or least of, what a logarithm is taken of."""
+SMALL_RESIDUAL, SMALL_LENGTH, SMALL_DISTANCE = 0.3, 1e-3, 0.1
+"""Added to a residual and to a direction's length, in standard deviations, and least of a distance, before
+logarithms are taken: what is smaller says nothing."""
 
 AT_ONCE = 64
 """Answers that are compared together, which takes 130 MB."""
@@ -70,22 +71,9 @@ class Comparison:
 
         `distances` (n, 2) from the training set are as in `Projection.distances`.
         """
-        along = deviation_directions(self.runs[:, 0], self.others)
-        known = RUNS - 1
-        rows = [self.rows[:, np.newaxis], self.runs, along]
-        n, shape = len(self.rows), self.rows.shape[1:]
-        seen = whitening.whitened(np.concatenate(rows, axis=1).reshape(-1, *shape)).astype(float)
-        seen = seen.reshape(n, 1 + RUNS + along.shape[1], -1)
-        residual = seen[:, :1] - seen[:, 1:2] - whitening.whitened_mean
-        moved = seen[:, 2 : 2 + known] - seen[:, 1:2]
-        both = np.concatenate([residual, seen[:, 2 + known :]], axis=1)
-        normal = moved @ moved.transpose(0, 2, 1)
-        size = np.trace(normal, axis1=1, axis2=2)[:, np.newaxis, np.newaxis] / known
-        normal += (RIDGE * size + np.finfo(float).tiny) * np.eye(known)
-        taken_up = np.linalg.solve(normal, moved @ both.transpose(0, 2, 1))
-        left = both - taken_up.transpose(0, 2, 1) @ moved
+        left = self._left(whitening)
         of_recording, along = left[:, 0], left[:, 1:]
-        lengths = np.linalg.norm(along, axis=2) + 1e-3
+        lengths = np.linalg.norm(along, axis=2) + SMALL_LENGTH
         scores = np.einsum("nmk,nk->nm", along, of_recording) / lengths
         sizes = [np.sqrt(np.mean(of_recording**2, axis=1)), np.median(np.abs(of_recording), axis=1)]
         variances = np.array([np.diag(one.covariance) for one in self.answers])
@@ -98,6 +86,22 @@ class Comparison:
             np.log(np.maximum(distances, SMALL_DISTANCE)),
         ]
         return np.concatenate(found, axis=1).astype(np.float32)
+
+    def _left(self, whitening: Whitening) -> Array:
+        """Return the whitened residual and directions (n, 1 + m, k), less what the draws' runs take up."""
+        directions = deviation_directions(self.runs[:, 0], self.others)
+        every = np.concatenate([self.rows[:, np.newaxis], self.runs, directions], axis=1)
+        n, count = every.shape[:2]
+        seen = whitening.whitened(every.reshape(n * count, *every.shape[2:])).astype(float)
+        seen = seen.reshape(n, count, -1)
+        residual = seen[:, :1] - seen[:, 1:2] - whitening.whitened_mean
+        moved = seen[:, 2 : 1 + RUNS] - seen[:, 1:2]
+        both = np.concatenate([residual, seen[:, 1 + RUNS :]], axis=1)
+        normal = moved @ moved.transpose(0, 2, 1)
+        size = np.trace(normal, axis1=1, axis2=2)[:, np.newaxis, np.newaxis] / moved.shape[1]
+        normal += (RIDGE * size + np.finfo(float).tiny) * np.eye(moved.shape[1])
+        taken_up = np.linalg.solve(normal, moved @ both.transpose(0, 2, 1))
+        return np.asarray(both - taken_up.transpose(0, 2, 1) @ moved)
 
 
 def doubt_feature_count(channels: int, dimensions: int) -> int:
