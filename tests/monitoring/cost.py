@@ -23,9 +23,9 @@ import numpy as np
 
 import emaphm as ema
 from emaphm.history import History
-from emaphm.history.watching import WatchedFile, WatchState
 from emaphm.monitoring import WATCH, Ownership, Task, watch
 from emaphm.monitoring.folder import FolderSource
+from emaphm.monitoring.watch_state import WatchedFile, WatchState
 from emaphm.prognosis import Evidence, Question, prognose
 from emaphm.prognosis.evidence import Observation
 from emaphm.recording import Recording, write_recording

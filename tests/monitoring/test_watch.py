@@ -19,10 +19,10 @@ from emaphm.errors import HistoryFormError, HistoryUnavailableError, MonitoringE
 from emaphm.history import Event, History
 from emaphm.history.database import Database
 from emaphm.history.schema import VERSION
-from emaphm.history.watching import WatchState
 from emaphm.monitoring import NamePattern, Ownership, Task, Watching, watch
 from emaphm.monitoring.outlook import Outlook
 from emaphm.monitoring.settings import PressureSettings
+from emaphm.monitoring.watch_state import WatchState
 from emaphm.recording import Recording
 
 from . import stand_in

@@ -12,10 +12,10 @@ from pathlib import Path
 from emaphm.actuator import Actuator
 from emaphm.errors import RecordingError
 from emaphm.history import Entry, Event
-from emaphm.history.watching import CHANGED, REFUSED, SET_ASIDE, TRIED, WatchedFile, WatchState
 from emaphm.monitoring.arrival import Arrival, Call, call_here
 from emaphm.monitoring.ownership import HOURS_LABEL, Ownership
 from emaphm.monitoring.settings import FolderSettings
+from emaphm.monitoring.watch_state import CHANGED, REFUSED, SET_ASIDE, TRIED, WatchedFile, WatchState
 from emaphm.recording import Recording, read_recordings
 from emaphm.recording.io.read import READERS
 
