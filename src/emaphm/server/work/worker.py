@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from emaphm.errors import EmaphmError, HistoryError
 from emaphm.execution.one_process import prepare_worker
+from emaphm.monitoring.settings import WATCH, PrognosisSettings
 from emaphm.server.folders import ServerFolder
 from emaphm.server.work.queue import DONE, FAILED, REFUSED
 
@@ -62,7 +63,8 @@ class Outcome:
 class Place:
     """Where a worker works: the history's address, the server's folder, descriptions by name.
 
-    `detector` says in addition whether an upload is like healthy recordings.
+    `detector` says in addition whether an upload is like healthy recordings, `prognosis` from when on a
+    remaining useful life makes an event.
     """
 
     db: str
@@ -71,6 +73,7 @@ class Place:
     memory_bytes: int
     upload_bytes: int
     detector: "Detector | None" = field(default=None, repr=False)
+    prognosis: PrognosisSettings = WATCH.prognosis
 
 
 def work(orders: Connection, parent: Connection, place: Place) -> None:
@@ -85,11 +88,12 @@ def work(orders: Connection, parent: Connection, place: Place) -> None:
 
 def _outcome(job: Upload | Forecast, place: Place, orders: Connection) -> Outcome:
     from emaphm.history import History
+    from emaphm.monitoring.outlook import prognosed
 
     try:
         with History.open(place.db) as history:
             if isinstance(job, Forecast):
-                _forecast(history, job.unit)
+                prognosed(history, job.unit, place.prognosis, watcher=SERVER)
                 return Outcome(DONE)
             return _diagnosed(job, history, place, orders)
     except EmaphmError as error:
@@ -105,7 +109,6 @@ def _outcome(job: Upload | Forecast, place: Place, orders: Connection) -> Outcom
 
 def _diagnosed(job: Upload, history: "History", place: Place, orders: Connection) -> Outcome:
     from emaphm.history import Entry
-    from emaphm.monitoring import WATCH
     from emaphm.monitoring.judging import Judge
     from emaphm.recording import read_recording
     from emaphm.recording.io.limits import ReadLimits
@@ -144,16 +147,6 @@ def _searched(
     from emaphm.diagnosis import diagnose
 
     return diagnose(recording, actuator, seed=seed, workers=1, on_progress=on_progress)
-
-
-def _forecast(history: "History", serial_number: str) -> None:
-    """Make the prognosis of a unit, and the event that follows from it."""
-    from emaphm.monitoring import WATCH
-    from emaphm.monitoring.outlook import rul_events
-    from emaphm.prognosis.keeping import update_prognosis
-
-    made = update_prognosis(history, history.unit(serial_number)).prognosis
-    history.add_events(*rul_events(history, made, WATCH.prognosis, SERVER))
 
 
 def _described(history: "History", known: "Unit | None", request: dict[str, Any], place: Place) -> "Actuator":
