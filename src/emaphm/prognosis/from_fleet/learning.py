@@ -54,9 +54,14 @@ def learnt_prior(history: "History", unit: "Unit", *, seed: int = 0, latest: int
     """
     teaching = [one for one in history.overviews(unit.part_number) if one.explained >= FEWEST_DIAGNOSES]
     chosen = [Evidence.of(history.unit(one.unit.serial_number), latest) for one in teachers(teaching)]
-    reference = StressReference.of([piece for one in chosen for piece in one.stresses])
     others = [one for one in chosen if one.unit != unit.serial_number][:MOST_UNITS]
-    return fleet_prior(others, Prior(reference=reference), seed=seed)
+    return fleet_prior(others, Prior(reference=reference_of(chosen)), seed=seed)
+
+
+def reference_of(units: Sequence[Evidence]) -> StressReference | None:
+    """Return the stress that hours and rates of a fleet are at: what its units saw on the median, rounded."""
+    found = StressReference.of([piece for one in units for piece in one.stresses])
+    return None if found is None else found.rounded()
 
 
 def teachers(overviews: "Sequence[Overview]") -> "list[Overview]":
