@@ -19,6 +19,7 @@ from emaphm.monitoring.watch_state import WatchState
 from emaphm.server.app import create_app, warm_up
 from emaphm.server.fleet import FleetView
 from emaphm.server.folders import ServerFolder
+from emaphm.server.html import check_templates
 from emaphm.server.settings import SETTINGS, ServerSettings
 from emaphm.server.state import Kept, ServerState
 from emaphm.server.tokens import Doorkeeper, read_tokens
@@ -48,6 +49,7 @@ def serve(
     actuators: Sequence[str] = ("thesis",),
     healthy: Path | None = None,
     webhook: str | None = None,
+    templates: Path | None = None,
     prognosis: PrognosisSettings = WATCH.prognosis,
     settings: ServerSettings = SETTINGS,
     on_ready: Callable[[str], None] = lambda _: None,
@@ -68,6 +70,8 @@ def serve(
         A file of `emaphm detect learn`: uploads are compared with healthy recordings too.
     webhook
         An address that is sent the events that this server makes, as `emaphm.monitoring` sends its own.
+    templates
+        A folder of Jinja2 templates that take the place of the program's own of the same name.
     prognosis
         From when on a remaining useful life makes an event.
     on_ready
@@ -76,7 +80,7 @@ def serve(
     Raises
     ------
     ServerError
-        The address cannot be used, or needs tokens; the folder is another server's.
+        The address cannot be used, or needs tokens; the folder is another server's; a template has an error.
     MonitoringError
         The webhook is no address.
     HistoryError
@@ -92,11 +96,13 @@ def serve(
         )
     known = None if tokens is None else read_tokens(tokens)
     detector = None if healthy is None else _detector(healthy)
+    if templates is not None:
+        check_templates(templates)
     receiver = None if webhook is None else Webhook(webhook, WATCH.delivery.timeout_s)
     with _ended_by_sigterm(), ExitStack() as stack:
         listening = stack.enter_context(_listening(host, port))
         state = stack.enter_context(
-            running(db, known, work, described(actuators), settings, detector, receiver, prognosis)
+            running(db, known, work, described(actuators), settings, detector, receiver, prognosis, templates)
         )
         app = create_app(state, only_loopback=only_loopback)
         warm_up(app)
@@ -125,6 +131,7 @@ def running(
     detector: "Detector | None" = None,
     receiver: Receiver | None = None,
     prognosis: PrognosisSettings = WATCH.prognosis,
+    templates: Path | None = None,
 ) -> Iterator[ServerState]:
     """Yield what the pages need, its processes running while the body does; errors as in `serve`."""
     with History.open(db) as history:
@@ -160,6 +167,7 @@ def running(
                 doorkeeper=None if tokens is None else Doorkeeper(dict(tokens), settings.session_hours),
                 settings=settings,
                 kept=Kept(settings.pages_kept),
+                templates=templates,
             )
 
 

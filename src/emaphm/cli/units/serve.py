@@ -41,6 +41,9 @@ def serve(
     healthy: Annotated[
         Path | None, Parameter(help="Detector that 'detect learn' wrote: uploads are compared with it too.")
     ] = None,
+    templates: Annotated[
+        Path | None, Parameter(help="Folder of Jinja2 templates that take the place of the program's pages.")
+    ] = None,
     horizon: Horizon = 200.0,
     risk: Risk = 0.05,
     webhook: WebhookAddress = None,
@@ -78,6 +81,7 @@ def serve(
         actuators=actuator,
         healthy=healthy,
         webhook=webhook,
+        templates=templates,
         prognosis=prognosis_settings(horizon, risk),
         settings=replace(SETTINGS, workers=workers),
         on_ready=ready,
