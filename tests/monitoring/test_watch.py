@@ -273,6 +273,14 @@ def test_a_folder_that_is_not_there_is_refused_at_the_start(inbox: Path, history
         once(inbox / "none", history)
 
 
+def test_once_does_not_wait_for_a_folder_that_vanished(
+    inbox: Path, history: History, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Task, "check", lambda _: inbox.rename(inbox.with_name("away")))
+    assert once(inbox, history) == Watching()
+    assert [(one.kind, one.state) for one in history.events()] == [("source_lost", "raised")]
+
+
 def test_a_history_that_fails_is_waited_for(
     inbox: Path, history: History, monkeypatch: pytest.MonkeyPatch
 ) -> None:

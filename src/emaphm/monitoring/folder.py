@@ -96,7 +96,7 @@ class FolderSource:
 
     @property
     def exhausted(self) -> bool:
-        """Whether the last look found nothing that is not judged."""
+        """Whether the last look found nothing that is not judged, or no folder."""
         return self._looked and not self._candidates and not self._ready
 
     def close(self) -> None:
@@ -110,6 +110,7 @@ class FolderSource:
             )
         except OSError as error:
             self._lost(error)
+            self._looked = True
             self._next_look = time.monotonic() + self.settings.poll_s
             return
         self._found_again()

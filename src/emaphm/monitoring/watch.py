@@ -1,5 +1,6 @@
 """Watching: what arrives is judged, the history and the prognoses follow, events are sent."""
 
+import os
 import threading
 import time
 import traceback
@@ -116,6 +117,8 @@ class Task:
         if isinstance(self.source, Path) and not self.source.is_dir():
             what = "is no folder" if self.source.exists() else "no such folder"
             raise MonitoringError(f"{self.source}: {what}; give one where recordings arrive, or - for stdin")
+        if isinstance(self.source, Path) and not os.access(self.source, os.R_OK | os.X_OK):
+            raise MonitoringError(f"{self.source}: cannot be read; let this user read the folder")
         if self.webhook is not None:
             Webhook(self.webhook, WATCH.delivery.timeout_s)
 
