@@ -98,6 +98,15 @@ def test_uploads_make_the_events_that_watching_makes(arrived: Path, tmp_path: Pa
     assert len(watched(arrived, where)) == len(events)  # nor does a watcher say it a second time
 
 
+def test_a_refusal_names_the_fields_of_an_upload(arrived: Path, tmp_path: Path) -> None:
+    where = tmp_path / "uploads.sqlite"
+    uploaded(arrived, where)
+    for path in arrived.glob("*.csv"):
+        path.write_text(stand_in.content(1, 1))  # of earlier hours
+    (message,) = {one.message for one in uploaded(arrived, where)[:1]}
+    assert message.endswith("check 'hours', or give 'late' for an old recording that is added late")
+
+
 def test_events_of_the_server_go_to_a_webhook(arrived: Path, tmp_path: Path) -> None:
     where = tmp_path / "uploads.sqlite"
     with History.open(where, create=True) as history:

@@ -106,6 +106,7 @@ def serve(
         )
         app = create_app(state, only_loopback=only_loopback)
         warm_up(app)
+        logging.getLogger("python_multipart").setLevel(logging.ERROR)  # a form that is none is the client's
         config = uvicorn.Config(
             app,
             log_level="warning",

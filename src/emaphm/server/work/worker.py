@@ -1,6 +1,7 @@
 """What a worker process does: it diagnoses uploads and makes prognoses, one at a time."""
 
 import os
+import re
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -28,6 +29,9 @@ SERVER = "server"
 AS_BEFORE = ""
 """The description of a unit's last diagnosis."""
 
+
+OPTION = re.compile(r"--([a-z]+)")
+"""An option of the command line in a message; the field of an upload has the same name."""
 
 NICENESS = 3
 """Of a worker, which takes all of a core for seconds: pages go first. It has half the share of others
@@ -100,6 +104,7 @@ def _outcome(job: Upload | Forecast, place: Place, orders: Connection) -> Outcom
         text = str(error)
         if isinstance(job, Upload):
             text = text.replace(str(job.file), job.name)  # where it is kept is nobody's business
+            text = OPTION.sub(r"'\1'", text)
         return Outcome(REFUSED, text)
     except MemoryError:
         return Outcome(
