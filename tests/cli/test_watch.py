@@ -125,7 +125,7 @@ def test_a_signal_ends_a_diagnosis_that_hangs_and_it_is_judged_at_the_next_start
         began = time.monotonic()
         process.send_signal(number)
         assert process.wait(60) == code
-        assert time.monotonic() - began < 5.0
+        assert time.monotonic() - began < 10.0  # of 600
         assert process.stderr is not None
         assert "Traceback" not in process.stderr.read()
     wait_for(lambda: not any(Path(f"/proc/{one}").exists() for one in family))

@@ -39,7 +39,7 @@ def test_it_ends_within_seconds_and_its_job_is_done_by_the_next(fleet: Path) -> 
     assert len(every) > 1
     began = time.monotonic()
     _end(server, signal.SIGTERM, 0)
-    assert time.monotonic() - began < 5.0
+    assert time.monotonic() - began < 10.0  # of 600
     _wait_for(lambda: not any(Path(f"/proc/{one}").exists() for one in every[1:]))
 
     (fleet.parent / "hang").unlink()
