@@ -38,6 +38,9 @@ def test_a_port_in_use(refused: Refusal, db: str) -> None:
         (("--workers", "0"), "1 or more"),
         (("--actuator", "absent.toml"), "no such actuator file"),
         (("--add-token", "alice"), "--tokens FILE"),
+        (("--webhook", "ftp://host"), "--webhook: give an address such as https://host/path"),
+        (("--horizon", "0"), "a horizon of 0 h"),
+        (("--risk", "2"), "a risk of 2 is no probability"),
     ],
 )
 def test_options_that_cannot_be(refused: Refusal, db: str, options: tuple[str, ...], reason: str) -> None:

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -59,7 +60,7 @@ def test_a_folder_is_judged_and_events_are_printed(
     assert events[1]["subject"] == "friction"
     assert events[1]["details"]["value"] == pytest.approx(0.3, abs=0.03)
     assert events[1]["details"]["false_alarms"]["recordings_per_hour"] == 1.0
-    assert "4 recordings judged, 0 were in the history already, 1 refused; 1 prognoses" in err
+    assert "4 recordings judged, 0 were in the history already, 1 refused;" in err
     with History.open("h.sqlite") as history:
         assert len(history.unit("SN-7").diagnoses()) == 4
         assert history.prognoses()["SN-7"].diagnoses == 4
@@ -88,6 +89,62 @@ def test_a_signal_ends_it(desk: Path, number: int, code: int) -> None:
         process.send_signal(number)
         assert process.wait(60) == code
         assert "Traceback" not in process.stderr.read()
+
+
+HANGING = """
+import sys, time
+from pathlib import Path
+from emaphm.cli import main
+from emaphm.monitoring import diagnosers
+
+def hangs(recording, actuator, *, seed):
+    Path("begun").touch()
+    time.sleep(600)
+
+if __name__ == "__main__":
+    diagnosers.search = hangs
+    sys.exit(main(sys.argv[1:]))
+"""
+"""`emaphm` with a diagnosis that takes ten minutes."""
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 0), (signal.SIGINT, 130)])
+def test_a_signal_ends_a_diagnosis_that_hangs_and_it_is_judged_at_the_next_start(
+    arrived: Path, desk: Path, capfd: pytest.CaptureFixture[str], number: int, code: int
+) -> None:
+    (desk / "in").mkdir()
+    shutil.copy(arrived / "SN-7_101.csv", desk / "in")
+    (desk / "hanging.py").write_text(HANGING)
+    line = ["watch", "in", *NAME, "--settle", "0", "--db", "h.sqlite", "--new-units"]
+    with subprocess.Popen(  # noqa: S603
+        [sys.executable, "hanging.py", *line], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        wait_for(Path("begun").exists)
+        family = children(process.pid)
+        assert family
+        began = time.monotonic()
+        process.send_signal(number)
+        assert process.wait(60) == code
+        assert time.monotonic() - began < 10.0  # of 600
+        assert process.stderr is not None
+        assert "Traceback" not in process.stderr.read()
+    wait_for(lambda: not any(Path(f"/proc/{one}").exists() for one in family))
+    with History.open("h.sqlite") as history:
+        assert not history.units()
+    assert main([*line, "--once"]) == 0
+    assert "1 recordings judged" in capfd.readouterr().err
+
+
+def wait_for(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + 60.0
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def children(process: int) -> list[str]:
+    """Return the processes that a process has started."""
+    return Path(f"/proc/{process}/task/{process}/children").read_text().split()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a POSIX pipe")

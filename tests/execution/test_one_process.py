@@ -2,13 +2,14 @@
 
 import os
 import signal
+import threading
 import time
 from collections.abc import Iterator
 
 import pytest
 
 from emaphm.errors import RecordingError
-from emaphm.execution.one_process import Calls, EndedError
+from emaphm.execution.one_process import Calls, EndedError, StoppedError
 
 GIB = 2**30
 
@@ -53,4 +54,19 @@ def test_what_takes_too_long_is_ended() -> None:
     calls = Calls(0.3, 2 * GIB)
     with pytest.raises(EndedError, match=r"longer than 0.3 s"):
         calls(time.sleep, 60.0)
+    calls.end()
+
+
+def test_a_caller_that_is_to_stop_waits_a_little_in_all() -> None:
+    stop = threading.Event()
+    calls = Calls(60.0, 2 * GIB, stop, last_s=1.0)
+    child = calls(os.getpid)
+    threading.Timer(0.3, stop.set).start()
+    began = time.monotonic()
+    calls(time.sleep, 0.8)  # done within what it has left
+    with pytest.raises(StoppedError):
+        calls(time.sleep, 60.0)
+    assert time.monotonic() - began < 3.0
+    with pytest.raises(ProcessLookupError):
+        os.kill(child, 0)
     calls.end()

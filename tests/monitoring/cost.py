@@ -14,7 +14,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -23,9 +23,10 @@ import numpy as np
 
 import emaphm as ema
 from emaphm.history import History
-from emaphm.history.watching import WatchedFile, WatchState
 from emaphm.monitoring import WATCH, Ownership, Task, watch
 from emaphm.monitoring.folder import FolderSource
+from emaphm.monitoring.outlook import prognosed
+from emaphm.monitoring.watch_state import WatchedFile, WatchState
 from emaphm.prognosis import Evidence, Question, prognose
 from emaphm.prognosis.evidence import Observation
 from emaphm.recording import Recording, write_recording
@@ -210,18 +211,36 @@ def of_a_full_folder(home: Path, files: int) -> None:
         print(f"a look at a folder of {files} judged files: {took:.0f} ms", flush=True)
 
 
-def of_a_prognosis() -> None:
-    """Print what a prognosis costs by the number of diagnoses."""
-    for count in (10, WATCH.prognosis.latest):
-        seen = tuple(
-            Observation(10.0 * i, np.append(np.zeros(7), 0.5), 1e-4 * np.eye(8), np.ones(8, bool))
-            for i in range(count)
-        )
-        evidence = Evidence("U", THESIS.name, 10.0 * count, seen)
-        prognose(evidence, THESIS, keep_past=False)
-        began = time.monotonic()
-        prognose(evidence, THESIS, keep_past=False)
-        print(f"a prognosis of {count} diagnoses: {time.monotonic() - began:.2f} s", flush=True)
+def of_a_prognosis(home: Path, units: int) -> None:
+    """Print what prognoses of `emaphm watch` cost in a fleet of `units` with 100 diagnoses each."""
+    count = WATCH.prognosis.latest
+    with History.open(home / "fleet.sqlite", create=True) as history:
+        for number in range(1, units + 1):
+            rate = np.random.default_rng(number).uniform(5e-4, 3e-3)
+            stand_in.fly(history, [0.02 + rate * i for i in range(count)], unit=f"S{number}")
+        evidence = Evidence.of(history.unit("S1"))
+        times = {
+            "of a unit alone": cpu_s(lambda: prognose(evidence, THESIS, keep_past=False)),
+            f"that learns from {units - 1} others, the first of a process": made_s(history, "S1"),
+            "the next of the same unit": made_s(history, "S1"),
+            "the first of another unit": made_s(history, "S2"),
+        }
+        stand_in.fly(history, [0.1], first=20.0 * count, unit="S2")
+        times["of a unit after a new diagnosis of another"] = made_s(history, "S1")
+    for what, took in times.items():
+        print(f"a prognosis {what}: {took:.1f} s of processor", flush=True)
+
+
+def made_s(history: History, unit: str) -> float:
+    """Return the processor time of a prognosis that is kept, with its event and curves [s]."""
+    return cpu_s(lambda: prognosed(history, unit, WATCH.prognosis))
+
+
+def cpu_s(work: Callable[[], object]) -> float:
+    """Return the processor time that this process takes for it [s]."""
+    began = time.process_time()
+    work()
+    return time.process_time() - began
 
 
 def of_healthy_units(units: int = 4) -> None:
@@ -259,9 +278,10 @@ def main() -> int:
     parser.add_argument("--recordings", type=int, default=8)
     parser.add_argument("--hours", type=float, default=2.0)
     parser.add_argument("--files", type=int, default=2000)
+    parser.add_argument("--units", type=int, default=31, help="of the fleet that a prognosis learns from")
     asked = parser.parse_args()
     with tempfile.TemporaryDirectory() as home:
-        of_a_prognosis()
+        of_a_prognosis(Path(home), asked.units)
         of_healthy_units()
         of_files(Path(home), asked.recordings)
         of_rows(Path(home), asked.recordings)

@@ -19,6 +19,7 @@ from emaphm.diagnosis import Diagnosis, Estimate
 from emaphm.history import Entry, History
 from emaphm.monitoring import WATCH, NamePattern, Ownership, Task, WatchSettings, watch
 from emaphm.monitoring.diagnosers import search
+from emaphm.monitoring.settings import IsolationSettings
 from emaphm.recording import Recording
 from emaphm.version import VERSION
 
@@ -29,9 +30,12 @@ FLIGHT_H = 0.24
 QUICK = replace(
     WATCH,
     folder=replace(WATCH.folder, poll_s=0.2, settle_s=0.3),
-    prognosis=replace(WATCH.prognosis, latest=3, longest_wait_s=1e9),
+    prognosis=replace(WATCH.prognosis, latest=3),
     delivery=replace(WATCH.delivery, timeout_s=1.0, first_pause_s=0.05, longest_pause_s=0.5, last_s=20.0),
 )
+
+
+ROOMY = IsolationSettings(seconds=60.0)
 
 
 def is_faulty(number: int) -> bool:
@@ -116,13 +120,14 @@ def diagnosed(recording: Recording, actuator: Actuator, *, seed: int) -> Diagnos
     return diagnosis(recording, actuator, float(np.mean(recording["current_A"]).clip(0.0, 1.0)), seed=seed)
 
 
-def fly(history: History, friction: list[float], first: float = 0.0) -> None:
+def fly(history: History, friction: list[float], first: float = 0.0, unit: str = "S1") -> None:
     """Add diagnoses of a unit, 20 h apart, of this friction."""
     for i, level in enumerate(friction):
         hours = first + 20.0 * i
-        columns = {name: np.arange(60.0) + hours for name in ("time_s", "command_rad", "current_A")}
+        columns = {name: np.arange(60.0) + hours for name in ("time_s", "command_rad")}
+        columns["current_A"] = np.full(60, float(unit.strip("S")))  # no recording is of two units
         recording = Recording(columns, source=f"{hours:g}.csv")
-        history.add(Entry("S1", THESIS.name, hours), recording, diagnosis(recording, THESIS, level))
+        history.add(Entry(unit, THESIS.name, hours), recording, diagnosis(recording, THESIS, level))
 
 
 def run(

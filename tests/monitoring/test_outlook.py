@@ -1,17 +1,19 @@
 """The prognosis of each unit is kept up to date, one for all of its new diagnoses."""
 
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from emaphm.errors import HistoryUnavailableError, PrognosisError
 from emaphm.history import Finding, History
-from emaphm.monitoring.outlook import Outlook
+from emaphm.monitoring.outlook import NoPrognosisError, Outlook
 from emaphm.monitoring.settings import WATCH
-from emaphm.prognosis import Evidence, Question, prognose
+from emaphm.prognosis import Evidence, learnt_prior, prognose
 
-from .stand_in import THESIS, fly
+from .stand_in import ROOMY, THESIS, fly
 
 
 @pytest.fixture
@@ -26,11 +28,11 @@ def test_it_is_that_of_the_verb_and_one_for_all_diagnoses(history: History) -> N
     for _ in range(3):
         outlook.ask("S1")
     assert outlook.waiting == 1
-    assert outlook.step() is None
-    assert (outlook.waiting, outlook.step()) == (0, None)
+    assert outlook.step()
+    assert (outlook.waiting, outlook.step()) == (0, False)
     kept = history.prognoses()["S1"]
-    alone = prognose(Evidence.of(history.unit("S1")), THESIS, Question(200.0))
-    assert kept.document["rul_hours"] == alone.to_dict()["rul_hours"]
+    asked = prognose(Evidence.of(history.unit("S1")), THESIS)
+    assert kept.document["rul_hours"] == asked.to_dict()["rul_hours"]
     assert (kept.diagnoses, kept.hours) == (3, 40.0)
     assert not history.events()  # three diagnoses: the prior decides
 
@@ -60,3 +62,70 @@ def test_what_was_due_when_the_watcher_ended_is_due_again(history: History) -> N
     assert Outlook(history, WATCH.prognosis).waiting == 0
     fly(history, [0.0], first=20.0)
     assert Outlook(history, WATCH.prognosis).waiting == 1
+
+
+def test_the_other_units_teach_it(history: History) -> None:
+    for serial in ("S1", "S2"):
+        fly(history, [0.1 + 0.05 * i for i in range(4)], unit=serial)
+    outlook = Outlook(history, replace(WATCH.prognosis, fewest=3, risk=0.01))
+    outlook.ask("S1")
+    outlook.step()
+    unit = history.unit("S1")
+    asked = prognose(Evidence.of(unit), THESIS, prior=learnt_prior(history, unit))
+    kept = history.prognoses()["S1"].document
+    assert kept["rul_hours"] == asked.to_dict()["rul_hours"]
+    (event,) = history.events()
+    assert event.details["fleet_units"] == 1
+
+
+def test_the_latest_diagnoses_are_used_and_all_are_counted(history: History) -> None:
+    fly(history, [0.0] * 5)
+    outlook = Outlook(history, replace(WATCH.prognosis, latest=3))
+    outlook.ask("S1")
+    outlook.step()
+    assert history.prognoses()["S1"].diagnoses == 5
+    assert Outlook(history, WATCH.prognosis).waiting == 0
+
+
+def test_one_in_a_process_of_its_own_is_not_waited_for(history: History) -> None:
+    fly(history, [0.0])
+    outlook = Outlook(history, WATCH.prognosis, isolation=ROOMY)
+    outlook.ask("S1")
+    assert (outlook.step(), outlook.waiting) == (False, 1)
+    assert not history.prognoses()
+    outlook.ask("S1")  # a diagnosis that may have come too late for it
+    deadline = time.monotonic() + 60.0
+    while not outlook.step():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    assert "S1" in history.prognoses()
+    assert (outlook.waiting, outlook.step(), outlook.waiting) == (1, False, 1)
+    began = time.monotonic()
+    outlook.close()  # with another one under way
+    assert time.monotonic() - began < 5.0
+
+
+@pytest.mark.parametrize(
+    ("error", "raised", "waiting"),
+    [
+        (PrognosisError("it is not finite"), NoPrognosisError, 0),
+        (HistoryUnavailableError("the disk is full"), HistoryUnavailableError, 1),
+    ],
+)
+def test_one_that_cannot_be_made_is_said_and_one_that_cannot_be_kept_stays_due(
+    history: History,
+    monkeypatch: pytest.MonkeyPatch,
+    error: Exception,
+    raised: type[Exception],
+    waiting: int,
+) -> None:
+    def failing(*_: object, **__: object) -> None:
+        raise error
+
+    fly(history, [0.0])
+    monkeypatch.setattr("emaphm.monitoring.outlook.update_prognosis", failing)
+    outlook = Outlook(history, WATCH.prognosis)
+    outlook.ask("S1")
+    with pytest.raises(raised, match=str(error)):
+        outlook.step()
+    assert outlook.waiting == waiting

@@ -1,8 +1,14 @@
-"""A recording that kills the process that judges it is tried twice in all, then set aside."""
+"""A recording that kills the process that judges it, or hangs it, is tried twice in all, then set aside."""
 
+import json
+import math
 import os
 import signal
+import threading
+import time
+from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +17,9 @@ import pytest
 from emaphm.actuator import Actuator
 from emaphm.diagnosis import Diagnosis
 from emaphm.history import History
-from emaphm.history.watching import TRIED, WatchState
 from emaphm.monitoring import Ownership, Task, Watching, watch
 from emaphm.monitoring.outlook import Outlook
+from emaphm.monitoring.watch_state import TRIED, WatchState
 from emaphm.recording import Recording
 
 from . import stand_in
@@ -96,3 +102,100 @@ def test_the_count_outlasts_the_watcher(inbox: Path, monkeypatch: pytest.MonkeyP
     assert tries(inbox) == 1
     _, refused = once(inbox, said)
     assert (tries(inbox), len(refused)) == (2, 1)
+
+
+# Streams
+
+STREAM = [
+    json.dumps({"hours": 2.0, "time_s": t, "command_rad": c, "current_A": 1e-4 * t}) + "\n"
+    for t, c in (
+        (k / 100, 5e-3 * math.sin(0.08 * math.pi * (k % 300 - 100)) if k % 300 in range(100, 200) else 0.0)
+        for k in range(900)
+    )
+]
+"""Three movements of 1 s, each behind 1 s of rest and before 1 s more."""
+
+
+LONGEST_S = 3.0
+"""Of a call, where the diagnosis hangs [s]; it starts its process too."""
+
+
+def poisoned_at(home: str, hangs: bool, recording: Recording, actuator: Actuator, *, seed: int) -> Diagnosis:
+    """Die of the second movement, or hang, and count how often that was."""
+    if recording["current_A"].max() > 4e-4 and recording["current_A"].max() < 7e-4:
+        with Path(home, "tries").open("a") as file:
+            file.write("x")
+        if hangs:
+            time.sleep(600.0)
+        os.kill(os.getpid(), signal.SIGKILL)
+    return stand_in.diagnosed(recording, actuator, seed=seed)
+
+
+def streamed(
+    home: Path, *, hangs: bool = False, lines: list[str] = STREAM
+) -> tuple[Watching, dict[str, list[str]]]:
+    """Watch the lines on a pipe; return what was done and the messages of all events by kind."""
+    out, into = os.pipe()
+
+    def write() -> None:
+        with os.fdopen(into, "w") as pipe, suppress(BrokenPipeError):
+            pipe.writelines(lines)
+
+    threading.Thread(target=write, daemon=True).start()
+    settings = replace(FAST, isolation=replace(FAST.isolation, seconds=LONGEST_S if hangs else 60.0))
+    with History.open(home / "history.sqlite", create=True) as history:
+        task = Task(
+            out,
+            Ownership(THESIS.name, "S1"),
+            cut=None,
+            diagnose=partial(poisoned_at, str(home), hangs),
+            takes_new_units=True,
+            isolated=True,
+        )
+        done = watch(task, history, THESIS, settings=settings)
+        os.close(out)
+        said: dict[str, list[str]] = {}
+        for one in history.events():
+            said.setdefault(one.kind, []).append(one.message)
+    return done, said
+
+
+@pytest.mark.usefixtures("inbox")
+@pytest.mark.parametrize("hangs", [False, True])
+def test_a_movement_is_set_aside_and_the_others_are_judged(tmp_path: Path, hangs: bool) -> None:
+    done, said = streamed(tmp_path, hangs=hangs)
+    assert (done.judged, done.refused) == (2, 1)
+    (message,) = said["refused"]
+    why = f"it took longer than {LONGEST_S:g} s" if hangs else "its process was killed by SIGKILL"
+    assert message.startswith("S1 at 2 h, 3.")
+    assert f"{why}, for the second time; it is set aside" in message
+    assert streamed(tmp_path)[0] == Watching()  # all rows are judged
+    assert len((tmp_path / "tries").read_text()) == 2
+
+
+@pytest.mark.usefixtures("inbox")
+def test_the_count_of_a_movement_outlasts_the_watcher(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = WatchState.finish_file
+
+    def then_killed(self: WatchState, *values: object) -> None:
+        real(self, *values)  # type: ignore[arg-type]
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(WatchState, "finish_file", then_killed)
+        with pytest.raises(KeyboardInterrupt):
+            streamed(tmp_path)
+    assert len((tmp_path / "tries").read_text()) == 1
+    done, said = streamed(tmp_path, lines=STREAM[350:])  # sent again from the middle of a rest
+    assert (done.judged, len(said["refused"])) == (1, 1)
+    assert len((tmp_path / "tries").read_text()) == 2
+
+
+@pytest.mark.usefixtures("inbox")
+def test_a_movement_that_was_set_aside_and_is_sent_again_is_not_tried_again(tmp_path: Path) -> None:
+    done, said = streamed(tmp_path, lines=STREAM + STREAM)  # as of a sender that connects again
+    assert len((tmp_path / "tries").read_text()) == 2
+    assert (done.judged, done.known, len(said["refused"])) == (2, 2, 1)
+    assert "of a movement that is set aside" in said["rows_skipped"][-1]

@@ -19,10 +19,10 @@ from emaphm.errors import HistoryFormError, HistoryUnavailableError, MonitoringE
 from emaphm.history import Event, History
 from emaphm.history.database import Database
 from emaphm.history.schema import VERSION
-from emaphm.history.watching import WatchState
 from emaphm.monitoring import NamePattern, Ownership, Task, Watching, watch
 from emaphm.monitoring.outlook import Outlook
 from emaphm.monitoring.settings import PressureSettings
+from emaphm.monitoring.watch_state import WatchState
 from emaphm.recording import Recording
 
 from . import stand_in
@@ -271,6 +271,14 @@ def test_a_folder_that_vanishes_and_returns(inbox: Path, history: History) -> No
 def test_a_folder_that_is_not_there_is_refused_at_the_start(inbox: Path, history: History) -> None:
     with pytest.raises(MonitoringError, match="no such folder"):
         once(inbox / "none", history)
+
+
+def test_once_does_not_wait_for_a_folder_that_vanished(
+    inbox: Path, history: History, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Task, "check", lambda _: inbox.rename(inbox.with_name("away")))
+    assert once(inbox, history) == Watching()
+    assert [(one.kind, one.state) for one in history.events()] == [("source_lost", "raised")]
 
 
 def test_a_history_that_fails_is_waited_for(

@@ -58,6 +58,8 @@ def test_hours_age_by_the_formula_that_is_stated() -> None:
 def test_the_reference_is_the_median_of_what_was_recorded() -> None:
     pieces = [StressPiece(0, 1, Stress(load=x, temperature=300.0)) for x in (1.0, 2.0, 9.0)]
     assert StressReference.of(pieces) == StressReference(2.0, 300.0, None)
+    assert StressReference(1.2345, 293.7, 0.04567).rounded() == StressReference(1.2, 294.0, 0.046)
+    assert StressReference(None, None, 0.0).rounded() == StressReference(None, None, 0.0)
     assert StressReference.of([]) is None
     assert StressReference.of([StressPiece(0, 1, Stress(load=0.0))]) is None
 

@@ -83,9 +83,14 @@ def serving(file: Path, *options: str) -> Iterator[Server]:
 
 def start(file: Path, *options: str) -> Server:
     """Return a server of the history in `file`."""
+    return started([sys.executable, "-m", "emaphm.cli"], file, *options)
+
+
+def started(program: list[str], file: Path, *options: str) -> Server:
+    """Return a server of the history in `file`, begun in its folder by `program`."""
     path = os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])
     process = subprocess.Popen(
-        [sys.executable, "-m", "emaphm.cli", "serve", "--db", str(file), "--port", "0", "--json", *options],
+        [*program, "serve", "--db", str(file), "--port", "0", "--json", *options],
         stdout=subprocess.PIPE,
         text=True,
         env={**os.environ, "PYTHONPATH": path},

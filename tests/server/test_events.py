@@ -1,5 +1,7 @@
 """What an upload makes known is an event, as `emaphm watch` makes it."""
 
+import time
+from dataclasses import replace
 from multiprocessing.connection import Pipe
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,13 +12,22 @@ from emaphm.actuator import Actuator
 from emaphm.history import Event, History
 from emaphm.monitoring import WATCH, Ownership, Task, watch
 from emaphm.monitoring.outlook import Outlook
+from emaphm.monitoring.receivers import Webhook
 from emaphm.server.folders import ServerFolder
+from emaphm.server.run import running
+from emaphm.server.settings import SETTINGS
 from emaphm.server.work import worker
 from emaphm.server.work.queue import DONE
 from emaphm.server.work.worker import SERVER, Forecast, Outcome, Place, Upload
 from monitoring import stand_in
+from monitoring.hooks import webhook
+
+from .conftest import SMALL, client_of
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+    from contextlib import AbstractContextManager
+
     from starlette.testclient import TestClient
 
     from emaphm.server.state import ServerState
@@ -85,6 +96,83 @@ def test_uploads_make_the_events_that_watching_makes(arrived: Path, tmp_path: Pa
     again = uploaded(arrived, where)  # a job that was killed after its recording was added
     assert {one.message for one in again} == {"is in the history already"}
     assert len(watched(arrived, where)) == len(events)  # nor does a watcher say it a second time
+
+
+def test_a_refusal_names_the_fields_of_an_upload(arrived: Path, tmp_path: Path) -> None:
+    where = tmp_path / "uploads.sqlite"
+    uploaded(arrived, where)
+    for path in arrived.glob("*.csv"):
+        path.write_text(stand_in.content(1, 1))  # of earlier hours
+    (message,) = {one.message for one in uploaded(arrived, where)[:1]}
+    assert message.endswith("check 'hours', or give 'late' for an old recording that is added late")
+
+
+def test_events_of_the_server_go_to_a_webhook(arrived: Path, tmp_path: Path) -> None:
+    where = tmp_path / "uploads.sqlite"
+    with History.open(where, create=True) as history:
+        history.add_events(
+            Event("alarm", "raised", "alarm", "before", "jam", "S9", watcher=SERVER),
+            Event("alarm", "raised", "alarm", "of a watcher", "jam", "S8", watcher="in"),
+        )
+
+    def serving(url: str) -> "AbstractContextManager[ServerState]":
+        receiver = Webhook(url, 5.0)
+        return running(str(where), None, None, {}, replace(SETTINGS, workers=0), receiver=receiver)
+
+    with webhook() as hook:
+        statuses = iter([503])
+        hook.status = lambda: next(statuses, 200)
+        with serving(hook.url) as state:
+            uploaded(arrived, where)
+            state.pool._on_news()  # as after a job
+            wait_for(lambda: len(hook.events) == 4)  # asked again after a second
+        uploaded(arrived, where)
+        with serving(hook.url):
+            pass
+    with History.open(where) as history:
+        events = [one.to_dict() for one in history.events()]
+    assert hook.events == [one for one in events if one["message"] not in {"before", "of a watcher"}]
+    assert hook.attempts == 5
+
+
+def test_a_job_that_is_over_wakes_who_sends_events(fleet: Path) -> None:
+    news = []
+    with running(str(fleet), None, None, {"thesis": THESIS}, SMALL) as state:
+        state.pool._on_news = lambda: news.append(1)
+        content = b"time_s,command_rad\n0,0\n"
+        client_of(state).post(
+            "/api/v1/recordings",
+            files={"recording": ("a.csv", content)},
+            data={"unit": "SN-0001", "hours": "900"},
+        )
+        wait_for(lambda: bool(news))
+
+
+def wait_for(condition: "Callable[[], bool]") -> None:
+    deadline = time.monotonic() + 20.0
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def test_a_watcher_and_the_server_make_the_same_event_of_a_life(tmp_path: Path) -> None:
+    made = []
+    for name in ("watched", "served"):
+        where = tmp_path / f"{name}.sqlite"
+        with History.open(where, create=True) as history:
+            for unit, rate in (("S1", 0.12), ("S2", 0.02), ("S3", 0.1)):
+                stand_in.fly(history, [0.1 + rate * i for i in range(6)], unit=unit)
+            if name == "watched":
+                outlook = Outlook(history, WATCH.prognosis, watcher="in")
+                outlook.ask("S1")
+                assert outlook.step()
+            else:
+                place = Place(str(where), ServerFolder(tmp_path), {}, 2**33, 2**26)
+                assert worker._outcome(Forecast("S1"), place, Pipe()[1]).state == DONE
+            (event,) = history.events()
+            made.append((event.message, event.details, history.prognoses()["S1"].document))
+    assert made[0] == made[1]
+    assert made[0][1]["fleet_units"] == 2
 
 
 def test_a_prognosis_of_the_server_makes_the_event_of_a_life_that_ends(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """One worker process that does one thing after the other, and may die of it."""
 
+import math
 import multiprocessing
 import os
 import resource
@@ -23,6 +24,10 @@ T = TypeVar("T")
 
 class EndedError(Exception):
     """The process has died of what it was asked, or was ended since it took too long; the text says which."""
+
+
+class StoppedError(Exception):
+    """The call was given up since its caller is to stop; it says nothing of what was called."""
 
 
 class OneProcess:
@@ -103,10 +108,16 @@ class Calls:
         That a call may take [s].
     most_bytes
         Address space that the process may have [bytes].
+    stop
+        Set when the caller is to stop: calls then have `last_s` [s] more in all, and are given up.
     """
 
-    def __init__(self, seconds: float, most_bytes: int) -> None:
+    def __init__(
+        self, seconds: float, most_bytes: int, stop: threading.Event | None = None, last_s: float = 0.0
+    ) -> None:
         self._seconds = seconds
+        self._stop = stop or threading.Event()
+        self._last_s, self._given_up = last_s, math.inf
         self._process = OneProcess(_call, most_bytes)
         self._lock = threading.Lock()
 
@@ -117,6 +128,8 @@ class Calls:
         ------
         EndedError
             The process died, or was ended since it took too long. The next call starts another one.
+        StoppedError
+            It was given up, and its process ended, since the caller is to stop.
         MemoryError
             It would take more memory than the process may have.
         """
@@ -143,7 +156,12 @@ class Calls:
     def _answer(self) -> tuple[Any, Exception | None, str]:
         orders, deadline = self._process.orders, time.monotonic() + self._seconds
         while not orders.poll(LISTENING_S):
-            if time.monotonic() > deadline:
+            now = time.monotonic()
+            if self._stop.is_set():
+                self._given_up = min(self._given_up, now + self._last_s)
+            if now >= self._given_up:
+                raise StoppedError
+            if now > deadline:
                 raise EndedError(f"it took longer than {self._seconds:g} s")
         result, error, text = orders.recv()
         return result, error, text

@@ -57,3 +57,11 @@ class Address:
             url.set(query={}).render_as_string(hide_password=True),
             url=url.set(drivername="postgresql+psycopg"),
         )
+
+    @property
+    def where(self) -> str:
+        """What `of` makes this address of, which may hold a password."""
+        if self.url is None:
+            assert self.file is not None  # noqa: S101 - it is one of the two
+            return str(self.file.absolute())
+        return self.url.render_as_string(hide_password=False)

@@ -34,8 +34,8 @@ class Arrival:
     read
         Returns the entry and the recordings; `RecordingError` or `HistoryError` where they cannot be used.
     finish
-        Called with the outcome, one of `emaphm.history.watching.OUTCOMES`, and events to be kept with it;
-        returns how many of them are new.
+        Called with the outcome, one of `watch_state.OUTCOMES`, and events to be kept with it; returns how
+        many of them are new.
     once_more
         Called where the process that judged it has died of it, or took too long: notes that, and returns
         whether it is to be tried again. It is tried twice at most, over all runs of the watcher.

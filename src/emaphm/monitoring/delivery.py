@@ -2,14 +2,14 @@
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 from emaphm.errors import HistoryError
 from emaphm.history import Event
-from emaphm.history.watching import WatchState
 from emaphm.monitoring.settings import DeliverySettings
+from emaphm.monitoring.watch_state import WatchState
 
 
 class FailedError(Exception):
@@ -62,12 +62,15 @@ class Delivery:
         """Say that there may be a new event."""
         self._news.set()
 
-    def close(self) -> None:
-        """Give what is left `last_s`, then leave it to the next run."""
+    def finish(self) -> None:
+        """Let what is left be sent for `last_s`; the rest is left to the next run."""
         self._until = time.monotonic() + self.settings.last_s
         self._stop.set()
         self._news.set()
-        self._thread.join(self.settings.last_s + self.settings.timeout_s)
+
+    def join(self) -> None:
+        """Wait until it has finished, `last_s` at most, whatever answer is still missing."""
+        self._thread.join(max(0.0, self._until - time.monotonic()))
 
     def _run(self) -> None:
         while True:
@@ -131,3 +134,11 @@ class Delivery:
             time.sleep(min(seconds, max(0.0, self._until - time.monotonic())))
         else:
             self._stop.wait(seconds)
+
+
+def close_all(deliveries: Sequence[Delivery]) -> None:
+    """Let all finish at the same time."""
+    for one in deliveries:
+        one.finish()
+    for one in deliveries:
+        one.join()

@@ -12,10 +12,10 @@ from pathlib import Path
 from emaphm.actuator import Actuator
 from emaphm.errors import RecordingError
 from emaphm.history import Entry, Event
-from emaphm.history.watching import CHANGED, REFUSED, SET_ASIDE, TRIED, WatchedFile, WatchState
 from emaphm.monitoring.arrival import Arrival, Call, call_here
 from emaphm.monitoring.ownership import HOURS_LABEL, Ownership
 from emaphm.monitoring.settings import FolderSettings
+from emaphm.monitoring.watch_state import CHANGED, REFUSED, SET_ASIDE, TRIED, WatchedFile, WatchState
 from emaphm.recording import Recording, read_recordings
 from emaphm.recording.io.read import READERS
 
@@ -96,7 +96,7 @@ class FolderSource:
 
     @property
     def exhausted(self) -> bool:
-        """Whether the last look found nothing that is not judged."""
+        """Whether the last look found nothing that is not judged, or no folder."""
         return self._looked and not self._candidates and not self._ready
 
     def close(self) -> None:
@@ -110,6 +110,7 @@ class FolderSource:
             )
         except OSError as error:
             self._lost(error)
+            self._looked = True
             self._next_look = time.monotonic() + self.settings.poll_s
             return
         self._found_again()

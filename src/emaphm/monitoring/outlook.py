@@ -1,27 +1,43 @@
-"""The prognosis of each unit, kept up to date while nothing more urgent waits."""
+"""The prognosis of each unit, kept up to date while recordings are diagnosed."""
 
-import time
+import os
+import threading
+from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
 from emaphm.errors import EmaphmError, HistoryError
-from emaphm.history import Event, History, KeptPrognosis
-from emaphm.monitoring.settings import PrognosisSettings
-from emaphm.prognosis import Evidence, Prognosis, Question, prognose
+from emaphm.execution.one_process import Calls, EndedError
+from emaphm.history import Event, History
+from emaphm.monitoring.settings import IsolationSettings, PrognosisSettings
+from emaphm.prognosis import Prognosis, Question
+from emaphm.prognosis.keeping import update_prognosis
+from emaphm.prognosis.prognose import DEFAULT_QUESTION
 
 KIND = "rul_below_horizon"
+
+NICENESS = 5
+"""Of the process that makes prognoses: a third of a core where all are busy."""
 
 
 @dataclass(eq=False)
 class Outlook:
-    """Prognoses that are due, one a unit however many diagnoses it had meanwhile."""
+    """Prognoses that are due, one a unit however many diagnoses it had meanwhile.
+
+    With `isolation`, each is made in a process of its own, while recordings are diagnosed; that process also
+    remembers what the fleet teaches.
+    """
 
     history: History
     settings: PrognosisSettings
     seed: int = 0
     watcher: str = ""
-    _due: dict[str, float] = field(default_factory=dict)
+    isolation: IsolationSettings | None = None
+    _due: dict[str, None] = field(default_factory=dict)
+    _under_way: "tuple[str, Future[None]] | None" = None
 
     def __post_init__(self) -> None:
         kept = self.history.prognoses()
@@ -30,56 +46,97 @@ class Outlook:
                 before = kept.get(one.unit.serial_number)
                 if before is not None and before.diagnoses != one.recordings:
                     self.ask(one.unit.serial_number)
+        self._stop, self._thread = threading.Event(), ThreadPoolExecutor(1, "prognoses")
+        self._calls = None
+        if self.isolation is not None:
+            self._calls = Calls(self.isolation.seconds, self.isolation.most_bytes, self._stop)
 
     def ask(self, unit: str) -> None:
         """Note that a unit has a new diagnosis."""
-        self._due.setdefault(unit, time.monotonic())
+        self._due.setdefault(unit)
 
     @property
     def waiting(self) -> int:
         """Units whose prognosis is out of date."""
-        return len(self._due)
+        return len(self._due.keys() | ({self._under_way[0]} if self._under_way else set()))
 
-    def is_urgent(self) -> bool:
-        """Whether one has waited for too long."""
-        first = next(iter(self._due.values()), None)
-        return first is not None and time.monotonic() - first > self.settings.longest_wait_s
+    @property
+    def is_isolated(self) -> bool:
+        """Whether a step waits for nothing."""
+        return self.isolation is not None
 
-    def step(self) -> str | None:
-        """Bring the prognosis up to date that has waited longest; return why there is none, None if done.
+    def step(self) -> bool:
+        """Go on with what is due, without waiting for it where it is isolated; return whether one was made.
 
         Raises
         ------
+        NoPrognosisError
+            There is none of a unit; the text says why.
         HistoryError
             The database fails; the prognosis stays due.
         """
-        unit = next(iter(self._due), None)
-        if unit is None:
-            return None
-        try:
-            self._update(unit)
-        except HistoryError:
-            raise
-        except EmaphmError as error:
+        if self._under_way is None and self._due:
+            unit = next(iter(self._due))
             del self._due[unit]
-            return f"no prognosis of '{unit}': {error}"
-        del self._due[unit]
-        return None
+            self._under_way = unit, self._begun(unit)
+        if self._under_way is None or not self._under_way[1].done():
+            return False
+        (unit, made), self._under_way = self._under_way, None
+        try:
+            made.result()
+        except HistoryError:
+            self.ask(unit)
+            raise
+        except (EmaphmError, EndedError, MemoryError) as error:
+            raise NoPrognosisError(f"no prognosis of '{unit}': {error or 'too little memory'}") from None
+        return True
 
-    def _update(self, serial_number: str) -> None:
-        unit = self.history.unit(serial_number)
-        evidence = Evidence.of(unit, self.settings.latest)
-        question = Question(self.settings.horizon, self.settings.risk)
-        made = prognose(evidence, unit.actuator, question, seed=self.seed, keep_past=False)
-        counted = self._recordings(serial_number)
-        kept = KeptPrognosis(evidence.hours, counted, made.to_dict())
-        events = rul_events(self.history, made, self.settings, self.watcher)
-        self.history.keep_prognosis(serial_number, kept)
-        if events:
-            self.history.add_events(*events)
+    def close(self) -> None:
+        """Give up what is under way; it is due again at the next start."""
+        self._stop.set()
+        self._thread.shutdown()
+        if self._calls is not None:
+            self._calls.end()
 
-    def _recordings(self, serial_number: str) -> int:
-        return self.history.recordings(serial_number)
+    def _begun(self, unit: str) -> "Future[None]":
+        """Return the prognosis of a unit, begun; where it is not isolated, over."""
+        about = (unit, self.settings, self.seed, self.watcher)
+        if self._calls is not None:
+            return self._thread.submit(
+                partial(self._calls, prognosed_at, self.history.database.address.where, *about)
+            )
+        made: Future[None] = Future()
+        try:
+            prognosed(self.history, *about)
+        except Exception as error:  # noqa: BLE001 - raised where the result is asked for
+            made.set_exception(error)
+        else:
+            made.set_result(None)
+        return made
+
+
+class NoPrognosisError(Exception):
+    """A prognosis cannot be made; the text says why."""
+
+
+def prognosed_at(where: str, unit: str, settings: PrognosisSettings, seed: int, watcher: str) -> None:
+    """Do what `prognosed` does, with the history at `where`, at a lower priority than diagnoses."""
+    os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
+    with History.open(where) as history:
+        prognosed(history, unit, settings, seed, watcher)
+
+
+def prognosed(
+    history: History, serial_number: str, settings: PrognosisSettings, seed: int = 0, watcher: str = ""
+) -> None:
+    """Bring the prognosis of a unit up to date, by what its fleet teaches, and add the event of it."""
+    unit = history.unit(serial_number)
+    question = Question(max(settings.horizon, DEFAULT_QUESTION.horizon), settings.risk)
+
+    def events(made: Prognosis) -> Sequence[Event]:
+        return rul_events(history, made, settings, watcher)
+
+    update_prognosis(history, unit, question, seed=seed, latest=settings.latest, events=events)
 
 
 def rul_events(
@@ -108,6 +165,7 @@ def rul_events(
         "horizon_hours": settings.horizon,
         "rul_hours": {"median": made.median, "interval90": [low, high]},
         "component": made.component,
+        "fleet_units": made.belief.prior.units,
         "advice": made.advice.to_dict(made.evidence.hours),
     }
     last = history.unit(unit).diagnoses(1)[0]

@@ -60,14 +60,13 @@ class AlarmSettings:
 
 @dataclass(frozen=True)
 class PrognosisSettings:
-    """Of the prognosis that is kept up to date.
+    """Of the prognosis that is kept up to date, and of its event; `emaphm serve` has the same.
 
-    `horizon` [h] and `risk`: as in `emaphm prognose`; of a healthy unit the probability of failure within
-    this horizon stays below this risk. `clears_at`: share of the risk at which `rul_below_horizon` is
-    cleared. `fewest`: explained diagnoses before it is raised: with fewer, the prior decides. `latest`:
-    diagnoses of a unit that are used; more take longer and change little. `python -m tests.monitoring.cost`
-    measures these.
-    `longest_wait_s`: a prognosis waits for recordings that wait, so long at most [s].
+    `horizon` [h] and `risk`: `rul_below_horizon` is raised where the probability of failure within this
+    horizon exceeds this risk; that of a healthy unit stays below. `clears_at`: share of the risk at which it
+    is cleared. `fewest`: explained diagnoses before it is raised: with fewer, the prior decides. `latest`:
+    diagnoses of a unit that are used, and of each that it learns from; more take longer and change little.
+    `python -m tests.monitoring.cost` measures these.
     """
 
     horizon: float = 200.0
@@ -75,7 +74,6 @@ class PrognosisSettings:
     clears_at: float = 0.5
     fewest: int = 5
     latest: int = 100
-    longest_wait_s: float = 60.0
 
 
 @dataclass(frozen=True)
@@ -105,14 +103,16 @@ class PressureSettings:
 
 @dataclass(frozen=True)
 class IsolationSettings:
-    """Of the process that reads and diagnoses.
+    """Of the process that reads and diagnoses, and of the one that makes prognoses.
 
     `seconds`: that one recording may take [s]; the slowest diagnosis takes a tenth. `most_bytes`: address
-    space [bytes]; libraries reserve more than they use.
+    space [bytes]; libraries reserve more than they use. `last_s`: that a diagnosis has left when the watching
+    is to stop [s]; most are done within it.
     """
 
     seconds: float = 600.0
     most_bytes: int = 8 * 2**30
+    last_s: float = 2.0
 
 
 @dataclass(frozen=True)

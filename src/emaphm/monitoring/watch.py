@@ -1,31 +1,32 @@
 """Watching: what arrives is judged, the history and the prognoses follow, events are sent."""
 
+import os
 import threading
 import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from emaphm.actuator import Actuator
 from emaphm.errors import EmaphmError, HistoryFormError, HistoryUnavailableError, MonitoringError
-from emaphm.execution.one_process import Calls, EndedError
+from emaphm.execution.one_process import Calls, EndedError, StoppedError
 from emaphm.history import Entry, Event, History
-from emaphm.history.watching import JUDGED, REFUSED, SET_ASIDE, WatchState
 from emaphm.monitoring.arrival import Arrival, Call, Source, call_here
-from emaphm.monitoring.delivery import Delivery, Receiver
+from emaphm.monitoring.delivery import Delivery, Receiver, close_all
 from emaphm.monitoring.diagnosers import Diagnose, load, search
 from emaphm.monitoring.folder import FolderSource
 from emaphm.monitoring.judging import Cut, Judge, cut_stretches
-from emaphm.monitoring.outlook import Outlook
+from emaphm.monitoring.outlook import NoPrognosisError, Outlook
 from emaphm.monitoring.ownership import Ownership
 from emaphm.monitoring.pressure import Pressure
 from emaphm.monitoring.receivers import Lines, Webhook
 from emaphm.monitoring.settings import WATCH, IsolationSettings, WatchSettings
 from emaphm.monitoring.stream.source import StreamSource
+from emaphm.monitoring.watch_state import JUDGED, REFUSED, SET_ASIDE, WatchState
 from emaphm.recording import Recording
 
 if TYPE_CHECKING:
@@ -40,7 +41,7 @@ STDIN = "stdin"
 
 TOO_MUCH_MEMORY = "it takes more memory than it may have; cut one manoeuvre out of it"
 
-NOT_AGAIN = "it is set aside and not tried again; cut one manoeuvre out of it, as a new file"
+NOT_AGAIN = "it is set aside and not tried again; cut one manoeuvre out of it, as a new recording"
 
 
 @dataclass
@@ -83,8 +84,9 @@ class Task:
     takes_new_units
         Whether units that the history does not know are added to it.
     isolated
-        Whether recordings are read and diagnosed in a process of their own. One that kills it, or takes too
-        long, is tried once more and then set aside. A script needs the usual ``if __name__ == "__main__":``.
+        Whether recordings are read and diagnosed in a process of their own, and prognoses made in another.
+        A recording that kills its process, or takes too long, is tried once more and then set aside. Without
+        it, `stop` waits for what is under way. A script needs the usual ``if __name__ == "__main__":``.
     once
         Whether to end when all that is there is judged.
     webhook, lines
@@ -115,6 +117,8 @@ class Task:
         if isinstance(self.source, Path) and not self.source.is_dir():
             what = "is no folder" if self.source.exists() else "no such folder"
             raise MonitoringError(f"{self.source}: {what}; give one where recordings arrive, or - for stdin")
+        if isinstance(self.source, Path) and not os.access(self.source, os.R_OK | os.X_OK):
+            raise MonitoringError(f"{self.source}: cannot be read; let this user read the folder")
         if self.webhook is not None:
             Webhook(self.webhook, WATCH.delivery.timeout_s)
 
@@ -133,6 +137,9 @@ def watch(
 
     Parameters
     ----------
+    stop
+        When it is set, what is being judged has `settings.isolation.last_s` [s] more; then it is given up and
+        judged at the next start.
     say
         Called with what a person should know and no event is: the history cannot be reached, a webhook does
         not answer.
@@ -151,8 +158,9 @@ def watch(
     webhook = None if task.webhook is None else Webhook(task.webhook, settings.delivery.timeout_s)
     state = WatchState(history, task.watcher)
     lost = {one.kind for one in history.open_conditions() if one.watcher == task.watcher and one.unit is None}
-    with ExitStack() as stack:
-        call = stack.enter_context(_isolated(settings.isolation)) if task.isolated else call_here
+    done = Watching()
+    with suppress(StoppedError), ExitStack() as stack:
+        call = stack.enter_context(_isolated(settings.isolation, stop)) if task.isolated else call_here
         source = _source(task, actuator, state, settings, call, is_lost="source_lost" in lost)
         stack.callback(source.close)
         receivers = [] if task.lines is None else [Lines(task.lines)]
@@ -161,8 +169,7 @@ def watch(
             state.skip_to_now(webhook.key)
             every.append(webhook)
         deliveries = [Delivery(one, state, settings.delivery, say) for one in every]
-        for delivery in deliveries:
-            stack.callback(delivery.close)
+        stack.callback(close_all, deliveries)
         judge = Judge(
             history,
             actuator,
@@ -175,19 +182,21 @@ def watch(
             task.watcher,
             call,
         )
-        outlook = Outlook(history, settings.prognosis, task.seed, task.watcher)
+        isolation = settings.isolation if task.isolated else None
+        outlook = Outlook(history, settings.prognosis, task.seed, task.watcher, isolation)
+        stack.callback(outlook.close)
         pressure = Pressure(settings.pressure, task.watcher, is_raised="back_pressure" in lost)
         watcher = _Watcher(
-            source, history, judge, outlook, pressure, deliveries, settings, stop, say, on_count
+            source, history, judge, outlook, pressure, deliveries, settings, stop, say, on_count, done
         )
         watcher.run(once=task.once or isinstance(task.source, int), ends=lambda: _closed(receivers))
-        return watcher.done
+    return done
 
 
 @contextmanager
-def _isolated(settings: IsolationSettings) -> Iterator[Call]:
+def _isolated(settings: IsolationSettings, stop: threading.Event) -> Iterator[Call]:
     """Yield what calls functions in a process of their own, which ends with the body."""
-    calls = Calls(settings.seconds, settings.most_bytes)
+    calls = Calls(settings.seconds, settings.most_bytes, stop, settings.last_s)
     try:
         calls(load)  # else the first recording would wait for it, and be taken for a slow one
         yield calls
@@ -228,20 +237,20 @@ class _Watcher:
     stop: threading.Event
     say: Callable[[str], None]
     on_count: Callable[[int, int], None] | None
-    done: Watching = field(default_factory=Watching)
+    done: Watching
 
     def run(self, *, once: bool, ends: Callable[[], bool]) -> None:
-        """Do what is to be done, until there is no more and `once`, or it is to end."""
-        try:
-            while not (self.stop.is_set() or ends()):
-                if self._step():
-                    continue
-                if once and self.source.exhausted and not self.outlook.waiting:
-                    self._keep(self.source.events())
-                    return
-                self.stop.wait(IDLE_S)
-        except _StoppedError:
-            pass
+        """Do what is to be done, until there is no more and `once`, or it is to end.
+
+        `StoppedError` where it was to stop meanwhile.
+        """
+        while not (self.stop.is_set() or ends()):
+            if self._step():
+                continue
+            if once and self.source.exhausted and not self.outlook.waiting:
+                self._keep(self.source.events())
+                return
+            self.stop.wait(IDLE_S)
 
     def _step(self) -> bool:
         """Do one thing; return whether there was one."""
@@ -250,14 +259,18 @@ class _Watcher:
         if arrival is not None:
             with self.pressure.measured():
                 self._judge(arrival)
-        if self.outlook.waiting and (arrival is None or self.outlook.is_urgent()):
-            reason = self._insist(self.outlook.step)
-            self.done.prognoses += reason is None
-            if reason:
-                self.say(reason)
-            self._wake()
-            return True
+        if self.outlook.waiting and (arrival is None or self.outlook.is_isolated):
+            self._look_ahead()
         return arrival is not None
+
+    def _look_ahead(self) -> None:
+        """Go on with the prognoses that are due."""
+        try:
+            if self._insist(self.outlook.step):
+                self.done.prognoses += 1
+                self._wake()
+        except NoPrognosisError as error:
+            self.say(str(error))
 
     def _judge(self, arrival: Arrival) -> None:
         """Judge an arrival; one that kills the process that judges it is tried once more, then set aside."""
@@ -297,11 +310,11 @@ class _Watcher:
             for part in self.judge.parts(recording):
                 try:
                     self._judge_one(arrival, entry, part)
-                except (HistoryFormError, _StoppedError):
+                except (HistoryFormError, StoppedError):
                     raise
                 except EmaphmError as error:
                     refused.append(str(error))
-        except (HistoryFormError, _StoppedError, EndedError, MemoryError):
+        except (HistoryFormError, StoppedError, EndedError, MemoryError):
             raise
         except EmaphmError as error:
             refused.append(str(error))
@@ -350,13 +363,9 @@ class _Watcher:
                     self.say(f"{error}; trying again, nothing is lost meanwhile")
                     said = str(error)
                 if self.stop.wait(pause):
-                    raise _StoppedError from None
+                    raise StoppedError from None
                 pause = min(2 * pause, self.settings.retry_s)
             else:
                 if said:
                     self.say("the history can be used again")
                 return result
-
-
-class _StoppedError(Exception):
-    """The watching is to end while it waits for the history."""

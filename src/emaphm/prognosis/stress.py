@@ -105,6 +105,16 @@ class StressReference:
         medians = [x or None for x in medians]
         return cls(*medians) if any(x is not None for x in medians) else None
 
+    def rounded(self) -> "StressReference":
+        """Return it with two digits, the temperature with three: it is a scale, and any near one will do.
+
+        Medians change a little with each flight, and with the reference all that the fleet teaches.
+        """
+        digits = (2, 3, 2)
+        return StressReference(
+            *(None if x is None else float(f"{x:.{n}g}") for x, n in zip(self.values, digits, strict=True))
+        )
+
     def covariates(self, stress: Stress) -> Array:
         """Return ln(L / L_0), (θ - θ_0) / 10 K and ln(c / c_0), shape (3,)."""
         result = np.zeros(len(STRESSES))

@@ -1,34 +1,92 @@
-"""Pages from the templates in this room; text in them is escaped."""
+"""Pages from the templates in this room, or from a user's in their place; text in them is escaped."""
 
+import logging
 import re
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from emaphm.errors import ServerError, nearest
 from emaphm.prognosis.result import hours_text
 from emaphm.report.wording import LABELS
 
 if TYPE_CHECKING:
-    from jinja2 import Environment
+    from jinja2 import BaseLoader, Environment, TemplateError
     from starlette.requests import Request
 
 NEVER = "no failure in sight"
 
 
+LOG = logging.getLogger("emaphm.server")
+
+ENDING = ".html.jinja"
+
+OURS = "emaphm"
+"""Folder that a user's template finds the program's own in: `{% extends "emaphm/unit.html.jinja" %}`."""
+
+
 def render(template: str, request: "Request", **values: Any) -> bytes:
-    """Return the page of `template`, ready to be sent."""
+    """Return the page of `template`, ready to be sent; the program's own where a user's has an error."""
     server = getattr(request.app.state, "server", None)
-    has_door = server is not None and server.doorkeeper is not None
-    text = _environment().get_template(template).render(values | {"has_door": has_door})
+    values["has_door"] = server is not None and server.doorkeeper is not None
+    folder = None if server is None else server.templates
+    try:
+        text = _environment(folder).get_template(template).render(values)
+    except Exception as error:
+        if folder is None:
+            raise
+        LOG.warning("%s: %s: %s; the page is shown as usual", folder, template, error)
+        text = _environment(None).get_template(template).render(values)
     # A name need not be valid text: what cannot be encoded becomes a question mark.
     return text.encode("utf-8", "replace")
 
 
-@cache
-def _environment() -> "Environment":
-    from jinja2 import Environment, PackageLoader, StrictUndefined
+def check_templates(folder: Path) -> None:
+    """Refuse a folder with a template that is none, or that no page has.
 
-    environment = Environment(
-        loader=PackageLoader("emaphm.server"),
+    Raises
+    ------
+    ServerError
+        The text says which, in which line, and why.
+    """
+    from jinja2 import TemplateError
+
+    if not folder.is_dir():
+        raise ServerError(f"--templates {folder}: no such folder")
+    known = set(_environment(None).list_templates())
+    found = sorted(path.name for path in folder.iterdir() if path.name.endswith(ENDING))
+    if not found:
+        raise ServerError(f"--templates {folder}: has no file that ends in {ENDING}; pages: {_names(known)}")
+    for name in found:
+        if name not in known:
+            raise ServerError(f"{folder / name}: no page has this name{nearest(name, sorted(known))}")
+        try:
+            _environment(folder).get_template(name)
+        except (TemplateError, OSError, UnicodeDecodeError) as error:
+            raise ServerError(
+                f"{folder / name}{_where(error)}: {error}; correct it, or remove the file"
+            ) from None
+
+
+def _names(known: set[str]) -> str:
+    return ", ".join(sorted(name for name in known if not name.startswith(f"{OURS}/")))
+
+
+def _where(error: "TemplateError | OSError | UnicodeDecodeError") -> str:
+    line = getattr(error, "lineno", None)
+    return "" if line is None else f", line {line}"
+
+
+@cache
+def _environment(folder: Path | None) -> "Environment":
+    """Return what renders templates, those of a user's `folder` first; these can call nothing that acts."""
+    from jinja2 import ChoiceLoader, FileSystemLoader, PackageLoader, PrefixLoader, StrictUndefined
+    from jinja2.sandbox import ImmutableSandboxedEnvironment
+
+    ours = PackageLoader("emaphm.server")
+    loaders: list[BaseLoader] = [ours, PrefixLoader({OURS: ours})]
+    environment = ImmutableSandboxedEnvironment(
+        loader=ChoiceLoader(loaders if folder is None else [FileSystemLoader(folder), *loaders]),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

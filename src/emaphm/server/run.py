@@ -1,7 +1,10 @@
 """Running the server: the socket, the folder, the processes, and the end of all of them."""
 
 import ipaddress
+import logging
+import signal
 import socket
+import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -9,9 +12,14 @@ from typing import TYPE_CHECKING
 
 from emaphm.errors import ServerError
 from emaphm.history import History
+from emaphm.monitoring.delivery import Delivery, Receiver, close_all
+from emaphm.monitoring.receivers import Webhook
+from emaphm.monitoring.settings import WATCH, PrognosisSettings
+from emaphm.monitoring.watch_state import WatchState
 from emaphm.server.app import create_app, warm_up
 from emaphm.server.fleet import FleetView
 from emaphm.server.folders import ServerFolder
+from emaphm.server.html import check_templates
 from emaphm.server.settings import SETTINGS, ServerSettings
 from emaphm.server.state import Kept, ServerState
 from emaphm.server.tokens import Doorkeeper, read_tokens
@@ -19,11 +27,13 @@ from emaphm.server.uploads import Uploads
 from emaphm.server.work.drawing import Drawer
 from emaphm.server.work.pool import Pool
 from emaphm.server.work.queue import Queue
-from emaphm.server.work.worker import Place
+from emaphm.server.work.worker import SERVER, Place
 
 if TYPE_CHECKING:
     from emaphm.actuator import Actuator
     from emaphm.detection import Detector
+
+LOG = logging.getLogger("emaphm.server")
 
 MOST_PENDING = 2048
 """Connections that the system holds until the server takes them."""
@@ -38,10 +48,13 @@ def serve(
     work: Path | None = None,
     actuators: Sequence[str] = ("thesis",),
     healthy: Path | None = None,
+    webhook: str | None = None,
+    templates: Path | None = None,
+    prognosis: PrognosisSettings = WATCH.prognosis,
     settings: ServerSettings = SETTINGS,
     on_ready: Callable[[str], None] = lambda _: None,
 ) -> None:
-    """Serve the history at `db` until the process is interrupted.
+    """Serve the history at `db` until the process is interrupted, or asked to end by SIGTERM.
 
     Parameters
     ----------
@@ -55,13 +68,21 @@ def serve(
         Descriptions that an upload may name: files, or built-in ones.
     healthy
         A file of `emaphm detect learn`: uploads are compared with healthy recordings too.
+    webhook
+        An address that is sent the events that this server makes, as `emaphm.monitoring` sends its own.
+    templates
+        A folder of Jinja2 templates that take the place of the program's own of the same name.
+    prognosis
+        From when on a remaining useful life makes an event.
     on_ready
         Called with the address of the first page when the server answers.
 
     Raises
     ------
     ServerError
-        The address cannot be used, or needs tokens; the folder is another server's.
+        The address cannot be used, or needs tokens; the folder is another server's; a template has an error.
+    MonitoringError
+        The webhook is no address.
     HistoryError
         The database cannot be opened.
     """
@@ -75,11 +96,17 @@ def serve(
         )
     known = None if tokens is None else read_tokens(tokens)
     detector = None if healthy is None else _detector(healthy)
-    with ExitStack() as stack:
+    if templates is not None:
+        check_templates(templates)
+    receiver = None if webhook is None else Webhook(webhook, WATCH.delivery.timeout_s)
+    with _ended_by_sigterm(), ExitStack() as stack:
         listening = stack.enter_context(_listening(host, port))
-        state = stack.enter_context(running(db, known, work, described(actuators), settings, detector))
+        state = stack.enter_context(
+            running(db, known, work, described(actuators), settings, detector, receiver, prognosis, templates)
+        )
         app = create_app(state, only_loopback=only_loopback)
         warm_up(app)
+        logging.getLogger("python_multipart").setLevel(logging.ERROR)  # a form that is none is the client's
         config = uvicorn.Config(
             app,
             log_level="warning",
@@ -103,8 +130,11 @@ def running(
     actuators: "Mapping[str, Actuator]",
     settings: ServerSettings = SETTINGS,
     detector: "Detector | None" = None,
+    receiver: Receiver | None = None,
+    prognosis: PrognosisSettings = WATCH.prognosis,
+    templates: Path | None = None,
 ) -> Iterator[ServerState]:
-    """Yield what the pages need, its processes running while the body does."""
+    """Yield what the pages need, its processes running while the body does; errors as in `serve`."""
     with History.open(db) as history:
         folder = ServerFolder(work or _default_folder(history))
         with ExitStack() as stack:
@@ -114,8 +144,17 @@ def running(
             drawer = Drawer(settings)
             stack.callback(drawer.stop)
             fleet = FleetView(history)
-            place = Place(db, folder, dict(actuators), settings.worker_bytes, settings.upload_bytes, detector)
-            pool = Pool(queue, place, settings, fleet.outdated, fleet.forecast)
+            on_news = stack.enter_context(_sending(history, receiver))
+            place = Place(
+                db,
+                folder,
+                dict(actuators),
+                settings.worker_bytes,
+                settings.upload_bytes,
+                detector,
+                prognosis,
+            )
+            pool = Pool(queue, place, settings, fleet.outdated, fleet.forecast, on_news)
             pool.start()
             stack.callback(pool.stop)
             yield ServerState(
@@ -129,7 +168,47 @@ def running(
                 doorkeeper=None if tokens is None else Doorkeeper(dict(tokens), settings.session_hours),
                 settings=settings,
                 kept=Kept(settings.pages_kept),
+                templates=templates,
             )
+
+
+@contextmanager
+def _sending(history: History, receiver: Receiver | None) -> Iterator[Callable[[], None]]:
+    """Yield what is called when there may be new events; a receiver is sent them while the body runs."""
+    if receiver is None:
+        yield lambda: None
+        return
+    events = WatchState(history, SERVER)
+    events.skip_to_now(receiver.key)
+    delivery = Delivery(receiver, events, WATCH.delivery, LOG.warning)
+    try:
+        yield delivery.wake
+    finally:
+        close_all([delivery])
+
+
+@contextmanager
+def _ended_by_sigterm() -> Iterator[None]:
+    """End the body on SIGTERM, so that what it has begun is ended too; only the first thread hears it."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def end(*_: object) -> None:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        raise _TerminatedError
+
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    except _TerminatedError:
+        pass
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+class _TerminatedError(Exception):
+    """The server is asked to end."""
 
 
 def described(names: Sequence[str]) -> "dict[str, Actuator]":

@@ -5,6 +5,7 @@ from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from hashlib import sha256
+from pathlib import Path
 from secrets import token_hex
 
 from emaphm.history import History
@@ -47,7 +48,7 @@ class Kept:
 
 @dataclass(frozen=True)
 class ServerState:
-    """All of it."""
+    """All of it; `templates` is a user's folder of them."""
 
     history: History
     folder: ServerFolder
@@ -59,3 +60,4 @@ class ServerState:
     doorkeeper: Doorkeeper | None
     settings: ServerSettings
     kept: Kept
+    templates: Path | None = None

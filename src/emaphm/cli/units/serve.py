@@ -7,6 +7,7 @@ from cyclopts import Parameter
 
 from emaphm.cli.options import AsJson, whole_number
 from emaphm.cli.output import show, show_line
+from emaphm.cli.units.events import Horizon, Risk, WebhookAddress, prognosis_settings
 from emaphm.cli.units.history import DB, Database
 from emaphm.errors import ServerError
 
@@ -40,6 +41,12 @@ def serve(
     healthy: Annotated[
         Path | None, Parameter(help="Detector that 'detect learn' wrote: uploads are compared with it too.")
     ] = None,
+    templates: Annotated[
+        Path | None, Parameter(help="Folder of Jinja2 templates that take the place of the program's pages.")
+    ] = None,
+    horizon: Horizon = 200.0,
+    risk: Risk = 0.05,
+    webhook: WebhookAddress = None,
     workers: Annotated[
         int, Parameter(converter=whole_number, help="Processes that diagnose uploads, one upload each.")
     ] = 2,
@@ -73,6 +80,9 @@ def serve(
         work=work,
         actuators=actuator,
         healthy=healthy,
+        webhook=webhook,
+        templates=templates,
+        prognosis=prognosis_settings(horizon, risk),
         settings=replace(SETTINGS, workers=workers),
         on_ready=ready,
     )

@@ -13,6 +13,7 @@ from cyclopts import Parameter
 
 from emaphm.cli.options import ActuatorFile, By, Seed, check_seed, described_actuator, whole_number
 from emaphm.cli.output import counter, say
+from emaphm.cli.units.events import Horizon, Risk, WebhookAddress, prognosis_settings
 from emaphm.cli.units.history import DB, Database
 from emaphm.errors import MethodError, MonitoringError
 
@@ -64,10 +65,8 @@ def watch(
     healthy: Annotated[
         Path | None, Parameter(help="Detector that 'detect learn' wrote, for what no fault explains: .json.")
     ] = None,
-    horizon: Annotated[float, Parameter(help="How far is planned: flight hours from now on [h].")] = 200.0,
-    risk: Annotated[
-        float, Parameter(help="Probability of failure within the horizon from which an event is made.")
-    ] = 0.05,
+    horizon: Horizon = 200.0,
+    risk: Risk = 0.05,
     raise_after: Annotated[
         int,
         Parameter(converter=whole_number, help="Degraded diagnoses in succession that raise an alarm."),
@@ -78,10 +77,7 @@ def watch(
     settle: Annotated[
         float, Parameter(help="A file is whole when it has not changed for so long [s].")
     ] = 2.0,
-    webhook: Annotated[
-        str | None,
-        Parameter(env_var="EMAPHM_WEBHOOK", help="Address that is sent each event by POST, as JSON."),
-    ] = None,
+    webhook: WebhookAddress = None,
     watcher: Annotated[
         str | None,
         Parameter(help="Name under which the history keeps how far it is; the folder, or 'stdin'."),
@@ -140,9 +136,7 @@ def _settings(
     *, horizon: float, risk: float, raise_after: int, clear_after: int, settle: float
 ) -> "WatchSettings":
     from emaphm.monitoring import WATCH
-    from emaphm.prognosis import Question
 
-    Question(horizon, risk)  # refuses what cannot be
     for option, count in (("--raise-after", raise_after), ("--clear-after", clear_after)):
         if not 1 <= count < WATCH.alarm.window:
             raise MonitoringError(f"{option} {count}: give 1 to {WATCH.alarm.window - 1}")
@@ -151,7 +145,7 @@ def _settings(
     return replace(
         WATCH,
         alarm=replace(WATCH.alarm, raise_after=raise_after, clear_after=clear_after),
-        prognosis=replace(WATCH.prognosis, horizon=horizon, risk=risk),
+        prognosis=prognosis_settings(horizon, risk),
         folder=replace(WATCH.folder, settle_s=settle),
     )
 
@@ -172,7 +166,7 @@ def _detector(path: Path) -> "Detector":
 
 @contextmanager
 def _stopped_by_signal() -> Iterator[threading.Event]:
-    """Yield what SIGTERM sets while the body runs: what is being judged is finished, then it ends."""
+    """Yield what SIGTERM sets while the body runs: what is judged has some seconds more, then it ends."""
     stop = threading.Event()
     before = signal.signal(signal.SIGTERM, lambda *_: stop.set())
     try:

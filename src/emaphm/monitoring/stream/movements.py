@@ -1,7 +1,9 @@
 """Rows of one unit gathered to movements: from rest to rest, and never more than fits."""
 
+import hashlib
 import math
 from array import array
+from bisect import bisect_left
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
@@ -16,16 +18,29 @@ AT_REST = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Movement:
-    """Rows of a unit from rest to rest; `first` and `last` are their times [s]."""
+    """Rows of a unit from rest to rest.
+
+    `first` and `last` are their times [s]; in the first `still` rows the command does not move yet.
+    """
 
     columns: FileColumns
     first: float
     last: float
+    still: int
 
     @property
     def rows(self) -> int:
         """Number of rows."""
         return next(iter(self.columns.numeric.values())).size
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the rows behind the `still` ones, which depend on where the sender began."""
+        sha = hashlib.sha256()
+        for name, values in sorted(self.columns.numeric.items()):
+            sha.update(name.encode())
+            sha.update(values[self.still :].tobytes())
+        return sha.hexdigest()
 
 
 GAPS = 5.0
@@ -52,6 +67,7 @@ class Gathering:
     _most: float = -math.inf
     _reference: float = math.nan
     _rest_from: float = 0.0
+    _moves_from: float = 0.0
     _moves: bool = False
     _waits_for_rest: bool = False
 
@@ -78,7 +94,8 @@ class Gathering:
         """Yield what is held if it moves, and begin anew."""
         if self._moves and self._times:
             numeric = {name: np.array(values) for name, values in self._columns.items()}
-            yield Movement(FileColumns(numeric, {}), self._times[0], self._times[-1])
+            still = bisect_left(self._times, self._moves_from)
+            yield Movement(FileColumns(numeric, {}), self._times[0], self._times[-1], still)
         self._times, self._columns, self._moves = array("d"), {}, False
 
     def interrupt(self) -> Iterator[Movement]:
@@ -104,6 +121,8 @@ class Gathering:
             self._reference, self._rest_from = command, time_s
         elif abs(command - self._reference) > AT_REST * (self._most - self._least):
             self._reference, self._rest_from = command, time_s
+            if not self._moves:
+                self._moves_from = time_s
             self._moves = not self._waits_for_rest
 
     def _keep(self, time_s: float, numbers: Mapping[str, float]) -> None:

@@ -13,13 +13,13 @@ from emaphm.actuator import Actuator
 from emaphm.actuator.channels import ChannelEntry
 from emaphm.errors import HistoryError, MonitoringError, RecordingError
 from emaphm.history import Entry, Event
-from emaphm.history.watching import RowsJudged, WatchState
 from emaphm.monitoring.arrival import Arrival, Call, call_here
 from emaphm.monitoring.ownership import CYCLES_LABEL, HOURS_LABEL, UNIT_LABELS, Ownership
 from emaphm.monitoring.settings import StreamSettings
 from emaphm.monitoring.stream.movements import Gathering, Movement
 from emaphm.monitoring.stream.row_order import RowOrder
 from emaphm.monitoring.stream.rows import Cells, RowParser
+from emaphm.monitoring.watch_state import SET_ASIDE, TRIED, RowsJudged, WatchedFile, WatchState
 from emaphm.recording import Recording, recordings_of
 
 AT_ONCE = 65_536
@@ -82,6 +82,7 @@ class StreamSource:
                 )
         self._parser = RowParser(self.settings.longest_line)
         self._queue: queue.Queue[_Ended] = queue.Queue(self.settings.queue)
+        self._taken: _Ended | None = None
         self._judged: dict[str, RowsJudged | None] = {**self.state.rows_judged()}
         self._entries: dict[tuple[object, ...], Entry | str] = {}
         self._seconds = _seconds(self.actuator.channels.time_s)
@@ -96,14 +97,16 @@ class StreamSource:
         self._thread.start()
 
     def next(self) -> Arrival | None:
-        """Return the next movement as work."""
+        """Return the next movement as work; None too where it is one that was set aside."""
         try:
-            ended = self._queue.get_nowait()
+            self._taken = self._taken or self._queue.get_nowait()
         except queue.Empty:
             if self._failure is not None:
                 raise self._failure from None
             return None
-        return self._arrival(ended)
+        arrival = self._arrival(self._taken)
+        self._taken = None  # not before: where the history fails, it is asked for again
+        return arrival
 
     def events(self) -> list[Event]:
         """Return which rows were left out since this was last said."""
@@ -138,24 +141,47 @@ class StreamSource:
         self._stop.set()
         self._thread.join(2 * STOP_S)
 
-    def _arrival(self, ended: _Ended) -> Arrival:
+    def _arrival(self, ended: _Ended) -> Arrival | None:
+        """Return a movement as work; None where an earlier run has set it aside."""
         movement, entry = ended.movement, ended.entry
         name = f"{entry.unit} at {entry.hours:g} h, {movement.first:.3f} to {movement.last:.3f} s"
 
         def read() -> tuple[Entry, list[Recording]]:
             return entry, self.call(recordings_of, movement.columns, name, self.actuator, split=self.split)
 
-        def finish(_outcome: str, events: Sequence[Event]) -> int:
-            last = movement.last
-            before = self.state.rows_judged().get(entry.unit)
-            if before is not None and before.hours == entry.hours:
-                last = max(last, before.time_s)  # the clock may have been set back
-            if before is None or entry.hours >= before.hours:
-                return self.state.finish_rows(entry.unit, RowsJudged(entry.hours, last), events)
-            return self.state.history.add_events(*events) if events else 0
+        before = self.state.files([(key := _key(ended))]).get(key)
+        was_tried = before is not None and before.digest == movement.digest
+        if was_tried and before is not None and before.outcome == SET_ASIDE:
+            self.state.finish_rows(entry.unit, self._judged_by(ended))
+            self._skip("of a movement that is set aside", movement.rows)
+            return None
 
-        tries = iter((True, False))
-        return Arrival(name, read, finish, lambda: next(tries), ended.arrived)
+        def noted(outcome: str) -> WatchedFile:
+            return WatchedFile(key, movement.rows, 0, movement.digest, outcome)
+
+        def finish(outcome: str, events: Sequence[Event]) -> int:
+            tried = noted(outcome) if was_tried else None
+            return self.state.finish_rows(entry.unit, self._judged_by(ended), events, tried)
+
+        def once_more() -> bool:
+            nonlocal was_tried
+            if was_tried:
+                return False
+            self.state.finish_file(noted(TRIED))
+            was_tried = True
+            return True
+
+        return Arrival(name, read, finish, once_more, ended.arrived)
+
+    def _judged_by(self, ended: _Ended) -> RowsJudged | None:
+        """Return up to where rows are judged with a movement; None where those of a later flight are."""
+        entry, last = ended.entry, ended.movement.last
+        before = self.state.rows_judged().get(entry.unit)
+        if before is not None and before.hours > entry.hours:
+            return None
+        if before is not None and before.hours == entry.hours:
+            last = max(last, before.time_s)  # the clock may have been set back
+        return RowsJudged(entry.hours, last)
 
     def _run(self) -> None:
         """Read until the stream ends."""
@@ -303,6 +329,11 @@ class StreamSource:
         if count:
             with self._lock:
                 self._skipped[reason] = self._skipped.get(reason, 0) + count
+
+
+def _key(ended: _Ended) -> str:
+    """Return what the history knows a movement by that was tried: it ends where the sender's rows say so."""
+    return f"{ended.entry.unit} at {ended.entry.hours!r} h, to {ended.movement.last!r} s"
 
 
 class _StoppedError(Exception):

@@ -14,6 +14,7 @@ from emaphm.prognosis.from_fleet.learning import (
     MOST_UNITS,
     Taught,
     pooled,
+    reference_of,
     taught_by,
     teachers,
 )
@@ -159,7 +160,7 @@ def _fleet(
     if not names:
         return _Fleet(None, {})
     evidence = _evidence(where, names)
-    reference = StressReference.of([piece for one in evidence for piece in one.stresses])
+    reference = reference_of(evidence)
     general = Prior(reference=reference)
     tasks = [Task(i, _taught, (where, name, general, seed), name=name) for i, name in enumerate(names)]
     found: dict[str, Taught] = {}

@@ -45,18 +45,23 @@ KEPT = 150
 """Units whose teaching a process remembers, 0.4 MB each."""
 
 
-def learnt_prior(history: "History", unit: "Unit", *, seed: int = 0) -> Prior:
+def learnt_prior(history: "History", unit: "Unit", *, seed: int = 0, latest: int | None = None) -> Prior:
     """Return the `fleet_prior` of a unit, by the others of its part number that have enough diagnoses.
 
     Chosen from the whole fleet before the unit is left out, so that all its units learn from the same ones: a
-    process that makes one prognosis after the other follows each of them once. Errors as in `fleet_prior`;
-    `HistoryError` where the database fails.
+    process that makes one prognosis after the other follows each of them once. `latest` is how many diagnoses
+    of each are used at most. Errors as in `fleet_prior`; `HistoryError` where the database fails.
     """
     teaching = [one for one in history.overviews(unit.part_number) if one.explained >= FEWEST_DIAGNOSES]
-    chosen = [Evidence.of(history.unit(one.unit.serial_number)) for one in teachers(teaching)]
-    reference = StressReference.of([piece for one in chosen for piece in one.stresses])
+    chosen = [Evidence.of(history.unit(one.unit.serial_number), latest) for one in teachers(teaching)]
     others = [one for one in chosen if one.unit != unit.serial_number][:MOST_UNITS]
-    return fleet_prior(others, Prior(reference=reference), seed=seed)
+    return fleet_prior(others, Prior(reference=reference_of(chosen)), seed=seed)
+
+
+def reference_of(units: Sequence[Evidence]) -> StressReference | None:
+    """Return the stress that hours and rates of a fleet are at: what its units saw on the median, rounded."""
+    found = StressReference.of([piece for one in units for piece in one.stresses])
+    return None if found is None else found.rounded()
 
 
 def teachers(overviews: "Sequence[Overview]") -> "list[Overview]":

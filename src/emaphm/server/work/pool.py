@@ -33,6 +33,8 @@ class Pool:
         Called for the serial number of a unit whose prognosis is out of date, None where there is none.
     on_forecast
         Called with the serial number, and whether it could be made, when a prognosis has ended.
+    on_news
+        Called when a job or a prognosis may have made events.
     """
 
     def __init__(
@@ -42,12 +44,14 @@ class Pool:
         settings: ServerSettings,
         spare: Callable[[], str | None],
         on_forecast: Callable[[str, bool], None],
+        on_news: Callable[[], None] = lambda: None,
     ) -> None:
         self._queue = queue
         self._place = place
         self._settings = settings
         self._spare = spare
         self._on_forecast = on_forecast
+        self._on_news = on_news
         self._progress: dict[int, float] = {}
         self._stopping = False
         self._woken = threading.Condition()
@@ -117,6 +121,7 @@ class Pool:
             if outcome is None or outcome.state != DONE:
                 LOG.warning("no prognosis of %r: %s", unit, outcome.message if outcome else "killed")
             self._on_forecast(unit, outcome is not None and outcome.state == DONE)
+            self._on_news()
             return True
         finally:
             self._forecasts.release()
@@ -133,6 +138,7 @@ class Pool:
                 return
             outcome = Outcome(FAILED, KILLED)
         self._queue.end(job.id, outcome.state, outcome.message, outcome.result)
+        self._on_news()
         if outcome.state != FAILED:  # what was killed may be worth a look
             order.file.unlink(missing_ok=True)
 

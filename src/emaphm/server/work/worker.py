@@ -1,6 +1,7 @@
 """What a worker process does: it diagnoses uploads and makes prognoses, one at a time."""
 
 import os
+import re
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from emaphm.errors import EmaphmError, HistoryError
 from emaphm.execution.one_process import prepare_worker
+from emaphm.monitoring.settings import WATCH, PrognosisSettings
 from emaphm.server.folders import ServerFolder
 from emaphm.server.work.queue import DONE, FAILED, REFUSED
 
@@ -27,6 +29,9 @@ SERVER = "server"
 AS_BEFORE = ""
 """The description of a unit's last diagnosis."""
 
+
+OPTION = re.compile(r"--([a-z]+)")
+"""An option of the command line in a message; the field of an upload has the same name."""
 
 NICENESS = 3
 """Of a worker, which takes all of a core for seconds: pages go first. It has half the share of others
@@ -62,7 +67,8 @@ class Outcome:
 class Place:
     """Where a worker works: the history's address, the server's folder, descriptions by name.
 
-    `detector` says in addition whether an upload is like healthy recordings.
+    `detector` says in addition whether an upload is like healthy recordings, `prognosis` from when on a
+    remaining useful life makes an event.
     """
 
     db: str
@@ -71,6 +77,7 @@ class Place:
     memory_bytes: int
     upload_bytes: int
     detector: "Detector | None" = field(default=None, repr=False)
+    prognosis: PrognosisSettings = WATCH.prognosis
 
 
 def work(orders: Connection, parent: Connection, place: Place) -> None:
@@ -85,17 +92,19 @@ def work(orders: Connection, parent: Connection, place: Place) -> None:
 
 def _outcome(job: Upload | Forecast, place: Place, orders: Connection) -> Outcome:
     from emaphm.history import History
+    from emaphm.monitoring.outlook import prognosed
 
     try:
         with History.open(place.db) as history:
             if isinstance(job, Forecast):
-                _forecast(history, job.unit)
+                prognosed(history, job.unit, place.prognosis, watcher=SERVER)
                 return Outcome(DONE)
             return _diagnosed(job, history, place, orders)
     except EmaphmError as error:
         text = str(error)
         if isinstance(job, Upload):
             text = text.replace(str(job.file), job.name)  # where it is kept is nobody's business
+            text = OPTION.sub(r"'\1'", text)
         return Outcome(REFUSED, text)
     except MemoryError:
         return Outcome(
@@ -105,7 +114,6 @@ def _outcome(job: Upload | Forecast, place: Place, orders: Connection) -> Outcom
 
 def _diagnosed(job: Upload, history: "History", place: Place, orders: Connection) -> Outcome:
     from emaphm.history import Entry
-    from emaphm.monitoring import WATCH
     from emaphm.monitoring.judging import Judge
     from emaphm.recording import read_recording
     from emaphm.recording.io.limits import ReadLimits
@@ -144,16 +152,6 @@ def _searched(
     from emaphm.diagnosis import diagnose
 
     return diagnose(recording, actuator, seed=seed, workers=1, on_progress=on_progress)
-
-
-def _forecast(history: "History", serial_number: str) -> None:
-    """Make the prognosis of a unit, and the event that follows from it."""
-    from emaphm.monitoring import WATCH
-    from emaphm.monitoring.outlook import rul_events
-    from emaphm.prognosis.keeping import update_prognosis
-
-    made = update_prognosis(history, history.unit(serial_number)).prognosis
-    history.add_events(*rul_events(history, made, WATCH.prognosis, SERVER))
 
 
 def _described(history: "History", known: "Unit | None", request: dict[str, Any], place: Place) -> "Actuator":

@@ -20,12 +20,15 @@ JUDGED, REFUSED, CHANGED, TRIED, SET_ASIDE = OUTCOMES = ("judged", "refused", "c
 """What became of a file. Changed: after it was judged. Tried: the process that judged it has died of it once,
 it is tried once more; set aside: that happened twice, it is never tried again."""
 
+_Put = tuple[sa.Table, Mapping[str, Any], Mapping[str, Any]]
+"""A row of a table: what it is found by, and what is written."""
+
 
 @dataclass(frozen=True)
 class WatchedFile:
     """A file as a watcher has left it: size [bytes], time of the last change, SHA-256 of its content.
 
-    `outcome` is one of `OUTCOMES`.
+    `outcome` is one of `OUTCOMES`. A movement of a stream that was tried has its number of rows as its size.
     """
 
     name: str
@@ -80,13 +83,7 @@ class WatchState:
 
     def finish_file(self, file: WatchedFile, events: Sequence[Event] = ()) -> int:
         """Note what became of a file, and add events, in one step; return how many of these are new."""
-        values = {
-            "size": file.size,
-            "modified_ns": file.modified_ns,
-            "digest": file.digest,
-            "outcome": file.outcome,
-        }
-        return self._put(WATCHED_FILES, {"name": storable(file.name)}, values, events)
+        return self._put(events, _of_file(file))
 
     def rows_judged(self) -> dict[str, RowsJudged]:
         """Return by unit up to where its rows were judged."""
@@ -94,9 +91,21 @@ class WatchState:
         with self.history.database.reading() as connection:
             return {row.unit: RowsJudged(row.hours, row.time_s) for row in connection.execute(query)}
 
-    def finish_rows(self, unit: str, rows: RowsJudged, events: Sequence[Event] = ()) -> int:
-        """Note up to where the rows of a unit were judged, and add events; return how many are new."""
-        return self._put(WATCHED_ROWS, {"unit": unit}, {"hours": rows.hours, "time_s": rows.time_s}, events)
+    def finish_rows(
+        self,
+        unit: str,
+        rows: RowsJudged | None,
+        events: Sequence[Event] = (),
+        tried: WatchedFile | None = None,
+    ) -> int:
+        """Note up to where the rows of a unit were judged, and add events; return how many are new.
+
+        `tried` is what became of a movement that was tried before.
+        """
+        puts = [] if tried is None else [_of_file(tried)]
+        if rows is not None:
+            puts.append((WATCHED_ROWS, {"unit": unit}, {"hours": rows.hours, "time_s": rows.time_s}))
+        return self._put(events, *puts)
 
     def undelivered(self, receiver: str, most: int) -> tuple[Event, ...]:
         """Return the first events of this watcher that a receiver has not been sent, `most` at most."""
@@ -109,7 +118,7 @@ class WatchState:
 
     def delivered(self, receiver: str, number: int) -> None:
         """Note that a receiver has been sent the events up to `number`."""
-        self._put(DELIVERED, {"receiver": receiver}, {"event_id": number}, ())
+        self._put((), (DELIVERED, {"receiver": receiver}, {"event_id": number}))
 
     def skip_to_now(self, receiver: str) -> None:
         """Let a receiver that is new be sent only what comes from now on."""
@@ -122,14 +131,24 @@ class WatchState:
             last = read_events(connection, watcher=self.watcher, newest_first=True, limit=1)
         self.delivered(receiver, (last[0].number or 0) if last else 0)
 
-    def _put(
-        self, table: sa.Table, key: Mapping[str, Any], values: Mapping[str, Any], events: Sequence[Event]
-    ) -> int:
+    def _put(self, events: Sequence[Event], *puts: _Put) -> int:
+        """Add events and write rows, all or nothing; return how many events are new."""
         with self.history.database.writing() as connection:
             check_revision(connection, self.history.database.address.shown)
             new = add_events(connection, events)
-            every = {"watcher": self.watcher, **key}
-            mine = [table.c[name] == value for name, value in every.items()]
-            if not connection.execute(table.update().where(*mine).values(**values)).rowcount:
-                connection.execute(table.insert().values(**every, **values))
+            for table, key, values in puts:
+                every = {"watcher": self.watcher, **key}
+                mine = [table.c[name] == value for name, value in every.items()]
+                if not connection.execute(table.update().where(*mine).values(**values)).rowcount:
+                    connection.execute(table.insert().values(**every, **values))
         return new
+
+
+def _of_file(file: WatchedFile) -> _Put:
+    values = {
+        "size": file.size,
+        "modified_ns": file.modified_ns,
+        "digest": file.digest,
+        "outcome": file.outcome,
+    }
+    return WATCHED_FILES, {"name": storable(file.name)}, values
