@@ -23,10 +23,10 @@ LAG = LAWS["sensor-lag"]
 FAULTS = Faults(0.3, 0.4, 0.0, 0.25, 0.1, 0.35, 0.7, 0.4)
 
 
-def at_the_truth(lag: float, actuator: Actuator = THESIS) -> SearchResult:
+def at_the_truth(lag: float, actuator: Actuator = THESIS, noise: float = 0.05) -> SearchResult:
     """Return the true faults as an estimate of `actuator`, of a recording with a `lag` [s] of the current."""
     present = with_lumped_parameters(LAG.added_to(THESIS), {"current_lag": lag}) if lag else THESIS
-    whole = simulate(present, Chirp(), faults=FAULTS, noise=0.05, adc_bits=12)
+    whole = simulate(present, Chirp(), faults=FAULTS, noise=noise, adc_bits=12)
     recording = Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")})
     objective = faults_objective(Problem.of(recording, actuator), ("load",))
     point = objective.space.points(FAULTS.vector[np.newaxis])[0]
@@ -41,6 +41,10 @@ def test_a_lag_is_suspected_where_there_is_one(lag: float) -> None:
 def test_none_is_suspected_of_a_prompt_sensor_or_one_whose_lag_is_described() -> None:
     assert not is_lag_suspected(at_the_truth(0.0), seed=0)
     assert not is_lag_suspected(at_the_truth(2e-5, LAG.added_to(THESIS)), seed=0)
+
+
+def test_none_is_suspected_where_noise_hides_the_ripple() -> None:
+    assert not is_lag_suspected(at_the_truth(0.0, noise=1.0), seed=0)
 
 
 def test_a_law_that_is_added_leaves_what_a_nuisance_with_a_wider_prior_means() -> None:

@@ -30,6 +30,10 @@ class RippleResidual:
         assert known is not None  # noqa: S101 - every result of a comparison has one
         return cls(result.residual[:rows], known.runs * known.standard_error[:rows] ** 2, known.runs)
 
+    def less(self, other: Self) -> Self:
+        """Return what separates two residuals, of means over as many runs."""
+        return type(self)(self.residual - other.residual, self.switching + other.switching, self.runs)
+
 
 def ripple_powers(residuals: Sequence[RippleResidual], noise: float) -> Array:
     """Return the mean squared residual of each, (n,), its rows weighted by their variance.
