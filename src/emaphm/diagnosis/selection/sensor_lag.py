@@ -33,8 +33,8 @@ class SensorLagSettings:
 
     Where that of the law's start, 5 µs, leaves less than `tried_share` of the weighted residual that a
     thirtieth of it leaves, all else held. Without a lag it left 1.12 to 4.7 (24 recordings, half of them with
-    another supply), with one of 20 µs in whose place a scale had been selected 1.02. It must also show: change
-    the current by more than `visible` of that residual. It was 0.7 and more there, 0.06 with noise of 0.5 A.
+    another supply), with one of 20 µs in whose place a scale had been selected 1.02. It must also show, and
+    change the current by more than `visible` of that residual: 0.7 and more there, 0.06 with noise of 0.5 A.
     """
 
     tried_share: float = 1.1
