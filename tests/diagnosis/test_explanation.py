@@ -88,6 +88,24 @@ def test_a_temperature_far_off_its_prior_is_no_explanation() -> None:
     assert "temperature: the estimate of -120 K is 4.0 standard deviations" in said
 
 
+@pytest.mark.parametrize("scaled", [("voltage_V",), ("voltage_V", "speed_rad_s")])
+def test_one_sensor_may_have_another_scale_and_two_are_too_many(scaled: tuple[str, ...]) -> None:
+    columns = {name: 1.1 * COLUMNS[name] for name in scaled}
+    names = ("load", "temperature", "voltage_scale", "speed_scale")
+    recording = Recording({**COLUMNS, **columns})
+    objective = faults_objective(Problem.of(recording, THESIS, channels=None), names)
+    start = objective.space.points(HEALTHY)
+    point = start.copy()
+    # A coordinate has five standard deviations of 1 % to a unit.
+    for channel in scaled:
+        point[objective.space.coordinates.index(f"{channel.split('_')[0]}_scale")] = 10 / 5
+    result = SearchResult.at(objective, point).reweighted()
+    said = reasons(replace(result, correction=np.full_like(result.correction, 1e-12)))
+    expected = "several sensors seem to have another scale at once (voltage_scale +10 %, speed_scale +10 %)"
+    assert (expected in said) == (len(scaled) == 2)
+    assert bool(said) == (len(scaled) == 2)
+
+
 @pytest.mark.parametrize("kind", ["delay", "scale", "offset"])
 def test_an_error_in_the_residual_is_found_at_its_size(kind: str) -> None:
     result = at_the_truth({})

@@ -9,7 +9,7 @@ from emaphm.arrays import Array
 from emaphm.diagnosis.explanation.known_values import contradicted_values
 from emaphm.diagnosis.explanation.recorded_noise import rounding_step, usual_noise, usual_variance
 from emaphm.diagnosis.explanation.sensor_scores import contradictions
-from emaphm.estimation.nuisances import has_stated_prior, unit_of
+from emaphm.estimation.nuisances import has_stated_prior, unit_of, usual_deviation
 from emaphm.estimation.problem import Problem, comparable_channels, rms
 from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
 from emaphm.estimation.sensors.sensor_model import described_noise, sensor_error
@@ -93,6 +93,8 @@ def reasons_against(
     6. No recorded load or temperature is contradicted (`emaphm.diagnosis.explanation.known_values`).
     7. Three recorded phase currents of a star add up to zero, within `phase_sum` of their size.
     8. No sensor of the motion stands still where the model moves by more than its noise.
+    9. No two sensors have another scale, each by more than `prior_deviations`: faults of sensors are rare,
+       and times that are stretched change the scale of everything that moves.
 
     The fifth and sixth are asked where the reference model has corrected the estimate; the fifth only where
     no error of the model was learned, whose direction may be that of a sensor's.
@@ -115,6 +117,7 @@ def reasons_against(
         *(_unlike_healthy(primary, healthy) if primary in healthy else _primary(result)),
         *_channels(result, healthy, moves=moves),
         *_nuisances(result),
+        *_scales(result),
         *_phases(result),
         *(_standing(result) if moves else ()),
     ]
@@ -251,6 +254,22 @@ def _nuisances(result: SearchResult) -> Iterator[str]:
                 f"{name}: the estimate of {values[0]:+.3g} {unit} is {deviations:.1f} standard deviations of "
                 f"its prior ({prior:g} {unit}) off; the description or a channel's scale may be wrong"
             )
+
+
+def _scales(result: SearchResult) -> Iterator[str]:
+    space, actuator = result.objective.space, result.objective.problem.actuator
+    far = {
+        name: float(values[0])
+        for name, values in space.nuisance_values(result.point[np.newaxis]).items()
+        if (sensor_error(name) or ("", ""))[1] == "scale"
+        and abs(float(values[0])) > EXPLANATION.prior_deviations * usual_deviation(actuator, name)
+    }
+    if len(far) > 1:
+        sizes = ", ".join(f"{name} {100 * value:+.3g} %" for name, value in far.items())
+        yield (
+            f"several sensors seem to have another scale at once ({sizes}); check time_s and the rate of the "
+            "recording, then the actuator's description"
+        )
 
 
 def _percent(part: float, whole: float) -> str:
