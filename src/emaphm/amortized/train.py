@@ -9,14 +9,14 @@ from typing import Any, Self
 import numpy as np
 
 from emaphm.actuator import Command
-from emaphm.amortized.doubt.comparison import AT_ONCE, Comparison
+from emaphm.amortized.doubt.comparison import Comparison
 from emaphm.amortized.doubt.deviations import deviating
 from emaphm.amortized.doubt.doubt import Doubt, error_ratios
 from emaphm.amortized.drawing import PRIOR
 from emaphm.amortized.estimator import Estimator, calibrated_answers, first_answers
 from emaphm.amortized.judging import Judgement, judged, temperature_of
 from emaphm.amortized.likeness import are_beyond, limits_of, predictive_ratios
-from emaphm.amortized.model_update import ModelUpdate, Step, Whitening
+from emaphm.amortized.model_update import UPDATE, ModelUpdate, Step, Whitening
 from emaphm.amortized.networks.mixture import Mixture
 from emaphm.amortized.networks.network import Single
 from emaphm.amortized.networks.torch_network import library
@@ -243,8 +243,8 @@ class _Answering:
     ) -> tuple[Single, Array]:
         """Return what the doubt reads of answers (n, k), and their ratios (n, channels)."""
         features, ratios = [], []
-        for i in range(0, len(rows), AT_ONCE):
-            part = slice(i, i + AT_ONCE)
+        for i in range(0, len(rows), UPDATE.at_once):
+            part = slice(i, i + UPDATE.at_once)
             one = Comparison.of(self.setup, self.inputs, rows[part], answers[part], rng)
             features.append(one.features(self.setup, self.update.whitening, self.distances(rows[part])))
             ratios.append(predictive_ratios(self.setup, one))

@@ -123,6 +123,12 @@ class ParameterSpace(Box):
         unknown = np.zeros((*cartesian.shape[:-1], len(self.nuisances.names)))
         return np.concatenate([cartesian, unknown], axis=-1)
 
+    def carried_over(self, point: Array, space: "ParameterSpace") -> Array:
+        """Return the coordinates (d,) here of a `point` of another `space`: nominal where that lacks them."""
+        values = dict(zip(space.coordinates, point.tolist(), strict=True))
+        nominal = dict(zip(self.nuisances.names, self.nuisances.nominal.tolist(), strict=True))
+        return np.array([values.get(name, nominal.get(name, 0.0)) for name in self.coordinates])
+
     def nuisance_values(self, points: ArrayLike) -> dict[str, Array]:
         """Return the values (n,) of what the nuisances mean at `points` (n, d), each in its own unit."""
         return self.nuisances.values(np.asarray(points, float)[:, len(self.columns) :])

@@ -33,9 +33,6 @@ SMALL_RESIDUAL, SMALL_LENGTH, SMALL_DISTANCE = 0.3, 1e-3, 0.1
 """Added to a residual and to a direction's length, in standard deviations, and least of a distance, before
 logarithms are taken: what is smaller says nothing."""
 
-AT_ONCE = 64
-"""Answers that are compared together, which takes 130 MB."""
-
 
 @dataclass(frozen=True, eq=False)
 class Comparison:

@@ -85,7 +85,7 @@ def deviation_directions(modelled: Single, others: Single) -> Single:
 
 
 def deviation_count(channels: int) -> int:
-    """Return how many deviations are known of recordings with so many channels."""
+    """Return how many deviations are known of recordings with this number of channels."""
     return OTHERS + 3 * channels + (channels > 1)
 
 

@@ -60,8 +60,7 @@ def _contradicted(result: SearchResult, name: str, seed: int) -> str:
     wider = with_wider_priors(actuator, {name: settings.widening})
     free = NuisanceSet.of(wider, (*nuisances.chosen, name), others, nuisances.unit, nuisances.located)
     space = ParameterSpace.of(actuator, free)
-    values = dict(zip(objective.space.coordinates, result.point, strict=True))
-    start = np.array([values.get(one, 0.0) for one in space.coordinates])
+    start = space.carried_over(result.point, objective.space)
     rows = objective.channel_rows
     freed = replace(objective, space=space)
     correction = np.zeros_like(freed.target)

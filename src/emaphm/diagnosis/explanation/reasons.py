@@ -12,7 +12,7 @@ from emaphm.diagnosis.explanation.sensor_scores import contradictions
 from emaphm.estimation.nuisances import has_stated_prior, unit_of, usual_deviation
 from emaphm.estimation.problem import Problem, comparable_channels, rms
 from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
-from emaphm.estimation.sensors.sensor_model import described_noise, sensor_error
+from emaphm.estimation.sensors.sensor_model import described_noise, error_kind, sensor_error
 from emaphm.estimation.uncertainty.model_error import HealthyComparison
 from emaphm.recording.schema import PHASES
 
@@ -261,7 +261,7 @@ def _scales(result: SearchResult) -> Iterator[str]:
     far = {
         name: float(values[0])
         for name, values in space.nuisance_values(result.point[np.newaxis]).items()
-        if (sensor_error(name) or ("", ""))[1] == "scale"
+        if error_kind(name) == "scale"
         and abs(float(values[0])) > EXPLANATION.prior_deviations * usual_deviation(actuator, name)
     }
     if len(far) > 1:

@@ -3,8 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from emaphm.arrays import Array
 from emaphm.diagnosis.selection.settings import widening
 from emaphm.estimation.nuisances import Located, NuisanceSet, with_wider_priors
@@ -54,12 +52,11 @@ def with_nuisances(
     known = {name: one for name, one in {**before.located, **new}.items() if one is not None}
     nuisances = NuisanceSet.of(wider, chosen, measured, before.unit, known)
     space = ParameterSpace.of(actuator, nuisances)
-    values = dict(zip(objective.space.coordinates, result.point, strict=True)) | dict.fromkeys(new, 0.0)
+    point = space.carried_over(result.point, objective.space)
+    point[[name in new for name in space.coordinates]] = 0.0
     problem = objective.problem
     for name, channel in ZEROS_OF_START.items():
         # What is recorded does not say where the manoeuvre starts if its zero is not known.
         if more == (name,) or name in names:
             problem = problem.starting_without(channel)
-    return replace(objective, problem=problem, space=space), np.array(
-        [values.get(name, 0.0) for name in space.coordinates]
-    )
+    return replace(objective, problem=problem, space=space), point

@@ -136,8 +136,7 @@ def fit_with_law(result: SearchResult, law: Law, method: Method, seed: int) -> L
     """Return where the averaged model fits best once its actuator has the law."""
     objective = with_law(result.objective, law)
     found = multistart(objective, seed, method.optimizer)
-    values = dict(zip(result.objective.space.coordinates, result.point, strict=True))
-    start = np.array([values.get(name, 0.0) for name in objective.space.coordinates])
+    start = objective.space.carried_over(result.point, result.objective.space)
     correction = np.zeros_like(objective.target)
     rows = objective.channel_rows
     correction[:rows] = result.outputs_correction[:rows]

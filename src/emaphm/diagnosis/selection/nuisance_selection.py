@@ -23,7 +23,7 @@ from emaphm.estimation.global_search.multistart import multistart
 from emaphm.estimation.nuisances import usual_deviation
 from emaphm.estimation.objective import CORRELATED_ROWS
 from emaphm.estimation.search_result import SearchResult
-from emaphm.estimation.sensors.sensor_model import COMMON_DELAY, sensor_error
+from emaphm.estimation.sensors.sensor_model import COMMON_DELAY, error_kind, sensor_error
 from emaphm.estimation.uncertainty.local_covariance import (
     jacobians_at,
     local_covariance,
@@ -59,8 +59,7 @@ def _from_afar(
     others = result.objective.space.nuisances.others(problem.actuator, tuple(problem.measured))
     searched = []
     for name in others:
-        kind = (sensor_error(name) or ("", ""))[1]
-        if name != COMMON_DELAY and kind not in ("scale", "offset"):
+        if name != COMMON_DELAY and error_kind(name) not in ("scale", "offset"):
             continue
         narrow, _ = with_nuisances(result, names, (name,), SENSOR_SELECTION.search_widening)
         wide, _ = with_nuisances(result, names, (name,))
@@ -164,10 +163,9 @@ def _is_of_a_sensor(tried: SearchResult, name: str, share: float) -> bool:
         return False
     if share >= 1 - SENSOR_SELECTION.chance / objective.channel_rows:
         return False
-    kind = (sensor_error(name) or ("", ""))[1]
     value = float(objective.space.nuisance_values(tried.point[np.newaxis])[name][0])
     least = SENSOR_SELECTION.least_rows * objective.problem.inputs.interval
-    return kind != "delay" or abs(value) > least
+    return error_kind(name) != "delay" or abs(value) > least
 
 
 def _share_of_residual(tried: SearchResult, before: SearchResult) -> float:

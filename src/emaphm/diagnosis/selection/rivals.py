@@ -26,7 +26,8 @@ def with_rivals(result: SearchResult, others: Sequence[SearchResult], improbabil
     """
     weights = np.exp(-np.maximum(improbabilities, 0.0) / 2)
     weights /= 1 + weights.sum()
-    away = np.array([_coordinates(one, result) for one in others]) - result.point
+    space = result.objective.space
+    away = np.array([space.carried_over(one.point, one.objective.space) for one in others]) - result.point
     return replace(result, scatter=result.scatter + (weights * away.T) @ away)
 
 
@@ -47,11 +48,3 @@ def compared_anew(result: SearchResult, seed: int) -> list[Discrepancy]:
     reference, rng = reference_problem(result.objective), stream(seed, "reference runs of rivals")
     point, outputs = result.point[np.newaxis], result.outputs[np.newaxis]
     return [discrepancies(result.objective, point, outputs, reference, rng)[0] for _ in range(COMPARED)]
-
-
-def _coordinates(other: SearchResult, result: SearchResult) -> Array:
-    """Return the estimate of `other` in the coordinates (d,) of `result`: nominal where it lacks them."""
-    values = dict(zip(other.objective.space.coordinates, other.point.tolist(), strict=True))
-    nuisances = result.objective.space.nuisances
-    nominal = dict(zip(nuisances.names, nuisances.nominal.tolist(), strict=True))
-    return np.array([values.get(name, nominal.get(name, 0.0)) for name in result.objective.space.coordinates])

@@ -50,8 +50,7 @@ def is_lag_suspected(result: SearchResult, seed: int) -> bool:
     if not is_scanned(problem.actuator) or not is_possible(problem.actuator, law):
         return False
     objective = with_free_law(result.objective, law, law.parameters)
-    values = dict(zip(result.objective.space.coordinates, result.point, strict=True))
-    point = np.array([values.get(name, 0.0) for name in objective.space.coordinates])
+    point = objective.space.carried_over(result.point, result.objective.space)
     # The lag is the last coordinate; the least one of its range is a sixth of the reference model's step.
     points, rng = np.array([point, point]), stream(seed, "reference runs with a lag")
     points[1, -1] = objective.space.lower[-1]

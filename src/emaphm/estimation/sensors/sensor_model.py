@@ -79,6 +79,11 @@ def sensor_error(name: str) -> tuple[str, str] | None:
     return (quantity, kind) if quantity in SENSOR_CHANNELS and kind in ERROR_KINDS else None
 
 
+def error_kind(name: str) -> str:
+    """Return the kind of the sensor's error that nuisance `name` is, nothing for any other nuisance."""
+    return (sensor_error(name) or ("", ""))[1]
+
+
 def with_unknown_errors(
     signals: Array,
     channels: Sequence[str],
