@@ -8,9 +8,12 @@ import pytest
 
 from cases import THESIS, drawn
 from emaphm.actuator import Actuator, Chirp, Faults
+from emaphm.actuator.faults import CARTESIAN_NAMES
 from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
 from emaphm.diagnosis import Diagnosis, diagnose, error_percent
 from emaphm.diagnosis.selection.rivals import with_rivals
+from emaphm.estimation.nuisances import NO_NUISANCES
+from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.search_result import SearchResult
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
@@ -106,10 +109,14 @@ def test_an_inertia_is_likelier_than_a_voltage_of_another_scale_that_explains_as
     assert found.components["friction"].value == pytest.approx(0.0, abs=0.01)
 
 
+def space_of(*names: str) -> ParameterSpace:
+    zeros, ones = np.zeros(len(names)), np.ones(len(names))
+    return ParameterSpace(zeros, ones, tuple(map(CARTESIAN_NAMES.index, names)), {}, NO_NUISANCES)
+
+
 def test_rivals_add_their_spread_by_their_probability() -> None:
-    nothing = SimpleNamespace(names=(), nominal=np.zeros(0))
-    objective = SimpleNamespace(space=SimpleNamespace(coordinates=("friction", "gain"), nuisances=nothing))
-    lacking = SimpleNamespace(space=SimpleNamespace(coordinates=("gain",)))
+    objective = SimpleNamespace(space=space_of("friction", "gain"))
+    lacking = SimpleNamespace(space=space_of("gain"))
     best = SearchResult.at(cast("Any", objective), np.array([0.3, 0.5]), correction=np.zeros(1))
     others = [
         SearchResult.at(cast("Any", objective), np.array([0.5, 0.5]), correction=np.zeros(1)),
