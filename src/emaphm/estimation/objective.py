@@ -15,11 +15,13 @@ from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.parameter_variation import ParameterVariation
 from emaphm.estimation.problem import Problem, rms
 from emaphm.estimation.sensors.sensor_model import described_noise, sensor_error, with_unknown_errors
+from emaphm.estimation.uncertainty.correlation import integral_time
 from emaphm.recording.sensor_checks.resolution import Mask
 from emaphm.simulation import Model
 
 CORRELATED_ROWS = 20
-"""Rows over which a residual is correlated, roughly: they count as one observation against a prior."""
+"""Rows over which the residual of a model that is not right is correlated, roughly: they count as one
+observation against a prior."""
 
 LEAST_RESIDUAL = 1e-4
 """Least residual of a channel, relative to its rms, that its weight is computed from."""
@@ -33,13 +35,14 @@ class MapObjective:
     """A problem, the space that its explanation is sought in, and the weight of the priors.
 
     `prior_weight` is the residual of the primary channel, in its unit, that a nuisance one prior standard
-    deviation off is worth. The rows of `outputs` are the weighted channels end to end, then one row for each
+    deviation off is worth: as many rows as count as one observation, `correlated_rows`, make it. The rows of `outputs` are the weighted channels end to end, then one row for each
     nuisance coordinate.
     """
 
     problem: Problem
     space: ParameterSpace
     prior_weight: float
+    correlated_rows: float = CORRELATED_ROWS
 
     @classmethod
     def of(cls, problem: Problem, space: ParameterSpace) -> Self:
@@ -48,12 +51,13 @@ class MapObjective:
 
     def scale_prior(self, residual_rms: float) -> Self:
         """Return the objective with priors weighed against a residual of the primary channel of that rms."""
-        return replace(self, prior_weight=float(residual_rms) * CORRELATED_ROWS**0.5)
+        return replace(self, prior_weight=float(residual_rms) * self.correlated_rows**0.5)
 
     def reweighted(self, residual: Array) -> Self:
         """Return the objective with each channel, and the priors, weighted by its `residual` (rows,).
 
-        The likelihood of normal residuals whose variance by channel is not known beforehand.
+        The likelihood of normal residuals whose variance by channel is not known beforehand, nor over how
+        many rows they are correlated: once the model is right to the noise, each row is an observation.
         """
         by_channel = residual[: self.channel_rows].reshape(len(self.problem.channels), -1)
         sizes = np.sqrt(np.mean(by_channel**2, axis=1)) / self.problem.weights
@@ -64,7 +68,9 @@ class MapObjective:
             [described_noise(name, self.problem.actuator) or 0.0 for name in self.problem.channels]
         )
         sizes = np.maximum(sizes, np.maximum(LEAST_RESIDUAL * measured, noise))
-        return replace(self, problem=self.problem.weighted(sizes)).scale_prior(sizes[0])
+        correlated = min(integral_time([by_channel[0]], [1.0]), float(CORRELATED_ROWS))
+        weighted = replace(self, problem=self.problem.weighted(sizes), correlated_rows=correlated)
+        return weighted.scale_prior(sizes[0])
 
     def rescaled(self, rows: Array, other: Self) -> Array:
         """Return `rows` of `outputs` as this objective weights them, given as `other` does."""

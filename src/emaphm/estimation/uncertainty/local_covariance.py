@@ -6,7 +6,7 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.estimation.finite_differences import replicated_jacobians
-from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective
+from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.uncertainty.covariance import sandwich_covariance
 from emaphm.estimation.uncertainty.model_error import error_scores
 
@@ -58,7 +58,7 @@ def local_covariance(
     scores = error_scores(objective.problem, jacobians.mean(axis=0)) + hidden_scores
     sandwich = sandwich_covariance(jacobians, residual, deviations, channels, scores)
     gradient = jacobians.mean(axis=0) @ (residual - bias) / np.mean(residual**2)
-    prior = CORRELATED_ROWS / deviations**2
+    prior = objective.correlated_rows / deviations**2
     gradient[faults:] -= prior[faults:] * point[faults:]
     step = np.linalg.solve(sandwich.information + np.diag(prior), gradient)
     return LocalCovariance(sandwich.covariance, step)
