@@ -225,9 +225,7 @@ class _Trials:
         for new, old in zip(joint.terms, current.joint.terms, strict=True):
             problem = replace(new.objective.problem, weights=old.objective.problem.weights)
             objective = replace(new.objective, problem=problem, prior_weight=old.objective.prior_weight)
-            correction = np.zeros_like(objective.target)
-            rows = objective.channel_rows
-            correction[:rows] = old.correction[:rows]
+            correction = objective.of_channels(old.correction)
             terms.append(RecordingTerm(objective, new.shared, correction))
         return replace(joint, terms=tuple(terms))
 

@@ -35,8 +35,8 @@ class MapObjective:
     """A problem, the space that its explanation is sought in, and the weight of the priors.
 
     `prior_weight` is the residual of the primary channel, in its unit, that a nuisance one prior standard
-    deviation off is worth: as many rows as count as one observation, `correlated_rows`, make it. The rows of `outputs` are the weighted channels end to end, then one row for each
-    nuisance coordinate.
+    deviation off is worth: as many rows as count as one observation, `correlated_rows`, make it. The rows of
+    `outputs` are the weighted channels end to end, then one row for each nuisance coordinate.
     """
 
     problem: Problem
@@ -88,6 +88,12 @@ class MapObjective:
     def target(self) -> Array:
         """What `outputs` should be: the measured channels, weighted, and 0 for each nuisance, (rows,)."""
         return np.concatenate([self.problem.observed, np.zeros(len(self.space.nuisances.names))])
+
+    def of_channels(self, rows: Array) -> Array:
+        """Return `rows` of which the channels' come first, with 0 for each nuisance, (rows,)."""
+        known = np.zeros(self.channel_rows + len(self.space.nuisances.names))
+        known[: self.channel_rows] = rows[: self.channel_rows]
+        return known
 
     def outputs(self, points: Array) -> Array:
         """Return the model's channels as sensed and weighted, and the nuisances, at `points` (n, d)."""

@@ -63,8 +63,7 @@ def _contradicted(result: SearchResult, name: str, seed: int) -> str:
     start = space.carried_over(result.point, objective.space)
     rows = objective.channel_rows
     freed = replace(objective, space=space)
-    correction = np.zeros_like(freed.target)
-    correction[:rows] = result.outputs_correction[:rows]
+    correction = freed.of_channels(result.outputs_correction)
     rng = stream(seed, "descents with a known value free", name)
     point = local_search(freed, start, correction, rng, with_descents(settings.descents)).best
     before = float(np.mean(result.residual[:rows] ** 2))

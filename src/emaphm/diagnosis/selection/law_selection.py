@@ -137,9 +137,7 @@ def fit_with_law(result: SearchResult, law: Law, method: Method, seed: int) -> L
     objective = with_law(result.objective, law)
     found = multistart(objective, seed, method.optimizer)
     start = objective.space.carried_over(result.point, result.objective.space)
-    correction = np.zeros_like(objective.target)
-    rows = objective.channel_rows
-    correction[:rows] = result.outputs_correction[:rows]
+    correction = objective.of_channels(result.outputs_correction)
     near = local_search(objective, start, correction, stream(seed, "local search")).best
     return LawFit(
         law.name,

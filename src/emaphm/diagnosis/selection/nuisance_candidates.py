@@ -143,8 +143,7 @@ def _refit_with(
 ) -> Candidate:
     """Return where descents lead from `start` (d,) under the correction of `result`."""
     rows = result.objective.channel_rows
-    correction = np.zeros_like(objective.target)
-    correction[:rows] = result.outputs_correction[:rows]
+    correction = objective.of_channels(result.outputs_correction)
     rng = stream(seed, "descents of the score test", name)
     start = objective.space.project(start)
     point = local_search(objective, start, correction, rng, with_descents(SELECTION.descents)).best

@@ -64,9 +64,7 @@ def profile(
     seed
         For the runs of the reference model.
     """
-    rows = result.objective.channel_rows
-    correction = np.zeros_like(objective.target)
-    correction[:rows] = result.outputs_correction[:rows]
+    correction = objective.of_channels(result.outputs_correction)
     moved = step * _response(result, objective, jacobians, objective.space.coordinates.index(name))
     starts = objective.space.project(start + np.outer([-1.0, 1.0], moved))
     points = descents_from(objective, starts, correction).points
