@@ -16,6 +16,7 @@ from emaphm.amortized.likeness import reasons_not_to_believe
 from emaphm.amortized.networks.mixture import Mixture
 from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.diagnosis.diagnose import moves_at, nuisance_estimates
+from emaphm.diagnosis.explanation.alternatives import beyond_a_delay
 from emaphm.diagnosis.explanation.reasons import reasons_against
 from emaphm.diagnosis.verdict import estimates
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS
@@ -26,6 +27,7 @@ from emaphm.estimation.posterior.samples import Posterior
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.starts import Starts
+from emaphm.estimation.uncertainty.local_covariance import jacobians_at
 from emaphm.progress import Progress
 from emaphm.random_streams import stream
 from emaphm.recording import Recording, check_plausible, with_equivalent_current
@@ -181,12 +183,18 @@ class _Answer:
 
     @classmethod
     def of(cls, mixture: Mixture, objective: MapObjective, seed: int) -> Self:
-        """Return the answer, with the reasons why the averaged model there does not explain the recording."""
+        """Return the answer, with the reasons why it will not do as it is.
+
+        The averaged model there does not explain the recording, or its gain may be a delay.
+        """
         result = SearchResult.at(objective, objective.space.project(mixture.mean))
         moves = moves_at(objective, result.point)
         # No Jacobians: they are asked for after a correction only.
         none = np.zeros((1, objective.space.dimensions, objective.channel_rows))
-        return cls(mixture, result, moves, reasons_against(result, none, {}, seed, moves=moves))
+        reasons = reasons_against(result, none, {}, seed, moves=moves)
+        if moves and not reasons:
+            reasons = _mistakable_gain(mixture, result, seed)
+        return cls(mixture, result, moves, reasons)
 
     def diagnosis(self, recording: Recording, seed: int, began: float) -> Diagnosis:
         """Return the diagnosis by the network alone."""
@@ -220,6 +228,21 @@ class _Answer:
             moves=self.moves,
             posterior=Posterior.of(space, samples, None),
         )
+
+
+def _mistakable_gain(mixture: Mixture, result: SearchResult, seed: int) -> tuple[str, ...]:
+    """Return why the gain of an answer may be a delay, a clause; nothing where it is none.
+
+    The residual at the answer shows no delay of a row where the actuator is nearly healthy. The search, which
+    has the reference model, knows the gain better, and says what it cannot exclude.
+    """
+    gain = estimates(result.objective.space, result.point, mixture.covariance)["gain"]
+    if gain.verdict != "degraded":
+        return ()
+    weighted = result.reweighted()
+    jacobians = jacobians_at(weighted.objective, result.point, stream(seed, "Jacobians at the answer"))
+    checked = beyond_a_delay(gain, weighted, jacobians)
+    return () if checked.verdict == "degraded" else (f"its gain may be a delay: {checked.reason}",)
 
 
 @dataclass(frozen=True, eq=False)

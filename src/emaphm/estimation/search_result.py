@@ -29,6 +29,8 @@ SMALLEST_SHARE = 5e-3
 """Residual, relative to the rms of the primary channel, that is always expected: heavy shorts leave 0.2 to
 0.4 % of a noise-free current where the estimate is right to 0.5 to 1.7 %."""
 
+TINY = float(np.finfo(float).tiny)
+
 
 @dataclass(frozen=True, eq=False)
 class SearchResult:
@@ -185,12 +187,37 @@ class SearchResult:
         """Whether noise, switching and a learned error account for the residual, by `normalised_residual`."""
         return self.normalised_residual <= EXPLAINED_RESIDUAL
 
+    @property
+    def residual_over_switching(self) -> float:
+        """The largest rms residual of a channel over that of noise or switching, whichever is larger.
+
+        No share of the signal is expected: 1 or so at the truth, if the reference model is right.
+        """
+        switching = self.switching_variances
+        ratios = [
+            float(np.mean(residual**2)) / max(noise_level(residual) ** 2, switching.get(name, 0.0), TINY)
+            for name, residual in self.residual_by_channel.items()
+        ]
+        return float(np.sqrt(max(ratios)))
+
+    @property
+    def share_dominates(self) -> bool:
+        """Whether `SMALLEST_SHARE` of the signal exceeds noise and switching, so that it decides."""
+        return self._smallest_share > self._noise_or_switching
+
+    @property
+    def _noise_or_switching(self) -> float:
+        switching = 0.0 if self.discrepancy is None else self.discrepancy.switching_variance
+        return max(self.noise_level**2, switching)
+
+    @property
+    def _smallest_share(self) -> float:
+        return SMALLEST_SHARE**2 * float(np.mean(self.objective.problem.recorded**2))
+
     def _relative_to(self, error: float) -> float:
         """Return the rms residual over that of noise or switching and of a model `error` of that variance."""
-        switching = 0.0 if self.discrepancy is None else self.discrepancy.switching_variance
-        signal = float(np.mean(self.objective.problem.recorded**2))
-        expected = max(self.noise_level**2, switching) + SMALLEST_SHARE**2 * signal + error
-        return float(np.sqrt(self.residual_variance / max(expected, np.finfo(float).tiny)))
+        expected = self._noise_or_switching + self._smallest_share + error
+        return float(np.sqrt(self.residual_variance / max(expected, TINY)))
 
     @property
     def noise_level(self) -> float:

@@ -84,6 +84,10 @@ class Comparison:
         ]
         return np.concatenate(found, axis=1).astype(np.float32)
 
+    def residuals(self, whitening: Whitening) -> Array:
+        """Return the whitened residual at each answer (n, k), less what the answer's uncertainty takes up."""
+        return np.asarray(self._left(whitening)[:, 0])
+
     def _left(self, whitening: Whitening) -> Array:
         """Return the whitened residual and directions (n, 1 + m, k), less what the draws' runs take up."""
         directions = deviation_directions(self.runs[:, 0], self.others)

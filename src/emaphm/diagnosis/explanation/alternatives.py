@@ -62,7 +62,7 @@ def with_alternatives(
     if components["gain"].verdict != "degraded" or not result.correction.any():
         return dict(components)
     checked = dict(components)
-    checked["gain"] = _beyond_a_delay(components["gain"], result, jacobians)
+    checked["gain"] = beyond_a_delay(components["gain"], result, jacobians)
     objective = result.objective
     interval = objective.problem.inputs.interval
     rows = max(1, round(ALTERNATIVES.delay / interval))
@@ -78,8 +78,11 @@ def with_alternatives(
     return checked
 
 
-def _beyond_a_delay(gain: Estimate, result: SearchResult, jacobians: Array) -> Estimate:
-    """Return the degraded gain, undecided where a delay within `tolerance` takes its interval to healthy."""
+def beyond_a_delay(gain: Estimate, result: SearchResult, jacobians: Array) -> Estimate:
+    """Return the degraded gain, undecided where a delay within `tolerance` takes its interval to healthy.
+
+    `jacobians` (n, d, channel rows) are those at `result`.
+    """
     column = result.objective.space.coordinates.index("gain")
     tolerance = ALTERNATIVES.tolerance * result.objective.problem.actuator.nuisances.delay
     taken_up = taken_up_of_a_delay(result, jacobians, tolerance)

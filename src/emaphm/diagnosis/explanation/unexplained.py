@@ -73,9 +73,8 @@ def alternatives_covariance(result: SearchResult, *, explained: bool) -> Array |
 
 
 def _comparable(other: SearchResult, result: SearchResult, *, explained: bool) -> bool:
-    if explained:
-        return other.explained
-    return other.residual_variance <= ALTERNATIVES.comparable * result.residual_variance
+    comparable = other.residual_variance <= ALTERNATIVES.comparable * result.residual_variance
+    return comparable and (other.explained or not explained)
 
 
 def _shift(other: SearchResult, result: SearchResult) -> Array:

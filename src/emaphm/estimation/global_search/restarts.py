@@ -7,6 +7,14 @@ import numpy as np
 from emaphm.arrays import Array
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.correction_iterations import BIAS_CORRECTION, FROM_STARTS
+from emaphm.estimation.global_search.exploration import (
+    explore,
+    is_better,
+    is_clear,
+    is_heavy,
+    leaves_switching_alone,
+    reference_costs,
+)
 from emaphm.estimation.global_search.multistart import descend_from, multistart
 from emaphm.estimation.methods import Method
 from emaphm.estimation.objective import MapObjective
@@ -20,6 +28,9 @@ MAX_RESTARTS = 3
 
 MOST_STARTS = 2
 """Ends of descents that a correction begins at, as many as after a global search."""
+
+MOST_EXPLORED = 2
+"""Most further searches whose ends are explored."""
 
 SAME_POINT = 0.02
 """Difference of every coordinate below which two searches have ended at the same point."""
@@ -36,15 +47,18 @@ def search_with_restarts(
     """Return the best of several searches, each a global search and its bias correction.
 
     Restart at most `MAX_RESTARTS` times while the residual exceeds noise and switching; stop once two
-    searches agree. The other ends are the result's alternatives. With `starts` (n, d), the first search is a
-    correction from there, and no other follows where it leaves no more than noise and switching.
+    searches agree. An end that a heavy current may hide to be false is explored. The other ends are the
+    result's alternatives. With `starts` (n, d), the first search is a correction from there, and no other
+    follows where it leaves no more than noise and switching.
     """
     ends: list[SearchResult] = []
     if starts is not None:
         points = objective.space.project(starts)
         ends.append(_from_starts(objective, points, max_corrections, seed, on_progress))
         if ends[0].down_to_noise:
-            return ends[0]
+            if is_clear(ends[0]):
+                return ends[0]
+            return _explored(objective, method, ends, max_corrections, seed)
     for search in range(1 + MAX_RESTARTS):
         child = child_seed(seed, "restart", search - 1) if search else seed
         other = _search(objective, method, max_corrections, child, None if search else on_progress)
@@ -52,10 +66,31 @@ def search_with_restarts(
         ends.append(other)
         if agree or _best(ends).down_to_noise:
             break
+    return _explored(objective, method, ends, max_corrections, seed)
+
+
+def _explored(
+    objective: MapObjective, method: Method, ends: list[SearchResult], max_corrections: int, seed: int
+) -> SearchResult:
+    """Return the best of `ends`, refined, with the others as its alternatives.
+
+    Where a heavy current may hide that it is a false minimum, it is explored first; and while it still leaves
+    more than noise and switching, so are the ends of up to `MOST_EXPLORED` further searches.
+    """
     result = _best(ends)
-    others = tuple(one for one in ends if one is not result)
+    others = [one for one in ends if one is not result]
+    if not is_clear(result):
+        started, result = result.started, explore(result, child_seed(seed, "exploration"))
+        for search in range(MOST_EXPLORED):
+            if leaves_switching_alone(result):
+                break
+            child = child_seed(seed, "exploration", search)
+            other = explore(_search(objective, method, max_corrections, child), child)
+            result, worse = (other, result) if is_better(other, result) else (result, other)
+            others.append(worse)
+        result = replace(result, started=started)
     refined = refine_by_reference(result, seed)
-    return replace(refined, alternatives=others) if others else refined
+    return replace(refined, alternatives=tuple(others)) if others else refined
 
 
 def _best(ends: list[SearchResult]) -> SearchResult:
@@ -84,7 +119,12 @@ def _from_starts(
     settings = FROM_STARTS
     if len(points) > 1:
         found = descend_from(objective, points)
-        points = found.points[np.argsort(found.costs, kind="stable")[:MOST_STARTS]]
+        ends, costs = found.points, found.costs
+        if is_heavy(objective.problem):
+            # There the averaged model's own optimum is farther off than the starts.
+            ends = np.vstack([points, ends])
+            costs = reference_costs(objective, ends)
+        points = ends[np.argsort(costs, kind="stable")[:MOST_STARTS]]
         settings = BIAS_CORRECTION
     result = correct_bias(objective, points, max_corrections, seed, progress, settings)
     if not result.down_to_noise:

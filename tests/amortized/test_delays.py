@@ -1,0 +1,89 @@
+"""Delays of a row: found where the recording taken back is clearly understood better, and only there."""
+
+import numpy as np
+import pytest
+
+from amortized.toys import THESIS, constant_estimator
+from emaphm.actuator import Chirp, Faults
+from emaphm.amortized import delays
+from emaphm.amortized.diagnosing import answer_alone, diagnose_by
+from emaphm.amortized.estimator import Estimator
+from emaphm.amortized.networks.network import Single
+from emaphm.amortized.recording_setup import RecordingSetup
+from emaphm.arrays import Array
+from emaphm.recording import Recording
+from emaphm.simulated_recording import simulate
+from emaphm.simulation import AVERAGED
+
+TRUTH = Faults(friction=0.4, backlash=0.3, short_b=0.2, eccentricity=0.3, eccentricity_phase=0.7, gain=0.6)
+SETUP = RecordingSetup.of(THESIS, Chirp())
+SURE = constant_estimator(SETUP, SETUP.space.points(TRUTH.vector), 1e-3)
+INPUTS = SETUP.inputs(Chirp(), AVERAGED.step)
+BOTH = ("current_A", "voltage_V")
+
+
+@pytest.fixture(scope="module")
+def recording() -> Recording:
+    whole = simulate(THESIS, Chirp(), faults=TRUTH, model="averaged")
+    return Recording({name: whole[name] for name in ("time_s", "command_rad", *BOTH)})
+
+
+def delayed(recording: Recording, rows: int, names: tuple[str, ...]) -> Recording:
+    at = np.clip(np.arange(recording.samples) - rows, 0, recording.samples - 1)
+    return Recording({name: recording[name][at] if name in names else recording[name] for name in recording})
+
+
+def found(recording: Recording) -> str | None:
+    return delays.found_delay(SURE, recording, INPUTS, np.random.default_rng(0))
+
+
+@pytest.fixture
+def understood(recording: Recording, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let an estimator leave what a recording differs by from the one in time, and a little noise."""
+    in_time = SURE.rows(recording)
+
+    def left(_estimator: Estimator, rows: Single, *_: object) -> list[float]:
+        return [float(np.mean((one - in_time) ** 2)) + 1e-3 for one in rows]
+
+    monkeypatch.setattr(delays, "_left", left)
+
+
+@pytest.mark.parametrize("names", [BOTH, ("current_A",)])
+@pytest.mark.parametrize(("rows", "way"), [(1, "late"), (-1, "early")])
+@pytest.mark.usefixtures("understood")
+def test_a_row_of_delay_is_named(recording: Recording, rows: int, way: str, names: tuple[str, ...]) -> None:
+    what = "current_A" if names != BOTH else "all that was measured"
+    assert found(delayed(recording, rows, names)) == f"{what} seems to come a row {way}"
+
+
+@pytest.mark.usefixtures("understood")
+def test_a_recording_in_time_has_none(recording: Recording) -> None:
+    assert found(recording) is None
+
+
+def test_what_fits_about_as_well_both_ways_is_no_delay(
+    recording: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sizes: dict[str, list[float]] = {"now": []}
+    monkeypatch.setattr(delays, "_left", lambda *_: sizes["now"])
+    sizes["now"] = [1.2, 1.0, 1.3, 1.1, 1.2]
+    assert found(recording) is None
+    sizes["now"] = [1.2, 1.0, 1.5, 1.1, 1.2]
+    assert found(recording) == "all that was measured seems to come a row early"
+
+
+def test_a_gain_that_a_delay_would_explain_is_not_taken_from_the_network() -> None:
+    def of_gain(gain: float) -> tuple[Array, Recording]:
+        faults = Faults(friction=0.3, gain=gain)
+        whole = simulate(THESIS, Chirp(), faults=faults, noise=0.05, adc_bits=12)
+        kept = Recording({name: whole[name] for name in ("time_s", "command_rad", *BOTH)})
+        return SETUP.space.points(faults.vector), kept
+
+    near, recording = of_gain(0.46)
+    reasons = answer_alone(constant_estimator(SETUP, near, 2e-3), recording, THESIS)
+    assert isinstance(reasons, tuple)
+    assert "its gain may be a delay: 0.23 ms" in reasons[0]
+    far, recording = of_gain(0.4)
+    assert (
+        diagnose_by(constant_estimator(SETUP, far, 2e-3), recording, THESIS, fast=True).method == "estimator"
+    )
