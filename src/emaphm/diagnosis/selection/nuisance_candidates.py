@@ -22,6 +22,10 @@ from emaphm.estimation.uncertainty.local_covariance import (
 )
 from emaphm.random_streams import stream
 
+MADE_UP_FOR = ("voltage_scale",)
+"""Errors of sensors that faults make up for nearly, so that they have small scores of their own: a voltage of
+another scale reads as shorts of all phases, and what these leave scores as an error of another kind."""
+
 
 def _informative(name: str) -> float:
     """Return the standard error that the data must give at most, in standard deviations of the prior."""
@@ -75,7 +79,7 @@ def worthwhile_candidates(
     starts |= _gross_starts(result, names, others)
     scores = {name: score for name, (score, _, _) in starts.items()}
     candidates = [_refit_with(name, *starts[name][1:], result, seed) for name in _worth_trying(scores)]
-    candidates = [candidate for candidate in candidates if _leaves_less(candidate, scores[candidate.name])]
+    candidates = [candidate for candidate in candidates if _leaves_less(candidate, scores)]
     named = {candidate.name for candidate in candidates}
     candidates += [candidate for candidate in profiled if candidate.name not in named]
     known = replace(result, jacobians=jacobians[:, own])
@@ -95,10 +99,15 @@ def _profiled(
 
 
 def _worth_trying(scores: Mapping[str, float]) -> list[str]:
-    """Return the names whose scores are large enough, of sensors' errors the most promising alone."""
+    """Return the names whose scores are large enough, of sensors' errors the most promising alone.
+
+    And those that faults make up for, where any error of a sensor has a large score.
+    """
     sensors = sorted((name for name in scores if sensor_error(name)), key=lambda name: -scores[name])
     likely = [name for name in sensors if scores[name] > SENSOR_SELECTION.tried_score]
     chosen = likely[: SENSOR_SELECTION.most_tried]
+    if any(scores[name] > SENSOR_SELECTION.sure_score for name in chosen):
+        chosen += [name for name in MADE_UP_FOR if name in scores and name not in chosen]
     return [
         name
         for name, score in scores.items()
@@ -106,9 +115,14 @@ def _worth_trying(scores: Mapping[str, float]) -> list[str]:
     ]
 
 
-def _leaves_less(candidate: Candidate, score: float) -> bool:
+def _leaves_less(candidate: Candidate, scores: Mapping[str, float]) -> bool:
     """Return whether a candidate leaves enough less of the residual for a correction of its own."""
-    if sensor_error(candidate.name) and score > SENSOR_SELECTION.sure_score:
+    sure = SENSOR_SELECTION.sure_score
+    if candidate.name in MADE_UP_FOR and any(
+        score > sure for name, score in scores.items() if sensor_error(name)
+    ):
+        return candidate.share < SENSOR_SELECTION.made_up_share
+    if sensor_error(candidate.name) and scores[candidate.name] > sure:
         return candidate.share < 1.0
     return candidate.share < SELECTION.tried_share
 
