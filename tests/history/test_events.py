@@ -59,6 +59,12 @@ def test_events_are_found_by_unit_kind_time_and_number(history: History) -> None
     history.add_events(event(None, "source_lost", subject=""))
     assert [one.at for one in history.events(unit="S1")] == times
     assert [one.at for one in history.events(unit="S1", since=times[1], until=times[2])] == times[1:2]
+    # The same moments in another zone and form; a day begins at midnight, UTC.
+    since, until = "2026-03-02T12:00:00+02:00", "2026-03-03T09:59:59.5Z"
+    assert [one.at for one in history.events(unit="S1", since=since, until=until)] == times[1:2]
+    assert [one.at for one in history.events(unit="S1", since="2026-03-02", until="2026-03-03")] == times[1:2]
+    with pytest.raises(HistoryError, match="'yesterday' is no time"):
+        history.events(since="yesterday")
     assert [one.kind for one in history.events(kinds=["source_lost"])] == ["source_lost"]
     first, second = history.events(limit=2)
     assert history.events(after=first.number, limit=1) == (second,)

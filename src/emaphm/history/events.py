@@ -169,9 +169,9 @@ def read_events(
     if kinds:
         query = query.where(EVENTS.c.kind.in_(kinds))
     if since is not None:
-        query = query.where(EVENTS.c.at >= since)
+        query = query.where(EVENTS.c.at >= _moment(since))
     if until is not None:
-        query = query.where(EVENTS.c.at < until)
+        query = query.where(EVENTS.c.at < _moment(until))
     if watcher is not None:
         query = query.where(EVENTS.c.watcher == watcher)
     if recording_hash is not None:
@@ -190,6 +190,18 @@ def read_open_conditions(connection: sa.Connection, unit: str | None = None) -> 
     last = last.group_by(EVENTS.c.unit, EVENTS.c.kind, EVENTS.c.subject)
     query = sa.select(EVENTS).where(EVENTS.c.id.in_(last), EVENTS.c.state == "raised").order_by(EVENTS.c.id)
     return tuple(_event(row) for row in connection.execute(query))
+
+
+def _moment(time: str) -> str:
+    """Return what kept times are compared with as text: in UTC, to the second or with its fraction."""
+    try:
+        moment = datetime.fromisoformat(time)
+    except ValueError:
+        raise HistoryError(
+            f"'{time}' is no time; give one like 2026-03-01 or 2026-03-01T10:00:00+01:00"
+        ) from None
+    moment = moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
+    return moment.replace(tzinfo=None).isoformat()
 
 
 def _event(row: "sa.Row[Any]") -> Event:

@@ -191,11 +191,16 @@ class History:
         kinds
             Of `emaphm.history.events.KINDS`; all where empty.
         since, until
-            First time and the time before which they were made, ISO 8601.
+            First time and the time before which they were made, ISO 8601; UTC where it has no offset.
         after
             The number of an event; only later ones.
         newest_first, limit
             The order, and how many at most.
+
+        Raises
+        ------
+        HistoryError
+            `since` or `until` is no time.
         """
         with self.database.reading() as connection:
             return read_events(
