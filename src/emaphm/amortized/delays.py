@@ -42,7 +42,7 @@ DELAYS = DelaySettings()
 def found_delay(
     estimator: Estimator, recording: Recording, inputs: Inputs, rng: np.random.Generator
 ) -> str | None:
-    """Return what of a `recording` came late or early, a clause; None where nothing clearly did.
+    """Return what of a `recording` seems to come late or early, a clause; None where nothing clearly does.
 
     Looked for in the current and in all channels together. `inputs` drive the averaged model.
     """
@@ -60,11 +60,14 @@ def found_delay(
             tried.append(moved)
     in_time, *others = _left(estimator, in_blocks(np.array(tried), block_of(setup.samples)), inputs, rng)
     found = [
-        (min(pair), f"{name} seems to come a row {'late' if pair[1] < pair[0] else 'early'}")
+        (min(pair), name, "late" if pair[1] < pair[0] else "early")
         for name, pair in zip(kinds, zip(others[::2], others[1::2], strict=True), strict=True)
         if in_time > DELAYS.better * min(pair) and max(pair) > DELAYS.decided * min(pair)
     ]
-    return min(found)[1] if found else None
+    if not found:
+        return None
+    _, name, way = min(found)
+    return f"{name} seems to come a row {way}: taken back, it leaves less"
 
 
 def _taken_back(rows: Array, late: int) -> Array:

@@ -8,6 +8,7 @@ from typing import Self
 import numpy as np
 
 from emaphm.actuator import Actuator
+from emaphm.amortized.delays import found_delay
 from emaphm.amortized.doubt.comparison import RUNS
 from emaphm.amortized.doubt.deviations import OTHERS
 from emaphm.amortized.drawing import PRIOR, SHORTS
@@ -91,7 +92,7 @@ def diagnose_by(
         The recording cannot be of this actuator, by orders of magnitude.
     """
     began = time.perf_counter()
-    asked = _Asked.of(estimator, recording, actuator, seed)
+    asked = _Asked.of(estimator, recording, actuator, seed, alone=fast)
     recording, mixture = asked.recording, asked.mixture
     starts = None
     if asked.answer is None:
@@ -141,7 +142,7 @@ def answer_alone(
     As `diagnose_by` with `fast`, but nothing is searched where the answer will not do. Errors are the same.
     """
     began = time.perf_counter()
-    asked = _Asked.of(estimator, recording, actuator, seed)
+    asked = _Asked.of(estimator, recording, actuator, seed, alone=True)
     if asked.answer is None or asked.reasons:
         return asked.reasons
     return asked.answer.diagnosis(asked.recording, seed, began)
@@ -182,13 +183,16 @@ class _Answer:
     reasons: tuple[str, ...]
 
     @classmethod
-    def of(cls, mixture: Mixture, objective: MapObjective, seed: int) -> Self:
+    def of(cls, mixture: Mixture, objective: MapObjective, seed: int, *, alone: bool) -> Self:
         """Return the answer, with the reasons why it will not do as it is.
 
-        The averaged model there does not explain the recording, or its gain may be a delay.
+        The averaged model there does not explain the recording, or its gain may be a delay; asked where no
+        search follows, `alone`.
         """
         result = SearchResult.at(objective, objective.space.project(mixture.mean))
         moves = moves_at(objective, result.point)
+        if not alone:
+            return cls(mixture, result, moves, ())
         # No Jacobians: they are asked for after a correction only.
         none = np.zeros((1, objective.space.dimensions, objective.channel_rows))
         reasons = reasons_against(result, none, {}, seed, moves=moves)
@@ -259,8 +263,14 @@ class _Asked:
     reasons: tuple[str, ...]
 
     @classmethod
-    def of(cls, estimator: Estimator, recording: Recording, actuator: Actuator, seed: int) -> Self:
-        """Return it, or raise as `diagnose_by` does."""
+    def of(
+        cls, estimator: Estimator, recording: Recording, actuator: Actuator, seed: int, *, alone: bool
+    ) -> Self:
+        """Return it, or raise as `diagnose_by` does.
+
+        Whether the answer will do, and whether a channel comes a row late, is asked where no search follows,
+        `alone`: a search tests for both itself.
+        """
         check_plausible(recording, actuator)
         recording = with_equivalent_current(recording, actuator)
         estimator.check(recording, actuator)
@@ -270,7 +280,11 @@ class _Asked:
         reasons = tuple(finding.sentence.removesuffix(".") for finding in findings) or reasons_not_to_believe(
             estimator, recording, mixture, objective.problem, stream(seed, "likeness of the recording")
         )
+        if alone and not reasons:
+            rng = stream(seed, "delays of the recording")
+            delay = found_delay(estimator, recording, objective.problem.inputs, rng)
+            reasons = () if delay is None else (delay,)
         if reasons:
             return cls(recording, mixture, None, reasons)
-        answer = _Answer.of(mixture, objective, seed)
+        answer = _Answer.of(mixture, objective, seed, alone=alone)
         return cls(recording, mixture, answer, answer.reasons)

@@ -1,6 +1,6 @@
 """When an estimator is not to be believed: recordings unlike those that it was trained on.
 
-What a recording and its answer show is compared with what held-out simulations do, in four ways.
+What a recording and its answer show is compared with what held-out simulations do, in three ways.
 
 1. Two distances of the recording alone from the training set (`Projection.distances`).
 2. Sixteen points of the answer are run by the averaged model, at the price of one, and the recording has to
@@ -10,7 +10,8 @@ What a recording and its answer show is compared with what held-out simulations 
 
 3. What is left of the recording may look like what no simulation has, a late sensor for instance
    (`emaphm.amortized.doubt`).
-4. The recording may be understood better with a row taken back (`emaphm.amortized.delays`).
+
+A fourth is for answers that no search follows: see `emaphm.amortized.delays`.
 
 A network answers whatever it is asked; only a comparison with physics shows an answer that is sure and wrong.
 """
@@ -19,7 +20,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from emaphm.amortized.delays import found_delay
 from emaphm.amortized.doubt.comparison import Comparison
 from emaphm.amortized.estimator import Estimator, Limits
 from emaphm.amortized.networks.mixture import Mixture
@@ -90,9 +90,6 @@ def reasons_not_to_believe(
             "what the model at its answer leaves of the recording is as where sensors err or the actuator is "
             f"not as described, and answers are wrong (a doubt of {doubt:.3g}, at most {limits.doubt:.3g})"
         )
-    if not found:
-        delay = found_delay(estimator, recording, problem.inputs, rng)
-        found += [f"{delay}, and with that taken back the answer leaves less"] if delay else []
     return tuple(found)
 
 

@@ -1,12 +1,15 @@
 """What drives a model: command, load, supply and switch, from a recording or from a planned test."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Self
 
 from emaphm.actuator import Command, Load
 from emaphm.recording import Recording, held, other_curve, reconstructed
 from emaphm.simulation import Inputs
 from emaphm.simulation.engine.inputs import Sampling
+
+MOST_KEPT_STEPS = 4_000_000
+"""Steps up to which signals are kept for the next run of the same model: 32 MB each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +29,7 @@ class DrivingSignals:
     supply: Command | None = None
     enabled: Command | None = None
     other_command: Command | None = None
+    _known: dict[float, Inputs] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def of(cls, recording: Recording) -> Self:
@@ -43,7 +47,9 @@ class DrivingSignals:
 
     def inputs(self, step: float) -> Inputs:
         """Return the signals at every step of a model, `step` [s] long at most."""
-        return Inputs.of(
+        if step in self._known:
+            return self._known[step]
+        inputs = Inputs.of(
             self.command,
             self.load,
             samples=self.samples,
@@ -52,3 +58,6 @@ class DrivingSignals:
             sampling=self.sampling,
             enabled=self.enabled,
         )
+        if inputs.samples * inputs.substeps <= MOST_KEPT_STEPS:
+            self._known[step] = inputs
+        return inputs

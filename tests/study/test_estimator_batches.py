@@ -1,0 +1,46 @@
+"""A back catalogue answered by an estimator: how many, how fast, and whether the folder is its own."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from amortized.toys import constant_estimator
+from emaphm.actuator import Actuator, Chirp
+from emaphm.amortized.recording_setup import RecordingSetup
+from emaphm.errors import StudyError
+from emaphm.study.estimator_batches import answered
+
+SETUP = RecordingSetup.of(Actuator.thesis(), Chirp())
+CENTRE = 0.5 * np.ones(SETUP.space.dimensions)
+
+
+@pytest.fixture(scope="module")
+def estimator(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("estimator") / "unit.estimator"
+    constant_estimator(SETUP, CENTRE, 0.1).save(path)
+    return path
+
+
+def kept(folder: Path, count: int, blocks: int) -> Path:
+    for number in range(2):
+        np.savez(
+            folder / f"shard-{number:05}.npz",
+            points=np.tile(CENTRE, (count, 1)).astype(np.float32),
+            rows=np.zeros((count, 2, blocks), np.float32),
+        )
+    return folder
+
+
+def test_as_many_as_asked_are_answered(estimator: Path, tmp_path: Path) -> None:
+    line = answered(estimator, kept(tmp_path, 3, 1250), most=5)
+    assert line.startswith("5 recordings in ")
+    assert "a second and core; error 0.0" in line
+    assert "coverage 100.0 to 100.0 %" in line
+
+
+def test_other_folders_are_refused(estimator: Path, tmp_path: Path) -> None:
+    with pytest.raises(StudyError, match="no simulations; give the --folder"):
+        answered(estimator, tmp_path, most=5)
+    with pytest.raises(StudyError, match="give its own folder"):
+        answered(estimator, kept(tmp_path, 1, 7), most=5)
