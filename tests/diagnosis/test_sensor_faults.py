@@ -59,7 +59,7 @@ def test_a_delay_of_all_channels_is_no_gain(whole: Recording, rows: int) -> None
         shown[: max(rows, 0)], shown[values.size + min(rows, 0) :] = values[0], values[-1]
         return shown
 
-    check(diagnosed(whole, LINE, late), "all channels", "delay", rows * 2e-4, 2e-5)
+    check(diagnosed(whole, LINE, late), "all channels", "delay", rows * 2e-4, 2.5e-5)
 
 
 @pytest.mark.parametrize(("factor", "kind"), [(-1.0, "reversed"), (0.5, "scale")])

@@ -15,7 +15,6 @@ from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.diagnosis.result import Diagnosis
 from emaphm.diagnosis.selection.deviations import select_deviations
 from emaphm.diagnosis.selection.supply_scan import with_asked_supply
-from emaphm.diagnosis.selection.undetermined import with_undetermined
 from emaphm.diagnosis.verdict import VERDICT, estimates, unexplained
 from emaphm.errors import MethodError, nearest
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS, with_discrepancy
@@ -136,8 +135,6 @@ def diagnose(
         moves = moves_at(result.objective, result.point)
         result, selected, laws = select_deviations(result, chosen, max_corrections, seed, moves=moves)
     result = with_discrepancy(result, seed)
-    if nuisances is None and chosen.least_squares:
-        result = with_undetermined(result, seed)
     diagnosis = replace(
         conclude(result, recording, name, fitness, seed), selected=selected, laws=laws
     ).with_sensor_faults((*sensors.findings, *exchanged))

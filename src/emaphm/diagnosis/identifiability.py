@@ -1,6 +1,6 @@
 """How well an estimate is known, and what of it is identifiable only in combination."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -103,7 +103,7 @@ def further_information(result: SearchResult, seed: int) -> dict[str, Array]:
     missing = tuple(name for name in comparable if name not in measured)
     if not missing:
         return information
-    other = MapObjective(objective.problem.observing(missing), objective.space, objective.prior_weight)
+    other = replace(objective, problem=objective.problem.observing(missing))
     jacobians = jacobians_at(other, result.point, stream(seed, "Jacobians of further channels"))
     signals = other.outputs(result.point[np.newaxis])[0, : other.channel_rows]
     by_channel = zip(np.split(signals, len(missing)), np.split(jacobians, len(missing), axis=2), strict=True)

@@ -5,7 +5,7 @@ nothing that matters have another ripple. The discrepancy is therefore the mean 
 point, with a standard error.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -71,7 +71,7 @@ def discrepancies(
     repeats = REFERENCE_RUNS // n
     separation = rng.normal(0.0, RUN_SEPARATION, (n, repeats, d))
     near = objective.space.project(points[:, np.newaxis] + separation).reshape(-1, d)
-    weighted = MapObjective(reference.like(objective.problem), objective.space, objective.prior_weight)
+    weighted = replace(objective, problem=reference.like(objective.problem))
     runs = weighted.outputs(near).reshape(n, repeats, -1)
     variance = runs.var(axis=1, ddof=1)
     samples, weights = objective.problem.samples, objective.problem.weights

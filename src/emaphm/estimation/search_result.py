@@ -233,33 +233,6 @@ class SearchResult:
         residual = self.residual[: problem.samples] / problem.weights[0]
         return min(problem.noise, noise_level(residual))
 
-    def in_space(self, objective: MapObjective, point: Array) -> Self:
-        """Return the same estimate as a `point` (d,) of an `objective` with other coordinates.
-
-        What is known of the channels stays; the optimiser's scatter of coordinates that were not there is the
-        default.
-        """
-        before, space = self.objective.space, objective.space
-        scatter = default_scatter(point.size)
-        own = [i for i, name in enumerate(space.coordinates) if name in before.coordinates]
-        there = [before.coordinates.index(space.coordinates[i]) for i in own]
-        scatter[np.ix_(own, own)] = self.scatter[np.ix_(there, there)]
-        known = self.discrepancy and replace(
-            self.discrepancy,
-            mean=objective.of_channels(self.discrepancy.mean),
-            standard_error=objective.of_channels(self.discrepancy.standard_error),
-        )
-        return replace(
-            self,
-            objective=objective,
-            point=point,
-            known_outputs=None,
-            correction=objective.of_channels(self.correction),
-            discrepancy=known,
-            scatter=scatter,
-            jacobians=None,
-        )
-
     def reweighted(self) -> Self:
         """Return the result with its channels weighted by its residuals."""
         return self.weighted_as(self.objective.reweighted(self.residual))

@@ -1,6 +1,6 @@
 """The precision of each fault that an excitation will give, predicted from Fisher's information."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -82,7 +82,7 @@ def _switching_residuals(objective: MapObjective, points: Array) -> Array:
     """Return the residual that switching leaves after a correction at each of `points` (n, d), (n, rows)."""
     if not has_reference(objective.problem):
         return np.zeros((len(points), objective.target.size))
-    reference = MapObjective(reference_problem(objective), objective.space, objective.prior_weight)
+    reference = replace(objective, problem=reference_problem(objective))
     near = objective.space.project(points + RUN_SEPARATION)
     runs = reference.outputs(np.concatenate([points, near]))
     # The variance of one run less the mean of several is (1 + 1/n) times that of one, that of two runs twice.

@@ -127,7 +127,7 @@ def reference_costs(objective: MapObjective, points: Array, reference: Problem |
     `reference` is its problem, from `reference_problem`, where that is known.
     """
     other = (reference or reference_problem(objective)).like(objective.problem)
-    outputs = MapObjective(other, objective.space, objective.prior_weight).outputs(points)
+    outputs = replace(objective, problem=other).outputs(points)
     return np.asarray(np.mean((objective.target - outputs) ** 2, axis=1))
 
 

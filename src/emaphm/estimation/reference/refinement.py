@@ -13,7 +13,6 @@ import numpy as np
 from emaphm.estimation.bias_correction import compared, gauss_newton
 from emaphm.estimation.discrepancy import reference_problem
 from emaphm.estimation.finite_differences import replicated_jacobians
-from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
 from emaphm.random_streams import stream
@@ -76,7 +75,7 @@ def _step(
 ) -> SearchResult:
     """Return the best of the points along a Gauss-Newton step from `result` by the reference model."""
     objective, space = result.objective, result.objective.space
-    weighted = MapObjective(reference.like(objective.problem), space, objective.prior_weight)
+    weighted = replace(objective, problem=reference.like(objective.problem))
     jacobians = replicated_jacobians(
         weighted.outputs,
         result.point,

@@ -58,7 +58,7 @@ def local_covariance(
     scores = error_scores(objective.problem, jacobians.mean(axis=0)) + hidden_scores
     sandwich = sandwich_covariance(jacobians, residual, deviations, channels, scores)
     gradient = jacobians.mean(axis=0) @ (residual - bias) / np.mean(residual**2)
-    prior = objective.correlated_rows / deviations**2
+    prior = objective.rows_of_priors / deviations**2
     gradient[faults:] -= prior[faults:] * point[faults:]
     step = np.linalg.solve(sandwich.information + np.diag(prior), gradient)
     return LocalCovariance(sandwich.covariance, step)
