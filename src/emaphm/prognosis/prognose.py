@@ -104,7 +104,7 @@ def prognose(
     made, times = _forecast(followed.belief, evidence, requirements, settings, question.ahead)
     limit = times.commonest
     component = None if limit is None else responsible(made, times, limit, requirements)
-    times = _recalibrated(times, followed.belief)
+    times = times.corrected(followed.belief)
     born = followed.belief.born[CARTESIAN_NAMES.index(_coordinate(component))] if component else 0.0
     return Prognosis(
         evidence=evidence,
@@ -155,16 +155,7 @@ def lives(
     """
     requirements = Requirements(actuator)
     forecasts = [(one, _forecast(one, evidence, requirements, settings, ahead)[1]) for one in beliefs]
-    return [(one.hours, _recalibrated(times, one).first) for one, times in forecasts]
-
-
-def _recalibrated(times: FailureTimes, belief: Belief) -> FailureTimes:
-    """Return failure times as the fleet's record of predictions corrects them."""
-    recalibration = belief.prior.recalibration
-    if recalibration is None:
-        return times
-    age = belief.hours - float(belief.born.min())
-    return replace(times, hours=recalibration.corrected(times.hours, times.first, age))
+    return [(one.hours, times.corrected(one).first) for one, times in forecasts]
 
 
 def _forecast(

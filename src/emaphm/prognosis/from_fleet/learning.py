@@ -10,7 +10,7 @@ from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.evidence import Evidence, Followed, follow
 from emaphm.prognosis.from_fleet.memory import Memory, fingerprint
 from emaphm.prognosis.from_fleet.recalibration import Recalibration
-from emaphm.prognosis.from_fleet.record import FEWEST_FAILED, record_of
+from emaphm.prognosis.from_fleet.record import record_of
 from emaphm.prognosis.from_fleet.references import ECCENTRICITY, References, Track
 from emaphm.prognosis.laws import is_moving
 from emaphm.prognosis.prior import NEW, Hypotheses, Prior, rate_when_new
@@ -91,11 +91,12 @@ def recalibration_by(
     what each that failed teaches. Errors as in `fleet_prior`.
     """
     failed = failed_of(chosen)
-    if len(failed) < FEWEST_FAILED:
-        return None
     parts = [taught[one.unit] for one in failed]
-    priors = [pooled([*parts[:i], *parts[i + 1 :]], general) for i in range(len(failed))]
-    return record_of(failed, priors, actuator, seed)
+
+    def by_others(i: int) -> Prior:
+        return pooled([*parts[:i], *parts[i + 1 :]], general)
+
+    return record_of(failed, by_others, (general.settings, general.reference), actuator, seed)
 
 
 def reference_of(units: Sequence[Evidence]) -> StressReference | None:

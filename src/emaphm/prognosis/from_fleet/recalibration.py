@@ -1,5 +1,6 @@
 """Remaining useful lives corrected by how predictions of past units have turned out."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -109,11 +110,11 @@ class Recalibration:
 def log_rul(sample: Array) -> tuple[float, float]:
     """Return median and standard deviation of ln(RUL), of a `sample` (n,) [h].
 
-    The median is `inf` where half of the sample or more has no failure in sight, -`inf` where it has failed.
+    The median is no number where half of the sample or more has failed, or has no failure in sight.
     """
-    low, middle, high = np.quantile(np.clip(sample, SHORTEST, FORECAST.longest_hours), (0.16, 0.5, 0.84))
     if not 0 < float(np.median(sample)) < FORECAST.longest_hours:
-        return float(np.copysign(np.inf, middle - 2 * SHORTEST)), 1.0
+        return math.nan, 1.0
+    low, middle, high = np.quantile(np.clip(sample, SHORTEST, FORECAST.longest_hours), (0.16, 0.5, 0.84))
     return float(np.log(middle)), max(float(np.log(high / low)) / 2, LEAST_SPREAD)
 
 

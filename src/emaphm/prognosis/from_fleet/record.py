@@ -1,6 +1,6 @@
 """How predictions of the fleet's past units turned out, each predicted from the others."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -27,23 +27,31 @@ RECORDS: Memory[Recalibration] = Memory(8)
 
 
 def record_of(
-    units: Sequence[Evidence], priors: Sequence[Prior], actuator: Actuator, seed: int
+    units: Sequence[Evidence],
+    prior_of: Callable[[int], Prior],
+    about: object,
+    actuator: Actuator,
+    seed: int,
 ) -> Recalibration | None:
-    """Return how predictions of `units` that failed turned out, given for each the prior by the others.
+    """Return how predictions of `units` that failed turned out, each by the prior that the others teach.
 
     None where they are too few, or where a requirement is a measure: its failure times take too long.
     Computed once by a process until a unit changes. Errors as in `lives` and `follow`.
+
+    Parameters
+    ----------
+    prior_of
+        Returns the prior of a unit by its place in `units`: some megabytes, so one after the other.
+    about
+        What these priors have in common, by its `repr`.
     """
     if len(units) < FEWEST_FAILED or any(one.component is None for one in Requirements(actuator).limits):
         return None
     keys = [fingerprint(one, one.failed_at) for one in units]
     requirements = [one.model_dump() for one in actuator.requirements]
-    key = repr((keys, requirements, priors[0].settings, priors[0].reference, seed))
     return RECORDS.get(
-        key,
-        lambda: Recalibration(
-            [_outcome(one, prior, actuator, seed) for one, prior in zip(units, priors, strict=True)]
-        ),
+        repr((keys, requirements, about, seed)),
+        lambda: Recalibration([_outcome(one, prior_of(i), actuator, seed) for i, one in enumerate(units)]),
     )
 
 
