@@ -22,7 +22,7 @@ LEAST_SPREAD = 0.03
 """Standard deviation of the logarithm of a RUL, at the least."""
 
 SHORTEST = 10.0
-"""RUL below which differences do not count [h]."""
+"""RUL [h] that the quantiles have at least, of which a prediction's median and spread are taken."""
 
 NORMAL_90 = 1.645
 """Of a standard normal number, 90 % are below it in size."""
