@@ -10,7 +10,8 @@ import pytest
 
 from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.actuator.toml import write_toml
-from emaphm.history import Finding, History
+from emaphm.history import Finding, History, Removal
+from emaphm.prognosis import Evidence
 from history import made_up
 
 from .conftest import Emaphm, Refusal
@@ -68,6 +69,24 @@ def test_a_unit_that_wears_is_predicted(emaphm: Emaphm, fleet: Path) -> None:
     text = emaphm("prognose", "--unit", "SN-1", "--actuator", "required.toml").out
     assert "remaining useful life:" in text
     assert "advice:" in text
+
+
+def test_units_that_failed_correct_a_prognosis_alone_and_among_all(emaphm: Emaphm, fleet: Path) -> None:
+    chosen = ("--actuator", "required.toml")
+    before = asked(emaphm, "prognose", "--unit", "SN-1", *chosen)["rul_hours"]
+    with History.open(fleet / "history.sqlite") as history:
+        for i, rate in enumerate((8e-4, 1e-3, 1.1e-3, 1.2e-3)):
+            wearing(history, f"SN-{10 + i}", [100.0, 250.0, 400.0], rate, 300 + 10 * i)
+    of_units = asked(emaphm, "prognose", "--unit", "SN-1", *chosen)["rul_hours"]
+    with History.open(fleet / "history.sqlite") as history:
+        for i in range(4):
+            history.add_removal(f"SN-{10 + i}", Removal(450.0 + i, "failed"))
+        assert Evidence.of(history.unit("SN-10")).failed_at == 450.0
+        assert Evidence.of(history.unit("SN-1")).failed_at is None
+    alone = asked(emaphm, "prognose", "--unit", "SN-1", *chosen)
+    assert before != of_units != alone["rul_hours"]
+    every = asked(emaphm, "prognose", "--all", *chosen, "--workers", "1")["units"]
+    assert next(one for one in every if one["unit"] == "SN-1")["rul_hours"] == alone["rul_hours"]
 
 
 def test_the_last_blocks_of_iso_13374_are_the_prognosis(emaphm: Emaphm, fleet: Path) -> None:

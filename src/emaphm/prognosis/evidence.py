@@ -50,6 +50,7 @@ class Evidence:
 
     `replacements` are pairs of hours [h] and component, "unit" standing for all of them; `stresses` what the
     unit was subject to, by hours. Observations are of the first `components`: all 8, or one for an indicator.
+    `failed_at` are the hours [h] at which a failure ended the unit's first life; None if it had another.
     """
 
     unit: str
@@ -59,6 +60,7 @@ class Evidence:
     replacements: tuple[tuple[float, str], ...] = ()
     stresses: tuple[StressPiece, ...] = ()
     components: int = COMPONENTS
+    failed_at: float | None = None
 
     @classmethod
     def of(cls, unit: "Unit", latest: int | None = None) -> "Evidence":
@@ -83,9 +85,16 @@ class Evidence:
             *(one.hours for one in unit.removals()),
             *(hours for hours, _ in replacements),
         ]
-        hours = max(known, default=0.0)
+        unit_lives = unit.lives()
+        has_failed = len(unit_lives) == 1 and unit_lives[0].failed
         return cls(
-            unit.serial_number, unit.part_number, hours, observations, replacements, stress_pieces(flights)
+            unit.serial_number,
+            unit.part_number,
+            max(known, default=0.0),
+            observations,
+            replacements,
+            stress_pieces(flights),
+            failed_at=unit_lives[0].end_hours if has_failed else None,
         )
 
     @property

@@ -8,6 +8,7 @@ import numpy as np
 
 from emaphm.actuator.faults import CARTESIAN_NAMES, HEALTHY, to_cartesian
 from emaphm.arrays import Array
+from emaphm.prognosis.from_fleet.recalibration import Recalibration
 from emaphm.prognosis.from_fleet.references import ECCENTRICITY, References
 from emaphm.prognosis.laws import Mask, Numbers, in_common, rate_scale, transition
 from emaphm.prognosis.settings import (
@@ -64,7 +65,8 @@ class Prior:
     A component's hypothesis is one of the fleet's, `fleet` of shape (k, 8), with probability `fleet_share`,
     else drawn by the settings: a fleet of few units has seen few ways to degrade. A share of the fleet's
     are the ways that its units went, `references`. `reference` is the stress that hours and rates are at;
-    None where no stress was recorded, and an hour is an hour.
+    None where no stress was recorded, and an hour is an hour. `recalibration` is how the fleet's own
+    predictions turned out.
     """
 
     settings: DegradationSettings = DEGRADATION
@@ -73,6 +75,7 @@ class Prior:
     units: int = 0
     reference: StressReference | None = None
     references: References | None = None
+    recalibration: Recalibration | None = None
 
     def draw(self, particles: int, random: np.random.Generator, components: int = COMPONENTS) -> Hypotheses:
         """Return hypotheses of the first `components` of a new unit, each array (particles, components)."""

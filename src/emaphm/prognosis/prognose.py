@@ -104,6 +104,7 @@ def prognose(
     made, times = _forecast(followed.belief, evidence, requirements, settings, question.ahead)
     limit = times.commonest
     component = None if limit is None else responsible(made, times, limit, requirements)
+    times = times.corrected(followed.belief)
     born = followed.belief.born[CARTESIAN_NAMES.index(_coordinate(component))] if component else 0.0
     return Prognosis(
         evidence=evidence,
@@ -153,7 +154,8 @@ def lives(
     `ahead` is the stress to come, as in `prognose`.
     """
     requirements = Requirements(actuator)
-    return [(one.hours, _forecast(one, evidence, requirements, settings, ahead)[1].first) for one in beliefs]
+    forecasts = [(one, _forecast(one, evidence, requirements, settings, ahead)[1]) for one in beliefs]
+    return [(one.hours, times.corrected(one).first) for one, times in forecasts]
 
 
 def _forecast(

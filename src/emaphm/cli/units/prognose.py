@@ -113,7 +113,7 @@ def prognose(
     with History.open(db) as history:
         found = history.unit(unit)
         evidence, described = Evidence.of(found), described or found.actuator
-        prior = learnt_prior(history, found, seed=seed) if fleet else Prior()
+        prior = learnt_prior(history, found, seed=seed, actuator=described) if fleet else Prior()
     result = ask(evidence, described, question, prior=prior, seed=seed)
     if keep:
         with History.open(db) as history:

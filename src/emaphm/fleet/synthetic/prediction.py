@@ -27,7 +27,7 @@ class Prediction:
 
 def predict_unit(evidence: Evidence, others: Sequence[Evidence], asked: Prediction) -> dict[str, Any]:
     """Return what `emaphm prognose --json` prints of a unit, given the other units of the fleet."""
-    prior = fleet_prior(others, seed=asked.seed)
+    prior = fleet_prior(others, seed=asked.seed, actuator=asked.actuator)
     found = prognose(evidence, asked.actuator, Question(asked.horizon), prior=prior, seed=asked.seed)
     return {"synthetic": True, **found.to_dict()}
 

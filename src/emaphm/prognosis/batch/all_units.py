@@ -2,7 +2,7 @@
 
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,9 @@ from emaphm.prognosis.from_fleet.learning import (
     FEWEST_DIAGNOSES,
     MOST_UNITS,
     Taught,
+    failed_of,
     pooled,
+    recalibration_by,
     reference_of,
     taught_by,
     teachers,
@@ -53,17 +55,21 @@ class UnitOutcome:
 
 @dataclass(frozen=True)
 class _Fleet:
-    """What the units of a part number teach, by unit."""
+    """What the units of a part number teach, by unit, and the histories of those that failed."""
 
     reference: StressReference | None
     taught: Mapping[str, Taught]
+    failed: Sequence[Evidence]
 
-    def prior_of(self, unit: str) -> Prior:
+    def prior_of(self, unit: str, actuator: "Actuator", seed: int) -> Prior:
         """Return the prior of a unit, by the others."""
         names = [name for name in self.taught if name != unit][:MOST_UNITS]
         if not names:
             return Prior()
-        return pooled([self.taught[name] for name in names], Prior(reference=self.reference))
+        general = Prior(reference=self.reference)
+        prior = pooled([self.taught[name] for name in names], general)
+        record = recalibration_by(self.failed, self.taught, general, actuator, seed)
+        return prior if record is None else replace(prior, recalibration=record.without(unit))
 
 
 def prognose_all(
@@ -158,7 +164,7 @@ def _fleet(
     teaching = [one for one in lines if one.explained >= FEWEST_DIAGNOSES]
     names = [one.unit.serial_number for one in teachers(teaching)]
     if not names:
-        return _Fleet(None, {})
+        return _Fleet(None, {}, ())
     evidence = _evidence(where, names)
     reference = reference_of(evidence)
     general = Prior(reference=reference)
@@ -169,7 +175,7 @@ def _fleet(
             if outcome.failure:
                 raise ExecutionError(f"what the fleet teaches cannot be computed: {outcome.failure}")
             found[names[outcome.index]] = outcome.result
-    return _Fleet(reference, found)
+    return _Fleet(reference, found, failed_of(evidence))
 
 
 def _evidence(where: str, names: Sequence[str]) -> list[Evidence]:
@@ -203,8 +209,9 @@ def _prognoses(
             try:
                 unit = history.unit(name)
                 evidence = Evidence.of(unit)
-                prior = None if fleet is None else fleet.prior_of(name)
-                made = prognose(evidence, actuator or unit.actuator, question, prior=prior, seed=seed)
+                described = actuator or unit.actuator
+                prior = None if fleet is None else fleet.prior_of(name, described, seed)
+                made = prognose(evidence, described, question, prior=prior, seed=seed)
             except EmaphmError as error:
                 results.append(UnitOutcome(name, {}, error=str(error)))
             else:

@@ -1,6 +1,6 @@
 """What other units of the same part number teach about a new one: laws, life scales and rates."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeVar
 
@@ -9,6 +9,8 @@ import numpy as np
 from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.evidence import Evidence, Followed, follow
 from emaphm.prognosis.from_fleet.memory import Memory, fingerprint
+from emaphm.prognosis.from_fleet.recalibration import Recalibration
+from emaphm.prognosis.from_fleet.record import record_of
 from emaphm.prognosis.from_fleet.references import ECCENTRICITY, References, Track
 from emaphm.prognosis.laws import is_moving
 from emaphm.prognosis.prior import NEW, Hypotheses, Prior, rate_when_new
@@ -18,6 +20,7 @@ from emaphm.prognosis.stress import StressReference
 from emaphm.random_streams import stream
 
 if TYPE_CHECKING:
+    from emaphm.actuator import Actuator
     from emaphm.history import History, Unit
     from emaphm.history.overview import Overview
 
@@ -45,17 +48,55 @@ KEPT = 150
 """Units whose teaching a process remembers, 0.4 MB each."""
 
 
-def learnt_prior(history: "History", unit: "Unit", *, seed: int = 0, latest: int | None = None) -> Prior:
+def learnt_prior(
+    history: "History",
+    unit: "Unit",
+    *,
+    seed: int = 0,
+    latest: int | None = None,
+    actuator: "Actuator | None" = None,
+) -> Prior:
     """Return the `fleet_prior` of a unit, by the others of its part number that have enough diagnoses.
 
     Chosen from the whole fleet before the unit is left out, so that all its units learn from the same ones: a
     process that makes one prognosis after the other follows each of them once. `latest` is how many diagnoses
-    of each are used at most. Errors as in `fleet_prior`; `HistoryError` where the database fails.
+    of each are used at most. The requirements are those of `actuator`, or of the unit's last diagnosis.
+    Errors as in `fleet_prior`; `HistoryError` where the database fails.
     """
     teaching = [one for one in history.overviews(unit.part_number) if one.explained >= FEWEST_DIAGNOSES]
     chosen = [Evidence.of(history.unit(one.unit.serial_number), latest) for one in teachers(teaching)]
     others = [one for one in chosen if one.unit != unit.serial_number][:MOST_UNITS]
-    return fleet_prior(others, Prior(reference=reference_of(chosen)), seed=seed)
+    general = Prior(reference=reference_of(chosen))
+    prior = fleet_prior(others, general, seed=seed)
+    taught = {one.unit: taught_by(one, general, seed) for one in failed_of(chosen)}
+    record = recalibration_by(chosen, taught, general, actuator or unit.actuator, seed)
+    return prior if record is None else replace(prior, recalibration=record.without(unit.serial_number))
+
+
+def failed_of(chosen: Sequence[Evidence]) -> list[Evidence]:
+    """Return the units that failed and teach."""
+    return [one for one in chosen if one.failed_at is not None and len(one.used) >= FEWEST_DIAGNOSES]
+
+
+def recalibration_by(
+    chosen: Sequence[Evidence],
+    taught: Mapping[str, "Taught"],
+    general: Prior,
+    actuator: "Actuator",
+    seed: int,
+) -> Recalibration | None:
+    """Return how predictions of those units turned out that failed, each from the others that failed.
+
+    Units that still work say nothing here, so that their next diagnosis changes nothing of it. `taught` is
+    what each that failed teaches. Errors as in `fleet_prior`.
+    """
+    failed = failed_of(chosen)
+    parts = [taught[one.unit] for one in failed]
+
+    def by_others(i: int) -> Prior:
+        return pooled([*parts[:i], *parts[i + 1 :]], general)
+
+    return record_of(failed, by_others, (general.settings, general.reference), actuator, seed)
 
 
 def reference_of(units: Sequence[Evidence]) -> StressReference | None:
@@ -80,14 +121,21 @@ def evenly(ordered: Sequence[T], most: int = MOST_UNITS) -> list[T]:
     return [ordered[i] for i in np.linspace(0, len(ordered) - 1, most).astype(int)]
 
 
-def fleet_prior(others: Sequence[Evidence], prior: Prior | None = None, *, seed: int = 0) -> Prior:
+def fleet_prior(
+    others: Sequence[Evidence],
+    prior: Prior | None = None,
+    *,
+    seed: int = 0,
+    actuator: "Actuator | None" = None,
+) -> Prior:
     """Return the prior of a new unit, given the `others` of its part number.
 
     Each of the others is followed from the general prior; draws from what is then believed of it, all units
     alike, are what the new unit may be: its hypothesis is one of theirs with probability n / (n + 2), n being
     their number, else of the general prior. A rate is taken back to the new component's by its law. This is
     an empirical Bayes estimate of the distribution over units, which is wider than it by each unit's own
-    uncertainty.
+    uncertainty. With an `actuator`, whose requirements say what a failure is, forecasts are corrected by how
+    those of the failed units turned out.
 
     Errors as in `follow`.
     """
@@ -98,7 +146,11 @@ def fleet_prior(others: Sequence[Evidence], prior: Prior | None = None, *, seed:
         return general
     reference = general.reference or StressReference.of([piece for one in chosen for piece in one.stresses])
     general = replace(general, reference=reference)
-    return pooled([taught_by(one, general, seed) for one in chosen], general)
+    taught = {one.unit: taught_by(one, general, seed) for one in chosen}
+    prior = pooled(list(taught.values()), general)
+    if actuator is None:
+        return prior
+    return replace(prior, recalibration=recalibration_by(chosen, taught, general, actuator, seed))
 
 
 @dataclass(frozen=True, eq=False)

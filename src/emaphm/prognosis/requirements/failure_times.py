@@ -1,6 +1,7 @@
 """When each path of a forecast fails each requirement, and which component is responsible."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,6 +11,9 @@ from emaphm.arrays import Array
 from emaphm.prognosis.forecast import Paths, first_passage
 from emaphm.prognosis.requirements.margins import COMPONENTS, Limit, Requirements, vectors_of
 from emaphm.random_streams import stream
+
+if TYPE_CHECKING:
+    from emaphm.prognosis.belief import Belief
 
 MOST_ATTRIBUTED = 200
 """Failures of a measure that are looked at for the component responsible: the commonest is what is asked."""
@@ -32,6 +36,14 @@ class FailureTimes:
         """The limit that most paths fail first; None where none fails."""
         failed = self.hours.argmin(axis=0)[np.isfinite(self.first)]
         return int(np.bincount(failed).argmax()) if failed.size else None
+
+    def corrected(self, belief: "Belief") -> "FailureTimes":
+        """Return those of a forecast from `belief` as the fleet's record of predictions corrects them."""
+        recalibration = belief.prior.recalibration
+        if recalibration is None:
+            return self
+        age = belief.hours - float(belief.born.min())
+        return replace(self, hours=recalibration.corrected(self.hours, self.first, age))
 
 
 def failure_times(made: Paths, requirements: Requirements, *, seed: int) -> FailureTimes:

@@ -76,7 +76,10 @@ def run(
     run_chain(Chain(PLAN, folder.fleet, workers=workers, on_step=on_step))
     work = _work(folder)
     # Units that have the same fleet share its prior, which takes longer than what is judged with it.
-    priors = {one.fleet: fleet_prior(one.others, seed=one.plan.seed) for one in _first_of_each_fleet(work)}
+    priors = {
+        one.fleet: fleet_prior(one.others, seed=one.plan.seed, actuator=fleet_actuator(one.plan.drawn_from))
+        for one in _first_of_each_fleet(work)
+    }
     chosen = _tasks(work, priors)
     failures = run_tasks(chosen, folder.results, workers=workers, on_task=on_step("judging"))
     if failures:

@@ -1,0 +1,69 @@
+"""How predictions of the fleet's past units turned out, each predicted from the others."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from emaphm.actuator import Actuator
+from emaphm.prognosis.evidence import Evidence, follow
+from emaphm.prognosis.from_fleet.memory import Memory, fingerprint
+from emaphm.prognosis.from_fleet.recalibration import Outcome, Recalibration, log_rul
+from emaphm.prognosis.prior import Prior
+from emaphm.prognosis.prognose import lives
+from emaphm.prognosis.requirements import Requirements
+from emaphm.prognosis.settings import FORECAST
+
+FEWEST_FAILED = 4
+"""Units that have failed below which nothing is corrected."""
+
+AT = (0.1, 0.3, 0.5, 0.7, 0.85, 1.0)
+"""Shares of a past unit's diagnoses after which it is predicted."""
+
+PATHS = replace(FORECAST, paths=300)
+"""Of such a prediction: its median and spread are right to some percent."""
+
+RECORDS: Memory[Recalibration] = Memory(8)
+
+
+def record_of(
+    units: Sequence[Evidence],
+    prior_of: Callable[[int], Prior],
+    about: object,
+    actuator: Actuator,
+    seed: int,
+) -> Recalibration | None:
+    """Return how predictions of `units` that failed turned out, each by the prior that the others teach.
+
+    None where they are too few, or where a requirement is a measure: its failure times take too long.
+    Computed once by a process until a unit changes. Errors as in `lives` and `follow`.
+
+    Parameters
+    ----------
+    prior_of
+        Returns the prior of a unit by its place in `units`: some megabytes, so one after the other.
+    about
+        What these priors have in common, by its `repr`.
+    """
+    if len(units) < FEWEST_FAILED or any(one.component is None for one in Requirements(actuator).limits):
+        return None
+    keys = [fingerprint(one, one.failed_at) for one in units]
+    requirements = [one.model_dump() for one in actuator.requirements]
+    return RECORDS.get(
+        repr((keys, requirements, about, seed)),
+        lambda: Recalibration([_outcome(one, prior_of(i), actuator, seed) for i, one in enumerate(units)]),
+    )
+
+
+def _outcome(evidence: Evidence, prior: Prior, actuator: Actuator, seed: int) -> Outcome:
+    """Return what became of the predictions of a unit."""
+    past = follow(evidence, prior, seed=seed).past
+    at = sorted({round(share * (len(past) - 1)) for share in AT})
+    share, error = [], []
+    for hours, sample in lives([past[i] for i in at], evidence, actuator, settings=PATHS):
+        middle, spread = log_rul(sample)
+        true = (evidence.failed_at or 0.0) - hours
+        if true > 0 and np.isfinite(middle):
+            share.append(hours / (hours + np.exp(middle)))
+            error.append((np.log(true) - middle) / spread)
+    return Outcome(evidence.unit, np.array(share), np.array(error))

@@ -1,0 +1,143 @@
+"""Corrections of a RUL by how predictions of past units turned out."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from emaphm.actuator import Actuator
+from emaphm.actuator.requirements import Requirement
+from emaphm.arrays import Array
+from emaphm.prognosis import Evidence, Observation, Question, fleet_prior, prognose
+from emaphm.prognosis.from_fleet import record
+from emaphm.prognosis.from_fleet.recalibration import Outcome, Recalibration, log_rul
+from emaphm.prognosis.metrics import Prediction, coverage, probability_integral_transform
+from emaphm.prognosis.prior import NEW
+
+LIMIT = 0.6
+ACTUATOR = Actuator.thesis().model_copy(
+    update={"requirements": (Requirement(component="friction", at_most=LIMIT),)}
+)
+FEW = replace(record.PATHS, paths=100)
+
+
+def past(units: int, shift: float, size: float) -> Recalibration:
+    """Return outcomes of predictions that are off by `shift` and too narrow by `size`, in deviations."""
+    random = np.random.default_rng(0)
+    shares = np.linspace(0.1, 0.9, 5)
+    return Recalibration(
+        [Outcome(f"U{i}", shares, shift + size * random.standard_normal(5)) for i in range(units)]
+    )
+
+
+def test_a_corrected_prediction_holds_the_truth_as_often_as_it_says() -> None:
+    random = np.random.default_rng(1)
+    taught = past(300, -0.8, 2.0)
+    before, after = [], []
+    for _ in range(400):
+        median, spread = float(random.uniform(200, 2000)), float(random.uniform(0.1, 0.4))
+        first = median * np.exp(spread * random.standard_normal(500))
+        true = median * np.exp(spread * (-0.8 + 2.0 * random.standard_normal()))
+        corrected = taught.corrected(first, first, age=1000.0)
+        before.append(probability_integral_transform(Prediction(0.0, first), true))
+        after.append(probability_integral_transform(Prediction(0.0, corrected), true))
+    assert coverage(before) < 0.65
+    # Four standard errors of 400 truths, 0.06.
+    assert coverage(after) == pytest.approx(0.9, abs=0.06)
+    assert np.mean(np.array(after) < 0.5) == pytest.approx(0.5, abs=0.1)
+
+
+def test_few_units_correct_little_and_none_nothing() -> None:
+    shift, size = past(5, 1.0, 0.0).correction(0.5)
+    assert shift == pytest.approx(0.5)  # five units weigh as much as no correction
+    assert Recalibration([]).correction(0.5) == (0.0, 1.0)
+    assert past(200, 1.0, 0.0).correction(0.5)[0] == pytest.approx(1.0, abs=0.05)
+    assert size < 1.0
+
+
+def test_what_is_learnt_early_in_life_is_not_said_of_late() -> None:
+    early = Outcome("A", np.full(5, 0.1), np.full(5, 2.0))
+    late = Outcome("B", np.full(5, 0.9), np.full(5, -2.0))
+    both = Recalibration([early, late])
+    assert both.correction(0.1)[0] > 0 > both.correction(0.9)[0]
+    assert both.without("A").correction(0.9)[0] < 0
+
+
+def test_failed_and_endless_lives_stay_and_the_order_too() -> None:
+    first = np.array([0.0, 5.0, 100.0, 300.0, 800.0, np.inf])
+    corrected = past(50, 0.5, 1.5).corrected(first, first, age=500.0)
+    assert corrected[0] == 0.0
+    assert np.isinf(corrected[-1])
+    assert np.all(np.diff(corrected[:-1]) > 0)
+    ended, endless = np.zeros(20), np.full(20, np.inf)
+    for one in (ended, endless):
+        assert past(50, 0.5, 1.5).corrected(one, one, age=500.0).tolist() == one.tolist()
+        assert not np.isfinite(log_rul(one)[0])
+
+
+def saturating(hours: Array | float) -> Array:
+    """Return a level that no law of the filter has: two rises, with a rest between them."""
+    share = np.asarray(hours) / 2000.0
+    return np.asarray(
+        0.33 / (1 + np.exp(-(share - 0.25) / 0.05)) + 0.33 / (1 + np.exp(-(share - 0.9) / 0.05))
+    )
+
+
+def flown(time: float, seed: int, upto: float | None = None) -> Evidence:
+    """Return diagnoses of a unit whose friction goes that way in a multiple of its time."""
+    random = np.random.default_rng(seed)
+    hours = np.arange(0.0, 4000.0 * time, 1.0)
+    failure = float(hours[np.argmax(saturating(hours / time) >= LIMIT)])
+    observations = []
+    for at in np.arange(100.0, upto or failure, 100.0):
+        level = NEW + 0.005 * random.standard_normal(8)
+        level[0] += saturating(at / time)
+        observations.append(Observation(float(at), level, 0.005**2 * np.eye(8), np.ones(8, bool)))
+    last = observations[-1].hours
+    return Evidence(f"unit {seed}", "part", last, tuple(observations), failed_at=failure)
+
+
+@pytest.fixture(scope="module")
+def fleet() -> list[Evidence]:
+    times = np.exp(0.2 * np.random.default_rng(1).standard_normal(6))
+    return [flown(float(time), i) for i, time in enumerate(times)]
+
+
+def test_a_shape_that_no_law_has_is_foreseen_where_the_fleet_has_shown_it(
+    fleet: list[Evidence], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(record, "PATHS", FEW)
+    monkeypatch.setattr(record, "AT", (0.5, 0.8))
+    taught = fleet_prior(fleet, actuator=ACTUATOR)
+    assert taught.recalibration is not None
+    assert sorted(one.unit for one in taught.recalibration.outcomes) == [f"unit {i}" for i in range(6)]
+    new = flown(1.1, 99, upto=1150.0)
+    assert new.failed_at is not None
+    true = new.failed_at - new.hours
+    by_fleet = prognose(new, ACTUATOR, Question(), prior=taught).interval90
+    alone = prognose(new, ACTUATOR, Question()).interval90
+    assert by_fleet[1] is not None
+    assert by_fleet[0] < true < by_fleet[1]
+    assert by_fleet[1] - by_fleet[0] < 0.5 * ((alone[1] or 20_000.0) - alone[0])
+
+
+def test_past_units_are_predicted_once(fleet: list[Evidence], monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[str] = []
+
+    def outcome(evidence: Evidence, *_: Any) -> Outcome:
+        seen.append(evidence.unit)
+        return Outcome(evidence.unit, np.array([0.5]), np.array([0.0]))
+
+    monkeypatch.setattr(record, "_outcome", outcome)
+    # A unit that still works changes nothing, nor does its next diagnosis.
+    for upto in (900.0, 1000.0):
+        working = replace(flown(1.0, 50, upto=upto), failed_at=None)
+        fleet_prior([*fleet, working], seed=7, actuator=ACTUATOR)
+    assert sorted(seen) == sorted(one.unit for one in fleet)
+
+
+def test_a_fleet_without_failures_corrects_nothing(fleet: list[Evidence]) -> None:
+    working = [replace(one, failed_at=None) for one in fleet[:3]]
+    assert fleet_prior(working, actuator=ACTUATOR).recalibration is None
+    assert fleet_prior(working).recalibration is None
