@@ -12,6 +12,7 @@ from emaphm.actuator import Chirp, Faults, Sampled
 from emaphm.arrays import Array
 from emaphm.diagnosis import diagnose, error_percent
 from emaphm.errors import MethodError
+from emaphm.estimation import driving_signals
 from emaphm.estimation.initial_state import initial_state
 from emaphm.estimation.problem import Problem
 from emaphm.recording import Recording, acquire
@@ -373,6 +374,16 @@ def test_a_models_step_divides_the_interval() -> None:
         assert inputs.interval == pytest.approx(INTERVAL)
         assert inputs.step <= model.step * (1 + 1e-9)
         assert inputs.samples == ROWS
+
+
+def test_signals_at_a_models_steps_are_made_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = Problem.of(recorded(), THESIS)
+    assert problem.by(REFERENCE).inputs is problem.by(REFERENCE).inputs
+    monkeypatch.setattr(driving_signals, "MOST_KEPT_STEPS", 0)
+    unkept = Problem.of(recorded(), THESIS)
+    first, second = (unkept.by(REFERENCE).inputs for _ in range(2))
+    assert first is not second
+    np.testing.assert_array_equal(first.command, second.command)
 
 
 def test_phase_currents_and_angle_stand_in_for_the_equivalent_current(shorted: Recording) -> None:

@@ -4,7 +4,9 @@
 
 prints tables in Markdown, on the base setting of docs/accuracy.md with the manoeuvre of the default chirp:
 errors, coverage, false alarms and detected faults; foreign plants and spoilt recordings; the time of each
-diagnosis; and how many recordings a core answers in a second. docs/fast_estimator.md quotes them.
+diagnosis; and how many recordings a core answers in a second. An estimator of the current alone is also asked
+about the thesis's multiple faults. All diagnoses estimate the nuisances that the estimator was trained on.
+docs/fast_estimator.md quotes them.
 """
 
 import argparse
@@ -47,6 +49,7 @@ COUNTS = {"random": 300, "heavy": 300, "healthy": 500, "small": 50}
 """Recordings of each group, of small faults each kind; as in the plan `accuracy`, but for heavy shorts."""
 
 SMALL = 0.05
+MULTIPLE = 10
 FOREIGN_EACH = 20
 LARGEST_BATCH = 1024
 """Recordings answered at once where speed is measured."""
@@ -80,6 +83,19 @@ def of_base_setting(channels: tuple[str, ...], share: float) -> Iterator[Case]:
     for kind in SINGLE:
         for n in range(count["small"]):
             yield case("small", kind, small_fault(kind, SMALL, n), n)
+
+
+def of_multiple(channels: tuple[str, ...]) -> Iterator[Case]:
+    """Yield the thesis's multiple faults in its conditions, if `channels` are the thesis's: the current.
+
+    The recordings differ by their switching, as in the plan `accuracy`.
+    """
+    plan = Plan.load("accuracy")
+    rig = next(rig for rig in plan.rigs if rig.label == "switching disturbed")
+    if channels == rig.channels:
+        faults = Faults.from_mapping(plan.cases["multiple"])
+        for n in range(MULTIPLE):
+            yield Case("multiple", "multiple", tuple(map(float, faults.vector)), rig, n)
 
 
 def of_unlike(channels: tuple[str, ...], share: float) -> Iterator[Case]:
@@ -120,7 +136,10 @@ def _diagnosed(
             return judged(found, truth) | {"method": found.method, "error": _error(found, truth)}
         return {"outcome": NOT_TAKEN, "reasons": list(found)}
     settings = DiagnosisSettings(
-        estimator=None if method == METHODS[2] else path, fast=method == METHODS[0], seed=seed
+        estimator=None if method == METHODS[2] else path,
+        fast=method == METHODS[0],
+        nuisances=None if method == METHODS[0] else Estimator.load(path).setup.nuisances,
+        seed=seed,
     )
     processor = time.process_time()
     diagnosis = settings.diagnosed(recording, actuator)
@@ -157,7 +176,7 @@ def accuracy_table(found: Sequence[tuple[Case, str, dict[str, Any]]]) -> str:
         header,
         "| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |",
     ]
-    for group in ("random", "heavy", "healthy", "small"):
+    for group in ("random", "heavy", "multiple", "healthy", "small"):
         for method in METHODS:
             one = [r for c, m, r in found if c.group == group and m == method and r.get("moves")]
             if not one:
@@ -183,13 +202,14 @@ def _claims(result: dict[str, Any]) -> bool:
 
 
 def coverage_table(found: Sequence[tuple[Case, str, dict[str, Any]]]) -> str:
-    """Return the share of random recordings whose interval holds the truth, by component."""
-    lines = [f"| method | {' | '.join(NAMES)} |", f"| --- |{' ---: |' * len(NAMES)}"]
-    for method in METHODS:
-        one = [r["covered"] for c, m, r in found if c.group == "random" and m == method and "covered" in r]
-        if one:
-            shares = np.mean(one, axis=0)
-            lines.append(f"| {method} | {' | '.join(f'{100 * share:.1f} %' for share in shares)} |")
+    """Return the share of recordings that move whose interval holds the truth, by group and component."""
+    lines = [f"| recordings | method | {' | '.join(NAMES)} |", f"| --- | --- |{' ---: |' * len(NAMES)}"]
+    for group in ("random", "heavy"):
+        for method in METHODS:
+            one = [r["covered"] for c, m, r in found if c.group == group and m == method and r.get("moves")]
+            if one:
+                shares = " | ".join(_percent(share) for share in np.mean(one, axis=0))
+                lines.append(f"| {group}, {len(one)} | {method} | {shares} |")
     return "\n".join(lines)
 
 
@@ -284,7 +304,11 @@ def main() -> None:
     parser.add_argument("--groups", nargs="+", default=(), help="some of the groups of recordings")
     asked = parser.parse_args()
     channels = Estimator.load(asked.estimator).setup.channels
-    every = [*of_base_setting(channels, asked.share), *of_unlike(channels, asked.share)]
+    every = [
+        *of_base_setting(channels, asked.share),
+        *of_multiple(channels),
+        *of_unlike(channels, asked.share),
+    ]
     chosen = [(c, m) for c in every if not asked.groups or c.group in asked.groups for m in asked.methods]
     tasks = [Task(i, perform, (c, m, str(asked.estimator)), name=c.label) for i, (c, m) in enumerate(chosen)]
     results: dict[int, dict[str, Any]] = {}
