@@ -10,7 +10,7 @@ from cases import HEALTHY, THESIS
 from emaphm.actuator import Chirp, Faults
 from emaphm.arrays import Array
 from emaphm.diagnosis import Diagnosis, diagnose
-from emaphm.diagnosis.explanation.reasons import idle_channels, reasons_against
+from emaphm.diagnosis.explanation.reasons import idle_channels, reasons_against, unseen_inertia
 from emaphm.diagnosis.explanation.recorded_noise import rounding_step, usual_noise
 from emaphm.diagnosis.explanation.sensor_scores import SensorScore, sensor_scores, taken_up_of_a_delay
 from emaphm.estimation.objective import faults_objective
@@ -62,6 +62,16 @@ def test_a_channel_that_shows_nothing_is_not_ignored_silently() -> None:
     idle = at_the_truth({"voltage_V": np.zeros(WHOLE.samples)}).objective.problem
     (note,) = idle_channels(idle)
     assert note.startswith("voltage_V is 0 throughout and is not compared")
+
+
+def test_an_inertia_that_nothing_would_show_is_named() -> None:
+    def noted(channels: tuple[str, ...], nuisances: tuple[str, ...] | None = None) -> tuple[str, ...]:
+        recording = Recording({name: COLUMNS[name] for name in ("time_s", "command_rad", *channels)})
+        return unseen_inertia(faults_objective(Problem.of(recording, THESIS, channels=None), nuisances))
+
+    (note,) = noted(CHANNELS[:1])
+    assert "from current_A alone, one that is 5 % off reads as faults" in note
+    assert noted(CHANNELS[:1], ("load", "inertia")) == noted(CHANNELS[:1], ()) == noted(CHANNELS[:2]) == ()
 
 
 def test_spikes_are_no_noise() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from emaphm.actuator import Actuator
 from emaphm.arrays import Array
 from emaphm.diagnosis.explanation.alternatives import with_alternatives
-from emaphm.diagnosis.explanation.reasons import idle_channels, reasons_against
+from emaphm.diagnosis.explanation.reasons import idle_channels, reasons_against, unseen_inertia
 from emaphm.diagnosis.identifiability import identifiability
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.diagnosis.result import Diagnosis
@@ -259,7 +259,7 @@ def conclude(
         recording_notes=(
             *recording.notes,
             *notes_on_means(recording.samples, problem),
-            *(idle_channels(problem) if moves else ()),
+            *((*idle_channels(problem), *unseen_inertia(objective)) if moves else ()),
         ),
         nuisances=nuisance_estimates(objective, result.point, known.covariance),
         collinear_sets=known.collinear_sets,

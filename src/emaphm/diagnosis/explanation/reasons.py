@@ -10,6 +10,7 @@ from emaphm.diagnosis.explanation.known_values import contradicted_values
 from emaphm.diagnosis.explanation.recorded_noise import rounding_step, usual_noise, usual_variance
 from emaphm.diagnosis.explanation.sensor_scores import contradictions
 from emaphm.estimation.nuisances import has_stated_prior, unit_of, usual_deviation
+from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.problem import Problem, comparable_channels, rms
 from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
 from emaphm.estimation.sensors.sensor_model import described_noise, error_kind, sensor_error
@@ -27,6 +28,9 @@ class ResidualSettings:
     noise: float
     model: float
 
+
+KNOWN_INERTIA = 0.01
+"""Standard deviation of an inertia, relative, up to which it needs no note."""
 
 EXPLAINED = {False: ResidualSettings(1.5, 0.05), True: ResidualSettings(1.25, 0.02)}
 """Without and with correction by the reference model. On recordings that the reference model made itself,
@@ -136,6 +140,27 @@ def idle_channels(problem: Problem) -> tuple[str, ...]:
         for name in comparable_channels(problem.actuator, problem.model)
         if name in problem.measured and name not in problem.channels and np.ptp(problem.measured[name]) == 0
     )
+
+
+def unseen_inertia(objective: MapObjective) -> tuple[str, ...]:
+    """Return a note on an inertia that is taken as described where nothing would show another.
+
+    None where no nuisance is estimated: then all is taken as described.
+
+    From the current alone, an inertia 5 % off left no larger residual, and friction that was off by 0.05 in
+    intervals of 0.002, in nine of twelve random fault vectors.
+    """
+    nuisances, problem = objective.space.nuisances, objective.problem
+    prior = usual_deviation(problem.actuator, "inertia")
+    known = "inertia" in (*nuisances.chosen, *nuisances.parameters) or prior <= KNOWN_INERTIA
+    if known or not nuisances.chosen or len(problem.channels) > 1:
+        return ()
+    note = (
+        f"the inertia is taken as described: from {problem.primary} alone, one that is {100 * prior:.2g} % "
+        "off reads as faults, of the friction above all; estimate it too (--nuisance load,temperature,inertia), "
+        "record another channel, or say by 'inertia' under [nuisances] how well it is known"
+    )
+    return (note,)
 
 
 def is_explained(recorded: Array, residual: Array, noise: float, *, corrected: bool) -> bool:
