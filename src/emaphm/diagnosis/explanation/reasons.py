@@ -157,8 +157,9 @@ def unseen_inertia(objective: MapObjective) -> tuple[str, ...]:
         return ()
     note = (
         f"the inertia is taken as described: from {problem.primary} alone, one that is {100 * prior:.2g} % "
-        "off reads as faults, of the friction above all; estimate it too (--nuisance load,temperature,inertia), "
-        "record another channel, or say by 'inertia' under [nuisances] how well it is known"
+        "off reads as faults, of the friction above all; estimate it too (--nuisance "
+        "load,temperature,inertia), record another channel, or say by 'inertia' under [nuisances] how well "
+        "it is known"
     )
     return (note,)
 
