@@ -15,6 +15,7 @@ import numpy as np
 from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.arrays import Array
 from emaphm.diagnosis import Diagnosis, diagnose, error_percent
+from emaphm.estimation.sensors.sensor_model import sensor_of
 from emaphm.random_streams import stream
 from emaphm.recording import Recording, full_scales
 from emaphm.study.cases import random_faults
@@ -90,9 +91,11 @@ def _frozen(values: Array) -> Array:
 class Outcome:
     """What a diagnosis said: whether a fault of a sensor was `named`, `rightly`, and what of it is wrong.
 
-    `error` is that of the fault vector [%], `held` the share of the components inside their intervals.
+    `estimated` says whether it was a parameter of the estimate, named or too small to be. `error` is that of
+    the fault vector [%], `held` the share of the components inside their intervals.
     """
 
+    estimated: bool
     named: bool
     rightly: bool
     explained: bool
@@ -116,7 +119,9 @@ def judged(diagnosis: Diagnosis, truth: Faults, channel: str | None, kind: Kind 
         for one, true in zip(components, truth.vector, strict=True)
     ]
     error = float(error_percent(truth.vector, diagnosis.faults.vector))
-    return Outcome(bool(found), rightly, diagnosis.explained, wrong, error, float(np.mean(held)))
+    nuisance = f"{sensor_of(channel or '')}_{'offset' if kind == 'bias' else kind}"
+    estimated = nuisance in diagnosis.selected
+    return Outcome(estimated, bool(found), rightly, diagnosis.explained, wrong, error, float(np.mean(held)))
 
 
 def _confidently_wrong(diagnosis: Diagnosis, name: str, truth: float) -> bool:
@@ -143,6 +148,7 @@ def rows(
                 recording = spoilt(recording, channel, kind, actuator, seed)
             outcomes.append(judged(diagnose(recording, actuator, seed=seed, workers=1), truth, channel, kind))
         counted = (
+            [one.estimated for one in outcomes],
             [one.named for one in outcomes],
             [one.rightly for one in outcomes],
             [one.explained for one in outcomes],
@@ -160,6 +166,7 @@ def rows(
 HEADER = (
     "sensor",
     "fault",
+    "estimated",
     "named",
     "rightly",
     "explained",
