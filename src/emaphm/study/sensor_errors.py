@@ -1,7 +1,8 @@
 """Recordings with one fault of a sensor each, and what a diagnosis says of them.
 
 ``python -m emaphm.study.sensor_errors 5`` prints the table of docs/sensor_faults.md, of 5 cases a fault;
-``--sensor``, ``--fault`` and ``--channels`` choose one row of it, and what else is recorded.
+``--sensor``, ``--fault`` and ``--channels`` choose one row of it, and what else is recorded; ``--nuisances``
+what is estimated with the faults.
 """
 
 import argparse
@@ -120,7 +121,7 @@ def judged(diagnosis: Diagnosis, truth: Faults, channel: str | None, kind: Kind 
     ]
     error = float(error_percent(truth.vector, diagnosis.faults.vector))
     nuisance = f"{sensor_of(channel or '')}_{'offset' if kind == 'bias' else kind}"
-    estimated = nuisance in diagnosis.selected
+    estimated = nuisance in diagnosis.nuisances
     return Outcome(estimated, bool(found), rightly, diagnosis.explained, wrong, error, float(np.mean(held)))
 
 
@@ -136,8 +137,12 @@ def rows(
     first_seed: int = 0,
     faults: Sequence[tuple[str | None, Kind | None]] = ALL,
     channels: tuple[str, ...] = CHANNELS,
+    nuisances: Sequence[str] | None = None,
 ) -> Iterator[tuple[str, ...]]:
-    """Yield rows of text, one of each of `faults`, as `HEADER` has them, of `count` cases with `channels`."""
+    """Yield rows of text, one of each of `faults`, as `HEADER` has them, of `count` cases with `channels`.
+
+    `nuisances` as in `emaphm.diagnosis.diagnose`.
+    """
     actuator, rig = Actuator.thesis(), Rig(label="sensors", channels=channels)
     for channel, kind in faults:
         outcomes = []
@@ -146,7 +151,8 @@ def rows(
             recording = recorded(rig, actuator, Manoeuvre(), truth, seed)
             if channel is not None and kind is not None:
                 recording = spoilt(recording, channel, kind, actuator, seed)
-            outcomes.append(judged(diagnose(recording, actuator, seed=seed, workers=1), truth, channel, kind))
+            found = diagnose(recording, actuator, nuisances=nuisances, seed=seed, workers=1)
+            outcomes.append(judged(found, truth, channel, kind))
         counted = (
             [one.estimated for one in outcomes],
             [one.named for one in outcomes],
@@ -184,6 +190,9 @@ def main() -> None:
     parser.add_argument("--sensor", choices=CHANNELS, help="a channel; all if left out")
     parser.add_argument("--fault", choices=KINDS, help="a fault; all if left out")
     parser.add_argument("--channels", nargs="+", choices=CHANNELS, default=CHANNELS, help="what is recorded")
+    parser.add_argument(
+        "--nuisances", nargs="+", help="what is estimated; the default looks for what deviates"
+    )
     asked = parser.parse_args()
     chosen = [
         (channel, kind)
@@ -193,7 +202,7 @@ def main() -> None:
         and (channel is None or channel in asked.channels)
     ]
     table = []
-    for row in rows(asked.cases, asked.first, chosen, tuple(asked.channels)):
+    for row in rows(asked.cases, asked.first, chosen, tuple(asked.channels), asked.nuisances):
         table.append(row)
         sys.stderr.write(" | ".join(row) + "\n")
     sys.stdout.write(format_table(HEADER, table) + "\n")
