@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cases import THESIS, drawn, reference_recordings
+from cases import drawn
 from emaphm.estimation.bias_correction import with_discrepancy
 from emaphm.estimation.global_search.exploration import (
     ExplorationSettings,
@@ -15,9 +15,9 @@ from emaphm.estimation.global_search.exploration import (
     is_heavy,
 )
 from emaphm.estimation.objective import MapObjective
-from emaphm.estimation.parameter_space import ParameterSpace
-from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
+
+from .off_truth import objective_of, result_off
 
 HEAVY = np.array([0.6, 0.3, 0.8, 0.75, 0.7, 0.5, 0.3, 0.4])
 FEW = ExplorationSettings(iterations=2, moves=8)
@@ -28,16 +28,8 @@ def objective() -> MapObjective:
     return objective_of(HEAVY)
 
 
-def objective_of(truth: np.ndarray) -> MapObjective:
-    recording = reference_recordings([truth], noise=0.05)[0]
-    return MapObjective.of(Problem.of(recording, THESIS), ParameterSpace.of(THESIS))
-
-
 def near(objective: MapObjective, distance: float) -> SearchResult:
-    """Return the result at a point that is off in every coordinate."""
-    signs = np.random.default_rng(3).choice([-1.0, 1.0], 8)
-    point = objective.space.project(objective.space.points(HEAVY) + distance * signs)
-    return with_discrepancy(SearchResult.at(objective, point), seed=0)
+    return result_off(objective, HEAVY, distance)
 
 
 def test_it_leads_to_a_smaller_misfit_and_states_what_it_has_seen(objective: MapObjective) -> None:

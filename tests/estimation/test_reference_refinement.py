@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 
-from cases import THESIS, drawn, reference_recordings
-from emaphm.estimation.bias_correction import with_discrepancy
+from cases import drawn
 from emaphm.estimation.objective import MapObjective
-from emaphm.estimation.parameter_space import ParameterSpace
-from emaphm.estimation.problem import Problem
 from emaphm.estimation.reference.refinement import RefinementSettings, refine_by_reference
 from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
+
+from .off_truth import objective_of, result_off
 
 TRUTH = drawn(4, seed=7)[1]
 FEW = RefinementSettings(iterations=4, replicates=4)
@@ -17,15 +16,11 @@ FEW = RefinementSettings(iterations=4, replicates=4)
 
 @pytest.fixture(scope="module")
 def objective() -> MapObjective:
-    recording = reference_recordings([TRUTH], noise=0.05)[0]
-    return MapObjective.of(Problem.of(recording, THESIS), ParameterSpace.of(THESIS))
+    return objective_of(TRUTH)
 
 
 def away(objective: MapObjective, distance: float) -> SearchResult:
-    """Return the result at a point that is off in every coordinate."""
-    signs = np.random.default_rng(3).choice([-1.0, 1.0], 8)
-    point = objective.space.project(objective.space.points(TRUTH) + distance * signs)
-    return with_discrepancy(SearchResult.at(objective, point), seed=0)
+    return result_off(objective, TRUTH, distance)
 
 
 def test_it_leads_from_nearby_to_the_truth(objective: MapObjective) -> None:

@@ -16,7 +16,7 @@ from emaphm.amortized.estimator import Estimator
 from emaphm.amortized.networks.network import Single
 from emaphm.amortized.recording_setup import rows_of
 from emaphm.amortized.simulating import block_of, in_blocks
-from emaphm.arrays import Array
+from emaphm.diagnosis.explanation.alternatives import taken_back
 from emaphm.recording import Recording
 from emaphm.simulation import Inputs
 
@@ -56,7 +56,7 @@ def found_delay(
     for which in kinds.values():
         for late in (-DELAYS.rows, DELAYS.rows):
             moved = rows.copy()
-            moved[which] = _taken_back(rows[which], late)
+            moved[which] = taken_back(rows[which], late)
             tried.append(moved)
     in_time, *others = _left(estimator, in_blocks(np.array(tried), block_of(setup.samples)), inputs, rng)
     found = [
@@ -68,12 +68,6 @@ def found_delay(
         return None
     _, name, way = min(found)
     return f"{name} seems to come a row {way}: taken back, it leaves less"
-
-
-def _taken_back(rows: Array, late: int) -> Array:
-    """Return rows (…, samples) that had come `late` rows late, in time; the end values are held."""
-    last = rows.shape[-1] - 1
-    return rows[..., np.clip(np.arange(last + 1) + late, 0, last)]
 
 
 def _left(estimator: Estimator, rows: Single, inputs: Inputs, rng: np.random.Generator) -> list[float]:

@@ -5,6 +5,7 @@ Its minimum is the maximum a posteriori (MAP) estimate of normal residuals and n
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -90,9 +91,9 @@ class MapObjective:
         count[[_is_freed(name, self.space) for name in self.space.coordinates]] = self.correlated_rows
         return count
 
-    @property
+    @cached_property
     def _prior_weights(self) -> Array:
-        """The `prior_weight` of each nuisance coordinate, (nuisances,)."""
+        """The `prior_weight` of each nuisance coordinate, (nuisances,); every simulation asks for it."""
         count = self.rows_of_priors[len(self.space.columns) :]
         return np.asarray(self.prior_weight * (count / CORRELATED_ROWS) ** 0.5)
 

@@ -99,9 +99,14 @@ def beyond_a_delay(gain: Estimate, result: SearchResult, jacobians: Array) -> Es
 
 def _shifted(problem: Problem, late: int) -> Problem:
     """Return the problem of a recording whose compared channels had come `late` rows late, now in time."""
-    rows = np.clip(np.arange(problem.samples) + late, 0, problem.samples - 1)
-    moved = {name: problem.measured[name][rows] for name in problem.channels}
+    moved = {name: taken_back(problem.measured[name], late) for name in problem.channels}
     return replace(problem, measured={**problem.measured, **moved})
+
+
+def taken_back(rows: Array, late: int) -> Array:
+    """Return rows (…, samples) that had come `late` rows late, in time; the end values are held."""
+    last = rows.shape[-1] - 1
+    return rows[..., np.clip(np.arange(last + 1) + late, 0, last)]
 
 
 def _refitted(

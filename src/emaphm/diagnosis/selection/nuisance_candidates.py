@@ -106,7 +106,7 @@ def _worth_trying(scores: Mapping[str, float]) -> list[str]:
     sensors = sorted((name for name in scores if sensor_error(name)), key=lambda name: -scores[name])
     likely = [name for name in sensors if scores[name] > SENSOR_SELECTION.tried_score]
     chosen = likely[: SENSOR_SELECTION.most_tried]
-    if any(scores[name] > SENSOR_SELECTION.sure_score for name in chosen):
+    if _any_sure(scores):
         chosen += [name for name in MADE_UP_FOR if name in scores and name not in chosen]
     return [
         name
@@ -117,14 +117,16 @@ def _worth_trying(scores: Mapping[str, float]) -> list[str]:
 
 def _leaves_less(candidate: Candidate, scores: Mapping[str, float]) -> bool:
     """Return whether a candidate leaves enough less of the residual for a correction of its own."""
-    sure = SENSOR_SELECTION.sure_score
-    if candidate.name in MADE_UP_FOR and any(
-        score > sure for name, score in scores.items() if sensor_error(name)
-    ):
+    if candidate.name in MADE_UP_FOR and _any_sure(scores):
         return candidate.share < SENSOR_SELECTION.made_up_share
-    if sensor_error(candidate.name) and scores[candidate.name] > sure:
+    if sensor_error(candidate.name) and scores[candidate.name] > SENSOR_SELECTION.sure_score:
         return candidate.share < 1.0
     return candidate.share < SELECTION.tried_share
+
+
+def _any_sure(scores: Mapping[str, float]) -> bool:
+    """Return whether any error of a sensor has a large score."""
+    return any(score > SENSOR_SELECTION.sure_score for name, score in scores.items() if sensor_error(name))
 
 
 def _gross_starts(

@@ -1,0 +1,25 @@
+"""Results at points that are off the truth, as the reference model sees them."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cases import THESIS, reference_recordings
+from emaphm.arrays import Array
+from emaphm.estimation.bias_correction import with_discrepancy
+from emaphm.estimation.objective import MapObjective
+from emaphm.estimation.parameter_space import ParameterSpace
+from emaphm.estimation.problem import Problem
+from emaphm.estimation.search_result import SearchResult
+
+
+def objective_of(truth: Array) -> MapObjective:
+    """Return the objective of finding the faults of a noisy recording of the reference model."""
+    recording = reference_recordings([truth], noise=0.05)[0]
+    return MapObjective.of(Problem.of(recording, THESIS), ParameterSpace.of(THESIS))
+
+
+def result_off(objective: MapObjective, truth: ArrayLike, distance: float) -> SearchResult:
+    """Return the result at a point that is `distance` off the `truth` in every coordinate."""
+    signs = np.random.default_rng(3).choice([-1.0, 1.0], 8)
+    point = objective.space.project(objective.space.points(truth) + distance * signs)
+    return with_discrepancy(SearchResult.at(objective, point), seed=0)
