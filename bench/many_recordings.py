@@ -10,13 +10,27 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import emaphm as ema
-from bench.test_batch import MEASURED
 from emaphm.study import cases
 from emaphm.study.record import recorded
 from emaphm.study.rig import Manoeuvre, Rig
 
 DISTINCT = 50
 """Recordings that are simulated; the others are copies with another name."""
+
+MEASURED = """\
+import json, resource, sys
+from pathlib import Path
+from emaphm.cli import main
+if __name__ == "__main__":
+    code = main(["diagnose", sys.argv[1], "--workers", sys.argv[2], "--json"])
+    (own,) = [line.split()[1] for line in Path("/proc/self/status").open() if line.startswith("VmHWM")]
+    worker = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
+    print(json.dumps({"code": code, "peaks_MB": [int(own) / 1024, worker / 1024]}))
+"""
+"""A command that says in the end what memory it had at most, itself and the largest of its workers.
+
+Its own is not from `getrusage`: that keeps the size of the process that it was forked from.
+"""
 
 
 def fill(folder: Path, count: int) -> None:
@@ -31,22 +45,33 @@ def fill(folder: Path, count: int) -> None:
         (folder / f"{i:05}.csv").write_bytes(contents[i % DISTINCT])
 
 
+def peaks_of(folder: Path, workers: int, place: Path) -> tuple[float, float]:
+    """Return the memory [MB] that a diagnosis of all recordings takes at most: its own, and a worker's.
+
+    The command that says so is written to the folder `place`.
+    """
+    script = place / "measured.py"
+    script.write_text(MEASURED, encoding="utf-8")
+    command = [sys.executable, str(script), str(folder), str(workers)]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)  # noqa: S603 - our own script
+    measured = json.loads(done.stdout.splitlines()[-1])
+    assert measured["code"] == 0  # noqa: S101 - all must have been diagnosed
+    own, worker = measured["peaks_MB"]
+    return own, worker
+
+
 def runs(counts: list[int], workers: list[int]) -> Iterator[str]:
     """Yield a row of the table for each number of recordings and of workers."""
     duration = Manoeuvre().duration
     for count in counts:
         with tempfile.TemporaryDirectory() as place:
-            folder, script = Path(place) / "recordings", Path(place) / "measured.py"
+            folder = Path(place) / "recordings"
             folder.mkdir()
             fill(folder, count)
-            script.write_text(MEASURED, encoding="utf-8")
             for number in workers:
                 began = time.perf_counter()
-                command = [sys.executable, str(script), str(folder), str(number)]
-                done = subprocess.run(command, check=True, capture_output=True, text=True)  # noqa: S603 - our own script
+                own, worker = peaks_of(folder, number, Path(place))
                 seconds = (time.perf_counter() - began) / count
-                measured = json.loads(done.stdout.splitlines()[-1])
-                own, worker = measured["peaks_MB"]
                 yield (
                     f"| {count:,} | {number} | {seconds:.2f} s | {duration / seconds:.1f} × | {own:.0f} MB | "
                     f"{worker:.0f} MB |"
