@@ -9,9 +9,16 @@ import pytest
 from emaphm.actuator import Actuator
 from emaphm.actuator.requirements import Requirement
 from emaphm.arrays import Array
+from emaphm.errors import PrognosisError
 from emaphm.prognosis import Evidence, Observation, Question, fleet_prior, prognose
 from emaphm.prognosis.from_fleet import record
-from emaphm.prognosis.from_fleet.recalibration import Outcome, Recalibration, log_rul
+from emaphm.prognosis.from_fleet.recalibration import (
+    Outcome,
+    Recalibration,
+    Situation,
+    log_rul,
+    situation_of,
+)
 from emaphm.prognosis.metrics import Prediction, coverage, probability_integral_transform
 from emaphm.prognosis.prior import NEW
 
@@ -20,6 +27,13 @@ ACTUATOR = Actuator.thesis().model_copy(
     update={"requirements": (Requirement(component="friction", at_most=LIMIT),)}
 )
 FEW = replace(record.PATHS, paths=100)
+FIRST, SECOND = np.array([1.0, 0.0]), np.array([0.0, 1.0])
+
+
+def forecasts(share: Array | float, spread: float = 0.3, first: Array = FIRST) -> Situation:
+    """Return forecasts at some shares of life, by default of which the first of two limits fails first."""
+    share = np.asarray(share)
+    return Situation(share, np.full(share.shape, spread), np.broadcast_to(first, (*share.shape, first.size)))
 
 
 def past(units: int, shift: float, size: float) -> Recalibration:
@@ -27,7 +41,7 @@ def past(units: int, shift: float, size: float) -> Recalibration:
     random = np.random.default_rng(0)
     shares = np.linspace(0.1, 0.9, 5)
     return Recalibration(
-        [Outcome(f"U{i}", shares, shift + size * random.standard_normal(5)) for i in range(units)]
+        [Outcome(f"U{i}", forecasts(shares), shift + size * random.standard_normal(5)) for i in range(units)]
     )
 
 
@@ -39,7 +53,8 @@ def test_a_corrected_prediction_holds_the_truth_as_often_as_it_says() -> None:
         median, spread = float(random.uniform(200, 2000)), float(random.uniform(0.1, 0.4))
         first = median * np.exp(spread * random.standard_normal(500))
         true = median * np.exp(spread * (-0.8 + 2.0 * random.standard_normal()))
-        corrected = taught.corrected(first, first, age=1000.0)
+        never = np.full(first.size, np.inf)
+        corrected = taught.corrected(np.stack([first, never]), age=1000.0)[0]
         before.append(probability_integral_transform(Prediction(0.0, first), true))
         after.append(probability_integral_transform(Prediction(0.0, corrected), true))
     assert coverage(before) < 0.65
@@ -49,30 +64,67 @@ def test_a_corrected_prediction_holds_the_truth_as_often_as_it_says() -> None:
 
 
 def test_few_units_correct_little_and_none_nothing() -> None:
-    shift, size = past(5, 1.0, 0.0).correction(0.5)
+    shift, size = past(5, 1.0, 0.0).correction(forecasts(0.5))
     assert shift == pytest.approx(0.5)  # five units weigh as much as no correction
-    assert Recalibration([]).correction(0.5) == (0.0, 1.0)
-    assert past(200, 1.0, 0.0).correction(0.5)[0] == pytest.approx(1.0, abs=0.05)
+    assert Recalibration([]).correction(forecasts(0.5)) == (0.0, 1.0)
+    assert past(200, 1.0, 0.0).correction(forecasts(0.5))[0] == pytest.approx(1.0, abs=0.05)
     assert size < 1.0
 
 
 def test_what_is_learnt_early_in_life_is_not_said_of_late() -> None:
-    early = Outcome("A", np.full(5, 0.1), np.full(5, 2.0))
-    late = Outcome("B", np.full(5, 0.9), np.full(5, -2.0))
+    early = Outcome("A", forecasts(np.full(5, 0.1)), np.full(5, 2.0))
+    late = Outcome("B", forecasts(np.full(5, 0.9)), np.full(5, -2.0))
     both = Recalibration([early, late])
-    assert both.correction(0.1)[0] > 0 > both.correction(0.9)[0]
-    assert both.without("A").correction(0.9)[0] < 0
+    assert both.correction(forecasts(0.1))[0] > 0 > both.correction(forecasts(0.9))[0]
+    assert both.without("A").correction(forecasts(0.9))[0] < 0
+
+
+def test_a_component_whose_predictions_are_good_is_not_widened_by_one_whose_are_bad() -> None:
+    random = np.random.default_rng(3)
+    shares = np.full(5, 0.5)
+    good = [Outcome(f"A{i}", forecasts(shares), 0.3 * random.standard_normal(5)) for i in range(15)]
+    bad = [
+        Outcome(f"B{i}", forecasts(shares, first=SECOND), 3.0 * random.standard_normal(5)) for i in range(15)
+    ]
+    taught = Recalibration([*good, *bad])
+    _, of_good = taught.correction(forecasts(0.5))
+    _, of_bad = taught.correction(forecasts(0.5, first=SECOND))
+    _, of_either = taught.correction(forecasts(0.5, first=(FIRST + SECOND) / 2))
+    assert of_good < 1 < min(of_either, of_bad)
+
+
+def test_what_was_said_with_certainty_is_corrected_by_what_was_said_so() -> None:
+    random = np.random.default_rng(4)
+    shares = np.full(5, 0.5)
+    sure = [Outcome(f"A{i}", forecasts(shares, 0.05), 3.0 * random.standard_normal(5)) for i in range(15)]
+    unsure = [Outcome(f"B{i}", forecasts(shares, 0.8), 0.3 * random.standard_normal(5)) for i in range(15)]
+    taught = Recalibration([*sure, *unsure])
+    assert taught.correction(forecasts(0.5, 0.05))[1] > 1 > taught.correction(forecasts(0.5, 0.8))[1]
+
+
+def test_how_a_forecast_looks() -> None:
+    hours = np.array([[100.0, 200.0, np.inf, 400.0], [300.0, 150.0, np.inf, np.inf]])
+    found = situation_of(hours, age=275.0)
+    assert found.share == pytest.approx(0.5)
+    assert found.first.tolist() == [0.5, 0.25]
+
+
+def test_a_record_of_other_requirements_is_refused() -> None:
+    with pytest.raises(PrognosisError, match="other requirements"):
+        past(5, 1.0, 1.0).corrected(np.full((3, 10), 100.0), age=100.0)
 
 
 def test_failed_and_endless_lives_stay_and_the_order_too() -> None:
     first = np.array([0.0, 5.0, 100.0, 300.0, 800.0, np.inf])
-    corrected = past(50, 0.5, 1.5).corrected(first, first, age=500.0)
+    never = np.full(first.size, np.inf)
+    corrected = past(50, 0.5, 1.5).corrected(np.stack([first, never]), age=500.0)[0]
     assert corrected[0] == 0.0
     assert np.isinf(corrected[-1])
     assert np.all(np.diff(corrected[:-1]) > 0)
     ended, endless = np.zeros(20), np.full(20, np.inf)
     for one in (ended, endless):
-        assert past(50, 0.5, 1.5).corrected(one, one, age=500.0).tolist() == one.tolist()
+        both = np.stack([one, one])
+        assert past(50, 0.5, 1.5).corrected(both, age=500.0).tolist() == both.tolist()
         assert not np.isfinite(log_rul(one)[0])
 
 
@@ -127,7 +179,7 @@ def test_past_units_are_predicted_once(fleet: list[Evidence], monkeypatch: pytes
 
     def outcome(evidence: Evidence, *_: Any) -> Outcome:
         seen.append(evidence.unit)
-        return Outcome(evidence.unit, np.array([0.5]), np.array([0.0]))
+        return Outcome(evidence.unit, forecasts(np.array([0.5])), np.array([0.0]))
 
     monkeypatch.setattr(record, "_outcome", outcome)
     # A unit that still works changes nothing, nor does its next diagnosis.

@@ -97,6 +97,11 @@ class Belief:
         )
 
     @property
+    def age(self) -> float:
+        """Flight hours since the oldest component was new [h]."""
+        return self.hours - float(self.born.min())
+
+    @property
     def weights(self) -> Array:
         """Weights of the particles for each component, (n, 8); columns sum to 1."""
         return np.asarray(np.exp(self.log_weights))

@@ -7,7 +7,7 @@ import numpy as np
 from emaphm.arrays import Array
 from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.degradation import LARGEST_RATE
-from emaphm.prognosis.laws import Numbers, in_common, is_moving, noises, transition
+from emaphm.prognosis.laws import AnyArray, Mask, Numbers, in_common, is_moving, noises, transition
 from emaphm.prognosis.prior import COMPONENTS, Prior, is_waiting
 from emaphm.prognosis.resampling import drawn_rows, recombined, systematic
 from emaphm.prognosis.settings import AS_ANOTHER, FORECAST, ForecastSettings
@@ -196,19 +196,27 @@ def _grid(settings: ForecastSettings) -> Array:
 
 def _changed(state: State, step: float, prior: Prior, random: np.random.Generator) -> State:
     changes = in_common(random.random(state.law.shape)) < -np.expm1(-step / prior.settings.change_hours)
-    if not changes.any():
+    rows = np.flatnonzero(changes.any(axis=1))
+    if not rows.size:
         return state
-    drawn = prior.general(state.law.shape, state.aged, random)
-    rate = drawn.rate + drawn.rate_deviation * random.standard_normal(state.law.shape)
-    goes_on = is_moving(state.law) & (state.law != AS_ANOTHER) & is_moving(drawn.law)
+    changes, law = changes[rows], state.law[rows]
+    drawn = prior.general(law.shape, state.aged[rows], random)
+    rate = drawn.rate + drawn.rate_deviation * random.standard_normal(law.shape)
+    goes_on = is_moving(law) & (law != AS_ANOTHER) & is_moving(drawn.law)
+
+    def after(before: AnyArray, new: AnyArray, where: Mask = changes) -> AnyArray:
+        result = before.copy()
+        result[rows] = np.where(where, new, before[rows])
+        return result
+
     return replace(
         state,
-        law=np.where(changes, drawn.law, state.law),
-        life_scale=np.where(changes, drawn.life_scale, state.life_scale),
-        shape=np.where(changes, drawn.shape, state.shape),
-        roughness=np.where(changes, drawn.roughness, state.roughness),
-        unevenness=np.where(changes, drawn.unevenness, state.unevenness),
-        rate=np.where(changes & ~goes_on, rate, state.rate),
+        law=after(state.law, drawn.law),
+        life_scale=after(state.life_scale, drawn.life_scale),
+        shape=after(state.shape, drawn.shape),
+        roughness=after(state.roughness, drawn.roughness),
+        unevenness=after(state.unevenness, drawn.unevenness),
+        rate=after(state.rate, rate, changes & ~goes_on),
     )
 
 

@@ -158,6 +158,26 @@ def lives(
     return [(one.hours, times.corrected(one).first) for one, times in forecasts]
 
 
+def uncorrected(
+    beliefs: Sequence[Belief], evidence: Evidence, actuator: Actuator, settings: ForecastSettings
+) -> list[FailureTimes]:
+    """Return when the paths from each of the `beliefs` of a unit, one or more, fail its requirements.
+
+    As forecast, without what the fleet's record corrects. The paths of all are followed together.
+    """
+    states = [_state(one, evidence, settings) for one in beliefs]
+    paces = [
+        np.broadcast_to(pace_ahead(state, one, evidence, None), state.law.shape)
+        for state, one in zip(states, beliefs, strict=True)
+    ]
+    fields = {name: np.concatenate([getattr(one, name) for one in states]) for name in vars(states[0])}
+    seed = beliefs[0].seed
+    made = _paths(State(**fields), beliefs[0], evidence, np.concatenate(paces), settings)
+    times = failure_times(made, Requirements(actuator), seed=seed)
+    parts = np.split(times.hours, len(beliefs), axis=1)
+    return [FailureTimes(times.limits, part) for part in parts]
+
+
 def _forecast(
     belief: Belief,
     evidence: Evidence,
@@ -165,19 +185,30 @@ def _forecast(
     settings: ForecastSettings,
     ahead: Stress | None,
 ) -> tuple[Paths, FailureTimes]:
-    state = drawn_states(belief, settings.paths)
-    hidden = ~evidence.seen
-    state = replace(
+    state = _state(belief, evidence, settings)
+    pace = pace_ahead(state, belief, evidence, ahead)
+    made = _paths(state, belief, evidence, pace, settings)
+    return made, failure_times(made, requirements, seed=belief.seed)
+
+
+def _state(belief: Belief, evidence: Evidence, settings: ForecastSettings) -> State:
+    """Return units that may be, drawn from a belief; components that no diagnosis saw are healthy."""
+    state, hidden = drawn_states(belief, settings.paths), ~evidence.seen
+    return replace(
         state,
         law=np.where(hidden, CONSTANT, state.law).astype(np.int8),
         level=np.where(hidden, NEW, state.level),
         rate=np.where(hidden, 0.0, state.rate),
     )
-    pace = pace_ahead(state, belief, evidence, ahead)
-    made = paths(state, belief.prior, seed=belief.seed, pace=pace, settings=settings)
+
+
+def _paths(
+    state: State, belief: Belief, evidence: Evidence, pace: Array | float, settings: ForecastSettings
+) -> Paths:
+    made, hidden = paths(state, belief.prior, seed=belief.seed, pace=pace, settings=settings), ~evidence.seen
     if hidden.any():
         made.level[:, :, hidden] = NEW[hidden]
-    return made, failure_times(made, requirements, seed=belief.seed)
+    return made
 
 
 def pace_ahead(state: State, belief: Belief, evidence: Evidence, ahead: Stress | None) -> Array | float:

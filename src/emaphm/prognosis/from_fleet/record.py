@@ -8,9 +8,15 @@ import numpy as np
 from emaphm.actuator import Actuator
 from emaphm.prognosis.evidence import Evidence, follow
 from emaphm.prognosis.from_fleet.memory import Memory, fingerprint
-from emaphm.prognosis.from_fleet.recalibration import Outcome, Recalibration, log_rul
+from emaphm.prognosis.from_fleet.recalibration import (
+    Outcome,
+    Recalibration,
+    Situation,
+    log_rul,
+    situation_of,
+)
 from emaphm.prognosis.prior import Prior
-from emaphm.prognosis.prognose import lives
+from emaphm.prognosis.prognose import uncorrected
 from emaphm.prognosis.requirements import Requirements
 from emaphm.prognosis.settings import FORECAST
 
@@ -49,21 +55,23 @@ def record_of(
         return None
     keys = [fingerprint(one, one.failed_at) for one in units]
     requirements = [one.model_dump() for one in actuator.requirements]
-    return RECORDS.get(
-        repr((keys, requirements, about, seed)),
-        lambda: Recalibration([_outcome(one, prior_of(i), actuator, seed) for i, one in enumerate(units)]),
-    )
+
+    def record() -> Recalibration:
+        outcomes = (_outcome(one, prior_of(i), actuator, seed) for i, one in enumerate(units))
+        return Recalibration([one for one in outcomes if one.error.size])
+
+    return RECORDS.get(repr((keys, requirements, about, seed)), record)
 
 
 def _outcome(evidence: Evidence, prior: Prior, actuator: Actuator, seed: int) -> Outcome:
     """Return what became of the predictions of a unit."""
     past = follow(evidence, prior, seed=seed).past
-    at = sorted({round(share * (len(past) - 1)) for share in AT})
-    share, error = [], []
-    for hours, sample in lives([past[i] for i in at], evidence, actuator, settings=PATHS):
-        middle, spread = log_rul(sample)
-        true = (evidence.failed_at or 0.0) - hours
+    chosen = [past[i] for i in sorted({round(share * (len(past) - 1)) for share in AT})]
+    situations, error = [], []
+    for belief, times in zip(chosen, uncorrected(chosen, evidence, actuator, PATHS), strict=True):
+        middle, spread = log_rul(times.first)
+        true = (evidence.failed_at or 0.0) - belief.hours
         if true > 0 and np.isfinite(middle):
-            share.append(hours / (hours + np.exp(middle)))
+            situations.append(situation_of(times.hours, belief.age))
             error.append((np.log(true) - middle) / spread)
-    return Outcome(evidence.unit, np.array(share), np.array(error))
+    return Outcome(evidence.unit, Situation.of(situations), np.array(error))

@@ -42,8 +42,7 @@ class FailureTimes:
         recalibration = belief.prior.recalibration
         if recalibration is None:
             return self
-        age = belief.hours - float(belief.born.min())
-        return replace(self, hours=recalibration.corrected(self.hours, self.first, age))
+        return replace(self, hours=recalibration.corrected(self.hours, belief.age))
 
 
 def failure_times(made: Paths, requirements: Requirements, *, seed: int) -> FailureTimes:
