@@ -3,6 +3,7 @@
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from datetime import timedelta
 from pathlib import Path
 
 import pytest
@@ -62,6 +63,15 @@ def test_what_was_due_when_the_watcher_ended_is_due_again(history: History) -> N
     assert Outlook(history, WATCH.prognosis).waiting == 0
     fly(history, [0.0], first=20.0)
     assert Outlook(history, WATCH.prognosis).waiting == 1
+
+
+def test_a_first_prognosis_that_was_not_made_is_due_again_where_the_recording_is_new(
+    history: History, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fly(history, [0.0])  # and the watcher is killed
+    assert Outlook(history, WATCH.prognosis).waiting == 1
+    monkeypatch.setattr("emaphm.monitoring.outlook.RECENT", timedelta(seconds=-10))  # filled long before
+    assert Outlook(history, WATCH.prognosis).waiting == 0
 
 
 def test_the_other_units_teach_it(history: History) -> None:

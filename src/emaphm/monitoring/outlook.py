@@ -5,6 +5,7 @@ import threading
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
 from functools import partial
 
 import numpy as np
@@ -12,12 +13,16 @@ import numpy as np
 from emaphm.errors import EmaphmError, HistoryError
 from emaphm.execution.one_process import Calls, EndedError
 from emaphm.history import Event, History
+from emaphm.history.views import states
 from emaphm.monitoring.settings import IsolationSettings, PrognosisSettings
 from emaphm.prognosis import Prognosis, Question
 from emaphm.prognosis.keeping import update_prognosis
 from emaphm.prognosis.prognose import DEFAULT_QUESTION
 
 KIND = "rul_below_horizon"
+
+RECENT = timedelta(days=1)
+"""Age of a recording up to which its unit's first prognosis is made at the start of a watcher."""
 
 NICENESS = 5
 """Of the process that makes prognoses: a third of a core where all are busy."""
@@ -40,12 +45,8 @@ class Outlook:
     _under_way: "tuple[str, Future[None]] | None" = None
 
     def __post_init__(self) -> None:
-        kept = self.history.prognoses()
-        if kept:
-            for one in self.history.overviews():
-                before = kept.get(one.unit.serial_number)
-                if before is not None and before.diagnoses != one.recordings:
-                    self.ask(one.unit.serial_number)
+        for unit in _out_of_date(self.history):
+            self.ask(unit)
         self._stop, self._thread = threading.Event(), ThreadPoolExecutor(1, "prognoses")
         self._calls = None
         if self.isolation is not None:
@@ -117,6 +118,27 @@ class Outlook:
 
 class NoPrognosisError(Exception):
     """A prognosis cannot be made; the text says why."""
+
+
+def _out_of_date(history: History) -> list[str]:
+    """Return the units whose prognosis lacks recordings, and those that have none and a `RECENT` recording.
+
+    The latter are those for which a watcher was killed before their first prognosis. A history that was
+    filled long before is not prognosed as a whole.
+    """
+    kept = history.prognoses()
+    since = (datetime.now(UTC) - RECENT).strftime("%Y-%m-%dT%H:%M:%SZ")
+    with history.database.reading() as connection:
+        every = states(connection).values()
+    return [
+        one.serial_number
+        for one in every
+        if (
+            kept[one.serial_number].diagnoses != one.recordings
+            if one.serial_number in kept
+            else one.last_at >= since
+        )
+    ]
 
 
 def prognosed_at(where: str, unit: str, settings: PrognosisSettings, seed: int, watcher: str) -> None:
