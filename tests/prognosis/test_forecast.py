@@ -8,9 +8,10 @@ import pytest
 from scipy.stats import invgauss, kstest, norm, truncnorm
 
 from emaphm.prognosis.belief import Belief
-from emaphm.prognosis.forecast import State, drawn_states, first_passage, paths
+from emaphm.prognosis.forecast import State, drawn_states, paths
 from emaphm.prognosis.laws import noises, transition
 from emaphm.prognosis.prior import NEW, Prior
+from emaphm.prognosis.requirements.first_passage import first_passage
 from emaphm.prognosis.settings import (
     CONSTANT,
     EXPONENTIAL,

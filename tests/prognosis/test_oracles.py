@@ -12,7 +12,7 @@ import pytest
 from scipy.stats import kstest
 
 from emaphm.prognosis import StressReference
-from emaphm.prognosis.forecast import State, first_passage, paths
+from emaphm.prognosis.forecast import State, paths
 from emaphm.prognosis.metrics import (
     Prediction,
     alpha_lambda,
@@ -20,6 +20,7 @@ from emaphm.prognosis.metrics import (
     relative_accuracy,
 )
 from emaphm.prognosis.prior import NEW, Prior
+from emaphm.prognosis.requirements.first_passage import first_passage
 from emaphm.prognosis.settings import CONSTANT, LINEAR, DegradationSettings, ForecastSettings
 from emaphm.prognosis.stress import Stress
 

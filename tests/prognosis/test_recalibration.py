@@ -5,12 +5,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import ks_2samp
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.requirements import Requirement
 from emaphm.arrays import Array
 from emaphm.errors import PrognosisError
 from emaphm.prognosis import Evidence, Observation, Question, fleet_prior, prognose
+from emaphm.prognosis.evidence import follow
 from emaphm.prognosis.from_fleet import record
 from emaphm.prognosis.from_fleet.recalibration import (
     Outcome,
@@ -20,7 +22,9 @@ from emaphm.prognosis.from_fleet.recalibration import (
     situation_of,
 )
 from emaphm.prognosis.metrics import Prediction, coverage, probability_integral_transform
-from emaphm.prognosis.prior import NEW
+from emaphm.prognosis.prior import NEW, Prior
+from emaphm.prognosis.prognose import lives, uncorrected
+from emaphm.prognosis.settings import FORECAST, FilterSettings
 
 LIMIT = 0.6
 ACTUATOR = Actuator.thesis().model_copy(
@@ -172,6 +176,16 @@ def test_a_shape_that_no_law_has_is_foreseen_where_the_fleet_has_shown_it(
     assert by_fleet[1] is not None
     assert by_fleet[0] < true < by_fleet[1]
     assert by_fleet[1] - by_fleet[0] < 0.5 * ((alone[1] or 20_000.0) - alone[0])
+
+
+def test_forecasts_made_together_are_those_made_one_by_one(fleet: list[Evidence]) -> None:
+    past = follow(fleet[0], Prior(), settings=FilterSettings(particles=200)).past
+    chosen = [past[5], past[-1]]
+    settings = replace(FORECAST, paths=600)
+    together = uncorrected(chosen, fleet[0], ACTUATOR, settings)
+    for times, (_, one) in zip(together, lives(chosen, fleet[0], ACTUATOR, settings=settings), strict=True):
+        assert times.first.shape == one.shape
+        assert ks_2samp(times.first, one).pvalue > 0.01
 
 
 def test_past_units_are_predicted_once(fleet: list[Evidence], monkeypatch: pytest.MonkeyPatch) -> None:

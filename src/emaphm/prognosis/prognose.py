@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.faults import CARTESIAN_NAMES, HEALTHY, NAMES
+from emaphm.actuator.faults import CARTESIAN_NAMES
 from emaphm.arrays import Array
 from emaphm.errors import PrognosisError
 from emaphm.prognosis.advice import Costs, advice
@@ -15,7 +15,7 @@ from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.evidence import Evidence, follow
 from emaphm.prognosis.forecast import Paths, State, drawn_states, paths
 from emaphm.prognosis.prior import NEW, Prior
-from emaphm.prognosis.requirements import COMPONENTS, Limit, Requirements, vectors_of
+from emaphm.prognosis.requirements import Requirements, vectors_of
 from emaphm.prognosis.requirements.failure_times import FailureTimes, failure_times, responsible
 from emaphm.prognosis.result import Prognosis
 from emaphm.prognosis.settings import CONSTANT, FORECAST, ForecastSettings
@@ -276,17 +276,9 @@ def _notes(evidence: Evidence, requirements: Requirements, times: FailureTimes, 
         for limit, row in zip(times.limits, times.hours, strict=True)
         if limit.component is None and not np.isfinite(row).any()
     ]
-    harmless = [one.label for one in never if not _can_fail(one, requirements)]
+    harmless = [one.label for one in never if not requirements.can_fail(one)]
     if harmless:
         notes.append(f"no single fault at the end of its scale violates: {', '.join(harmless)}")
     if math.isinf(float(np.median(times.first))):
         notes.append("no failure in sight in more than half of the forecast paths")
     return notes
-
-
-def _can_fail(limit: Limit, requirements: Requirements) -> bool:
-    """Return whether any single fault at an end of its scale violates a limit."""
-    ends = np.tile(HEALTHY.vector, (2 * len(COMPONENTS), 1))
-    for i, name in enumerate(COMPONENTS):
-        ends[2 * i : 2 * i + 2, NAMES.index(name)] = 0.0, 1.0
-    return bool(np.any(requirements.margins(ends, [limit]) < 0))

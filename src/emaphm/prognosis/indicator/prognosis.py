@@ -8,10 +8,11 @@ import numpy as np
 from emaphm.arrays import Array
 from emaphm.prognosis.advice import Advice, advice
 from emaphm.prognosis.evidence import follow
-from emaphm.prognosis.forecast import drawn_states, first_passage, paths
+from emaphm.prognosis.forecast import drawn_states, paths
 from emaphm.prognosis.indicator.readings import FAILING, Indicator
 from emaphm.prognosis.prior import Prior
 from emaphm.prognosis.prognose import DEFAULT_QUESTION, ENOUGH, Question, pace_ahead, stress_notes
+from emaphm.prognosis.requirements.first_passage import first_passage
 from emaphm.prognosis.result import INTERVAL90, advice_text, hours_text, quantile
 from emaphm.prognosis.settings import FORECAST, INDICATOR_FILTER, LAWS, FilterSettings, ForecastSettings
 from emaphm.prognosis.stress import STRESSES, Stress, StressReference, stress_dict

@@ -42,7 +42,7 @@ def update_prognosis(
     """Return the prognosis of `unit`, learning from the others of its part number, and keep it.
 
     It takes about one second for the unit, and 0.5 s for each other unit that is learnt from and that this
-    process has not followed yet, with 100 diagnoses each; 1.2 s more for each that has failed, until another
+    process has not followed yet, with 100 diagnoses each; 1 s more for each that has failed, until another
     fails.
 
     Parameters

@@ -8,7 +8,8 @@ import numpy as np
 from emaphm.actuator import NAMES
 from emaphm.actuator.faults import CARTESIAN_NAMES, HEALTHY
 from emaphm.arrays import Array
-from emaphm.prognosis.forecast import Paths, first_passage
+from emaphm.prognosis.forecast import Paths
+from emaphm.prognosis.requirements.first_passage import first_passage
 from emaphm.prognosis.requirements.margins import COMPONENTS, Limit, Requirements, vectors_of
 from emaphm.random_streams import stream
 

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from emaphm.actuator import NAMES, Actuator
-from emaphm.actuator.faults import from_cartesian
+from emaphm.actuator.faults import HEALTHY, from_cartesian
 from emaphm.actuator.quantity import unit_for
 from emaphm.actuator.requirements import MEASURE_UNITS, Requirement
 from emaphm.arrays import Array
@@ -92,6 +92,13 @@ class Requirements:
         values = self.values(vectors)
         chosen = range(len(self.limits)) if limits is None else [self.limits.index(one) for one in limits]
         return np.stack([self.limits[i].margin(values[i]) for i in chosen])
+
+    def can_fail(self, limit: Limit) -> bool:
+        """Return whether any single fault at an end of its scale violates a limit; errors as in `values`."""
+        ends = np.tile(HEALTHY.vector, (2 * len(COMPONENTS), 1))
+        for i, name in enumerate(COMPONENTS):
+            ends[2 * i : 2 * i + 2, NAMES.index(name)] = 0.0, 1.0
+        return bool(np.any(self.margins(ends, [limit]) < 0))
 
 
 def vectors_of(levels: Array) -> Array:

@@ -1,0 +1,44 @@
+"""When a margin that scatters first falls to 0."""
+
+import numpy as np
+
+from emaphm.arrays import Array
+
+
+def first_passage(hours: Array, margin: Array, noise: Array, random: np.random.Generator) -> Array:
+    """Return when each of n margins first falls to 0 [h], shape (n,); `inf` where it does not.
+
+    Between two times the margin is a Brownian bridge. From m_0 to m_1, both above 0, in h hours it touches 0
+    with probability exp(-2 m_0 m_1 / (q² h)); if it does, the time t of the first passage has
+    t / (h - t) ~ inverse Gaussian(m_0 / |m_1|, m_0² / (q² h)).
+
+    Parameters
+    ----------
+    hours
+        Increasing times [h], shape (m,), the first 0.
+    margin
+        At these times, (m, n). The first passage is at 0 where it begins at 0 or less.
+    noise
+        q, standard deviation of the margin's Wiener process in each step [1/√h], (m - 1, n).
+
+    References
+    ----------
+    [1] Beghin, Orsingher: On the maximum of the generalized Brownian bridge, Lithuanian Mathematical Journal
+        39 (1999). Folks, Chhikara: The inverse Gaussian distribution, Journal of the Royal Statistical
+        Society B 40 (1978).
+    """
+    n = margin.shape[1]
+    passed = np.where(margin[0] <= 0, 0.0, np.inf)
+    for i, step in enumerate(np.diff(hours)):
+        start, end = margin[i], margin[i + 1]
+        variance = noise[i] ** 2 * step
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            touches = np.where(end <= 0, 1.0, np.exp(-2 * start * end / variance))
+        crosses = np.isinf(passed) & (random.random(n) < np.nan_to_num(touches))
+        if not crosses.any():
+            continue
+        a, b = start[crosses], np.maximum(np.abs(end[crosses]), 1e-12)
+        smooth = np.maximum(variance[crosses], 1e-12 * a**2)
+        ratio = random.wald(np.maximum(a / b, 1e-300), np.maximum(a**2 / smooth, 1e-300))
+        passed[crosses] = hours[i] + step * ratio / (1 + ratio)
+    return passed
