@@ -183,7 +183,9 @@ def test_a_prognosis_of_the_server_makes_the_event_of_a_life_that_ends(tmp_path:
         (event,) = history.events()
     assert (event.kind, event.state, event.watcher) == ("rul_below_horizon", "raised", SERVER)
     assert event.details["horizon_hours"] == WATCH.prognosis.horizon
-    assert "within 200 h is 100.0 %, by friction" in event.message
+    risk = event.details["probability_of_failure"]
+    assert risk > 0.99
+    assert f"within 200 h is {100 * risk:.1f} %, by friction" in event.message
 
 
 def test_events_of_the_fleet_are_a_page(client: "TestClient", state: "ServerState") -> None:
