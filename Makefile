@@ -9,8 +9,9 @@ DOCUMENTING := $(VENV)/.documenting
 demo: $(INSTALLED)  ## simulate a faulty actuator, diagnose it, write demo/report.html
 	$(BIN)/emaphm demo --force
 
+# Bytecode is kept, also where the environment says otherwise: the tests start many processes.
 test: $(INSTALLED)  ## run the tests
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile
+	PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile
 
 lint: $(INSTALLED)  ## check style and types
 	$(BIN)/ruff check .

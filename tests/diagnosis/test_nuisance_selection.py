@@ -35,7 +35,7 @@ def heavier(share: float) -> Actuator:
 @pytest.fixture(scope="module")
 def of_heavy() -> list[tuple[Faults, Recording, Diagnosis]]:
     """Return recordings with ten percent more inertia than described, their faults and diagnoses."""
-    pairs = [(FAULTS[i % len(FAULTS)], i) for i in range(2 * len(FAULTS))]
+    pairs = [(FAULTS[i % len(FAULTS)], i) for i in range(len(FAULTS) + 1)]
     recordings = [(faults, recorded(heavier(0.1), faults, seed)) for faults, seed in pairs]
     return [(faults, recording, diagnose(recording, THESIS, workers=2)) for faults, recording in recordings]
 

@@ -48,7 +48,8 @@ def with_voltage(recordings: list[Recording]) -> list[Diagnosis]:
 @pytest.fixture(scope="module")
 def by_current(recordings: list[Recording]) -> list[Diagnosis]:
     kept = ("time_s", "command_rad", "current_A")
-    return [diagnose(Recording({name: one[name] for name in kept}), THESIS, workers=1) for one in recordings]
+    half = recordings[: len(TRUTHS) // 2]
+    return [diagnose(Recording({name: one[name] for name in kept}), THESIS, workers=1) for one in half]
 
 
 def short_errors(diagnoses: list[Diagnosis]) -> Array:
@@ -81,9 +82,10 @@ def test_load_and_temperature_are_found(with_voltage: list[Diagnosis]) -> None:
 def test_from_the_current_alone_shorts_are_as_uncertain_as_the_heat_makes_them(
     with_voltage: list[Diagnosis], by_current: list[Diagnosis]
 ) -> None:
-    inside = np.array([covered(k, d)[2:5] for k, d in zip(TRUTHS, by_current, strict=True)])
+    cases = len(by_current)
+    inside = np.array([covered(k, d)[2:5] for k, d in zip(TRUTHS[:cases], by_current, strict=True)])
     assert inside.mean() > 0.5
-    wider = short_errors(by_current) / short_errors(with_voltage)
+    wider = short_errors(by_current) / short_errors(with_voltage[:cases])
     assert np.median(wider) >= 3.0
     # A load is an offset of the current: that much the current shows by itself.
     for d in by_current:
