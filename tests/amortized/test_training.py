@@ -8,6 +8,7 @@ import pytest
 
 from amortized.toys import CHIRP, short_setup
 from emaphm.amortized import simulating
+from emaphm.amortized.networks.network import Dense
 from emaphm.amortized.simulating import (
     TrainingSet,
     read_shard,
@@ -15,7 +16,7 @@ from emaphm.amortized.simulating import (
     training_folder,
 )
 from emaphm.amortized.train import train_estimator
-from emaphm.amortized.training import Epoch, TrainingSettings, train_network
+from emaphm.amortized.training import Epoch, TrainingSettings, noise_of_features, train_network
 from emaphm.arrays import Array
 from emaphm.errors import ExecutionError, MethodError, OutputError
 from emaphm.simulation import AVERAGED
@@ -79,12 +80,21 @@ def test_numpy_and_torch_run_the_same_network() -> None:
     rows = linear(300, np.random.default_rng(0)).rows
     layer = Projection.of(rows, np.full(1, 0.1, np.float32), 3).layer
     torch.manual_seed(0)
-    module = made(layer, 16, 2, 3, 4)
+    module = made(3, 16, 2, 3, 4).eval()
     for parameter in module.parameters():
         parameter.data = parameter.data.half().float()
     network = converted(module, layer, np.ones(4), 3)
-    expected = module(torch.from_numpy(rows[:9]).flatten(1)).detach().numpy()
+    expected = module(torch.from_numpy(network.features(rows[:9]))).detach().numpy()
     np.testing.assert_allclose(network.outputs(network.features(rows[:9])), expected, rtol=1e-4, atol=1e-4)
+
+
+def test_noise_of_the_features_is_that_of_the_rows() -> None:
+    rng = np.random.default_rng(0)
+    layer = Dense(rng.normal(size=(6, 4)).astype(np.float32), np.zeros(4, np.float32))
+    noise = np.array([0.2, 3.0], np.float32)
+    root = noise_of_features(layer, noise)
+    variances = np.diag([0.2**2] * 3 + [3.0**2] * 3)
+    np.testing.assert_allclose(root.T @ root, layer.weight.T @ variances @ layer.weight, rtol=1e-4)
 
 
 def test_divergence_is_said_and_the_best_state_kept(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -38,13 +38,14 @@ from emaphm.simulation import AVERAGED, Inputs
 class UpdateSettings:
     """How an answer is compared with the averaged model.
 
-    B has `components` rows, chosen by `directions` answers at most. A residual counts up to `largest_row`
-    units in a row and up to `largest` standard deviations in z; a step goes up to `longest` of the answer's.
-    Differences are divided by moves with a `ridge`: a run that a bound has held says little. Units are
-    `floor` of the answer's standard deviations at least: no linear model is as sure as a large J would have
-    it. `at_once` answers are compared together, which takes 130 MB.
+    m and B are those of `differing` draws at most. B has `components` rows, chosen by `directions` answers at
+    most. A residual counts up to `largest_row` units in a row and up to `largest` standard deviations in z; a
+    step goes up to `longest` of the answer's. Differences are divided by moves with a `ridge`: a run that a
+    bound has held says little. Units are `floor` of the answer's standard deviations at least: no linear
+    model is as sure as a large J would have it. `at_once` answers are compared together, which takes 130 MB.
     """
 
+    differing: int = 65_536
     components: int = 256
     directions: int = 2048
     largest_row: float = 30.0
@@ -56,6 +57,10 @@ class UpdateSettings:
 
 
 UPDATE = UpdateSettings()
+
+
+AVERAGED_AT_ONCE = 1024
+"""Runs of the averaged model that are compared with the reference model's together, which takes 100 MB."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,8 +109,9 @@ class Whitening:
         width = channels * blocks
         bare = cls(units, np.zeros(width, np.float32), np.eye(width, dtype=np.float32))
         total, products = np.zeros(width), np.zeros((width, width))
-        for i in range(0, len(draws), UPDATE.at_once):
-            some = draws.part(i, i + UPDATE.at_once)
+        draws = draws.part(0, UPDATE.differing)
+        for i in range(0, len(draws), AVERAGED_AT_ONCE):
+            some = draws.part(i, i + AVERAGED_AT_ONCE)
             averaged = simulated(setup, inputs, AVERAGED, some.points.astype(float))
             differences = bare._flat(some.rows - averaged)
             differences = np.clip(differences, -UPDATE.largest_row, UPDATE.largest_row)
@@ -178,21 +184,23 @@ class Step:
     factors: Array
     features: Single
 
-    @classmethod
+    @staticmethod
     def of(
-        cls,
         setup: RecordingSetup,
         inputs: Inputs,
         whitening: Whitening,
         rows: Single,
         answers: Sequence[Mixture],
-    ) -> Self:
+    ) -> "Step":
         """Return the Gauss-Newton steps from the answers for rows (n, channels, blocks)."""
-        pieces = [
-            _step(setup, inputs, whitening, rows[i : i + UPDATE.at_once], answers[i : i + UPDATE.at_once])
-            for i in range(0, len(rows), UPDATE.at_once)
-        ]
-        return cls(*(np.concatenate(parts) for parts in zip(*pieces, strict=True)))
+        parts = [slice(i, i + UPDATE.at_once) for i in range(0, len(rows), UPDATE.at_once)]
+        return Step.joined([_step(setup, inputs, whitening, rows[part], answers[part]) for part in parts])
+
+    @staticmethod
+    def joined(parts: Sequence["Step"]) -> "Step":
+        """Return the steps of all the parts, in their order."""
+        every = ((one.means, one.factors, one.features) for one in parts)
+        return Step(*(np.concatenate(arrays) for arrays in zip(*every, strict=True)))
 
     def units_of(self, points: Array) -> Array:
         """Return points (n, d) in these units about θ₂."""
@@ -205,8 +213,8 @@ class Step:
 
 def _step(
     setup: RecordingSetup, inputs: Inputs, whitening: Whitening, rows: Single, answers: Sequence[Mixture]
-) -> tuple[Array, Array, Single]:
-    """Return means, factors and features of the steps from answers that are compared together."""
+) -> Step:
+    """Return the steps from answers that are compared together."""
     runs = _Runs.about(setup, inputs, answers)
     one = np.eye(runs.means.shape[1])
     z, moved = whitening.z(rows, runs)
@@ -229,7 +237,9 @@ def _step(
         means / setup.space.prior_deviations,
         np.log(variances) / 2,
     ]
-    return np.asarray(means), np.asarray(factors, float), np.concatenate(features, axis=1).astype(np.float32)
+    return Step(
+        np.asarray(means), np.asarray(factors, float), np.concatenate(features, axis=1).astype(np.float32)
+    )
 
 
 @dataclass(frozen=True, eq=False)

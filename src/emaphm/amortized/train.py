@@ -178,12 +178,21 @@ def _model_update(
 ) -> tuple[ModelUpdate, float]:
     """Return the update, learned from draws that the `first` network has not seen, and its time [s]."""
     began = time.perf_counter()
-    rows = with_noise(unseen, noise_rms(setup), stream(seed, "noise of the update"))
+    learning = stream(seed, "noise of the update")
+    rows = with_noise(unseen.part(0, UPDATE.directions), noise_rms(setup), learning)
     answers = first_answers(first.network, rows)
     whitening = Whitening.of(setup, inputs, training, rows, answers, first.projection.units)
-    step = Step.of(setup, inputs, whitening, rows, answers)
-    rows = with_noise(validation, noise_rms(setup), stream(seed, "validation noise of the update"))
-    held_out = Step.of(setup, inputs, whitening, rows, first_answers(first.network, rows))
+
+    def steps(draws: TrainingSet, rng: np.random.Generator) -> Step:
+        """Return the steps of draws with noise, a part at a time: that of all would not fit into memory."""
+        parts = []
+        for i in range(0, len(draws), SHARD_DRAWS):
+            rows = with_noise(draws.part(i, i + SHARD_DRAWS), noise_rms(setup), rng)
+            parts.append(Step.of(setup, inputs, whitening, rows, first_answers(first.network, rows)))
+        return Step.joined(parts)
+
+    step = steps(unseen, learning)
+    held_out = steps(validation, stream(seed, "validation noise of the update"))
     faults = len(setup.space.columns)
     trained = train_network(
         _in_units(step, unseen.points),

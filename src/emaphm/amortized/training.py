@@ -4,12 +4,12 @@ import copy
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from emaphm.amortized.networks.network import Network, Single
+from emaphm.amortized.networks.network import Dense, Network, Single
 from emaphm.amortized.networks.projection import Projection
 from emaphm.amortized.networks.torch_network import converted, library, loss, made
 from emaphm.amortized.simulating import TrainingSet
@@ -27,7 +27,8 @@ class TrainingSettings:
     along a cosine over `epochs`, weight `decay`, and gradients clipped at `longest_gradient`. Noise is
     multiplied by an even factor within `noise_factor`, drawn anew for every draw and epoch. Training ends
     early after `patience` epochs without a smaller validation loss. One that diverges goes on from the best
-    state at half the rate, `restarts` times at most.
+    state at half the rate, `restarts` times at most. Epochs are fewer where they would make more than
+    `most_steps` batches.
     """
 
     principal: int = 512
@@ -38,11 +39,18 @@ class TrainingSettings:
     rate: float = 1e-3
     warm_up: int = 200
     epochs: int = 40
+    most_steps: int | None = 18_432
     decay: float = 1e-2
     longest_gradient: float = 5.0
     noise_factor: tuple[float, float] = (0.0, 1.5)
     patience: int = 8
     restarts: int = 2
+
+    def of_draws(self, count: int) -> "TrainingSettings":
+        """Return the settings with as many epochs as `count` draws are learned from."""
+        if self.most_steps is None:
+            return self
+        return replace(self, epochs=min(self.epochs, max(1, self.most_steps // max(1, count // self.batch))))
 
 
 TRAINING = TrainingSettings()
@@ -135,18 +143,23 @@ def train_network(
         PyTorch is not installed, or training diverged before it had learned anything.
     """
     torch = library()
+    settings = settings.of_draws(len(training))
     began = time.perf_counter()
     torch.manual_seed(child_seed(seed, "initial weights"))
     projection = Projection.of(training.rows, noise, settings.principal)
     layer = projection.layer
-    module = made(layer, settings.width, settings.depth, settings.components, deviations.size)
+    principal = layer.bias.size
+    module = made(principal, settings.width, settings.depth, settings.components, deviations.size)
+    features = features_of(layer, training.rows)
+    points = (training.points / deviations).astype(np.float32)
+    spread = noise_of_features(layer, noise)
 
     def run_on(restarts: int, step: int) -> _Run:
         child = child_seed(seed, "training")
-        return _Run(torch, module, training, noise, deviations, settings, child, restarts, step)
+        return _Run(torch, module, features, points, spread, settings, child, restarts, step)
 
     run = run_on(0, 0)
-    held_out = with_noise(validation, noise, stream(seed, "validation noise"))
+    held_out = features_of(layer, with_noise(validation, noise, stream(seed, "validation noise")))
     epochs: list[Epoch] = []
     best, least, since, restarts = copy.deepcopy(module.state_dict()), math.inf, 0, 0
     number = 0
@@ -191,41 +204,33 @@ class _Run:
         self,
         torch: Any,
         module: Any,
-        training: TrainingSet,
-        noise: Single,
-        deviations: Array,
+        features: Single,
+        points: Single,
+        spread: Single,
         settings: TrainingSettings,
         seed: int,
         restarts: int,
         step: int,
     ) -> None:
-        self.torch, self.module, self.training, self.settings = torch, module, training, settings
-        self.noise, self.deviations, self.seed = noise, deviations, seed
-        self.restarts, self.step = restarts, step
-        self.points = torch.from_numpy((training.points / deviations).astype(np.float32))
-        self.rows = torch.from_numpy(training.rows)
-        self.per_epoch = max(1, len(training) // settings.batch)
+        self.torch, self.module, self.settings = torch, module, settings
+        self.features, self.points, self.spread = map(torch.from_numpy, (features, points, spread))
+        self.seed, self.restarts, self.step = seed, restarts, step
+        self.per_epoch = max(1, len(features) // settings.batch)
         self.optimizer = torch.optim.AdamW(
-            module.parameters(), lr=settings.rate, weight_decay=settings.decay, betas=(0.9, 0.98)
+            module.parameters(), lr=settings.rate, weight_decay=settings.decay, betas=(0.9, 0.98), fused=True
         )
 
     def epoch(self, number: int) -> float:
         """Learn once from every draw; return the mean loss, nan where it diverged."""
         torch, settings = self.torch, self.settings
         generator = torch.Generator().manual_seed(child_seed(self.seed, "epoch", number))
-        order = torch.randperm(len(self.training), generator=generator)
-        low, high = settings.noise_factor
-        noise = torch.from_numpy(self.noise)[:, None]
+        order = torch.randperm(len(self.features), generator=generator)
         self.module.train()
         total = 0.0
         for batch in range(self.per_epoch):
             chosen = order[batch * settings.batch : (batch + 1) * settings.batch]
-            rows = self.rows[chosen]
-            factor = low + (high - low) * torch.rand(len(chosen), 1, 1, generator=generator)
-            rows = rows + factor * noise * torch.randn(rows.shape, generator=generator)
             self._set_rate()
-            with torch.autocast("cpu", torch.bfloat16, enabled=has_half_precision(torch)):
-                outputs = self.module(rows.flatten(1))
+            outputs = self.module(self._noisy(self.features[chosen], generator))
             value = loss(outputs, self.points[chosen], settings.components).mean()
             self.optimizer.zero_grad()
             value.backward()
@@ -237,6 +242,15 @@ class _Run:
                 return math.nan
         return total / self.per_epoch
 
+    def _noisy(self, features: Any, generator: Any) -> Any:
+        """Return features (n, k) of recordings that each have a noise of their own."""
+        low, high = self.settings.noise_factor
+        if high == 0:
+            return features
+        factor = low + (high - low) * self.torch.rand(len(features), 1, generator=generator)
+        normal = self.torch.randn(features.shape, generator=generator)
+        return features + factor * (normal @ self.spread)
+
     def _set_rate(self) -> None:
         done = self.step / (self.per_epoch * self.settings.epochs)
         rising = min(1.0, (self.step + 1) / self.settings.warm_up)
@@ -245,22 +259,44 @@ class _Run:
             group["lr"] = rate / 2**self.restarts
 
 
-def has_half_precision(torch: Any) -> bool:
-    """Return whether the processor multiplies matrices of bfloat16 itself, three times as fast."""
-    asked = getattr(torch.cpu, "_is_avx512_bf16_supported", None)
-    return bool(asked and asked())
+AT_ONCE = 4096
+"""Draws that noise is added to, or that are projected, together: copies of all would not fit into memory."""
 
 
 def with_noise(held_out: TrainingSet, noise: Single, rng: np.random.Generator) -> Single:
     """Return the rows of a set with the sensors' noise, rms (channels,)."""
-    normal = rng.standard_normal(held_out.rows.shape, dtype=np.float32)
-    return np.asarray(held_out.rows + noise[:, np.newaxis] * normal)
+    rows = np.empty_like(held_out.rows)
+    for i in range(0, len(rows), AT_ONCE):
+        part = held_out.rows[i : i + AT_ONCE]
+        rows[i : i + AT_ONCE] = rng.standard_normal(part.shape, dtype=np.float32)
+        rows[i : i + AT_ONCE] *= noise[:, np.newaxis]
+        rows[i : i + AT_ONCE] += part
+    return rows
+
+
+def features_of(layer: Dense, rows: Single) -> Single:
+    """Return what a network reads of rows (n, channels, blocks), (n, k)."""
+    parts = [
+        layer(rows[i : i + AT_ONCE].reshape(-1, layer.weight.shape[0])) for i in range(0, len(rows), AT_ONCE)
+    ]
+    return np.concatenate(parts)
+
+
+def noise_of_features(layer: Dense, noise: Single) -> Single:
+    """Return S (k, k) by which n S, n (k,) standard normal, is the noise of rows in the features.
+
+    With noise of rms σ in each row and the layer's weights W: S² = Wᵀ diag(σ²) W, S symmetric.
+    """
+    weight = layer.weight * np.repeat(noise, layer.weight.shape[0] // noise.size)[:, np.newaxis]
+    variances, directions = np.linalg.eigh((weight.T @ weight).astype(float))
+    root = directions * np.sqrt(np.maximum(variances, 0.0)) @ directions.T
+    return np.asarray(root.astype(np.float32))
 
 
 def _validated(
     torch: Any,
     module: Any,
-    rows: Single,
+    features: Single,
     validation: TrainingSet,
     deviations: Array,
     settings: TrainingSettings,
@@ -268,10 +304,10 @@ def _validated(
     """Return the mean loss, and the means (n, d) of the answers."""
     module.eval()
     with torch.no_grad():
-        outputs = module(torch.from_numpy(rows).flatten(1))
+        outputs = module(torch.from_numpy(features))
         points = torch.from_numpy((validation.points / deviations).astype(np.float32))
         value = float(loss(outputs, points, settings.components).mean())
-        by_component = outputs.reshape(len(rows), settings.components, -1)
+        by_component = outputs.reshape(len(features), settings.components, -1)
         weights = torch.softmax(by_component[..., 0], dim=1)
         means = (weights[..., None] * by_component[..., 1 : 1 + deviations.size]).sum(1).numpy()
     return value, means * deviations

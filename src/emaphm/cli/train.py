@@ -120,7 +120,7 @@ def train(
                 seed=seed,
                 workers=workers,
                 scheduler=scheduler,
-                settings=TRAINING if epochs is None else replace(TRAINING, epochs=epochs),
+                settings=TRAINING if epochs is None else replace(TRAINING, epochs=epochs, most_steps=None),
                 on_shard=count,
                 on_epoch=_reporter(quiet=as_json),
             )

@@ -40,9 +40,12 @@ class Normalisation:
 
     def __call__(self, h: Single) -> Single:
         """Return the normalised (n, width) values."""
-        centred = h - h.mean(axis=1, keepdims=True)
-        variance = np.mean(centred * centred, axis=1, keepdims=True)
-        return np.asarray(centred / np.sqrt(variance + np.float32(EPSILON)) * self.scale + self.shift)
+        # Sums, not means: of one recording, half of the time would be spent in calling `mean`.
+        width = np.float32(h.shape[1])
+        centred = h - np.add.reduce(h, axis=1, keepdims=True) / width
+        variance = np.add.reduce(centred * centred, axis=1, keepdims=True) / width
+        centred *= 1 / np.sqrt(variance + np.float32(EPSILON))
+        return np.asarray(centred * self.scale + self.shift)
 
 
 @dataclass(frozen=True, eq=False)

@@ -256,9 +256,9 @@ def _with_lumped_parameters(
             raise MethodError(f"parameter '{name}' must be greater than 0; correct its value")
         set_to[name] = np.broadcast_to(column, (plant.count,))
     ripples = {name: set_to.pop(name) for name in list(set_to) if name.startswith("ripple")}
-    changed = replace(plant, **set_to, ripples=_with_ripples(plant.ripples, ripples))
     # Friction larger than what it has to balance would push a standing shaft.
-    return replace(changed, static=np.maximum(changed.static, changed.coulomb))
+    set_to["static"] = np.maximum(set_to.get("static", plant.static), set_to.get("coulomb", plant.coulomb))
+    return replace(plant, **set_to, ripples=_with_ripples(plant.ripples, ripples))
 
 
 def _with_ripples(present: Array, set_to: Mapping[str, Array]) -> Array:
