@@ -1,5 +1,7 @@
 """Delays of a row: found where the recording taken back is clearly understood better, and only there."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,9 +9,12 @@ from amortized.toys import THESIS, constant_estimator
 from emaphm.actuator import Chirp, Faults
 from emaphm.amortized import delays
 from emaphm.amortized.diagnosing import answer_alone, diagnose_by
+from emaphm.amortized.doubt.comparison import Comparison
 from emaphm.amortized.estimator import Estimator
-from emaphm.amortized.networks.network import Single
+from emaphm.amortized.model_update import Whitening
+from emaphm.amortized.networks.mixture import Mixture
 from emaphm.amortized.recording_setup import RecordingSetup
+from emaphm.amortized.simulating import block_of, simulated
 from emaphm.arrays import Array
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
@@ -42,8 +47,8 @@ def understood(recording: Recording, monkeypatch: pytest.MonkeyPatch) -> None:
     """Let an estimator leave what a recording differs by from the one in time, and a little noise."""
     in_time = SURE.rows(recording)
 
-    def left(_estimator: Estimator, rows: Single, *_: object) -> list[float]:
-        return [float(np.mean((one - in_time) ** 2)) + 1e-3 for one in rows]
+    def left(_estimator: Estimator, compared: Comparison) -> tuple[list[float], float]:
+        return [float(np.mean((one - in_time) ** 2)) + 1e-3 for one in compared.rows], 100.0
 
     monkeypatch.setattr(delays, "_left", left)
 
@@ -68,13 +73,41 @@ def test_what_fits_about_as_well_both_ways_is_no_delay(
     recording: Recording, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sizes: dict[str, list[float]] = {"now": []}
-    monkeypatch.setattr(delays, "_left", lambda *_: sizes["now"])
+    monkeypatch.setattr(delays, "_left", lambda *_: (sizes["now"], 100.0))
     sizes["now"] = [1.2, 1.0, 1.3, 1.1, 1.2]
     assert found(recording) is None
     sizes["now"] = [1.2, 1.0, 1.5, 1.1, 1.2]
     assert "all that was measured seems to come a row early" in str(found(recording))
 
 
+def test_a_degraded_gain_may_be_a_delay_where_that_would_not_show(
+    recording: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    alike = [1.0] * 5
+    monkeypatch.setattr(delays, "_left", lambda *_: (alike, 7.9))
+    assert str(found(recording)).startswith("its gain may be a delay: one of a row would change")
+    whole = constant_estimator(SETUP, SETUP.space.points(replace(TRUTH, gain=0.5).vector), 1e-3)
+    assert delays.found_delay(whole, recording, INPUTS, np.random.default_rng(0)) is None
+    monkeypatch.setattr(delays, "_left", lambda *_: (alike, 8.1))
+    assert found(recording) is None
+
+
+def test_a_delay_shows_by_its_length_less_what_the_answer_takes_up() -> None:
+    rows = SETUP.samples // block_of(SETUP.samples) * len(BOTH)
+    seen = Whitening(np.ones(2), np.zeros(rows, np.float32), np.eye(rows, 40, dtype=np.float32))
+    estimator = replace(SURE, update=replace(SURE.update, whitening=seen))
+    points = SETUP.space.points(TRUTH.vector)[np.newaxis]
+    modelled = simulated(SETUP, INPUTS, AVERAGED, points)
+    answers = [Mixture(np.ones(1), points, 1e-6 * np.eye(points.size)[np.newaxis])]
+    compared = Comparison.of(SETUP, INPUTS, modelled, answers, np.random.default_rng(0))
+    residuals, shown = delays._left(estimator, compared)
+    slope = np.gradient(modelled[0, 0].astype(float))[:40]
+    assert residuals[0] < 1e-6
+    assert shown <= np.linalg.norm(slope) / block_of(SETUP.samples) * (1 + 1e-6)
+    assert shown > 0
+
+
+@pytest.mark.usefixtures("any_delay_shows")
 def test_a_gain_that_a_delay_would_explain_is_not_taken_from_the_network() -> None:
     def of_gain(gain: float) -> tuple[Array, Recording]:
         faults = Faults(friction=0.3, gain=gain)

@@ -19,6 +19,8 @@ from emaphm.errors import MethodError
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 
+pytestmark = pytest.mark.usefixtures("any_delay_shows")
+
 TRUTH = Faults(friction=0.4, backlash=0.3, short_b=0.2, eccentricity=0.3, eccentricity_phase=0.7, gain=0.6)
 SETUP = RecordingSetup.of(THESIS, Chirp())
 ANSWER = SETUP.space.points(TRUTH.vector)

@@ -1,5 +1,6 @@
 """Training: on a problem whose posterior is known, and from simulations to a file."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -95,6 +96,13 @@ def test_noise_of_the_features_is_that_of_the_rows() -> None:
     root = noise_of_features(layer, noise)
     variances = np.diag([0.2**2] * 3 + [3.0**2] * 3)
     np.testing.assert_allclose(root.T @ root, layer.weight.T @ variances @ layer.weight, rtol=1e-4)
+
+
+def test_many_draws_are_learned_from_in_fewer_epochs() -> None:
+    settings = TrainingSettings(batch=256, epochs=40, most_steps=1000)
+    assert [settings.of_draws(count).epochs for count in (100, 2560, 256_000, 2_560_000)] == [40, 40, 1, 1]
+    assert settings.of_draws(256 * 100).epochs == 10
+    assert replace(settings, most_steps=None).of_draws(256_000).epochs == 40
 
 
 def test_divergence_is_said_and_the_best_state_kept(monkeypatch: pytest.MonkeyPatch) -> None:

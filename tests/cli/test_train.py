@@ -66,6 +66,7 @@ def test_what_is_asked_wrongly_is_answered_in_one_line(
     assert captured.out == ""
 
 
+@pytest.mark.usefixtures("any_delay_shows")
 def test_json_says_which_method_it_was(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     asked = [
         "diagnose",
@@ -81,6 +82,7 @@ def test_json_says_which_method_it_was(folder: Path, capsys: pytest.CaptureFixtu
     np.testing.assert_allclose(values["k"][0], TRUTH.friction, atol=1e-3)
 
 
+@pytest.mark.usefixtures("any_delay_shows")
 def test_a_batch_is_answered_by_the_estimator(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     asked = ["diagnose", f"{folder}/0.csv", f"{folder}/1.csv", "--estimator", f"{folder}/unit.estimator"]
     assert main([*asked, "--fast", "--json", "--workers", "1", "-o", f"{folder}/batch"]) == 0

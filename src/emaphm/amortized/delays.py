@@ -4,7 +4,7 @@ A channel that comes a row late is taken up as another gain, and what is left of
 little. Asked about the same recording with the row taken back, the estimator finds an answer that leaves
 less; with a row more in the same direction, one that leaves much more. Only both together say that there is
 a delay: of some actuators, healthy ones for instance, current and voltage do not tell a delay from a gain,
-and all three leave about the same.
+and all three leave about the same. Where a row of delay would hardly show, a degraded gain may be one.
 """
 
 from dataclasses import dataclass
@@ -12,11 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.amortized.doubt.comparison import Comparison
+from emaphm.amortized.doubt.deviations import ALL_LATE
 from emaphm.amortized.estimator import Estimator
-from emaphm.amortized.networks.network import Single
 from emaphm.amortized.recording_setup import rows_of
 from emaphm.amortized.simulating import block_of, in_blocks
 from emaphm.diagnosis.explanation.alternatives import taken_back
+from emaphm.diagnosis.verdict import estimates
 from emaphm.recording import Recording
 from emaphm.simulation import Inputs
 
@@ -29,11 +30,15 @@ class DelaySettings:
     less than 1 / `decided` of what it leaves `rows` farther off. Of 100 random vectors that came one row late
     or early 94 to 96 did, of as many in time none; of 100 small faults in time 1 or 2, of 100 vectors with
     heavy shorts 9.
+
+    A delay of `rows` hardly shows where it changes the whitened residual by less than `shown` standard
+    deviations, what the answer's uncertainty takes up apart: of actuators with little but a degraded gain.
     """
 
     rows: int = 1
     better: float = 1.04
     decided: float = 1.4
+    shown: float = 8.0
 
 
 DELAYS = DelaySettings()
@@ -42,9 +47,10 @@ DELAYS = DelaySettings()
 def found_delay(
     estimator: Estimator, recording: Recording, inputs: Inputs, rng: np.random.Generator
 ) -> str | None:
-    """Return what of a `recording` seems to come late or early, a clause; None where nothing clearly does.
+    """Return what of a `recording` seems to come late or early, a clause; None where nothing does.
 
-    Looked for in the current and in all channels together. `inputs` drive the averaged model.
+    Looked for in the current and in all channels together. Where a delay would not show, a degraded gain may
+    be one. `inputs` drive the averaged model.
     """
     setup = estimator.setup
     rows = rows_of(recording, setup.channels)[0]
@@ -58,20 +64,32 @@ def found_delay(
             moved = rows.copy()
             moved[which] = taken_back(rows[which], late)
             tried.append(moved)
-    in_time, *others = _left(estimator, in_blocks(np.array(tried), block_of(setup.samples)), inputs, rng)
+    blocks = in_blocks(np.array(tried), block_of(setup.samples))
+    answers = estimator.answers(blocks, inputs)
+    (in_time, *others), shown = _left(estimator, Comparison.of(setup, inputs, blocks, answers, rng))
     found = [
         (min(pair), name, "late" if pair[1] < pair[0] else "early")
         for name, pair in zip(kinds, zip(others[::2], others[1::2], strict=True), strict=True)
         if in_time > DELAYS.better * min(pair) and max(pair) > DELAYS.decided * min(pair)
     ]
-    if not found:
-        return None
-    _, name, way = min(found)
-    return f"{name} seems to come a row {way}: taken back, it leaves less"
+    if found:
+        _, name, way = min(found)
+        return f"{name} seems to come a row {way}: taken back, it leaves less"
+    space, answer = estimator.space, answers[0]
+    gain = estimates(space, space.project(answer.mean), answer.covariance)["gain"]
+    if gain.verdict == "degraded" and shown < DELAYS.shown:
+        return (
+            "its gain may be a delay: one of a row would change what the answer leaves of it by "
+            f"{shown:.2g} standard deviations only, less than {DELAYS.shown:g}"
+        )
+    return None
 
 
-def _left(estimator: Estimator, rows: Single, inputs: Inputs, rng: np.random.Generator) -> list[float]:
-    """Return the mean squared residual of each of rows (n, channels, blocks) at its answer, whitened."""
-    comparison = Comparison.of(estimator.setup, inputs, rows, estimator.answers(rows, inputs), rng)
-    residuals = comparison.residuals(estimator.update.whitening)
-    return [float(value) for value in np.mean(residuals**2, axis=1)]
+def _left(estimator: Estimator, comparison: Comparison) -> tuple[list[float], float]:
+    """Return the mean squared residual of each recording at its answer, whitened.
+
+    And how many standard deviations a delay of a row makes in that of the first one.
+    """
+    residuals, lengths = comparison.residuals(estimator.update.whitening)
+    shown = DELAYS.rows * lengths[0, ALL_LATE] / block_of(estimator.setup.samples)
+    return [float(value) for value in np.mean(residuals**2, axis=1)], float(shown)

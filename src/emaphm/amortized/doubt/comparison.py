@@ -84,9 +84,13 @@ class Comparison:
         ]
         return np.concatenate(found, axis=1).astype(np.float32)
 
-    def residuals(self, whitening: Whitening) -> Array:
-        """Return the whitened residual at each answer (n, k), less what the answer's uncertainty takes up."""
-        return np.asarray(self._left(whitening)[:, 0])
+    def residuals(self, whitening: Whitening) -> tuple[Array, Array]:
+        """Return the whitened residual at each answer (n, k), and the length of each direction (n, m).
+
+        Both less what the answer's uncertainty takes up; directions are as in `deviation_directions`.
+        """
+        left = self._left(whitening)
+        return left[:, 0], np.linalg.norm(left[:, 1:], axis=2)
 
     def _left(self, whitening: Whitening) -> Array:
         """Return the whitened residual and directions (n, 1 + m, k), less what the draws' runs take up."""

@@ -48,6 +48,9 @@ INERTIA_STEP = 0.05
 OTHERS = 2
 """Runs that `other_descriptions` returns for each point."""
 
+ALL_LATE = OTHERS
+"""Place of the delay of all channels among `deviation_directions`."""
+
 
 def smooth_friction(actuator: Actuator) -> Actuator:
     """Return `actuator` with a smooth friction; as it is where its description has one."""
