@@ -109,7 +109,6 @@ class Whitening:
         width = channels * blocks
         bare = cls(units, np.zeros(width, np.float32), np.eye(width, dtype=np.float32))
         total, products = np.zeros(width), np.zeros((width, width))
-        draws = draws.part(0, UPDATE.differing)
         for i in range(0, len(draws), AVERAGED_AT_ONCE):
             some = draws.part(i, i + AVERAGED_AT_ONCE)
             averaged = simulated(setup, inputs, AVERAGED, some.points.astype(float))

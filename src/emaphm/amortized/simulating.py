@@ -157,11 +157,20 @@ def simulate_shards(
 
 def read_shards(folder: WorkFolder, numbers: Sequence[int]) -> TrainingSet:
     """Return the draws of the shards `numbers`, which `simulate_shards` has made."""
-    held = [read_shard(_path(folder, number)) for number in numbers]
-    if any(one is None for one in held):
-        raise ExecutionError(f"{folder.path}: a shard is gone or damaged; start again to have it made again")
-    points, rows = zip(*(one for one in held if one is not None), strict=True)
-    return TrainingSet(np.concatenate(points), np.concatenate(rows))
+    points: list[Single] = []
+    rows = np.zeros((0, 0, 0), np.float32)
+    for i, number in enumerate(numbers):
+        held = read_shard(_path(folder, number))
+        if held is None:
+            raise ExecutionError(
+                f"{folder.path}: a shard is gone or damaged; start again to have it made again"
+            )
+        if i == 0:
+            # Whole at once: a list of all shards and what is made of it would take twice the memory.
+            rows = np.empty((len(numbers) * len(held[1]), *held[1].shape[1:]), np.float32)
+        points.append(held[0])
+        rows[i * len(held[1]) : (i + 1) * len(held[1])] = held[1]
+    return TrainingSet(np.concatenate(points), rows)
 
 
 def training_folder(path: Path, setup: RecordingSetup, seed: int) -> WorkFolder:

@@ -66,7 +66,7 @@ def train_estimator(
     command: Command,
     folder: str | Path,
     *,
-    simulations: int = 65_536,
+    simulations: int = 262_144,
     seed: int = 0,
     workers: int | None = None,
     scheduler: str | None = None,
@@ -104,6 +104,7 @@ def train_estimator(
     place = training_folder(Path(folder), setup, seed)
     count = -(-simulations // SHARD_DRAWS)
     further = -(-3 * count // 4)
+    inputs = setup.inputs(command, AVERAGED.step_for(setup.actuator))
     with place.locked():
         place.clear()
         began = time.perf_counter()
@@ -118,20 +119,23 @@ def train_estimator(
             on_shard=on_shard,
         )
         simulating = time.perf_counter() - began
+
+        def draws(first: int, stop: int) -> TrainingSet:
+            """Return those of some shards; they stay in memory only as long as they are needed."""
+            return read_shards(place, range(first, stop))
+
         # The first are held out: with more simulations they stay the same.
-        validation = read_shards(place, range(HELD_OUT))
-        judging = read_shards(place, range(HELD_OUT, 2 * HELD_OUT))
+        validation, judging = draws(0, HELD_OUT), draws(HELD_OUT, 2 * HELD_OUT)
         first = 2 * HELD_OUT + count
-        training = read_shards(place, range(2 * HELD_OUT, first))
-        unseen = read_shards(place, range(first, first + further))
-    inputs = setup.inputs(command, AVERAGED.step_for(setup.actuator))
-    trained = _first_network(setup, training, validation, seed, settings, on_epoch)
-    update, second = _model_update(setup, inputs, trained, training, unseen, validation, seed, on_epoch)
+        trained = _first_network(setup, draws(2 * HELD_OUT, first), validation, seed, settings, on_epoch)
+        compared = draws(2 * HELD_OUT, 2 * HELD_OUT + min(count, -(-UPDATE.differing // SHARD_DRAWS)))
+        unseen = draws(first, first + further)
+    update, second = _model_update(setup, inputs, trained, compared, unseen, validation, seed, on_epoch)
     answering = _Answering.of(setup, inputs, trained, update, validation, seed)
     doubt, third = _doubt(answering, unseen.part(0, DOUBTED), validation, seed)
     facts = {
         "version": VERSION,
-        "simulations": len(training),
+        "simulations": count * SHARD_DRAWS,
         "update_simulations": len(unseen),
         "simulation_seconds": round(simulating, 1),
         "training_seconds": round(trained.seconds + second + third, 1),
@@ -170,18 +174,21 @@ def _model_update(
     setup: RecordingSetup,
     inputs: Inputs,
     first: Trained,
-    training: TrainingSet,
+    compared: TrainingSet,
     unseen: TrainingSet,
     validation: TrainingSet,
     seed: int,
     on_epoch: OnEpoch | None,
 ) -> tuple[ModelUpdate, float]:
-    """Return the update, learned from draws that the `first` network has not seen, and its time [s]."""
+    """Return the update, learned from draws that the `first` network has not seen, and its time [s].
+
+    `compared` are those of which the reference model and the averaged one are compared.
+    """
     began = time.perf_counter()
     learning = stream(seed, "noise of the update")
     rows = with_noise(unseen.part(0, UPDATE.directions), noise_rms(setup), learning)
     answers = first_answers(first.network, rows)
-    whitening = Whitening.of(setup, inputs, training, rows, answers, first.projection.units)
+    whitening = Whitening.of(setup, inputs, compared, rows, answers, first.projection.units)
 
     def steps(draws: TrainingSet, rng: np.random.Generator) -> Step:
         """Return the steps of draws with noise, a part at a time: that of all would not fit into memory."""

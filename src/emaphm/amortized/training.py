@@ -28,7 +28,7 @@ class TrainingSettings:
     multiplied by an even factor within `noise_factor`, drawn anew for every draw and epoch. Training ends
     early after `patience` epochs without a smaller validation loss. One that diverges goes on from the best
     state at half the rate, `restarts` times at most. Epochs are fewer where they would make more than
-    `most_steps` batches.
+    `most_steps` batches. Wide blocks learn in `half_precision` where the processor has it.
     """
 
     principal: int = 512
@@ -45,6 +45,7 @@ class TrainingSettings:
     noise_factor: tuple[float, float] = (0.0, 1.5)
     patience: int = 8
     restarts: int = 2
+    half_precision: bool = True
 
     def of_draws(self, count: int) -> "TrainingSettings":
         """Return the settings with as many epochs as `count` draws are learned from."""
@@ -56,12 +57,26 @@ class TrainingSettings:
 TRAINING = TrainingSettings()
 
 UPDATE_TRAINING = TrainingSettings(
-    principal=1024, width=256, depth=2, epochs=12, noise_factor=(0.0, 0.0), patience=4
+    principal=1024,
+    width=256,
+    depth=2,
+    epochs=20,
+    decay=0.1,
+    noise_factor=(0.0, 0.0),
+    patience=4,
+    half_precision=False,
 )
 """Of the second network: it reads all of its features, and they have their noise already."""
 
 DOUBT_TRAINING = TrainingSettings(
-    principal=1024, width=64, depth=1, components=1, epochs=16, noise_factor=(0.0, 0.0), patience=4
+    principal=1024,
+    width=64,
+    depth=1,
+    components=1,
+    epochs=16,
+    noise_factor=(0.0, 0.0),
+    patience=4,
+    half_precision=False,
 )
 """Of the network of the doubt."""
 
@@ -149,7 +164,14 @@ def train_network(
     projection = Projection.of(training.rows, noise, settings.principal)
     layer = projection.layer
     principal = layer.bias.size
-    module = made(principal, settings.width, settings.depth, settings.components, deviations.size)
+    module = made(
+        principal,
+        settings.width,
+        settings.depth,
+        settings.components,
+        deviations.size,
+        half_precision=settings.half_precision,
+    )
     features = features_of(layer, training.rows)
     points = (training.points / deviations).astype(np.float32)
     spread = noise_of_features(layer, noise)

@@ -62,7 +62,7 @@ def train(
     ] = None,
     simulations: Annotated[
         int, Parameter(converter=whole_number, help="How many to learn from: more, and it errs less.")
-    ] = 65_536,
+    ] = 262_144,
     epochs: Annotated[
         int | None,
         Parameter(converter=whole_number, help="Most passes over them; it stops when it learns no more."),

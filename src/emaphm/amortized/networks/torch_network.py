@@ -38,15 +38,24 @@ def library() -> Any:
     return torch
 
 
-def made(principal: int, width: int, depth: int, components: int, dimensions: int) -> Any:
+def made(
+    principal: int,
+    width: int,
+    depth: int,
+    components: int,
+    dimensions: int,
+    *,
+    half_precision: bool = False,
+) -> Any:
     """Return a module with the layers of `Network` that read features (n, principal).
 
-    While it learns, its blocks multiply in bfloat16 where the processor does that itself, three times as
-    fast. All else is in single precision: eight bits of a leading component are less than a sensor knows.
+    With `half_precision` its blocks multiply in bfloat16 while it learns, where the processor has that: three
+    times as fast. All else is in single precision: eight bits of a leading component are less than a sensor
+    knows.
     """
     torch = library()
     nn = torch.nn
-    faster = has_half_precision(torch)
+    faster = half_precision and has_half_precision(torch)
 
     class Residual(nn.Module):  # type: ignore[name-defined,misc]
         def __init__(self) -> None:
