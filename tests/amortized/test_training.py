@@ -10,6 +10,7 @@ import pytest
 from amortized.toys import CHIRP, short_setup
 from emaphm.amortized import simulating
 from emaphm.amortized.networks.network import Dense
+from emaphm.amortized.networks.training import Epoch, TrainingSettings, noise_of_features, train_network
 from emaphm.amortized.simulating import (
     TrainingSet,
     read_shard,
@@ -17,7 +18,6 @@ from emaphm.amortized.simulating import (
     training_folder,
 )
 from emaphm.amortized.train import train_estimator
-from emaphm.amortized.training import Epoch, TrainingSettings, noise_of_features, train_network
 from emaphm.arrays import Array
 from emaphm.errors import ExecutionError, MethodError, OutputError
 from emaphm.simulation import AVERAGED
@@ -106,7 +106,7 @@ def test_many_draws_are_learned_from_in_fewer_epochs() -> None:
 
 
 def test_divergence_is_said_and_the_best_state_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    from emaphm.amortized import training as module
+    from emaphm.amortized.networks import training as module
 
     whole = module._Run.epoch
     calls: list[int] = []

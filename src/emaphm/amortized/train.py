@@ -20,16 +20,7 @@ from emaphm.amortized.model_update import UPDATE, ModelUpdate, Step, Whitening
 from emaphm.amortized.networks.mixture import Mixture
 from emaphm.amortized.networks.network import Single
 from emaphm.amortized.networks.torch_network import library
-from emaphm.amortized.recording_setup import RecordingSetup
-from emaphm.amortized.simulating import (
-    SHARD_DRAWS,
-    TrainingSet,
-    noise_rms,
-    read_shards,
-    simulate_shards,
-    training_folder,
-)
-from emaphm.amortized.training import (
+from emaphm.amortized.networks.training import (
     DOUBT_TRAINING,
     TRAINING,
     UPDATE_TRAINING,
@@ -39,6 +30,15 @@ from emaphm.amortized.training import (
     median_error,
     train_network,
     with_noise,
+)
+from emaphm.amortized.recording_setup import RecordingSetup
+from emaphm.amortized.simulating import (
+    SHARD_DRAWS,
+    TrainingSet,
+    noise_rms,
+    read_shards,
+    simulate_shards,
+    training_folder,
 )
 from emaphm.arrays import Array
 from emaphm.errors import MethodError

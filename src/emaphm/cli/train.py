@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from emaphm.amortized import Estimator
-    from emaphm.amortized.training import Epoch
+    from emaphm.amortized.networks.training import Epoch
 
 ENDING = ".estimator"
 
@@ -91,9 +91,9 @@ def train(
     from dataclasses import replace
     from shutil import rmtree
 
+    from emaphm.amortized.networks.training import TRAINING
     from emaphm.amortized.recording_setup import RecordingSetup
     from emaphm.amortized.train import train_estimator
-    from emaphm.amortized.training import TRAINING
     from emaphm.errors import MethodError
 
     if epochs is not None and epochs < 1:
