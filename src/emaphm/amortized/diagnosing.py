@@ -13,7 +13,7 @@ from emaphm.amortized.doubt.comparison import RUNS
 from emaphm.amortized.doubt.deviations import OTHERS
 from emaphm.amortized.drawing import PRIOR, SHORTS
 from emaphm.amortized.estimator import Estimator
-from emaphm.amortized.likeness import reasons_not_to_believe
+from emaphm.amortized.likeness import Unlikeness, unlikeness
 from emaphm.amortized.networks.mixture import Mixture
 from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.diagnosis.diagnose import moves_at, nuisance_estimates
@@ -277,14 +277,17 @@ class _Asked:
         objective = _objective(estimator, recording, actuator)
         mixture = estimator.answer(recording, objective.problem.inputs)
         findings = check_sensors(recording, actuator).findings
-        reasons = tuple(finding.sentence.removesuffix(".") for finding in findings) or reasons_not_to_believe(
-            estimator, recording, mixture, objective.problem, stream(seed, "likeness of the recording")
-        )
-        if alone and not reasons:
+        if findings:
+            unlike = Unlikeness(tuple(finding.sentence.removesuffix(".") for finding in findings))
+        else:
+            rng = stream(seed, "likeness of the recording")
+            unlike = unlikeness(estimator, recording, mixture, objective.problem, rng)
+        reasons = unlike.reasons
+        if alone and not reasons and not unlike.rare:
             rng = stream(seed, "delays of the recording")
             delay = found_delay(estimator, recording, objective.problem.inputs, rng)
             reasons = () if delay is None else (delay,)
         if reasons:
             return cls(recording, mixture, None, reasons)
         answer = _Answer.of(mixture, objective, seed, alone=alone)
-        return cls(recording, mixture, answer, answer.reasons)
+        return cls(recording, mixture, answer, (*unlike.rare, *answer.reasons))

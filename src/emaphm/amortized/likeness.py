@@ -57,24 +57,36 @@ def predictive_ratios(setup: RecordingSetup, comparison: Comparison) -> Array:
     return np.asarray(np.sqrt(residual / np.maximum(expected, np.finfo(np.float32).tiny)), float)
 
 
-def reasons_not_to_believe(
+@dataclass(frozen=True)
+class Unlikeness:
+    """What speaks against an answer, a clause each: `reasons` not to believe it, and what makes it `rare`.
+
+    A recording may be rare, far out among those of the training set, and like them in all else. Its answer is
+    worth no less as the start of a search.
+    """
+
+    reasons: tuple[str, ...]
+    rare: tuple[str, ...] = ()
+
+
+def unlikeness(
     estimator: Estimator, recording: Recording, mixture: Mixture, problem: Problem, rng: np.random.Generator
-) -> tuple[str, ...]:
-    """Return why the answer `mixture` for a `recording` is not to be believed, a clause each.
+) -> Unlikeness:
+    """Return what speaks against the answer `mixture` for a `recording`.
 
     `problem` is that of reproducing it by the averaged model.
     """
     setup, limits = estimator.setup, estimator.limits
     if not setup.starts_there(problem.start):
-        return ("it starts elsewhere than the training's manoeuvre, which starts at rest at 0",)
+        return Unlikeness(("it starts elsewhere than the training's manoeuvre, which starts at rest at 0",))
     rows = estimator.rows(recording)
-    distances = estimator.distances(rows)[0]
     what = ("farther from the middle of the training set", "of another shape than the training set")
-    found = [
-        f"the recording is {text} than simulations are ({distance:.3g}, at most {limit:.3g})"
-        for text, distance, limit in zip(what, distances, limits.distances, strict=True)
+    rare, found = (
+        [f"the recording is {text} than simulations are ({distance:.3g}, at most {limit:.3g})"]
         if not distance <= limit
-    ]
+        else []
+        for text, distance, limit in zip(what, estimator.distances(rows)[0], limits.distances, strict=True)
+    )
     comparison = Comparison.of(setup, problem.inputs, rows, [mixture], rng)
     found += [
         f"the model at its answer is farther from {name} than the answer's own uncertainty allows "
@@ -90,7 +102,7 @@ def reasons_not_to_believe(
             "what the model at its answer leaves of the recording is as where sensors err or the actuator is "
             f"not as described, and answers are wrong (a doubt of {doubt:.3g}, at most {limits.doubt:.3g})"
         )
-    return tuple(found)
+    return Unlikeness(tuple(found), tuple(rare))
 
 
 def limits_of(distances: Array, ratios: Array, doubts: Array) -> Limits:

@@ -30,8 +30,10 @@ class AlternativeSettings:
     A `delay` [s] of all that was measured, in whole rows, late and early. It explains as well where
     descents with it leave less than `share` of the mean squared residual: true recordings left 1.04 and more
     (1.02 with 0.5 A of noise), ones that were late or early by 1 ms 0.92 to 1.003. Less than `promising` is
-    corrected by the reference model, up to `corrections` times. A component counts as another where it is off
-    by more than `difference` and more than the half-width of its interval.
+    corrected by the reference model, up to `corrections` times. None is tried of which the linear model at
+    the estimate leaves `hopeless` times the residual: descents then left 1.7 and more (140 recordings). A
+    component counts as another where it is off by more than `difference` and more than the half-width of its
+    interval.
 
     A delay up to `tolerance` standard deviations of its prior is never excluded; by the usual prior 0.23 ms,
     one row at 5 kHz or the lag of a filter at 700 Hz. A gain that is nearer to healthy than such a delay
@@ -44,6 +46,7 @@ class AlternativeSettings:
     difference: float = 0.02
     descents: int = 1
     promising: float = 1.35
+    hopeless: float = 3.0
     corrections: int = 3
     tolerance: float = 1.15
 
@@ -66,9 +69,15 @@ def with_alternatives(
     objective = result.objective
     interval = objective.problem.inputs.interval
     rows = max(1, round(ALTERNATIVES.delay / interval))
-    as_it_is, _ = _descended(objective, result.point, result.outputs_correction, seed)
+    possible = []
     for late in (rows, -rows):
         shifted = replace(objective, problem=_shifted(objective.problem, late))
+        if _linear_share(result, shifted, jacobians) < ALTERNATIVES.hopeless:
+            possible.append((late, shifted))
+    if not possible:
+        return checked
+    as_it_is, _ = _descended(objective, result.point, result.outputs_correction, seed)
+    for late, shifted in possible:
         variance, point = _refitted(result, shifted, as_it_is, seed)
         if variance >= ALTERNATIVES.share * as_it_is:
             continue
@@ -101,6 +110,19 @@ def _shifted(problem: Problem, late: int) -> Problem:
     """Return the problem of a recording whose compared channels had come `late` rows late, now in time."""
     moved = {name: taken_back(problem.measured[name], late) for name in problem.channels}
     return replace(problem, measured={**problem.measured, **moved})
+
+
+def _linear_share(result: SearchResult, shifted: MapObjective, jacobians: Array) -> float:
+    """Return what `shifted` leaves of the mean squared residual of `result`, by the linear model there.
+
+    `jacobians` (n, d, channel rows) are those at `result`.
+    """
+    rows = result.objective.channel_rows
+    present = result.residual[:rows]
+    moved = (shifted.target - result.outputs - result.outputs_correction)[:rows]
+    step = np.linalg.lstsq(jacobians.mean(axis=0).T, moved)[0]
+    left = moved - step @ jacobians.mean(axis=0)
+    return float(left @ left / max(float(present @ present), np.finfo(float).tiny))
 
 
 def taken_back(rows: Array, late: int) -> Array:

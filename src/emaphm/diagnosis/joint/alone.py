@@ -52,7 +52,11 @@ def search_alone(
         if result.discrepancy is not None:
             result = with_asked_supply(result, max_corrections, own)
         asked = nuisances is None and result.discrepancy is not None
-        found.append(select_nuisances(result, max_corrections, own) if asked else (result, ()))
+        names: tuple[str, ...] = ()
+        if asked:
+            selection = select_nuisances(result, max_corrections, own)
+            result, names = selection.result, selection.names
+        found.append((result, names))
         if on_progress:
             on_progress((r + 1) / len(recordings))
     selected = tuple(dict.fromkeys(name for _, names in found for name in names))

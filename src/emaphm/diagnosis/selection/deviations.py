@@ -22,14 +22,15 @@ def select_deviations(
     Nuisances first; laws where they do not explain the recording, or where the ripple shows a lag. Standing,
     an actuator shows no law of its motion: none is tried unless it `moves`.
     """
-    result, selected = select_nuisances(searched, max_corrections, seed)
-    without = result, selected, ()
+    found = select_nuisances(searched, max_corrections, seed)
+    result = found.result
+    without = result, found.names, ()
     if not moves:
         return without
     if not result.explained:
         result, laws = select_laws(searched, method, max_corrections, seed)
         return _with_nuisances(result, laws, max_corrections, seed)
-    if is_lag_suspected(result, seed):
+    if found.look.shows_lag and is_lag_suspected(result, seed):
         lagging = with_sensor_lag(searched, method, max_corrections, seed)
         rival = _with_nuisances(lagging, (SENSOR_LAG,), max_corrections, seed)
         if ripple_share(rival[0], result, seed) < SELECTION.likely_share:
@@ -40,6 +41,5 @@ def select_deviations(
 def _with_nuisances(
     result: SearchResult, laws: tuple[str, ...], max_corrections: int, seed: int
 ) -> Selection:
-    alternatives = result.alternatives
-    result, selected = select_nuisances(result, max_corrections, seed)
-    return replace(result, alternatives=alternatives), selected, laws
+    found = select_nuisances(result, max_corrections, seed)
+    return replace(found.result, alternatives=result.alternatives), found.names, laws

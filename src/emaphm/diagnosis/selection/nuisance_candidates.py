@@ -1,13 +1,15 @@
 """Nuisances worth trying: a score test for each, and descents from where it leads."""
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.diagnosis.selection.extension import Candidate, with_nuisances
-from emaphm.diagnosis.selection.profile import PROFILE, PROFILED, profile
+from emaphm.diagnosis.selection.first_look import FirstLook, first_look
+from emaphm.diagnosis.selection.profile import INERTIA, PROFILE, PROFILED, profile, profile_points
 from emaphm.diagnosis.selection.sensor_error_scores import jacobians_with_errors, regressed_error
 from emaphm.diagnosis.selection.settings import SELECTION, SENSOR_SELECTION, widening
 from emaphm.diagnosis.selection.supply_profile import SUPPLY
@@ -32,10 +34,17 @@ def _informative(name: str) -> float:
     return SENSOR_SELECTION.informative if sensor_error(name) else SELECTION.informative
 
 
-def worthwhile_candidates(
-    result: SearchResult, names: tuple[str, ...], seed: int
-) -> tuple[SearchResult, list[Candidate]]:
-    """Return the nuisances worth trying, of those neither estimated nor known; the most promising first.
+@dataclass(frozen=True, eq=False)
+class Worthwhile:
+    """The `candidates` worth trying at `result`, the most promising first, and what a first look showed."""
+
+    result: SearchResult
+    candidates: list[Candidate]
+    look: FirstLook
+
+
+def worthwhile_candidates(result: SearchResult, names: tuple[str, ...], seed: int) -> Worthwhile:
+    """Return the nuisances worth trying, of those neither estimated nor known.
 
     `names` were selected before, and are estimated in `result`, which is returned with its Jacobians.
     """
@@ -43,58 +52,101 @@ def worthwhile_candidates(
     problem = objective.problem
     others = objective.space.nuisances.others(problem.actuator, tuple(problem.measured))
     if not others:
-        return result, []
-    wide, start = with_nuisances(result, names, others)
+        return Worthwhile(result, [], FirstLook())
+    scanned = (SUPPLY,) if SUPPLY in others and is_scanned(problem.actuator) else ()
+    scored = tuple(name for name in others if name not in scanned)
+    wide, start = with_nuisances(result, names, scored)
     jacobians = jacobians_with_errors(wide, start, stream(seed, "Jacobians of the score test", *names))
-    residual = result.residual[: objective.channel_rows]
-    own = [i for i, name in enumerate(wide.space.coordinates) if name in objective.space.coordinates]
+    derivatives = _Derivatives(result, wide, jacobians)
+    profiles = {name: _profile_of(name, names, derivatives) for name in PROFILED if name in scored}
+    look = first_look(result, names, profiles.get(INERTIA), seed)
+    profiled = [_profiled(name, result, *one, look, seed) for name, one in profiles.items()]
+    promising = [candidate.name for candidate in profiled if candidate.promising]
+    if scanned and look.shows_supply:
+        candidate = supply_candidate(result, names, seed)
+        profiled += [] if candidate is None else [candidate]
     starts: dict[str, tuple[float, MapObjective, Array]] = {}
-    profiled: list[Candidate] = []
-    for name in others:
-        if name == SUPPLY and is_scanned(problem.actuator):
-            scanned = supply_candidate(result, names, seed)
-            profiled += [] if scanned is None else [scanned]
+    for name in scored:
+        if name in promising:
             continue
         extended, point = with_nuisances(result, names, (name,))
-        i, column = extended.space.coordinates.index(name), wide.space.coordinates.index(name)
-        if sensor_error(name):
-            others_step, size, error = regressed_error(
-                jacobians[:, own], jacobians[0, column], residual, len(objective.problem.channels)
-            )
-            step = np.insert(others_step, i, size)
-        else:
-            # Jacobians were taken for all at once; each is judged as if it alone were estimated too.
-            kept = [
-                k for k, other in enumerate(wide.space.coordinates) if other in extended.space.coordinates
-            ]
-            if name in PROFILED:
-                profiled.append(_profiled(name, result, extended, point, jacobians[:, kept], seed))
-                if profiled[-1].promising:
-                    continue
-            local = local_covariance(extended, point, residual, jacobians[:, kept])
-            step = local.step
-            error = float((local.covariance + default_scatter(point.size))[i, i] ** 0.5)
-        if error < _informative(name) / PRIORS_PER_UNIT / widening(name):
-            starts[name] = float(abs(step[i])) / error, extended, point + step
+        step, error = derivatives.step_to(name, extended, point)
+        size = float(abs(step[extended.space.coordinates.index(name)]))
+        if error < _informative(name) * _unit(name):
+            starts[name] = size / error, extended, point + step
     starts |= _gross_starts(result, names, others)
     scores = {name: score for name, (score, _, _) in starts.items()}
     candidates = [_refit_with(name, *starts[name][1:], result, seed) for name in _worth_trying(scores)]
     candidates = [candidate for candidate in candidates if _leaves_less(candidate, scores)]
     named = {candidate.name for candidate in candidates}
     candidates += [candidate for candidate in profiled if candidate.name not in named]
-    known = replace(result, jacobians=jacobians[:, own])
-    return known, sorted(candidates, key=lambda candidate: (not candidate.promising, candidate.share))
+    candidates.sort(key=lambda candidate: (not candidate.promising, candidate.share))
+    return Worthwhile(replace(result, jacobians=derivatives.own), candidates, look)
+
+
+@dataclass(frozen=True, eq=False)
+class _Derivatives:
+    """Jacobians (n, d, channel rows) of all that is `wide`, taken at once, about the estimate of `result`."""
+
+    result: SearchResult
+    wide: MapObjective
+    jacobians: Array
+
+    @cached_property
+    def own(self) -> Array:
+        """Those by what is estimated already."""
+        return self.of(self.result.objective)
+
+    @cached_property
+    def mean(self) -> Array:
+        """The mean of these, (d, channel rows)."""
+        return np.asarray(self.own.mean(axis=0))
+
+    def of(self, other: MapObjective) -> Array:
+        """Return those by the coordinates of another objective."""
+        coordinates = other.space.coordinates
+        return self.jacobians[
+            :, [i for i, name in enumerate(self.wide.space.coordinates) if name in coordinates]
+        ]
+
+    def step_to(self, name: str, extended: MapObjective, point: Array) -> tuple[Array, float]:
+        """Return the step (d,) from `point` (d,) of an objective that has `name` too, and its error there.
+
+        Each is judged as if it alone were estimated too.
+        """
+        objective, i = self.result.objective, extended.space.coordinates.index(name)
+        residual = self.result.residual[: objective.channel_rows]
+        if sensor_error(name):
+            derivative = self.jacobians[0, self.wide.space.coordinates.index(name)]
+            channels = len(objective.problem.channels)
+            others_step, size, error = regressed_error(self.mean, derivative, residual, channels)
+            return np.insert(others_step, i, size), error
+        local = local_covariance(extended, point, residual, self.of(extended))
+        error = float((local.covariance + default_scatter(point.size))[i, i] ** 0.5)
+        return local.step, error
+
+
+def _profile_of(name: str, names: tuple[str, ...], derivatives: _Derivatives) -> tuple[MapObjective, Array]:
+    """Return the objective with a nuisance that the reference model is asked for, and points (2, d) of it."""
+    result = derivatives.result
+    extended, point = with_nuisances(result, names, (name,))
+    step = PROFILE.away * _unit(name)
+    return extended, profile_points(result, extended, point, derivatives.of(extended), name, step)
+
+
+def _unit(name: str) -> float:
+    """Return the coordinate of a tried nuisance that is a standard deviation of the description off."""
+    return 1 / PRIORS_PER_UNIT / widening(name)
 
 
 def _profiled(
-    name: str, result: SearchResult, objective: MapObjective, start: Array, jacobians: Array, seed: int
+    name: str, result: SearchResult, objective: MapObjective, points: Array, look: FirstLook, seed: int
 ) -> Candidate:
-    """Return the nuisance off nominal, on the side that the reference model prefers."""
-    unit = 1 / PRIORS_PER_UNIT / widening(name)
-    points, shares = profile(result, objective, start, jacobians, name, PROFILE.away * unit, seed)
+    """Return the nuisance off nominal, at the one of `points` (n, d) that the reference model prefers."""
+    shares = profile(result, objective, points, name, seed) if look.shows_inertia else look.inertia
     best = int(np.argmin(shares))
     off = abs(points[best][objective.space.coordinates.index(name)])
-    promising = bool(shares[best] < PROFILE.tried_share and off > SELECTION.least_deviation * unit)
+    promising = bool(shares[best] < PROFILE.tried_share and off > SELECTION.least_deviation * _unit(name))
     return Candidate(name, objective, points[best], float(shares[best]), promising)
 
 

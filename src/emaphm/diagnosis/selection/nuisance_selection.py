@@ -8,9 +8,12 @@ smaller. Of an inertia (`profile`) and a supply (`supply_scan`) the reference mo
 are kept, the most probable by residual and prior is selected; the others widen the intervals (`rivals`).
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from emaphm.diagnosis.selection.extension import Candidate, with_nuisances
+from emaphm.diagnosis.selection.first_look import FirstLook
 from emaphm.diagnosis.selection.nuisance_candidates import worthwhile_candidates
 from emaphm.diagnosis.selection.profile import PROFILED
 from emaphm.diagnosis.selection.ripple import ripple_share
@@ -31,18 +34,26 @@ from emaphm.estimation.uncertainty.local_covariance import (
 from emaphm.random_streams import child_seed, stream
 
 
-def select_nuisances(
-    result: SearchResult, max_corrections: int, seed: int
-) -> tuple[SearchResult, tuple[str, ...]]:
-    """Return the result with the significant nuisances estimated too, and their names."""
+@dataclass(frozen=True, eq=False)
+class SelectedNuisances:
+    """The `result` with the significant nuisances estimated too, their `names`, and a first look at it."""
+
+    result: SearchResult
+    names: tuple[str, ...]
+    look: FirstLook
+
+
+def select_nuisances(result: SearchResult, max_corrections: int, seed: int) -> SelectedNuisances:
+    """Return the result with the significant nuisances estimated too."""
     names: tuple[str, ...] = ()
     while True:
-        result, candidates = worthwhile_candidates(result, names, seed)
-        best = _best(result, candidates, names, max_corrections, seed)
+        worthwhile = worthwhile_candidates(result, names, seed)
+        result = worthwhile.result
+        best = _best(result, worthwhile.candidates, names, max_corrections, seed)
         if not (result if best is None else best[1]).explained:
             best = _from_afar(result, names, max_corrections, seed) or best
         if best is None:
-            return result, names
+            return SelectedNuisances(result, names, worthwhile.look)
         result, names = best[1], (*names, best[0])
 
 

@@ -20,7 +20,9 @@ from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.uncertainty.fisher_information import information
 from emaphm.random_streams import stream
 
-PROFILED = ("inertia",)
+INERTIA = "inertia"
+
+PROFILED = (INERTIA,)
 """Nuisances that the reference model is asked for: faults make up for them in the averaged model."""
 
 
@@ -41,16 +43,10 @@ class ProfileSettings:
 PROFILE = ProfileSettings()
 
 
-def profile(
-    result: SearchResult,
-    objective: MapObjective,
-    start: Array,
-    jacobians: Array,
-    name: str,
-    step: float,
-    seed: int,
-) -> tuple[Array, Array]:
-    """Return points (2, d) of `objective` either way of nominal, and shares (2,) of the residual there.
+def profile_points(
+    result: SearchResult, objective: MapObjective, start: Array, jacobians: Array, name: str, step: float
+) -> Array:
+    """Return points (2, d) of `objective` either way of nominal.
 
     Parameters
     ----------
@@ -61,16 +57,22 @@ def profile(
         rows) there.
     name, step
         The nuisance, and how far its coordinate is moved.
-    seed
-        For the runs of the reference model.
     """
     correction = objective.of_channels(result.outputs_correction)
     moved = step * _response(result, objective, jacobians, objective.space.coordinates.index(name))
     starts = objective.space.project(start + np.outer([-1.0, 1.0], moved))
-    points = descents_from(objective, starts, correction).points
+    return descents_from(objective, starts, correction).points
+
+
+def profile(result: SearchResult, objective: MapObjective, points: Array, name: str, seed: int) -> Array:
+    """Return the shares (n,) of the residual of `result` at `points` (n, d) of `objective`, which has `name`.
+
+    `seed` is for the runs of the reference model.
+    """
     rng = stream(seed, "reference runs of a profile", name)
     there = compared(objective, np.zeros_like(objective.target), points, reference_problem(objective), rng)
-    return points, np.array([_share(one, result, REFERENCE_RUNS // len(points)) for one in there])
+    before = float(np.mean(result.residual[: result.objective.channel_rows] ** 2))
+    return np.array([compared_power(one) for one in there]) / before
 
 
 def _response(result: SearchResult, objective: MapObjective, jacobians: Array, column: int) -> Array:
@@ -84,13 +86,14 @@ def _response(result: SearchResult, objective: MapObjective, jacobians: Array, c
     return response
 
 
-def _share(one: SearchResult, result: SearchResult, runs: int) -> float:
-    """Return the mean squared residual of `one` relative to that of `result`.
+def compared_power(one: SearchResult) -> float:
+    """Return the mean squared residual of the channels in `one`, a result of a comparison.
 
-    Less what a mean over so few `runs` of the reference model has more of its switching than one over all.
+    Less what a mean over so few runs of the reference model has more of its switching than one over all.
     """
-    rows = result.objective.channel_rows
+    rows = one.objective.channel_rows
     assert one.discrepancy is not None  # noqa: S101 - every result of a comparison has one
-    surplus = (1 - runs / REFERENCE_RUNS) * float(np.mean(one.discrepancy.standard_error[:rows] ** 2))
-    left = float(np.mean(one.residual[:rows] ** 2)) - surplus
-    return left / float(np.mean(result.residual[:rows] ** 2))
+    surplus = (1 - one.discrepancy.runs / REFERENCE_RUNS) * float(
+        np.mean(one.discrepancy.standard_error[:rows] ** 2)
+    )
+    return float(np.mean(one.residual[:rows] ** 2)) - surplus

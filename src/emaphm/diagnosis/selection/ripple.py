@@ -30,6 +30,11 @@ class RippleResidual:
         assert known is not None  # noqa: S101 - every result of a comparison has one
         return cls(result.residual[:rows], known.runs * known.standard_error[:rows] ** 2, known.runs)
 
+    def together_with(self, other: Self) -> Self:
+        """Return what the runs of both leave, as many in each, at the same point."""
+        residual, switching = (self.residual + other.residual) / 2, (self.switching + other.switching) / 2
+        return type(self)(residual, switching, self.runs + other.runs)
+
     def less(self, other: Self) -> Self:
         """Return what separates two residuals, of means over as many runs."""
         return type(self)(self.residual - other.residual, self.switching + other.switching, self.runs)

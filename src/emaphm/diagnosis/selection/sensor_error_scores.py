@@ -43,15 +43,14 @@ def jacobians_with_errors(objective: MapObjective, point: Array, rng: np.random.
 
 
 def regressed_error(
-    jacobians: Array, derivative: Array, residual: Array, channels: int
+    mean: Array, derivative: Array, residual: Array, channels: int
 ) -> tuple[Array, float, float]:
     """Return the step (d,) of the others, the size of one more coordinate's own, and its standard error.
 
-    By regression of the `residual` (rows,) on the `derivative` (rows,) less what the other coordinates,
-    `jacobians` (n, d, rows), explain of it (Frisch and Waugh 1933); the scores are as correlated as the
+    By regression of the `residual` (rows,) on the `derivative` (rows,) less what the other coordinates, whose
+    `mean` Jacobian is (d, rows), explain of it (Frisch and Waugh 1933); the scores are as correlated as the
     sandwich covariance takes them.
     """
-    mean = jacobians.mean(axis=0)
     normal = mean @ mean.T
     ridge = 1e-9 * float(np.trace(normal)) * np.eye(len(normal))
     shares = np.linalg.solve(normal + ridge, mean @ derivative)

@@ -10,6 +10,7 @@ from typing import Self
 
 import numpy as np
 
+from emaphm.actuator import Actuator
 from emaphm.arrays import Array
 from emaphm.diagnosis.selection.ripple import RippleResidual, ripple_powers
 from emaphm.diagnosis.selection.settings import SELECTION
@@ -117,6 +118,11 @@ def supply_profile(
         return profile
     outcomes += outcomes_of(others)
     return profile_of(np.concatenate([first, others]))
+
+
+def first_supplies(actuator: Actuator) -> Array:
+    """Return the relative deviations (n,) of the supply that are tried first, described ones before."""
+    return _steps(usual_deviation(actuator, SUPPLY))[0]
 
 
 def _steps(prior: float) -> tuple[Array, Array]:
