@@ -61,8 +61,8 @@ def predictive_ratios(setup: RecordingSetup, comparison: Comparison) -> Array:
 class Unlikeness:
     """What speaks against an answer, a clause each: `reasons` not to believe it, and what makes it `rare`.
 
-    A recording may be rare, far out among those of the training set, and like them in all else. Its answer is
-    worth no less as the start of a search.
+    A recording may be rare, farther out than most of the training set, and the model at its answer reproduce
+    it all the same. The answer is then a start for a search as good as any.
     """
 
     reasons: tuple[str, ...]
@@ -81,14 +81,13 @@ def unlikeness(
         return Unlikeness(("it starts elsewhere than the training's manoeuvre, which starts at rest at 0",))
     rows = estimator.rows(recording)
     what = ("farther from the middle of the training set", "of another shape than the training set")
-    rare, found = (
-        [f"the recording is {text} than simulations are ({distance:.3g}, at most {limit:.3g})"]
-        if not distance <= limit
-        else []
+    rare = tuple(
+        f"the recording is {text} than simulations are ({distance:.3g}, at most {limit:.3g})"
         for text, distance, limit in zip(what, estimator.distances(rows)[0], limits.distances, strict=True)
+        if not distance <= limit
     )
     comparison = Comparison.of(setup, problem.inputs, rows, [mixture], rng)
-    found += [
+    found = [
         f"the model at its answer is farther from {name} than the answer's own uncertainty allows "
         f"({ratio:.3g} times, at most {limit:.3g})"
         for name, ratio, limit in zip(
@@ -102,7 +101,7 @@ def unlikeness(
             "what the model at its answer leaves of the recording is as where sensors err or the actuator is "
             f"not as described, and answers are wrong (a doubt of {doubt:.3g}, at most {limits.doubt:.3g})"
         )
-    return Unlikeness(tuple(found), tuple(rare))
+    return Unlikeness(tuple(found), rare)
 
 
 def limits_of(distances: Array, ratios: Array, doubts: Array) -> Limits:

@@ -54,6 +54,9 @@ class ExplorationSettings:
 
 EXPLORATION = ExplorationSettings()
 
+NEAR_STARTS = ExplorationSettings(patience=2)
+"""For an end that leaves noise and switching alone, of a search from points that were near the optimum."""
+
 
 def is_heavy(problem: Problem, settings: ExplorationSettings = EXPLORATION) -> bool:
     """Return whether the primary channel is a current that is near its limit most of the time."""

@@ -8,6 +8,8 @@ from emaphm.arrays import Array
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.correction_iterations import BIAS_CORRECTION, FROM_STARTS
 from emaphm.estimation.global_search.exploration import (
+    EXPLORATION,
+    NEAR_STARTS,
     explore,
     is_better,
     is_clear,
@@ -55,9 +57,9 @@ def search_with_restarts(
     if starts is not None:
         points = objective.space.project(starts)
         ends.append(_from_starts(objective, points, max_corrections, seed, on_progress))
-        if ends[0].down_to_noise:
-            if is_clear(ends[0]):
-                return ends[0]
+        if ends[0].down_to_noise and is_clear(ends[0]):
+            return ends[0]
+        if ends[0].down_to_noise and leaves_switching_alone(ends[0]):
             return _explored(objective, method, ends, max_corrections, seed)
     for search in range(1 + MAX_RESTARTS):
         child = child_seed(seed, "restart", search - 1) if search else seed
@@ -80,7 +82,8 @@ def _explored(
     result = _best(ends)
     others = [one for one in ends if one is not result]
     if not is_clear(result):
-        started, result = result.started, explore(result, child_seed(seed, "exploration"))
+        settings = NEAR_STARTS if result.started and leaves_switching_alone(result) else EXPLORATION
+        started, result = result.started, explore(result, child_seed(seed, "exploration"), settings)
         for search in range(MOST_EXPLORED):
             if leaves_switching_alone(result):
                 break
