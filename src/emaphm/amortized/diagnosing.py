@@ -288,6 +288,6 @@ class _Asked:
             delay = found_delay(estimator, recording, objective.problem.inputs, rng)
             reasons = () if delay is None else (delay,)
         if reasons:
-            return cls(recording, mixture, None, reasons)
+            return cls(recording, mixture, None, (*unlike.rare, *reasons))
         answer = _Answer.of(mixture, objective, seed, alone=alone)
         return cls(recording, mixture, answer, (*unlike.rare, *answer.reasons))
