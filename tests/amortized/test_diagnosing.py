@@ -88,6 +88,17 @@ def test_a_recording_unlike_the_training_set_is_searched_in_full(recording: Reco
     assert error_percent(TRUTH.vector, diagnosis.faults.vector) < 1.5
 
 
+def test_a_search_begins_at_the_answer_for_a_rare_recording(recording: Recording) -> None:
+    near = constant_estimator(SETUP, ANSWER + 0.01, 0.02)
+    rare = replace(near, limits=replace(near.limits, distances=np.zeros(2)))
+    for fast in (False, True):
+        diagnosis = diagnose_by(rare, recording, THESIS, fast=fast, workers=1)
+        assert diagnosis.method == "estimator+lsq"
+        assert error_percent(TRUTH.vector, diagnosis.faults.vector) < 1.5
+        noted = any("middle of the training set" in note for note in diagnosis.recording_notes)
+        assert noted == fast
+
+
 def test_a_recording_of_a_frozen_sensor_is_searched_in_full(recording: Recording) -> None:
     voltage = recording["voltage_V"].copy()
     voltage[1200:1600] = voltage[1200]

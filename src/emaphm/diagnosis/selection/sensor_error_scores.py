@@ -59,4 +59,5 @@ def regressed_error(
     size = float(alone @ residual) / power
     scores = alone * (residual - size * alone)
     variance = float(long_run_covariance(scores[np.newaxis], channels)[0, 0])
-    return -size * shares, size, max(variance, np.finfo(float).tiny) ** 0.5 / power
+    error = float(max(variance, np.finfo(float).tiny)) ** 0.5 / power
+    return np.asarray(-size * shares), size, error

@@ -1,0 +1,79 @@
+"""A first look shows what deviates, and lets what is as described alone."""
+
+import numpy as np
+import pytest
+
+from cases import THESIS
+from emaphm.actuator import Actuator, Chirp, Faults
+from emaphm.actuator.laws import LAWS
+from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
+from emaphm.arrays import Array
+from emaphm.diagnosis.selection.extension import with_nuisances
+from emaphm.diagnosis.selection.first_look import FIRST_LOOK, FirstLook, first_look
+from emaphm.estimation.bias_correction import with_discrepancy
+from emaphm.estimation.objective import MapObjective, faults_objective
+from emaphm.estimation.problem import Problem
+from emaphm.estimation.search_result import SearchResult
+from emaphm.recording import Recording
+from emaphm.simulated_recording import simulate
+
+FAULTS = Faults(0.3, 0.4, 0.0, 0.25, 0.1, 0.35, 0.7, 0.4)
+LAG = LAWS["sensor-lag"].added_to(THESIS)
+OFF = 0.1
+
+
+def off(**shares: float) -> Actuator:
+    nominal = lumped_parameters(THESIS, tuple(shares))
+    return with_lumped_parameters(
+        THESIS, {name: (1 + share) * nominal[name] for name, share in shares.items()}
+    )
+
+
+def seen(present: Actuator, described: Actuator = THESIS) -> FirstLook:
+    """Return a first look at the true faults, of a recording of the actuator that is `present`."""
+    whole = simulate(present, Chirp(), faults=FAULTS, noise=0.05, adc_bits=12)
+    recording = Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")})
+    objective = faults_objective(Problem.of(recording, described, workers=1), ("load",))
+    point = objective.space.points(FAULTS.vector)
+    result = with_discrepancy(SearchResult.at(objective, point), seed=0)
+    return first_look(result, (), either_inertia(result), seed=0)
+
+
+def either_inertia(result: SearchResult) -> tuple[MapObjective, Array]:
+    objective, point = with_nuisances(result, (), ("inertia",))
+    column = objective.space.coordinates.index("inertia")
+    unit = float(objective.space.nuisances.meaning[-1, -1])
+    points = np.tile(point, (2, 1))
+    points[:, column] = np.array([-OFF, OFF]) / unit
+    return objective, points
+
+
+@pytest.mark.parametrize(
+    ("present", "shown"),
+    [
+        (THESIS, (False, False, False)),
+        (off(inertia=OFF), (True, None, None)),
+        (off(supply=-OFF), (None, True, None)),
+        (with_lumped_parameters(LAG, {"current_lag": 1e-5}), (None, None, True)),
+    ],
+    ids=["as described", "inertia", "supply", "lag"],
+)
+def test_what_deviates_is_worth_a_closer_look(
+    present: Actuator, shown: tuple[bool | None, bool | None, bool | None]
+) -> None:
+    look = seen(present)
+    found = (look.shows_inertia, look.shows_supply, look.shows_lag)
+    # A deviation may make another one look worth it; not the other way round.
+    assert all(asked is None or one == asked for one, asked in zip(found, shown, strict=True))
+
+
+def test_the_heavier_side_is_the_better_one() -> None:
+    lighter, heavier = seen(off(inertia=OFF)).inertia
+    assert heavier < 1 < FIRST_LOOK.inertia < lighter
+
+
+def test_nothing_is_run_where_the_lag_is_described() -> None:
+    look = seen(LAG, LAG)
+    assert look.shows_inertia
+    assert look.shows_supply
+    assert look.shows_lag
