@@ -55,7 +55,7 @@ def worthwhile_candidates(result: SearchResult, names: tuple[str, ...], seed: in
         return Worthwhile(result, [], FirstLook())
     scanned = (SUPPLY,) if SUPPLY in others and is_scanned(problem.actuator) else ()
     scored = tuple(name for name in others if name not in scanned)
-    wide, start = with_nuisances(result, names, scored)
+    wide, start = with_nuisances(result, names, others)
     jacobians = jacobians_with_errors(wide, start, stream(seed, "Jacobians of the score test", *names))
     derivatives = _Derivatives(result, wide, jacobians)
     profiles = {name: _profile_of(name, names, derivatives) for name in PROFILED if name in scored}
