@@ -203,6 +203,19 @@ def test_past_units_are_predicted_once(fleet: list[Evidence], monkeypatch: pytes
     assert sorted(seen) == sorted(one.unit for one in fleet)
 
 
+def test_a_unit_that_was_diagnosed_at_its_failure_alone_corrects_nothing(
+    fleet: list[Evidence], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(record, "PATHS", FEW)
+    known = fleet[0]
+    failed_at = known.observations[-1].hours
+    # Three diagnoses on one day: no forecast of it was made before.
+    at_once = replace(known, unit="at once", observations=known.observations[-1:] * 3, failed_at=failed_at)
+    found = fleet_prior([*fleet, at_once], seed=7, actuator=ACTUATOR).recalibration
+    assert found is not None
+    assert {one.unit for one in found.outcomes} == {one.unit for one in fleet}
+
+
 def test_a_fleet_without_failures_corrects_nothing(fleet: list[Evidence]) -> None:
     working = [replace(one, failed_at=None) for one in fleet[:3]]
     assert fleet_prior(working, actuator=ACTUATOR).recalibration is None

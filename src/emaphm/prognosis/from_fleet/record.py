@@ -42,7 +42,7 @@ def record_of(
     """Return how predictions of `units` that failed turned out, each by the prior that the others teach.
 
     None where they are too few, or where a requirement is a measure: its failure times take too long.
-    Computed once by a process until a unit changes. Errors as in `lives` and `follow`.
+    Computed once by a process until a unit changes. Errors as in `uncorrected` and `follow`.
 
     Parameters
     ----------
@@ -58,13 +58,13 @@ def record_of(
 
     def record() -> Recalibration:
         outcomes = (_outcome(one, prior_of(i), actuator, seed) for i, one in enumerate(units))
-        return Recalibration([one for one in outcomes if one.error.size])
+        return Recalibration([one for one in outcomes if one is not None])
 
     return RECORDS.get(repr((keys, requirements, about, seed)), record)
 
 
-def _outcome(evidence: Evidence, prior: Prior, actuator: Actuator, seed: int) -> Outcome:
-    """Return what became of the predictions of a unit."""
+def _outcome(evidence: Evidence, prior: Prior, actuator: Actuator, seed: int) -> Outcome | None:
+    """Return what became of the predictions of a unit; None where none before its failure had a median."""
     past = follow(evidence, prior, seed=seed).past
     chosen = [past[i] for i in sorted({round(share * (len(past) - 1)) for share in AT})]
     situations, error = [], []
@@ -74,4 +74,4 @@ def _outcome(evidence: Evidence, prior: Prior, actuator: Actuator, seed: int) ->
         if true > 0 and np.isfinite(middle):
             situations.append(situation_of(times.hours, belief.age))
             error.append((np.log(true) - middle) / spread)
-    return Outcome(evidence.unit, Situation.of(situations), np.array(error))
+    return Outcome(evidence.unit, Situation.of(situations), np.array(error)) if situations else None
