@@ -56,28 +56,13 @@ class TrainingSettings:
 
 TRAINING = TrainingSettings()
 
-UPDATE_TRAINING = TrainingSettings(
-    principal=1024,
-    width=256,
-    depth=2,
-    epochs=20,
-    decay=0.1,
-    noise_factor=(0.0, 0.0),
-    patience=4,
-    half_precision=False,
-)
-"""Of the second network: it reads all of its features, and they have their noise already."""
+OF_FEATURES = TrainingSettings(principal=1024, noise_factor=(0.0, 0.0), patience=4, half_precision=False)
+"""Of a network that reads all of its features, which have their noise already."""
 
-DOUBT_TRAINING = TrainingSettings(
-    principal=1024,
-    width=64,
-    depth=1,
-    components=1,
-    epochs=16,
-    noise_factor=(0.0, 0.0),
-    patience=4,
-    half_precision=False,
-)
+UPDATE_TRAINING = replace(OF_FEATURES, width=256, depth=2, epochs=20, decay=0.1)
+"""Of the second network."""
+
+DOUBT_TRAINING = replace(OF_FEATURES, width=64, depth=1, components=1, epochs=16)
 """Of the network of the doubt."""
 
 DIVERGED = 50.0
