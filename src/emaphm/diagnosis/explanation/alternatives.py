@@ -129,7 +129,7 @@ def _linear_fit(result: SearchResult, shifted: MapObjective, jacobian: Array) ->
     rows = result.objective.channel_rows
     present = result.residual[:rows]
     moved = (shifted.target - result.outputs - result.outputs_correction)[:rows]
-    step = np.linalg.lstsq(jacobian.T, moved)[0]
+    step = np.asarray(np.linalg.lstsq(jacobian.T, moved)[0], float)
     left = moved - step @ jacobian
     return float(left @ left / max(float(present @ present), np.finfo(float).tiny)), step
 

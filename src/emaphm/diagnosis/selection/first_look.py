@@ -9,15 +9,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from emaphm.actuator.laws import LAWS
 from emaphm.arrays import Array
 from emaphm.diagnosis.selection.extension import with_nuisances
-from emaphm.diagnosis.selection.law_selection import is_possible, with_free_law
 from emaphm.diagnosis.selection.profile import INERTIA, compared_power
 from emaphm.diagnosis.selection.ripple import RippleResidual, ripple_powers
-from emaphm.diagnosis.selection.sensor_lag import SENSOR_LAG
+from emaphm.diagnosis.selection.sensor_lag import LagComparison, can_show_lag
 from emaphm.diagnosis.selection.supply_profile import SUPPLY, column_of, first_supplies, unit_of_supply
-from emaphm.diagnosis.selection.supply_scan import is_scanned
 from emaphm.estimation.bias_correction import compared
 from emaphm.estimation.discrepancy import reference_problem
 from emaphm.estimation.objective import MapObjective
@@ -79,24 +76,18 @@ def first_look(
     `profiled` are the objective with an inertia, and points (n, d) of it either way of nominal; None where it
     is known. Nothing is run where the switching shows neither a supply nor a lag, or these are known.
     """
-    nuisances = result.objective.space.nuisances
-    actuator, law = result.objective.problem.actuator, LAWS[SENSOR_LAG]
-    others = nuisances.others(actuator, tuple(result.objective.problem.measured))
-    if not (is_scanned(actuator) and is_possible(actuator, law) and SUPPLY in others):
+    problem = result.objective.problem
+    others = result.objective.space.nuisances.others(problem.actuator, tuple(problem.measured))
+    if not (can_show_lag(problem) and SUPPLY in others):
         return FirstLook()
     more = (SUPPLY,) if profiled is None else (INERTIA, SUPPLY)
     scanned, _ = with_nuisances(result, names, more)
-    objective = with_free_law(scanned, law, law.parameters)
-    space = objective.space
-    plain = space.carried_over(result.point, result.objective.space)
-    # The lag is the last coordinate; the least one of its range is a sixth of the reference model's step.
-    plain[-1] = space.lower[-1]
-    deviations = first_supplies(actuator)[1:]
-    supplies = np.tile(plain, (len(deviations), 1))
+    tried = LagComparison.at(scanned, result.point, result.objective.space)
+    objective, space = tried.objective, tried.objective.space
+    deviations = first_supplies(problem.actuator)[1:]
+    supplies = np.tile(tried.without, (len(deviations), 1))
     supplies[:, column_of(objective)] = deviations / unit_of_supply(objective)
-    lagging = plain.copy()
-    lagging[-1] = 0.0
-    points = [plain, plain, lagging, *supplies]
+    points = [tried.without, tried.without, tried.with_lag, *supplies]
     if profiled is not None:
         inertias = [space.carried_over(point, profiled[0].space) for point in profiled[1]]
         points += [np.append(point[:-1], space.lower[-1]) for point in inertias]

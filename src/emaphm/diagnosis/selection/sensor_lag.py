@@ -5,10 +5,12 @@ leave no more of the residual as a whole; in the ripple the right lag is seen (`
 """
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
 from emaphm.actuator.laws import LAWS
+from emaphm.arrays import Array
 from emaphm.diagnosis.selection.law_selection import (
     corrected_fit,
     fit_with_law,
@@ -20,6 +22,9 @@ from emaphm.diagnosis.selection.supply_scan import is_scanned
 from emaphm.estimation.bias_correction import compared
 from emaphm.estimation.discrepancy import reference_problem
 from emaphm.estimation.methods import Method
+from emaphm.estimation.objective import MapObjective
+from emaphm.estimation.parameter_space import ParameterSpace
+from emaphm.estimation.problem import Problem
 from emaphm.estimation.reference.refinement import refine_by_reference
 from emaphm.estimation.search_result import SearchResult
 from emaphm.random_streams import child_seed, stream
@@ -44,17 +49,39 @@ class SensorLagSettings:
 SENSOR_LAG_SETTINGS = SensorLagSettings()
 
 
+@dataclass(frozen=True, eq=False)
+class LagComparison:
+    """What is minimised with the `objective`'s lag, and points (d,) of it `with_lag` and `without`.
+
+    The lag is the last coordinate; the least one of its range is a sixth of the reference model's step.
+    """
+
+    objective: MapObjective
+    with_lag: Array
+    without: Array
+
+    @classmethod
+    def at(cls, objective: MapObjective, point: Array, space: ParameterSpace) -> Self:
+        """Return it for an `objective` without the lag, at a `point` (d,) of `space`."""
+        law = LAWS[SENSOR_LAG]
+        lagging = with_free_law(objective, law, law.parameters)
+        with_lag = lagging.space.carried_over(point, space)
+        return cls(lagging, with_lag, np.append(with_lag[:-1], lagging.space.lower[-1]))
+
+
+def can_show_lag(problem: Problem) -> bool:
+    """Return whether the switching would show a lag of the current, and none is known."""
+    return is_scanned(problem.actuator) and is_possible(problem.actuator, LAWS[SENSOR_LAG])
+
+
 def is_lag_suspected(result: SearchResult, seed: int) -> bool:
     """Return whether the reference model leaves as little of the ripple with a lag as without it."""
-    problem, law = result.objective.problem, LAWS[SENSOR_LAG]
-    if not is_scanned(problem.actuator) or not is_possible(problem.actuator, law):
+    if not can_show_lag(result.objective.problem):
         return False
-    objective = with_free_law(result.objective, law, law.parameters)
-    point = objective.space.carried_over(result.point, result.objective.space)
-    # The lag is the last coordinate; the least one of its range is a sixth of the reference model's step.
-    points, rng = np.array([point, point]), stream(seed, "reference runs with a lag")
-    points[1, -1] = objective.space.lower[-1]
-    outcomes = compared(objective, np.zeros_like(objective.target), points, reference_problem(objective), rng)
+    tried = LagComparison.at(result.objective, result.point, result.objective.space)
+    points, rng = np.array([tried.with_lag, tried.without]), stream(seed, "reference runs with a lag")
+    none, reference = np.zeros_like(tried.objective.target), reference_problem(tried.objective)
+    outcomes = compared(tried.objective, none, points, reference, rng)
     with_lag, without = (RippleResidual.of(one) for one in outcomes)
     residuals = (with_lag, without, with_lag.less(without))
     lagging, prompt, effect = ripple_powers(residuals, result.noise_level)
