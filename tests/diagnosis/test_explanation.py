@@ -161,8 +161,8 @@ def test_noise_and_rounding_of_a_column() -> None:
     assert rounding_step(np.zeros(5)) == 0.0
 
 
-def diagnosed(late: int, **known: float) -> Diagnosis:
-    whole = simulate(THESIS, Chirp(), faults=Faults(short_b=0.2), noise=0.05, adc_bits=12)
+def diagnosed(late: int, faults: Faults = Faults(short_b=0.2), **known: float) -> Diagnosis:  # noqa: B008
+    whole = simulate(THESIS, Chirp(), faults=faults, noise=0.05, adc_bits=12)
     rows = np.clip(np.arange(whole.samples) - late, 0, whole.samples - 1)
     columns = {name: whole[name] for name in ("time_s", "command_rad")}
     columns |= {name: whole[name][rows] for name in CHANNELS[:2]}
@@ -186,3 +186,15 @@ def test_the_true_temperature_is_believed_and_a_wrong_one_contradicted() -> None
 @pytest.mark.parametrize("late", [-1, 1])
 def test_a_row_of_delay_is_no_degraded_gain(late: int) -> None:
     assert diagnosed(late).components["gain"].verdict != "degraded"
+
+
+def test_a_row_of_delay_leaves_the_size_of_a_degraded_gain_open() -> None:
+    faults = Faults(friction=0.03, gain=0.66)
+    in_time, late = (diagnosed(rows, faults).components["gain"] for rows in (0, 1))
+    assert in_time.verdict == "degraded"
+    assert in_time.interval95[1] - in_time.interval95[0] < 0.01
+    assert late.verdict == "cannot tell"
+    assert "0.2 ms late" in late.reason
+    # A row at 5 kHz makes 0.05 of this gain; the alternative itself is as uncertain as the estimate.
+    assert late.value < 0.62
+    assert late.interval95[1] == pytest.approx(0.66, abs=0.005)
