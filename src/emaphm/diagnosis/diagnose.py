@@ -10,6 +10,7 @@ from emaphm.actuator import Actuator
 from emaphm.arrays import Array
 from emaphm.diagnosis.explanation.alternatives import with_alternatives
 from emaphm.diagnosis.explanation.reasons import idle_channels, reasons_against, unseen_inertia
+from emaphm.diagnosis.explanation.without_fault import tested_by_refits
 from emaphm.diagnosis.identifiability import identifiability
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.diagnosis.result import Diagnosis
@@ -235,6 +236,7 @@ def conclude(
         components = unexplained(components, space.fixed)
     else:
         components = with_alternatives(components, result, jacobians, seed)
+        components = tested_by_refits(components, result, jacobians, seed)
     return Diagnosis(
         components=components,
         coordinates=space.coordinates,

@@ -98,6 +98,13 @@ class MapObjective:
         return np.asarray(self.prior_weight * (count / CORRELATED_ROWS) ** 0.5)
 
     @property
+    def jacobian_of_priors(self) -> Array:
+        """The derivatives of the rows that are priors by the coordinates, (d, nuisances)."""
+        rows = np.zeros((self.space.dimensions, len(self.space.nuisances.names)))
+        rows[len(self.space.columns) :] = np.diag(self._prior_weights / self.space.nuisances.priors)
+        return rows
+
+    @property
     def channel_rows(self) -> int:
         """Rows of `outputs` that are channels; the nuisances follow."""
         return len(self.problem.channels) * self.problem.samples

@@ -12,15 +12,12 @@ import numpy as np
 
 from emaphm.actuator.faults import HEALTHY
 from emaphm.arrays import Array
+from emaphm.diagnosis.explanation.refits import Refit
 from emaphm.diagnosis.explanation.sensor_scores import taken_up_of_a_delay
 from emaphm.diagnosis.verdict import Estimate
-from emaphm.estimation.bias_correction import compared
-from emaphm.estimation.discrepancy import reference_problem
-from emaphm.estimation.global_search.multistart import descents_from
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
-from emaphm.random_streams import stream
 
 
 @dataclass(frozen=True)
@@ -45,9 +42,7 @@ class AlternativeSettings:
     delays: tuple[float, ...] = (2e-4, 4e-4)
     share: float = 1.02
     difference: float = 0.02
-    promising: float = 1.5
     hopeless: float = 3.0
-    corrections: int = 2
     tolerance: float = 1.15
 
 
@@ -77,14 +72,14 @@ def with_alternatives(
             possible.append((late, shifted, step))
     if not possible:
         return checked
-    correction = result.outputs_correction
-    as_it_is, _ = _descended(objective, result.point[np.newaxis], correction)
+    as_it_is = Refit.under(objective, result.point[np.newaxis], result)
     for late, shifted, step in possible:
         starts = objective.space.project(np.array([result.point, result.point + step]))
-        variance, point = _refitted(shifted, starts, correction, as_it_is, seed)
-        if variance >= ALTERNATIVES.share * as_it_is:
+        refit = Refit.under(shifted, starts, result)
+        refit = refit.corrected(as_it_is, ALTERNATIVES.share, seed, f"a delay of {late} rows")
+        if refit.left >= ALTERNATIVES.share * as_it_is.left:
             continue
-        faults = objective.space.faults(point)
+        faults = objective.space.faults(refit.point)
         for i, (name, one) in enumerate(components.items()):
             checked[name] = _including(name, checked[name], one, float(faults[i]), late * interval)
     return checked
@@ -138,35 +133,6 @@ def taken_back(rows: Array, late: int) -> Array:
     """Return rows (…, samples) that had come `late` rows late, in time; the end values are held."""
     last = rows.shape[-1] - 1
     return rows[..., np.clip(np.arange(last + 1) + late, 0, last)]
-
-
-def _refitted(
-    objective: MapObjective, starts: Array, correction: Array, as_it_is: float, seed: int
-) -> tuple[float, Array]:
-    """Return the least mean squared residual of `objective` that is found, and where, (d,).
-
-    By descents from `starts` (n, d) under a `correction` (rows,); then, while they lead on and leave less
-    than `promising` times `as_it_is`, under the correction of the place that they led to.
-    """
-    variance, point = _descended(objective, starts, correction)
-    reference = reference_problem(objective)
-    for iteration in range(ALTERNATIVES.corrections):
-        if not ALTERNATIVES.share <= variance / as_it_is < ALTERNATIVES.promising:
-            break
-        rng = stream(seed, "reference runs of an alternative", iteration)
-        there = compared(objective, np.zeros_like(objective.target), point[np.newaxis], reference, rng)[0]
-        further, moved = _descended(objective, point[np.newaxis], there.outputs_correction)
-        if further >= variance:
-            break
-        variance, point = further, moved
-    return variance, point
-
-
-def _descended(objective: MapObjective, starts: Array, correction: Array) -> tuple[float, Array]:
-    """Return the least mean squared residual that descents from `starts` (n, d) leave, and where, (d,)."""
-    point = descents_from(objective, starts, correction).best
-    residual = objective.residual(point, correction)[: objective.channel_rows]
-    return float(np.mean(residual**2)), point
 
 
 def _including(name: str, estimate: Estimate, first: Estimate, other: float, delay: float) -> Estimate:

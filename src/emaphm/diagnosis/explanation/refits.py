@@ -1,0 +1,62 @@
+"""Refits of an estimate under another explanation, and what they leave of the recording."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from emaphm.arrays import Array
+from emaphm.estimation.bias_correction import compared
+from emaphm.estimation.discrepancy import reference_problem
+from emaphm.estimation.global_search.multistart import descents_from
+from emaphm.estimation.objective import MapObjective
+from emaphm.estimation.search_result import SearchResult
+from emaphm.random_streams import stream
+
+PROMISING, CORRECTIONS = 1.5, 2
+"""How many times as much descents may leave to be corrected by the reference model, and how often at most."""
+
+
+@dataclass(frozen=True, eq=False)
+class Refit:
+    """Where descents ended: the `point` (d,) of an `objective`, and what is `left` there.
+
+    `left` is the mean squared residual of channels and priors, `error` what the discrepancy's standard error
+    adds to it: refits may be corrected by means of more runs of the reference model or of fewer.
+    """
+
+    objective: MapObjective
+    point: Array
+    left: float
+    error: float
+
+    @classmethod
+    def under(cls, objective: MapObjective, starts: Array, corrected: SearchResult) -> "Refit":
+        """Return where descents from `starts` (n, d) lead under the correction of an estimate."""
+        correction = corrected.outputs_correction
+        point = descents_from(objective, starts, correction).best
+        known = corrected.discrepancy
+        error = 0.0 if known is None else float(np.mean(known.standard_error**2))
+        return cls(objective, point, float(np.mean(objective.residual(point, correction) ** 2)), error)
+
+    @property
+    def misfit(self) -> float:
+        """What is left but for the discrepancy's error."""
+        return self.left - self.error
+
+    def corrected(self, before: "Refit", enough: float, seed: int, name: str) -> "Refit":
+        """Return it corrected by the reference model, while that leads on.
+
+        Where between `enough` and `PROMISING` times as much is left as `before`.
+        """
+        best, objective = self, self.objective
+        reference, none = reference_problem(objective), np.zeros_like(objective.target)
+        for iteration in range(CORRECTIONS):
+            if not enough <= best.left / before.left < PROMISING:
+                break
+            rng = stream(seed, f"reference runs of {name}", iteration)
+            there = compared(objective, none, best.point[np.newaxis], reference, rng)[0]
+            further = Refit.under(objective, best.point[np.newaxis], there)
+            if further.left >= best.left:
+                break
+            best = further
+        return best

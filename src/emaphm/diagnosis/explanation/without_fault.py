@@ -1,0 +1,131 @@
+"""Whether a recording is explained as well with a degraded component healthy: a test by refits.
+
+The covariance at an estimate is that of a linear model there. Where a manoeuvre says little, of an actuator
+that moves one way only for instance, the optimum lies in a flat valley with kinks: the search may end off it,
+and derivatives across kinks claim more than is known. What counts is whether the recording can be explained
+without the fault. So the fit is repeated with the component healthy, as in a likelihood ratio test
+(Wilks 1938), and the reference model is asked where that leads. Where the linear model leaves no doubt,
+nothing is repeated.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from emaphm.actuator.faults import CARTESIAN_NAMES, HEALTHY
+from emaphm.arrays import Array
+from emaphm.diagnosis.explanation.refits import Refit
+from emaphm.diagnosis.verdict import Estimate
+from emaphm.estimation.objective import MapObjective
+from emaphm.estimation.search_result import SearchResult
+
+
+@dataclass(frozen=True)
+class WithoutFaultSettings:
+    """When a fault is not needed to explain a recording.
+
+    Without it, the sum of the squared residuals is larger by less than `chi_square` times the variance of a
+    row, and the number of rows over which the residual is correlated. What the linear model leaves more than
+    `hopeless` times is not tried.
+    """
+
+    chi_square: float = 3.84
+    hopeless: float = 3.0
+
+
+WITHOUT_FAULT = WithoutFaultSettings()
+
+
+def tested_by_refits(
+    components: Mapping[str, Estimate], result: SearchResult, jacobians: Array, seed: int
+) -> dict[str, Estimate]:
+    """Return the `components` of `result`, undecided where the recording is explained as well without them.
+
+    Tried for each that is degraded, where the reference model has corrected the estimate. `jacobians`,
+    (n, d, channel rows), are those of the channels there.
+    """
+    checked = dict(components)
+    if not result.correction.any():
+        return checked
+    linear = _LinearModel.at(result, jacobians)
+    most = _most_share(result.objective)
+    for name, one in components.items():
+        if one.verdict != "degraded" or name == "eccentricity_phase":
+            continue
+        left, step = linear.without(name)
+        if left > WITHOUT_FAULT.hopeless:
+            continue
+        share = _share_without(name, result, result.point + step, most, seed)
+        if share < most:
+            reason = f"the recording is explained as well without it ({share:.3g} of the residual is left)"
+            low, high = one.interval95
+            healthy = _healthy(name)
+            interval = (min(low, healthy), max(high, healthy))
+            checked[name] = replace(one, verdict="cannot tell", interval95=interval, reason=reason)
+    if checked["eccentricity"].verdict == "cannot tell" and components["eccentricity"].verdict == "degraded":
+        reason = checked["eccentricity"].reason
+        checked["eccentricity_phase"] = replace(
+            checked["eccentricity_phase"], verdict="cannot tell", reason=reason
+        )
+    return checked
+
+
+def _healthy(name: str) -> float:
+    return float(getattr(HEALTHY, name))
+
+
+def _most_share(objective: MapObjective) -> float:
+    """Return the share of the mean squared residual up to which an explanation is as good."""
+    return 1 + WITHOUT_FAULT.chi_square * objective.correlated_rows / objective.channel_rows
+
+
+def _coordinates_of(name: str) -> tuple[str, ...]:
+    return ("eccentricity_x", "eccentricity_y") if name == "eccentricity" else (name,)
+
+
+@dataclass(frozen=True, eq=False)
+class _LinearModel:
+    """The linear model at the estimate of `result`, with priors: normal matrix (d, d) and gradient (d,)."""
+
+    result: SearchResult
+    normal: Array
+    gradient: Array
+
+    @classmethod
+    def at(cls, result: SearchResult, jacobians: Array) -> "_LinearModel":
+        """Return it by `jacobians` (n, d, channel rows)."""
+        jacobian = np.concatenate([jacobians.mean(axis=0), result.objective.jacobian_of_priors], axis=1)
+        return cls(result, jacobian @ jacobian.T, jacobian @ result.residual)
+
+    def without(self, name: str) -> tuple[float, Array]:
+        """Return what is left without a fault, relative to with it, and the step (d,) that leads there."""
+        coordinates = self.result.objective.space.coordinates
+        fixed = np.array([coordinates.index(one) for one in _coordinates_of(name)])
+        others = np.delete(np.arange(self.gradient.size), fixed)
+        step = np.zeros(self.gradient.size)
+        step[fixed] = _healthy(name) - self.result.point[fixed]
+        asked = self.gradient[others] - self.normal[np.ix_(others, fixed)] @ step[fixed]
+        step[others] = np.linalg.lstsq(self.normal[np.ix_(others, others)], asked)[0]
+        present = float(self.result.residual @ self.result.residual)
+        more = float(step @ self.normal @ step - 2 * step @ self.gradient)
+        return 1 + more / max(present, np.finfo(float).tiny), step
+
+
+def _share_without(name: str, result: SearchResult, start: Array, most: float, seed: int) -> float:
+    """Return the least share of the misfit that is found with a component healthy, from `start` (d,) too."""
+    before = Refit.under(result.objective, result.point[np.newaxis], result)
+    objective, kept = _healthy_objective(name, result.objective)
+    starts = objective.space.project(np.array([result.point, start])[:, kept])
+    refit = Refit.under(objective, starts, result)
+    return refit.corrected(before, most, seed, f"a refit without {name}").misfit / before.misfit
+
+
+def _healthy_objective(name: str, objective: MapObjective) -> tuple[MapObjective, Array]:
+    """Return the objective with a component healthy, and which coordinates (d,) it still has."""
+    space = objective.space
+    kept = np.array([one not in _coordinates_of(name) for one in space.coordinates])
+    columns = tuple(i for i in space.columns if CARTESIAN_NAMES[i] not in _coordinates_of(name))
+    fixed = {**space.fixed, name: "it is taken as healthy"}
+    smaller = replace(space, lower=space.lower[kept], upper=space.upper[kept], columns=columns, fixed=fixed)
+    return replace(objective, space=smaller), kept

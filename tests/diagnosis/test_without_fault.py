@@ -1,0 +1,27 @@
+"""Faults that a recording does not need: a refit with the component healthy explains it as well."""
+
+from emaphm import Actuator, Faults, diagnose
+from emaphm.actuator import Ramp
+from emaphm.recording import Recording
+from emaphm.simulated_recording import simulate
+from emaphm.study.record import actuator_on
+from emaphm.study.rig import Rig
+
+THESIS = Actuator.thesis()
+
+
+def test_a_load_on_a_motion_one_way_is_no_friction() -> None:
+    """On a ramp, friction and a load that nobody recorded differ by the breakaway alone."""
+    whole = simulate(
+        actuator_on(Rig(label="ramp"), THESIS, 43),
+        Ramp(1 / 30),
+        faults=Faults(),
+        duration=0.3,
+        sample_rate=2000.0,
+        noise=0.05,
+        adc_bits=12,
+        seed=43,
+    )
+    columns = {name: whole[name] for name in ("time_s", "command_rad", "current_A", "position_rad")}
+    found = diagnose(Recording(columns), THESIS, seed=43, workers=1)
+    assert found.components["friction"].verdict == "cannot tell"
