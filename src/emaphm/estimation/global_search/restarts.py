@@ -5,34 +5,24 @@ from dataclasses import replace
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.estimation.bias_correction import correct_bias
+from emaphm.estimation.bias_correction import compared, correct_bias
 from emaphm.estimation.correction_iterations import BIAS_CORRECTION, FROM_STARTS
-from emaphm.estimation.global_search.exploration import (
-    EXPLORATION,
-    NEAR_STARTS,
-    explore,
-    is_better,
-    is_clear,
-    is_heavy,
-    leaves_switching_alone,
-    reference_costs,
-)
+from emaphm.estimation.discrepancy import REFERENCE_RUNS, reference_problem
+from emaphm.estimation.global_search.heavy_current import is_heavy, leaves_switching_alone
 from emaphm.estimation.global_search.multistart import descend_from, multistart
 from emaphm.estimation.methods import Method
 from emaphm.estimation.objective import MapObjective
+from emaphm.estimation.reference.ensemble import refine_by_ensemble
 from emaphm.estimation.reference.refinement import refine_by_reference
 from emaphm.estimation.search_result import SearchResult
 from emaphm.progress import Progress, subprogress
-from emaphm.random_streams import child_seed
+from emaphm.random_streams import child_seed, stream
 
 MAX_RESTARTS = 3
 """Most further searches."""
 
 MOST_STARTS = 2
 """Ends of descents that a correction begins at, as many as after a global search."""
-
-MOST_EXPLORED = 2
-"""Most further searches whose ends are explored."""
 
 SAME_POINT = 0.02
 """Difference of every coordinate below which two searches have ended at the same point."""
@@ -49,51 +39,36 @@ def search_with_restarts(
     """Return the best of several searches, each a global search and its bias correction.
 
     Restart at most `MAX_RESTARTS` times while the residual exceeds noise and switching; stop once two
-    searches agree. An end that a heavy current may hide to be false is explored. The other ends are the
-    result's alternatives. With `starts` (n, d), the first search is a correction from there, and no other
-    follows where it leaves no more than noise and switching.
+    searches agree. The other ends are the result's alternatives. With `starts` (n, d), the first search is
+    one from there, and no other follows where it leaves no more than noise and switching.
     """
     ends: list[SearchResult] = []
     if starts is not None:
         points = objective.space.project(starts)
-        ends.append(_from_starts(objective, points, max_corrections, seed, on_progress))
-        if ends[0].down_to_noise and is_clear(ends[0]):
+        if is_heavy(objective.problem):
+            ends.append(_heavy_from_starts(objective, points, seed))
+        else:
+            ends.append(_from_starts(objective, points, max_corrections, seed, on_progress))
+        if _is_explained(ends[0]):
             return ends[0]
-        if ends[0].down_to_noise and leaves_switching_alone(ends[0]):
-            return _explored(objective, method, ends, max_corrections, seed)
     for search in range(1 + MAX_RESTARTS):
         child = child_seed(seed, "restart", search - 1) if search else seed
         other = _search(objective, method, max_corrections, child, None if search else on_progress)
         agree = bool(ends) and _alike(other, _best(ends))
         ends.append(other)
-        if agree or _best(ends).down_to_noise:
+        if agree or _is_explained(_best(ends)):
             break
-    return _explored(objective, method, ends, max_corrections, seed)
+    best = _best(ends)
+    others = tuple(one for one in ends if one is not best)
+    refined = refine_by_reference(best, seed)
+    return replace(refined, alternatives=others) if others else refined
 
 
-def _explored(
-    objective: MapObjective, method: Method, ends: list[SearchResult], max_corrections: int, seed: int
-) -> SearchResult:
-    """Return the best of `ends`, refined, with the others as its alternatives.
-
-    Where a heavy current may hide that it is a false minimum, it is explored first; and while it still leaves
-    more than noise and switching, so are the ends of up to `MOST_EXPLORED` further searches.
-    """
-    result = _best(ends)
-    others = [one for one in ends if one is not result]
-    if not is_clear(result):
-        settings = NEAR_STARTS if result.started and leaves_switching_alone(result) else EXPLORATION
-        started, result = result.started, explore(result, child_seed(seed, "exploration"), settings)
-        for search in range(MOST_EXPLORED):
-            if leaves_switching_alone(result):
-                break
-            child = child_seed(seed, "exploration", search)
-            other = explore(_search(objective, method, max_corrections, child), child)
-            result, worse = (other, result) if is_better(other, result) else (result, other)
-            others.append(worse)
-        result = replace(result, started=started)
-    refined = refine_by_reference(result, seed)
-    return replace(refined, alternatives=tuple(others)) if others else refined
+def _is_explained(result: SearchResult) -> bool:
+    """Return whether noise and switching account for what is left: all of it, of a heavy current."""
+    if is_heavy(result.objective.problem):
+        return leaves_switching_alone(result)
+    return result.down_to_noise
 
 
 def _best(ends: list[SearchResult]) -> SearchResult:
@@ -122,12 +97,7 @@ def _from_starts(
     settings = FROM_STARTS
     if len(points) > 1:
         found = descend_from(objective, points)
-        ends, costs = found.points, found.costs
-        if is_heavy(objective.problem):
-            # There the averaged model's own optimum is farther off than the starts.
-            ends = np.vstack([points, ends])
-            costs = reference_costs(objective, ends)
-        points = ends[np.argsort(costs, kind="stable")[:MOST_STARTS]]
+        points = found.points[np.argsort(found.costs, kind="stable")[:MOST_STARTS]]
         settings = BIAS_CORRECTION
     result = correct_bias(objective, points, max_corrections, seed, progress, settings)
     if not result.down_to_noise:
@@ -135,6 +105,17 @@ def _from_starts(
         onwards = correct_bias(objective, result.point[np.newaxis], max_corrections, child)
         result = refine_by_reference(_best([result, onwards]), child)
     return replace(result, started=True)
+
+
+def _heavy_from_starts(objective: MapObjective, points: Array, seed: int) -> SearchResult:
+    """Return where an ensemble leads from the best of `points`.
+
+    The averaged model's own optimum is farther off than they are where the current is heavy.
+    """
+    rng = stream(seed, "reference runs", "starts")
+    none, points = np.zeros_like(objective.target), points[:REFERENCE_RUNS]
+    known = compared(objective, none, points, reference_problem(objective), rng)
+    return replace(refine_by_ensemble(_best(known), seed), started=True)
 
 
 def _search(
@@ -146,4 +127,7 @@ def _search(
 ) -> SearchResult:
     """Return where the global search and the corrections after it end."""
     refined = multistart(objective, seed, method.optimizer, subprogress(on_progress, 0.0, 0.4))
-    return correct_bias(objective, refined.points, max_corrections, seed, subprogress(on_progress, 0.4, 1.0))
+    result = correct_bias(
+        objective, refined.points, max_corrections, seed, subprogress(on_progress, 0.4, 1.0)
+    )
+    return refine_by_ensemble(result, seed) if is_heavy(objective.problem) else result

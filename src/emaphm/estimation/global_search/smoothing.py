@@ -29,10 +29,17 @@ def low_pass(objective: MapObjective, outputs: Array) -> Array:
     samples, rows = inputs.samples, objective.channel_rows
     deviation = SMOOTHING_S / inputs.interval
     block = int(np.clip(deviation / BLOCKS, 1, samples))
-    channels = outputs[..., :rows].reshape(*outputs.shape[:-1], -1, samples)
-    means = channels[..., : samples // block * block].reshape(*channels.shape[:-1], -1, block).mean(axis=-1)
-    smooth = block**0.5 * _gaussian_filter(means, deviation / block)
+    smooth = block**0.5 * _gaussian_filter(channel_means(objective, outputs, block), deviation / block)
     return np.concatenate([smooth.reshape(*outputs.shape[:-1], -1), outputs[..., rows:]], axis=-1)
+
+
+def channel_means(objective: MapObjective, outputs: Array, count: int) -> Array:
+    """Return the channels in `outputs` (…, rows) in means of `count` rows each, (…, channels, means)."""
+    samples = objective.problem.samples
+    channels = outputs[..., : objective.channel_rows].reshape(*outputs.shape[:-1], -1, samples)
+    return np.asarray(
+        channels[..., : samples // count * count].reshape(*channels.shape[:-1], -1, count).mean(axis=-1)
+    )
 
 
 def _gaussian_filter(values: Array, deviation: float) -> Array:

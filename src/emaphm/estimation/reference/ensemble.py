@@ -1,0 +1,304 @@
+"""Gauss-Newton steps by regressions over an ensemble of single runs of the reference model.
+
+Currents near their limit make false minima of the corrected averaged model, along curved valleys: its
+discrepancy changes from point to point. The reference model itself is chaotic in its switching, which hides
+derivatives over small differences. An ensemble of runs has neither problem: its points are drawn from the
+covariance of the estimate, which is long where the data say little; a linear regression of their outputs is a
+derivative over just these distances; and switching averages out. The step that it asks for moves
+the ensemble, whose covariance follows from the regression, until no step makes the misfit smaller. Outputs
+are compared in means over several rows: switching changes from row to row, what faults do seldom does.
+
+It is an iterative ensemble smoother in Levenberg-Marquardt form (Chen and Oliver 2013, Computational
+Geosciences 17), and a posterior linearisation (García-Fernández et al. 2015, IEEE Transactions on Signal
+Processing 63).
+"""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from emaphm.arrays import Array
+from emaphm.estimation.bias_correction import compared
+from emaphm.estimation.discrepancy import RUN_SEPARATION, reference_problem
+from emaphm.estimation.finite_differences import replicated_jacobians
+from emaphm.estimation.global_search.smoothing import channel_means
+from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective
+from emaphm.estimation.parameter_space import ParameterSpace
+from emaphm.estimation.problem import Problem
+from emaphm.estimation.search_result import SearchResult, default_scatter
+from emaphm.estimation.uncertainty.fisher_information import information
+from emaphm.random_streams import stream
+
+
+@dataclass(frozen=True)
+class EnsembleSettings:
+    """How an ensemble moves; chosen on heavy shorts of other seeds than those of the studies.
+
+    Each generation adds `size` runs, in opposite pairs. The regression also uses those of the last `kept`
+    generations that are within `reach` times the squared distances expected of new ones. Runs whose cost is
+    more than `outliers` times that of the lower quartile count less: a shaft that may stick makes two kinds of
+    runs. Outputs are means over `mean_s` [s].
+
+    Steps are damped by `dampings` times what the ensemble's covariance is worth, and have at most `longest`
+    of its standard deviations (rms). They are compared with the best `samples` of the points drawn, by
+    `repeats` runs each; costs up to `equal` times the least count as equal. After `patience` generations whose
+    cost is not below `progress` times the one before, the ensemble has converged.
+
+    The covariance is that of the estimate if `CORRELATED_ROWS` means were one observation. A generation
+    multiplies its standard deviations by `narrower` to `wider`, and by less where what is not linear exceeds
+    `curvature` of the cost. The first is by `first_replicates` Jacobians of the averaged model, over
+    differences of `first_step`.
+    """
+
+    mean_s: float = 1e-3
+    size: int = 40
+    generations: int = 40
+    kept: int = 6
+    reach: float = 2.0
+    outliers: float = 2.0
+    dampings: tuple[float, ...] = (10.0, 1.0, 0.1)
+    longest: float = 3.0
+    samples: int = 2
+    repeats: int = 4
+    equal: float = 1.1
+    narrower: float = 0.35
+    wider: float = 2.0
+    curvature: float = 0.5
+    progress: float = 0.9
+    patience: int = 4
+    first_step: float = 2e-2
+    first_replicates: int = 2
+
+
+ENSEMBLE = EnsembleSettings()
+
+LEAST_REGRESSOR = 1e-9
+"""What keeps a regression regular where bounds leave the points no room in a coordinate."""
+
+
+def refine_by_ensemble(
+    result: SearchResult, seed: int, settings: EnsembleSettings = ENSEMBLE
+) -> SearchResult:
+    """Return `result`, whose discrepancy is known, moved on to where the reference model fits best.
+
+    The estimate is the mean of the points of the last generations, between which the reference model finds no
+    difference; its scatter is theirs. Where it fits worse than `result` by more than switching makes, that is
+    returned.
+    """
+    reference = reference_problem(result.objective)
+    result = result.reweighted()
+    objective, point, residual = result.objective, result.point, result.residual
+    covariance = _first_covariance(result, stream(seed, "first ensemble"), settings)
+    ensemble: _Ensemble | None = None
+    equal = [point]
+    for generation in range(settings.generations):
+        before, objective = objective, objective.reweighted(residual)
+        rows = _Rows.of(objective, reference, settings)
+        rng = stream(seed, "ensemble", generation)
+        drawn = _drawn(objective.space, point, covariance, settings.size, rng)
+        latest = _Ensemble(drawn, rows.of_runs(drawn))
+        ensemble = (
+            latest
+            if ensemble is None
+            else ensemble.rescaled(rows, before).extended(latest, (settings.kept - 1) * settings.size)
+        )
+        regression = _Regression.of(ensemble, rows.target, point, covariance, settings)
+        cost = rows.cost(objective.rescaled(residual, before))
+        steps = [
+            regression.step(objective.space, damping * CORRELATED_ROWS * cost, settings)
+            for damping in settings.dampings
+        ]
+        best = np.argsort(latest.costs(rows.target))[: settings.samples]
+        candidates = np.vstack([point, *steps, latest.points[best]])
+        costs, residuals, switching = rows.compared(candidates, settings.repeats, rng)
+        chosen = _farthest_of_equals(costs, 1 + len(steps), settings.equal)
+        covariance = regression.next_covariance(costs[chosen], switching, settings)
+        point, residual = candidates[chosen], residuals[chosen]
+        # Where the cost is as before, the reference model finds no difference.
+        equal = [point] if costs[chosen] < settings.progress * costs[0] else [*equal, point]
+        if len(equal) > settings.patience:
+            break
+    mean = objective.space.project(np.mean(equal, axis=0))
+    rng = stream(seed, "reference runs at the end of the ensemble")
+    end = compared(objective, np.zeros_like(objective.target), mean[np.newaxis], reference, rng)[0]
+    if _mean_square(end, objective) > settings.equal * _mean_square(result, objective):
+        return result
+    scatter = default_scatter(mean.size)
+    if len(equal) > 1:
+        scatter = scatter + np.cov(np.array(equal), rowvar=False)
+    # The discrepancy at the point is the correction under which the point is the optimum.
+    return replace(end, correction=end.outputs_correction, scatter=scatter, converged=True)
+
+
+def _mean_square(one: SearchResult, objective: MapObjective) -> float:
+    """Return the mean squared residual of `one`, its rows weighted as those of `objective`."""
+    return float(np.mean(one.weighted_as(objective).residual ** 2))
+
+
+def _first_covariance(result: SearchResult, rng: np.random.Generator, settings: EnsembleSettings) -> Array:
+    """Return the covariance (d, d) of the first ensemble: by the averaged model, for the present misfit."""
+    objective = result.objective
+    jacobians = replicated_jacobians(
+        objective.outputs, result.point, objective.space, settings.first_step, settings.first_replicates, rng
+    )
+    of_data = information(jacobians) / (CORRELATED_ROWS * float(np.mean(result.residual**2)))
+    return np.asarray(np.linalg.inv(of_data + np.diag(1 / objective.space.prior_deviations**2)))
+
+
+def _drawn(
+    space: ParameterSpace, point: Array, covariance: Array, count: int, rng: np.random.Generator
+) -> Array:
+    """Return points (count, d) about `point` (d,), two opposite ones each."""
+    ways = rng.normal(size=(count // 2, point.size)) @ np.linalg.cholesky(covariance).T
+    return space.project(point + np.concatenate([ways, -ways]))
+
+
+def _farthest_of_equals(costs: Array, steps: int, equal: float) -> int:
+    """Return the index of the longest of the first `steps` whose cost equals the least, or of the least."""
+    least = int(np.argmin(costs))
+    alike = np.flatnonzero(costs[:steps] <= equal * costs[least])
+    return int(alike[-1]) if alike.size else least
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """An objective as an ensemble sees it: the reference model, and channels in means of `count` rows."""
+
+    objective: MapObjective
+    count: int
+
+    @classmethod
+    def of(cls, objective: MapObjective, reference: Problem, settings: EnsembleSettings) -> Self:
+        inputs = objective.problem.inputs
+        count = int(np.clip(settings.mean_s / inputs.interval * (1 + 1e-9), 1, inputs.samples))
+        return cls(replace(objective, problem=reference.like(objective.problem)), count)
+
+    def seen(self, outputs: Array) -> Array:
+        """Return `outputs` (…, rows) in means, scaled so that a white residual keeps its size, (…, k)."""
+        channels = self.objective.channel_rows
+        means = self.count**0.5 * channel_means(self.objective, outputs, self.count)
+        return np.concatenate([means.reshape(*means.shape[:-2], -1), outputs[..., channels:]], axis=-1)
+
+    @property
+    def target(self) -> Array:
+        return self.seen(self.objective.target)
+
+    def of_runs(self, points: Array) -> Array:
+        """Return a run at each of `points` (n, d), (n, k)."""
+        return self.seen(self.objective.outputs(points))
+
+    def cost(self, residual: Array) -> float:
+        """Return the mean squared mean of a `residual` (rows,)."""
+        return float(np.mean(self.seen(residual) ** 2))
+
+    def compared(self, points: Array, repeats: int, rng: np.random.Generator) -> tuple[Array, Array, float]:
+        """Return costs (n,) of single runs at `points` (n, d), and the residuals (n, rows) of their means.
+
+        And the least variance that switching makes of a run at one of them.
+        """
+        n, d = points.shape
+        near = np.repeat(points, repeats, axis=0) + rng.normal(0.0, RUN_SEPARATION, (n * repeats, d))
+        outputs = self.objective.outputs(self.objective.space.project(near)).reshape(n, repeats, -1)
+        residuals = self.objective.target - outputs
+        means = self.seen(residuals)
+        variances = means.var(axis=1, ddof=1).mean(axis=1)
+        # Of single runs, not of their mean: where a shaft may stick, runs differ by more than switching.
+        return np.mean(means**2, axis=(1, 2)), residuals.mean(axis=1), float(variances.min())
+
+
+@dataclass(frozen=True, eq=False)
+class _Ensemble:
+    """`points` (n, d), and a run at each, `outputs` (n, k)."""
+
+    points: Array
+    outputs: Array
+
+    def rescaled(self, rows: _Rows, before: MapObjective) -> "_Ensemble":
+        """Return the ensemble as the objective of `rows` weights the outputs, given as `before` does."""
+        ones = np.ones_like(rows.objective.target)
+        ratios = rows.seen(rows.objective.rescaled(ones, before)) / rows.seen(ones)
+        return _Ensemble(self.points, self.outputs * ratios)
+
+    def extended(self, other: "_Ensemble", most: int) -> "_Ensemble":
+        """Return the points of the `other` after the last `most` of this."""
+        points, outputs = (self.points[-most:], other.points), (self.outputs[-most:], other.outputs)
+        return _Ensemble(np.concatenate(points), np.concatenate(outputs))
+
+    def costs(self, target: Array) -> Array:
+        """Return the mean squared residual of each run, (n,)."""
+        return np.asarray(np.mean((target - self.outputs) ** 2, axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class _Regression:
+    """A linear model of the outputs about `point` (d,), in units of the Cholesky `factor` (d, d) there.
+
+    `information` (d, d) is free of the bias that scatter makes; `gradient` (d,) is towards the target;
+    `variance` is that of a run about the linear model.
+    """
+
+    point: Array
+    factor: Array
+    information: Array
+    gradient: Array
+    variance: float
+
+    @classmethod
+    def of(
+        cls, ensemble: _Ensemble, target: Array, point: Array, covariance: Array, settings: EnsembleSettings
+    ) -> Self:
+        """Return the regression of the last generation's runs, and of the others that are near `point`."""
+        d, factor = point.size, np.linalg.cholesky(covariance)
+        units = np.linalg.solve(factor, (ensemble.points - point).T).T
+        # Squared distances have the mean d and the variance 2 d.
+        near = np.sum(units**2, axis=1) <= settings.reach * (d + 3 * (2 * d) ** 0.5)
+        near[-settings.size :] = True
+        units, outputs = units[near], ensemble.outputs[near]
+        costs = np.mean((target - outputs) ** 2, axis=1)
+        usual = settings.outliers * np.quantile(costs[-settings.size :], 0.25)
+        weights = np.sqrt(np.minimum(1.0, usual / costs))[:, np.newaxis]
+        regressors = weights * np.concatenate([np.ones((len(units), 1)), units], axis=1)
+        scatter = np.linalg.inv(regressors.T @ regressors + LEAST_REGRESSOR * np.eye(d + 1))
+        coefficients = scatter @ (regressors.T @ (weights * outputs))
+        residuals = weights * outputs - regressors @ coefficients
+        variance = float(np.sum(residuals**2)) / max(len(units) - d - 1, 1) / target.size
+        slopes = coefficients[1:]
+        values, axes = np.linalg.eigh(slopes @ slopes.T - target.size * variance * scatter[1:, 1:])
+        return cls(
+            point,
+            factor,
+            (axes * np.maximum(values, 0.0)) @ axes.T,
+            slopes @ (target - coefficients[0]),
+            variance,
+        )
+
+    def step(self, space: ParameterSpace, damping: float, settings: EnsembleSettings) -> Array:
+        """Return where a damped Gauss-Newton step leads; coordinates that a bound stops are held there."""
+        inverse = np.linalg.inv(self.factor)
+        normal = inverse.T @ (self.information + damping * np.eye(self.point.size)) @ inverse
+        gradient = inverse.T @ self.gradient
+        move, free = np.zeros(self.point.size), np.ones(self.point.size, bool)
+        while free.any():
+            others = gradient - normal[:, ~free] @ move[~free]
+            move[free] = np.linalg.solve(normal[np.ix_(free, free)], others[free])
+            held = np.clip(self.point + move, space.lower, space.upper) - self.point
+            stopped = free & (np.abs(held - move) > 1e-12)
+            if not stopped.any():
+                break
+            move[stopped] = held[stopped]
+            free &= ~stopped
+        length = float(np.sqrt(np.mean((inverse @ move) ** 2)))
+        return space.project(self.point + move * min(1.0, settings.longest / max(length, settings.longest)))
+
+    def next_covariance(self, cost: float, switching: float, settings: EnsembleSettings) -> Array:
+        """Return the covariance (d, d) of the next ensemble, at a point of that `cost`."""
+        values, axes = np.linalg.eigh(self.information)
+        variances = 1 / (values / (CORRELATED_ROWS * cost) + settings.wider**-2)
+        variances = np.maximum(variances, settings.narrower**2)
+        curved = self.variance - switching
+        if curved > settings.curvature * cost:
+            # It grows with the fourth power of the standard deviations.
+            variances *= max((settings.curvature * cost / curved) ** 0.5, settings.narrower**2)
+        half = self.factor @ (axes * np.sqrt(variances))
+        return np.asarray(half @ half.T)
