@@ -43,7 +43,7 @@ class EnsembleSettings:
     Steps are damped by `dampings` times what the ensemble's covariance is worth, and have at most `longest`
     of its standard deviations (rms). They are compared with the best `samples` of the points drawn, by
     `repeats` runs each; costs up to `equal` times the least count as equal. After `patience` generations whose
-    cost is not below `progress` times the one before, the ensemble has converged.
+    cost is not below `progress` times the least before, the ensemble has converged.
 
     The covariance is that of the estimate if `CORRELATED_ROWS` means were one observation. A generation
     multiplies its standard deviations by `narrower` to `wider`, and by less where what is not linear exceeds
@@ -65,7 +65,7 @@ class EnsembleSettings:
     narrower: float = 0.35
     wider: float = 2.0
     curvature: float = 0.5
-    progress: float = 0.9
+    progress: float = 0.95
     patience: int = 4
     first_step: float = 2e-2
     first_replicates: int = 2
@@ -91,7 +91,7 @@ def refine_by_ensemble(
     objective, point, residual = result.objective, result.point, result.residual
     covariance = _first_covariance(result, stream(seed, "first ensemble"), settings)
     ensemble: _Ensemble | None = None
-    equal = [point]
+    equal, least = [point], np.inf
     for generation in range(settings.generations):
         before, objective = objective, objective.reweighted(residual)
         rows = _Rows.of(objective, reference, settings)
@@ -116,7 +116,8 @@ def refine_by_ensemble(
         covariance = regression.next_covariance(costs[chosen], switching, settings)
         point, residual = candidates[chosen], residuals[chosen]
         # Where the cost is as before, the reference model finds no difference.
-        equal = [point] if costs[chosen] < settings.progress * costs[0] else [*equal, point]
+        equal = [point] if costs[chosen] < settings.progress * least else [*equal, point]
+        least = min(least, costs[chosen])
         if len(equal) > settings.patience:
             break
     mean = objective.space.project(np.mean(equal, axis=0))
