@@ -1,8 +1,8 @@
 """Currents that are near their limit most of the time, as shorts in all phases keep them.
 
-The averaged model is far off there, and its discrepancy changes from point to point, so that a bias correction
-ends in one of many false minima along a curved valley. What such an end leaves is clearly more than noise and
-switching, and still little relative to the current: `SMALLEST_SHARE` lets it pass.
+The averaged model is far off there, and its discrepancy changes from point to point, so that a bias
+correction ends in one of many false minima along a curved valley. What such an end leaves is clearly more
+than noise and switching, and still little relative to the current: `SMALLEST_SHARE` lets it pass.
 """
 
 import numpy as np

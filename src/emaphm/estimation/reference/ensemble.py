@@ -4,9 +4,9 @@ Currents near their limit make false minima of the corrected averaged model, alo
 discrepancy changes from point to point. The reference model itself is chaotic in its switching, which hides
 derivatives over small differences. An ensemble of runs has neither problem: its points are drawn from the
 covariance of the estimate, which is long where the data say little; a linear regression of their outputs is a
-derivative over just these distances; and switching averages out. The step that it asks for moves
-the ensemble, whose covariance follows from the regression, until no step makes the misfit smaller. Outputs
-are compared in means over several rows: switching changes from row to row, what faults do seldom does.
+derivative over just these distances; and switching averages out. The step that it asks for moves the
+ensemble, whose covariance follows from the regression, until no step makes the misfit smaller. Outputs are
+compared in means over several rows: switching changes from row to row, what faults do seldom does.
 
 It is an iterative ensemble smoother in Levenberg-Marquardt form (Chen and Oliver 2013, Computational
 Geosciences 17), and a posterior linearisation (García-Fernández et al. 2015, IEEE Transactions on Signal
@@ -37,13 +37,13 @@ class EnsembleSettings:
 
     Each generation adds `size` runs, in opposite pairs. The regression also uses those of the last `kept`
     generations that are within `reach` times the squared distances expected of new ones. Runs whose cost is
-    more than `outliers` times that of the lower quartile count less: a shaft that may stick makes two kinds of
-    runs. Outputs are means over `mean_s` [s].
+    more than `outliers` times that of the lower quartile count less: a shaft that may stick makes two kinds
+    of runs. Outputs are means over `mean_s` [s].
 
     Steps are damped by `dampings` times what the ensemble's covariance is worth, and have at most `longest`
     of its standard deviations (rms). They are compared with the best `samples` of the points drawn, by
-    `repeats` runs each; costs up to `equal` times the least count as equal. After `patience` generations whose
-    cost is not below `progress` times the least before, the ensemble has converged.
+    `repeats` runs each; costs up to `equal` times the least count as equal. After `patience` generations
+    whose cost is not below `progress` times the least before, the ensemble has converged.
 
     The covariance is that of the estimate if `CORRELATED_ROWS` means were one observation. A generation
     multiplies its standard deviations by `narrower` to `wider`, and by less where what is not linear exceeds
@@ -88,38 +88,16 @@ def refine_by_ensemble(
     """
     reference = reference_problem(result.objective)
     result = result.reweighted()
-    objective, point, residual = result.objective, result.point, result.residual
-    covariance = _first_covariance(result, stream(seed, "first ensemble"), settings)
-    ensemble: _Ensemble | None = None
-    equal, least = [point], np.inf
+    state = _State.first(result, stream(seed, "first ensemble"), settings)
+    equal, least = [state.point], np.inf
     for generation in range(settings.generations):
-        before, objective = objective, objective.reweighted(residual)
-        rows = _Rows.of(objective, reference, settings)
-        rng = stream(seed, "ensemble", generation)
-        drawn = _drawn(objective.space, point, covariance, settings.size, rng)
-        latest = _Ensemble(drawn, rows.of_runs(drawn))
-        ensemble = (
-            latest
-            if ensemble is None
-            else ensemble.rescaled(rows, before).extended(latest, (settings.kept - 1) * settings.size)
-        )
-        regression = _Regression.of(ensemble, rows.target, point, covariance, settings)
-        cost = rows.cost(objective.rescaled(residual, before))
-        steps = [
-            regression.step(objective.space, damping * CORRELATED_ROWS * cost, settings)
-            for damping in settings.dampings
-        ]
-        best = np.argsort(latest.costs(rows.target))[: settings.samples]
-        candidates = np.vstack([point, *steps, latest.points[best]])
-        costs, residuals, switching = rows.compared(candidates, settings.repeats, rng)
-        chosen = _farthest_of_equals(costs, 1 + len(steps), settings.equal)
-        covariance = regression.next_covariance(costs[chosen], switching, settings)
-        point, residual = candidates[chosen], residuals[chosen]
+        state = state.next(reference, stream(seed, "ensemble", generation), settings)
         # Where the cost is as before, the reference model finds no difference.
-        equal = [point] if costs[chosen] < settings.progress * least else [*equal, point]
-        least = min(least, costs[chosen])
+        equal = [state.point] if state.cost < settings.progress * least else [*equal, state.point]
+        least = min(least, state.cost)
         if len(equal) > settings.patience:
             break
+    objective = state.objective
     mean = objective.space.project(np.mean(equal, axis=0))
     rng = stream(seed, "reference runs at the end of the ensemble")
     end = compared(objective, np.zeros_like(objective.target), mean[np.newaxis], reference, rng)[0]
@@ -137,21 +115,9 @@ def _mean_square(one: SearchResult, objective: MapObjective) -> float:
     return float(np.mean(one.weighted_as(objective).residual ** 2))
 
 
-def _first_covariance(result: SearchResult, rng: np.random.Generator, settings: EnsembleSettings) -> Array:
-    """Return the covariance (d, d) of the first ensemble: by the averaged model, for the present misfit."""
-    objective = result.objective
-    jacobians = replicated_jacobians(
-        objective.outputs, result.point, objective.space, settings.first_step, settings.first_replicates, rng
-    )
-    of_data = information(jacobians) / (CORRELATED_ROWS * float(np.mean(result.residual**2)))
-    return np.asarray(np.linalg.inv(of_data + np.diag(1 / objective.space.prior_deviations**2)))
-
-
-def _drawn(
-    space: ParameterSpace, point: Array, covariance: Array, count: int, rng: np.random.Generator
-) -> Array:
+def _drawn(space: ParameterSpace, point: Array, factor: Array, count: int, rng: np.random.Generator) -> Array:
     """Return points (count, d) about `point` (d,), two opposite ones each."""
-    ways = rng.normal(size=(count // 2, point.size)) @ np.linalg.cholesky(covariance).T
+    ways = rng.normal(size=(count // 2, point.size)) @ factor.T
     return space.project(point + np.concatenate([ways, -ways]))
 
 
@@ -160,6 +126,54 @@ def _farthest_of_equals(costs: Array, steps: int, equal: float) -> int:
     least = int(np.argmin(costs))
     alike = np.flatnonzero(costs[:steps] <= equal * costs[least])
     return int(alike[-1]) if alike.size else least
+
+
+@dataclass(frozen=True, eq=False)
+class _State:
+    """Where an ensemble is: about `point` (d,), of the covariance F Fᵀ, F its `factor` (d, d).
+
+    `residual` (rows,) is the mean of some runs there, as `objective` weights the rows, and `cost` its size in
+    single runs. `ensemble` has the last runs, None before the first.
+    """
+
+    objective: MapObjective
+    point: Array
+    factor: Array
+    residual: Array
+    cost: float
+    ensemble: "_Ensemble | None" = None
+
+    @classmethod
+    def first(cls, result: SearchResult, rng: np.random.Generator, settings: EnsembleSettings) -> Self:
+        """Return the state at `result`, its covariance by the averaged model for the present misfit."""
+        objective, point, residual = result.objective, result.point, result.residual
+        jacobians = replicated_jacobians(
+            objective.outputs, point, objective.space, settings.first_step, settings.first_replicates, rng
+        )
+        cost = float(np.mean(residual**2))
+        normal = information(jacobians) / (CORRELATED_ROWS * cost)
+        normal += np.diag(1 / objective.space.prior_deviations**2)
+        return cls(objective, point, np.linalg.cholesky(np.linalg.inv(normal)), residual, cost)
+
+    def next(self, reference: Problem, rng: np.random.Generator, settings: EnsembleSettings) -> "_State":
+        """Return the state after a generation."""
+        objective, space = self.objective.reweighted(self.residual), self.objective.space
+        rows = _Rows.of(objective, reference, settings)
+        drawn = _drawn(space, self.point, self.factor, settings.size, rng)
+        latest = ensemble = _Ensemble(drawn, rows.of_runs(drawn))
+        if self.ensemble is not None:
+            kept = self.ensemble.rescaled(rows, self.objective)
+            ensemble = kept.extended(latest, (settings.kept - 1) * settings.size)
+        regression = _Regression.of(ensemble, rows.target, self.point, self.factor, settings)
+        unit = CORRELATED_ROWS * rows.cost(objective.rescaled(self.residual, self.objective))
+        steps = [regression.step(space, damping * unit, settings) for damping in settings.dampings]
+        best = np.argsort(latest.costs(rows.target), kind="stable")[: settings.samples]
+        candidates = np.vstack([self.point, *steps, drawn[best]])
+        costs, residuals, switching = rows.compared(candidates, settings.repeats, rng)
+        chosen = _farthest_of_equals(costs, 1 + len(steps), settings.equal)
+        cost = float(costs[chosen])
+        factor = regression.next_factor(cost, switching, settings)
+        return _State(objective, candidates[chosen], factor, residuals[chosen], cost, ensemble)
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,7 +247,7 @@ class _Ensemble:
 
 @dataclass(frozen=True, eq=False)
 class _Regression:
-    """A linear model of the outputs about `point` (d,), in units of the Cholesky `factor` (d, d) there.
+    """A linear model of the outputs about `point` (d,), in units of the ensemble's `factor` (d, d).
 
     `information` (d, d) is free of the bias that scatter makes; `gradient` (d,) is towards the target;
     `variance` is that of a run about the linear model.
@@ -247,10 +261,10 @@ class _Regression:
 
     @classmethod
     def of(
-        cls, ensemble: _Ensemble, target: Array, point: Array, covariance: Array, settings: EnsembleSettings
+        cls, ensemble: _Ensemble, target: Array, point: Array, factor: Array, settings: EnsembleSettings
     ) -> Self:
         """Return the regression of the last generation's runs, and of the others that are near `point`."""
-        d, factor = point.size, np.linalg.cholesky(covariance)
+        d = point.size
         units = np.linalg.solve(factor, (ensemble.points - point).T).T
         # Squared distances have the mean d and the variance 2 d.
         near = np.sum(units**2, axis=1) <= settings.reach * (d + 3 * (2 * d) ** 0.5)
@@ -292,8 +306,11 @@ class _Regression:
         length = float(np.sqrt(np.mean((inverse @ move) ** 2)))
         return space.project(self.point + move * min(1.0, settings.longest / max(length, settings.longest)))
 
-    def next_covariance(self, cost: float, switching: float, settings: EnsembleSettings) -> Array:
-        """Return the covariance (d, d) of the next ensemble, at a point of that `cost`."""
+    def next_factor(self, cost: float, switching: float, settings: EnsembleSettings) -> Array:
+        """Return the factor (d, d) of the next ensemble, about a point of that `cost`.
+
+        `switching` is the variance that it makes of a run.
+        """
         values, axes = np.linalg.eigh(self.information)
         variances = 1 / (values / (CORRELATED_ROWS * cost) + settings.wider**-2)
         variances = np.maximum(variances, settings.narrower**2)
@@ -301,5 +318,4 @@ class _Regression:
         if curved > settings.curvature * cost:
             # It grows with the fourth power of the standard deviations.
             variances *= max((settings.curvature * cost / curved) ** 0.5, settings.narrower**2)
-        half = self.factor @ (axes * np.sqrt(variances))
-        return np.asarray(half @ half.T)
+        return np.asarray(self.factor @ (axes * np.sqrt(variances)))
