@@ -15,7 +15,7 @@ from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
 from .off_truth import objective_of, result_off
 
 HEAVY = np.array([0.6, 0.3, 0.8, 0.75, 0.7, 0.5, 0.3, 0.4])
-FEW = EnsembleSettings(generations=8, patience=2)
+FEW = EnsembleSettings(patience=2)
 
 
 @pytest.fixture(scope="module")
@@ -28,14 +28,14 @@ def near(objective: MapObjective, distance: float) -> SearchResult:
 
 
 def test_it_leads_from_a_false_minimum_to_the_truth(objective: MapObjective) -> None:
-    begun = near(objective, 0.03)
-    assert begun.residual_over_switching > 5
+    begun = near(objective, 0.02)
+    assert begun.residual_over_switching > 30
     ended = refine_by_ensemble(begun, seed=0, settings=FEW)
     assert leaves_switching_alone(ended)
     assert ended.converged
     # What the current shows best; backlash and eccentricity may stand for each other until noise tells them.
     shown = [0, 2, 3, 4, 7]
-    assert np.abs(ended.point - objective.space.points(HEAVY))[shown].max() < 0.25 * 0.03
+    assert np.abs(ended.point - objective.space.points(HEAVY))[shown].max() < 0.1 * 0.02
     # The correction under which the point is the optimum: that model's residual is the reference model's.
     np.testing.assert_array_equal(ended.remaining_bias, 0.0)
     assert np.all(np.diag(ended.scatter) >= np.diag(begun.scatter))
@@ -44,7 +44,7 @@ def test_it_leads_from_a_false_minimum_to_the_truth(objective: MapObjective) -> 
 def test_points_stay_in_the_space(objective: MapObjective) -> None:
     space = objective.space
     corner = with_discrepancy(SearchResult.at(objective, space.project(np.ones(space.dimensions))), seed=0)
-    ended = refine_by_ensemble(corner, seed=0, settings=replace(FEW, generations=2))
+    ended = refine_by_ensemble(corner, seed=0, settings=replace(FEW, generations=1))
     np.testing.assert_array_equal(ended.point, space.project(ended.point))
 
 
