@@ -2,6 +2,7 @@
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -71,14 +72,20 @@ def room(module: str) -> str:
     return module.split(".")[1] if "." in module else ""
 
 
-LOADED = {
-    name: set(imported(ast.parse(path.read_text(encoding="utf-8")), when_called=False)) - {name}
-    for name, path in MODULES.items()
-}
-CALLED = {
-    name: set(imported(ast.parse(path.read_text(encoding="utf-8")), when_called=True)) - {name}
-    for name, path in MODULES.items()
-}
+@cache
+def tree_of(name: str) -> ast.Module:
+    return ast.parse(MODULES[name].read_text(encoding="utf-8"))
+
+
+@cache
+def loaded(name: str) -> set[str]:
+    """Return the modules that one imports as it is loaded."""
+    return set(imported(tree_of(name), when_called=False)) - {name}
+
+
+def called(name: str) -> set[str]:
+    """Return the modules that one imports as it is loaded or called."""
+    return set(imported(tree_of(name), when_called=True)) - {name}
 
 
 def test_every_file_stands_in_a_room_of_the_order() -> None:
@@ -88,10 +95,10 @@ def test_every_file_stands_in_a_room_of_the_order() -> None:
 @pytest.mark.parametrize("name", sorted(MODULES))
 def test_imports_point_one_way(name: str) -> None:
     if room(name):
-        upwards = {other for other in LOADED[name] if LEVEL.get(room(other), -1) > LEVEL[room(name)]}
+        upwards = {other for other in loaded(name) if LEVEL.get(room(other), -1) > LEVEL[room(name)]}
         beside = {
             other
-            for other in LOADED[name]
+            for other in loaded(name)
             if LEVEL.get(room(other)) == LEVEL[room(name)] and room(other) != room(name)
         }
         peers = ("progress", "text_table", "arrays", "errors")
@@ -101,7 +108,7 @@ def test_imports_point_one_way(name: str) -> None:
 
 def test_when_called_a_result_may_reach_down_to_its_drawer_only() -> None:
     for name in MODULES:
-        for other in CALLED[name] - LOADED[name]:
+        for other in called(name) - loaded(name):
             if room(name) and LEVEL[room(other)] > LEVEL[room(name)]:
                 assert room(other) == "plotting", f"{name} imports {other}"
 
@@ -113,7 +120,7 @@ def test_no_circles() -> None:
         assert name not in path, " imports ".join((*path[path.index(name) :], name))
         if name in done:
             return
-        for other in LOADED[name]:
+        for other in loaded(name):
             visit(other, (*path, name))
         done.add(name)
 
@@ -130,8 +137,7 @@ def test_no_sub_package_is_too_large() -> None:
 
 
 def test_the_science_knows_no_figure_library() -> None:
-    for name, path in MODULES.items():
+    for name in MODULES:
         if LEVEL.get(room(name), 99) < LEVEL["plotting"]:
-            tree = ast.parse(path.read_text(encoding="utf-8"))
-            names = {a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names}
+            names = {a.name for n in ast.walk(tree_of(name)) if isinstance(n, ast.Import) for a in n.names}
             assert not {one for one in names if one.startswith("matplotlib")}, name

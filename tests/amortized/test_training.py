@@ -1,6 +1,7 @@
 """Training: on a problem whose posterior is known, and from simulations to a file."""
 
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,8 @@ from emaphm.arrays import Array
 from emaphm.errors import ExecutionError, MethodError, OutputError
 from emaphm.simulation import AVERAGED
 
-torch = pytest.importorskip("torch", reason="PyTorch is not installed")
+# Imported where it is used: every process of a test run collects this file, and one runs it.
+pytestmark = pytest.mark.skipif(find_spec("torch") is None, reason="PyTorch is not installed")
 
 
 def no_error(means: Array) -> float:  # noqa: ARG001 - reported, and of no interest here
@@ -75,6 +77,8 @@ def test_the_posterior_of_a_linear_problem_is_learned() -> None:
 
 
 def test_numpy_and_torch_run_the_same_network() -> None:
+    import torch
+
     from emaphm.amortized.networks.projection import Projection
     from emaphm.amortized.networks.torch_network import converted, made
 

@@ -21,6 +21,9 @@ TRUTH = ("--fault", "friction=0.3", "--fault", "short_b=0.2")
 
 TRUE_K = Faults(friction=0.3, short_b=0.2).vector
 
+QUICK = ("--nuisance", "none", "--no-correction")
+"""Options of a diagnosis in a tenth of the time, for what its values do not matter to."""
+
 DIAGNOSIS = {
     "faults",
     "k",
@@ -175,16 +178,24 @@ def test_diagnose_finds_what_was_simulated(emaphm: Emaphm, faulty: Path) -> None
 
 def test_the_file_format_does_not_matter(emaphm: Emaphm, faulty: Path, desk: Path) -> None:
     pl.read_csv(faulty).write_parquet(desk / "faulty.parquet")
-    from_csv, from_parquet = (parsed(emaphm, "diagnose", f"faulty.{ending}") for ending in ("csv", "parquet"))
+    from_csv, from_parquet = (
+        parsed(emaphm, "diagnose", f"faulty.{ending}", *QUICK) for ending in ("csv", "parquet")
+    )
     for told in (from_csv, from_parquet):
         del told["seconds"], told["recording"]
     assert from_csv == from_parquet
 
 
-@pytest.mark.parametrize("method", ["hybrid", "dragonfly"])
-def test_the_same_seed_gives_the_same_diagnosis(emaphm: Emaphm, faulty: Path, method: str) -> None:
+@pytest.mark.parametrize(("method", "options"), [("hybrid", ("--nuisance", "none")), ("dragonfly", ())])
+@pytest.mark.usefixtures("desk")
+def test_the_same_seed_gives_the_same_diagnosis(
+    emaphm: Emaphm, method: str, options: tuple[str, ...]
+) -> None:
+    # Short: a swarm takes its time by the row.
+    assert emaphm("simulate", "faulty.csv", *TRUTH, "--duration", "0.2").code == 0
+
     def told(seed: int) -> dict[str, Any]:
-        found = parsed(emaphm, "diagnose", faulty.name, "--method", method, "--seed", str(seed))
+        found = parsed(emaphm, "diagnose", "faulty.csv", "--method", method, "--seed", str(seed), *options)
         assert found.pop("seconds") > 0
         assert found.pop("seed") == seed
         assert found["method"] == method
@@ -196,7 +207,7 @@ def test_the_same_seed_gives_the_same_diagnosis(emaphm: Emaphm, faulty: Path, me
 
 
 def test_diagnose_samples_the_posterior_on_request(emaphm: Emaphm, faulty: Path) -> None:
-    plain = ("diagnose", faulty.name, "--nuisance", "none", "--no-correction")
+    plain = ("diagnose", faulty.name, *QUICK)
     found = parsed(emaphm, *plain, "--posterior")
     assert set(found["posterior"]) == {"faults", "samples", "convergence"}
     assert found["posterior"]["convergence"]["converged"] is True
@@ -208,14 +219,14 @@ def test_diagnose_samples_the_posterior_on_request(emaphm: Emaphm, faulty: Path)
 
 
 def test_diagnose_can_do_without_correction(emaphm: Emaphm, faulty: Path) -> None:
-    corrected = parsed(emaphm, "diagnose", faulty.name)
-    plain = parsed(emaphm, "diagnose", faulty.name, "--no-correction")
+    corrected = parsed(emaphm, "diagnose", faulty.name, "--nuisance", "none")
+    plain = parsed(emaphm, "diagnose", faulty.name, *QUICK)
     assert plain["evaluations"] < corrected["evaluations"]
     assert plain["reference_runs"] < corrected["reference_runs"]
 
 
 def test_people_get_a_table_and_a_report(emaphm: Emaphm, faulty: Path, desk: Path) -> None:
-    code, out, err = emaphm("diagnose", faulty.name, "--report", "report.html")
+    code, out, err = emaphm("diagnose", faulty.name, "--nuisance", "none", "--report", "report.html")
     assert (code, err) == (0, "")
     for piece in (*NAMES, "degraded", "healthy", "explains the recording", "seed 0", "report.html"):
         assert piece in out
@@ -225,7 +236,8 @@ def test_people_get_a_table_and_a_report(emaphm: Emaphm, faulty: Path, desk: Pat
 
 
 def test_json_stays_json_with_a_report(emaphm: Emaphm, faulty: Path, desk: Path) -> None:
-    assert parsed(emaphm, "diagnose", faulty.name, "--report", "report.html").keys() >= DIAGNOSIS
+    found = parsed(emaphm, "diagnose", faulty.name, *QUICK, "--report", "report.html")
+    assert found.keys() >= DIAGNOSIS
     assert (desk / "report.html").is_file()
 
 

@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 from scipy import stats
-from sklearn.covariance import LedoitWolf
-from sklearn.decomposition import PCA
 
 from emaphm.detection.statistics import HealthyScatter
 from emaphm.detection.thresholds import (
@@ -23,6 +21,8 @@ def gaussian(count: int, seed: int) -> np.ndarray:
 
 
 def test_over_all_directions_it_is_the_mahalanobis_distance() -> None:
+    from sklearn.covariance import LedoitWolf
+
     healthy, later = gaussian(60, 1), gaussian(20, 2)
     scatter = HealthyScatter.learn(healthy, variance_share=0.9)
     scale = np.sqrt(np.mean(healthy**2, axis=0))
@@ -45,6 +45,8 @@ def test_t2_of_a_gaussian_is_chi_squared() -> None:
 
 
 def test_q_is_what_principal_components_leave() -> None:
+    from sklearn.decomposition import PCA
+
     healthy, later = gaussian(20_000, 5), gaussian(50, 6)
     scatter = HealthyScatter.learn(healthy, variance_share=0.6)
     oracle = PCA(n_components=1).fit(healthy / scatter.scale)

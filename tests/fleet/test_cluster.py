@@ -1,5 +1,6 @@
 """A batch on a Dask cluster: as on this machine."""
 
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,7 @@ from execution.test_dask_cluster import Cluster
 
 from .files import QUICK, written
 
-pytest.importorskip("distributed")
+pytestmark = pytest.mark.skipif(find_spec("distributed") is None, reason="Dask is not installed")
 
 
 def test_a_batch_has_the_same_results_on_a_cluster(tmp_path: Path) -> None:
