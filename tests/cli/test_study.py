@@ -267,7 +267,7 @@ def _wait_for_results(desk: Path, count: int) -> None:
     deadline = time.monotonic() + PATIENCE_S
     while not (desk / "out" / "results.sqlite").exists() or Store.open(desk / "out").results.height < count:
         assert time.monotonic() < deadline
-        time.sleep(0.05)
+        time.sleep(0.2)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs process groups")

@@ -422,7 +422,8 @@ def test_a_real_machine_from_calibration_to_diagnosis(emaphm: Emaphm, desk: Path
     replayed = parsed(emaphm, "replay", emps_file, "--actuator", "unit.toml")
     assert replayed["relative_error"] == pytest.approx(told["relative_error"])
     assert replayed["relative_error"]["current_A"] <= 0.0585
-    found = parsed(emaphm, "diagnose", emps_file, "--actuator", "unit.toml", "--report", "unit.html")
+    chosen = ("--actuator", "unit.toml", "--nuisance", "load")
+    found = parsed(emaphm, "diagnose", emps_file, *chosen, "--report", "unit.html")
     assert found["faults"]["friction"]["verdict"] == "healthy"
     assert found["faults"]["short_a"]["identifiable"] is False
     assert "electrical" in found["faults"]["short_a"]["reason"]

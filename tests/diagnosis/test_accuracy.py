@@ -106,17 +106,21 @@ def test_a_short_is_located_in_its_phase(phase: str) -> None:
         assert getattr(found, name) == pytest.approx(getattr(truth, name), abs=0.02)
 
 
-def test_a_healthy_actuator_is_healthy(healthy: Recording) -> None:
-    found = diagnose(healthy, THESIS)
-    assert found.explained
-    verdicts = {name: component.verdict for name, component in found.components.items()}
+@pytest.fixture(scope="module")
+def of_healthy(healthy: Recording) -> Diagnosis:
+    return diagnose(healthy, THESIS)
+
+
+def test_a_healthy_actuator_is_healthy(of_healthy: Diagnosis) -> None:
+    assert of_healthy.explained
+    verdicts = {name: component.verdict for name, component in of_healthy.components.items()}
     assert verdicts == dict.fromkeys(NAMES, "healthy") | {"eccentricity_phase": "cannot tell"}
-    assert error_percent(Faults().vector, found.faults.vector) <= 2.0
+    assert error_percent(Faults().vector, of_healthy.faults.vector) <= 2.0
 
 
-def test_the_phase_cannot_be_known_without_eccentricity(healthy: Recording, shorted: Recording) -> None:
-    for recording in (healthy, shorted):
-        phase = diagnose(recording, THESIS).components["eccentricity_phase"]
+def test_the_phase_cannot_be_known_without_eccentricity(of_healthy: Diagnosis, shorted: Recording) -> None:
+    for found in (of_healthy, diagnose(shorted, THESIS)):
+        phase = found.components["eccentricity_phase"]
         assert not phase.identifiable
         assert phase.interval95 == (0.0, 1.0)
         assert "eccentricity" in phase.reason

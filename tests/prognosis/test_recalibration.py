@@ -21,6 +21,7 @@ from emaphm.prognosis.from_fleet.recalibration import (
     log_rul,
     situation_of,
 )
+from emaphm.prognosis.from_fleet.record import FEWEST_FAILED
 from emaphm.prognosis.metrics import Prediction, coverage, probability_integral_transform
 from emaphm.prognosis.prior import NEW, Prior
 from emaphm.prognosis.prognose import lives, uncorrected
@@ -199,21 +200,21 @@ def test_past_units_are_predicted_once(fleet: list[Evidence], monkeypatch: pytes
     # A unit that still works changes nothing, nor does its next diagnosis.
     for upto in (900.0, 1000.0):
         working = replace(flown(1.0, 50, upto=upto), failed_at=None)
-        fleet_prior([*fleet, working], seed=7, actuator=ACTUATOR)
-    assert sorted(seen) == sorted(one.unit for one in fleet)
+        fleet_prior([*fleet[:FEWEST_FAILED], working], seed=7, actuator=ACTUATOR)
+    assert sorted(seen) == sorted(one.unit for one in fleet[:FEWEST_FAILED])
 
 
 def test_a_unit_that_was_diagnosed_at_its_failure_alone_corrects_nothing(
     fleet: list[Evidence], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(record, "PATHS", FEW)
-    known = fleet[0]
+    failed, known = fleet[:FEWEST_FAILED], fleet[0]
     failed_at = known.observations[-1].hours
     # Three diagnoses on one day: no forecast of it was made before.
     at_once = replace(known, unit="at once", observations=known.observations[-1:] * 3, failed_at=failed_at)
-    found = fleet_prior([*fleet, at_once], seed=7, actuator=ACTUATOR).recalibration
+    found = fleet_prior([*failed, at_once], seed=7, actuator=ACTUATOR).recalibration
     assert found is not None
-    assert {one.unit for one in found.outcomes} == {one.unit for one in fleet}
+    assert {one.unit for one in found.outcomes} == {one.unit for one in failed}
 
 
 def test_a_fleet_without_failures_corrects_nothing(fleet: list[Evidence]) -> None:

@@ -30,9 +30,8 @@ def test_it_ends_within_seconds_and_its_job_is_done_by_the_next(fleet: Path) -> 
     (fleet.parent / "hanging.py").write_text(HANGING)
     (fleet.parent / "hang").touch()
     server = _served(fleet)
-    status, answer = server.send(
-        "a.csv", as_csv(flight(), 1), {"unit": "N", "hours": "1", "actuator": "thesis"}
-    )
+    recording = as_csv(flight().select("time_s", "command_rad", "current_A"), 1)
+    status, answer = server.send("a.csv", recording, {"unit": "N", "hours": "1", "actuator": "thesis"})
     assert status == 202
     _wait_for((fleet.parent / "begun").exists)
     every = family(server.process.pid)
