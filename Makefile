@@ -9,9 +9,11 @@ DOCUMENTING := $(VENV)/.documenting
 demo: $(INSTALLED)  ## simulate a faulty actuator, diagnose it, write demo/report.html
 	$(BIN)/emaphm demo --force
 
-# Bytecode is kept, also where the environment says otherwise: the tests start many processes.
+# Bytecode is kept, also where the environment says otherwise: the tests start many processes. Files are handed
+# out in the order of tests/conftest.py: by the number of their tests, the longest of few tests would come last.
 test: $(INSTALLED)  ## run the tests
-	PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile
+	PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile \
+		--no-loadscope-reorder
 
 lint: $(INSTALLED)  ## check style and types
 	$(BIN)/ruff check .

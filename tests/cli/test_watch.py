@@ -110,14 +110,22 @@ if __name__ == "__main__":
 """`emaphm` with a diagnosis that takes ten minutes."""
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 0), (signal.SIGINT, 130)])
 def test_a_signal_ends_a_diagnosis_that_hangs_and_it_is_judged_at_the_next_start(
-    arrived: Path, desk: Path, capfd: pytest.CaptureFixture[str], number: int, code: int
+    arrived: Path, desk: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     (desk / "in").mkdir()
     shutil.copy(arrived / "SN-7_101.csv", desk / "in")
     (desk / "hanging.py").write_text(HANGING)
     line = ["watch", "in", *NAME, "--settle", "0", "--db", "h.sqlite", "--new-units"]
+    for number, code in ((signal.SIGTERM, 0), (signal.SIGINT, 130)):
+        check_that_it_ends(line, number, code)
+    assert main([*line, "--once"]) == 0
+    assert "1 recordings judged" in capfd.readouterr().err
+
+
+def check_that_it_ends(line: list[str], number: int, code: int) -> None:
+    """Send a signal amid a diagnosis: no process and nothing half done is left."""
+    Path("begun").unlink(missing_ok=True)
     with subprocess.Popen(  # noqa: S603
         [sys.executable, "hanging.py", *line], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
@@ -133,8 +141,6 @@ def test_a_signal_ends_a_diagnosis_that_hangs_and_it_is_judged_at_the_next_start
     wait_for(lambda: not any(Path(f"/proc/{one}").exists() for one in family))
     with History.open("h.sqlite") as history:
         assert not history.units()
-    assert main([*line, "--once"]) == 0
-    assert "1 recordings judged" in capfd.readouterr().err
 
 
 def wait_for(condition: Callable[[], bool]) -> None:
