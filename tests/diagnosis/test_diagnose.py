@@ -222,7 +222,7 @@ def test_a_swarm_finds_a_single_fault(method: str, fitness: str) -> None:
 
 def test_the_monitor_model_finds_what_it_recorded_itself() -> None:
     truth = Faults(gain=0.75)
-    recording = simulate(THESIS, Chirp(), faults=truth, model="monitor")
+    recording = simulate(THESIS, Chirp(duration=0.25), faults=truth, model="monitor", duration=0.25)
 
     def error(seed: int) -> float:
         found = diagnose(recording, THESIS, model="monitor", method="dragonfly", seed=seed)
