@@ -26,11 +26,12 @@ class WithoutFaultSettings:
     """When a fault is not needed to explain a recording.
 
     Without it, the sum of the squared residuals is larger by less than `chi_square` times the variance of a
-    row, and the number of rows over which the residual is correlated. What the linear model leaves more than
+    row, and the number of rows over which the residual is correlated: 1 in 20 that any of seven components
+    exceeds that by chance. What the linear model leaves more than
     `hopeless` times is not tried.
     """
 
-    chi_square: float = 3.84
+    chi_square: float = 7.24
     hopeless: float = 3.0
 
 
