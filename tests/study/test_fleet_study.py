@@ -4,18 +4,20 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal, norm
 
 from cases import THESIS
 from emaphm.actuator.faults import HEALTHY, to_cartesian
 from emaphm.actuator.requirements import Requirement
 from emaphm.fleet.synthetic import FleetPlan, drawn_unit
 from emaphm.prognosis import Evidence, Observation
+from emaphm.random_streams import stream
 from emaphm.report.fleet_page import fleet_page
 from emaphm.study.fleet import informed as informed_module
 from emaphm.study.fleet.baselines import last_slope, mean_life, one_filter_a_component
 from emaphm.study.fleet.diagnoses import Quality, quality
 from emaphm.study.fleet.drawn import Pool, drawn_evidence
-from emaphm.study.fleet.informed import informed
+from emaphm.study.fleet.informed import Component, informed
 from emaphm.study.fleet.judging import SHARES, WAYS, WITH_FLEET
 from emaphm.study.fleet.run import DRAWN, RECORDED
 from emaphm.study.fleet.scores import alpha_lambda_interval, scores, warnings
@@ -134,3 +136,44 @@ def test_who_knows_the_population_learns_the_unit_from_its_diagnoses(monkeypatch
     assert spread[1] < spread[0] / 5
     for sample, hours in ((early, 100.0), (late, 100.0 * (last + 1))):
         assert 0.01 < np.mean(hours + sample < unit.failure) < 0.99
+
+
+def test_the_rate_of_a_linear_law_is_that_of_a_quadrature_over_lives(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Levels of a linear law are jointly normal given the life, whose posterior a quadrature then gives."""
+    monkeypatch.setattr(informed_module, "SAMPLE", 20_000)
+    plan = FleetPlan(units=1, flights=70, interval=100.0, seed=5)
+    wear, population = plan.drawn_from.wear["friction"], plan.drawn_from
+    component = Component("friction", wear, plan, stream(7, "test"), law="linear")
+    hours, true_life = np.arange(100.0, 1001.0, 100.0), 2000.0
+    evidence = straight(wear.limit / true_life, error=0.0)
+    for one in evidence.used:
+        component.see(one)
+    weight = np.exp(component.log_weight - component.log_weight.max())
+    weight /= weight.sum()
+    sampled = np.log(component.life)
+    middle = float(weight @ sampled)
+    deviation = float(np.sqrt(weight @ (sampled - middle) ** 2))
+
+    lives = np.geomspace(800.0, 6000.0, 400)
+    # Of a stretch of 100 h, in logarithms: 10 K and 0.06 of load; of a mission: 8 K and 0.06.
+    of_stretch = np.hypot(10 / 40 * np.log(2), 3 * 0.06)
+    spread = np.hypot(wear.spread, np.hypot(8 / 40 * np.log(2), 3 * 0.06))
+    mean_ageing = np.exp(0.5 * (10 / 40 * np.log(2)) ** 2) * (1 + 3 * 0.06**2)
+    seen, together = wear.limit * hours / true_life, np.minimum.outer(hours, hours)
+    log_density = [
+        multivariate_normal(
+            wear.limit * hours / life,
+            population.new_level**2
+            + together * ((wear.limit / life * of_stretch) ** 2 * 100.0 + population.drift**2 / life)
+            + informed_module.LEAST_ERROR**2 * np.eye(hours.size),
+        ).logpdf(seen)
+        + norm.logpdf(np.log(life * mean_ageing / wear.life) / spread)
+        for life in lives
+    ]
+    density = np.exp(np.array(log_density) - np.max(log_density))
+    density /= density.sum()
+    exact = float(density @ np.log(lives))
+    exact_deviation = float(np.sqrt(density @ (np.log(lives) - exact) ** 2))
+    # 20,000 draws carry the weight as some thousand would: both to a twentieth of the deviation.
+    assert middle == pytest.approx(exact, abs=0.05 * exact_deviation)
+    assert deviation == pytest.approx(exact_deviation, rel=0.05)

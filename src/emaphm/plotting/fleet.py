@@ -21,6 +21,7 @@ from emaphm.study.fleet.judging import (
     CLAIRVOYANT,
     FILTER,
     INFORMED,
+    LAW_AND_LEVEL,
     LINE,
     MEAN,
     SHARES,
@@ -32,9 +33,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-SHOWN = (WITH_FLEET, ALONE, CLAIRVOYANT, INFORMED, FILTER, LINE, MEAN)
+SHOWN = (WITH_FLEET, ALONE, CLAIRVOYANT, LAW_AND_LEVEL, INFORMED, FILTER, LINE, MEAN)
 
-COLOURS = dict(zip(SHOWN, (BLUE, SERIES[5], BLACK, SERIES[3], SERIES[2], SERIES[1], SERIES[7]), strict=True))
+COLOURS = dict(
+    zip(SHOWN, (BLUE, SERIES[5], BLACK, SERIES[4], SERIES[3], SERIES[2], SERIES[1], SERIES[7]), strict=True)
+)
 
 MOST_TRACKS = 6
 """Units whose predictions over life are drawn."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from emaphm.actuator.faults import to_cartesian
+from emaphm.actuator.faults import CARTESIAN_NAMES, to_cartesian
 from emaphm.arrays import Array
 from emaphm.fleet.synthetic import FleetPlan, SyntheticUnit
 from emaphm.fleet.synthetic.recordings import PART_NUMBER
@@ -34,6 +34,10 @@ class Pool:
     def near(self, level: Array) -> Array:
         """Return the covariance (8, 8) that was stated nearest to `level` (8,)."""
         return np.asarray(self.covariance[np.sum((self.level - level) ** 2, axis=1).argmin()])
+
+
+EXACT = Pool(np.zeros((1, len(CARTESIAN_NAMES))), np.zeros((1, len(CARTESIAN_NAMES), len(CARTESIAN_NAMES))))
+"""Diagnoses without error: the true levels."""
 
 
 def drawn_evidence(unit: SyntheticUnit, plan: FleetPlan, pool: Pool) -> Evidence:

@@ -4,12 +4,15 @@ It knows what the fleet is drawn from (`population.py`, `growth.py`): which laws
 ranges of parameters and lives, the drift and the spread of the stress. It does not know which of these a unit
 has, and sees its diagnoses only. No method that learns from a fleet can know more of a new unit.
 
+Given the law of each of the unit's components and diagnoses without error, it is a clairvoyant who knows law
+and true level, but neither the parameters of the law, nor the rate, nor the mission.
+
 Each component has `SAMPLE` draws of law, parameters and life, weighted by the likelihood of its diagnoses. In
 each, level and ageing are followed by an extended Kalman filter, since the stress of each stretch is random.
 Components are taken as independent: what their common stress adds is left out.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +28,8 @@ from emaphm.random_streams import stream
 
 Rows = NDArray[np.int_]
 
-SAMPLE = 20_000
-"""Draws of each component: some hundred of them carry the weight late in life."""
+SAMPLE = 100_000
+"""Draws of each component: some hundred of them carry the weight late in life, even with the level known."""
 
 PATHS = 1000
 STEP = 50.0
@@ -52,16 +55,24 @@ CHANCE = "gamma process"
 
 
 class Component:
-    """One component of a unit: `SAMPLE` draws of what it may be, and level and ageing in each."""
+    """One component of a unit: `SAMPLE` draws of what it may be, and level and ageing in each.
 
-    def __init__(self, name: str, wear: Wear, plan: FleetPlan, random: np.random.Generator) -> None:
+    Of a `law` that is given, they have that one.
+    """
+
+    def __init__(
+        self, name: str, wear: Wear, plan: FleetPlan, random: np.random.Generator, law: str | None = None
+    ) -> None:
         self.name, self.wear, self.plan = name, wear, plan
         population = plan.drawn_from
         self.laws = (*wear.laws, NEVER)
-        shares = [wear.share * share for share in wear.laws.values()]
-        self.law = random.choice(len(self.laws), size=SAMPLE, p=[*shares, 1 - wear.share])
+        shares = [*(wear.share * share for share in wear.laws.values()), 1 - wear.share]
+        if law is not None:
+            shares = [float(one == law) for one in self.laws]
+        self.law = random.choice(len(self.laws), size=SAMPLE, p=shares)
         spread = np.hypot(wear.spread, _of_missions(population.stress))
-        self.life = wear.life * np.exp(spread * random.standard_normal(SAMPLE))
+        life = wear.life / _mean_ageing(population.stress)
+        self.life = life * np.exp(spread * random.standard_normal(SAMPLE))
         self.parameters = {
             law: {key: random.uniform(*ends, SAMPLE) for key, ends in LAWS[law].ranges.items()}
             for law in wear.laws
@@ -143,11 +154,19 @@ class Component:
         return np.asarray(variance)
 
 
-def informed(evidence: Evidence, plan: FleetPlan, at: Sequence[int]) -> list[Array]:
-    """Return samples of the RUL [h] after the explained diagnoses numbered `at`, increasing, (`PATHS`,)."""
+def informed(
+    evidence: Evidence, plan: FleetPlan, at: Sequence[int], laws: Mapping[str, str] | None = None
+) -> list[Array]:
+    """Return samples of the RUL [h] after the explained diagnoses numbered `at`, increasing, (`PATHS`,).
+
+    `laws` are those of the components that wear, the others being known not to; all unknown if left out.
+    """
     random = stream(plan.seed, "informed", evidence.unit)
     population: Population = plan.drawn_from
-    components = [Component(name, wear, plan, random) for name, wear in population.wear.items()]
+    components = [
+        Component(name, wear, plan, random, None if laws is None else laws.get(name, NEVER))
+        for name, wear in population.wear.items()
+    ]
     found = []
     for i, one in enumerate(evidence.used[: max(at) + 1]):
         for component in components:
@@ -189,6 +208,12 @@ def _seen(one: Observation, name: str) -> tuple[float, float]:
 def _of_missions(stress: Stress) -> float:
     """Return the standard deviation of the logarithm of ageing from unit to unit."""
     return float(np.hypot(stress.mission_K / stress.doubling * np.log(2), 3 * stress.mission_load))
+
+
+def _mean_ageing(stress: Stress) -> float:
+    """Return the mean ageing in an hour [-] of a median mission: above 1, as its law is convex."""
+    of_heat = np.exp(0.5 * (stress.flight_K / stress.doubling * np.log(2)) ** 2)
+    return float(of_heat * (1 + 3 * stress.flight_load**2))
 
 
 def _of_stretches(plan: FleetPlan) -> float:

@@ -16,6 +16,7 @@ from emaphm.prognosis.prognose import lives
 from emaphm.prognosis.settings import FORECAST
 from emaphm.study.fleet.baselines import LONGEST_H, last_slope, mean_life, one_filter_a_component
 from emaphm.study.fleet.clairvoyant import clairvoyant
+from emaphm.study.fleet.drawn import EXACT, drawn_evidence
 from emaphm.study.fleet.informed import informed
 
 SHARES = (0.0, 0.25, 0.5, 0.75)
@@ -26,16 +27,17 @@ ALPHA, BETA = 0.2, 0.5
 LATE = 0.2
 """A median is late where it exceeds the true RUL by more than this share of it."""
 
-WITH_FLEET, ALONE, CLAIRVOYANT, INFORMED, LINE, FILTER, MEAN = (
+WITH_FLEET, ALONE, CLAIRVOYANT, LAW_AND_LEVEL, INFORMED, LINE, FILTER, MEAN = (
     "ours, with the fleet's prior",
     "ours, general prior",
-    "clairvoyant",
+    "clairvoyant: law, parameters, level",
+    "clairvoyant: law and level",
     "Bayes' rule, population known",
     "last slope",
     "one filter a component",
     "mean life of the fleet",
 )
-WAYS = (WITH_FLEET, ALONE, CLAIRVOYANT, INFORMED, FILTER, LINE, MEAN)
+WAYS = (WITH_FLEET, ALONE, CLAIRVOYANT, LAW_AND_LEVEL, INFORMED, FILTER, LINE, MEAN)
 
 TRACKED = replace(FORECAST, paths=300)
 """Forecasts at every check flight: a risk of 5 % is then right to 1.3 %."""
@@ -78,11 +80,13 @@ def judged(
         if tracked and name == WITH_FLEET:
             warned = _warning(lives(past, case.evidence, actuator, settings=TRACKED), failure)
     known = informed(case.evidence, plan, chosen)
-    for share, i, by_population in zip(SHARES, chosen, known, strict=True):
+    knowing_level = _knowing_law_and_level(case.unit, plan, flights[chosen])
+    for share, i, by_population, by_level in zip(SHARES, chosen, known, knowing_level, strict=True):
         hours = float(flights[i])
         until = _until(case.evidence, i)
         others: dict[str, Array] = {
             CLAIRVOYANT: clairvoyant(case.unit, hours, plan),
+            LAW_AND_LEVEL: by_level,
             INFORMED: by_population,
             FILTER: one_filter_a_component(until, actuator, seed),
             LINE: last_slope(until, actuator),
@@ -100,6 +104,13 @@ def judged(
         "ways": ways,
         "warned": warned,
     }
+
+
+def _knowing_law_and_level(unit: SyntheticUnit, plan: FleetPlan, hours: Array) -> list[Array]:
+    """Return samples of the RUL [h] at increasing `hours` by the laws, and the levels at check flights."""
+    laws = {one.name: one.law for one in unit.components}
+    at = np.searchsorted(unit.check_flights(plan.interval), hours)
+    return informed(drawn_evidence(unit, plan, EXACT), plan, at.tolist(), laws)
 
 
 def _reached(flights: Array, failure: float, share: float) -> float:
