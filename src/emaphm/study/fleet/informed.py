@@ -182,6 +182,8 @@ def _lives(components: list[Component], plan: FleetPlan, random: np.random.Gener
         life[level >= one.wear.limit] = 0.0
     spread = np.sqrt(_of_stretches(plan) / STEP)
     for hours in np.arange(0.0, LONGEST_LIFE, STEP):
+        if np.isfinite(life).all():
+            break
         aged = STEP * np.maximum(1 + spread * random.standard_normal(PATHS), 0.1)
         after = []
         for one, (rows, level, age) in zip(components, states, strict=True):
