@@ -45,22 +45,22 @@ CLAIRVOYANTS = (LAW_AND_LEVEL, CLAIRVOYANT)
 WHAT_EACH_KNOWS = (
     (
         WITH_FLEET,
-        "its diagnoses, and those of the fleet's other units",
-        "what the fleet is drawn from; anything of the truth",
+        "the unit's diagnoses and those of its fleet",
+        "what the fleet is drawn from",
     ),
     (
         INFORMED,
-        "its diagnoses",
-        "which laws its components have, their parameters and lives, its mission",
+        "the unit's diagnoses",
+        "which laws its components have, with which parameters and lives, nor its mission",
     ),
     (
         LAW_AND_LEVEL,
-        "the law of each component, or that it does not wear, and its true level at each past check flight",
-        "the parameters of the laws, the lives (so the rates), its mission",
+        "the law of each component and its true level at each past check flight",
+        "the parameters of these laws, the lives (so the rates), nor the unit's mission",
     ),
     (
         CLAIRVOYANT,
-        "the law of each component with all its parameters and its life, its true level, its mission",
+        "the law of each component with all parameters, its life and true level, and the unit's mission",
         "what chance has not decided: jumps, drift, the stress and the onsets or changes to come",
     ),
 )
@@ -221,7 +221,8 @@ def _verdicts(recorded: Units, drawn: Units) -> Iterator[str]:
         "corrected by how predictions of the fleet's failed units turned out "
         "([how](prognosis.md#degradation)).\n"
     )
-    yield table(("", "knows of the unit", "does not know"), WHAT_EACH_KNOWS)
+    for way, known, unknown in WHAT_EACH_KNOWS:
+        yield f"- *{way}* knows {known}; not {unknown}."
     yield (
         "\nThe last three also know what the fleet is drawn from: the laws of each component with their "
         "shares, the ranges of their parameters, the distributions of lives and stress. Those two that do "
