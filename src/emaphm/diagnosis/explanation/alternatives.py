@@ -24,14 +24,14 @@ from emaphm.estimation.search_result import SearchResult
 class AlternativeSettings:
     """Which other explanations are tried, and when one counts; `make study` (spoilt) measures it.
 
-    `delays` [s] of all that was measured, in whole rows, late and early. One explains as well where
-    descents with it leave less than `share` of the mean squared residual. What they leave less than
-    `promising` times is corrected by the reference model, up to `corrections` times. Nearly healthy actuators
-    in time left 1.02 and more then, at 0.2 and 0.4 ms (17 recordings); those that were 0.2 ms late or early
-    left 0.85 to 0.98 at 0.2 ms, and 0.98 to 1.47 at 0.4 ms: both are tried. None is tried of which the linear
-    model at the estimate leaves `hopeless` times the residual: descents then left 1.7 and more (140
-    recordings). Intervals include what explains as well. A component counts as another where it is off by
-    more than `difference` and more than the half-width of its interval.
+    `delays` [s] of all that was measured, in whole rows, late and early. One explains as well where a refit
+    with it leaves less than `share` of the mean squared residual; a correction of the refit is by more runs
+    of the reference model than the estimate's, which counts for the delay. Nearly healthy actuators in time
+    left 1.02 and more, at 0.2 and 0.4 ms (17 recordings); those that were 0.2 ms late or early left 0.85 to
+    0.98 at 0.2 ms, and 0.98 to 1.47 at 0.4 ms: both are tried. None is tried of which the linear model at the
+    estimate leaves `hopeless` times the residual: descents then left 1.7 and more (140 recordings). Intervals
+    include what explains as well. A component counts as another where it is off by more than `difference` and
+    more than the half-width of its interval.
 
     A delay up to `tolerance` standard deviations of its prior is never excluded; by the usual prior 0.23 ms,
     one row at 5 kHz or the lag of a filter at 700 Hz. A gain that is nearer to healthy than such a delay

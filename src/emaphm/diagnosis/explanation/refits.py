@@ -12,6 +12,8 @@ from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import SearchResult
 from emaphm.random_streams import stream
 
+TINY = float(np.finfo(float).tiny)
+
 PROMISING, CORRECTIONS = 1.5, 2
 """How many times as much descents may leave to be corrected by the reference model, and how often at most."""
 
@@ -36,12 +38,13 @@ class Refit:
         point = descents_from(objective, starts, correction).best
         known = corrected.discrepancy
         error = 0.0 if known is None else float(np.mean(known.standard_error**2))
-        return cls(objective, point, float(np.mean(objective.residual(point, correction) ** 2)), error)
+        left = float(np.mean(objective.residual(point, correction) ** 2))
+        return cls(objective, point, max(left, TINY), error)
 
     @property
     def misfit(self) -> float:
         """What is left but for the discrepancy's error."""
-        return self.left - self.error
+        return max(self.left - self.error, TINY)
 
     def corrected(self, before: "Refit", enough: float, seed: int, name: str) -> "Refit":
         """Return it corrected by the reference model, while that leads on.
