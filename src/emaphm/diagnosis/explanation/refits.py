@@ -46,15 +46,15 @@ class Refit:
         """What is left but for the discrepancy's error."""
         return max(self.left - self.error, TINY)
 
-    def corrected(self, before: "Refit", enough: float, seed: int, name: str) -> "Refit":
+    def corrected(self, before: "Refit", seed: int, name: str) -> "Refit":
         """Return it corrected by the reference model, while that leads on.
 
-        Where between `enough` and `PROMISING` times as much is left as `before`.
+        Where more is left than `before`, and less than `PROMISING` times as much.
         """
         best, objective = self, self.objective
         reference, none = reference_problem(objective), np.zeros_like(objective.target)
         for iteration in range(CORRECTIONS):
-            if not enough <= best.left / before.left < PROMISING:
+            if not 1.0 <= best.left / before.left < PROMISING:
                 break
             rng = stream(seed, f"reference runs of {name}", iteration)
             there = compared(objective, none, best.point[np.newaxis], reference, rng)[0]

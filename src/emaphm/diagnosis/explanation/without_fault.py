@@ -57,7 +57,7 @@ def tested_by_refits(
         left, step = linear.without(name)
         if left > WITHOUT_FAULT.hopeless:
             continue
-        share = _share_without(name, result, result.point + step, most, seed)
+        share = _share_without(name, result, result.point + step, seed)
         if share < most:
             reason = f"the recording is explained as well without it ({share:.3g} of the residual is left)"
             low, high = one.interval95
@@ -113,13 +113,13 @@ class _LinearModel:
         return 1 + more / max(present, np.finfo(float).tiny), step
 
 
-def _share_without(name: str, result: SearchResult, start: Array, most: float, seed: int) -> float:
+def _share_without(name: str, result: SearchResult, start: Array, seed: int) -> float:
     """Return the least share of the misfit that is found with a component healthy, from `start` (d,) too."""
     before = Refit.under(result.objective, result.point[np.newaxis], result)
     objective, kept = _healthy_objective(name, result.objective)
     starts = objective.space.project(np.array([result.point, start])[:, kept])
     refit = Refit.under(objective, starts, result)
-    return refit.corrected(before, most, seed, f"a refit without {name}").misfit / before.misfit
+    return refit.corrected(before, seed, f"a refit without {name}").misfit / before.misfit
 
 
 def _healthy_objective(name: str, objective: MapObjective) -> tuple[MapObjective, Array]:
