@@ -160,7 +160,7 @@ def test_a_watcher_and_the_server_make_the_same_event_of_a_life(tmp_path: Path) 
     for name in ("watched", "served"):
         where = tmp_path / f"{name}.sqlite"
         with History.open(where, create=True) as history:
-            for unit, rate in (("S1", 0.12), ("S2", 0.02)):
+            for unit, rate in (("S1", 0.12), ("S2", 0.02), ("S3", 0.1)):
                 stand_in.fly(history, [0.1 + rate * i for i in range(6)], unit=unit)
             if name == "watched":
                 outlook = Outlook(history, WATCH.prognosis, watcher="in")
@@ -172,7 +172,7 @@ def test_a_watcher_and_the_server_make_the_same_event_of_a_life(tmp_path: Path) 
             (event,) = history.events()
             made.append((event.message, event.details, history.prognoses()["S1"].document))
     assert made[0] == made[1]
-    assert made[0][1]["fleet_units"] == 1
+    assert made[0][1]["fleet_units"] == 2
 
 
 def test_a_prognosis_of_the_server_makes_the_event_of_a_life_that_ends(tmp_path: Path) -> None:

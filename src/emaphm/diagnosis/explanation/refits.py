@@ -9,10 +9,8 @@ from emaphm.estimation.bias_correction import compared
 from emaphm.estimation.discrepancy import reference_problem
 from emaphm.estimation.global_search.multistart import descents_from
 from emaphm.estimation.objective import MapObjective
-from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.search_result import TINY, SearchResult
 from emaphm.random_streams import stream
-
-TINY = float(np.finfo(float).tiny)
 
 PROMISING, CORRECTIONS = 1.5, 2
 """How many times as much descents may leave to be corrected by the reference model, and how often at most."""
@@ -51,12 +49,13 @@ class Refit:
 
         Where more is left than `before`, and less than `PROMISING` times as much.
         """
-        best, objective = self, self.objective
-        reference, none = reference_problem(objective), np.zeros_like(objective.target)
+        best, objective, reference = self, self.objective, None
         for iteration in range(CORRECTIONS):
             if not 1.0 <= best.left / before.left < PROMISING:
                 break
+            reference = reference or reference_problem(objective)
             rng = stream(seed, f"reference runs of {name}", iteration)
+            none = np.zeros_like(objective.target)
             there = compared(objective, none, best.point[np.newaxis], reference, rng)[0]
             further = Refit.under(objective, best.point[np.newaxis], there)
             if further.left >= best.left:

@@ -50,14 +50,15 @@ def tested_by_refits(
     if not result.correction.any():
         return checked
     linear = _LinearModel.at(result, jacobians)
-    most = _most_share(result.objective)
+    most, before = _most_share(result.objective), None
     for name, one in components.items():
         if one.verdict != "degraded" or name == "eccentricity_phase":
             continue
         left, step = linear.without(name)
         if left > WITHOUT_FAULT.hopeless:
             continue
-        share = _share_without(name, result, result.point + step, seed)
+        before = before or Refit.under(result.objective, result.point[np.newaxis], result)
+        share = _refit_without(name, result, result.point + step, before, seed).misfit / before.misfit
         if share < most:
             reason = f"the recording is explained as well without it ({share:.3g} of the residual is left)"
             low, high = one.interval95
@@ -113,13 +114,11 @@ class _LinearModel:
         return 1 + more / max(present, np.finfo(float).tiny), step
 
 
-def _share_without(name: str, result: SearchResult, start: Array, seed: int) -> float:
-    """Return the least share of the misfit that is found with a component healthy, from `start` (d,) too."""
-    before = Refit.under(result.objective, result.point[np.newaxis], result)
+def _refit_without(name: str, result: SearchResult, start: Array, before: Refit, seed: int) -> Refit:
+    """Return the refit with a component healthy, from `start` (d,) too; `before` is that with the fault."""
     objective, kept = _healthy_objective(name, result.objective)
     starts = objective.space.project(np.array([result.point, start])[:, kept])
-    refit = Refit.under(objective, starts, result)
-    return refit.corrected(before, seed, f"a refit without {name}").misfit / before.misfit
+    return Refit.under(objective, starts, result).corrected(before, seed, f"a refit without {name}")
 
 
 def _healthy_objective(name: str, objective: MapObjective) -> tuple[MapObjective, Array]:
