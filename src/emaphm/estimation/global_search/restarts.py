@@ -46,7 +46,7 @@ def search_with_restarts(
     if starts is not None:
         points = objective.space.project(starts)
         if is_heavy(objective.problem):
-            ends.append(_heavy_from_starts(objective, points, seed))
+            ends.append(_heavy_from_starts(objective, points, seed, on_progress))
         else:
             ends.append(_from_starts(objective, points, max_corrections, seed, on_progress))
         if _is_explained(ends[0]):
@@ -107,7 +107,9 @@ def _from_starts(
     return replace(result, started=True)
 
 
-def _heavy_from_starts(objective: MapObjective, points: Array, seed: int) -> SearchResult:
+def _heavy_from_starts(
+    objective: MapObjective, points: Array, seed: int, on_progress: Progress | None
+) -> SearchResult:
     """Return where an ensemble leads from the best of `points`.
 
     The averaged model's own optimum is farther off than they are where the current is heavy.
@@ -115,7 +117,7 @@ def _heavy_from_starts(objective: MapObjective, points: Array, seed: int) -> Sea
     rng = stream(seed, "reference runs", "starts")
     none, points = np.zeros_like(objective.target), points[:REFERENCE_RUNS]
     known = compared(objective, none, points, reference_problem(objective), rng)
-    return replace(refine_by_ensemble(_best(known), seed), started=True)
+    return replace(refine_by_ensemble(_best(known), seed, on_progress), started=True)
 
 
 def _search(
@@ -126,8 +128,11 @@ def _search(
     on_progress: Progress | None = None,
 ) -> SearchResult:
     """Return where the global search and the corrections after it end."""
-    refined = multistart(objective, seed, method.optimizer, subprogress(on_progress, 0.0, 0.4))
-    result = correct_bias(
-        objective, refined.points, max_corrections, seed, subprogress(on_progress, 0.4, 1.0)
-    )
-    return refine_by_ensemble(result, seed) if is_heavy(objective.problem) else result
+    heavy = is_heavy(objective.problem)
+    searched, corrected = (0.1, 0.2) if heavy else (0.4, 1.0)
+    refined = multistart(objective, seed, method.optimizer, subprogress(on_progress, 0.0, searched))
+    progress = subprogress(on_progress, searched, corrected)
+    result = correct_bias(objective, refined.points, max_corrections, seed, progress)
+    if not heavy:
+        return result
+    return refine_by_ensemble(result, seed, subprogress(on_progress, corrected, 1.0))

@@ -28,6 +28,7 @@ from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult, default_scatter
 from emaphm.estimation.uncertainty.fisher_information import information
+from emaphm.progress import Progress
 from emaphm.random_streams import stream
 
 
@@ -78,7 +79,10 @@ LEAST_REGRESSOR = 1e-9
 
 
 def refine_by_ensemble(
-    result: SearchResult, seed: int, settings: EnsembleSettings = ENSEMBLE
+    result: SearchResult,
+    seed: int,
+    on_progress: Progress | None = None,
+    settings: EnsembleSettings = ENSEMBLE,
 ) -> SearchResult:
     """Return `result`, whose discrepancy is known, moved on to where the reference model fits best.
 
@@ -95,6 +99,8 @@ def refine_by_ensemble(
         # Where the cost is as before, the reference model finds no difference.
         equal = [state.point] if state.cost < settings.progress * least else [*equal, state.point]
         least = min(least, state.cost)
+        if on_progress:
+            on_progress((generation + 1) / settings.generations)
         if len(equal) > settings.patience:
             break
     objective = state.objective
