@@ -1,10 +1,12 @@
 """From a setup to its estimator: simulate, train, calibrate, judge."""
 
+import os
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
@@ -60,6 +62,8 @@ LEAST_DIFFERENCE = 1e-3
 DOUBTED = 49_152
 """Draws that the doubt learns from, at most."""
 
+Part = TypeVar("Part")
+
 
 def train_estimator(
     setup: RecordingSetup,
@@ -72,6 +76,7 @@ def train_estimator(
     scheduler: str | None = None,
     settings: TrainingSettings = TRAINING,
     on_shard: Callable[[int, int], None] | None = None,
+    on_stage: Callable[[str], None] | None = None,
     on_epoch: OnEpoch | None = None,
 ) -> Estimator:
     """Return an estimator of `setup`, trained on simulations of the reference model.
@@ -87,8 +92,9 @@ def train_estimator(
         quarters as many more, and four shards are held out.
     workers, scheduler
         Of the simulations, as for `emaphm.execution.outcomes`. Training itself is on this machine.
-    on_shard, on_epoch
-        Called after each shard with how many are done, of how many; and after each epoch.
+    on_shard, on_stage, on_epoch
+        Called after each shard with how many are done, of how many; with what comes next, once the
+        simulations are done; and after each epoch.
 
     Raises
     ------
@@ -105,6 +111,7 @@ def train_estimator(
     count = -(-simulations // SHARD_DRAWS)
     further = -(-3 * count // 4)
     inputs = setup.inputs(command, AVERAGED.step_for(setup.actuator))
+    say = on_stage or (lambda _: None)
     with place.locked():
         place.clear()
         began = time.perf_counter()
@@ -127,11 +134,14 @@ def train_estimator(
         # The first are held out: with more simulations they stay the same.
         validation, judging = draws(0, HELD_OUT), draws(HELD_OUT, 2 * HELD_OUT)
         first = 2 * HELD_OUT + count
+        say(f"the first network learns from {count * SHARD_DRAWS:,} simulations")
         trained = _first_network(setup, draws(2 * HELD_OUT, first), validation, seed, settings, on_epoch)
         compared = draws(2 * HELD_OUT, 2 * HELD_OUT + min(count, -(-UPDATE.differing // SHARD_DRAWS)))
         unseen = draws(first, first + further)
+    say(f"the averaged model is compared with {len(unseen):,} others, which the second network learns from")
     update, second = _model_update(setup, inputs, trained, compared, unseen, validation, seed, on_epoch)
     answering = _Answering.of(setup, inputs, trained, update, validation, seed)
+    say("the doubt learns from simulations with deviations")
     doubt, third = _doubt(answering, unseen.part(0, DOUBTED), validation, seed)
     facts = {
         "version": VERSION,
@@ -185,21 +195,22 @@ def _model_update(
     `compared` are those of which the reference model and the averaged one are compared.
     """
     began = time.perf_counter()
-    learning = stream(seed, "noise of the update")
-    rows = with_noise(unseen.part(0, UPDATE.directions), noise_rms(setup), learning)
+    rng = stream(seed, "noise of the update")
+    rows = with_noise(unseen.part(0, UPDATE.directions), noise_rms(setup), rng)
     answers = first_answers(first.network, rows)
     whitening = Whitening.of(setup, inputs, compared, rows, answers, first.projection.units)
 
-    def steps(draws: TrainingSet, rng: np.random.Generator) -> Step:
+    def steps(draws: TrainingSet, name: str) -> Step:
         """Return the steps of draws with noise, a part at a time: that of all would not fit into memory."""
-        parts = []
-        for i in range(0, len(draws), SHARD_DRAWS):
-            rows = with_noise(draws.part(i, i + SHARD_DRAWS), noise_rms(setup), rng)
-            parts.append(Step.of(setup, inputs, whitening, rows, first_answers(first.network, rows)))
-        return Step.joined(parts)
 
-    step = steps(unseen, learning)
-    held_out = steps(validation, stream(seed, "validation noise of the update"))
+        def of_part(part: TrainingSet, number: int) -> Step:
+            rows = with_noise(part, noise_rms(setup), stream(seed, name, number))
+            return Step.of(setup, inputs, whitening, rows, first_answers(first.network, rows))
+
+        return Step.joined(_of_parts(of_part, draws))
+
+    step = steps(unseen, "training noise of the update")
+    held_out = steps(validation, "validation noise of the update")
     faults = len(setup.space.columns)
     trained = train_network(
         _in_units(step, unseen.points),
@@ -212,6 +223,16 @@ def _model_update(
         on_epoch=on_epoch,
     )
     return ModelUpdate(whitening, trained.projection, trained.network), time.perf_counter() - began
+
+
+def _of_parts(of_part: Callable[[TrainingSet, int], Part], draws: TrainingSet) -> list[Part]:
+    """Return what `of_part` makes of each part of the draws and its number, on all cores.
+
+    The averaged model lets other threads run meanwhile. What a part draws must depend on its number alone.
+    """
+    parts = range(-(-len(draws) // SHARD_DRAWS))
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        return list(pool.map(lambda i: of_part(draws.part(i * SHARD_DRAWS, (i + 1) * SHARD_DRAWS), i), parts))
 
 
 def _in_units(step: Step, points: Single) -> TrainingSet:
@@ -277,16 +298,18 @@ def _doubt(
 
     def learned_from(draws: TrainingSet, name: str) -> TrainingSet:
         """Return the features as one channel, and the logarithms of the ratios as points."""
-        features, ratios = [], []
-        rng = stream(seed, name)
-        for i in range(0, len(draws), SHARD_DRAWS):
-            some = deviating(setup, answering.inputs, draws.part(i, i + SHARD_DRAWS), rng)
+
+        def of_part(part: TrainingSet, number: int) -> tuple[Single, Array]:
+            rng = stream(seed, name, number)
+            some = deviating(setup, answering.inputs, part, rng)
             rows = with_noise(some, noise_rms(setup), rng)
             answers = answering.answers(rows)
-            features.append(answering.compared(rows, answers, rng)[0])
             means = np.array([one.mean for one in answers])
             variances = np.array([np.diag(one.covariance) for one in answers])
-            ratios.append(error_ratios(means, variances, some.points.astype(float), faults))
+            ratios = error_ratios(means, variances, some.points.astype(float), faults)
+            return answering.compared(rows, answers, rng)[0], ratios
+
+        features, ratios = zip(*_of_parts(of_part, draws), strict=True)
         points = np.log(np.concatenate(ratios))[:, np.newaxis].astype(np.float32)
         return TrainingSet(points, np.concatenate(features)[:, np.newaxis])
 

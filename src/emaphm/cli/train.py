@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from emaphm.amortized import Estimator
-    from emaphm.amortized.networks.training import Epoch
 
 ENDING = ".estimator"
 
@@ -122,7 +121,8 @@ def train(
                 scheduler=scheduler,
                 settings=TRAINING if epochs is None else replace(TRAINING, epochs=epochs, most_steps=None),
                 on_shard=count,
-                on_epoch=_reporter(quiet=as_json),
+                on_stage=_printed(quiet=as_json),
+                on_epoch=_printed(quiet=as_json),
             )
         except KeyboardInterrupt:
             raise KeyboardInterrupt(f"simulations are kept in {place}; the same command goes on") from None
@@ -144,11 +144,11 @@ def _bits(text: str) -> int | None:
         raise MethodError(f"--adc-bits {text}: give a whole number, or 'exact'") from None
 
 
-def _reporter(*, quiet: bool) -> "Callable[[Epoch], None] | None":
-    """Return what prints each epoch on stderr, for whoever watches or keeps a log of it."""
+def _printed(*, quiet: bool) -> "Callable[[object], None] | None":
+    """Return what prints each stage and epoch on stderr, for whoever watches or keeps a log of it."""
     if quiet:
         return None
-    return lambda epoch: print(epoch, file=sys.stderr, flush=True)  # noqa: T201 - progress
+    return lambda what: print(what, file=sys.stderr, flush=True)  # noqa: T201 - progress
 
 
 def _values(estimator: "Estimator", out: Path, size: int) -> dict[str, Any]:
