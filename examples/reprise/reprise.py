@@ -316,7 +316,7 @@ def draw(run: Run) -> "Figure":
     values = np.array([one.test.rms for one in run.judged])
     for mask, marker, label in (
         (np.array([not one.test.two_phases for one in run.judged]), "o", "test"),
-        (np.array([one.test.two_phases for one in run.judged]), "s", "test, phases B and C"),
+        (np.array([one.test.two_phases for one in run.judged]), "s", "phases B and C"),
     ):
         current.plot(x[mask], values[mask], marker, color=BLUE, markersize=4, label=label)
     alarms = np.array([one.alarm for one in run.judged])
@@ -324,9 +324,9 @@ def draw(run: Run) -> "Figure":
         x[alarms], values[alarms], "o", color=VERMILION, markersize=9, fillstyle="none", label="alarm"
     )
     bounds = [np.nan if one.bound is None else one.bound for one in run.judged]
-    current.plot(x, bounds, "_", color=FAINT, markersize=12, label="bound of an alarm")
+    current.plot(x, bounds, "_", color=FAINT, markersize=12, label="alarm bound")
     current.axhline(run.fails_at, color=VERMILION, linestyle="--", linewidth=1, label="fails")
-    style_axis(current, f"RMS current at {run.frequency:g} Hz, grey without lubricant", "", "A")
+    style_axis(current, f"RMS current at {run.frequency:g} Hz, grey: no lubricant", "", "A")
     legend_beside_title(current, columns=5)
     top = 60.0
     for k, one in zip(x, run.judged, strict=True):
