@@ -150,7 +150,7 @@ def test_evaluations_are_the_runs_of_the_averaged_model(
 
 @pytest.mark.parametrize("method", [*METHODS, "random+lsq", "pymoo-ga"])
 def test_progress_only_grows(method: str) -> None:
-    brief = simulate(THESIS, Chirp(duration=0.1), duration=0.1)
+    brief = simulate(THESIS, Chirp(duration=0.05), duration=0.05)
     reported: list[float] = []
     diagnose(brief, THESIS, method=method, max_corrections=0, on_progress=reported.append)
     assert len(reported) > 5
@@ -216,8 +216,10 @@ def test_a_swarm_finds_a_single_fault(method: str, fitness: str) -> None:
         problem.recorded, problem.predict_primary(HEALTHY), problem.inputs.interval
     )
     assert found.fitness < 0.1 * healthy
-    again = diagnose(recording, THESIS, method=method, fitness=fitness)
-    assert without_seconds(again) == without_seconds(found)
+    # The bits of a search that takes a fifth of the time.
+    brief = simulate(THESIS, Chirp(duration=0.1), duration=0.1)
+    one, again = (diagnose(brief, THESIS, method=method, fitness=fitness) for _ in range(2))
+    assert without_seconds(one) == without_seconds(again)
 
 
 def test_the_monitor_model_finds_what_it_recorded_itself() -> None:
