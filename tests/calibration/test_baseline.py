@@ -286,12 +286,12 @@ def test_naming_no_nuisance_keeps_the_baseline(faulty: Recording, calibrated: Ca
 
 
 def test_a_second_calibration_replaces_the_first(healthy: list[Recording], calibrated: Calibration) -> None:
-    again = calibrate(healthy[:1], calibrated.actuator, FREE, workers=1)
+    again = calibrate(healthy[:1], calibrated.actuator, FREE, max_corrections=0, workers=1)
     baseline = again.actuator.baseline
     assert baseline is not None
     assert baseline.recordings == ("day 1",)
     assert again.actuator.name == calibrated.actuator.name == "thesis, calibrated"
-    fresh = calibrate(healthy[:1], THESIS, FREE, workers=1)
+    fresh = calibrate(healthy[:1], THESIS, FREE, max_corrections=0, workers=1)
     # The first one's covariance is no prior: one recording is known as one recording is.
     assert again.parameters["resistance"].standard_error == pytest.approx(
         fresh.parameters["resistance"].standard_error, rel=0.1

@@ -192,7 +192,7 @@ def test_the_same_seed_gives_the_same_diagnosis(
     emaphm: Emaphm, method: str, options: tuple[str, ...]
 ) -> None:
     # Short: a swarm takes its time by the row.
-    assert emaphm("simulate", "faulty.csv", *TRUTH, "--duration", "0.2").code == 0
+    assert emaphm("simulate", "faulty.csv", *TRUTH, "--duration", "0.1").code == 0
 
     def told(seed: int) -> dict[str, Any]:
         found = parsed(emaphm, "diagnose", "faulty.csv", "--method", method, "--seed", str(seed), *options)
@@ -226,7 +226,7 @@ def test_diagnose_can_do_without_correction(emaphm: Emaphm, faulty: Path) -> Non
 
 
 def test_people_get_a_table_and_a_report(emaphm: Emaphm, faulty: Path, desk: Path) -> None:
-    code, out, err = emaphm("diagnose", faulty.name, "--nuisance", "none", "--report", "report.html")
+    code, out, err = emaphm("diagnose", faulty.name, *QUICK, "--report", "report.html")
     assert (code, err) == (0, "")
     for piece in (*NAMES, "degraded", "healthy", "explains the recording", "seed 0", "report.html"):
         assert piece in out

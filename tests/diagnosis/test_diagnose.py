@@ -150,7 +150,7 @@ def test_evaluations_are_the_runs_of_the_averaged_model(
 
 @pytest.mark.parametrize("method", [*METHODS, "random+lsq", "pymoo-ga"])
 def test_progress_only_grows(method: str) -> None:
-    brief = simulate(THESIS, Chirp(duration=0.1), duration=0.1)
+    brief = simulate(THESIS, Chirp(duration=0.05), duration=0.05)
     reported: list[float] = []
     diagnose(brief, THESIS, method=method, max_corrections=0, on_progress=reported.append)
     assert len(reported) > 5
