@@ -83,10 +83,13 @@ def add(
         is_new = all(one.serial_number != unit for one in history.units())
         settings = DiagnosisSettings(seed=seed, estimator=None if estimator is None else str(estimator))
         methods = settings.method_names
-        missing = [history.missing(entry, one, described, seed, methods) for one in recordings]
+        # What cannot be added is refused before anything is diagnosed.
+        for one in recordings:
+            history.missing(entry, one, described, seed, methods)
         added = []
-        for recorded, to_do in zip(recordings, missing, strict=True):
-            if not to_do:
+        for recorded in recordings:
+            # Asked anew: the same recording may have been given twice.
+            if not history.missing(entry, recorded, described, seed, methods):
                 added.append({"recording": recorded.source, "added": False})
                 continue
             with progress(f"diagnosing {recorded.source}", as_json) as advance:
