@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cases import THESIS, drawn
-from emaphm.actuator import Chirp, Faults
+from emaphm.actuator import Chirp, Faults, Sine
 from emaphm.arrays import Array
 from emaphm.diagnosis import Diagnosis, diagnose, error_percent
 from emaphm.recording import Recording
@@ -50,6 +50,37 @@ def test_sound_sensors_have_no_fault(whole: Recording) -> None:
         found = diagnosed(whole, channels)
         assert found.explained
         assert found.sensor_faults == ()
+
+
+@pytest.fixture(scope="module", params=[0.0, 0.3], ids=["healthy", "eccentric"])
+def coarse(request: pytest.FixtureRequest) -> Recording:
+    """Return a recording whose position is shown in some ten counts of its converter."""
+    faults = Faults(eccentricity=request.param)
+    return simulate(
+        THESIS,
+        Sine(5e-3, 9.0),
+        faults=faults,
+        duration=0.5,
+        sample_rate=2000.0,
+        noise=0.02,
+        adc_bits=10,
+        seed=1,
+    )
+
+
+def test_counts_of_a_converter_are_no_error_of_the_sensor(coarse: Recording) -> None:
+    found = diagnosed(coarse, (*LINE, "position_rad"))
+    assert found.explained
+    assert found.selected == ()
+
+
+def test_a_scale_is_found_where_a_position_is_shown_in_counts(coarse: Recording) -> None:
+    def scaled(name: str, values: Array) -> Array:
+        return 1.1 * values if name == "position_rad" else values
+
+    (fault,) = diagnosed(coarse, (*LINE, "position_rad"), scaled).sensor_faults
+    assert (fault.channel, fault.kind) == ("position_rad", "scale")
+    assert fault.size == pytest.approx(0.1, abs=0.01)
 
 
 @pytest.mark.parametrize("rows", [5, -5, 1])

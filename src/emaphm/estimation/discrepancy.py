@@ -2,7 +2,8 @@
 
 The only place where the two are compared. The reference model's switching is chaotic: two runs that differ by
 nothing that matters have another ripple. The discrepancy is therefore the mean over several runs about each
-point, with a standard error.
+point, with a standard error. Where a channel shows counts, the runs are rounded as it is: the discrepancy is
+then of the converter too.
 """
 
 from dataclasses import dataclass, field, replace
@@ -12,6 +13,7 @@ import numpy as np
 from emaphm.arrays import Array
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.problem import Problem
+from emaphm.estimation.sensors.counts import in_counts
 from emaphm.simulation import REFERENCE
 
 REFERENCE_RUNS = 16
@@ -72,7 +74,7 @@ def discrepancies(
     separation = rng.normal(0.0, RUN_SEPARATION, (n, repeats, d))
     near = objective.space.project(points[:, np.newaxis] + separation).reshape(-1, d)
     weighted = replace(objective, problem=reference.like(objective.problem))
-    runs = weighted.outputs(near).reshape(n, repeats, -1)
+    runs = _rounded(weighted.outputs(near), objective.problem).reshape(n, repeats, -1)
     variance = runs.var(axis=1, ddof=1)
     samples, weights = objective.problem.samples, objective.problem.weights
     by_channel = variance[:, : objective.channel_rows].reshape(n, weights.size, samples).mean(axis=2)
@@ -86,6 +88,16 @@ def discrepancies(
         )
         for i in range(n)
     ]
+
+
+def _rounded(outputs: Array, problem: Problem) -> Array:
+    """Return `outputs` (n, rows), weighted, with the channels that show counts rounded to them, in place."""
+    samples = problem.samples
+    for i, (name, weight) in enumerate(zip(problem.channels, problem.weights, strict=True)):
+        if name in problem.counts:
+            rows = outputs[:, i * samples : (i + 1) * samples]
+            rows[:] = in_counts(rows, weight * problem.measured[name], weight * problem.counts[name])
+    return outputs
 
 
 def reference_problem(objective: MapObjective) -> Problem:

@@ -70,10 +70,11 @@ class MapObjective:
         sizes = np.sqrt(np.mean(by_channel**2, axis=1)) / self.problem.weights
         # A perfect channel would leave the others without weight; no model is right to 0.01 %.
         measured = np.array([rms(self.problem.measured[name]) for name in self.problem.channels])
-        # Nor is a residual less than what its sensor is described to add.
+        # Nor is a residual less than what its sensor is described to add, or its counts leave open.
         noise = np.array(
             [described_noise(name, self.problem.actuator) or 0.0 for name in self.problem.channels]
         )
+        noise = np.maximum(noise, self.problem.rounding_errors)
         sizes = np.maximum(sizes, np.maximum(LEAST_RESIDUAL * measured, noise))
         correlated = min(integral_time([by_channel[0]], [1.0]), float(CORRELATED_ROWS))
         weighted = replace(self, problem=self.problem.weighted(sizes), correlated_rows=correlated)
@@ -108,6 +109,15 @@ class MapObjective:
     def channel_rows(self) -> int:
         """Rows of `outputs` that are channels; the nuisances follow."""
         return len(self.problem.channels) * self.problem.samples
+
+    @property
+    def rounding_variance(self) -> float:
+        """What visible counts leave open of a row of a channel, weighted and squared, on average.
+
+        Residuals are compared relative to the variance of a row: it is that at least, where the model happens
+        to make the same counts.
+        """
+        return float(np.mean((self.problem.weights * self.problem.rounding_errors) ** 2))
 
     @property
     def target(self) -> Array:

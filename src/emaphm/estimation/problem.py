@@ -15,6 +15,7 @@ from emaphm.estimation.initial_state import initial_state
 from emaphm.estimation.noise_level import noise_level
 from emaphm.estimation.recorded_supply import with_recorded_supply
 from emaphm.estimation.run_counts import RunCounts
+from emaphm.estimation.sensors.counts import ROUNDING, visible_count
 from emaphm.estimation.sensors.sensor_model import all_as_described, as_described, described_noise
 from emaphm.estimation.uncertainty.model_error import row_errors
 from emaphm.recording import Recording, quiet_noise_level, with_equivalent_current
@@ -36,7 +37,8 @@ class Problem:
     (channels,), are what a residual of each counts, in the unit of the primary channel's residual.
     `temperature_rise_K` is what is known of it, above nominal. `unusable` says of channels which rows
     (samples,) are not compared. `model_error` is the learned error of the model in each row, (samples,) by
-    channel; empty where the actuator has none. `runs` counts the simulations.
+    channel; empty where the actuator has none. `counts` are the steps in which channels visibly show their
+    quantity, each in its unit; those without are left out. `runs` counts the simulations.
     """
 
     actuator: Actuator
@@ -52,6 +54,7 @@ class Problem:
     runs: RunCounts = field(default_factory=RunCounts)
     unusable: Mapping[str, Mask] = field(default_factory=dict)
     model_error: Mapping[str, Array] = field(default_factory=dict)
+    counts: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -93,6 +96,7 @@ class Problem:
             compared,
             temperature_rise_K=rise,
             workers=workers,
+            counts={name: step for name in compared if (step := visible_count(recording[name])) > 0},
         )
         problem = replace(problem, model_error=row_errors(problem))
         # To begin with, a residual counts in proportion to its channel.
@@ -152,6 +156,11 @@ class Problem:
         if described is not None:
             return described
         return min(noise_level(self.recorded), quiet_noise_level(self.recorded, self.inputs.interval))
+
+    @property
+    def rounding_errors(self) -> Array:
+        """The rms that rounding to visible counts leaves of each channel, in its unit, (channels,)."""
+        return np.array([self.counts.get(name, 0.0) for name in self.channels]) / ROUNDING
 
     @property
     def observed(self) -> Array:

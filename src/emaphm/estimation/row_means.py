@@ -60,6 +60,7 @@ def over_swings(problem: Problem) -> Problem:
         inputs=longer.inputs(problem.model.step_for(problem.actuator)),
         measured={name: mean_rows(values, count) for name, values in problem.measured.items()},
         model_error={},
+        counts={},
     )
     averaged = replace(averaged, model_error=row_errors(averaged))
     return averaged.weighted([rms(averaged.measured[name]) for name in averaged.channels])

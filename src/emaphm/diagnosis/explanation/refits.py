@@ -20,8 +20,9 @@ PROMISING, CORRECTIONS = 1.5, 2
 class Refit:
     """Where descents ended: the `point` (d,) of an `objective`, and what is `left` there.
 
-    `left` is the mean squared residual of channels and priors, `error` what the discrepancy's standard error
-    adds to it: refits may be corrected by means of more runs of the reference model or of fewer.
+    `left` is the mean squared residual of channels and priors, with what counts leave open of it; `error` is
+    what the discrepancy's standard error adds to it: refits may be corrected by means of more runs of the
+    reference model or of fewer.
     """
 
     objective: MapObjective
@@ -36,7 +37,7 @@ class Refit:
         point = descents_from(objective, starts, correction).best
         known = corrected.discrepancy
         error = 0.0 if known is None else float(np.mean(known.standard_error**2))
-        left = float(np.mean(objective.residual(point, correction) ** 2))
+        left = float(np.mean(objective.residual(point, correction) ** 2)) + objective.rounding_variance
         return cls(objective, point, max(left, TINY), error)
 
     @property

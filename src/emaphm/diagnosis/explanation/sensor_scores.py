@@ -19,6 +19,7 @@ from emaphm.estimation.objective import CORRELATED_ROWS
 from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.problem import rms
 from emaphm.estimation.search_result import SMALLEST_SHARE, SearchResult
+from emaphm.estimation.uncertainty.local_covariance import rounding_scores
 from emaphm.estimation.uncertainty.long_run_variance import long_run_covariance
 from emaphm.random_streams import stream
 
@@ -104,7 +105,8 @@ def _residual_share(result: SearchResult, error: SensorScore, seed: int) -> floa
         rng = stream(seed, "descents with a sensor's error")
         descents = with_descents(SENSOR_SCORES.descents)
         point = local_search(objective, result.point, correction, rng, descents).best
-        variances.append(float(np.mean(objective.residual(point, correction)[:rows] ** 2)))
+        left = float(np.mean(objective.residual(point, correction)[:rows] ** 2))
+        variances.append(left + objective.rounding_variance)
     return variances[1] / variances[0] if variances[0] > 0 else 1.0
 
 
@@ -125,7 +127,8 @@ def sensor_scores(result: SearchResult, jacobians: Array) -> tuple[SensorScore, 
 
         θ = (v·r - b·g) / (v·v - b·J v),   b = (J Jᵀ + P)⁻¹ J v,   g = J r - P x
 
-    and its variance is the long-run variance of the scores (v - bJ) r, over the square of the denominator.
+    and its variance is the long-run variance of the scores (v - bJ) r, and what counts of a converter leave
+    open of them, over the square of the denominator.
     Parameters that a bound keeps from moving as θ asks are left out of J.
 
     Parameters
@@ -147,7 +150,8 @@ def sensor_scores(result: SearchResult, jacobians: Array) -> tuple[SensorScore, 
     channels = len(objective.problem.channels)
     remaining = along - taken_up @ jacobian
     of_model = _model_error(result, remaining)
-    errors = np.sqrt(np.diag(long_run_covariance(remaining * residual, channels)) + of_model**2)
+    scatter = long_run_covariance(remaining * residual, channels)
+    errors = np.sqrt(np.diag(scatter + rounding_scores(objective.problem, remaining)) + of_model**2)
     return tuple(
         SensorScore(kind, channel, float(size / scale), float(error / scale), rounding)
         for (kind, channel), size, error, scale, rounding in zip(

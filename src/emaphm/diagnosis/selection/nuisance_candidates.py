@@ -118,8 +118,7 @@ class _Derivatives:
         residual = self.result.residual[: objective.channel_rows]
         if sensor_error(name):
             derivative = self.jacobians[0, self.wide.space.coordinates.index(name)]
-            channels = len(objective.problem.channels)
-            others_step, size, error = regressed_error(self.mean, derivative, residual, channels)
+            others_step, size, error = regressed_error(self.mean, derivative, residual, objective.problem)
             return np.insert(others_step, i, size), error
         local = local_covariance(extended, point, residual, self.of(extended))
         error = float((local.covariance + default_scatter(point.size))[i, i] ** 0.5)
@@ -216,5 +215,6 @@ def _refit_with(
     start = objective.space.project(start)
     point = local_search(objective, start, correction, rng, with_descents(SELECTION.descents)).best
     residual = objective.residual(point, correction)[:rows]
-    share = float(np.mean(residual**2) / np.mean(result.residual[:rows] ** 2))
+    by_counts = result.objective.rounding_variance
+    share = float((np.mean(residual**2) + by_counts) / (np.mean(result.residual[:rows] ** 2) + by_counts))
     return Candidate(name, objective, point, share)

@@ -184,7 +184,8 @@ def _share_of_residual(tried: SearchResult, before: SearchResult) -> float:
     rows = before.objective.channel_rows
     ratios = before.objective.problem.weights / tried.objective.problem.weights
     residual = tried.residual[:rows] * np.repeat(ratios, before.objective.problem.samples)
-    return float(np.mean(residual**2) / np.mean(before.residual[:rows] ** 2))
+    by_counts = before.objective.rounding_variance
+    return float((np.mean(residual**2) + by_counts) / (np.mean(before.residual[:rows] ** 2) + by_counts))
 
 
 def _score(result: SearchResult, name: str, seed: int) -> float:

@@ -6,10 +6,12 @@ from emaphm.arrays import Array
 from emaphm.estimation.finite_differences import replicated_jacobians
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.parameter_space import Box
+from emaphm.estimation.problem import Problem
 from emaphm.estimation.sensors.sensor_model import sensor_error
 from emaphm.estimation.uncertainty.local_covariance import (
     JACOBIAN_STEP,
     REPLICATES,
+    rounding_scores,
 )
 from emaphm.estimation.uncertainty.long_run_variance import long_run_covariance
 
@@ -43,13 +45,13 @@ def jacobians_with_errors(objective: MapObjective, point: Array, rng: np.random.
 
 
 def regressed_error(
-    mean: Array, derivative: Array, residual: Array, channels: int
+    mean: Array, derivative: Array, residual: Array, problem: Problem
 ) -> tuple[Array, float, float]:
     """Return the step (d,) of the others, the size of one more coordinate's own, and its standard error.
 
     By regression of the `residual` (rows,) on the `derivative` (rows,) less what the other coordinates, whose
     `mean` Jacobian is (d, rows), explain of it (Frisch and Waugh 1933); the scores are as correlated as the
-    sandwich covariance takes them.
+    sandwich covariance takes them, with what counts of the channels of `problem` leave open.
     """
     normal = mean @ mean.T
     ridge = 1e-9 * float(np.trace(normal)) * np.eye(len(normal))
@@ -58,6 +60,7 @@ def regressed_error(
     power = max(float(alone @ alone), np.finfo(float).tiny)
     size = float(alone @ residual) / power
     scores = alone * (residual - size * alone)
-    variance = float(long_run_covariance(scores[np.newaxis], channels)[0, 0])
+    scatter = long_run_covariance(scores[np.newaxis], len(problem.channels))
+    variance = float((scatter + rounding_scores(problem, alone[np.newaxis]))[0, 0])
     error = float(max(variance, np.finfo(float).tiny)) ** 0.5 / power
     return np.asarray(-size * shares), size, error

@@ -13,7 +13,7 @@ from emaphm.estimation.levenberg_marquardt import least_squares
 from emaphm.estimation.objective import CORRELATED_ROWS
 from emaphm.estimation.uncertainty.covariance import ScoreStatistics, score_statistics
 from emaphm.estimation.uncertainty.fisher_information import information
-from emaphm.estimation.uncertainty.local_covariance import jacobians_at, local_covariance
+from emaphm.estimation.uncertainty.local_covariance import jacobians_at, local_covariance, rounding_scores
 from emaphm.random_streams import stream
 
 FAR = 2.0
@@ -81,8 +81,9 @@ def joint_uncertainty(
     )
     statistics, normals, gradients = list[ScoreStatistics](), list[Array](), list[Array]()
     for term, residual, replicates in zip(joint.terms, estimate.corrected_residuals, jacobians, strict=True):
-        channels = residual[: term.objective.channel_rows]
-        statistics.append(score_statistics(replicates, channels, len(term.objective.problem.channels)))
+        channels, problem = residual[: term.objective.channel_rows], term.objective.problem
+        open_by_counts = rounding_scores(problem, replicates.mean(axis=0))
+        statistics.append(score_statistics(replicates, channels, len(problem.channels), open_by_counts))
         normals.append(information(replicates) / np.mean(channels**2))
         gradients.append(replicates.mean(axis=0) @ channels / np.mean(channels**2))
     total = ScoreStatistics(

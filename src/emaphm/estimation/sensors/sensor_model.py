@@ -27,7 +27,8 @@ COMMON_DELAY = "delay"
 def as_described(signal: Array, channel: str, actuator: Actuator, interval: float) -> Array:
     """Return a model's signal as the described sensor of its channel shows it, but for noise and rounding.
 
-    Noise is random, and rounding has no derivatives: both belong to the residual (`described_noise`).
+    Noise is random, and rounding has no derivatives: both belong to the residual (`described_noise`), and
+    where a recording shows counts, these to the discrepancy of the models (`counts`).
 
     Parameters
     ----------

@@ -7,6 +7,8 @@ import numpy as np
 from emaphm.arrays import Array
 from emaphm.estimation.finite_differences import replicated_jacobians
 from emaphm.estimation.objective import MapObjective
+from emaphm.estimation.problem import Problem
+from emaphm.estimation.sensors.counts import scores_of_counts
 from emaphm.estimation.uncertainty.covariance import sandwich_covariance
 from emaphm.estimation.uncertainty.model_error import error_scores
 
@@ -49,16 +51,28 @@ def local_covariance(
     """Return the covariance at `point` (d,), by `jacobians` and the `residual` (channel rows,) there.
 
     The step is towards the optimum; `bias` is the part of the residual that is known to be the model's. Where
-    a calibration has learned the model's error, the covariance has what that makes of an estimate; so it has
-    what `hidden_scores` (d, d) are the covariance of, Jacobian times an error that the residual does not
-    show.
+    a calibration has learned the model's error, the covariance has what that makes of an estimate, and where
+    a channel shows counts, what these leave open. So it has what `hidden_scores` (d, d) are the covariance
+    of, Jacobian times an error that the residual does not show.
     """
     faults, deviations = len(objective.space.columns), objective.space.prior_deviations
     channels = len(objective.problem.channels)
-    scores = error_scores(objective.problem, jacobians.mean(axis=0)) + hidden_scores
+    mean = jacobians.mean(axis=0)
+    scores = error_scores(objective.problem, mean) + rounding_scores(objective.problem, mean) + hidden_scores
     sandwich = sandwich_covariance(jacobians, residual, deviations, channels, scores)
     gradient = jacobians.mean(axis=0) @ (residual - bias) / np.mean(residual**2)
     prior = objective.rows_of_priors / deviations**2
     gradient[faults:] -= prior[faults:] * point[faults:]
     step = np.linalg.solve(sandwich.information + np.diag(prior), gradient)
     return LocalCovariance(sandwich.covariance, step)
+
+
+def rounding_scores(problem: Problem, jacobian: Array) -> Array:
+    """Return the covariance (d, d) of a mean `jacobian` (d, channel rows) times what counts leave open."""
+    total = np.zeros((len(jacobian), len(jacobian)))
+    by_channel = np.split(jacobian, len(problem.channels), axis=1)
+    for name, weight, part in zip(problem.channels, problem.weights, by_channel, strict=True):
+        if name in problem.counts:
+            size = weight * problem.counts[name]
+            total += size**2 * scores_of_counts(part, problem.measured[name])
+    return total

@@ -1,0 +1,96 @@
+"""What a converter's counts make of a slow quantity is the model's to reproduce, and no noise."""
+
+import numpy as np
+import pytest
+
+from cases import THESIS
+from emaphm.actuator import Faults, Sine
+from emaphm.arrays import Array
+from emaphm.estimation.bias_correction import with_discrepancy
+from emaphm.estimation.objective import MapObjective, faults_objective
+from emaphm.estimation.problem import Problem
+from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.sensors.counts import in_counts, scores_of_counts, visible_count
+from emaphm.estimation.uncertainty.local_covariance import rounding_scores
+from emaphm.recording import Recording
+from emaphm.simulated_recording import simulate
+
+COUNT = 0.3
+SLOW = 4 * np.sin(np.linspace(0.0, 9.0, 900))
+FAULTS = Faults(friction=0.3, backlash=0.2)
+
+
+def shown(signal: Array, noise: float = 0.0) -> Array:
+    noisy = signal + np.random.default_rng(0).normal(0.0, noise, signal.size)
+    return np.asarray(COUNT * np.round(noisy / COUNT))
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.1])
+def test_the_count_of_a_slow_signal_is_seen(offset: float) -> None:
+    recorded = shown(SLOW) + offset
+    assert visible_count(recorded) == pytest.approx(COUNT)
+    assert visible_count(np.round(recorded, 3)) == pytest.approx(COUNT, rel=1e-2)
+    np.testing.assert_allclose(in_counts(SLOW + offset, recorded, COUNT), recorded, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        SLOW,
+        shown(SLOW, noise=COUNT),
+        shown(50 * SLOW[::10]),
+        np.repeat(shown(SLOW[::5], noise=10 * COUNT), 5),
+        np.repeat(SLOW[::5], 5),
+        np.full(900, 0.3),
+    ],
+    ids=["exact", "dithered", "fast", "noisy and held", "held", "constant"],
+)
+def test_what_passes_for_noise_or_has_no_counts_shows_none(values: Array) -> None:
+    assert visible_count(values) == 0.0
+
+
+@pytest.fixture(scope="module")
+def coarse() -> MapObjective:
+    whole = simulate(THESIS, Sine(), faults=FAULTS, duration=0.25, adc_bits=10)
+    names = ("time_s", "command_rad", "current_A", "position_rad")
+    problem = Problem.of(Recording({name: whole[name] for name in names}), THESIS, channels=None)
+    return faults_objective(problem, ("load",))
+
+
+def test_at_the_truth_counts_leave_no_residual(coarse: MapObjective) -> None:
+    assert tuple(coarse.problem.counts) == ("position_rad",)
+    count = coarse.problem.counts["position_rad"]
+    vector = FAULTS.vector
+    point = np.zeros(coarse.space.dimensions)
+    for i, name in enumerate(coarse.space.coordinates):
+        point[i] = getattr(FAULTS, name) if name in ("friction", "backlash") else point[i]
+    point[coarse.space.coordinates.index("gain")] = FAULTS.gain
+    np.testing.assert_allclose(coarse.space.faults(point)[:6], vector[:6])
+    left = with_discrepancy(SearchResult.at(coarse, point), seed=0).residual_by_channel["position_rad"]
+    assert np.sqrt(np.mean(left**2)) < 0.1 * count / 12**0.5
+
+
+def test_rows_of_a_count_share_its_error_unless_it_is_passed() -> None:
+    # The first count is stood on, the second passed, the third turned on, and the last one an end.
+    values, sensitive = np.array([0.0, 0, 0, 1, 1, 2, 2, 1, 1]), np.ones((1, 9))
+    assert scores_of_counts(sensitive, values) * 12 == pytest.approx(3**2 + 1 + 1 + 2**2 + 2**2)
+
+
+def test_what_counts_leave_open_stays_in_the_covariance(coarse: MapObjective) -> None:
+    jacobian = np.random.default_rng(1).normal(size=(3, coarse.channel_rows))
+    size = coarse.problem.weights[1] * coarse.problem.counts["position_rad"]
+    position = coarse.problem.measured["position_rad"]
+    expected = size**2 * scores_of_counts(jacobian[:, coarse.problem.samples :], position)
+    np.testing.assert_allclose(rounding_scores(coarse.problem, jacobian), expected)
+
+
+def test_a_channel_weighs_no_more_than_its_counts_allow(coarse: MapObjective) -> None:
+    residual = np.full(coarse.target.size, 1e-9)
+    residual[: coarse.problem.samples] = 0.1
+    weights = coarse.reweighted(residual).problem.weights
+    assert weights[1] == pytest.approx(0.1 / (coarse.problem.counts["position_rad"] / 12**0.5))
+
+
+def test_explanations_are_compared_relative_to_what_counts_leave_open(coarse: MapObjective) -> None:
+    size = coarse.problem.weights[1] * coarse.problem.counts["position_rad"] / 12**0.5
+    assert coarse.rounding_variance == pytest.approx(size**2 / 2)
