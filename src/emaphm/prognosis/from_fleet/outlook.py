@@ -26,8 +26,9 @@ if TYPE_CHECKING:
 FEWEST_FELLOWS = 8
 """Units that teach a pace; it was measured with 26 and 30."""
 
-WEIGHT_OF_FILTER = 2.0
-"""Fellows that the filter's forecast counts as, as the general prior does."""
+WEIGHT_OF_FILTER = 8.0
+"""Fellows that the filter's forecast counts as: a fleet of 30 has not shown all that may happen. With 2, the
+intervals of 90 % held the truth in 83 % late in life, of 109 synthetic units; with 8, in 86 %."""
 
 LARGEST_ERROR = 0.05
 """Standard error of a level as a share of its way: with more, nothing says in which step it is."""
@@ -50,7 +51,7 @@ class Fellows:
     def pooled(
         self, times: "FailureTimes", belief: "Belief", evidence: "Evidence", ahead: Stress | None
     ) -> "FailureTimes":
-        """Return the failure times of a forecast with n / (n + 2) of its paths drawn by the fellows' pace.
+        """Return the failure times of a forecast with n / (n + 8) of its paths drawn by the fellows' pace.
 
         n is the number of fellows. It stays as it is where a limit is on a measure or passed by a new unit,
         where they are fewer than 8 or none has shown any pace, where the last diagnosis knows a level worse
