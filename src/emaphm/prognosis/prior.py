@@ -8,6 +8,7 @@ import numpy as np
 
 from emaphm.actuator.faults import CARTESIAN_NAMES, HEALTHY, to_cartesian
 from emaphm.arrays import Array
+from emaphm.prognosis.from_fleet.outlook import Fellows
 from emaphm.prognosis.from_fleet.recalibration import Recalibration
 from emaphm.prognosis.from_fleet.references import ECCENTRICITY, References
 from emaphm.prognosis.laws import Mask, Numbers, in_common, rate_scale, transition
@@ -66,7 +67,7 @@ class Prior:
     else drawn by the settings: a fleet of few units has seen few ways to degrade. A share of the fleet's
     are the ways that its units went, `references`. `reference` is the stress that hours and rates are at;
     None where no stress was recorded, and an hour is an hour. `recalibration` is how the fleet's own
-    predictions turned out.
+    predictions turned out, `fellows` its units, whose pace is learnt.
     """
 
     settings: DegradationSettings = DEGRADATION
@@ -76,6 +77,7 @@ class Prior:
     reference: StressReference | None = None
     references: References | None = None
     recalibration: Recalibration | None = None
+    fellows: Fellows | None = None
 
     def draw(self, particles: int, random: np.random.Generator, components: int = COMPONENTS) -> Hypotheses:
         """Return hypotheses of the first `components` of a new unit, each array (particles, components)."""

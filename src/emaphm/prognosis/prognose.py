@@ -101,10 +101,10 @@ def prognose(
     settings = replace(settings, longest_hours=max(settings.longest_hours, 2 * question.horizon))
     requirements = Requirements(actuator)
     followed = follow(evidence, prior, seed=seed, keep_past=keep_past)
-    made, times = _forecast(followed.belief, evidence, requirements, settings, question.ahead)
+    made, forecast = _forecast(followed.belief, evidence, requirements, settings, question.ahead)
+    times = forecast.by_fleet(followed.belief, evidence, question.ahead)
     limit = times.commonest
-    component = None if limit is None else responsible(made, times, limit, requirements)
-    times = times.corrected(followed.belief)
+    component = None if limit is None else responsible(made, forecast, limit, requirements)
     born = followed.belief.born[CARTESIAN_NAMES.index(_coordinate(component))] if component else 0.0
     return Prognosis(
         evidence=evidence,
@@ -155,7 +155,7 @@ def lives(
     """
     requirements = Requirements(actuator)
     forecasts = [(one, _forecast(one, evidence, requirements, settings, ahead)[1]) for one in beliefs]
-    return [(one.hours, times.corrected(one).first) for one, times in forecasts]
+    return [(one.hours, times.by_fleet(one, evidence, ahead).first) for one, times in forecasts]
 
 
 def uncorrected(

@@ -218,8 +218,8 @@ def _verdicts(recorded: Units, drawn: Units) -> Iterator[str]:
         f"law and true level, and a coverage of {100 * ASKED_COVERAGE[0]:.0f} to "
         f"{100 * ASKED_COVERAGE[1]:.0f} %. There are two such clairvoyants here, and our share of each. "
         "*Late*: the median exceeds the true RUL by more than 20 %. Ours, with the fleet's prior, is "
-        "corrected by how predictions of the fleet's failed units turned out "
-        "([how](prognosis.md#degradation)).\n"
+        "corrected by how predictions of the fleet's failed units turned out, and mostly drawn by the pace "
+        "of its units ([how](prognosis.md#degradation)).\n"
     )
     for way, known, unknown in WHAT_EACH_KNOWS:
         yield f"- *{way}* knows {known}; not {unknown}."

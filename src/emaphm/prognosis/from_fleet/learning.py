@@ -9,6 +9,7 @@ import numpy as np
 from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.evidence import Evidence, Followed, follow
 from emaphm.prognosis.from_fleet.memory import Memory, fingerprint
+from emaphm.prognosis.from_fleet.outlook import Fellows
 from emaphm.prognosis.from_fleet.recalibration import Recalibration
 from emaphm.prognosis.from_fleet.record import record_of
 from emaphm.prognosis.from_fleet.references import ECCENTRICITY, References, Track
@@ -155,10 +156,11 @@ def fleet_prior(
 
 @dataclass(frozen=True, eq=False)
 class Taught:
-    """What one unit teaches: hypotheses of a new unit, each array (DRAWN, 8), and the way that it went."""
+    """What one unit teaches: hypotheses of a new unit, each array (DRAWN, 8), its way, its history."""
 
     hypotheses: Hypotheses
     track: Track
+    evidence: Evidence
 
 
 TAUGHT: Memory[Taught] = Memory(KEPT)
@@ -169,20 +171,26 @@ def taught_by(evidence: Evidence, general: Prior, seed: int) -> Taught:
 
     def taught() -> Taught:
         followed = follow(evidence, general, seed=seed, settings=FOLLOWED_BY)
-        return Taught(_hypotheses(followed.belief, evidence.unit, seed), _track(followed))
+        return Taught(_hypotheses(followed.belief, evidence.unit, seed), _track(followed), evidence)
 
-    return TAUGHT.get(fingerprint(evidence, general.settings, general.reference, seed), taught)
+    return TAUGHT.get(
+        fingerprint(evidence, evidence.failed_at, general.settings, general.reference, seed), taught
+    )
 
 
 def pooled(parts: Sequence[Taught], general: Prior) -> Prior:
     """Return the prior that several units, one or more, teach together."""
     columns = zip(*(one.hypotheses for one in parts), strict=True)
+    fleet = Hypotheses(*(np.concatenate(column) for column in columns))
     return replace(
         general,
-        fleet=Hypotheses(*(np.concatenate(column) for column in columns)),
+        fleet=fleet,
         fleet_share=len(parts) / (len(parts) + WEIGHT_OF_GENERAL),
         units=len(parts),
         references=References.of([one.track for one in parts]),
+        fellows=Fellows(
+            [one.evidence for one in parts], NEW, general.reference, fleet.exponents.mean(axis=0)
+        ),
     )
 
 

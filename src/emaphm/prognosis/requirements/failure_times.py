@@ -15,6 +15,8 @@ from emaphm.random_streams import stream
 
 if TYPE_CHECKING:
     from emaphm.prognosis.belief import Belief
+    from emaphm.prognosis.evidence import Evidence
+    from emaphm.prognosis.stress import Stress
 
 MOST_ATTRIBUTED = 200
 """Failures of a measure that are looked at for the component responsible: the commonest is what is asked."""
@@ -38,12 +40,17 @@ class FailureTimes:
         failed = self.hours.argmin(axis=0)[np.isfinite(self.first)]
         return int(np.bincount(failed).argmax()) if failed.size else None
 
-    def corrected(self, belief: "Belief") -> "FailureTimes":
-        """Return those of a forecast from `belief` as the fleet's record of predictions corrects them."""
-        recalibration = belief.prior.recalibration
-        if recalibration is None:
-            return self
-        return replace(self, hours=recalibration.corrected(self.hours, belief.age))
+    def by_fleet(self, belief: "Belief", evidence: "Evidence", ahead: "Stress | None") -> "FailureTimes":
+        """Return those of a forecast from `belief` as the fleet changes them.
+
+        Its record of predictions corrects them, and they are pooled with those by its units' pace
+        (`Fellows.pooled`). `evidence` is of the unit, `ahead` the stress to come.
+        """
+        recalibration, fellows = belief.prior.recalibration, belief.prior.fellows
+        times = self
+        if recalibration is not None:
+            times = replace(self, hours=recalibration.corrected(self.hours, belief.age))
+        return times if fellows is None else fellows.pooled(times, belief, evidence, ahead)
 
 
 def failure_times(made: Paths, requirements: Requirements, *, seed: int) -> FailureTimes:

@@ -1,0 +1,200 @@
+"""What the pace of a fleet's units says of when another fails, against formulas and units drawn anew."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import kstest, norm
+
+from emaphm.actuator import Actuator
+from emaphm.actuator.requirements import Requirement
+from emaphm.arrays import Array
+from emaphm.prognosis import Evidence, Observation, Requirements
+from emaphm.prognosis.belief import Belief
+from emaphm.prognosis.from_fleet.outlook import FEWEST_FELLOWS, Fellows
+from emaphm.prognosis.from_fleet.pace import AT_REST, Population, general_covariance, hours_left, learnt
+from emaphm.prognosis.from_fleet.passages import LEAST_VARIANCE, SHARES, Passages
+from emaphm.prognosis.metrics import Prediction, coverage, probability_integral_transform
+from emaphm.prognosis.prior import NEW, Prior
+from emaphm.prognosis.requirements.failure_times import FailureTimes
+from emaphm.prognosis.stress import Stress, StressPiece, StressReference
+
+LIMIT = 0.6
+ACTUATOR = Actuator.thesis().model_copy(
+    update={"requirements": (Requirement(component="friction", at_most=LIMIT),)}
+)
+LIMITS = Requirements(ACTUATOR).limits
+FLAT = np.full(SHARES.size, 5.0)
+
+
+def saturating(share_of_life: Array | float) -> Array:
+    """Return the share of the way of a component that first accelerates and then saturates, to 1 at 1."""
+    u = np.asarray(share_of_life)
+    return np.asarray((np.sin(np.pi * np.clip(u, 0.0, 1.1) ** 1.5 - np.pi / 2) + 1) / 1.9)
+
+
+def unit(life: float, number: int, upto: float = np.inf) -> Evidence:
+    """Return a unit, diagnosed each 100 h up to its failure or `upto` [h]."""
+    random = np.random.default_rng(number)
+    fails = life * 0.9012
+    observations = []
+    for hours in np.arange(100.0, min(fails, upto), 100.0):
+        level = NEW + 0.002 * random.standard_normal(8)
+        level[0] += LIMIT * saturating(hours / life)
+        observations.append(Observation(float(hours), level, 0.002**2 * np.eye(8), np.ones(8, bool)))
+    return Evidence(
+        f"U{number}",
+        "part",
+        observations[-1].hours,
+        tuple(observations),
+        failed_at=fails if fails < upto else None,
+    )
+
+
+def fellows(count: int = 24) -> list[Evidence]:
+    """Return units of many lives, every third of which was removed half-way."""
+    random = np.random.default_rng(0)
+    lives = 2500.0 * np.exp(0.3 * random.standard_normal(count))
+    return [unit(life, i, 0.5 * life if i % 3 == 0 else np.inf) for i, life in enumerate(lives)]
+
+
+def of(units: list[Evidence]) -> Fellows:
+    return Fellows(units, NEW, None, np.zeros((8, 3)))
+
+
+def pooled(by: Fellows, evidence: Evidence, times: Array, ahead: Stress | None = None) -> Array:
+    belief = replace(Belief.new(Prior()), hours=evidence.hours)
+    return by.pooled(FailureTimes(LIMITS, times), belief, evidence, ahead).first
+
+
+def one_class(mean: Array, covariance: Array, at_rest: float = 1e-6) -> Population:
+    """Return a population that is known, both of whose classes are alike."""
+    shares = np.log([(1 - at_rest) / 2, (1 - at_rest) / 2, at_rest])
+    return Population(
+        np.tile(mean, (1, 1, 2, 1)),
+        np.tile(np.linalg.inv(covariance), (1, 1, 2, 1, 1)),
+        shares[np.newaxis, np.newaxis],
+    )
+
+
+def test_passages_are_where_a_power_law_has_them() -> None:
+    age = np.arange(20.0, 1601.0, 20.0)
+    found = Passages.of(age, (age / 2000.0) ** 2)
+    expected = np.diff(2000.0 * np.sqrt(SHARES), prepend=0.0)
+    assert found.passed == 6
+    assert np.exp(found.slowness[:6]) == pytest.approx(expected[:6], rel=0.01)
+    # Of the seventh step, 40 % of the way is gone, and what it took says how long all of it may take.
+    assert found.part == pytest.approx(0.4, abs=1e-9)
+    assert np.exp(found.slowness[6]) == pytest.approx((1600 - 2000 * np.sqrt(0.6)) / 0.4, rel=0.01)
+    assert 0 < found.precision[6] < found.precision[5]
+    assert np.all(found.precision[7:] == 0)
+    assert found.waited == -np.inf
+
+
+def test_errors_of_diagnoses_make_no_passage() -> None:
+    random = np.random.default_rng(0)
+    found = Passages.of(np.arange(100.0, 3000.0, 100.0), 0.04 * random.standard_normal(29))
+    assert found.passed == 0
+    assert found.share < 0.1
+    assert found.waited == pytest.approx(np.log(2900.0))
+
+
+def test_the_last_step_given_those_before_is_that_of_the_normal_distribution() -> None:
+    covariance = general_covariance()
+    gone = FLAT[:9] + np.linspace(-0.3, 0.4, 9)
+    at = np.cumsum(np.exp(gone))
+    one = Passages.of(at, SHARES[:9])
+    # What is known of a step has a variance of its own; then nothing of the last one is gone.
+    errors = covariance[:9, :9] + LEAST_VARIANCE * np.eye(9)
+    gain = np.linalg.solve(errors, covariance[:9, 9])
+    mean, variance = 5.0 + gain @ (gone - 5.0), covariance[9, 9] - gain @ covariance[:9, 9]
+    hours = hours_left(one_class(FLAT, covariance), 0, one, 100_000, np.random.default_rng(1))
+    assert kstest((np.log(hours) - mean) / np.sqrt(variance), "norm").pvalue > 0.01
+
+
+def test_a_component_that_waits_is_at_rest_as_probably_as_bayes_says() -> None:
+    covariance, at_rest, waited = general_covariance(), 0.4, 240.0
+    one = Passages.of(np.array([waited]), np.array([0.0]))
+    hours = hours_left(one_class(FLAT, covariance, at_rest), 0, one, 20_000, np.random.default_rng(2))
+    later = norm.sf((np.log(waited) - 5.0) / np.sqrt(covariance[0, 0])) / SHARES[0]
+    resting = at_rest * norm.pdf(0.0, 0.0, AT_REST)
+    assert np.mean(np.isinf(hours)) == pytest.approx(resting / (resting + (1 - at_rest) * later), abs=0.01)
+    assert np.all(hours > 0)
+
+
+def test_what_is_learnt_has_the_mean_of_the_units_though_half_were_removed_early() -> None:
+    random = np.random.default_rng(3)
+    pace = 5.0 + 0.3 * random.standard_normal((200, 1))
+    slowness = np.linspace(0.5, -0.5, SHARES.size) + pace + 0.1 * random.standard_normal((200, SHARES.size))
+    # The slow ones are removed after some hours, when they have gone less of the way.
+    ways = []
+    for each in np.cumsum(np.exp(slowness), axis=1):
+        seen = each < 1200.0
+        ways.append(Passages.of(each[seen], SHARES[seen]))
+    population = learnt(Passages.stacked([Passages.stacked(ways)]), random)
+    shares = np.exp(population.log_shares[:, 0, :2])
+    mean = np.einsum("sk,skd->d", shares, population.mean[:, 0]) / shares.sum()
+    assert mean == pytest.approx(np.linspace(5.5, 4.5, SHARES.size), abs=0.15)
+
+
+def test_predictions_of_a_law_that_nobody_knows_hold_the_truth() -> None:
+    by, random = of(fellows()), np.random.default_rng(4)
+    transforms, errors = [], []
+    for i in range(40):
+        life = 2500.0 * float(np.exp(0.3 * random.standard_normal()))
+        until = life * 0.9012 * float(random.uniform(0.4, 0.8))
+        one = replace(unit(life, 100 + i, until), failed_at=None)
+        true = life * 0.9012 - one.hours
+        found = Prediction(one.hours, pooled(by, one, np.full((1, 400), true)))
+        transforms.append(probability_integral_transform(found, true))
+        errors.append(found.median / true - 1)
+    assert coverage(transforms) >= 0.85
+    assert np.median(np.abs(errors)) < 0.1
+
+
+def test_few_fellows_vague_diagnoses_and_what_has_failed_change_nothing() -> None:
+    one, times = unit(2500.0, 100, 1500.0), np.linspace(100.0, 900.0, 50)[np.newaxis]
+    few = of(fellows(FEWEST_FELLOWS - 1))
+    assert pooled(few, one, times).tolist() == times[0].tolist()
+    assert not pooled(of(fellows()), one, np.zeros((1, 50))).any()
+    vague = [replace(each, covariance=0.1**2 * np.eye(8)) for each in one.observations]
+    assert pooled(of(fellows()), replace(one, observations=tuple(vague)), times).tolist() == times[0].tolist()
+    hidden = [replace(each, seen=np.zeros(8, bool)) for each in one.observations]
+    assert (
+        pooled(of(fellows()), replace(one, observations=tuple(hidden)), times).tolist() == times[0].tolist()
+    )
+    resting = [replace(each, observations=each.observations[:1], failed_at=None) for each in fellows()]
+    assert pooled(of(resting), one, times).tolist() == times[0].tolist()
+
+
+def test_a_unit_that_has_gone_nowhere_is_the_filters() -> None:
+    times = np.linspace(1000.0, 3000.0, 50)[np.newaxis]
+    for one in (Evidence("new", "part", 0.0), unit(2500.0, 100, 400.0)):
+        assert pooled(of(fellows()), one, times).tolist() == times[0].tolist()
+
+
+def test_a_replaced_component_has_a_life_of_its_own() -> None:
+    by, times = of(fellows()), np.full((1, 400), 2000.0)
+    first, second = unit(2500.0, 100, 1800.0), unit(2500.0, 101, 1500.0)
+    later = [replace(one, hours=one.hours + first.hours) for one in second.observations]
+    both = replace(
+        first,
+        hours=first.hours + second.hours,
+        observations=(*first.observations, *later),
+        replacements=((first.hours, "friction"),),
+    )
+    alone, again = (float(np.median(pooled(by, one, times))) for one in (second, both))
+    assert again == pytest.approx(alone, rel=0.05)
+
+
+def test_twice_the_pace_is_half_of_the_hours() -> None:
+    reference = StressReference(temperature=300.0)
+    exponents = np.zeros((8, 3))
+    exponents[:, 1] = np.log(2.0)
+    by = Fellows(fellows(), NEW, reference, exponents)
+    one, times = unit(2500.0, 100, 1500.0), np.full((1, 400), 1e-3)
+    nominal, hot = (pooled(by, one, times, Stress(temperature=t)) for t in (300.0, 310.0))
+    assert hot[hot > 1] == pytest.approx(nominal[nominal > 1] / 2)
+    # A unit that has always been at 310 K has aged twice as far, and goes on so.
+    warm = replace(one, stresses=(StressPiece(0.0, one.hours, Stress(temperature=310.0)),))
+    assert np.median(pooled(by, warm, times)) < np.median(pooled(by, one, times)) * 1.3
