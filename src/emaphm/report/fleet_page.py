@@ -345,7 +345,9 @@ def _population(population: Population) -> Iterator[str]:
         f"{s.flight_K:g} K and {s.flight_load:g}. The laws and the ranges of their parameters are in "
         "`src/emaphm/fleet/synthetic/growth.py`, the numbers above in `population.py` of that folder. They "
         "were chosen before anything was predicted on them; the prognosis was developed on another fleet "
-        "(`--population development`)."
+        "(`--population development`). But the share that the filter keeps of a forecast, and that "
+        "it keeps all where no tenth of a way is gone, were chosen on further units drawn from this one, so "
+        "that intervals hold the truth."
     )
 
 
