@@ -90,6 +90,16 @@ def test_noise_is_no_error_of_the_model() -> None:
     assert error.floor <= 0.2
 
 
+def test_recordings_that_differ_by_rounding_do_not_scatter() -> None:
+    rng = np.random.default_rng(5)
+    rows, residual = terms(rng), rng.normal(size=ROWS)
+    for ulps in range(1, 40):
+        # Whatever rounding leaves of two equal recordings on whichever processor.
+        other = residual * (1 + ulps * np.finfo(float).eps)
+        left_out = [LeftOut(one, 0.0, rows, INTERVAL) for one in (residual, other)]
+        assert channel_error(left_out).scatter == 0.0
+
+
 def test_the_more_recordings_scatter_the_more_is_healthy() -> None:
     def bound(scatter: float, recordings: int) -> float:
         error = ChannelError(floor=1.0, correlation_time=1e-3, scatter=scatter, recordings=recordings)

@@ -50,6 +50,9 @@ class ModelErrorSettings:
 
 MODEL_ERROR = ModelErrorSettings()
 
+LEAST_SCATTER = 1e-12
+"""Scatter of the logarithms below which recordings differ by rounding alone."""
+
 
 @dataclass(frozen=True, eq=False)
 class LeftOut:
@@ -169,6 +172,7 @@ def channel_error(left_out: Sequence[LeftOut]) -> ChannelError:
     expected = [float(np.mean(coefficients @ one.terms)) + one.noise**2 for one in left_out]
     squares = [float(np.mean(one.residual**2)) for one in left_out]
     logs = 0.5 * np.log(np.maximum(squares, np.finfo(float).tiny) / np.array(expected))
+    scatter = float(np.sqrt(np.sum(logs**2) / (len(logs) - 1)))
     floor, speed, load, acceleration = np.sqrt(coefficients).tolist()
     return ChannelError(
         floor=floor,
@@ -177,7 +181,7 @@ def channel_error(left_out: Sequence[LeftOut]) -> ChannelError:
         acceleration=acceleration,
         noise=float(np.sqrt(np.mean([one.noise**2 for one in left_out]))),
         correlation_time=_correlation_time(left_out),
-        scatter=float(np.sqrt(np.sum(logs**2) / (len(logs) - 1))),
+        scatter=scatter if scatter > LEAST_SCATTER else 0.0,
         recordings=len(left_out),
     )
 
