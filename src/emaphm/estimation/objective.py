@@ -110,14 +110,14 @@ class MapObjective:
         """Rows of `outputs` that are channels; the nuisances follow."""
         return len(self.problem.channels) * self.problem.samples
 
-    @property
-    def rounding_variance(self) -> float:
-        """What visible counts leave open of a row of a channel, weighted and squared, on average.
+    def left(self, residual: Array) -> float:
+        """Return the mean square of a weighted `residual` (rows,), and what visible counts leave open of it.
 
-        Residuals are compared relative to the variance of a row: it is that at least, where the model happens
-        to make the same counts.
+        Residuals are compared relative to the variance of a row: it is the counts' at least, where the model
+        happens to make the same ones.
         """
-        return float(np.mean((self.problem.weights * self.problem.rounding_errors) ** 2))
+        open_by_counts = np.mean((self.problem.weights * self.problem.rounding_errors) ** 2)
+        return float(np.mean(residual**2)) + float(open_by_counts)
 
     @property
     def target(self) -> Array:

@@ -37,7 +37,7 @@ class Refit:
         point = descents_from(objective, starts, correction).best
         known = corrected.discrepancy
         error = 0.0 if known is None else float(np.mean(known.standard_error**2))
-        left = float(np.mean(objective.residual(point, correction) ** 2)) + objective.rounding_variance
+        left = objective.left(objective.residual(point, correction))
         return cls(objective, point, max(left, TINY), error)
 
     @property

@@ -105,8 +105,7 @@ def _residual_share(result: SearchResult, error: SensorScore, seed: int) -> floa
         rng = stream(seed, "descents with a sensor's error")
         descents = with_descents(SENSOR_SCORES.descents)
         point = local_search(objective, result.point, correction, rng, descents).best
-        left = float(np.mean(objective.residual(point, correction)[:rows] ** 2))
-        variances.append(left + objective.rounding_variance)
+        variances.append(objective.left(objective.residual(point, correction)[:rows]))
     return variances[1] / variances[0] if variances[0] > 0 else 1.0
 
 

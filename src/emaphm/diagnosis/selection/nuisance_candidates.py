@@ -215,6 +215,5 @@ def _refit_with(
     start = objective.space.project(start)
     point = local_search(objective, start, correction, rng, with_descents(SELECTION.descents)).best
     residual = objective.residual(point, correction)[:rows]
-    by_counts = result.objective.rounding_variance
-    share = float((np.mean(residual**2) + by_counts) / (np.mean(result.residual[:rows] ** 2) + by_counts))
+    share = result.objective.left(residual) / result.objective.left(result.residual[:rows])
     return Candidate(name, objective, point, share)

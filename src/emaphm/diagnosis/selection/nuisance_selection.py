@@ -184,8 +184,7 @@ def _share_of_residual(tried: SearchResult, before: SearchResult) -> float:
     rows = before.objective.channel_rows
     ratios = before.objective.problem.weights / tried.objective.problem.weights
     residual = tried.residual[:rows] * np.repeat(ratios, before.objective.problem.samples)
-    by_counts = before.objective.rounding_variance
-    return float((np.mean(residual**2) + by_counts) / (np.mean(before.residual[:rows] ** 2) + by_counts))
+    return before.objective.left(residual) / before.objective.left(before.residual[:rows])
 
 
 def _score(result: SearchResult, name: str, seed: int) -> float:

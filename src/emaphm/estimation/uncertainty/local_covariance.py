@@ -60,7 +60,7 @@ def local_covariance(
     mean = jacobians.mean(axis=0)
     scores = error_scores(objective.problem, mean) + rounding_scores(objective.problem, mean) + hidden_scores
     sandwich = sandwich_covariance(jacobians, residual, deviations, channels, scores)
-    gradient = jacobians.mean(axis=0) @ (residual - bias) / np.mean(residual**2)
+    gradient = mean @ (residual - bias) / np.mean(residual**2)
     prior = objective.rows_of_priors / deviations**2
     gradient[faults:] -= prior[faults:] * point[faults:]
     step = np.linalg.solve(sandwich.information + np.diag(prior), gradient)
