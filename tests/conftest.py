@@ -1,6 +1,7 @@
 """Settings of all tests, and recordings that several files diagnose, simulated once."""
 
 import signal
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from hypothesis import settings
 from cases import SINGLES, THESIS, reference_recordings
 from emaphm.actuator import Chirp, Faults
 from emaphm.amortized import delays
+from emaphm.estimation.global_search import restarts
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 
@@ -46,6 +48,17 @@ def shorted() -> Recording:
 def singles() -> list[Recording]:
     """Return recordings of the ten single faults, noise-free."""
     return reference_recordings(np.stack([faults.vector for faults in SINGLES.values()]))
+
+
+@pytest.fixture(scope="module")
+def one_search() -> Iterator[None]:
+    """Search once, also where that does not explain a recording: where what follows is tested, to save time.
+
+    That it is searched again is tested in `tests/estimation/test_restarts.py`.
+    """
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(restarts, "MAX_RESTARTS", 0)
+        yield
 
 
 @pytest.fixture

@@ -1,0 +1,76 @@
+"""Searches that do not explain a recording are repeated: which is kept, and when they end."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cases import HEALTHY, THESIS, drawn, reference_recordings
+from emaphm.estimation.bias_correction import MAX_CORRECTIONS, with_discrepancy
+from emaphm.estimation.global_search import restarts
+from emaphm.estimation.methods import method_named
+from emaphm.estimation.objective import MapObjective
+from emaphm.estimation.parameter_space import ParameterSpace
+from emaphm.estimation.problem import Problem
+from emaphm.estimation.search_result import SearchResult
+
+TRUTH = drawn(1, seed=7)[0]
+
+
+@pytest.fixture(scope="module")
+def ends() -> dict[str, SearchResult]:
+    """Return where a search may end: at the truth, somewhat off it, or in a false minimum."""
+    (recording,) = reference_recordings([TRUTH], noise=0.05)
+    objective = MapObjective.of(Problem.of(recording, THESIS), ParameterSpace.of(THESIS))
+    vectors = {"truth": TRUTH, "off": np.clip(TRUTH + 0.1, 0, 1), "false": HEALTHY}
+    points = {name: objective.space.points(vector) for name, vector in vectors.items()}
+    results = {name: SearchResult.at(objective, point) for name, point in points.items()}
+    return {name: with_discrepancy(result, seed=0) for name, result in results.items()}
+
+
+@pytest.mark.parametrize(
+    ("made", "searches", "kept"),
+    [
+        ("truth off off off", 1, "truth"),
+        ("false off truth off", 3, "truth"),
+        ("false off off truth", 3, "off"),  # two agree
+        ("false off false false", 4, "off"),  # three more at most
+    ],
+)
+def test_searches_end_with_an_explanation_or_an_agreement(
+    made: str, searches: int, kept: str, ends: dict[str, SearchResult], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    expected, seeds = [ends[name] for name in made.split()], list[int]()
+
+    def search(_: MapObjective, __: Any, ___: int, seed: int, *____: Any) -> SearchResult:
+        seeds.append(seed)
+        return replace(expected[len(seeds) - 1])
+
+    monkeypatch.setattr(restarts, "_search", search)
+    monkeypatch.setattr(restarts, "refine_by_reference", lambda best, _: best)
+    objective = ends["truth"].objective
+    found = restarts.search_with_restarts(objective, method_named("hybrid"), MAX_CORRECTIONS, 5, None)
+    assert (len(seeds), seeds[0]) == (searches, 5)
+    assert len(set(seeds)) == searches
+    np.testing.assert_array_equal(found.point, ends[kept].point)
+    assert len(found.alternatives) == searches - 1
+
+
+@pytest.mark.parametrize(("heavy", "ended"), [(False, "off"), (True, "truth")])
+def test_an_ensemble_refines_what_heavy_currents_correct_badly(
+    heavy: bool, ended: str, ends: dict[str, SearchResult], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    objective = ends["off"].objective
+    monkeypatch.setattr(restarts, "is_heavy", lambda _: heavy)
+    monkeypatch.setattr(
+        restarts, "multistart", lambda *_: SimpleNamespace(points=ends["off"].point[np.newaxis])
+    )
+    monkeypatch.setattr(restarts, "correct_bias", lambda *_: ends["off"])
+    monkeypatch.setattr(restarts, "refine_by_ensemble", lambda *_: ends["truth"])
+    monkeypatch.setattr(restarts, "leaves_switching_alone", lambda _: True)
+    monkeypatch.setattr(restarts, "MAX_RESTARTS", 0)
+    monkeypatch.setattr(restarts, "refine_by_reference", lambda best, _: best)
+    found = restarts.search_with_restarts(objective, method_named("hybrid"), MAX_CORRECTIONS, 5, None)
+    np.testing.assert_array_equal(found.point, ends[ended].point)
