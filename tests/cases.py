@@ -16,19 +16,6 @@ HEALTHY = Faults().vector
 INTERVAL = 2e-4
 """The acquisition of docs/physics.md, section 7: 5 kHz."""
 
-SINGLES = {
-    f"{name}={value}": Faults.from_mapping({name: value})
-    for name, values in {
-        "friction": (0.25, 0.75),
-        "backlash": (0.25, 0.75),
-        "short_a": (0.2, 0.8),
-        "eccentricity": (0.25, 0.75),
-        "gain": (0.25, 0.75),
-    }.items()
-    for value in values
-}
-"""The ten single faults of docs/physics.md, section 10."""
-
 SHORTED = np.array([1.0, 1.0, 0.7, 0.7, 0.7, 1.0, 1.0, 1.0])
 """Upper ends of the faults that the averaged model is meant for (docs/physics.md, section 5)."""
 

@@ -5,11 +5,10 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 from hypothesis import settings
 
-from cases import SINGLES, THESIS, reference_recordings
+from cases import THESIS
 from emaphm.actuator import Chirp, Faults
 from emaphm.amortized import delays
 from emaphm.estimation.global_search import restarts
@@ -42,12 +41,6 @@ def healthy() -> Recording:
 def shorted() -> Recording:
     """Return every channel of an actuator with a third of phase b shorted."""
     return simulate(THESIS, Chirp(), faults=Faults(short_b=0.3), noise=0.05)
-
-
-@pytest.fixture(scope="session")
-def singles() -> list[Recording]:
-    """Return recordings of the ten single faults, noise-free."""
-    return reference_recordings(np.stack([faults.vector for faults in SINGLES.values()]))
 
 
 @pytest.fixture(scope="module")

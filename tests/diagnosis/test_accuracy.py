@@ -7,14 +7,7 @@ median or mean, and a little more than the published worst case. `make study` ha
 import numpy as np
 import pytest
 
-from cases import (
-    SINGLES,
-    THESIS,
-    covered,
-    drawn,
-    errors_percent,
-    reference_recordings,
-)
+from cases import THESIS, covered, drawn, errors_percent, reference_recordings
 from emaphm.actuator import NAMES, Chirp, Faults
 from emaphm.diagnosis import Diagnosis, diagnose, error_percent
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS
@@ -25,9 +18,18 @@ Diagnoses = dict[int, list[Diagnosis]]
 """By the most correction iterations."""
 
 CORRECTIONS = (0, MAX_CORRECTIONS)
+SINGLES = {
+    "friction": Faults(friction=0.25),
+    "backlash": Faults(backlash=0.75),
+    "short_a": Faults(short_a=0.8),
+    "eccentricity": Faults(eccentricity=0.25),
+    "gain": Faults(gain=0.75),
+}
+"""Half of the single faults of docs/physics.md, section 10: one size of each."""
+
 SINGLE_FAULTS = np.stack([faults.vector for faults in SINGLES.values()])
-RANDOM_FAULTS = drawn(8, seed=0)
-NOISY_FAULTS = drawn(12, seed=1)
+RANDOM_FAULTS = drawn(3, seed=0)
+NOISY_FAULTS = drawn(4, seed=1)
 
 
 def diagnosed(recordings: list[Recording]) -> Diagnoses:
@@ -39,8 +41,8 @@ def diagnosed(recordings: list[Recording]) -> Diagnoses:
 
 
 @pytest.fixture(scope="module")
-def of_singles(singles: list[Recording]) -> Diagnoses:
-    return diagnosed(singles)
+def of_singles() -> Diagnoses:
+    return diagnosed(reference_recordings(SINGLE_FAULTS))
 
 
 @pytest.fixture(scope="module")
@@ -86,10 +88,9 @@ def test_the_correction_reduces_the_mean_error(of_singles: Diagnoses, of_random:
         assert after < before / 2
 
 
-@pytest.mark.parametrize("case", SINGLES)
-def test_a_single_fault_is_separated_from_the_other_seven(of_singles: Diagnoses, case: str) -> None:
-    faulty = case.partition("=")[0]
-    found = of_singles[MAX_CORRECTIONS][list(SINGLES).index(case)]
+@pytest.mark.parametrize("faulty", SINGLES)
+def test_a_single_fault_is_separated_from_the_other_seven(of_singles: Diagnoses, faulty: str) -> None:
+    found = of_singles[MAX_CORRECTIONS][list(SINGLES).index(faulty)]
     assert found.explained
     assert found.components[faulty].verdict == "degraded"
     for name, component in found.components.items():
@@ -137,9 +138,8 @@ def test_the_phase_is_found_across_the_cut_of_its_circle(true: float) -> None:
 @pytest.mark.parametrize(("most", "least"), [(MAX_CORRECTIONS, 0.87), (0, 0.8)])
 def test_intervals_hold_the_truth_as_often_as_published(of_noisy: Diagnoses, most: int, least: float) -> None:
     inside = np.array([covered(k, d) for k, d in zip(NOISY_FAULTS, of_noisy[most], strict=True)])
-    # Published by component: 93 to 97 %. Of 96 intervals, three standard deviations below
-    # 95 % are 88 %; in 12 sets they are correlated, so a little less. Without correction the bias makes
-    # them 92 %, and less even.
+    # Published by component: 93 to 97 %. Of 32 independent 95 % intervals, less than 87 % would hold it once
+    # in fifty times. Without correction the bias makes them 92 %, and less even.
     assert inside.mean() >= least
     assert np.all(inside.mean(axis=0) >= 0.5)
 
@@ -164,9 +164,8 @@ MULTIPLE = Faults.from_vector([0.25, 0.75, 0.8, 0.8, 0.8, 0.25, 0.5, 0.75])
 """The multiple faults of the thesis, where its dragonfly was 64.2 % off (docs/physics.md, section 10)."""
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-def test_the_thesiss_multiple_faults_are_estimated_as_published(seed: int) -> None:
-    found = diagnose(reference_recordings([MULTIPLE.vector])[0], THESIS, nuisances=(), seed=seed)
+def test_the_thesiss_multiple_faults_are_estimated_as_published() -> None:
+    found = diagnose(reference_recordings([MULTIPLE.vector])[0], THESIS, nuisances=())
     # Published: the worst of ten searches 0.90 %, of ten recordings 1.12 %.
     assert error_percent(MULTIPLE.vector, found.faults.vector) <= 1.5
     assert found.explained

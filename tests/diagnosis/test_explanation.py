@@ -161,21 +161,28 @@ def test_noise_and_rounding_of_a_column() -> None:
     assert rounding_step(np.zeros(5)) == 0.0
 
 
-def diagnosed(late: int, faults: Faults = Faults(short_b=0.2), **known: float) -> Diagnosis:  # noqa: B008
-    whole = simulate(THESIS, Chirp(), faults=faults, noise=0.05, adc_bits=12)
+def diagnosed(
+    late: int,
+    faults: Faults = Faults(short_b=0.2),  # noqa: B008 - frozen
+    nuisances: tuple[str, ...] | None = None,
+    **known: float,
+) -> Diagnosis:
+    whole = simulate(THESIS, Chirp(duration=0.3), faults=faults, duration=0.3, noise=0.05, adc_bits=12)
     rows = np.clip(np.arange(whole.samples) - late, 0, whole.samples - 1)
     columns = {name: whole[name] for name in ("time_s", "command_rad")}
     columns |= {name: whole[name][rows] for name in CHANNELS[:2]}
     columns |= {name: np.full(whole.samples, value) for name, value in known.items()}
-    return diagnose(Recording(columns), THESIS)
+    return diagnose(Recording(columns), THESIS, nuisances=nuisances)
 
 
+@pytest.mark.usefixtures("one_search")
 def test_the_true_temperature_is_believed_and_a_wrong_one_contradicted() -> None:
     nominal = THESIS.electrical.temperature if THESIS.electrical else 0.0
-    right = diagnosed(0, temperature_K=nominal)
+    # Of the search alone: nothing else is tried where it has failed.
+    right = diagnosed(0, nuisances=("load",), temperature_K=nominal)
     assert right.explained
     assert right.reasons == ()
-    wrong = diagnosed(0, temperature_K=200.0)
+    wrong = diagnosed(0, nuisances=("load",), temperature_K=200.0)
     assert not wrong.explained
     assert any("temperature" in reason for reason in wrong.reasons)
     assert {one.verdict for one in wrong.components.values()} == {"cannot tell"}

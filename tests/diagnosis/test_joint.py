@@ -84,7 +84,7 @@ def test_n_recordings_have_the_error_of_one_over_the_root_of_n() -> None:
 
 def test_the_intervals_hold_the_truth() -> None:
     rng, inside = np.random.default_rng(0), []
-    for case in range(12):
+    for case in range(5):
         friction, backlash, gain = rng.random(3)
         faults = Faults(friction=friction, backlash=backlash, gain=gain)
         loads = rng.normal(0.0, 0.03, 3)
@@ -96,14 +96,14 @@ def test_the_intervals_hold_the_truth() -> None:
         inside += [
             covered(faults.vector, found)[NAMES.index(name)] for name in ("friction", "backlash", "gain")
         ]
-    # Of 36 intervals of 95 %, 30 are inside in all but 2 of 1000 draws.
-    assert sum(inside) >= 30
+    # Of 15 intervals of 95 %, 13 are inside in all but 4 of 100 draws.
+    assert sum(inside) >= 13
 
 
 def test_the_reference_model_corrects_every_recording() -> None:
     faults, days = Faults(friction=0.3, short_b=0.2, eccentricity=0.4, gain=0.4), []
     for seed in range(4):
-        whole = simulate(THESIS, Chirp(), faults=faults, noise=0.05, seed=seed)
+        whole = simulate(THESIS, Chirp(duration=0.3), faults=faults, duration=0.3, noise=0.05, seed=seed)
         days.append(Recording({name: whole[name] for name in CHANNELS[:3]}))
     found, alone = diagnose_joint(days, THESIS), diagnose(days[0], THESIS)
     assert found.explained

@@ -18,12 +18,15 @@ from emaphm.estimation.search_result import SearchResult
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 
+pytestmark = pytest.mark.usefixtures("one_search")
+
 SHOWN = ("time_s", "command_rad", "current_A", "voltage_V")
-FAULTS = [Faults(), *(Faults.from_vector(vector) for vector in drawn(2, seed=5))]
+FAULTS = [Faults(), Faults.from_vector(drawn(1, seed=5)[0])]
 
 
-def recorded(actuator: Actuator, faults: Faults, seed: int = 0) -> Recording:
-    whole = simulate(actuator, Chirp(), faults=faults, noise=0.05, adc_bits=12, seed=seed)
+def recorded(actuator: Actuator, faults: Faults, seed: int = 0, *, duration: float = 0.3) -> Recording:
+    command = Chirp(duration=duration)
+    whole = simulate(actuator, command, faults=faults, duration=duration, noise=0.05, adc_bits=12, seed=seed)
     return Recording({name: whole[name] for name in SHOWN})
 
 
@@ -35,18 +38,15 @@ def heavier(share: float) -> Actuator:
 @pytest.fixture(scope="module")
 def of_heavy() -> list[tuple[Faults, Recording, Diagnosis]]:
     """Return recordings with ten percent more inertia than described, their faults and diagnoses."""
-    pairs = [(FAULTS[i % len(FAULTS)], i) for i in range(len(FAULTS) + 1)]
-    recordings = [(faults, recorded(heavier(0.1), faults, seed)) for faults, seed in pairs]
+    recordings = [(faults, recorded(heavier(0.1), faults, seed)) for seed, faults in enumerate(FAULTS)]
     return [(faults, recording, diagnose(recording, THESIS, workers=2)) for faults, recording in recordings]
 
 
-def test_ten_percent_of_inertia_are_mostly_selected(
+def test_ten_percent_of_inertia_are_selected(
     of_heavy: list[tuple[Faults, Recording, Diagnosis]],
 ) -> None:
-    found = [diagnosis for _, _, diagnosis in of_heavy if "inertia" in diagnosis.selected]
-    # Stick-slip hides one in ten: derivatives there are too rough to make it suspicious.
-    assert len(found) >= 0.75 * len(of_heavy)
-    for diagnosis in found:
+    for _, _, diagnosis in of_heavy:
+        assert diagnosis.selected == ("inertia",)
         inertia = diagnosis.nuisances["inertia"]
         assert abs(inertia.value - 0.1) <= 4 * inertia.standard_error
         assert "deviates significantly from the description: inertia" in str(diagnosis)
@@ -55,7 +55,7 @@ def test_ten_percent_of_inertia_are_mostly_selected(
 
 def test_taken_as_known_they_read_as_faults(of_heavy: list[tuple[Faults, Recording, Diagnosis]]) -> None:
     before, after = [], []
-    for faults, recording, found in of_heavy[: len(FAULTS)]:
+    for faults, recording, found in of_heavy:
         taken_as_known = diagnose(recording, THESIS, nuisances=("load", "temperature"))
         assert taken_as_known.selected == ()
         before.append(error_percent(faults.vector, taken_as_known.faults.vector))
@@ -66,7 +66,7 @@ def test_taken_as_known_they_read_as_faults(of_heavy: list[tuple[Faults, Recordi
 @pytest.mark.parametrize("case", range(len(FAULTS)))
 def test_nothing_is_suspected_of_the_actuator_as_described(case: int) -> None:
     found = diagnose(recorded(THESIS, FAULTS[case], case), THESIS)
-    assert (found.selected, found.laws) == ((), ())
+    assert (found.selected, found.laws, found.sensor_faults) == ((), (), ())
     assert tuple(found.nuisances) == THESIS.nuisances.estimated
 
 
@@ -94,7 +94,7 @@ def test_what_is_not_identifiable_is_not_selected() -> None:
 def test_the_selection_does_not_depend_on_the_number_of_threads(
     of_heavy: list[tuple[Faults, Recording, Diagnosis]],
 ) -> None:
-    _, recording, two = next(one for one in of_heavy if one[2].selected)
+    _, recording, two = of_heavy[0]
     one = diagnose(recording, THESIS, workers=1)
     assert one.selected == two.selected == ("inertia",)
     np.testing.assert_array_equal(one.covariance, two.covariance)
@@ -103,7 +103,7 @@ def test_the_selection_does_not_depend_on_the_number_of_threads(
 
 def test_an_inertia_is_likelier_than_a_voltage_of_another_scale_that_explains_as_much() -> None:
     # Five percent are one standard deviation of the one's prior, and five of the other's.
-    found = diagnose(recorded(heavier(0.05), Faults(), 2), THESIS, seed=2)
+    found = diagnose(recorded(heavier(0.05), Faults(), 2, duration=0.5), THESIS, seed=2)
     assert found.selected == ("inertia",)
     assert found.nuisances["inertia"].value == pytest.approx(0.05, abs=0.01)
     assert found.components["friction"].value == pytest.approx(0.0, abs=0.01)

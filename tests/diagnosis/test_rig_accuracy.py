@@ -1,6 +1,6 @@
 """The accuracy on a rig: unknown load, warm motor, noise and converters; with the line voltage and without.
 
-The bounds are what docs/accuracy.md publishes of 300 such cases, with a margin for the scatter of six: 0.35 %
+The bounds are what docs/accuracy.md publishes of 300 such cases, with a margin for the scatter of three: 0.35 %
 in the median, 0.87 % for 95 of 100, 1.67 % at worst.
 """
 
@@ -18,7 +18,7 @@ from emaphm.simulated_recording import simulate
 LOAD, WARMER = 0.15, 40.0
 """N·m, half as much again as all friction; K, a third more than the prior's standard deviation."""
 
-TRUTHS = drawn(6, seed=2)
+TRUTHS = drawn(3, seed=2)
 SHORTS = ("short_a", "short_b", "short_c")
 
 
@@ -48,8 +48,9 @@ def with_voltage(recordings: list[Recording]) -> list[Diagnosis]:
 @pytest.fixture(scope="module")
 def by_current(recordings: list[Recording]) -> list[Diagnosis]:
     kept = ("time_s", "command_rad", "current_A")
-    half = recordings[: len(TRUTHS) // 2]
-    return [diagnose(Recording({name: one[name] for name in kept}), THESIS, workers=1) for one in half]
+    return [
+        diagnose(Recording({name: one[name] for name in kept}), THESIS, workers=1) for one in recordings[:1]
+    ]
 
 
 def short_errors(diagnoses: list[Diagnosis]) -> Array:
@@ -66,8 +67,8 @@ def test_current_and_voltage_separate_faults_from_load_and_heat(with_voltage: li
 
 def test_their_intervals_hold_the_truth(with_voltage: list[Diagnosis]) -> None:
     inside = np.array([covered(k, d) for k, d in zip(TRUTHS, with_voltage, strict=True)])
-    # Of independent 95 % intervals, fewer than 42 of 48 would hold it once in fifty times.
-    assert inside.sum() >= 42
+    # Of independent 95 % intervals, fewer than 21 of 24 would hold it once in thirty times.
+    assert inside.sum() >= 21
 
 
 def test_load_and_temperature_are_found(with_voltage: list[Diagnosis]) -> None:
