@@ -1,7 +1,7 @@
 """The accuracy on a rig: unknown load, warm motor, noise and converters; with the line voltage and without.
 
-The bounds are what docs/accuracy.md publishes of 300 such cases, with a margin for the scatter of three: 0.35 %
-in the median, 0.87 % for 95 of 100, 1.67 % at worst.
+The bounds are what docs/accuracy.md publishes of 300 such cases, with a margin for the scatter of three:
+0.35 % in the median, 0.87 % for 95 of 100, 1.67 % at worst.
 """
 
 import numpy as np

@@ -116,8 +116,8 @@ STREAM = [
 """Three movements of 1 s, each behind 1 s of rest and before 1 s more."""
 
 
-LONGEST_S = 3.0
-"""Of a call, where the diagnosis hangs [s]; it starts its process too."""
+LONGEST_S = 6.0
+"""Of a call, where the diagnosis hangs [s]; it starts its process too, on a machine that may be busy."""
 
 
 def poisoned_at(home: str, hangs: bool, recording: Recording, actuator: Actuator, *, seed: int) -> Diagnosis:
@@ -161,14 +161,12 @@ def streamed(
 
 
 @pytest.mark.usefixtures("inbox")
-@pytest.mark.parametrize("hangs", [False, True])
-def test_a_movement_is_set_aside_and_the_others_are_judged(tmp_path: Path, hangs: bool) -> None:
-    done, said = streamed(tmp_path, hangs=hangs)
+def test_a_movement_that_hangs_is_set_aside_and_the_others_are_judged(tmp_path: Path) -> None:
+    done, said = streamed(tmp_path, hangs=True)
     assert (done.judged, done.refused) == (2, 1)
     (message,) = said["refused"]
-    why = f"it took longer than {LONGEST_S:g} s" if hangs else "its process was killed by SIGKILL"
     assert message.startswith("S1 at 2 h, 3.")
-    assert f"{why}, for the second time; it is set aside" in message
+    assert f"it took longer than {LONGEST_S:g} s, for the second time; it is set aside" in message
     assert streamed(tmp_path)[0] == Watching()  # all rows are judged
     assert len((tmp_path / "tries").read_text()) == 2
 
@@ -197,5 +195,8 @@ def test_the_count_of_a_movement_outlasts_the_watcher(
 def test_a_movement_that_was_set_aside_and_is_sent_again_is_not_tried_again(tmp_path: Path) -> None:
     done, said = streamed(tmp_path, lines=STREAM + STREAM)  # as of a sender that connects again
     assert len((tmp_path / "tries").read_text()) == 2
-    assert (done.judged, done.known, len(said["refused"])) == (2, 2, 1)
+    assert (done.judged, done.known) == (2, 2)
+    (message,) = said["refused"]
+    assert message.startswith("S1 at 2 h, 3.")
+    assert "its process was killed by SIGKILL, for the second time; it is set aside" in message
     assert "of a movement that is set aside" in said["rows_skipped"][-1]
