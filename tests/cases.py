@@ -12,6 +12,9 @@ from emaphm.recording import Recording, acquire
 from emaphm.simulation import REFERENCE, Inputs, simulate_batch
 
 THESIS = Actuator.thesis()
+USUAL = THESIS.nuisances.estimated
+"""The nuisances that are estimated in any case: where they are named, nothing else is looked for."""
+
 HEALTHY = Faults().vector
 INTERVAL = 2e-4
 """The acquisition of docs/physics.md, section 7: 5 kHz."""

@@ -160,7 +160,10 @@ FREE = ("inertia", "viscous", "coulomb")
 
 
 def recorded(seed: int, faults: Faults = Faults()) -> Recording:  # noqa: B008 - frozen
-    whole = foreign_plant.simulate(THESIS, Chirp(), SMOOTH, faults=faults, noise=0.05, adc_bits=12, seed=seed)
+    command = Chirp(duration=0.3)
+    whole = foreign_plant.simulate(
+        THESIS, command, SMOOTH, faults=faults, duration=0.3, noise=0.05, adc_bits=12, seed=seed
+    )
     kept = {name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")}
     return Recording(kept, whole.sampling, f"day {seed}")
 
@@ -194,6 +197,7 @@ def test_noise_that_no_healthy_recording_had_explains_nothing(unit: Actuator) ->
     assert diagnosis.model_error["current_A"].ratio > 3
 
 
+@pytest.mark.usefixtures("one_search")
 def test_without_it_the_model_does_not_explain_that_recording(unit: Actuator) -> None:
     bare = unit.model_copy(update={"model_error": NOT_LEARNED})
     diagnosis = diagnose(recorded(10), bare, nuisances=THESIS.nuisances.estimated, workers=1)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import HEALTHY, THESIS, reference_recordings
+from cases import HEALTHY, THESIS, USUAL, reference_recordings
 from emaphm.actuator import NAMES, Actuator, Chirp, Faults
 from emaphm.diagnosis import Diagnosis, diagnose, error_percent
 from emaphm.errors import EmaphmError, MethodError, RecordingError
@@ -118,10 +118,8 @@ def test_the_number_of_workers_changes_no_bit() -> None:
     # So long that the 16 groups of the starts are worth threads at all.
     steps = round(recording.duration_s / AVERAGED.step)
     assert 16 * steps > WORTH_A_THREAD
-    # Named, so that nothing else is tried.
-    named = THESIS.nuisances.estimated
     alone, together = (
-        diagnose(recording, THESIS, max_corrections=1, nuisances=named, workers=workers) for workers in (1, 2)
+        diagnose(recording, THESIS, max_corrections=1, nuisances=USUAL, workers=workers) for workers in (1, 2)
     )
     assert without_seconds(alone) == without_seconds(together)
     np.testing.assert_array_equal(alone.modelled, together.modelled)
@@ -150,7 +148,7 @@ def test_evaluations_are_the_runs_of_the_averaged_model(
 
 @pytest.mark.parametrize("method", [*METHODS, "random+lsq", "pymoo-ga"])
 def test_progress_only_grows(method: str) -> None:
-    brief = simulate(THESIS, Chirp(duration=0.05), duration=0.05)
+    brief = simulate(THESIS, Chirp(duration=0.02), duration=0.02)
     reported: list[float] = []
     diagnose(brief, THESIS, method=method, max_corrections=0, on_progress=reported.append)
     assert len(reported) > 5
@@ -166,14 +164,14 @@ def with_channels(recording: Recording, *names: str) -> Recording:
 
 def test_heat_is_identified_by_the_voltage_and_collinear_without() -> None:
     whole = simulate(THESIS, Chirp(), faults=MIXED, load=0.1, noise=0.05)
-    blind = diagnose(with_channels(whole, "current_A"), THESIS)
+    blind = diagnose(with_channels(whole, "current_A"), THESIS, nuisances=USUAL)
     assert blind.channels == ("current_A",)
     # Heat and a short in all phases differ in resistance alone, which a current hardly shows.
     assert not blind.nuisances["temperature"].known
     (group,) = blind.collinear_sets
     assert group.members == ("short_a", "short_b", "short_c", "temperature")
     assert f"Known only in combination: {group}" in blind.notes()
-    seeing = diagnose(with_channels(whole, "current_A", "voltage_V"), THESIS)
+    seeing = diagnose(with_channels(whole, "current_A", "voltage_V"), THESIS, nuisances=USUAL)
     assert seeing.channels == ("current_A", "voltage_V")
     heat = seeing.nuisances["temperature"]
     assert heat.known

@@ -84,7 +84,7 @@ def test_heat_and_a_short_in_all_phases_look_alike_to_the_current_and_not_to_the
 
     def found(*channels: str) -> tuple[CollinearSet, ...]:
         rows = {name: whole[name] for name in ("time_s", "command_rad", *channels)}
-        return diagnose(Recording(rows), actuator).collinear_sets
+        return diagnose(Recording(rows), actuator, nuisances=actuator.nuisances.estimated).collinear_sets
 
     (group,) = found("current_A")
     assert group.members == ("short_a", "short_b", "short_c", "temperature")

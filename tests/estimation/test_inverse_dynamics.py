@@ -472,7 +472,9 @@ def test_the_reference_models_laws_are_found(law: str) -> None:
     thesis = Actuator.thesis().model_dump(exclude_none=True)
     thesis["mechanics"] |= {"gear_ratio": 0.1, "end_stops": None, "backlash": 0.0}
     thesis["controller"] |= {"position_gain": 2000.0}
-    bare = Actuator.from_dict({**thesis, **({"ripple": [{"order": 4}]} if "ripple1_cos" in LAWS[law] else {})})
+    bare = Actuator.from_dict(
+        {**thesis, **({"ripple": [{"order": 4}]} if "ripple1_cos" in LAWS[law] else {})}
+    )
     actuator = with_parameters(bare, LAWS[law])
     # The load shows its part of the Stribeck friction at reversals alone: it takes more of them.
     duration = 4.0 if "stribeck_load_motor" in LAWS[law] else 2.0

@@ -17,6 +17,7 @@ from emaphm.simulated_recording import simulate
 from emaphm.simulation import AVERAGED, REFERENCE
 
 THESIS = Actuator.thesis()
+USUAL = THESIS.nuisances.estimated
 TRUTH = Faults(0.3, 0.4, 0.1, 0.25, 0.2, 0.35, 0.7, 0.4)
 CHANNELS = ("current_A", "voltage_V", "position_rad", "speed_rad_s")
 
@@ -96,9 +97,10 @@ def test_an_idle_column_is_not_compared() -> None:
     assert Problem.of(recording, THESIS, channels=None).channels == ("current_A",)
 
 
+@pytest.mark.usefixtures("one_search")
 def test_current_and_voltage_separate_load_and_heat_from_faults() -> None:
     recording = rig(0.15, 40.0, "current_A", "voltage_V")
-    found = diagnose(recording, THESIS)
+    found = diagnose(recording, THESIS, nuisances=USUAL)
     # The issue's bounds over random cases: 2 % in the median, 6 % for 95 of 100.
     assert error_percent(TRUTH.vector, found.faults.vector) <= 6.0
     assert found.nuisances["load"].value == pytest.approx(0.15, abs=0.01)
@@ -111,8 +113,8 @@ def test_current_and_voltage_separate_load_and_heat_from_faults() -> None:
 
 def test_from_the_current_alone_the_shorts_are_as_uncertain_as_the_heat() -> None:
     recording = rig(0.0, 40.0, "current_A")
-    found = diagnose(recording, THESIS)
-    seeing = diagnose(rig(0.0, 40.0, "current_A", "voltage_V"), THESIS)
+    found = diagnose(recording, THESIS, nuisances=USUAL)
+    seeing = diagnose(rig(0.0, 40.0, "current_A", "voltage_V"), THESIS, nuisances=USUAL)
     for name in ("short_a", "short_b", "short_c"):
         low, high = found.interval[name]
         # 40 K lie 1.3 prior standard deviations off: within 1.96 of them.
@@ -123,7 +125,7 @@ def test_from_the_current_alone_the_shorts_are_as_uncertain_as_the_heat() -> Non
 
 def test_a_recorded_temperature_is_taken_as_known() -> None:
     hot = rig(0.0, 40.0, "current_A", temperature_K=293.15 + 40.0)
-    found = diagnose(hot, THESIS)
+    found = diagnose(hot, THESIS, nuisances=USUAL)
     assert list(found.nuisances) == ["load"]
     # As good as at nominal temperature: a random vector's bound of issue "From a recording to a diagnosis".
     assert error_percent(TRUTH.vector, found.faults.vector) <= 2.5

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm, truncnorm
 
-from cases import THESIS
+from cases import THESIS, USUAL
 from emaphm.actuator import NAMES, Actuator, Chirp, Faults
 from emaphm.arrays import Array
 from emaphm.diagnosis import Diagnosis, diagnose
@@ -293,9 +293,9 @@ def test_sampling_ends_at_its_cap_and_says_so() -> None:
 @pytest.fixture(scope="module")
 def diagnosed() -> Diagnosis:
     truth = Faults(0.4, 0.3, 0.2, 0.3, 0.0, 0.01, 0.2, 0.6)
-    whole = simulate(THESIS, Chirp(), faults=truth, noise=0.05)
+    whole = simulate(THESIS, Chirp(duration=0.3), faults=truth, duration=0.3, noise=0.05)
     rows = {name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")}
-    return diagnose(Recording(rows), THESIS, workers=1, posterior=True)
+    return diagnose(Recording(rows), THESIS, nuisances=USUAL, workers=1, posterior=True)
 
 
 def test_where_faults_are_strong_both_agree(diagnosed: Diagnosis) -> None:

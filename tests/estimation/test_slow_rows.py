@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cases import THESIS
+from cases import THESIS, USUAL
 from emaphm.actuator import Chirp, Command, Faults, Step
 from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.estimation.problem import Problem
@@ -42,7 +42,8 @@ def test_a_healthy_unit_is_not_degraded_by_slow_rows(found: Diagnosis) -> None:
 def test_claims_shrink_with_the_rate() -> None:
     half = {}
     for rate in (25.0, 500.0):
-        said = diagnose(recorded(rate, 2.0, Chirp(stop_hz=3.0, duration=2.0)), THESIS, workers=1)
+        recording = recorded(rate, 2.0, Chirp(stop_hz=3.0, duration=2.0))
+        said = diagnose(recording, THESIS, nuisances=USUAL, workers=1)
         half[rate] = {name: np.ptp(said.interval[name]) for name in ("friction", "backlash", "gain")}
     assert all(half[25.0][name] > 2 * half[500.0][name] for name in half[25.0])
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cases import THESIS
+from cases import THESIS, USUAL
 from emaphm.arrays import Array
 from emaphm.diagnosis import diagnose
 from emaphm.errors import MethodError
@@ -68,7 +68,7 @@ def test_a_command_that_is_too_small_is_refused_with_what_would_be_known(whole: 
 
 def test_what_is_promised_of_a_stretch_from_rest_is_kept_by_a_diagnosis(cut: Segments) -> None:
     first = cut.accepted[0]
-    found = diagnose(cut.recordings()[0], THESIS, workers=1)
+    found = diagnose(cut.recordings()[0], THESIS, nuisances=USUAL, workers=1)
     assert found.explained
     for name in first.identifies:
         # The prediction is cautious, of a healthy actuator, and its derivatives have errors.

@@ -194,23 +194,16 @@ Friction = Callable[[float, float], float]
 LAWS: dict[str, tuple[dict[str, float], Friction]] = {
     # Without a Stribeck speed friction is dynamic in all motion.
     "transition": ({}, lambda w, _: 0.015 * smooth(w) + viscous(w)),
-    "stribeck": (
-        {"stribeck_speed": 20.0},
-        lambda w, _: (0.015 + 0.015 * low_speed(w)) * smooth(w) + viscous(w),
-    ),
-    "load-dependent": (
-        {"load_motor": 0.05, "load_external": 0.3},
-        lambda w, load: (0.015 + 0.3 * abs(load)) * smooth(w) + viscous(w),
-    ),
-    "directional": (
-        {"coulomb_asymmetry": 0.3, "viscous_asymmetry": -0.4},
+    "stribeck, directional": (
+        {"stribeck_speed": 20.0, "coulomb_asymmetry": 0.3, "viscous_asymmetry": -0.4},
         lambda w, _: (
-            0.015 * (1 + math.copysign(0.3, w)) * smooth(w) + viscous(w) * (1 - math.copysign(0.4, w))
+            (0.015 + 0.015 * low_speed(w)) * (1 + math.copysign(0.3, w)) * smooth(w)
+            + viscous(w) * (1 - math.copysign(0.4, w))
         ),
     ),
-    "quadratic": (
-        {"quadratic": 2e-6},
-        lambda w, _: 0.015 * smooth(w) + viscous(w) + 2e-6 * w * abs(w),
+    "load-dependent, quadratic": (
+        {"load_motor": 0.05, "load_external": 0.3, "quadratic": 2e-6},
+        lambda w, load: (0.015 + 0.3 * abs(load)) * smooth(w) + viscous(w) + 2e-6 * w * abs(w),
     ),
     "all": (
         {
