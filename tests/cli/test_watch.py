@@ -34,7 +34,7 @@ def arrived(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("arrived")
     for number, friction in enumerate((0.0, 0.3, 0.3, 0.3)):
         faults = Faults(friction=friction)
-        made = simulate(THESIS, Chirp(), faults=faults, noise=0.05, seed=number)
+        made = simulate(THESIS, Chirp(duration=0.3), faults=faults, duration=0.3, noise=0.05, seed=number)
         # Of fewer channels, a diagnosis takes half the time.
         kept = Recording({name: made[name] for name in ("time_s", "command_rad", "current_A")})
         write_recording(kept, folder / f"SN-7_{100 + number}.csv")
