@@ -12,8 +12,9 @@ from emaphm.actuator import NAMES, Actuator, Chirp, Faults
 from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.diagnosis import Diagnosis, diagnose, error_percent
-from emaphm.diagnosis.selection import law_selection, nuisance_selection
+from emaphm.diagnosis.selection import law_selection
 from emaphm.diagnosis.selection.law_selection import ONLY_WHILE_SWITCHING, SUSPECTS, select_laws, with_law
+from emaphm.diagnosis.selection.settings import SENSOR_SELECTION
 from emaphm.diagnosis.verdict import NOT_EXPLAINED
 from emaphm.estimation.bias_correction import with_discrepancy
 from emaphm.estimation.methods import method_named
@@ -45,8 +46,8 @@ def found(recording: Recording) -> Iterator[Diagnosis]:
     with pytest.MonkeyPatch.context() as patched:
         for tried in ("SUSPECTS", "FRICTION_CURVES"):
             patched.setattr(law_selection, tried, ("stribeck", "directional"))
-        few = replace(nuisance_selection.SENSOR_SELECTION, most_corrected=1)
-        patched.setattr(nuisance_selection, "SENSOR_SELECTION", few)
+        few = replace(SENSOR_SELECTION, most_corrected=1)
+        patched.setattr("emaphm.diagnosis.selection.nuisance_selection.SENSOR_SELECTION", few)
         yield diagnose(recording, THESIS, max_corrections=5)
 
 
