@@ -1,5 +1,6 @@
 """The particle filter against a Kalman filter written by hand, and what it makes of diagnoses."""
 
+import math
 import time
 
 import numpy as np
@@ -16,6 +17,7 @@ ONE_LAW = DegradationSettings(
     laws=(0, 0, 0, 0, 0, 1),
     life_scale=(1000.0, 1000.0 + 1e-9),
     change_hours=1e15,
+    breaks=0.0,
     roughness=(1.0, 1.0),
     unevenness=(1e-12, 1e-12),
 )
@@ -160,11 +162,36 @@ def test_uneven_ageing_adds_to_the_variances_by_the_law() -> None:
         noise=0.0,
         unevenness=(u, u + 1e-12),
         change_hours=1e15,
+        breaks=0.0,
     )
     after = predicted(Belief.new(Prior(settings), settings=FEW), hours)
     expected = settings.new_level**2 + (hours / scale) ** 2 + u**2 * scale * hours / scale**2
     assert np.einsum("nii->ni", after.levels) == pytest.approx(np.full((20, 8), expected), rel=1e-6)
     assert np.einsum("nii->ni", after.rates) == pytest.approx(np.full((20, 8), scale**-2.0), rel=1e-6)
+
+
+def test_breaks_add_to_the_second_moment_of_a_rate() -> None:
+    """Linear law, rate v ~ N(0, 1/T²): E[v²] grows by P(break) (E[f²] - 1), ln f ~ N(0, 0.3²)."""
+    scale, hours = 1000.0, 500.0
+    settings = DegradationSettings(
+        laws=(0, 1, 0, 0, 0, 0),
+        life_scale=(scale, scale + 1e-9),
+        noise=0.0,
+        unevenness=(1e-12, 1e-12),
+        change_hours=1e15,
+        breaks=1.0,
+        break_factor=0.3,
+    )
+    many = FilterSettings(particles=2000)
+    after = predicted(Belief.new(Prior(settings), settings=many), hours)
+    variances = np.einsum("nii->ni", after.rates) * scale**2
+    breaks = -np.expm1(-hours / scale)
+    # 14,000 breaks that are independent: the eccentricity's two coordinates break together.
+    assert np.mean(np.abs(variances - 1) > 1e-9) == pytest.approx(breaks, abs=0.02)
+    assert variances.mean() == pytest.approx(1 + breaks * math.expm1(2 * 0.3**2), rel=0.02)
+    assert after.levels[0, 0, 0] == pytest.approx(
+        settings.new_level**2 + after.rates[0, 0, 0] * hours**2, rel=1e-6
+    )
 
 
 def test_the_coordinates_of_an_eccentricity_are_one_growth() -> None:

@@ -22,7 +22,7 @@ from emaphm.prognosis.settings import (
     ForecastSettings,
 )
 
-NOISY = DegradationSettings(noise=0.3, rate_noise=0.0, change_hours=1e12)
+NOISY = DegradationSettings(noise=0.3, rate_noise=0.0, change_hours=1e12, breaks=0.0)
 
 
 def states(law: int, count: int, *, level: float, rate: float, life_scale: float = 1000.0) -> State:
@@ -147,9 +147,30 @@ def test_uneven_ageing_scatters_a_level_by_its_rate() -> None:
     """Ageing has the variance u² T h in h hours; at the rate v, the level has v² times that."""
     even = states(LINEAR, 8000, level=0.0, rate=1e-4)
     state = replace(even, unevenness=np.full(even.law.shape, 0.1))
-    settings = DegradationSettings(noise=0.0, rate_noise=0.0, change_hours=1e12)
+    settings = DegradationSettings(noise=0.0, rate_noise=0.0, change_hours=1e12, breaks=0.0)
     made = paths(state, Prior(settings), seed=3, settings=ForecastSettings(longest_hours=4000.0, steps=40))
     last = made.level[-1, :, 0]
     assert last.mean() == pytest.approx(1e-4 * made.hours[-1], rel=0.01)
     # The standard deviation of 8,000 values is right to 0.8 %, and five of these are allowed.
     assert last.std() == pytest.approx(1e-4 * 0.1 * math.sqrt(1000.0 * made.hours[-1]), rel=0.04)
+
+
+def test_a_rate_that_breaks_leaves_the_line_at_the_hours_of_a_poisson_process() -> None:
+    """No break in h hours has the probability exp(-b h/T); a break is faster or slower alike."""
+    settings = DegradationSettings(
+        noise=0.0, rate_noise=0.0, change_hours=1e12, breaks=2.0, break_factor=0.05
+    )
+    state = states(LINEAR, 8000, level=0.0, rate=1e-4)
+    made = paths(state, Prior(settings), seed=4, settings=ForecastSettings(longest_hours=1000.0, steps=30))
+    hours, last = made.hours[-1], made.level[-1, :, 0]
+    apart = last - 1e-4 * hours
+    unbroken = np.abs(apart) < 1e-9
+    expected = math.exp(-2.0 * hours / 1000.0)
+    assert unbroken.mean() == pytest.approx(expected, abs=4 * math.sqrt(expected / 8000))
+    assert np.mean(apart[~unbroken] > 0) == pytest.approx(0.5, abs=0.025)
+
+
+def test_what_does_not_move_does_not_break() -> None:
+    settings = DegradationSettings(noise=0.0, rate_noise=0.0, change_hours=1e12, breaks=100.0)
+    made = paths(states(CONSTANT, 100, level=0.3, rate=0.0), Prior(settings), seed=5)
+    assert made.level[:, :, 0] == pytest.approx(0.3)

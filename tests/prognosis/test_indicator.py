@@ -76,6 +76,7 @@ def test_a_pure_wiener_process_fails_by_the_inverse_gaussian_distribution() -> N
         roughness=(1.0, 1.0 + 1e-12),
         unevenness=(1e-12, 1e-12),
         change_hours=1e15,
+        breaks=0.0,
         new_level=1e-4,
     )
     times = np.arange(0.0, 40_001.0, 20.0)

@@ -25,7 +25,7 @@ from emaphm.prognosis.settings import CONSTANT, LINEAR, DegradationSettings, For
 from emaphm.prognosis.stress import Stress
 
 SCALE, NOISE, RATE, START, LIMIT, REACH = 1000.0, 0.3, 5e-4, 0.4, 0.8, 40_000.0
-WIENER = DegradationSettings(noise=NOISE, rate_noise=0.0, change_hours=1e12)
+WIENER = DegradationSettings(noise=NOISE, rate_noise=0.0, change_hours=1e12, breaks=0.0)
 PATHS = 4000
 
 

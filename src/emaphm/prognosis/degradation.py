@@ -30,6 +30,7 @@ from emaphm.prognosis.belief import LEAST_VARIANCE, Belief
 from emaphm.prognosis.from_fleet.references import ECCENTRICITY
 from emaphm.prognosis.laws import (
     Mask,
+    breaks,
     has_plane,
     in_common,
     is_moving,
@@ -53,10 +54,11 @@ def predicted(belief: Belief, hours: float, exposed: Exposure | None = None) -> 
     """Return the belief at later flight `hours` [h]: onsets and changes of law are drawn, the rest follows.
 
     A component of sudden onset sets in with probability 1 - exp(-h/T) in h hours, at a moment of which each
-    is equally likely; any component takes up another law with probability 1 - exp(-h/`change_hours`). The
-    hours h of a law, of its noise and of an onset are those by which the component ages under the stress
-    that it was `exposed` to; flight hours where that is left out. Ageing is uneven: its variance in h hours
-    is u² T h, u being the `unevenness`, and moves level and rate along the law.
+    is equally likely; a rate breaks as in `breaks`, when the step begins; any component takes up another law
+    with probability 1 - exp(-h/`change_hours`). The hours h of a law, of its noise and of an onset are those
+    by which the component ages under the stress that it was `exposed` to; flight hours where that is left
+    out. Ageing is uneven: its variance in h hours is u² T h, u being the `unevenness`, and moves level and
+    rate along the law.
     """
     flown = hours - belief.hours
     if flown <= 0:
@@ -65,6 +67,7 @@ def predicted(belief: Belief, hours: float, exposed: Exposure | None = None) -> 
     step = np.full(belief.law.shape, flown) if exposed is None else exposed.aged(belief.exponents)
     random = stream(belief.seed, "degradation", belief.steps, "onset")
     s = belief.prior.settings
+    belief = _broken(belief, step)
     sets_in = is_waiting(belief.law) & (
         in_common(random.random(belief.law.shape)) < -np.expm1(-step / belief.life_scale)
     )
@@ -248,6 +251,18 @@ def _changed(belief: Belief, step: float) -> Belief:
         shape=np.where(goes_on, drawn.shape, after.shape),
         roughness=np.where(goes_on, drawn.roughness, after.roughness),
         unevenness=np.where(goes_on, drawn.unevenness, after.unevenness),
+    )
+
+
+def _broken(belief: Belief, step: Array) -> Belief:
+    """Return the belief with the rates that break within `step` (n, 8) [h] multiplied by their factors."""
+    random = stream(belief.seed, "degradation", belief.steps, "breaks")
+    factor = breaks(belief.law, belief.life_scale, step, belief.prior.settings, random)
+    return replace(
+        belief,
+        rate=belief.rate * factor,
+        mixed=belief.mixed * factor[:, np.newaxis, :],
+        rates=belief.rates * factor[:, :, np.newaxis] * factor[:, np.newaxis, :],
     )
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from emaphm.arrays import Array
 from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.degradation import LARGEST_RATE
-from emaphm.prognosis.laws import AnyArray, Mask, Numbers, in_common, is_moving, noises, transition
+from emaphm.prognosis.laws import AnyArray, Mask, Numbers, breaks, in_common, is_moving, noises, transition
 from emaphm.prognosis.prior import COMPONENTS, Prior, is_waiting
 from emaphm.prognosis.resampling import drawn_rows, recombined, systematic
 from emaphm.prognosis.settings import AS_ANOTHER, FORECAST, ForecastSettings
@@ -87,7 +87,7 @@ def paths(
 ) -> Paths:
     """Return what becomes of the units in `state`.
 
-    Onsets and changes of law happen as in the filter; levels stay within their bounds.
+    Onsets, breaks and changes of law happen as in the filter; levels stay within their bounds.
 
     Parameters
     ----------
@@ -104,6 +104,7 @@ def paths(
     for i, flown in enumerate(np.diff(hours)):
         state = _changed(state, flown, prior, random)
         step = _uneven(state, pace * flown, random)
+        state = replace(state, rate=state.rate * breaks(state.law, state.life_scale, step, s, random))
         sets_in = is_waiting(state.law) & (
             in_common(random.random(state.law.shape)) < -np.expm1(-step / state.life_scale)
         )

@@ -123,6 +123,24 @@ def rate_scale(
     return np.where(is_moving(law), 1 / np.maximum(reach, life_scale * 1e-3), 0.0)
 
 
+def breaks(
+    law: Numbers,
+    life_scale: Array,
+    hours: Array | float,
+    settings: DegradationSettings,
+    random: np.random.Generator,
+) -> Array:
+    """Return by what each rate is multiplied within `hours` [h], (n, components): 1 where it does not break.
+
+    A rate breaks with probability 1 - exp(-b h/T), where something moves, by a log-normal factor. What goes
+    the way of another unit breaks where that unit did. Parameters and shapes as in `transition`.
+    """
+    of_its_own = is_moving(law) & (law != AS_ANOTHER)
+    happens = in_common(random.random(law.shape)) < -np.expm1(-settings.breaks * hours / life_scale)
+    factor = np.exp(settings.break_factor * in_common(random.standard_normal(law.shape)))
+    return np.where(of_its_own & happens, factor, 1.0)
+
+
 def noises(
     law: Numbers, life_scale: Array, roughness: Array, hours: Array | float, settings: DegradationSettings
 ) -> tuple[Array, Array, Array]:
