@@ -32,11 +32,21 @@ from emaphm.study.fleet.judging import (
     LAW_AND_LEVEL,
     RISK,
     SHARES,
-    WAYS,
     WITH_FLEET,
+    WITH_LARGER,
 )
-from emaphm.study.fleet.run import DRAWN, FELLOWS, MANY, PLAN, RECORDED, StudyFolder, recorded_fleet, results
-from emaphm.study.fleet.scores import HEADER, alpha_lambda_interval, scores, warnings
+from emaphm.study.fleet.run import (
+    DRAWN,
+    FELLOWS,
+    JUDGED,
+    MANY,
+    PLAN,
+    RECORDED,
+    StudyFolder,
+    recorded_fleet,
+    results,
+)
+from emaphm.study.fleet.scores import HEADER, alpha_lambda_interval, scores, warnings, ways
 
 Units = Sequence[Mapping[str, Any]]
 
@@ -179,16 +189,22 @@ def _introduction(recorded: Units, drawn: Units, diagnosed: Quality) -> Iterator
     yield (
         f"*Drawn diagnoses*: {len(drawn)} further units, for the statistics: each diagnosis is the truth "
         "plus an error drawn from the covariance that a diagnosis of a recording stated at nearby levels. "
-        f"The fleet is {FELLOWS} units that are not judged.\n"
+        f"The fleet is {FELLOWS} units that are not judged; a larger one is {MANY.units - JUDGED}, "
+        "these and others.\n"
     )
     yield f"Laws that the filter does not have: {', '.join(known)}."
 
 
 def _verdicts(recorded: Units, drawn: Units) -> Iterator[str]:
     rows = []
-    for name, units in (("diagnosed recordings", recorded), ("drawn diagnoses", drawn)):
+    judged = (
+        ("diagnosed recordings", recorded, WITH_FLEET),
+        ("drawn diagnoses", drawn, WITH_FLEET),
+        (f"drawn diagnoses, {MANY.units - JUDGED} units in the fleet", drawn, WITH_LARGER),
+    )
+    for name, units, way_of_ours in judged:
         for share in (0.5, 0.75):
-            ours = scores(units, WITH_FLEET, share)
+            ours = scores(units, way_of_ours, share)
             low, high = alpha_lambda_interval(ours)
             against: list[str] = []
             for way in CLAIRVOYANTS:
@@ -260,7 +276,7 @@ def _tables(title: str, units: Units) -> Iterator[str]:
     for share in SHARES:
         what = "the first diagnosis" if share == 0 else f"λ = {share:g}"
         yield f"\nAt {what}, {len(units)} synthetic units:\n"
-        yield table(HEADER, [(way, *scores(units, way, share).row) for way in WAYS])
+        yield table(HEADER, [(way, *scores(units, way, share).row) for way in ways(units)])
     yield (
         "\n*Mean life*: of those other units that have lived longer. *Last slope*: a straight line through "
         "the last ten diagnoses of each component. *One filter a component*: a Kalman filter of level and "
@@ -355,7 +371,7 @@ def write_fleet_page(studies: str | Path, folder: str | Path) -> Path:
     """Write ``fleet.md`` and its figures to `folder` from the results in `studies`, and return its path."""
     place, out = StudyFolder(Path(studies)), Path(folder)
     fleet = recorded_fleet(place)
-    drawn = (drawn_unit(MANY, i) for i in range(FELLOWS, MANY.units))
+    drawn = (drawn_unit(MANY, i) for i in range(FELLOWS, FELLOWS + JUDGED))
     failed = [one for one in (*(unit for unit, _ in fleet), *drawn) if one.failure is not None]
     page, figures = fleet_page(results(place), len(failed), quality(fleet), "fleet")
     make_folder(out / "fleet")

@@ -2,7 +2,7 @@
 
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,14 +11,15 @@ from emaphm.execution import OnTask, Outcome, Task, check_workers, outcomes
 from emaphm.prognosis.evidence import Evidence
 from emaphm.prognosis.from_fleet.learning import (
     FEWEST_DIAGNOSES,
-    MOST_UNITS,
     Taught,
     failed_of,
-    pooled,
+    names_of,
+    prior_of,
     recalibration_by,
     reference_of,
     taught_by,
     teachers,
+    teachers_of_pace,
 )
 from emaphm.prognosis.prior import Prior
 from emaphm.prognosis.prognose import DEFAULT_QUESTION, Question, prognose
@@ -55,21 +56,18 @@ class UnitOutcome:
 
 @dataclass(frozen=True)
 class _Fleet:
-    """What the units of a part number teach, by unit, and the histories of those that failed."""
+    """What the units of a part number teach, by unit, and histories: of those that failed, and of fellows."""
 
     reference: StressReference | None
     taught: Mapping[str, Taught]
     failed: Sequence[Evidence]
+    fellows: Sequence[Evidence]
 
     def prior_of(self, unit: str, actuator: "Actuator", seed: int) -> Prior:
         """Return the prior of a unit, by the others."""
-        names = [name for name in self.taught if name != unit][:MOST_UNITS]
-        if not names:
-            return Prior()
         general = Prior(reference=self.reference)
-        prior = pooled([self.taught[name] for name in names], general)
         record = recalibration_by(self.failed, self.taught, general, actuator, seed)
-        return prior if record is None else replace(prior, recalibration=record.without(unit))
+        return prior_of(unit, self.taught, self.fellows, general, record)
 
 
 def prognose_all(
@@ -160,11 +158,11 @@ def _in_order(arriving: Generator[Outcome]) -> Generator[Outcome]:
 def _fleet(
     where: str, lines: Sequence["Overview"], seed: int, workers: int | None, scheduler: str | None
 ) -> _Fleet:
-    """Return what those units teach that have most explained diagnoses: one more than a unit learns from."""
+    """Return what the units of a fleet teach that do: one more than a unit learns from."""
     teaching = [one for one in lines if one.explained >= FEWEST_DIAGNOSES]
-    names = [one.unit.serial_number for one in teachers(teaching)]
+    names = names_of(teachers(teaching))
     if not names:
-        return _Fleet(None, {}, ())
+        return _Fleet(None, {}, (), ())
     evidence = _evidence(where, names)
     reference = reference_of(evidence)
     general = Prior(reference=reference)
@@ -175,7 +173,9 @@ def _fleet(
             if outcome.failure:
                 raise ExecutionError(f"what the fleet teaches cannot be computed: {outcome.failure}")
             found[names[outcome.index]] = outcome.result
-    return _Fleet(reference, found, failed_of(evidence))
+    return _Fleet(
+        reference, found, failed_of(evidence), _evidence(where, names_of(teachers_of_pace(teaching)))
+    )
 
 
 def _evidence(where: str, names: Sequence[str]) -> list[Evidence]:

@@ -28,6 +28,10 @@ if TYPE_CHECKING:
 MOST_UNITS = 30
 """Units that are followed."""
 
+MOST_FELLOWS = 100
+"""Units whose pace is learnt, from their diagnoses alone: that costs less than to follow them, and more of
+them say more (docs/fleet.md)."""
+
 T = TypeVar("T")
 
 FOLLOWED_BY = replace(FILTER, trust=1.0)
@@ -60,18 +64,42 @@ def learnt_prior(
     """Return the `fleet_prior` of a unit, by the others of its part number that have enough diagnoses.
 
     Chosen from the whole fleet before the unit is left out, so that all its units learn from the same ones: a
-    process that makes one prognosis after the other follows each of them once. `latest` is how many diagnoses
-    of each are used at most. The requirements are those of `actuator`, or of the unit's last diagnosis.
-    Errors as in `fleet_prior`; `HistoryError` where the database fails.
+    process that makes one prognosis after the other follows each of them once, and learns their pace once for
+    all units that are none of them. `latest` is how many diagnoses of each are used at most. The requirements
+    are those of `actuator`, or of the unit's last diagnosis. Errors as in `fleet_prior`; `HistoryError` where
+    the database fails.
     """
     teaching = [one for one in history.overviews(unit.part_number) if one.explained >= FEWEST_DIAGNOSES]
-    chosen = [Evidence.of(history.unit(one.unit.serial_number), latest) for one in teachers(teaching)]
-    others = [one for one in chosen if one.unit != unit.serial_number][:MOST_UNITS]
+    followed, paced = names_of(teachers(teaching)), names_of(teachers_of_pace(teaching))
+    evidence = {name: Evidence.of(history.unit(name), latest) for name in {*followed, *paced}}
+    chosen = [evidence[name] for name in followed]
     general = Prior(reference=reference_of(chosen))
-    prior = fleet_prior(others, general, seed=seed)
-    taught = {one.unit: taught_by(one, general, seed) for one in failed_of(chosen)}
+    taught = {
+        one.unit: taught_by(one, general, seed)
+        for one in chosen
+        if len(one.used) >= FEWEST_DIAGNOSES and (one.unit != unit.serial_number or one.failed_at is not None)
+    }
     record = recalibration_by(chosen, taught, general, actuator or unit.actuator, seed)
-    return prior if record is None else replace(prior, recalibration=record.without(unit.serial_number))
+    return prior_of(unit.serial_number, taught, [evidence[name] for name in paced], general, record)
+
+
+def prior_of(
+    unit: str,
+    taught: "Mapping[str, Taught]",
+    fellows: Sequence[Evidence],
+    general: Prior,
+    record: Recalibration | None,
+) -> Prior:
+    """Return the prior of a unit, by what the others of its fleet have `taught`, their pace and their record.
+
+    The general one where no other teaches.
+    """
+    names = [name for name in taught if name != unit][:MOST_UNITS]
+    if not names:
+        return general
+    others = [one for one in fellows if one.unit != unit][:MOST_FELLOWS]
+    prior = with_pace(pooled([taught[name] for name in names], general), others)
+    return prior if record is None else replace(prior, recalibration=record.without(unit))
 
 
 def failed_of(chosen: Sequence[Evidence]) -> list[Evidence]:
@@ -108,8 +136,21 @@ def reference_of(units: Sequence[Evidence]) -> StressReference | None:
 
 def teachers(overviews: "Sequence[Overview]") -> "list[Overview]":
     """Return the units of a fleet that teach: one more than a unit learns from, as it may be one of them."""
-    ordered = sorted(overviews, key=lambda one: (-one.explained, one.unit.serial_number))
-    return evenly(ordered, MOST_UNITS + 1)
+    return evenly(_by_diagnoses(overviews), MOST_UNITS + 1)
+
+
+def teachers_of_pace(overviews: "Sequence[Overview]") -> "list[Overview]":
+    """Return the units of a fleet whose pace is learnt: one more than a unit's, as in `teachers`."""
+    return evenly(_by_diagnoses(overviews), MOST_FELLOWS + 1)
+
+
+def names_of(overviews: "Sequence[Overview]") -> list[str]:
+    """Return the serial numbers."""
+    return [one.unit.serial_number for one in overviews]
+
+
+def _by_diagnoses(overviews: "Sequence[Overview]") -> "list[Overview]":
+    return sorted(overviews, key=lambda one: (-one.explained, one.unit.serial_number))
 
 
 def evenly(ordered: Sequence[T], most: int = MOST_UNITS) -> list[T]:
@@ -141,14 +182,15 @@ def fleet_prior(
     Errors as in `follow`.
     """
     general = prior or Prior()
-    chosen = [one for one in others if len(one.used) >= FEWEST_DIAGNOSES]
-    chosen = evenly(sorted(chosen, key=lambda one: (-len(one.used), one.unit)))
+    teaching = [one for one in others if len(one.used) >= FEWEST_DIAGNOSES]
+    teaching = sorted(teaching, key=lambda one: (-len(one.used), one.unit))
+    chosen = evenly(teaching)
     if not chosen:
         return general
     reference = general.reference or StressReference.of([piece for one in chosen for piece in one.stresses])
     general = replace(general, reference=reference)
     taught = {one.unit: taught_by(one, general, seed) for one in chosen}
-    prior = pooled(list(taught.values()), general)
+    prior = with_pace(pooled(list(taught.values()), general), evenly(teaching, MOST_FELLOWS))
     if actuator is None:
         return prior
     return replace(prior, recalibration=recalibration_by(chosen, taught, general, actuator, seed))
@@ -156,11 +198,10 @@ def fleet_prior(
 
 @dataclass(frozen=True, eq=False)
 class Taught:
-    """What one unit teaches: hypotheses of a new unit, each array (DRAWN, 8), its way, its history."""
+    """What one unit teaches: hypotheses of a new unit, each array (DRAWN, 8), and its way."""
 
     hypotheses: Hypotheses
     track: Track
-    evidence: Evidence
 
 
 TAUGHT: Memory[Taught] = Memory(KEPT)
@@ -171,7 +212,7 @@ def taught_by(evidence: Evidence, general: Prior, seed: int) -> Taught:
 
     def taught() -> Taught:
         followed = follow(evidence, general, seed=seed, settings=FOLLOWED_BY)
-        return Taught(_hypotheses(followed.belief, evidence.unit, seed), _track(followed), evidence)
+        return Taught(_hypotheses(followed.belief, evidence.unit, seed), _track(followed))
 
     return TAUGHT.get(
         fingerprint(evidence, evidence.failed_at, general.settings, general.reference, seed), taught
@@ -188,10 +229,14 @@ def pooled(parts: Sequence[Taught], general: Prior) -> Prior:
         fleet_share=len(parts) / (len(parts) + WEIGHT_OF_GENERAL),
         units=len(parts),
         references=References.of([one.track for one in parts]),
-        fellows=Fellows(
-            [one.evidence for one in parts], NEW, general.reference, fleet.exponents.mean(axis=0)
-        ),
     )
+
+
+def with_pace(prior: Prior, others: Sequence[Evidence]) -> Prior:
+    """Return a fleet's prior with units whose pace is learnt, at the mean of the fleet's exponents."""
+    assert prior.fleet is not None  # noqa: S101 - it was pooled
+    exponents = prior.fleet.exponents.mean(axis=0)
+    return replace(prior, fellows=Fellows(others, NEW, prior.reference, exponents))
 
 
 def _track(followed: Followed) -> Track:

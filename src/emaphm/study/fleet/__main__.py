@@ -12,9 +12,9 @@ from pathlib import Path
 
 from emaphm.errors import EmaphmError
 from emaphm.execution import OnTask
-from emaphm.study.fleet.judging import SHARES, WAYS
+from emaphm.study.fleet.judging import SHARES
 from emaphm.study.fleet.run import StudyFolder, results, run
-from emaphm.study.fleet.scores import HEADER, scores
+from emaphm.study.fleet.scores import HEADER, scores, ways
 from emaphm.text_table import format_table
 
 
@@ -29,7 +29,7 @@ def main() -> None:
     for level, units in results(folder).items():
         for share in SHARES:
             print(f"{level}, {len(units)} synthetic units, λ = {share:g}")
-            print(format_table(HEADER, [(way, *scores(units, way, share).row) for way in WAYS]))
+            print(format_table(HEADER, [(way, *scores(units, way, share).row) for way in ways(units)]))
 
 
 def _step(name: str) -> OnTask:

@@ -27,8 +27,9 @@ ALPHA, BETA = 0.2, 0.5
 LATE = 0.2
 """A median is late where it exceeds the true RUL by more than this share of it."""
 
-WITH_FLEET, ALONE, CLAIRVOYANT, LAW_AND_LEVEL, INFORMED, LINE, FILTER, MEAN = (
+WITH_FLEET, WITH_LARGER, ALONE, CLAIRVOYANT, LAW_AND_LEVEL, INFORMED, LINE, FILTER, MEAN = (
     "ours, with the fleet's prior",
+    "ours, with a larger fleet's",
     "ours, general prior",
     "clairvoyant: law, parameters, level",
     "clairvoyant: law and level",
@@ -37,7 +38,7 @@ WITH_FLEET, ALONE, CLAIRVOYANT, LAW_AND_LEVEL, INFORMED, LINE, FILTER, MEAN = (
     "one filter a component",
     "mean life of the fleet",
 )
-WAYS = (WITH_FLEET, ALONE, CLAIRVOYANT, LAW_AND_LEVEL, INFORMED, FILTER, LINE, MEAN)
+WAYS = (WITH_FLEET, WITH_LARGER, ALONE, CLAIRVOYANT, LAW_AND_LEVEL, INFORMED, FILTER, LINE, MEAN)
 
 TRACKED = replace(FORECAST, paths=300)
 """Forecasts at every check flight: a risk of 5 % is then right to 1.3 %."""
@@ -48,12 +49,16 @@ HORIZON_H, RISK = 400.0, 0.05
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A unit that failed, its diagnoses, and what is known of the others: prior, and hours of failure."""
+    """A unit that failed, its diagnoses, and what is known of the others: prior, and hours of failure.
+
+    `larger` is the prior of a larger fleet, where there is one.
+    """
 
     unit: SyntheticUnit
     evidence: Evidence
     prior: Prior
     lives: Sequence[float]
+    larger: Prior | None = None
 
 
 def judged(
@@ -71,7 +76,9 @@ def judged(
     chosen = [int(np.searchsorted(flights, _reached(flights, failure, one), "right")) - 1 for one in SHARES]
     ways: dict[str, dict[str, Any]] = {}
     warned: dict[str, Any] | None = None
-    for name, prior in ((WITH_FLEET, case.prior), (ALONE, Prior())):
+    for name, prior in ((WITH_FLEET, case.prior), (WITH_LARGER, case.larger), (ALONE, Prior())):
+        if prior is None:
+            continue
         past = follow(case.evidence, prior, seed=seed).past
         samples = lives([past[i] for i in chosen], case.evidence, actuator)
         ways[name] = {

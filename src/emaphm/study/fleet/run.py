@@ -22,7 +22,7 @@ from emaphm.study.fleet.judging import Case, judged
 PLAN = FleetPlan(units=52, flights=70, interval=100.0, seed=1)
 """Of the recorded level: all but one or two units fail within 7,000 h."""
 
-MANY = FleetPlan(units=70, flights=70, interval=100.0, seed=2)
+MANY = FleetPlan(units=140, flights=70, interval=100.0, seed=2)
 """Of the level with drawn diagnoses."""
 
 RESULTS = "results.sqlite"
@@ -30,8 +30,9 @@ RESULTS = "results.sqlite"
 RECORDED, DRAWN = "recorded", "drawn"
 """Levels of the study: diagnoses of recordings; diagnoses drawn from the covariances of these."""
 
-FELLOWS = 30
-"""The first units of that level, which are the fleet of all others and not judged themselves."""
+FELLOWS, JUDGED = 30, 40
+"""The first units of that level, which are the fleet of those after them, and how many are judged. All others
+are in the larger fleet, with the first ones."""
 
 FEWEST = 4
 """Explained diagnoses of a unit that is judged: what failed before cannot be seen to come by anybody."""
@@ -76,10 +77,7 @@ def run(
     run_chain(Chain(PLAN, folder.fleet, workers=workers, on_step=on_step))
     work = _work(folder)
     # Units that have the same fleet share its prior, which takes longer than what is judged with it.
-    priors = {
-        one.fleet: fleet_prior(one.others, seed=one.plan.seed, actuator=fleet_actuator(one.plan.drawn_from))
-        for one in _first_of_each_fleet(work)
-    }
+    priors = {one.fleet: _priors(one) for one in _first_of_each_fleet(work)}
     chosen = _tasks(work, priors)
     failures = run_tasks(chosen, folder.results, workers=workers, on_task=on_step("judging"))
     if failures:
@@ -107,7 +105,7 @@ def recorded_fleet(folder: StudyFolder) -> list[tuple[SyntheticUnit, Evidence]]:
 class _Work:
     """A unit that failed, to be judged: its diagnoses, and its fleet's with their hours of failure [h].
 
-    Those of the same `fleet` have the same `others`.
+    Those of the same `fleet` have the same `others`, and the same `larger` fleet, none where it is empty.
     """
 
     level: str
@@ -117,12 +115,13 @@ class _Work:
     evidence: Evidence
     others: tuple[Evidence, ...]
     lives: tuple[float, ...]
+    larger: tuple[Evidence, ...] = ()
 
     def key(self, code: str) -> str:
         """Return what identifies the result: all that decides it."""
         diagnoses = [
             [one.unit, [(x.hours, x.level.tolist(), x.explained) for x in one.observations]]
-            for one in (self.evidence, *self.others)
+            for one in (self.evidence, *self.others, *self.larger)
         ]
         return hashlib.sha256(json.dumps([self.level, diagnoses, code]).encode()).hexdigest()
 
@@ -136,7 +135,14 @@ def _work(folder: StudyFolder) -> list[_Work]:
     return [
         *_judged_with(RECORDED, "other half", PLAN, halves[0], halves[1]),
         *_judged_with(RECORDED, "first half", PLAN, halves[1], halves[0]),
-        *_judged_with(DRAWN, "drawn", MANY, drawn[FELLOWS:], drawn[:FELLOWS]),
+        *_judged_with(
+            DRAWN,
+            "drawn",
+            MANY,
+            drawn[FELLOWS : FELLOWS + JUDGED],
+            drawn[:FELLOWS],
+            drawn[FELLOWS + JUDGED :],
+        ),
     ]
 
 
@@ -146,10 +152,12 @@ def _judged_with(
     plan: FleetPlan,
     units: list[tuple[SyntheticUnit, Evidence]],
     others: list[tuple[SyntheticUnit, Evidence]],
+    further: list[tuple[SyntheticUnit, Evidence]] | None = None,
 ) -> list[_Work]:
     known, lives = _fleet(others)
+    larger = _fleet([*others, *further])[0] if further else ()
     return [
-        _Work(level, fleet, plan, unit, evidence, known, lives)
+        _Work(level, fleet, plan, unit, evidence, known, lives, larger)
         for unit, evidence in units
         if _is_judged(unit, evidence)
     ]
@@ -168,17 +176,24 @@ def _is_judged(unit: SyntheticUnit, evidence: Evidence) -> bool:
     return unit.failure is not None and len(evidence.used) >= FEWEST
 
 
-def _tasks(work: list[_Work], priors: Mapping[str, Prior]) -> list[Task]:
-    """Return a task for each unit, with the prior of its fleet; without, it only names its result."""
+def _priors(work: _Work) -> tuple[Prior, Prior | None]:
+    """Return the priors of its fleet, and of the larger one."""
+    seed, actuator = work.plan.seed, fleet_actuator(work.plan.drawn_from)
+    larger = fleet_prior(work.larger, seed=seed, actuator=actuator) if work.larger else None
+    return fleet_prior(work.others, seed=seed, actuator=actuator), larger
+
+
+def _tasks(work: list[_Work], priors: Mapping[str, tuple[Prior, Prior | None]]) -> list[Task]:
+    """Return a task for each unit, with the priors of its fleet; without, it only names its result."""
     code = revision_of(DECIDING, NOT_DECIDING)
     return [
-        Task(i, _judge, (one, priors.get(one.fleet)), one.key(code), one.unit.serial_number)
+        Task(i, _judge, (one, *priors.get(one.fleet, ())), one.key(code), one.unit.serial_number)
         for i, one in enumerate(work)
     ]
 
 
-def _judge(work: _Work, prior: Prior) -> dict[str, Any]:
-    case = Case(work.unit, work.evidence, prior, work.lives)
+def _judge(work: _Work, prior: Prior, larger: Prior | None) -> dict[str, Any]:
+    case = Case(work.unit, work.evidence, prior, work.lives, larger)
     actuator = fleet_actuator(work.plan.drawn_from)
     return {
         "level": work.level,

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from emaphm.prognosis.metrics import coverage
-from emaphm.study.fleet.judging import BETA, LATE
+from emaphm.study.fleet.judging import BETA, LATE, WAYS
 
 HEADER = (
     "prediction",
@@ -89,3 +89,8 @@ def alpha_lambda_interval(score: Scores) -> tuple[float, float]:
 def warnings(units: Sequence[Mapping[str, Any]]) -> list[float]:
     """Return the share of life [-] that remained at each unit's first warning, 0 without one."""
     return [(one["warned"]["remaining"] or 0.0) / one["failure"] for one in units]
+
+
+def ways(units: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
+    """Return the ways in which units, one or more, were predicted."""
+    return tuple(way for way in WAYS if way in units[0]["ways"])
