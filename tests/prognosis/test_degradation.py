@@ -8,9 +8,9 @@ import pytest
 
 from emaphm.arrays import Array
 from emaphm.prognosis.belief import Belief
-from emaphm.prognosis.degradation import predicted, replaced, updated
+from emaphm.prognosis.filter.degradation import predicted, replaced, updated
+from emaphm.prognosis.filter.resampling import systematic
 from emaphm.prognosis.prior import NEW, Prior
-from emaphm.prognosis.resampling import systematic
 from emaphm.prognosis.settings import CHANGING_RATE, DegradationSettings, FilterSettings
 
 ONE_LAW = DegradationSettings(

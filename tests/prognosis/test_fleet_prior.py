@@ -8,12 +8,12 @@ import pytest
 from emaphm.arrays import Array
 from emaphm.prognosis import Evidence, Observation, fleet_prior
 from emaphm.prognosis.evidence import Followed, follow
+from emaphm.prognosis.filter.resampling import apart_again
 from emaphm.prognosis.from_fleet import learning
 from emaphm.prognosis.from_fleet.memory import Memory
 from emaphm.prognosis.from_fleet.references import References, Track
 from emaphm.prognosis.laws import transition
 from emaphm.prognosis.prior import NEW
-from emaphm.prognosis.resampling import apart_again
 from emaphm.prognosis.settings import AS_ANOTHER, DEGRADATION, FilterSettings
 
 HOURS = np.arange(50.0, 2001.0, 50.0)

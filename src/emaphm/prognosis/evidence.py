@@ -9,7 +9,7 @@ from emaphm.actuator.faults import CARTESIAN_NAMES
 from emaphm.arrays import Array
 from emaphm.errors import PrognosisError
 from emaphm.prognosis.belief import Belief
-from emaphm.prognosis.degradation import predicted, replaced, updated
+from emaphm.prognosis.filter.degradation import predicted, replaced, updated
 from emaphm.prognosis.laws import Mask
 from emaphm.prognosis.prior import COMPONENTS, Prior
 from emaphm.prognosis.settings import FILTER, FilterSettings

@@ -6,10 +6,10 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.prognosis.belief import Belief
-from emaphm.prognosis.degradation import LARGEST_RATE
+from emaphm.prognosis.filter.degradation import LARGEST_RATE
+from emaphm.prognosis.filter.resampling import drawn_rows, recombined, systematic
 from emaphm.prognosis.laws import AnyArray, Mask, Numbers, breaks, in_common, is_moving, noises, transition
 from emaphm.prognosis.prior import COMPONENTS, Prior, is_waiting
-from emaphm.prognosis.resampling import drawn_rows, recombined, systematic
 from emaphm.prognosis.settings import AS_ANOTHER, FORECAST, ForecastSettings
 from emaphm.random_streams import stream
 

@@ -27,6 +27,7 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.prognosis.belief import LEAST_VARIANCE, Belief
+from emaphm.prognosis.filter.resampling import apart_again, drawn_rows, recombined
 from emaphm.prognosis.from_fleet.references import ECCENTRICITY
 from emaphm.prognosis.laws import (
     Mask,
@@ -38,7 +39,6 @@ from emaphm.prognosis.laws import (
     transition,
 )
 from emaphm.prognosis.prior import NEW, Hypotheses, is_waiting
-from emaphm.prognosis.resampling import apart_again, drawn_rows, recombined
 from emaphm.prognosis.settings import AS_ANOTHER, EXPONENTIAL, FILTER, POWER_LAW, FilterSettings
 from emaphm.prognosis.stress import Exposure
 from emaphm.random_streams import stream
