@@ -91,6 +91,12 @@ def test_a_new_unit_is_believed_to_go_the_way_of_its_fleet(fleet: list[Evidence]
     assert belief.law_probabilities()[0].sum() == pytest.approx(1.0)
 
 
+def test_units_that_teach_in_any_way_count_once(fleet: list[Evidence]) -> None:
+    three = fleet_prior(fleet[:3])
+    assert three.units == 3
+    assert learning.with_pace(three, [one.unit for one in fleet[:3]], fleet[1:]).units == len(fleet)
+
+
 def test_a_unit_is_followed_once_until_it_is_diagnosed_again(monkeypatch: pytest.MonkeyPatch) -> None:
     fleet = [flown(1.0, 1.0, i, upto=500.0) for i in range(6)]
     seen = []

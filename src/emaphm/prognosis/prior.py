@@ -67,7 +67,7 @@ class Prior:
     else drawn by the settings: a fleet of few units has seen few ways to degrade. A share of the fleet's
     are the ways that its units went, `references`. `reference` is the stress that hours and rates are at;
     None where no stress was recorded, and an hour is an hour. `recalibration` is how the fleet's own
-    predictions turned out, `fellows` its units, whose pace is learnt.
+    predictions turned out, `fellows` its units, whose pace is learnt. `units` is how many teach any of that.
     """
 
     settings: DegradationSettings = DEGRADATION

@@ -98,7 +98,7 @@ def prior_of(
     if not names:
         return general
     others = [one for one in fellows if one.unit != unit][:MOST_FELLOWS]
-    prior = with_pace(pooled([taught[name] for name in names], general), others)
+    prior = with_pace(pooled([taught[name] for name in names], general), names, others)
     return prior if record is None else replace(prior, recalibration=record.without(unit))
 
 
@@ -190,7 +190,7 @@ def fleet_prior(
     reference = general.reference or StressReference.of([piece for one in chosen for piece in one.stresses])
     general = replace(general, reference=reference)
     taught = {one.unit: taught_by(one, general, seed) for one in chosen}
-    prior = with_pace(pooled(list(taught.values()), general), evenly(teaching, MOST_FELLOWS))
+    prior = with_pace(pooled(list(taught.values()), general), list(taught), evenly(teaching, MOST_FELLOWS))
     if actuator is None:
         return prior
     return replace(prior, recalibration=recalibration_by(chosen, taught, general, actuator, seed))
@@ -232,11 +232,14 @@ def pooled(parts: Sequence[Taught], general: Prior) -> Prior:
     )
 
 
-def with_pace(prior: Prior, others: Sequence[Evidence]) -> Prior:
-    """Return a fleet's prior with units whose pace is learnt, at the mean of the fleet's exponents."""
+def with_pace(prior: Prior, followed: Sequence[str], others: Sequence[Evidence]) -> Prior:
+    """Return the prior that the `followed` units teach with `others` whose pace is learnt.
+
+    The pace is at the mean of the fleet's exponents. Units that teach either count, each once.
+    """
     assert prior.fleet is not None  # noqa: S101 - it was pooled
-    exponents = prior.fleet.exponents.mean(axis=0)
-    return replace(prior, fellows=Fellows(others, NEW, prior.reference, exponents))
+    fellows = Fellows(others, NEW, prior.reference, prior.fleet.exponents.mean(axis=0))
+    return replace(prior, units=len({*followed, *(one.unit for one in others)}), fellows=fellows)
 
 
 def _track(followed: Followed) -> Track:
