@@ -133,3 +133,9 @@ def test_impossible_sensors_are_refused_before_the_work(
 ) -> None:
     monkeypatch.setattr("emaphm.simulated_recording.run", lambda *_: pytest.fail("the work was done first"))
     assert refused("simulate", "out.csv", option)
+
+
+@pytest.mark.parametrize("line", ["simulate --model averaged -o out.csv", "init --from dc -o out.toml"])
+def test_a_first_result_may_be_named_by_an_option(emaphm: Emaphm, desk: Path, line: str) -> None:
+    assert emaphm(*line.split()).code == 0
+    assert (desk / line.split()[-1]).is_file()

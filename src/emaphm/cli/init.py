@@ -12,7 +12,7 @@ from emaphm.errors import ActuatorError, SignalError
 
 
 def init(
-    out: Annotated[Path, Parameter(help="Description to write: .toml.")],
+    out: Annotated[Path, Parameter(name=("--out", "-o"), help="Description to write: .toml.")],
     *,
     machine: Annotated[
         str | None, Parameter(name="--from", help="bldc, pmsm or dc: write that one, without questions.")

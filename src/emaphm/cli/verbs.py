@@ -43,7 +43,7 @@ from emaphm.errors import MethodError, SignalError
 
 def demo(
     *,
-    out: Annotated[Path, Parameter(help="Folder for the report.")] = Path("demo"),
+    out: Annotated[Path, Parameter(name=("--out", "-o"), help="Folder for the report.")] = Path("demo"),
     seed: Seed = 0,
     force: Force = False,
     as_json: AsJson = False,
@@ -58,7 +58,7 @@ def demo(
 
 
 def simulate(
-    out: Annotated[Path, Parameter(help="Recording to write: .csv or .parquet.")],
+    out: Annotated[Path, Parameter(name=("--out", "-o"), help="Recording to write: .csv or .parquet.")],
     *,
     model: Annotated[str, Parameter(help="reference, monitor or averaged.")] = "reference",
     command: CommandName = "chirp",
