@@ -16,13 +16,13 @@ STRIBECK = with_lumped_parameters(
     LAWS["stribeck"].added_to(THESIS, 60.0),
     {"inertia": 2.7e-5, "coulomb": 0.075, "static": 0.14, "stribeck_speed": 20.0},
 )
-COMMANDS: tuple[Command, ...] = (Chirp(), Chirp(stop_hz=8.0), Sine(4e-3, 4.0))
+COMMANDS: tuple[Command, ...] = (Chirp(duration=0.3), Chirp(stop_hz=8.0, duration=0.3), Sine(4e-3, 4.0))
 
 
 def recordings_of(actuator: Actuator) -> list[Recording]:
     days = []
     for seed, command in enumerate(COMMANDS):
-        whole = simulate(actuator, command, model="averaged")
+        whole = simulate(actuator, command, model="averaged", duration=0.3)
         kept = {name: whole[name] for name in ("time_s", "command_rad", "current_A", "position_rad")}
         noise = {"current_A": 0.05, "position_rad": 2e-5}
         days.append(acquire(Recording(kept, whole.sampling, f"day {seed}"), noise=noise, seed=seed))
