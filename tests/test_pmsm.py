@@ -33,7 +33,7 @@ def test_preset_example_and_plan_describe_the_same_actuator() -> None:
 
 
 @pytest.mark.parametrize(
-    "faults", [Faults(short_a=0.2), Faults(eccentricity=0.25), cases.random_faults(7)], ids=str
+    "faults", [Faults(eccentricity=0.25), cases.random_faults(7)], ids=str
 )
 def test_noise_free_faults_are_found(faults: Faults) -> None:
     recording = recorded(RIGS["noise-free"], PLAN.actuator, Manoeuvre(), faults, 0)
