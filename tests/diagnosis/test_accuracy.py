@@ -28,7 +28,7 @@ SINGLES = {
 """Half of the single faults of docs/physics.md, section 10: one size of each."""
 
 SINGLE_FAULTS = np.stack([faults.vector for faults in SINGLES.values()])
-RANDOM_FAULTS = drawn(3, seed=0)
+RANDOM_FAULTS = drawn(2, seed=0)
 NOISY_FAULTS = drawn(4, seed=1)
 
 
