@@ -117,7 +117,8 @@ def test_a_signal_ends_a_diagnosis_that_hangs_and_it_is_judged_at_the_next_start
     shutil.copy(arrived / "SN-7_101.csv", desk / "in")
     (desk / "hanging.py").write_text(HANGING)
     line = ["watch", "in", *NAME, "--settle", "0", "--db", "h.sqlite", "--new-units"]
-    check_that_it_ends(line, signal.SIGTERM, 0)
+    for number, code in ((signal.SIGTERM, 0), (signal.SIGINT, 130)):
+        check_that_it_ends(line, number, code)
     assert main([*line, "--once"]) == 0
     assert "1 recordings judged" in capfd.readouterr().err
 
