@@ -1,5 +1,6 @@
 """Settings of all tests, and recordings that several files diagnose, simulated once."""
 
+import importlib
 import signal
 from collections.abc import Iterator
 from dataclasses import replace
@@ -52,6 +53,15 @@ def one_search() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(restarts, "MAX_RESTARTS", 0)
         yield
+
+
+@pytest.fixture
+def few_paths(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a prognosis draw a quarter of its paths where no number of it needs them all, to save time."""
+    module = importlib.import_module("emaphm.prognosis.prognose")  # a function has its name
+    few = replace(module.FORECAST, paths=module.FORECAST.paths // 4)
+    monkeypatch.setitem(module.prognose.__kwdefaults__, "settings", few)
+    monkeypatch.setattr(module.past_lives, "__defaults__", (few,))
 
 
 @pytest.fixture

@@ -32,9 +32,7 @@ def test_preset_example_and_plan_describe_the_same_actuator() -> None:
             assert values == other
 
 
-@pytest.mark.parametrize(
-    "faults", [Faults(short_a=0.2), Faults(eccentricity=0.25), cases.random_faults(7)], ids=str
-)
+@pytest.mark.parametrize("faults", [Faults(eccentricity=0.25), cases.random_faults(7)], ids=str)
 def test_noise_free_faults_are_found(faults: Faults) -> None:
     recording = recorded(RIGS["noise-free"], PLAN.actuator, Manoeuvre(), faults, 0)
     found = diagnose(recording, PLAN.actuator, nuisances=(), seed=0, workers=1)

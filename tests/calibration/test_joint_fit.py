@@ -28,7 +28,7 @@ def recorded(
     seed: int,
     *,
     stop_hz: float = 15.0,
-    duration: float = 0.5,
+    duration: float = 0.3,
     channels: tuple[str, ...] = CHANNELS,
     load: float = 0.0,
 ) -> Recording:
@@ -60,8 +60,8 @@ def unit(**factors: float) -> Actuator:
 def test_recordings_of_other_lengths_commands_and_channels_share_one_fit() -> None:
     true = unit(inertia=1.9, viscous=0.6, coulomb=0.7)
     days = [
-        recorded(true, 1, load=0.05),
-        recorded(true, 2, stop_hz=9.0, duration=0.3, channels=CHANNELS[:3], load=-0.03),
+        recorded(true, 1, load=0.05, duration=0.5),
+        recorded(true, 2, stop_hz=9.0, channels=CHANNELS[:3], load=-0.03),
         recorded(true, 3, duration=0.4, channels=CHANNELS[:4]),
     ]
     found = fitted(days)
@@ -78,7 +78,7 @@ def test_recordings_of_other_lengths_commands_and_channels_share_one_fit() -> No
 
 
 def test_the_arrow_is_the_jacobian_of_all_rows() -> None:
-    rows = [CampaignRow(recorded(THESIS, 1)), CampaignRow(recorded(THESIS, 2, duration=0.3))]
+    rows = [CampaignRow(recorded(THESIS, 1)), CampaignRow(recorded(THESIS, 2, duration=0.2))]
     variation = ParameterVariation.free(THESIS, FREE)
     joint = joint_objective(rows, THESIS, variation, ("load", "current_offset"), 1)
     point = np.random.default_rng(0).normal(0.0, 0.05, joint.box.lower.size)

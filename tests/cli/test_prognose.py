@@ -1,7 +1,7 @@
 """`emaphm prognose` and `emaphm limits`: what they answer, and what they refuse in one line."""
 
-import dataclasses
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +12,12 @@ from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.actuator.toml import write_toml
 from emaphm.history import Finding, History, Removal
 from emaphm.prognosis import Evidence
+from emaphm.prognosis.from_fleet import record
 from history import made_up
 
 from .conftest import Emaphm, Refusal
+
+pytestmark = pytest.mark.usefixtures("few_paths")
 
 LIMITED = 'component = "friction"\nat_most = 0.6\n'
 
@@ -26,11 +29,11 @@ def wearing(history: History, unit: str, hours: list[float], rate: float, first:
         level = Faults(friction=rate * at).vector
         made = made_up.diagnosis(number)
         components = {
-            name: dataclasses.replace(one, value=float(value))
+            name: replace(one, value=float(value))
             for (name, one), value in zip(made.components.items(), level, strict=True)
         }
         covariance = 1e-4 * np.eye(len(made.coordinates))
-        made = dataclasses.replace(made, components=components, covariance=covariance)
+        made = replace(made, components=components, covariance=covariance)
         history.add(made_up.entry(unit, at), made_up.recording(number), made)
 
 
@@ -39,7 +42,7 @@ def fleet(desk: Path) -> Path:
     """Return the current folder with the default history of three units, and `required.toml`."""
     with History.open(desk / "history.sqlite", create=True) as history:
         wearing(history, "SN-1", [50.0 * i for i in range(1, 13)], 5e-4, 0)
-        wearing(history, "SN-2", [50.0 * i for i in range(1, 9)], 5e-4, 100)
+        wearing(history, "SN-2", [50.0 * i for i in range(1, 5)], 5e-4, 100)
         wearing(history, "SN-3", [50.0], 5e-4, 200)
     text = write_toml(Actuator.thesis()) + f"\n[[requirements]]\n{LIMITED}"
     (desk / "required.toml").write_text(text, encoding="utf-8")
@@ -71,7 +74,10 @@ def test_a_unit_that_wears_is_predicted(emaphm: Emaphm, fleet: Path) -> None:
     assert "advice:" in text
 
 
-def test_units_that_failed_correct_a_prognosis_alone_and_among_all(emaphm: Emaphm, fleet: Path) -> None:
+def test_units_that_failed_correct_a_prognosis_alone_and_among_all(
+    emaphm: Emaphm, fleet: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(record, "PATHS", replace(record.PATHS, paths=100))
     chosen = ("--actuator", "required.toml")
     before = asked(emaphm, "prognose", "--unit", "SN-1", *chosen)["rul_hours"]
     with History.open(fleet / "history.sqlite") as history:
@@ -140,7 +146,7 @@ def test_report_and_figure(emaphm: Emaphm, fleet: Path) -> None:
     arguments = ("prognose", "--unit", "SN-2", "--no-fleet", "--report", "out.html", "--figure", "out.svg")
     assert emaphm(*arguments).code == 0
     page = (fleet / "out.html").read_text(encoding="utf-8")
-    assert "SN-2 at 400 h" in page
+    assert "SN-2 at 200 h" in page
     assert page.count("data:image/svg+xml") == 3
     assert (fleet / "out.svg").stat().st_size > 1000
     assert emaphm(*arguments).code == 2

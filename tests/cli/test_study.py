@@ -81,7 +81,7 @@ def test_run_prints_a_line_for_each_method(plan: Path, emaphm: Emaphm) -> None:
 
 
 def test_run_answers_in_json(plan: Path, emaphm: Emaphm) -> None:
-    code, out, err = emaphm(*RUN.split(), "--workers", "2", "--json")
+    code, out, err = emaphm(*RUN.split(), "--workers", "1", "--json")
     assert (code, err) == (0, "")
     assert json.loads(out) == {"plan": "small", "folder": "out", "runs": 4, "done_again": []}
     assert Store.open(plan.with_name("out")).results.height == 4

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -10,6 +11,7 @@ import polars as pl
 import pytest
 
 from emaphm.actuator import NAMES, Actuator, Faults
+from emaphm.cli import main
 from emaphm.version import VERSION
 
 from . import files
@@ -57,11 +59,18 @@ def parsed(emaphm: Emaphm, *arguments: str | Path) -> dict[str, Any]:
     return result
 
 
-@pytest.fixture
-def faulty(emaphm: Emaphm, desk: Path) -> Path:
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a recording of an actuator with the faults `TRUTH`, made by the reference model."""
-    assert emaphm("simulate", "faulty.csv", *TRUTH).code == 0
-    return desk / "faulty.csv"
+    path = tmp_path_factory.mktemp("made") / "faulty.csv"
+    assert main(["simulate", str(path), *TRUTH, "--duration", "0.3", "--json"]) == 0
+    return path
+
+
+@pytest.fixture
+def faulty(desk: Path, made: Path) -> Path:
+    """Return that recording in the current folder."""
+    return Path(shutil.copy(made, desk))
 
 
 def test_simulate_writes_what_it_says(emaphm: Emaphm, desk: Path) -> None:

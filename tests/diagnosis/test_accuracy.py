@@ -28,7 +28,7 @@ SINGLES = {
 """Half of the single faults of docs/physics.md, section 10: one size of each."""
 
 SINGLE_FAULTS = np.stack([faults.vector for faults in SINGLES.values()])
-RANDOM_FAULTS = drawn(3, seed=0)
+RANDOM_FAULTS = drawn(2, seed=0)
 NOISY_FAULTS = drawn(4, seed=1)
 
 
@@ -99,7 +99,8 @@ def test_a_single_fault_is_separated_from_the_other_seven(of_singles: Diagnoses,
             assert component.verdict == "healthy"
 
 
-@pytest.mark.parametrize("phase", ["short_a", "short_b", "short_c"])
+# Phase a is one of the single faults above.
+@pytest.mark.parametrize("phase", ["short_b", "short_c"])
 def test_a_short_is_located_in_its_phase(phase: str) -> None:
     truth = Faults.from_mapping({phase: 0.3})
     found = diagnose(reference_recordings([truth.vector], noise=0.05)[0], THESIS).faults

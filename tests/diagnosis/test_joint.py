@@ -168,7 +168,9 @@ def test_no_recording_is_refused() -> None:
 def test_the_command_prints_one_object(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     files = [tmp_path / f"day{i}.csv" for i in range(2)]
     for i, path in enumerate(files):
-        whole = simulate(THESIS, Chirp(), faults=Faults(friction=0.3), noise=0.05, seed=i)
+        whole = simulate(
+            THESIS, Chirp(duration=0.2), faults=Faults(friction=0.3), duration=0.2, noise=0.05, seed=i
+        )
         write_recording(Recording({name: whole[name] for name in CHANNELS[:3]}), path)
     arguments = ["diagnose", str(tmp_path), "--joint", "--nuisance", "none"]
     assert main([*arguments, "--json"]) == 0

@@ -12,7 +12,7 @@ from emaphm.actuator import NAMES, Actuator, Chirp, Faults
 from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.diagnosis import Diagnosis, diagnose, error_percent
-from emaphm.diagnosis.selection import law_selection
+from emaphm.diagnosis.selection import first_look, law_selection, sensor_lag
 from emaphm.diagnosis.selection.law_selection import ONLY_WHILE_SWITCHING, SUSPECTS, select_laws, with_law
 from emaphm.diagnosis.selection.settings import SENSOR_SELECTION
 from emaphm.diagnosis.verdict import NOT_EXPLAINED
@@ -42,10 +42,15 @@ def recording() -> Recording:
 
 @pytest.fixture(scope="module")
 def found(recording: Recording) -> Iterator[Diagnosis]:
-    """Return its diagnosis by the description without the law; few alternatives are tried, to save time."""
+    """Return its diagnosis by the description without the law; few alternatives are tried, to save time.
+
+    No lag of the current sensors is: under each law it has kernels of its own to compile.
+    """
     with pytest.MonkeyPatch.context() as patched:
         for tried in ("SUSPECTS", "FRICTION_CURVES"):
             patched.setattr(law_selection, tried, ("stribeck", "directional"))
+        for asked in (first_look, sensor_lag):
+            patched.setattr(asked, "can_show_lag", lambda _: False)
         few = replace(SENSOR_SELECTION, most_corrected=1)
         patched.setattr("emaphm.diagnosis.selection.nuisance_selection.SENSOR_SELECTION", few)
         yield diagnose(recording, THESIS, max_corrections=5)

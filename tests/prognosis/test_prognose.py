@@ -161,7 +161,7 @@ def test_transforms_of_units_from_the_prior_are_uniform() -> None:
     ends = failure_times(truths, requirements, seed=6).first
     for i in np.flatnonzero((ends > 650) & (ends < 15_000))[:16]:
         observations = []
-        for hours in range(50, 601, 50):
+        for hours in range(100, 601, 100):
             level = [np.interp(hours, truths.hours, truths.level[:, i, c]) for c in range(8)]
             noisy = np.asarray(level) + ERROR * random.standard_normal(8)
             observations.append(Observation(float(hours), noisy, ERROR**2 * np.eye(8), EVERYTHING))

@@ -17,7 +17,7 @@ from simulation.rig import FREE, LOCKED, THESIS, altered, record
 
 V_DC, R_S, L_S, K_E, J = 48.0, 2.13, 7.2e-4, 0.0752, 2.5e-5
 SERVO: dict[str, Any] = {
-    "drive": {"kind": "voltage"},
+    "drive": {"kind": "voltage", "source_resistance": 0.0},
     "controller": {
         "position_gain": 1.0,
         "speed_gain": 1.0,
@@ -86,7 +86,7 @@ def test_a_stalled_servo_on_a_source_with_a_resistance(duty: float) -> None:
 def test_a_stalled_motor_on_a_source_with_a_resistance(model: Model, bound: float, source: float) -> None:
     actuator = altered(
         mechanics=LOCKED,
-        drive={"kind": "hysteresis", "source_resistance": source},
+        drive={"kind": "hysteresis", "source_resistance": source, "current_lag": 0.0},
         controller={"current_limit": 100.0},
     )
     start = Initial(rotor_offset=math.radians(30))
@@ -151,7 +151,8 @@ LAG = 2e-5
 
 
 def with_lag(lag: float = LAG, **sections: Any) -> Any:
-    return altered(drive={"kind": "hysteresis", "current_lag": lag}, **sections)
+    # The source without resistance changes nothing; the kernel is that of the tests above.
+    return altered(drive={"kind": "hysteresis", "current_lag": lag, "source_resistance": 0.0}, **sections)
 
 
 def test_a_lagging_sensor_shows_the_lagging_current() -> None:
@@ -227,6 +228,8 @@ def test_a_drive_that_is_switched_off_lets_the_shaft_coast(model: Model, kind: s
     drive: dict[str, Any] = {"kind": kind}
     if kind == "six-step":
         drive |= {"current_gain": 2.0, "current_integral_gain": 5e3, "pwm_frequency": 2e4}
+    if kind == "voltage":
+        drive |= SERVO["drive"]
     sections = SERVO if kind == "voltage" else {}
     actuator = altered(mechanics=FREE | {"viscous_motor": viscous}, **sections | {"drive": drive})
     got = record(

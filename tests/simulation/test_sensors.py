@@ -1,5 +1,6 @@
 """Sensors outside of the loop against linear system theory."""
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -36,10 +37,20 @@ def swing(t: Any) -> Any:
     return np.sin(OMEGA * t) * (1 - np.exp(-20 * t)) ** 3
 
 
-def true_lag(lag: float, times: Array) -> Array:
-    """Return the exact response to `swing` at `times`, by an integrator of stiff equations."""
+FINE_TIMES: Array = np.linspace(0, TIME[-1] + INTERVAL, ROWS * FINE + 1)
+
+
+@cache
+def true_lag(lag: float) -> Array:
+    """Return the exact response to `swing` at `FINE_TIMES`, by an integrator of stiff equations."""
     solution = solve_ivp(
-        lambda t, y: (swing(t) - y) / lag, (0, times[-1]), [0.0], "Radau", times, rtol=1e-10, atol=1e-12
+        lambda t, y: (swing(t) - y) / lag,
+        (0, FINE_TIMES[-1]),
+        [0.0],
+        "Radau",
+        FINE_TIMES,
+        rtol=1e-10,
+        atol=1e-12,
     )
     return np.asarray(solution.y[0])
 
@@ -53,8 +64,7 @@ def means(fine: Array) -> Array:
 @pytest.mark.parametrize("lag", [1e-4, 5e-4, 1e-3, 5e-3, 2e-2])
 @pytest.mark.parametrize("sampling", ["instant", "mean"])
 def test_a_lag_is_that_of_its_differential_equation(lag: float, sampling: str) -> None:
-    fine = np.linspace(0, TIME[-1] + INTERVAL, ROWS * FINE + 1)
-    true, response = swing(fine), true_lag(lag, fine)
+    true, response = swing(FINE_TIMES), true_lag(lag)
     given, expected = (
         (means(true), means(response)) if sampling == "mean" else (true[:-1:FINE], response[:-1:FINE])
     )

@@ -154,7 +154,10 @@ def still(t: Array) -> Array:
 
 @pytest.mark.parametrize(("by_external", "moves"), [(0.97, True), (1.03, False)])
 def test_a_screw_locks_itself_from_a_factor_of_one_on(by_external: float, moves: bool) -> None:
-    actuator = altered(IDLE, friction={"load_external": by_external})
+    # The others have no effect at 0, and `test_neutral_values_behave_as_no_law` has the same kernel.
+    actuator = altered(
+        IDLE, friction={"load_external": by_external, "coulomb_asymmetry": 0.0, "quadratic": 0.0}
+    )
     got = record(AVERAGED, still, actuator, load=LOAD, duration=0.02, sampling="instant")
     assert bool(np.any(got["speed_rad_s"])) is moves
     if moves:  # what friction leaves of the load
@@ -194,8 +197,15 @@ Friction = Callable[[float, float], float]
 LAWS: dict[str, tuple[dict[str, float], Friction]] = {
     # Without a Stribeck speed friction is dynamic in all motion.
     "transition": ({}, lambda w, _: 0.015 * smooth(w) + viscous(w)),
+    # The others have no effect at 0, and "all" has the same kernel.
     "stribeck, directional": (
-        {"stribeck_speed": 20.0, "coulomb_asymmetry": 0.3, "viscous_asymmetry": -0.4},
+        {
+            "stribeck_speed": 20.0,
+            "coulomb_asymmetry": 0.3,
+            "viscous_asymmetry": -0.4,
+            "load_external": 0.0,
+            "quadratic": 0.0,
+        },
         lambda w, _: (
             (0.015 + 0.015 * low_speed(w)) * (1 + math.copysign(0.3, w)) * smooth(w)
             + viscous(w) * (1 - math.copysign(0.4, w))
