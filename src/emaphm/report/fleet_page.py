@@ -95,11 +95,11 @@ ONE_OF_YOUR_OWN = """
 ## One of your own
 
 ```console
-$ emaphm fleet simulate -o fleet --units 10 --flights 20
+$ emaphm fleet simulate -o fleet --units 6 --flights 12
 $ emaphm prognose --unit SYNTHETIC-0003 --db fleet/history.sqlite --report SYNTHETIC-0003.html
 ```
 
-makes ten synthetic units with up to 20 check flights each, one in 80 h (`--interval`), records and
+makes six synthetic units with up to 12 check flights each, one in 80 h (`--interval`), records and
 diagnoses them, keeps the diagnoses in a history, with the removals of those that failed, and predicts
 the life of each that still works, the others being its prior. `--simulate-only` stops after the
 recordings. The same command goes on where it was stopped; another plan, or another version of what
