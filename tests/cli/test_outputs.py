@@ -138,4 +138,4 @@ def test_impossible_sensors_are_refused_before_the_work(
 @pytest.mark.parametrize("line", ["simulate --model averaged -o out.csv", "init --from dc -o out.toml"])
 def test_a_first_result_may_be_named_by_an_option(emaphm: Emaphm, desk: Path, line: str) -> None:
     assert emaphm(*line.split()).code == 0
-    assert (desk / line.split()[-1]).is_file()
+    assert (desk / line.rsplit(maxsplit=1)[-1]).is_file()
