@@ -214,9 +214,8 @@ def test_a_swarm_finds_a_single_fault(method: str, fitness: str) -> None:
         problem.recorded, problem.predict_primary(HEALTHY), problem.inputs.interval
     )
     assert found.fitness < 0.1 * healthy
-    if fitness == "thesis":  # of the others: tests/cli/test_verbs.py, and each optimiser's own
-        again = diagnose(recording, THESIS, method=method, fitness=fitness)
-        assert without_seconds(again) == without_seconds(found)
+    again = diagnose(recording, THESIS, method=method, fitness=fitness)
+    assert without_seconds(again) == without_seconds(found)
 
 
 def test_the_monitor_model_finds_what_it_recorded_itself() -> None:
