@@ -22,6 +22,7 @@ References
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -244,14 +245,7 @@ def _changed(belief: Belief, step: float) -> Belief:
     drawn = drawn._replace(exponents=belief.exponents)
     goes_on = changes & is_moving(belief.law) & (belief.law != AS_ANOTHER) & is_moving(drawn.law)
     after = _with_hypotheses(belief, changes & ~goes_on, drawn)
-    return replace(
-        after,
-        law=np.where(goes_on, drawn.law, after.law),
-        life_scale=np.where(goes_on, drawn.life_scale, after.life_scale),
-        shape=np.where(goes_on, drawn.shape, after.shape),
-        roughness=np.where(goes_on, drawn.roughness, after.roughness),
-        unevenness=np.where(goes_on, drawn.unevenness, after.unevenness),
-    )
+    return replace(after, **_with_laws(after, goes_on, drawn))
 
 
 def _broken(belief: Belief, step: Array) -> Belief:
@@ -266,6 +260,12 @@ def _broken(belief: Belief, step: Array) -> Belief:
     )
 
 
+def _with_laws(belief: Belief, where: Mask, drawn: Hypotheses) -> dict[str, Any]:
+    """Return the fields of a belief that say its laws, those of `drawn` `where` (n, 8) is True."""
+    names = ("law", "life_scale", "shape", "roughness", "unevenness")
+    return {name: np.where(where, getattr(drawn, name), getattr(belief, name)) for name in names}
+
+
 def _with_hypotheses(belief: Belief, where: Mask, drawn: Hypotheses) -> Belief:
     """Return the belief with other hypotheses and rates `where` (n, 8) is True."""
     mixed, rates = belief.mixed.copy(), belief.rates.copy()
@@ -274,11 +274,7 @@ def _with_hypotheses(belief: Belief, where: Mask, drawn: Hypotheses) -> Belief:
     np.einsum("nii->ni", rates)[where] = drawn.rate_deviation[where] ** 2
     return replace(
         belief,
-        law=np.where(where, drawn.law, belief.law),
-        life_scale=np.where(where, drawn.life_scale, belief.life_scale),
-        shape=np.where(where, drawn.shape, belief.shape),
-        roughness=np.where(where, drawn.roughness, belief.roughness),
-        unevenness=np.where(where, drawn.unevenness, belief.unevenness),
+        **_with_laws(belief, where, drawn),
         exponents=np.where(where[..., np.newaxis], drawn.exponents, belief.exponents),
         rate=np.where(where, drawn.rate, belief.rate),
         mixed=mixed,
