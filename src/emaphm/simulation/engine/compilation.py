@@ -1,4 +1,4 @@
-"""From a kernel in Python to machine code: Numba translates and vectorises, LLVM emits an object file.
+"""From a kernel in Python to machine code: Numba translates, LLVM vectorises and emits an object file.
 
 A kernel advances `lanes` actuators together and records means over sample intervals. Its arguments:
 
@@ -33,6 +33,14 @@ REGISTERED: set[Any] = set()
 
 NUMBA_OPTIONS: Any = {"fastmath": True, "error_model": "numpy"}
 
+WIDEST = "avx512f", ",-prefer-256-bit"
+"""A feature of processors, and what makes LLVM use their widest registers all the same.
+
+For Intel's, LLVM keeps to half of the width, as programs that need it seldom would be slowed down by a lower
+clock. A kernel computes nothing else for milliseconds: a run of the reference model takes 2.9 ms in place of
+4.8, one of the averaged model 0.044 ms in place of 0.062 (measured on one such processor).
+"""
+
 
 @contextmanager
 def _no_collection() -> Iterator[None]:
@@ -48,6 +56,20 @@ def _no_collection() -> Iterator[None]:
     finally:
         if was_enabled:
             gc.enable()
+
+
+@contextmanager
+def _loops_left_to_llvm() -> Iterator[None]:
+    """Let Numba translate loops as they are: it would vectorise them for half of the registers' width."""
+    from numba.core import config
+    from numba.core.compiler_lock import global_compiler_lock
+
+    with global_compiler_lock:
+        as_set, config.LOOP_VECTORIZE = config.LOOP_VECTORIZE, 0
+        try:
+            yield
+        finally:
+            config.LOOP_VECTORIZE = as_set
 
 
 @_no_collection()
@@ -119,7 +141,8 @@ def compiled(model: Model, layout: Layout) -> bytes:
         *(array, array, array, array, integer, array, integer, array, integer, real),
         *(integer, integer, integer, real, array, integer),
     )
-    translated = numba.cfunc(signature, **NUMBA_OPTIONS)(advance)
+    with _loops_left_to_llvm():
+        translated = numba.cfunc(signature, **NUMBA_OPTIONS)(advance)
     return _object_file(translated.inspect_llvm(), translated.native_name)
 
 
@@ -143,22 +166,26 @@ def _object_file(text: str, name: str) -> bytes:
             value.linkage = "internal"
     entry.name = ENTRY
     llvm.initialize_native_asmprinter()
-    target = llvm.Target.from_default_triple().create_target_machine(
+    target = _this_machine()
+    tuning = llvm.create_pipeline_tuning_options(speed_level=3)
+    tuning.loop_vectorization = True
+    builder = llvm.create_pass_builder(target, tuning)
+    builder.getModulePassManager().run(module, builder)
+    missing = [f.name for f in module.functions if f.is_declaration and not f.name.startswith("llvm.")]
+    if missing:
+        raise RuntimeError(f"a kernel cannot use {', '.join(missing)}: it runs without Numba and Python")
+    return bytes(target.emit_object(module))
+
+
+def _this_machine() -> Any:
+    """Return LLVM's description of this processor, all of its registers' width in use."""
+    features = llvm.get_host_cpu_features()
+    has, use_all = WIDEST
+    return llvm.Target.from_default_triple().create_target_machine(
         cpu=llvm.get_host_cpu_name(),
-        features=llvm.get_host_cpu_features().flatten(),
+        features=features.flatten() + (use_all if features.get(has) else ""),
         opt=3,
         reloc="pic",
         codemodel="small",
         jit=True,
     )
-    passes = llvm.create_new_module_pass_manager()
-    passes.add_ipsccp_pass()
-    passes.add_global_opt_pass()
-    passes.add_simplify_cfg_pass()
-    passes.add_dead_arg_elimination_pass()
-    passes.add_global_dead_code_eliminate_pass()
-    passes.run(module, llvm.create_pass_builder(target, llvm.create_pipeline_tuning_options(speed_level=3)))
-    missing = [f.name for f in module.functions if f.is_declaration and not f.name.startswith("llvm.")]
-    if missing:
-        raise RuntimeError(f"a kernel cannot use {', '.join(missing)}: it runs without Numba and Python")
-    return bytes(target.emit_object(module))
