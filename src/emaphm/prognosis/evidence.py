@@ -9,6 +9,7 @@ from emaphm.actuator.faults import CARTESIAN_NAMES
 from emaphm.arrays import Array
 from emaphm.errors import PrognosisError
 from emaphm.prognosis.belief import Belief
+from emaphm.prognosis.columns import columns_of
 from emaphm.prognosis.filter.degradation import predicted, replaced, updated
 from emaphm.prognosis.laws import Mask
 from emaphm.prognosis.prior import COMPONENTS, Prior
@@ -25,9 +26,6 @@ UNSEEN_VARIANCE = 1e6
 
 LEAST_ERROR = 1e-3
 """Standard error that a level has at least: a diagnosis without noise would leave its covariance singular."""
-
-WHOLE_UNIT = "unit"
-"""The component of a replacement of all of them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +151,7 @@ def follow(
     for hours, _, event in sorted(events, key=lambda one: one[:2]):
         belief = later(belief, hours)
         if isinstance(event, str):
-            belief = replaced(belief, _which(event)[: evidence.components])
+            belief = replaced(belief, np.isin(np.arange(evidence.components), columns_of(event)))
             continue
         try:
             belief = updated(belief, event.level, _usable(evidence.unit, event), settings)
@@ -185,13 +183,6 @@ def stress_pieces(flights: "Sequence[Flight]") -> tuple[StressPiece, ...]:
             pieces.append(StressPiece(start, flight.hours, stress))
         start = flight.hours
     return tuple(pieces)
-
-
-def _which(component: str) -> Mask:
-    """Return which coordinates a component has, (8,) of True and False."""
-    if component == WHOLE_UNIT:
-        return np.ones(COMPONENTS, bool)
-    return np.array([name.startswith(component) for name in CARTESIAN_NAMES])
 
 
 def _usable(unit: str, observation: Observation) -> Array:

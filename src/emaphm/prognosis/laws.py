@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.arrays import Array
-from emaphm.prognosis.from_fleet.references import ECCENTRICITY, References
+from emaphm.prognosis.columns import ECCENTRICITY
+from emaphm.prognosis.from_fleet.references import References
 from emaphm.prognosis.settings import (
     AS_ANOTHER,
     CHANGING_RATE,

@@ -8,9 +8,10 @@ import numpy as np
 
 from emaphm.actuator.faults import CARTESIAN_NAMES, HEALTHY, to_cartesian
 from emaphm.arrays import Array
+from emaphm.prognosis.columns import ECCENTRICITY
 from emaphm.prognosis.from_fleet.outlook import Fellows
 from emaphm.prognosis.from_fleet.recalibration import Recalibration
-from emaphm.prognosis.from_fleet.references import ECCENTRICITY, References
+from emaphm.prognosis.from_fleet.references import References
 from emaphm.prognosis.laws import Mask, Numbers, in_common, rate_scale, transition
 from emaphm.prognosis.settings import (
     AS_ANOTHER,

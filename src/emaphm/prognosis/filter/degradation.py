@@ -28,8 +28,8 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.prognosis.belief import LEAST_VARIANCE, Belief
+from emaphm.prognosis.columns import ECCENTRICITY
 from emaphm.prognosis.filter.resampling import apart_again, drawn_rows, recombined
-from emaphm.prognosis.from_fleet.references import ECCENTRICITY
 from emaphm.prognosis.laws import (
     Mask,
     breaks,

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from emaphm.prognosis.belief import Belief
+from emaphm.prognosis.columns import ECCENTRICITY
 from emaphm.prognosis.evidence import Evidence, Followed, follow
 from emaphm.prognosis.filter.resampling import drawn_rows, recombined
 from emaphm.prognosis.from_fleet.memory import Memory, fingerprint
 from emaphm.prognosis.from_fleet.outlook import Fellows
 from emaphm.prognosis.from_fleet.recalibration import Recalibration
 from emaphm.prognosis.from_fleet.record import record_of
-from emaphm.prognosis.from_fleet.references import ECCENTRICITY, References, Track
+from emaphm.prognosis.from_fleet.references import References, Track
 from emaphm.prognosis.laws import is_moving
 from emaphm.prognosis.prior import NEW, Hypotheses, Prior, rate_when_new
 from emaphm.prognosis.settings import FILTER

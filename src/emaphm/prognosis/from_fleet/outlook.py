@@ -8,10 +8,10 @@ import numpy as np
 
 from emaphm.actuator.faults import CARTESIAN_NAMES
 from emaphm.arrays import Array
+from emaphm.prognosis.columns import columns_of, level_of
 from emaphm.prognosis.from_fleet.memory import Memory, fingerprint
 from emaphm.prognosis.from_fleet.pace import Population, hours_left, learnt
 from emaphm.prognosis.from_fleet.passages import Passages
-from emaphm.prognosis.from_fleet.references import ECCENTRICITY
 from emaphm.prognosis.stress import Stress, StressReference, exposure
 from emaphm.random_streams import stream
 
@@ -94,7 +94,7 @@ class Fellows:
 
     def _is_usable(self, limit: "Limit", unit: "Evidence", until: float) -> bool:
         """Return whether a limit is on a level that a new unit holds, and that the last diagnosis knows."""
-        if limit.component is None or float(limit.margin(self._at_new(limit))) <= 0:
+        if limit.component is None or self._whole(limit) <= 0:
             return False
         last = [one for one in unit.used if one.hours <= until][-1:]
         return all(self._is_known(one, limit) for one in last)
@@ -103,8 +103,7 @@ class Fellows:
         """Return whether a diagnosis knows a level well enough to say in which step of its way it is."""
         columns = _columns(limit)
         error = np.sqrt(np.diag(one.covariance)[columns].max())
-        whole = float(limit.margin(self._at_new(limit)))
-        return bool(one.seen[columns].all() and error <= LARGEST_ERROR * whole)
+        return bool(one.seen[columns].all() and error <= LARGEST_ERROR * self._whole(limit))
 
     def _population(self, limits: "tuple[Limit, ...]", seed: int) -> Population | None:
         """Return what is learnt of the way to each of the `limits`; None where no unit has shown any pace."""
@@ -130,17 +129,16 @@ class Fellows:
 
     def _way(self, unit: "Evidence", limit: "Limit", until: float) -> tuple[Array, Array]:
         """Return ages (n,) [h] at which a component was seen since it was new, and shares of its way (n,)."""
-        columns = _columns(limit)
-        born = _born(unit, columns[0], until)
+        column = _columns(limit)[0]
+        born = _born(unit, column, until)
         seen = [one for one in unit.used if born < one.hours <= until and self._is_known(one, limit)]
         level = np.array([one.level for one in seen]).reshape(len(seen), len(CARTESIAN_NAMES))
-        values = np.hypot(*level[:, columns].T) if len(columns) > 1 else level[:, columns[0]]
-        way = 1 - limit.margin(values) / float(limit.margin(self._at_new(limit)))
-        return np.array([self._aged(unit, columns[0], one.hours) for one in seen]), np.asarray(way)
+        way = 1 - limit.margin(level_of(level, str(limit.component))) / self._whole(limit)
+        return np.array([self._aged(unit, column, one.hours) for one in seen]), np.asarray(way)
 
-    def _at_new(self, limit: "Limit") -> Array:
-        columns = _columns(limit)
-        return np.asarray(np.hypot(*self.new[columns]) if len(columns) > 1 else self.new[columns[0]])
+    def _whole(self, limit: "Limit") -> float:
+        """Return the whole way: the margin that a new unit has."""
+        return float(limit.margin(level_of(self.new, str(limit.component))))
 
     def _aged(self, unit: "Evidence", column: int, hours: float) -> float:
         """Return how far a component has aged at flight `hours` since it was new [h]."""
@@ -158,18 +156,12 @@ class Fellows:
 
 
 def _columns(limit: "Limit") -> list[int]:
-    """Return the columns of a limit's level in `CARTESIAN_NAMES`: two of an eccentricity."""
-    if limit.component == "eccentricity":
-        return list(ECCENTRICITY)
-    return [CARTESIAN_NAMES.index(str(limit.component))]
+    return columns_of(str(limit.component))
 
 
 def _born(unit: "Evidence", column: int, until: float) -> float:
     """Return the hours [h] of the last replacement of a component; 0 without any `until` then."""
-    name = CARTESIAN_NAMES[column]
-    hours = [
-        at for at, what in unit.replacements if at <= until and (what == "unit" or name.startswith(what))
-    ]
+    hours = [at for at, what in unit.replacements if at <= until and column in columns_of(what)]
     return max(hours, default=0.0)
 
 

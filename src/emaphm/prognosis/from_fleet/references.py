@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from emaphm.actuator.faults import CARTESIAN_NAMES
 from emaphm.arrays import Array
+from emaphm.prognosis.columns import ECCENTRICITY
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -20,9 +20,6 @@ FEWEST = 3
 
 END = 0.2
 """Last share of a span whose slope goes on after it."""
-
-ECCENTRICITY = (CARTESIAN_NAMES.index("eccentricity_x"), CARTESIAN_NAMES.index("eccentricity_y"))
-"""Columns of the coordinates of one growth in a plane: law, parameters and ageing are common to both."""
 
 
 @dataclass(frozen=True, eq=False)

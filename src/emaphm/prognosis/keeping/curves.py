@@ -6,8 +6,8 @@ from typing import Any, Self
 
 import numpy as np
 
-from emaphm.actuator.faults import CARTESIAN_NAMES
 from emaphm.arrays import Array
+from emaphm.prognosis.columns import columns_of, level_of
 from emaphm.prognosis.requirements import COMPONENTS
 from emaphm.prognosis.result import Prognosis, quantile
 
@@ -90,7 +90,7 @@ class Curves:
                 Seen(
                     one.hours,
                     one.explained,
-                    {name: _digits(_level(one.level, name)) for name in COMPONENTS},
+                    {name: _digits(level_of(one.level, name)) for name in COMPONENTS},
                     {name: _digits(_half(one.covariance, one.level, name)) for name in COMPONENTS},
                 )
                 for one in prognosis.evidence.observations
@@ -100,7 +100,7 @@ class Curves:
                 name: tuple(
                     _row(values)
                     for values in np.quantile(
-                        np.clip(_level(made.level[shown], name), 0, 1), PROBABILITIES, axis=1
+                        np.clip(level_of(made.level[shown], name), 0, 1), PROBABILITIES, axis=1
                     )
                 )
                 for name in COMPONENTS
@@ -151,23 +151,13 @@ def _share(sample: Array, times: Array) -> Array:
     return np.asarray(np.searchsorted(np.sort(sample), times, "right") / sample.size)
 
 
-def _level(levels: Array, name: str) -> Array:
-    """Return a component's levels (…) of those of all coordinates (…, 8)."""
-    if name != "eccentricity":
-        return np.asarray(levels[..., CARTESIAN_NAMES.index(name)])
-    x = CARTESIAN_NAMES.index("eccentricity_x")
-    return np.hypot(levels[..., x], levels[..., x + 1])
-
-
 def _half(covariance: Array, level: Array, name: str) -> float:
     """Return the half-width of a component's 90 % interval, of the covariance (8, 8) and level (8,)."""
-    if name != "eccentricity":
-        column = CARTESIAN_NAMES.index(name)
-        variance = float(covariance[column, column])
-    else:
-        x = CARTESIAN_NAMES.index("eccentricity_x")
-        along = level[x : x + 2] / max(float(np.hypot(*level[x : x + 2])), 1e-12)
-        variance = float(along @ covariance[x : x + 2, x : x + 2] @ along)
+    columns = columns_of(name)
+    along = np.ones(1)
+    if len(columns) > 1:
+        along = level[columns] / max(float(np.hypot(*level[columns])), 1e-12)
+    variance = float(along @ covariance[np.ix_(columns, columns)] @ along)
     return min(Z90 * float(np.sqrt(max(variance, 0.0))), 1.0)
 
 

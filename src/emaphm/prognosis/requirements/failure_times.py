@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from emaphm.actuator import NAMES
-from emaphm.actuator.faults import CARTESIAN_NAMES, HEALTHY
+from emaphm.actuator.faults import HEALTHY
 from emaphm.arrays import Array
+from emaphm.prognosis.columns import columns_of, level_of
 from emaphm.prognosis.forecast import Paths
 from emaphm.prognosis.requirements.first_passage import first_passage
 from emaphm.prognosis.requirements.margins import COMPONENTS, Limit, Requirements, vectors_of
@@ -102,12 +103,9 @@ def responsible(made: Paths, times: FailureTimes, limit: int, requirements: Requ
 
 def _margin_of_level(made: Paths, limit: Limit) -> tuple[Array, Array]:
     """Return the margin (m, n) of a limit on a level, and the noise of its Wiener process (m - 1, n)."""
-    if limit.component == "eccentricity":
-        x = CARTESIAN_NAMES.index("eccentricity_x")
-        radius = np.hypot(made.level[:, :, x], made.level[:, :, x + 1])
-        return limit.margin(radius), np.maximum(made.noise[:, :, x], made.noise[:, :, x + 1])
-    column = CARTESIAN_NAMES.index(str(limit.component))
-    return limit.margin(made.level[:, :, column]), made.noise[:, :, column]
+    name = str(limit.component)
+    noise = made.noise[:, :, columns_of(name)].max(axis=2)
+    return limit.margin(level_of(made.level, name)), np.asarray(noise)
 
 
 def _of_measures(made: Paths, requirements: Requirements, measures: list[Limit]) -> list[Array]:

@@ -61,15 +61,15 @@ def _no_collection() -> Iterator[None]:
 @contextmanager
 def _loops_left_to_llvm() -> Iterator[None]:
     """Let Numba translate loops as they are: it would vectorise them for half of the registers' width."""
-    from numba.core import config
-    from numba.core.compiler_lock import global_compiler_lock
+    from numba.core import compiler_lock, config
 
-    with global_compiler_lock:
-        as_set, config.LOOP_VECTORIZE = config.LOOP_VECTORIZE, 0
+    numba: Any = config  # it sets its fields from the environment, unseen by type checkers
+    with compiler_lock.global_compiler_lock:
+        as_set, numba.LOOP_VECTORIZE = numba.LOOP_VECTORIZE, 0
         try:
             yield
         finally:
-            config.LOOP_VECTORIZE = as_set
+            numba.LOOP_VECTORIZE = as_set
 
 
 @_no_collection()

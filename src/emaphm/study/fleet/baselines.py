@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from emaphm.actuator import NAMES, Actuator
-from emaphm.actuator.faults import CARTESIAN_NAMES
+from emaphm.actuator import Actuator
 from emaphm.arrays import Array
 from emaphm.prognosis import Evidence, Limit, Requirements
+from emaphm.prognosis.columns import columns_of, level_of
 from emaphm.random_streams import stream
 
 LAST = 10
@@ -65,15 +65,11 @@ def mean_life(hours: float, lives: Sequence[float]) -> Array:
 
 
 def _value(level: Array, limit: Limit) -> float:
-    if limit.component == "eccentricity":
-        x = CARTESIAN_NAMES.index("eccentricity_x")
-        return float(np.hypot(level[x], level[x + 1]))
-    return float(level[NAMES.index(str(limit.component))])
+    return float(level_of(level, str(limit.component)))
 
 
 def _variance(one_covariance: Array, limit: Limit) -> float:
-    name = "eccentricity_x" if limit.component == "eccentricity" else str(limit.component)
-    column = CARTESIAN_NAMES.index(name)
+    column = columns_of(str(limit.component))[0]
     return float(one_covariance[column, column])
 
 

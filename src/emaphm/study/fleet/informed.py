@@ -17,13 +17,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from emaphm.actuator.faults import CARTESIAN_NAMES, HEALTHY
+from emaphm.actuator.faults import HEALTHY
 from emaphm.arrays import Array
 from emaphm.fleet.synthetic import FleetPlan
 from emaphm.fleet.synthetic.growth import LAWS
 from emaphm.fleet.synthetic.population import Population, Stress, Wear
 from emaphm.fleet.synthetic.unit import FALLING
 from emaphm.prognosis import Evidence, Observation
+from emaphm.prognosis.columns import columns_of, level_of
 from emaphm.random_streams import stream
 
 Rows = NDArray[np.int_]
@@ -199,11 +200,8 @@ def _lives(components: list[Component], plan: FleetPlan, random: np.random.Gener
 
 def _seen(one: Observation, name: str) -> tuple[float, float]:
     """Return how far a component has moved from healthy towards its limit, and the variance of that."""
-    if name == "eccentricity":
-        x = CARTESIAN_NAMES.index("eccentricity_x")
-        return float(np.hypot(one.level[x], one.level[x + 1])), float(one.covariance[x, x])
-    column = CARTESIAN_NAMES.index(name)
-    moved = one.level[column] - getattr(HEALTHY, name)
+    column = columns_of(name)[0]
+    moved = level_of(one.level, name) - getattr(HEALTHY, name)
     return float(-moved if name in FALLING else moved), float(one.covariance[column, column])
 
 
