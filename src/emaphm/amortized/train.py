@@ -228,10 +228,13 @@ def _model_update(
 def _of_parts(of_part: Callable[[TrainingSet, int], Part], draws: TrainingSet) -> list[Part]:
     """Return what `of_part` makes of each part of the draws and its number, on all cores.
 
-    The averaged model lets other threads run meanwhile. What a part draws must depend on its number alone.
+    The averaged model lets other threads run meanwhile. So does linear algebra, whose own threads would
+    compete with these: it has one for each. What a part draws must depend on its number alone.
     """
+    from threadpoolctl import threadpool_limits
+
     parts = range(-(-len(draws) // SHARD_DRAWS))
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
+    with threadpool_limits(1), ThreadPoolExecutor(os.cpu_count()) as pool:
         return list(pool.map(lambda i: of_part(draws.part(i * SHARD_DRAWS, (i + 1) * SHARD_DRAWS), i), parts))
 
 

@@ -28,7 +28,7 @@ class TrainingSettings:
     multiplied by an even factor within `noise_factor`, drawn anew for every draw and epoch. Training ends
     early after `patience` epochs without a smaller validation loss. One that diverges goes on from the best
     state at half the rate, `restarts` times at most. Epochs are fewer where they would make more than
-    `most_steps` batches. Wide blocks learn in `half_precision` where the processor has it.
+    `most_steps` batches. Wide blocks learn in `half_precision` where the processor is faster so.
     """
 
     principal: int = 512
