@@ -33,6 +33,9 @@ REGISTERED: set[Any] = set()
 
 NUMBA_OPTIONS: Any = {"fastmath": True, "error_model": "numpy"}
 
+INLINED: Any = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+"""Of functions that only kernels call: nothing is compiled by which Python or C could call them."""
+
 WIDEST = "avx512f", ",-prefer-256-bit"
 """A feature of processors, and what makes LLVM use their widest registers all the same.
 
@@ -92,7 +95,7 @@ def compiled(model: Model, layout: Layout) -> bytes:
     advance_one = form.advance(structure)
     for law in (*LAWS, advance_one):
         if law not in REGISTERED:
-            register_jitable(forceinline=True)(law)
+            register_jitable(**INLINED)(law)
             REGISTERED.add(law)
     carray: Any = numba.carray  # type: ignore[attr-defined]
     state, parameters = form.state_names(structure), form.parameter_names(structure)
