@@ -11,7 +11,7 @@ from scipy.linalg import expm
 
 from emaphm.actuator import Chirp, Step
 from emaphm.arrays import Array
-from emaphm.simulation import AVERAGED, REFERENCE, Initial, Model
+from emaphm.simulation import AVERAGED, REFERENCE, Initial, Model, monitor
 from emaphm.simulation.laws.supply_source import sagging_supply, supply_under_duty
 from simulation.rig import FREE, LOCKED, THESIS, altered, record
 
@@ -155,21 +155,22 @@ def with_lag(lag: float = LAG, **sections: Any) -> Any:
     return altered(drive={"kind": "hysteresis", "current_lag": lag, "source_resistance": 0.0}, **sections)
 
 
-def test_a_lagging_sensor_shows_the_lagging_current() -> None:
+@pytest.mark.parametrize("model", [REFERENCE, monitor()], ids=["reference", "monitor"])
+def test_a_lagging_sensor_shows_the_lagging_current(model: Model) -> None:
     """In a locked rotor the current rises to V/R; the sensor's first-order lag of it has a closed form."""
     start = Initial(rotor_offset=math.radians(30))
     got = record(
-        REFERENCE,
+        model,
         Step(1e-2),
         with_lag(mechanics=LOCKED),
         duration=6e-4,
-        interval=1e-6,
+        interval=model.step,
         start=start,
     )
-    t, rise = got["time_s"] + 1e-6, L_S / R_S
+    t, rise = got["time_s"] + model.step, L_S / R_S
     shown = 1 - (rise * np.exp(-t / rise) - LAG * np.exp(-t / LAG)) / (rise - LAG)
-    # Explicit Euler of the winding, and of the sensor as a hold: half a step of 1 µs of V/L.
-    np.testing.assert_allclose(got["current_A"], V_DC / R_S * shown, rtol=0, atol=V_DC / L_S * 1e-6)
+    # Explicit Euler of the winding, and of the sensor as a hold: half a step of V/L.
+    np.testing.assert_allclose(got["current_A"], V_DC / R_S * shown, rtol=0, atol=V_DC / L_S * model.step)
     actual = V_DC / R_S * -np.expm1(-t / rise)
     assert np.abs(got["current_A"] - actual).max() > 0.5
 

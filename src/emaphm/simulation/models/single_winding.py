@@ -143,7 +143,7 @@ def form(
     def advance(structure: Structure) -> Callable[..., Any]:
         if drive == "voltage":
             return _advance_by_voltage(structure)
-        return _advance(structure, _current(structure) if averaged else _switched, printed_eccentricity)
+        return _advance(structure, _current(structure, averaged=averaged), printed_eccentricity)
 
     by_voltage = drive == "voltage"
     return Form(
@@ -270,8 +270,10 @@ def _drawn(voltage: Any, current: Any, supply: Any) -> Any:
     return (voltage * current / supply,)
 
 
-def _current(structure: Structure) -> Callable[..., Any]:
-    """Return how the averaged current loop changes the current, and what the sensor shows."""
+def _current(structure: Structure, *, averaged: bool) -> Callable[..., Any]:
+    """Return how the current loop, averaged or switched, changes the current, and what the sensor shows."""
+    if not averaged:
+        return _switched_lagging if structure.current_lag else _switched
     if structure.drive == "six-step":
         return _controlled_lagging if structure.current_lag else _controlled
     return _following_lagging if structure.current_lag else _following
@@ -294,9 +296,25 @@ def _switched(
     conductance: Any,
     decay: Any,
 ) -> Any:
-    side = select(reference > s.current, 1.0, select(reference < s.current, -1.0, 0.0))
+    side = _side(reference, s.current)
     current = u.enabled * winding_current(s.current, side * supply - back_emf, conductance, decay)
     return current, current, _mean_voltage(s.current, current, back_emf, conductance, decay), ()
+
+
+@law
+def _switched_lagging(
+    s: Any, p: Any, u: Any, reference: Any, supply: Any, back_emf: Any, conductance: Any, decay: Any
+) -> Any:
+    side = _side(reference, s.sensed)
+    current = u.enabled * winding_current(s.current, side * supply - back_emf, conductance, decay)
+    sensed = approach(s.sensed, current, p.sensed_share)
+    return current, sensed, _mean_voltage(s.current, current, back_emf, conductance, decay), (sensed,)
+
+
+@law
+def _side(reference: Any, shown: Any) -> Any:
+    """Return the side of the supply that is switched on, 1, -1 or 0, by the current that the sensor shows."""
+    return select(reference > shown, 1.0, select(reference < shown, -1.0, 0.0))
 
 
 @law
