@@ -93,11 +93,13 @@ def has_half_precision(torch: Any) -> bool:
     """Return whether the processor multiplies matrices of bfloat16 faster than those of single precision.
 
     Intel's do by their tiles alone: with the instructions of AVX-512 for it, a step of the first network took
-    52 ms in place of 36. AMD's have no tiles, and twice the rate by these instructions.
+    52 ms in place of 36 (measured). AMD's have no tiles, and twice the rate by these instructions (as they
+    are documented; not measured).
     """
-    if str(llvm.get_host_cpu_name()).startswith("znver"):
-        return bool(torch.cpu._is_avx512_bf16_supported())  # noqa: SLF001 - there is no public way to ask
-    return bool(torch.cpu._is_amx_tile_supported())  # noqa: SLF001
+    is_amd = str(llvm.get_host_cpu_name()).startswith("znver")
+    # There is no public way to ask; another release of PyTorch may have none at all.
+    asked = getattr(torch.cpu, "_is_avx512_bf16_supported" if is_amd else "_is_amx_tile_supported", None)
+    return bool(asked and asked())
 
 
 def loss(outputs: Any, points: Any, components: int) -> Any:

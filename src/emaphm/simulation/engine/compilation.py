@@ -41,7 +41,8 @@ WIDEST = "avx512f", ",-prefer-256-bit"
 
 For Intel's, LLVM keeps to half of the width, as programs that need it seldom would be slowed down by a lower
 clock. A kernel computes nothing else for milliseconds: a run of the reference model takes 2.9 ms in place of
-4.8, one of the averaged model 0.044 ms in place of 0.062 (measured on one such processor).
+4.8, one of the averaged model 0.044 ms in place of 0.062 (measured on one such processor, of 2023; older ones
+lower their clock more).
 """
 
 
