@@ -12,6 +12,7 @@ from emaphm.arrays import Array
 from emaphm.errors import PrognosisError
 from emaphm.prognosis.advice import Costs, advice
 from emaphm.prognosis.belief import Belief
+from emaphm.prognosis.columns import columns_of
 from emaphm.prognosis.evidence import Evidence, follow
 from emaphm.prognosis.forecast import Paths, State, drawn_states, paths
 from emaphm.prognosis.prior import NEW, Prior
@@ -105,7 +106,7 @@ def prognose(
     times = forecast.by_fleet(followed.belief, evidence, question.ahead)
     limit = times.commonest
     component = None if limit is None else responsible(made, forecast, limit, requirements)
-    born = followed.belief.born[CARTESIAN_NAMES.index(_coordinate(component))] if component else 0.0
+    born = followed.belief.born[columns_of(component)[0]] if component else 0.0
     return Prognosis(
         evidence=evidence,
         actuator=actuator,
@@ -241,10 +242,6 @@ def stress_notes(ahead: Stress | None, reference: StressReference | None) -> lis
         if names
         else []
     )
-
-
-def _coordinate(component: str) -> str:
-    return "eccentricity_x" if component == "eccentricity" else component
 
 
 def _notes(evidence: Evidence, requirements: Requirements, times: FailureTimes, prior: Prior) -> list[str]:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.arrays import Array
-from emaphm.prognosis.columns import ECCENTRICITY
+from emaphm.prognosis.columns import ECCENTRICITY, level_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -90,7 +90,7 @@ def _shown(track: Track) -> tuple[Array, Array]:
     """Return what one unit shows: changes (8, m) and spans (8,)."""
     components = track.level.shape[1]
     change = track.level - track.new
-    change[:, ECCENTRICITY] = np.hypot(*track.level[:, ECCENTRICITY].T)[:, np.newaxis]
+    change[:, ECCENTRICITY] = level_of(track.level, "eccentricity")[:, np.newaxis]
     shown, span = np.zeros((components, POINTS)), np.zeros(components)
     for c, born in enumerate(track.born):
         rows = track.hours > born

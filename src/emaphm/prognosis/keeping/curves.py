@@ -156,7 +156,7 @@ def _half(covariance: Array, level: Array, name: str) -> float:
     columns = columns_of(name)
     along = np.ones(1)
     if len(columns) > 1:
-        along = level[columns] / max(float(np.hypot(*level[columns])), 1e-12)
+        along = level[columns] / max(float(level_of(level, name)), 1e-12)
     variance = float(along @ covariance[np.ix_(columns, columns)] @ along)
     return min(Z90 * float(np.sqrt(max(variance, 0.0))), 1.0)
 
