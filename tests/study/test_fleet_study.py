@@ -19,7 +19,7 @@ from emaphm.study.fleet.diagnoses import Quality, quality
 from emaphm.study.fleet.drawn import Pool, drawn_evidence
 from emaphm.study.fleet.informed import Component, informed
 from emaphm.study.fleet.judging import SHARES, WAYS, WITH_FLEET
-from emaphm.study.fleet.run import DRAWN, RECORDED
+from emaphm.study.fleet.run import DRAWN, PARTS, PLAN, RECORDED, without_part
 from emaphm.study.fleet.scores import alpha_lambda_interval, scores, warnings
 
 ACTUATOR = THESIS.model_copy(
@@ -100,6 +100,15 @@ def made_up(unit: int, *, good: bool) -> dict[str, Any]:
         "ways": {way: {str(share): one for share in SHARES} for way in WAYS},
         "warned": {"remaining": 550.0 if good else None, "track": track},
     }
+
+
+def test_each_unit_is_judged_once_by_a_fleet_without_it() -> None:
+    units = list(range(PLAN.units))
+    parted = [without_part(units, part) for part in range(PARTS)]
+    assert sorted(unit for judged, _ in parted for unit in judged) == units
+    for judged, fleet in parted:
+        assert sorted([*judged, *fleet]) == units
+        assert len(judged) == 4
 
 
 def test_scores_count_units() -> None:

@@ -40,6 +40,7 @@ from emaphm.study.fleet.run import (
     FELLOWS,
     JUDGED,
     MANY,
+    PARTS,
     PLAN,
     RECORDED,
     StudyFolder,
@@ -184,7 +185,8 @@ def _introduction(recorded: Units, drawn: Units, diagnosed: Quality) -> Iterator
         f"{PLAN.interval:g} h, {diagnosed.recordings} recordings with load, temperature and supply of their "
         f"own. {100 * diagnosed.explained:.1f} % are explained; the error of a level is "
         f"{diagnosed.error:.4f} (rms), {100 * diagnosed.coverage:.0f} % of levels are within two standard "
-        f"errors. The fleet of a unit is the half of the units that it is not in.\n"
+        f"errors. The units are in {PARTS} parts; the fleet of a unit is the "
+        f"{PLAN.units - PLAN.units // PARTS} units of the other parts.\n"
     )
     yield (
         f"*Drawn diagnoses*: {len(drawn)} further units, for the statistics: each diagnosis is the truth "

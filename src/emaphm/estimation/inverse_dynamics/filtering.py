@@ -7,6 +7,7 @@ it leaves (Gautier 1997; Janot, Vandanjon and Gautier 2014).
 """
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Self
 
 import numpy as np
@@ -104,9 +105,16 @@ def low_pass(values: Array, cutoff_hz: float, interval: float) -> Array:
     """Return `values` (…, n) through a Butterworth low-pass that runs forwards and backwards, (…, n)."""
     from scipy import signal
 
-    sections = signal.butter(ORDER, cutoff_hz, fs=1 / interval, output="sos")
     settling = int(min(3 / (cutoff_hz * interval), values.shape[-1] - 1))
-    return np.asarray(signal.sosfiltfilt(sections, values, axis=-1, padlen=settling))
+    return np.asarray(signal.sosfiltfilt(_sections(cutoff_hz, interval), values, axis=-1, padlen=settling))
+
+
+@cache
+def _sections(cutoff_hz: float, interval: float) -> Array:
+    """Return the low-pass in second-order sections; a search filters hundreds of times by the same."""
+    from scipy import signal
+
+    return np.asarray(signal.butter(ORDER, cutoff_hz, fs=1 / interval, output="sos"))
 
 
 def first_order_lag(values: Array, lag: float, interval: float) -> Array:

@@ -2,13 +2,15 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import compress
+from operator import not_
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from emaphm.errors import StudyError
-from emaphm.execution import OnTask, Task, run_tasks
+from emaphm.execution import OnTask, Task, outcomes, run_tasks
 from emaphm.execution.revision import revision_of
 from emaphm.execution.store import ResultStore
 from emaphm.fleet.synthetic import Chain, FleetFolder, FleetPlan, SyntheticUnit, drawn_unit, run_chain
@@ -25,6 +27,9 @@ PLAN = FleetPlan(units=52, flights=70, interval=100.0, seed=1)
 MANY = FleetPlan(units=140, flights=70, interval=100.0, seed=2)
 """Of the level with drawn diagnoses."""
 
+PARTS = 13
+"""Of the recorded level, each judged with the other parts for its fleet: 48 of 52 units."""
+
 RESULTS = "results.sqlite"
 
 RECORDED, DRAWN = "recorded", "drawn"
@@ -39,6 +44,8 @@ FEWEST = 4
 
 DECIDING = ("prognosis", "fleet/synthetic", "study/fleet", "actuator", "random_streams.py")
 NOT_DECIDING = ("actuator/toml.py", "study/fleet/__main__.py", "study/fleet/scores.py")
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -76,9 +83,9 @@ def run(
     make_folder(folder.path)
     run_chain(Chain(PLAN, folder.fleet, workers=workers, on_step=on_step))
     work = _work(folder)
-    # Units that have the same fleet share its prior, which takes longer than what is judged with it.
-    priors = {one.fleet: _priors(one) for one in _first_of_each_fleet(work)}
-    chosen = _tasks(work, priors)
+    done = folder.results.finished(_tasks(work, {}))
+    missing = [one for i, one in enumerate(work) if i not in done]
+    chosen = _tasks(work, _learnt(missing, workers, on_step("learning from fleets")))
     failures = run_tasks(chosen, folder.results, workers=workers, on_task=on_step("judging"))
     if failures:
         raise StudyError(f"{len(failures)} of {len(chosen)} units failed, the first: {failures[0]}")
@@ -128,13 +135,15 @@ class _Work:
 
 def _work(folder: StudyFolder) -> list[_Work]:
     recorded = recorded_fleet(folder)
-    halves = recorded[: PLAN.units // 2], recorded[PLAN.units // 2 :]
-    pool = Pool.of([evidence for _, evidence in halves[0]])
+    pool = Pool.of([evidence for _, evidence in recorded])
     units = (drawn_unit(MANY, i) for i in range(MANY.units))
     drawn = [(one, drawn_evidence(one, MANY, pool)) for one in units if one.check_flights(MANY.interval).size]
     return [
-        *_judged_with(RECORDED, "other half", PLAN, halves[0], halves[1]),
-        *_judged_with(RECORDED, "first half", PLAN, halves[1], halves[0]),
+        *(
+            one
+            for i in range(PARTS)
+            for one in _judged_with(RECORDED, f"without part {i}", PLAN, *without_part(recorded, i))
+        ),
         *_judged_with(
             DRAWN,
             "drawn",
@@ -144,6 +153,12 @@ def _work(folder: StudyFolder) -> list[_Work]:
             drawn[FELLOWS + JUDGED :],
         ),
     ]
+
+
+def without_part(units: Sequence[T], part: int) -> tuple[list[T], list[T]]:
+    """Return one of the `PARTS` of `units`, and those of all other parts."""
+    chosen = [i % PARTS == part for i in range(len(units))]
+    return list(compress(units, chosen)), list(compress(units, map(not_, chosen)))
 
 
 def _judged_with(
@@ -163,8 +178,20 @@ def _judged_with(
     ]
 
 
-def _first_of_each_fleet(work: list[_Work]) -> Iterable[_Work]:
-    return {one.fleet: one for one in reversed(work)}.values()
+def _learnt(
+    work: list[_Work], workers: int | None, on_task: OnTask | None
+) -> dict[str, tuple[Prior, Prior | None]]:
+    """Return the priors of each fleet in `work`, once for all its units: they take longest."""
+    first = list({one.fleet: one for one in work}.values())
+    learnt: dict[str, tuple[Prior, Prior | None]] = {}
+    tasks = [Task(i, _priors, (one,), name=f"the fleet {one.fleet}") for i, one in enumerate(first)]
+    for done, outcome in enumerate(outcomes(tasks, workers=workers), start=1):
+        if outcome.failure:
+            raise StudyError(outcome.failure)
+        learnt[first[outcome.index].fleet] = outcome.result
+        if on_task:
+            on_task(done, len(tasks))
+    return learnt
 
 
 def _fleet(units: list[tuple[SyntheticUnit, Evidence]]) -> tuple[tuple[Evidence, ...], tuple[float, ...]]:
