@@ -11,8 +11,9 @@ from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.diagnosis.selection.extension import with_nuisances
 from emaphm.diagnosis.selection.law_selection import with_free_law, with_law
-from emaphm.diagnosis.selection.sensor_lag import is_lag_suspected
-from emaphm.estimation.bias_correction import with_discrepancy
+from emaphm.diagnosis.selection.sensor_lag import is_lag_suspected, with_sensor_lag
+from emaphm.estimation.bias_correction import correct_bias, with_discrepancy
+from emaphm.estimation.methods import method_named
 from emaphm.estimation.objective import faults_objective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
@@ -62,3 +63,21 @@ def test_a_lag_is_not_tried_where_the_drive_senses_no_current() -> None:
     result = at_the_truth(0.0)
     problem = replace(result.objective.problem, actuator=Actuator.pmsm())
     assert not is_lag_suspected(replace(result, objective=replace(result.objective, problem=problem)), seed=0)
+
+
+def test_a_lag_is_suspected_too_where_the_estimate_has_taken_up_what_it_could_of_it() -> None:
+    truth = at_the_truth(4e-5)
+    taken_up = correct_bias(truth.objective, truth.point[np.newaxis], 3, seed=0)
+    assert taken_up.explained
+    assert is_lag_suspected(taken_up, seed=0)
+
+
+@pytest.mark.parametrize("lag", [0.0, 2e-6])
+def test_a_lag_is_taken_only_where_it_leaves_clearly_less(lag: float) -> None:
+    truth = at_the_truth(lag)
+    found = with_sensor_lag(truth, truth, method_named("hybrid"), 2, seed=0)
+    if not lag:
+        assert found is None
+    else:
+        assert found is not None
+        assert found.residual_variance < 0.8 * truth.residual_variance

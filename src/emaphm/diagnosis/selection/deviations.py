@@ -28,10 +28,14 @@ def select_deviations(
     if not moves:
         return without
     if not result.explained:
-        result, laws = select_laws(searched, method, max_corrections, seed)
-        return _with_nuisances(result, laws, max_corrections, seed)
+        with_laws, laws = select_laws(searched, method, max_corrections, seed)
+        if not laws:
+            return replace(result, alternatives=with_laws.alternatives), found.names, ()
+        return _with_nuisances(with_laws, laws, max_corrections, seed)
     if found.look.shows_lag and is_lag_suspected(result, seed):
-        lagging = with_sensor_lag(searched, method, max_corrections, seed)
+        lagging = with_sensor_lag(searched, result, method, max_corrections, seed)
+        if lagging is None:
+            return without
         rival = _with_nuisances(lagging, (SENSOR_LAG,), max_corrections, seed)
         if ripple_share(rival[0], result, seed) < SELECTION.likely_share:
             return rival

@@ -6,6 +6,7 @@ and the whole search repeated. The law that leaves the smallest residual is kept
 """
 
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -49,6 +50,10 @@ ONLY_WHILE_SWITCHING = ("sensor-lag",)
 """Laws that hardly act on the averaged model: the reference model shows them, by a scan."""
 
 
+LEAST_LAG_S, LONGER_LAG_S = CURRENT_LAGS_S[0], CURRENT_LAGS_S[4]
+"""The lags [s] that are tried first, 2 and 8 µs."""
+
+
 @dataclass(frozen=True)
 class LawSelectionSettings:
     """When laws are tried, and which are kept; `make study` (limits, plants) measures them.
@@ -87,7 +92,8 @@ def select_laws(
             for name in suspects
             if is_possible(result.objective.problem.actuator, LAWS[name])
         ]
-        outcomes = {one.law: corrected_fit(one, max_corrections, seed) for one in _promising(tried)}
+        corrected = {one.law: corrected_fit(one, result, max_corrections, seed) for one in _promising(tried)}
+        outcomes = {name: one for name, one in corrected.items() if one is not None}
         if not outcomes:
             break
         ends += outcomes.values()
@@ -181,19 +187,37 @@ def _current_cost(objective: MapObjective, point: Array, correction: Array | flo
     return float(np.mean(residual**2)) / float(objective.problem.weights[0]) ** 2
 
 
-def corrected_fit(fit: LawFit, max_corrections: int, seed: int) -> SearchResult:
-    """Return the estimate with the law, its bias corrected by the reference model."""
-    child = child_seed(seed, "law selection, corrected", fit.law)
-    if fit.law not in ONLY_WHILE_SWITCHING:
-        return correct_bias(fit.objective, fit.points, max_corrections, child)
+def corrected_fit(fit: LawFit, before: SearchResult, max_corrections: int, seed: int) -> SearchResult | None:
+    """Return the estimate with the law, its bias corrected by the reference model; None as `with_best_lag`.
 
-    def evaluate(lag: float) -> SearchResult:
+    `before` is the estimate without it.
+    """
+    if fit.law in ONLY_WHILE_SWITCHING:
+        return with_best_lag(fit, before, max_corrections, seed)
+    child = child_seed(seed, "law selection, corrected", fit.law)
+    return correct_bias(fit.objective, fit.points, max_corrections, child)
+
+
+def with_best_lag(fit: LawFit, before: SearchResult, max_corrections: int, seed: int) -> SearchResult | None:
+    """Return the estimate with the lag that the reference model prefers to the estimate `before` it.
+
+    None where no lag is as good. The residual falls towards a lag that is there, and rises beyond: if a
+    longer one leaves more than the least that is tried, the lag is hardly longer than that, and such a one
+    must leave as much less than the estimate before as any law must.
+    """
+    child = child_seed(seed, "law selection, corrected", fit.law)
+
+    @cache
+    def with_lag(lag: float) -> SearchResult:
         problem = fit.objective.problem
         lagging = with_lumped_parameters(problem.actuator, {"current_lag": lag})
         objective = replace(fit.objective, problem=replace(problem, actuator=lagging))
         return correct_bias(objective, fit.points, max_corrections, child)
 
-    found = scan(CURRENT_LAGS_S, evaluate, lambda one: one.residual_variance)
+    least, longer = (with_lag(lag).residual_variance for lag in (LEAST_LAG_S, LONGER_LAG_S))
+    if longer > least > LAW_SELECTION.share * before.residual_variance:
+        return None
+    found = scan(CURRENT_LAGS_S, with_lag, lambda one: one.residual_variance)
     # The value is anywhere between its neighbours: evenly so, a third of the square of the way to one.
     away = np.array([one.point - found.estimate.point for one in found.neighbours])
     between = away.T @ away / (3 * len(away))

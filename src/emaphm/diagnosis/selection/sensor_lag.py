@@ -12,9 +12,9 @@ import numpy as np
 from emaphm.actuator.laws import LAWS
 from emaphm.arrays import Array
 from emaphm.diagnosis.selection.law_selection import (
-    corrected_fit,
     fit_with_law,
     is_possible,
+    with_best_lag,
     with_free_law,
 )
 from emaphm.diagnosis.selection.ripple import RippleResidual, ripple_powers
@@ -36,14 +36,16 @@ SENSOR_LAG = "sensor-lag"
 class SensorLagSettings:
     """When a lag is suspected; `make study` (limits, plants) measures it.
 
-    Where that of the law's start, 5 µs, leaves less than `tried_share` of the weighted residual that a
-    thirtieth of it leaves, all else held. Without a lag it left 1.12 to 4.7 (24 recordings, half of them with
-    another supply), with one of 20 µs in whose place a scale had been selected 1.02. It must also show, and
-    change the current by more than `visible` of that residual: 0.7 and more there, 0.06 with noise of 0.5 A.
+    The law's start, 5 µs, changes the weighted residual by a share e of what is left without a lag, and
+    leaves 1 + z e of that. If the residual were linear in the lag, z would be 1 without one, 1 - 2 L / 5 µs
+    with one of L. It was 0.55 to 1.25 of 24 recordings without (noise of 0.05 to 0.5 A), -0.7 to -1.2 with 5
+    to 40 µs, 0.03 with one of 20 µs in whose place a scale had been selected. One of 2 µs has 0.2.
+
+    Suspected below `least_change`, where it changes more than `visible`: of less, chance decides.
     """
 
-    tried_share: float = 1.1
-    visible: float = 0.2
+    least_change: float = 0.2
+    visible: float = 0.03
 
 
 SENSOR_LAG_SETTINGS = SensorLagSettings()
@@ -75,7 +77,7 @@ def can_show_lag(problem: Problem) -> bool:
 
 
 def is_lag_suspected(result: SearchResult, seed: int) -> bool:
-    """Return whether the reference model leaves as little of the ripple with a lag as without it."""
+    """Return whether the reference model leaves so little of the ripple with a lag that there may be one."""
     if not can_show_lag(result.objective.problem):
         return False
     tried = LagComparison.at(result.objective, result.point, result.objective.space)
@@ -86,11 +88,16 @@ def is_lag_suspected(result: SearchResult, seed: int) -> bool:
     residuals = (with_lag, without, with_lag.less(without))
     lagging, prompt, effect = ripple_powers(residuals, result.noise_level)
     settings = SENSOR_LAG_SETTINGS
-    return bool(lagging < settings.tried_share * prompt and effect > settings.visible * prompt)
+    return bool(lagging - prompt < settings.least_change * effect and effect > settings.visible * prompt)
 
 
-def with_sensor_lag(searched: SearchResult, method: Method, max_corrections: int, seed: int) -> SearchResult:
-    """Return the estimate with the lag that the reference model prefers, from that without it."""
-    law = LAWS[SENSOR_LAG]
-    fit = fit_with_law(searched, law, method, child_seed(seed, "lag of the current sensors"))
-    return refine_by_reference(corrected_fit(fit, max_corrections, seed), seed)
+def with_sensor_lag(
+    searched: SearchResult, before: SearchResult, method: Method, max_corrections: int, seed: int
+) -> SearchResult | None:
+    """Return the estimate with the lag that the reference model prefers, from that `searched` without it.
+
+    None where no lag is as good as none, in the estimate `before`.
+    """
+    fit = fit_with_law(searched, LAWS[SENSOR_LAG], method, child_seed(seed, "lag of the current sensors"))
+    found = with_best_lag(fit, before, max_corrections, seed)
+    return None if found is None else refine_by_reference(found, seed)
