@@ -4,6 +4,7 @@ The lag acts by the switching alone: the current overshoots its band. A wrong sc
 leave no more of the residual as a whole; in the ripple the right lag is seen (`ripple`).
 """
 
+import math
 from dataclasses import dataclass
 from typing import Self
 
@@ -86,9 +87,18 @@ def is_lag_suspected(result: SearchResult, seed: int) -> bool:
     outcomes = compared(tried.objective, none, points, reference, rng)
     with_lag, without = (RippleResidual.of(one) for one in outcomes)
     residuals = (with_lag, without, with_lag.less(without))
-    lagging, prompt, effect = ripple_powers(residuals, result.noise_level)
-    settings = SENSOR_LAG_SETTINGS
-    return bool(lagging - prompt < settings.least_change * effect and effect > settings.visible * prompt)
+    return answer_to_lag(ripple_powers(residuals, result.noise_level)) < SENSOR_LAG_SETTINGS.least_change
+
+
+def answer_to_lag(powers: Array) -> float:
+    """Return z (`SensorLagSettings`), by what is left with a lag, without, and of their difference, (3,).
+
+    No number where the lag does not show.
+    """
+    lagging, prompt, effect = powers
+    if effect <= SENSOR_LAG_SETTINGS.visible * prompt:
+        return math.nan
+    return float((lagging - prompt) / effect)
 
 
 def with_sensor_lag(
