@@ -40,7 +40,7 @@ class SensorLagSettings:
     The law's start, 5 µs, changes the weighted residual by a share e of what is left without a lag, and
     leaves 1 + z e of that. If the residual were linear in the lag, z would be 1 without one, 1 - 2 L / 5 µs
     with one of L. It was 0.55 to 1.25 of 24 recordings without (noise of 0.05 to 0.5 A), -0.7 to -1.2 with 5
-    to 40 µs, 0.03 with one of 20 µs in whose place a scale had been selected. One of 2 µs has 0.2.
+    to 40 µs, 0.03 with one of 20 µs in whose place a scale had been selected. One of 2 µs would have 0.2.
 
     Suspected below `least_change`, where it changes more than `visible`: of less, chance decides.
     """

@@ -7,7 +7,7 @@ it leaves (Gautier 1997; Janot, Vandanjon and Gautier 2014).
 """
 
 from dataclasses import dataclass
-from functools import cache
+from functools import lru_cache
 from typing import Self
 
 import numpy as np
@@ -109,7 +109,7 @@ def low_pass(values: Array, cutoff_hz: float, interval: float) -> Array:
     return np.asarray(signal.sosfiltfilt(_sections(cutoff_hz, interval), values, axis=-1, padlen=settling))
 
 
-@cache
+@lru_cache
 def _sections(cutoff_hz: float, interval: float) -> Array:
     """Return the low-pass in second-order sections; a search filters hundreds of times by the same."""
     from scipy import signal

@@ -3,9 +3,8 @@
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
-from itertools import compress
-from operator import not_
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -157,8 +156,7 @@ def _work(folder: StudyFolder) -> list[_Work]:
 
 def without_part(units: Sequence[T], part: int) -> tuple[list[T], list[T]]:
     """Return one of the `PARTS` of `units`, and those of all other parts."""
-    chosen = [i % PARTS == part for i in range(len(units))]
-    return list(compress(units, chosen)), list(compress(units, map(not_, chosen)))
+    return list(units[part::PARTS]), [one for i, one in enumerate(units) if i % PARTS != part]
 
 
 def _judged_with(
@@ -185,12 +183,13 @@ def _learnt(
     first = list({one.fleet: one for one in work}.values())
     learnt: dict[str, tuple[Prior, Prior | None]] = {}
     tasks = [Task(i, _priors, (one,), name=f"the fleet {one.fleet}") for i, one in enumerate(first)]
-    for done, outcome in enumerate(outcomes(tasks, workers=workers), start=1):
-        if outcome.failure:
-            raise StudyError(outcome.failure)
-        learnt[first[outcome.index].fleet] = outcome.result
-        if on_task:
-            on_task(done, len(tasks))
+    with closing(outcomes(tasks, workers=workers)) as finished:
+        for outcome in finished:
+            if outcome.failure:
+                raise StudyError(outcome.failure)
+            learnt[first[outcome.index].fleet] = outcome.result
+            if on_task:
+                on_task(len(learnt), len(tasks))
     return learnt
 
 
