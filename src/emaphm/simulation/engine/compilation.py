@@ -20,12 +20,14 @@ when compiling, all lanes are in one flat array, and the loop has neither branch
 import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from typing import Any
 
 import llvmlite.binding as llvm
 
-from emaphm.simulation.engine.model import ENTRY, Layout, Model
+from emaphm.simulation.engine.model import ENTRY, Form, Layout, Model
 from emaphm.simulation.engine.step_loop import step_loop
+from emaphm.simulation.engine.structure import Structure
 from emaphm.simulation.laws.inline import LAWS, select
 
 REGISTERED: set[Any] = set()
@@ -93,7 +95,7 @@ def compiled(model: Model, layout: Layout) -> bytes:
         REGISTERED.add(select)
     lanes, channels, structure = layout
     form = model.form(structure)
-    advance_one = form.advance(structure)
+    advance_one = _advance_one(form, structure)
     for law in (*LAWS, advance_one):
         if law not in REGISTERED:
             register_jitable(**INLINED)(law)
@@ -148,6 +150,12 @@ def compiled(model: Model, layout: Layout) -> bytes:
     with _loops_left_to_llvm():
         translated = numba.cfunc(signature, **NUMBA_OPTIONS)(advance)
     return _object_file(translated.inspect_llvm(), translated.native_name)
+
+
+@cache
+def _advance_one(form: Form, structure: Structure) -> Any:
+    """Return the model's step: the same function for each layout, as Numba types each function anew."""
+    return form.advance(structure)
 
 
 def _select_scalar(condition: Any, chosen: Any, other: Any) -> Any:  # noqa: ARG001

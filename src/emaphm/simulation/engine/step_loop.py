@@ -8,6 +8,7 @@ are therefore written out here, from the names of the rows.
 
 from collections import namedtuple
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 LOOP = """
@@ -83,10 +84,16 @@ def step_loop(
         ),
     )
     scope = {
-        "State": namedtuple("State", state),  # noqa: PYI024
-        "Parameters": namedtuple("Parameters", parameters),  # noqa: PYI024
+        "State": _named_tuple("State", state),
+        "Parameters": _named_tuple("Parameters", parameters),
         "StepInputs": StepInputs,
         "advance": advance,
     }
     exec(source, scope)  # noqa: S102 - the text above, with numbers filled in
     return scope["kernel"]
+
+
+@cache
+def _named_tuple(name: str, fields: tuple[str, ...]) -> Any:
+    """Return the type of named tuples of `fields`: one for all layouts, which then share what takes it."""
+    return namedtuple(name, fields)  # noqa: PYI024
