@@ -1,8 +1,7 @@
 """The actuators of a batch: their physical quantities side by side, faults applied."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,6 +32,17 @@ NEVER_ZERO = (
 )
 
 SIGNED = (*OF_EITHER_SIGN, "hinge")
+
+FRICTIONS = (
+    "coulomb",
+    "static",
+    "load_friction",
+    "load_motor",
+    "load_external",
+    "stribeck_load_motor",
+    "stribeck_load_external",
+)
+"""Quantities that a fault of friction multiplies."""
 
 
 @dataclass(frozen=True)
@@ -133,11 +143,10 @@ class Plant:
         if k.ndim != 2 or k.shape[1] != len(NAMES):
             raise FaultError(f"fault vectors have shape (n, {len(NAMES)}), got {np.shape(faults)}")
         check_vectors(k, actuator)
-        return _with_faults(
-            _with_lumped_parameters(_healthy(actuator, len(k)), actuator, lumped_parameters or {}),
-            actuator,
-            k,
-        )
+        columns = _healthy(actuator, len(k))
+        _set_lumped_parameters(columns, actuator, lumped_parameters or {})
+        _apply_faults(columns, actuator, k)
+        return Plant(**columns, structure=structure_of(actuator))
 
     @property
     def count(self) -> int:
@@ -145,7 +154,8 @@ class Plant:
         return int(self.inertia.size)
 
 
-def _healthy(actuator: Actuator, n: int) -> Plant:
+def _healthy(actuator: Actuator, n: int) -> dict[str, Array]:
+    """Return the quantities of `Plant` for `n` healthy actuators."""
     m, c, motor, e = actuator.mechanics, actuator.controller, actuator.motor, actuator.electrical
     low, high = m.end_stops or (-NO_LIMIT, NO_LIMIT)
     scalars = {
@@ -192,13 +202,12 @@ def _healthy(actuator: Actuator, n: int) -> Plant:
     }
     columns = np.repeat(np.array(list(scalars.values()), float)[:, np.newaxis], n, axis=1)
     amplitudes = [value for one in actuator.ripple for value in (one.cos, one.sin)]
-    return Plant(
+    return {
         **dict(zip(scalars, columns, strict=True)),
-        turns=np.ones((3, n)),
-        z=np.zeros((2, n)),
-        ripples=np.repeat(np.array(amplitudes)[:, np.newaxis], n, axis=1),
-        structure=structure_of(actuator),
-    )
+        "turns": np.ones((3, n)),
+        "z": np.zeros((2, n)),
+        "ripples": np.repeat(np.array(amplitudes)[:, np.newaxis], n, axis=1),
+    }
 
 
 def _of_optional_laws(actuator: Actuator) -> dict[str, float]:
@@ -239,51 +248,39 @@ def structure_of(actuator: Actuator) -> Structure:
     )
 
 
-def _with_lumped_parameters(
-    plant: Plant, actuator: Actuator, lumped_parameters: Mapping[str, ArrayLike]
-) -> Plant:
+def _set_lumped_parameters(
+    columns: dict[str, Array], actuator: Actuator, lumped_parameters: Mapping[str, ArrayLike]
+) -> None:
     check_lumped_parameters(actuator, lumped_parameters)
-    set_to: dict[str, Any] = {}
+    count = columns["inertia"].size
     for name, values in static_follows(actuator, lumped_parameters).items():
         column = np.asarray(values, float)
-        if column.shape not in {(), (plant.count,)}:
-            raise MethodError(
-                f"parameter '{name}' has shape {column.shape}; give one value, or {plant.count}"
-            )
+        if column.shape not in {(), (count,)}:
+            raise MethodError(f"parameter '{name}' has shape {column.shape}; give one value, or {count}")
         if not np.all(np.isfinite(column)) or (np.any(column < 0) and name not in SIGNED):
             raise MethodError(f"parameter '{name}' must be finite and not negative; correct its value")
         if name in NEVER_ZERO and np.any(column == 0):
             raise MethodError(f"parameter '{name}' must be greater than 0; correct its value")
-        set_to[name] = np.broadcast_to(column, (plant.count,))
-    ripples = {name: set_to.pop(name) for name in list(set_to) if name.startswith("ripple")}
+        _column_of(name, columns)[:] = column
     # Friction larger than what it has to balance would push a standing shaft.
-    set_to["static"] = np.maximum(set_to.get("static", plant.static), set_to.get("coulomb", plant.coulomb))
-    return replace(plant, **set_to, ripples=_with_ripples(plant.ripples, ripples))
+    np.maximum(columns["static"], columns["coulomb"], out=columns["static"])
 
 
-def _with_ripples(present: Array, set_to: Mapping[str, Array]) -> Array:
-    changed = present.copy()
-    for name, values in set_to.items():
-        place, part = name.removeprefix("ripple").split("_")
-        changed[2 * (int(place) - 1) + (part == "sin")] = values
-    return changed
+def _column_of(name: str, columns: dict[str, Array]) -> Array:
+    """Return where a lumped parameter stands; that of a ripple, such as `ripple2_sin`, is a row of all."""
+    if not name.startswith("ripple"):
+        return columns[name]
+    place, part = name.removeprefix("ripple").split("_")
+    return np.asarray(columns["ripples"][2 * (int(place) - 1) + (part == "sin")])
 
 
-def _with_faults(plant: Plant, actuator: Actuator, k: Array) -> Plant:
+def _apply_faults(columns: dict[str, Array], actuator: Actuator, k: Array) -> None:
     scales = actuator.faults
     friction = 1 + scales.friction * k[:, 0]
     phase = (2 * k[:, 6] - 1) * np.pi
-    return replace(
-        plant,
-        coulomb=plant.coulomb * friction,
-        static=plant.static * friction,
-        load_friction=plant.load_friction * friction,
-        load_motor=plant.load_motor * friction,
-        load_external=plant.load_external * friction,
-        stribeck_load_motor=plant.stribeck_load_motor * friction,
-        stribeck_load_external=plant.stribeck_load_external * friction,
-        backlash=plant.backlash * (1 + scales.backlash * k[:, 1]),
-        turns=np.maximum(1 - k[:, 2:5].T, SHORTEST_WINDING),
-        z=scales.eccentricity * k[:, 5] * np.stack([np.cos(phase), np.sin(phase)]),
-        position_gain=plant.position_gain * (1 + scales.gain * (2 * k[:, 7] - 1)),
-    )
+    for name in FRICTIONS:
+        columns[name] *= friction
+    columns["backlash"] *= 1 + scales.backlash * k[:, 1]
+    columns["turns"] = np.maximum(1 - k[:, 2:5].T, SHORTEST_WINDING)
+    columns["z"] = scales.eccentricity * k[:, 5] * np.stack([np.cos(phase), np.sin(phase)])
+    columns["position_gain"] *= 1 + scales.gain * (2 * k[:, 7] - 1)
