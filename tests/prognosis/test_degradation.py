@@ -107,9 +107,11 @@ def test_a_level_may_fall() -> None:
 
 
 def test_a_sudden_onset_is_followed() -> None:
-    belief = flown([max(0.0, 1e-3 * (50 * (i + 1) - 1000)) for i in range(26)])
-    assert belief.mean_level[0] == pytest.approx(0.3, abs=0.03)
-    assert belief.mean_rate[0] == pytest.approx(1e-3, rel=0.3)
+    # Few particles follow an onset, and each seed's rate is that of its own: the mean of five is asked.
+    level = [max(0.0, 1e-3 * (50 * (i + 1) - 1000)) for i in range(26)]
+    beliefs = [flown(level, seed=seed) for seed in range(5)]
+    assert all(one.mean_level[0] == pytest.approx(0.3, abs=0.03) for one in beliefs)
+    assert np.mean([one.mean_rate[0] for one in beliefs]) == pytest.approx(1e-3, rel=0.15)
 
 
 def test_a_replacement_resets_its_component_and_no_other() -> None:

@@ -5,15 +5,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
 from scipy.stats import invgauss, kstest, norm, truncnorm
 
 from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.forecast import State, drawn_states, paths
-from emaphm.prognosis.laws import noises, transition
+from emaphm.prognosis.laws import LARGEST_EXPONENT, noises, transition
 from emaphm.prognosis.prior import NEW, Prior
 from emaphm.prognosis.requirements.first_passage import first_passage
 from emaphm.prognosis.settings import (
     CONSTANT,
+    CRACK_GROWTH,
+    DEGRADATION,
     EXPONENTIAL,
     LINEAR,
     POWER_LAW,
@@ -104,7 +109,7 @@ def test_what_is_known_only_in_sum_stays_so_within_bounds() -> None:
     assert drawn[:, 0].std() > 0.04
 
 
-@pytest.mark.parametrize("law", [LINEAR, EXPONENTIAL, POWER_LAW])
+@pytest.mark.parametrize("law", [LINEAR, EXPONENTIAL, POWER_LAW, CRACK_GROWTH])
 def test_laws_do_not_depend_on_how_time_is_cut(law: int) -> None:
     numbers = np.array([law], np.int8)
     scale, shape = np.array([800.0]), np.array([0.7])
@@ -130,6 +135,41 @@ def test_laws_are_the_functions_that_name_them() -> None:
     # c (300² - 60²) with the rate 2 c 60 at first.
     assert reach[0] == pytest.approx((300**2 - 60**2) / 120)
     assert growth[0] == pytest.approx(5.0)
+
+
+def test_a_crack_grows_by_a_power_of_its_length() -> None:
+    """Against `solve_ivp` of dx/dt = c x^m, which is infinite at x_0^(1-m) / (c (m - 1))."""
+    m, c, first = 1.5, 0.01, 0.04
+    end = first ** (1 - m) / (c * (m - 1))
+    t = 0.9 * end
+    length = solve_ivp(lambda _, x: c * x**m, (0, t), [first], rtol=1e-11, atol=1e-14).y[0, -1]
+    reach, growth = transition(
+        np.array([CRACK_GROWTH], np.int8),
+        np.array([end]),
+        np.array([1 / (m - 1)]),
+        np.zeros(1),
+        t,
+        DEGRADATION,
+    )
+    rate = c * first**m
+    assert first + reach[0] * rate == pytest.approx(length, rel=1e-8)
+    assert growth[0] * rate == pytest.approx(c * length**m, rel=1e-8)
+
+
+@given(age=st.floats(0, 1e5), hours=st.floats(1e-3, 1e5), q=st.floats(*DEGRADATION.crack))
+def test_past_its_end_a_crack_is_large_and_finite(age: float, hours: float, q: float) -> None:
+    reach, growth = transition(
+        np.array([CRACK_GROWTH], np.int8),
+        np.array([800.0]),
+        np.array([q]),
+        np.array([age]),
+        hours,
+        DEGRADATION,
+    )
+    assert 0 < reach[0] < 1e6
+    assert 1 <= growth[0] <= 1.001 * np.exp(LARGEST_EXPONENT)
+    if hours >= max(800 - age, 0.8):  # its last thousandth takes as long, past the end too
+        assert growth[0] == pytest.approx(np.exp(LARGEST_EXPONENT))
 
 
 def test_process_noise_adds_up() -> None:

@@ -1,8 +1,7 @@
 """What the general prior foresees, by the way that a level goes: `python -m tests.prognosis.ways`.
 
-One component of one unit, without a fleet, goes from healthy to its limit in one of eleven ways. Half of them
-are no law of the filter: a crack that grows by a power of its length, an onset of exponential wear, a rate
-that breaks, wear that saturates, steps, a random walk.
+One component of one unit, without a fleet, goes from healthy to its limit in one of eleven ways. Some of them
+are no law of the filter: an onset of exponential wear, wear that saturates, steps.
 """
 
 import argparse

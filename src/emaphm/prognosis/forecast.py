@@ -138,7 +138,7 @@ def paths(
             state,
             aged=state.aged + step,
             level=_in_circle(_clipped(level)),
-            rate=growth * state.rate + shock,
+            rate=np.clip(growth * state.rate + shock, -LARGEST_RATE, LARGEST_RATE),
         )
     return Paths(hours, levels, noise)
 

@@ -12,6 +12,7 @@ from emaphm.prognosis.settings import (
     AS_ANOTHER,
     CHANGING_RATE,
     CONSTANT,
+    CRACK_GROWTH,
     EXPONENTIAL,
     POWER_LAW,
     SUDDEN_ONSET,
@@ -20,6 +21,9 @@ from emaphm.prognosis.settings import (
 
 LARGEST_EXPONENT = 7.0
 """Of the exponential law's growth in one step: a thousandfold takes a level out of its bounds."""
+
+LEAST_LEFT = 1e-3
+"""Share of its life scale that a growing crack has left at least: at the end it leaves its bounds at once."""
 
 Numbers = NDArray[np.int8]
 
@@ -62,10 +66,13 @@ def transition(
         linear, sudden onset after it              d = h                        g = 1
         exponential, time constant τ = s T         d = τ (exp(h/τ) - 1)         g = exp(h/τ)
         power law, x - x_0 ∝ a^p                   d = a/p (((a+h)/a)^p - 1)    g = ((a+h)/a)^(p-1)
+        crack growth, infinite at a = T            d = r/q ((r/(r-h))^q - 1)    g = (r/(r-h))^(q+1)
         as another unit, whose level moved by L    d = T (L((a+h)/T) - L(a/T))  g = 1
 
-    A negative v falls. L is a function of the share of that unit's span, so that T is the time in which this
-    one goes the same way; v = 1/T goes it as far. Before its onset, a component of sudden onset has v = 0.
+    A negative v falls. A crack grows by dx/dt ∝ (x - x_c)^m, its unknown beginning being x_c: q is 1/(m - 1),
+    and r = T - a the hours that are left until it is infinite. L is a function of the share of the other
+    unit's span, so that T is the time in which this one goes the same way; v = 1/T goes it as far. Before its
+    onset, a component of sudden onset has v = 0.
 
     Parameters
     ----------
@@ -74,7 +81,8 @@ def transition(
     life_scale
         T [h].
     shape
-        s of the exponential law, p of the power law, number of the other unit; no meaning for the others.
+        s of the exponential law, p of the power law, q of crack growth, number of the other unit; no meaning
+        for the others.
     age
         a, hours since the component was new [h].
     hours
@@ -99,6 +107,12 @@ def transition(
         a = np.maximum(age[rows], settings.first_hours)
         ratio, p = (a + h[rows]) / a, shape[rows]
         reach[rows], growth[rows] = a / p * (ratio**p - 1), ratio ** (p - 1)
+    rows = law == CRACK_GROWTH
+    if rows.any():
+        q = shape[rows]
+        left = np.maximum(life_scale[rows] - age[rows], LEAST_LEFT * life_scale[rows])
+        ratio = np.minimum(left / np.maximum(left - h[rows], 1e-300), np.exp(LARGEST_EXPONENT / (q + 1)))
+        reach[rows], growth[rows] = left / q * (ratio**q - 1), ratio ** (q + 1)
     rows = law == AS_ANOTHER
     if references is not None and rows.any():
         unit, scale = shape[rows].astype(int), life_scale[rows]

@@ -15,9 +15,11 @@ from emaphm.prognosis.from_fleet.references import References
 from emaphm.prognosis.laws import Mask, Numbers, in_common, rate_scale, transition
 from emaphm.prognosis.settings import (
     AS_ANOTHER,
+    CRACK_GROWTH,
     DEGRADATION,
     EXPONENTIAL,
     LINEAR,
+    POWER_LAW,
     SUDDEN_ONSET,
     DegradationSettings,
 )
@@ -140,9 +142,11 @@ class Prior:
         law = random.choice(len(s.laws), size=shape, p=s.laws).astype(np.int8)
         life_scale = np.exp(random.uniform(math.log(s.life_scale[0]), math.log(s.life_scale[1]), shape))
         uniform = random.random(shape)
-        p = np.exp(np.log(s.exponent[0]) + uniform * np.log(s.exponent[1] / s.exponent[0]))
-        growth = np.exp(np.log(s.growth[0]) + uniform * np.log(s.growth[1] / s.growth[0]))
-        form = np.where(law == EXPONENTIAL, growth, p)
+        form = np.ones(shape)
+        for one, (low, high) in ((POWER_LAW, s.exponent), (EXPONENTIAL, s.growth), (CRACK_GROWTH, s.crack)):
+            form = np.where(law == one, np.exp(np.log(low) + uniform * np.log(high / low)), form)
+        # A crack that has not become infinite until now does so later.
+        life_scale = np.where(law == CRACK_GROWTH, age + life_scale, life_scale)
         deviation = rate_scale(law, life_scale, form, age, s)
         roughness = np.exp(random.uniform(math.log(s.roughness[0]), math.log(s.roughness[1]), shape))
         unevenness = np.exp(random.uniform(math.log(s.unevenness[0]), math.log(s.unevenness[1]), shape))

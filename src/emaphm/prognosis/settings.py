@@ -2,10 +2,21 @@
 
 from dataclasses import dataclass
 
-LAWS = ("constant", "linear", "exponential", "power law", "sudden onset", "changing rate", "as another unit")
+LAWS = (
+    "constant",
+    "linear",
+    "exponential",
+    "power law",
+    "sudden onset",
+    "changing rate",
+    "crack growth",
+    "as another unit",
+)
 """Laws of degradation; the number of a law is its place here."""
 
-CONSTANT, LINEAR, EXPONENTIAL, POWER_LAW, SUDDEN_ONSET, CHANGING_RATE, AS_ANOTHER = range(len(LAWS))
+CONSTANT, LINEAR, EXPONENTIAL, POWER_LAW, SUDDEN_ONSET, CHANGING_RATE, CRACK_GROWTH, AS_ANOTHER = range(
+    len(LAWS)
+)
 
 
 @dataclass(frozen=True)
@@ -14,17 +25,19 @@ class DegradationSettings:
 
     The law has the prior probabilities `laws`, in the order of `LAWS`, the last of which only a fleet can
     teach: a component that stays as it is must be the likeliest single case, as most components of most units
-    are. `life_scale` [h] is the time T in
-    which the level changes by about one, its logarithm uniform: from a component that is worn out in some
-    hundred hours to one that outlives the aircraft's 60,000 flight hours. `exponent` is that of the power
-    law, from running-in to accelerating wear; `growth` the time constant of the exponential law as a share of
-    T. `noise` is the standard deviation by which a level deviates from its law over T, by a Wiener process;
-    `quiet` what is left of it where nothing degrades: 0.02 in 1,000 h at most. `rate_noise` is that of a
-    changing rate, as a share of 1/T. All three are multiplied by the component's roughness, drawn from
-    `roughness` with its logarithm uniform: what wears evenly is distinguished from what does not.
-    `unevenness` is the standard deviation of the ageing within T, as a share of T, of which each hour has its
-    independent part: stress that nobody records, or jumps. It scatters a level in proportion to its rate, so
-    that a law that accelerates scatters most at its end. A share of 0.2 is a gamma process of 25 jumps.
+    are. `life_scale` [h] is the time T in which the level changes by about one, its logarithm uniform:
+    from a component that is worn out in some hundred hours to one that outlives the aircraft's 60,000
+    flight hours. `exponent` is that of the power law, from running-in to accelerating wear; `growth` the
+    time constant of the exponential law as a share of T. `crack` is 1 / (m - 1) for growth by the power m
+    of a crack's length: Paris's exponents of 3 to 7, which are halved for a length; T is the age at which
+    it is infinite. `noise` is the standard deviation by which a level deviates from its law over T, by a
+    Wiener process; `quiet` what is left of it where nothing degrades: 0.02 in 1,000 h at most.
+    `rate_noise` is that of a changing rate, as a share of 1/T. All three are multiplied by the
+    component's roughness, drawn from `roughness` with its logarithm uniform: what wears evenly is
+    distinguished from what does not. `unevenness` is the standard deviation of the ageing within T, as a
+    share of T, of which each hour has its independent part: stress that nobody records, or jumps. It
+    scatters a level in proportion to its rate, so that a law that accelerates scatters most at its end. A
+    share of 0.2 is a gamma process of 25 jumps.
     `spreads` are standard deviations between units that go the same way, of the logarithm of the time and of
     the amplitude as a share, each pair as likely: from units that are nearly alike to such whose lives differ
     by half.
@@ -45,10 +58,11 @@ class DegradationSettings:
     breaks were chosen on other units of such ways.
     """
 
-    laws: tuple[float, ...] = (0.4, 0.1, 0.2, 0.1, 0.1, 0.1)
+    laws: tuple[float, ...] = (0.4, 0.05, 0.15, 0.05, 0.1, 0.1, 0.15)
     life_scale: tuple[float, float] = (200.0, 60_000.0)
     exponent: tuple[float, float] = (0.5, 3.0)
     growth: tuple[float, float] = (0.15, 1.0)
+    crack: tuple[float, float] = (0.4, 2.0)
     noise: float = 0.03
     quiet: float = 0.2
     rate_noise: float = 0.3

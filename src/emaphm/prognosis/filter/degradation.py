@@ -40,7 +40,7 @@ from emaphm.prognosis.laws import (
     transition,
 )
 from emaphm.prognosis.prior import NEW, Hypotheses, is_waiting
-from emaphm.prognosis.settings import AS_ANOTHER, EXPONENTIAL, FILTER, POWER_LAW, FilterSettings
+from emaphm.prognosis.settings import AS_ANOTHER, CRACK_GROWTH, EXPONENTIAL, FILTER, POWER_LAW, FilterSettings
 from emaphm.prognosis.stress import Exposure
 from emaphm.random_streams import stream
 
@@ -297,9 +297,10 @@ def _resampled(belief: Belief, few: Mask, settings: FilterSettings) -> Belief:
         return np.where(few & mask, in_common(apart_again(values, groups, settings, random)), values)
 
     everywhere = np.ones(after.law.shape, bool)
-    shape = apart(after.shape, (after.law == EXPONENTIAL) | (after.law == POWER_LAW))
-    shape = np.where(after.law == EXPONENTIAL, np.clip(shape, *s.growth), shape)
-    shape = np.where(after.law == POWER_LAW, np.clip(shape, *s.exponent), shape)
+    ranges = {EXPONENTIAL: s.growth, POWER_LAW: s.exponent, CRACK_GROWTH: s.crack}
+    shape = apart(after.shape, np.isin(after.law, list(ranges)))
+    for law, ends in ranges.items():
+        shape = np.where(after.law == law, np.clip(shape, *ends), shape)
     return replace(
         after,
         life_scale=np.clip(apart(after.life_scale, everywhere), *s.life_scale),
