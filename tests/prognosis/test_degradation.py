@@ -22,6 +22,7 @@ ONE_LAW = DegradationSettings(
     unevenness=(1e-12, 1e-12),
 )
 FEW = FilterSettings(particles=20)
+PLAIN = FilterSettings(particles=20, outliers=0.0, jumps=0.0)
 
 
 def covariance(seed: int) -> Array:
@@ -53,9 +54,9 @@ def test_one_law_is_a_plain_kalman_filter() -> None:
         (hours, NEW + hours * 2e-4 + 0.02 * random.standard_normal(8), covariance(i))
         for i, hours in enumerate([30.0, 80.0, 80.0, 200.0, 450.0, 700.0])
     ]
-    belief = Belief.new(Prior(ONE_LAW), settings=FEW)
+    belief = Belief.new(Prior(ONE_LAW), settings=PLAIN)
     for hours, z, r in observed:
-        belief = updated(predicted(belief, hours), z, r, FEW)
+        belief = updated(predicted(belief, hours), z, r, PLAIN)
     mean, cov = by_hand(observed)
     for i in range(20):
         assert np.concatenate([belief.level[i], belief.rate[i]]) == pytest.approx(mean, rel=1e-6, abs=1e-12)
@@ -112,6 +113,49 @@ def test_a_sudden_onset_is_followed() -> None:
     beliefs = [flown(level, seed=seed) for seed in range(5)]
     assert all(one.mean_level[0] == pytest.approx(0.3, abs=0.03) for one in beliefs)
     assert np.mean([one.mean_rate[0] for one in beliefs]) == pytest.approx(1e-3, rel=0.15)
+
+
+WEAR = [2e-4 * 50 * (i + 1) for i in range(25)]
+"""Levels that rise by 2e-4 per hour to 0.25, each known to 0.01."""
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("at", [16, 22])
+def test_a_single_diagnosis_that_is_far_off_is_forgotten(seed: int, at: int) -> None:
+    """It is 30 standard errors off, among 25; what is believed after is what is true."""
+    off = WEAR.copy()
+    off[at] += 0.3
+    belief = flown(off, seed=seed)
+    assert belief.mean_level[0] == pytest.approx(WEAR[-1], abs=0.02)
+    assert belief.mean_rate[0] == pytest.approx(2e-4, rel=0.4)
+    assert belief.surprise[0] < 0.1
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_jump_that_stays_is_believed_when_it_is_seen_again(seed: int) -> None:
+    jumped = [one + 0.3 * (i >= 21) for i, one in enumerate(WEAR)]
+    belief = flown(jumped, seed=seed)
+    assert belief.mean_level[0] == pytest.approx(jumped[-1], abs=0.03)
+    assert belief.mean_level[1] == pytest.approx(0.0, abs=0.02)
+
+
+def test_after_one_diagnosis_that_is_far_off_both_are_possible() -> None:
+    belief = flown([*WEAR[:-1], WEAR[-1] + 0.3])
+    far = belief.weights[belief.level[:, 0] > WEAR[-1] + 0.15, 0].sum()
+    assert belief.surprise[0] > 0.99
+    assert belief.surprise[1:] == pytest.approx(0.0)
+    # A jump is a third as probable as an outlier.
+    assert 0.1 < far < 0.5
+
+
+def test_what_no_diagnosis_surprises_is_as_without_outliers_and_jumps() -> None:
+    plain = FilterSettings(outliers=0.0, jumps=0.0)
+    with_them, without = (
+        updated(predicted(Belief.new(Prior(), settings=s), 50.0), NEW + 0.02, np.eye(8) * 1e-4, s)
+        for s in (FilterSettings(), plain)
+    )
+    assert np.array_equal(with_them.level, without.level)
+    assert np.array_equal(with_them.weights, without.weights)
 
 
 def test_a_replacement_resets_its_component_and_no_other() -> None:

@@ -167,6 +167,15 @@ def test_few_fellows_vague_diagnoses_and_what_has_failed_change_nothing() -> Non
     assert pooled(of(resting), one, times).tolist() == times[0].tolist()
 
 
+def test_a_last_diagnosis_that_surprised_the_filter_teaches_no_pace() -> None:
+    one, times = unit(2500.0, 100, 1500.0), np.linspace(100.0, 900.0, 50)[np.newaxis]
+    belief = replace(Belief.new(Prior()), hours=one.hours, surprise=0.9 * np.eye(8)[0])
+    by = of(fellows())
+    assert by.pooled(FailureTimes(LIMITS, times), belief, one, None).first.tolist() == times[0].tolist()
+    other = replace(belief, surprise=0.9 * np.eye(8)[1])
+    assert by.pooled(FailureTimes(LIMITS, times), other, one, None).first.tolist() != times[0].tolist()
+
+
 def test_a_unit_that_has_gone_nowhere_is_the_filters() -> None:
     times = np.linspace(1000.0, 3000.0, 50)[np.newaxis]
     for one in (Evidence("new", "part", 0.0), unit(2500.0, 100, 400.0)):

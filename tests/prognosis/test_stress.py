@@ -66,7 +66,7 @@ def test_the_reference_is_the_median_of_what_was_recorded() -> None:
 
 @pytest.mark.parametrize("exponent", [0.0, 3.0])
 def test_the_exponent_of_the_load_is_learnt_from_flights(exponent: float) -> None:
-    evidence = flown(exponent) if exponent else flown(exponent, rate=3e-4, count=50)
+    evidence = flown(exponent) if exponent else flown(exponent, rate=6e-4, count=32)
     belief = follow(evidence, Prior(), seed=1).belief
     learnt = float(np.sum(belief.weights[:, 0] * belief.exponents[:, 0, 0]))
     assert learnt == pytest.approx(exponent, abs=0.9)  # from 0 to 4, with the mean 2, where nothing is learnt

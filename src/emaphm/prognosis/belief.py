@@ -41,6 +41,8 @@ class Belief:
         sum to 1.
     log_likelihood
         Of all diagnoses so far, for each component, (8,), but for a constant that all priors share.
+    surprise
+        Probability that the last diagnosis of each component was an outlier or followed a jump, (8,).
     seed, steps
         Source of all randomness, and how many steps have drawn from it.
     """
@@ -62,6 +64,7 @@ class Belief:
     age_and_level: Array
     log_weights: Array
     log_likelihood: Array
+    surprise: Array
     prior: Prior
     seed: int
     steps: int = 0
@@ -92,6 +95,7 @@ class Belief:
             age_and_level=np.zeros((n, components)),
             log_weights=np.full((n, components), -np.log(n)),
             log_likelihood=np.zeros(components),
+            surprise=np.zeros(components),
             prior=prior,
             seed=seed,
         )

@@ -92,6 +92,10 @@ class FilterSettings:
     the likeliest of wrong laws must not be believed alone [1]; level and rate within a law are updated in
     full. 0.7 was chosen on the synthetic fleet `development`: there, intervals of 90 % held the truth in 78 %
     at three quarters of life with a trust of 1, in 90 % with 0.7.
+    A diagnosis of a component is an outlier with the probability `outliers`, and with `jumps` its level has
+    jumped since the one before; `surprise` is the standard deviation of either, a third of the whole range.
+    Both are rare: few diagnoses are wrong by many of their standard errors, and few components break at
+    once. `python -m tests.prognosis.ways` measures forecasts of units that have neither.
 
     [1] Grünwald, van Ommen: Inconsistency of Bayesian inference for misspecified linear models, and a
         proposal for repairing it, Bayesian Analysis 12 (2017).
@@ -103,6 +107,9 @@ class FilterSettings:
     least_spread: float = 0.05
     exponent_jitter: float = 0.05
     trust: float = 0.7
+    outliers: float = 0.003
+    jumps: float = 0.001
+    surprise: float = 0.3
 
 
 @dataclass(frozen=True)

@@ -19,10 +19,12 @@ References
     Carlo Methods in Practice (2001).
 [3] Rebeschini, van Handel: Can local particle filters beat the curse of dimensionality?, Annals of Applied
     Probability 25 (2015).
+[4] Doucet, Godsill, Andrieu: On sequential Monte Carlo sampling methods for Bayesian filtering, Statistics
+    and Computing 10 (2000).
 """
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -46,6 +48,9 @@ from emaphm.random_streams import stream
 
 LARGEST_LEVEL = 3.0
 """Mean and standard deviation of a level that are distinguished from larger ones: levels are in [-1, 1]."""
+
+LEAST_SURPRISE = 0.01
+"""Probability of an outlier or a jump, of all particles, below which a diagnosis is taken as stated."""
 
 LARGEST_RATE = 0.05
 """Of a rate [1/h]: a component that is worn out within a day."""
@@ -126,7 +131,7 @@ def updated(belief: Belief, estimate: Array, covariance: Array, settings: Filter
         has a very large variance.
     """
     innovation = estimate - belief.level
-    total = belief.levels + covariance
+    belief, total, log_likelihood = _taken(belief, innovation, covariance, settings)
     count = belief.level.shape[1]
     sides = np.concatenate([innovation[:, :, np.newaxis], belief.levels, belief.mixed], axis=2)
     solved = np.linalg.solve(total, sides)
@@ -141,7 +146,7 @@ def updated(belief: Belief, estimate: Array, covariance: Array, settings: Filter
     for part, least in ((levels, LEAST_VARIANCE), (rates, 0.0)):
         diagonal = np.einsum("nii->ni", part)
         diagonal[...] = np.maximum(diagonal, least)
-    log_weights = belief.log_weights + settings.trust * _own_likelihood(innovation, total)
+    log_weights = belief.log_weights + settings.trust * log_likelihood
     shift = log_weights.max(axis=0)
     log_weights -= shift
     likelihood = np.log(np.exp(log_weights).sum(axis=0))
@@ -164,15 +169,69 @@ def updated(belief: Belief, estimate: Array, covariance: Array, settings: Filter
     return _resampled(after, few, settings) if few.any() else after
 
 
-def _own_likelihood(innovation: Array, total: Array) -> Array:
-    """Return the logarithm of each component's own likelihood, (n, 8), of the innovations' covariances."""
-    variance = np.einsum("nii->ni", total)
+class _Taken(NamedTuple):
+    """How the particles take a diagnosis.
+
+    The belief before it, the innovations' covariances (n, 8, 8), each component's own logarithm of the
+    likelihood (n, 8).
+    """
+
+    before: Belief
+    total: Array
+    log_likelihood: Array
+
+
+def _taken(belief: Belief, innovation: Array, covariance: Array, settings: FilterSettings) -> _Taken:
+    """Return how particles take a diagnosis of each component: as stated, as an outlier, or after a jump.
+
+    Which of them is drawn with its probability given the innovation, and the particle's likelihood is their
+    sum: the optimal proposal of a particle filter [4]. An outlier adds the variance `surprise`² to the
+    diagnosis, a jump adds it to the level; with a jump, degradation sets in as after a sudden onset.
+    """
+    total = belief.levels + covariance
+    stated = _own_likelihood(innovation, total)
+    odd = settings.outliers + settings.jumps
+    belief = replace(belief, surprise=np.zeros(len(stated.T)))
+    if not odd:
+        return _Taken(belief, total, stated)
+    more = settings.surprise**2
+    widened = _own_likelihood(innovation, total, more) + np.log(odd)
+    likelihood = np.logaddexp(stated + np.log1p(-odd), widened)
+    probability = np.exp(widened - likelihood)
+    weights = np.exp(belief.log_weights + settings.trust * (likelihood - likelihood.max(axis=0)))
+    share = (weights * probability).sum(axis=0) / weights.sum(axis=0)
+    # What is known no better than by a surprise cannot surprise.
+    surprising = (share > LEAST_SURPRISE) & (np.diag(covariance) < more)
+    if not surprising.any():
+        return _Taken(belief, total, stated)
+    likelihood = np.where(surprising, likelihood, stated)
+    belief = replace(belief, surprise=np.where(surprising, share, 0.0))
+    random = stream(belief.seed, "degradation", belief.steps, "surprises")
+    is_odd = surprising & (in_common(random.random(stated.shape)) < probability)
+    np.einsum("nii->ni", total)[is_odd] += more
+    jumps = is_odd & (in_common(random.random(stated.shape)) < settings.jumps / odd)
+    if jumps.any():
+        onset = belief.prior.after_onset(belief.law.shape, random)
+        belief = _with_hypotheses(belief, jumps, onset._replace(exponents=belief.exponents))
+        levels = belief.levels.copy()
+        np.einsum("nii->ni", levels)[jumps] += more
+        belief = replace(belief, levels=levels)
+    return _Taken(belief, total, likelihood)
+
+
+def _own_likelihood(innovation: Array, total: Array, more: float = 0.0) -> Array:
+    """Return the logarithm of each component's own likelihood, (n, 8), of the innovations' covariances.
+
+    `more` is a further variance of each.
+    """
+    variance = np.einsum("nii->ni", total) + more
     result = np.asarray(-0.5 * (innovation**2 / variance + np.log(variance)))
     if has_plane(innovation.shape[1]):
-        plane = np.ix_(range(len(total)), ECCENTRICITY, ECCENTRICITY)
-        own = innovation[:, ECCENTRICITY]
-        misfit = np.einsum("ni,ni->n", own, np.linalg.solve(total[plane], own[:, :, np.newaxis])[:, :, 0])
-        result[:, ECCENTRICITY] = -0.5 * (misfit + np.log(np.linalg.det(total[plane])))[:, np.newaxis]
+        (x, y), between = innovation[:, ECCENTRICITY].T, total[:, *ECCENTRICITY]
+        of_x, of_y = variance[:, ECCENTRICITY].T
+        determinant = of_x * of_y - between**2
+        misfit = (of_y * x**2 - 2 * between * x * y + of_x * y**2) / determinant
+        result[:, ECCENTRICITY] = -0.5 * (misfit + np.log(determinant))[:, np.newaxis]
     return result
 
 

@@ -33,6 +33,9 @@ intervals of 90 % held the truth in 83 % late in life, of 109 synthetic units; w
 LARGEST_ERROR = 0.05
 """Standard error of a level as a share of its way: with more, nothing says in which step it is."""
 
+LARGEST_SURPRISE = 0.5
+"""Probability that the last diagnosis of a level is an outlier or a jump: a pace takes it as stated."""
+
 POPULATIONS: Memory[Population | None] = Memory(40)
 
 
@@ -68,7 +71,7 @@ class Fellows:
         """
         if len(self.units) < FEWEST_FELLOWS or np.median(times.first) == 0:
             return times
-        if not all(self._is_usable(one, evidence, belief.hours) for one in times.limits):
+        if not all(self._is_usable(one, evidence, belief) for one in times.limits):
             return times
         ways = [self._way(evidence, one, belief.hours) for one in times.limits]
         gone = [Passages.of(*way) for way in ways]
@@ -92,11 +95,13 @@ class Fellows:
     def _keys(self) -> list[str]:
         return [fingerprint(one, one.failed_at) for one in self.units]
 
-    def _is_usable(self, limit: "Limit", unit: "Evidence", until: float) -> bool:
+    def _is_usable(self, limit: "Limit", unit: "Evidence", belief: "Belief") -> bool:
         """Return whether a limit is on a level that a new unit holds, and that the last diagnosis knows."""
         if limit.component is None or self._whole(limit) <= 0:
             return False
-        last = [one for one in unit.used if one.hours <= until][-1:]
+        if belief.surprise[_columns(limit)].max() > LARGEST_SURPRISE:
+            return False
+        last = [one for one in unit.used if one.hours <= belief.hours][-1:]
         return all(self._is_known(one, limit) for one in last)
 
     def _is_known(self, one: "Observation", limit: "Limit") -> bool:
