@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from emaphm.actuator.faults import CARTESIAN_NAMES, HEALTHY, to_cartesian
 from emaphm.arrays import Array
@@ -30,6 +31,11 @@ COMPONENTS = len(CARTESIAN_NAMES)
 NEW = to_cartesian(HEALTHY.vector)
 """Levels of a healthy unit, shape (8,), in the order of `CARTESIAN_NAMES`."""
 
+
+Rows = NDArray[np.intp] | slice
+"""Of arrays whose first axis is that of the particles."""
+
+EVERY_ROW = slice(None)
 
 AS_THEY_WENT = 0.5
 """Share of a fleet's hypotheses that are ways which its units went; the others are their laws' parameters."""
@@ -136,22 +142,30 @@ class Prior:
             rate_deviation=np.where(where, deviation, drawn.rate_deviation),
         )
 
-    def general(self, shape: tuple[int, ...], age: Array, random: np.random.Generator) -> Hypotheses:
-        """Return hypotheses by the settings alone, of components of that `age` [h], each of `shape`."""
+    def general(
+        self, shape: tuple[int, ...], age: Array, random: np.random.Generator, rows: Rows = EVERY_ROW
+    ) -> Hypotheses:
+        """Return hypotheses by the settings alone, of components of that `age` [h], each of `shape`.
+
+        Of some `rows` (k,) of the shape only, where they are given: all random numbers are drawn, so that
+        they are what they are among all.
+        """
         s = self.settings
-        law = random.choice(len(s.laws), size=shape, p=s.laws).astype(np.int8)
-        life_scale = np.exp(random.uniform(math.log(s.life_scale[0]), math.log(s.life_scale[1]), shape))
-        uniform = random.random(shape)
-        form = np.ones(shape)
+        law = random.choice(len(s.laws), size=shape, p=s.laws).astype(np.int8)[rows]
+        life_scale = _log_uniform(s.life_scale, random, shape, rows)
+        uniform = random.random(shape)[rows]
+        form = np.ones(law.shape)
         for one, (low, high) in ((POWER_LAW, s.exponent), (EXPONENTIAL, s.growth), (CRACK_GROWTH, s.crack)):
             form = np.where(law == one, np.exp(np.log(low) + uniform * np.log(high / low)), form)
+        age = age[rows]
         # A crack that has not become infinite until now does so later.
         life_scale = np.where(law == CRACK_GROWTH, age + life_scale, life_scale)
         deviation = rate_scale(law, life_scale, form, age, s)
-        roughness = np.exp(random.uniform(math.log(s.roughness[0]), math.log(s.roughness[1]), shape))
-        unevenness = np.exp(random.uniform(math.log(s.unevenness[0]), math.log(s.unevenness[1]), shape))
-        drawn = (law, life_scale, form, roughness, unevenness, np.zeros(shape), deviation)
-        return Hypotheses(*map(in_common, (*drawn, self._exponents(shape, random))))
+        roughness = _log_uniform(s.roughness, random, shape, rows)
+        unevenness = _log_uniform(s.unevenness, random, shape, rows)
+        rate, exponents = np.zeros(law.shape), self._exponents(shape, random)[rows]
+        drawn = Hypotheses(law, life_scale, form, roughness, unevenness, rate, deviation, exponents)
+        return Hypotheses._make(in_common(one) for one in drawn)
 
     def _exponents(self, shape: tuple[int, ...], random: np.random.Generator) -> Array:
         if self.reference is None:
@@ -159,11 +173,21 @@ class Prior:
         low, high = np.array(self.settings.exponents).T
         return np.asarray(random.uniform(low, high, (*shape, len(STRESSES))))
 
-    def after_onset(self, shape: tuple[int, ...], random: np.random.Generator) -> Hypotheses:
-        """Return linear hypotheses, each of `shape`, for components whose degradation has just set in."""
-        drawn = self.general(shape, np.zeros(shape), random)
-        law = np.full(shape, LINEAR, np.int8)
+    def after_onset(
+        self, shape: tuple[int, ...], random: np.random.Generator, rows: Rows = EVERY_ROW
+    ) -> Hypotheses:
+        """Return linear hypotheses for components whose degradation has just set in, as `general` does."""
+        drawn = self.general(shape, np.zeros(shape), random, rows)
+        law = np.full_like(drawn.law, LINEAR)
         return drawn._replace(law=law, rate_deviation=1 / drawn.life_scale)
+
+
+def _log_uniform(
+    ends: tuple[float, float], random: np.random.Generator, shape: tuple[int, ...], rows: Rows
+) -> Array:
+    """Return the `rows` of numbers of `shape` between `ends`, whose logarithms are uniform."""
+    low, high = ends
+    return np.asarray(np.exp(random.uniform(math.log(low), math.log(high), shape)[rows]))
 
 
 def rate_when_new(hypotheses: Hypotheses, age: Array, settings: DegradationSettings) -> Array:

@@ -41,7 +41,7 @@ from emaphm.prognosis.laws import (
     noises,
     transition,
 )
-from emaphm.prognosis.prior import NEW, Hypotheses, is_waiting
+from emaphm.prognosis.prior import EVERY_ROW, NEW, Hypotheses, Rows, is_waiting
 from emaphm.prognosis.settings import AS_ANOTHER, CRACK_GROWTH, EXPONENTIAL, FILTER, POWER_LAW, FilterSettings
 from emaphm.prognosis.stress import Exposure
 from emaphm.random_streams import stream
@@ -82,8 +82,7 @@ def predicted(belief: Belief, hours: float, exposed: Exposure | None = None) -> 
     )
     reach = np.where(is_waiting(belief.law), 0.0, reach)
     if sets_in.any():
-        onset = belief.prior.after_onset(belief.law.shape, random)
-        belief = _with_hypotheses(belief, sets_in, onset._replace(exponents=belief.exponents))
+        belief = _after_onset(belief, sets_in, random)
         reach = np.where(sets_in, step * in_common(random.random(reach.shape)), reach)
     # x⁺ = x + d v, v⁺ = g v: F = [[I, diag d], [0, diag g]], so that P⁺ = F P Fᵀ + Q needs no matrix product.
     across = belief.mixed * reach[:, np.newaxis, :]
@@ -211,8 +210,7 @@ def _taken(belief: Belief, innovation: Array, covariance: Array, settings: Filte
     np.einsum("nii->ni", total)[is_odd] += more
     jumps = is_odd & (in_common(random.random(stated.shape)) < settings.jumps / odd)
     if jumps.any():
-        onset = belief.prior.after_onset(belief.law.shape, random)
-        belief = _with_hypotheses(belief, jumps, onset._replace(exponents=belief.exponents))
+        belief = _after_onset(belief, jumps, random)
         levels = belief.levels.copy()
         np.einsum("nii->ni", levels)[jumps] += more
         belief = replace(belief, levels=levels)
@@ -251,7 +249,7 @@ def replaced(belief: Belief, components: Mask) -> Belief:
     n, count = belief.law.shape
     random = stream(belief.seed, "degradation", belief.steps, "replacement")
     where = np.broadcast_to(components, (n, count))
-    after = _with_hypotheses(belief, where, belief.prior.draw(n, random, count))
+    after = _with_hypotheses(belief, EVERY_ROW, where, belief.prior.draw(n, random, count))
     levels, mixed = after.levels.copy(), after.mixed.copy()
     levels[:, components, :] = levels[:, :, components] = 0.0
     mixed[:, components, :] = 0.0
@@ -276,17 +274,14 @@ def _limited(belief: Belief) -> Belief:
     """
     of_level = np.sqrt(np.einsum("nii->ni", belief.levels))
     of_rate = np.sqrt(np.einsum("nii->ni", belief.rates))
-    if of_level.max() <= LARGEST_LEVEL and of_rate.max() <= LARGEST_RATE:
+    rows = np.flatnonzero(((of_level > LARGEST_LEVEL) | (of_rate > LARGEST_RATE)).any(axis=1))
+    if not rows.size:
         return belief
-    a, s = (
-        LARGEST_LEVEL / np.maximum(of_level, LARGEST_LEVEL),
-        LARGEST_RATE / np.maximum(of_rate, LARGEST_RATE),
-    )
-    return replace(
+    return _scaled(
         belief,
-        levels=belief.levels * a[:, :, np.newaxis] * a[:, np.newaxis, :],
-        mixed=belief.mixed * a[:, :, np.newaxis] * s[:, np.newaxis, :],
-        rates=belief.rates * s[:, :, np.newaxis] * s[:, np.newaxis, :],
+        rows,
+        LARGEST_LEVEL / np.maximum(of_level[rows], LARGEST_LEVEL),
+        LARGEST_RATE / np.maximum(of_rate[rows], LARGEST_RATE),
     )
 
 
@@ -300,42 +295,74 @@ def _changed(belief: Belief, step: float) -> Belief:
     changes = in_common(random.random(belief.law.shape)) < -np.expm1(-step / s.change_hours)
     if not changes.any():
         return belief
-    drawn = belief.prior.general(belief.law.shape, belief.aged, random)
-    drawn = drawn._replace(exponents=belief.exponents)
-    goes_on = changes & is_moving(belief.law) & (belief.law != AS_ANOTHER) & is_moving(drawn.law)
-    after = _with_hypotheses(belief, changes & ~goes_on, drawn)
-    return replace(after, **_with_laws(after, goes_on, drawn))
+    rows = np.flatnonzero(changes.any(axis=1))
+    drawn = belief.prior.general(belief.law.shape, belief.aged, random, rows)
+    changes, law = changes[rows], belief.law[rows]
+    goes_on = changes & is_moving(law) & (law != AS_ANOTHER) & is_moving(drawn.law)
+    after = _with_hypotheses(belief, rows, changes & ~goes_on, _of_same_stress(drawn, belief, rows))
+    return replace(after, **_with_laws(after, rows, goes_on, drawn))
+
+
+def _after_onset(belief: Belief, sets_in: Mask, random: np.random.Generator) -> Belief:
+    """Return the belief with new rates where degradation `sets_in`, (n, 8) of True and False."""
+    rows = np.flatnonzero(sets_in.any(axis=1))
+    drawn = belief.prior.after_onset(belief.law.shape, random, rows)
+    return _with_hypotheses(belief, rows, sets_in[rows], _of_same_stress(drawn, belief, rows))
+
+
+def _of_same_stress(drawn: Hypotheses, belief: Belief, rows: Rows) -> Hypotheses:
+    """Return the hypotheses with the exponents that the `rows` of the belief have."""
+    return drawn._replace(exponents=belief.exponents[rows])
 
 
 def _broken(belief: Belief, step: Array) -> Belief:
     """Return the belief with the rates that break within `step` (n, 8) [h] multiplied by their factors."""
     random = stream(belief.seed, "degradation", belief.steps, "breaks")
     factor = breaks(belief.law, belief.life_scale, step, belief.prior.settings, random)
-    return replace(
-        belief,
-        rate=belief.rate * factor,
-        mixed=belief.mixed * factor[:, np.newaxis, :],
-        rates=belief.rates * factor[:, :, np.newaxis] * factor[:, np.newaxis, :],
-    )
+    rows = np.flatnonzero((factor != 1.0).any(axis=1))
+    if not rows.size:
+        return belief
+    one = np.ones((rows.size, factor.shape[1]))
+    return replace(_scaled(belief, rows, one, factor[rows]), rate=belief.rate * factor)
 
 
-def _with_laws(belief: Belief, where: Mask, drawn: Hypotheses) -> dict[str, Any]:
-    """Return the fields of a belief that say its laws, those of `drawn` `where` (n, 8) is True."""
-    names = ("law", "life_scale", "shape", "roughness", "unevenness")
-    return {name: np.where(where, getattr(drawn, name), getattr(belief, name)) for name in names}
+def _scaled(belief: Belief, rows: Rows, of_level: Array, of_rate: Array) -> Belief:
+    """Return the belief with levels and rates of `rows` (k,) scaled in their covariances, (k, 8) both."""
+    levels, mixed, rates = belief.levels.copy(), belief.mixed.copy(), belief.rates.copy()
+    for part, left, right in (
+        (levels, of_level, of_level),
+        (mixed, of_level, of_rate),
+        (rates, of_rate, of_rate),
+    ):
+        part[rows] = part[rows] * left[:, :, np.newaxis] * right[:, np.newaxis, :]
+    return replace(belief, levels=levels, mixed=mixed, rates=rates)
 
 
-def _with_hypotheses(belief: Belief, where: Mask, drawn: Hypotheses) -> Belief:
-    """Return the belief with other hypotheses and rates `where` (n, 8) is True."""
+def _with_laws(belief: Belief, rows: Rows, where: Mask, drawn: Hypotheses) -> dict[str, Any]:
+    """Return the fields of a belief that say its laws, of `rows` those of `drawn` `where` (k, 8) is True."""
+    laws = {}
+    for name in ("law", "life_scale", "shape", "roughness", "unevenness"):
+        laws[name] = getattr(belief, name).copy()
+        laws[name][rows] = np.where(where, getattr(drawn, name), laws[name][rows])
+    return laws
+
+
+def _with_hypotheses(belief: Belief, rows: Rows, where: Mask, drawn: Hypotheses) -> Belief:
+    """Return the belief with other hypotheses and rates in `rows` (k,) `where` (k, 8) is True."""
     mixed, rates = belief.mixed.copy(), belief.rates.copy()
-    mixed[np.broadcast_to(where[:, np.newaxis, :], mixed.shape)] = 0.0
-    rates[where[:, np.newaxis, :] | where[:, :, np.newaxis]] = 0.0
-    np.einsum("nii->ni", rates)[where] = drawn.rate_deviation[where] ** 2
+    rate, exponents = belief.rate.copy(), belief.exponents.copy()
+    chosen, column = np.nonzero(where)
+    row = np.arange(len(rate))[rows][chosen]
+    mixed[row, :, column] = 0.0
+    rates[row, :, column] = rates[row, column, :] = 0.0
+    rates[row, column, column] = drawn.rate_deviation[where] ** 2
+    rate[row, column] = drawn.rate[where]
+    exponents[row, column] = drawn.exponents[where]
     return replace(
         belief,
-        **_with_laws(belief, where, drawn),
-        exponents=np.where(where[..., np.newaxis], drawn.exponents, belief.exponents),
-        rate=np.where(where, drawn.rate, belief.rate),
+        **_with_laws(belief, rows, where, drawn),
+        exponents=exponents,
+        rate=rate,
         mixed=mixed,
         rates=rates,
     )
