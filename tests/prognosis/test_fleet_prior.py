@@ -8,7 +8,7 @@ import pytest
 from emaphm.arrays import Array
 from emaphm.prognosis import Evidence, Observation, fleet_prior
 from emaphm.prognosis.evidence import Followed, follow
-from emaphm.prognosis.filter.resampling import apart_again
+from emaphm.prognosis.filter.resampling import apart_again, kinds_of
 from emaphm.prognosis.from_fleet import learning
 from emaphm.prognosis.from_fleet.memory import Memory
 from emaphm.prognosis.from_fleet.references import References, Track
@@ -60,8 +60,8 @@ def test_a_replaced_component_teaches_its_last_life_only() -> None:
 def test_copies_differ_again_without_widening() -> None:
     random = np.random.default_rng(0)
     values = np.exp(random.normal([[1.0, 5.0]], [[0.3, 0.6]], (4000, 2)))
-    groups = np.zeros(values.shape, int)
-    after = np.log(apart_again(values, groups, FilterSettings(), random))
+    kinds = kinds_of(np.zeros(values.shape, int), np.ones(2, bool))
+    after = np.log(apart_again(values, kinds, FilterSettings(), random))
     assert after.mean(axis=0) == pytest.approx(np.log(values).mean(axis=0), abs=0.02)
     assert after.std(axis=0) == pytest.approx([0.3, 0.6], rel=0.04)
     assert np.abs(after - np.log(values)).min() > 0

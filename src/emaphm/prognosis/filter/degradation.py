@@ -31,7 +31,7 @@ import numpy as np
 from emaphm.arrays import Array
 from emaphm.prognosis.belief import LEAST_VARIANCE, Belief
 from emaphm.prognosis.columns import ECCENTRICITY
-from emaphm.prognosis.filter.resampling import apart_again, drawn_rows, recombined
+from emaphm.prognosis.filter.resampling import apart_again, drawn_rows, kinds_of, recombined
 from emaphm.prognosis.laws import (
     Mask,
     breaks,
@@ -378,21 +378,21 @@ def _resampled(belief: Belief, few: Mask, settings: FilterSettings) -> Belief:
     s = belief.prior.settings
     # Of the same law, and of the same other unit where that is it.
     groups = after.law * (1 + after.shape.max()) + np.where(after.law == AS_ANOTHER, after.shape, 0.0)
+    kinds = kinds_of(groups, few)
 
-    def apart(values: Array, mask: Mask) -> Array:
-        return np.where(few & mask, in_common(apart_again(values, groups, settings, random)), values)
+    def apart(values: Array) -> Array:
+        return in_common(apart_again(values, kinds, settings, random))
 
-    everywhere = np.ones(after.law.shape, bool)
     ranges = {EXPONENTIAL: s.growth, POWER_LAW: s.exponent, CRACK_GROWTH: s.crack}
-    shape = apart(after.shape, np.isin(after.law, list(ranges)))
+    shape = np.where(np.isin(after.law, list(ranges)), apart(after.shape), after.shape)
     for law, ends in ranges.items():
         shape = np.where(after.law == law, np.clip(shape, *ends), shape)
     return replace(
         after,
-        life_scale=np.clip(apart(after.life_scale, everywhere), *s.life_scale),
+        life_scale=np.clip(apart(after.life_scale), *s.life_scale),
         shape=shape,
-        roughness=np.clip(apart(after.roughness, everywhere), *s.roughness),
-        unevenness=np.clip(apart(after.unevenness, everywhere), *s.unevenness),
+        roughness=np.clip(apart(after.roughness), *s.roughness),
+        unevenness=np.clip(apart(after.unevenness), *s.unevenness),
         exponents=_jittered(after, few, settings, random),
         log_weights=np.where(few, -np.log(n), belief.log_weights),
     )

@@ -1,13 +1,15 @@
 """Particles drawn by their weights, each component on its own."""
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.arrays import Array
 from emaphm.prognosis.belief import LEAST_VARIANCE, Belief
-from emaphm.prognosis.laws import in_common
+from emaphm.prognosis.laws import Mask, in_common
 from emaphm.prognosis.settings import FilterSettings
 
 ROUNDING = 1e-9
@@ -79,31 +81,51 @@ def _mean_product(weights: Array, values: Array, left: Array, right: Array) -> A
     return np.asarray(np.einsum("n,nij,ni,nj->ij", weights, values, left, right, optimize=True))
 
 
-def apart_again(values: Array, groups: Array, settings: FilterSettings, random: np.random.Generator) -> Array:
+class Kinds(NamedTuple):
+    """Kinds of particles, of one component: the number of each particle's (n,), and how many are of each."""
+
+    number: NDArray[np.intp]
+    size: NDArray[np.intp]
+
+
+def kinds_of(groups: Array, components: Mask) -> tuple[Kinds | None, ...]:
+    """Return the kinds of particles that `groups` (n, c) number, None but for the `components` (c,)."""
+    kinds: list[Kinds | None] = [None] * groups.shape[1]
+    for c in np.flatnonzero(components):
+        _, number, count = np.unique(groups[:, c], return_inverse=True, return_counts=True)
+        kinds[c] = Kinds(number, count)
+    return tuple(kinds)
+
+
+def apart_again(
+    values: Array, kinds: Sequence[Kinds | None], settings: FilterSettings, random: np.random.Generator
+) -> Array:
     """Return positive `values` (n, c) of resampled particles, copies of which differ again.
 
-    By a kernel that widens nothing: in each of the `groups` (n, c), numbers of particles of one kind, the
-    logarithm is drawn towards the mean by as much as its scatter adds [2]:
+    By a kernel that widens nothing: among particles of one of the `kinds` of each component, the logarithm is
+    drawn towards the mean by as much as its scatter adds [2]:
 
         y⁺ = a y + (1 - a) mean(y) + √(1 - a²) max(sd(y), least) z
 
-    a being `shrinkage`, least `least_spread`, z standard normal.
+    a being `shrinkage`, least `least_spread`, z standard normal. Components without kinds stay as they are.
 
     References
     ----------
     [2] Liu, West: Combined parameter and state estimation in simulation-based filtering, in: Sequential
         Monte Carlo Methods in Practice (2001).
     """
-    logarithm, a = np.log(np.maximum(values, np.finfo(float).tiny)), settings.shrinkage
-    result = np.empty_like(values)
-    for c in range(values.shape[1]):
-        _, group, count = np.unique(groups[:, c], return_inverse=True, return_counts=True)
-        y = logarithm[:, c]
-        mean = np.bincount(group, y) / count
-        spread = np.sqrt(np.maximum(np.bincount(group, (y - mean[group]) ** 2) / count, 0.0))
-        noise = np.sqrt(1 - a**2) * np.maximum(spread, settings.least_spread)[group]
-        result[:, c] = a * y + (1 - a) * mean[group] + noise * random.standard_normal(y.size)
-    return np.exp(result)
+    a, result = settings.shrinkage, values.copy()
+    for c, kind in enumerate(kinds):
+        z = random.standard_normal(len(values))
+        if kind is None:
+            continue
+        y = np.log(np.maximum(values[:, c], np.finfo(float).tiny))
+        mean = np.bincount(kind.number, y) / kind.size
+        deviation = y - mean[kind.number]
+        spread = np.sqrt(np.maximum(np.bincount(kind.number, deviation**2) / kind.size, 0.0))
+        noise = np.sqrt(1 - a**2) * np.maximum(spread, settings.least_spread)[kind.number]
+        result[:, c] = np.exp(a * y + (1 - a) * mean[kind.number] + noise * z)
+    return result
 
 
 def systematic(weights: Array, count: int, random: np.random.Generator) -> NDArray[np.intp]:
