@@ -47,6 +47,15 @@ clock. A kernel computes nothing else for milliseconds: a run of the reference m
 lower their clock more).
 """
 
+INTERLEAVED = 2
+"""Vectors of lanes that advance next to each other in an iteration of the innermost loop.
+
+A step is a long chain of instructions that wait for each other. LLVM takes one vector at a time, as the
+registers do not suffice for two; but what two spill costs less than the waiting. In 14 processes, a run of
+the reference model took 0.62 to 1.06 of the time that it takes with one, 0.89 in the mean; where one channel
+is recorded, about 0.8 (AMD's Zen 3, AVX2).
+"""
+
 
 @contextmanager
 def _no_collection() -> Iterator[None]:
@@ -153,6 +162,12 @@ def compiled(model: Model, layout: Layout) -> bytes:
 
 
 @cache
+def _let_llvm_interleave() -> None:
+    """Have LLVM interleave as many vectors as `INTERLEAVED`, once: it ends a process that asks twice."""
+    llvm.set_option("", f"-force-vector-interleave={INTERLEAVED}")
+
+
+@cache
 def _advance_one(form: Form, structure: Structure) -> Any:
     """Return the model's step: the same function for each layout, as Numba types each function anew."""
     return form.advance(structure)
@@ -177,6 +192,7 @@ def _object_file(text: str, name: str) -> bytes:
         if not value.is_declaration and value.name != name:
             value.linkage = "internal"
     entry.name = ENTRY
+    _let_llvm_interleave()
     llvm.initialize_native_asmprinter()
     target = _this_machine()
     tuning = llvm.create_pipeline_tuning_options(speed_level=3)
