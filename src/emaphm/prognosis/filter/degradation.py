@@ -24,24 +24,29 @@ References
 """
 
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.prognosis.belief import LEAST_VARIANCE, Belief
 from emaphm.prognosis.columns import ECCENTRICITY
+from emaphm.prognosis.filter.changes import (
+    after_onset,
+    scaled,
+    with_broken_rates,
+    with_changed_laws,
+    with_hypotheses,
+)
 from emaphm.prognosis.filter.resampling import apart_again, drawn_rows, kinds_of, recombined
 from emaphm.prognosis.laws import (
     Mask,
-    breaks,
     has_plane,
     in_common,
-    is_moving,
     noises,
     transition,
 )
-from emaphm.prognosis.prior import EVERY_ROW, NEW, Hypotheses, Rows, is_waiting
+from emaphm.prognosis.prior import EVERY_ROW, NEW, is_waiting
 from emaphm.prognosis.settings import AS_ANOTHER, CRACK_GROWTH, EXPONENTIAL, FILTER, POWER_LAW, FilterSettings
 from emaphm.prognosis.stress import Exposure
 from emaphm.random_streams import stream
@@ -69,11 +74,11 @@ def predicted(belief: Belief, hours: float, exposed: Exposure | None = None) -> 
     flown = hours - belief.hours
     if flown <= 0:
         return belief
-    belief = _changed(belief, flown)
+    belief = with_changed_laws(belief, flown)
     step = np.full(belief.law.shape, flown) if exposed is None else exposed.aged(belief.exponents)
     random = stream(belief.seed, "degradation", belief.steps, "onset")
     s = belief.prior.settings
-    belief = _broken(belief, step)
+    belief = with_broken_rates(belief, step)
     sets_in = is_waiting(belief.law) & (
         in_common(random.random(belief.law.shape)) < -np.expm1(-step / belief.life_scale)
     )
@@ -82,7 +87,7 @@ def predicted(belief: Belief, hours: float, exposed: Exposure | None = None) -> 
     )
     reach = np.where(is_waiting(belief.law), 0.0, reach)
     if sets_in.any():
-        belief = _after_onset(belief, sets_in, random)
+        belief = after_onset(belief, sets_in, random)
         reach = np.where(sets_in, step * in_common(random.random(reach.shape)), reach)
     # x⁺ = x + d v, v⁺ = g v: F = [[I, diag d], [0, diag g]], so that P⁺ = F P Fᵀ + Q needs no matrix product.
     across = belief.mixed * reach[:, np.newaxis, :]
@@ -210,7 +215,7 @@ def _taken(belief: Belief, innovation: Array, covariance: Array, settings: Filte
     np.einsum("nii->ni", total)[is_odd] += more
     jumps = is_odd & (in_common(random.random(stated.shape)) < settings.jumps / odd)
     if jumps.any():
-        belief = _after_onset(belief, jumps, random)
+        belief = after_onset(belief, jumps, random)
         levels = belief.levels.copy()
         np.einsum("nii->ni", levels)[jumps] += more
         belief = replace(belief, levels=levels)
@@ -249,7 +254,7 @@ def replaced(belief: Belief, components: Mask) -> Belief:
     n, count = belief.law.shape
     random = stream(belief.seed, "degradation", belief.steps, "replacement")
     where = np.broadcast_to(components, (n, count))
-    after = _with_hypotheses(belief, EVERY_ROW, where, belief.prior.draw(n, random, count))
+    after = with_hypotheses(belief, EVERY_ROW, where, belief.prior.draw(n, random, count))
     levels, mixed = after.levels.copy(), after.mixed.copy()
     levels[:, components, :] = levels[:, :, components] = 0.0
     mixed[:, components, :] = 0.0
@@ -277,94 +282,11 @@ def _limited(belief: Belief) -> Belief:
     rows = np.flatnonzero(((of_level > LARGEST_LEVEL) | (of_rate > LARGEST_RATE)).any(axis=1))
     if not rows.size:
         return belief
-    return _scaled(
+    return scaled(
         belief,
         rows,
         LARGEST_LEVEL / np.maximum(of_level[rows], LARGEST_LEVEL),
         LARGEST_RATE / np.maximum(of_rate[rows], LARGEST_RATE),
-    )
-
-
-def _changed(belief: Belief, step: float) -> Belief:
-    """Return the belief with the laws that change within `step` [h] drawn anew.
-
-    What moves on keeps its rate, since only the law is another; what begins to move has a new one.
-    """
-    random = stream(belief.seed, "degradation", belief.steps, "change")
-    s = belief.prior.settings
-    changes = in_common(random.random(belief.law.shape)) < -np.expm1(-step / s.change_hours)
-    if not changes.any():
-        return belief
-    rows = np.flatnonzero(changes.any(axis=1))
-    drawn = belief.prior.general(belief.law.shape, belief.aged, random, rows)
-    changes, law = changes[rows], belief.law[rows]
-    goes_on = changes & is_moving(law) & (law != AS_ANOTHER) & is_moving(drawn.law)
-    after = _with_hypotheses(belief, rows, changes & ~goes_on, _of_same_stress(drawn, belief, rows))
-    return replace(after, **_with_laws(after, rows, goes_on, drawn))
-
-
-def _after_onset(belief: Belief, sets_in: Mask, random: np.random.Generator) -> Belief:
-    """Return the belief with new rates where degradation `sets_in`, (n, 8) of True and False."""
-    rows = np.flatnonzero(sets_in.any(axis=1))
-    drawn = belief.prior.after_onset(belief.law.shape, random, rows)
-    return _with_hypotheses(belief, rows, sets_in[rows], _of_same_stress(drawn, belief, rows))
-
-
-def _of_same_stress(drawn: Hypotheses, belief: Belief, rows: Rows) -> Hypotheses:
-    """Return the hypotheses with the exponents that the `rows` of the belief have."""
-    return drawn._replace(exponents=belief.exponents[rows])
-
-
-def _broken(belief: Belief, step: Array) -> Belief:
-    """Return the belief with the rates that break within `step` (n, 8) [h] multiplied by their factors."""
-    random = stream(belief.seed, "degradation", belief.steps, "breaks")
-    factor = breaks(belief.law, belief.life_scale, step, belief.prior.settings, random)
-    rows = np.flatnonzero((factor != 1.0).any(axis=1))
-    if not rows.size:
-        return belief
-    one = np.ones((rows.size, factor.shape[1]))
-    return replace(_scaled(belief, rows, one, factor[rows]), rate=belief.rate * factor)
-
-
-def _scaled(belief: Belief, rows: Rows, of_level: Array, of_rate: Array) -> Belief:
-    """Return the belief with levels and rates of `rows` (k,) scaled in their covariances, (k, 8) both."""
-    levels, mixed, rates = belief.levels.copy(), belief.mixed.copy(), belief.rates.copy()
-    for part, left, right in (
-        (levels, of_level, of_level),
-        (mixed, of_level, of_rate),
-        (rates, of_rate, of_rate),
-    ):
-        part[rows] = part[rows] * left[:, :, np.newaxis] * right[:, np.newaxis, :]
-    return replace(belief, levels=levels, mixed=mixed, rates=rates)
-
-
-def _with_laws(belief: Belief, rows: Rows, where: Mask, drawn: Hypotheses) -> dict[str, Any]:
-    """Return the fields of a belief that say its laws, of `rows` those of `drawn` `where` (k, 8) is True."""
-    laws = {}
-    for name in ("law", "life_scale", "shape", "roughness", "unevenness"):
-        laws[name] = getattr(belief, name).copy()
-        laws[name][rows] = np.where(where, getattr(drawn, name), laws[name][rows])
-    return laws
-
-
-def _with_hypotheses(belief: Belief, rows: Rows, where: Mask, drawn: Hypotheses) -> Belief:
-    """Return the belief with other hypotheses and rates in `rows` (k,) `where` (k, 8) is True."""
-    mixed, rates = belief.mixed.copy(), belief.rates.copy()
-    rate, exponents = belief.rate.copy(), belief.exponents.copy()
-    chosen, column = np.nonzero(where)
-    row = np.arange(len(rate))[rows][chosen]
-    mixed[row, :, column] = 0.0
-    rates[row, :, column] = rates[row, column, :] = 0.0
-    rates[row, column, column] = drawn.rate_deviation[where] ** 2
-    rate[row, column] = drawn.rate[where]
-    exponents[row, column] = drawn.exponents[where]
-    return replace(
-        belief,
-        **_with_laws(belief, rows, where, drawn),
-        exponents=exponents,
-        rate=rate,
-        mixed=mixed,
-        rates=rates,
     )
 
 

@@ -1,0 +1,99 @@
+"""What changes about the degradation of particles: their laws, a rate that breaks, an onset, a scale.
+
+Each takes a belief and returns another; what does not change is not computed.
+"""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from emaphm.arrays import Array
+from emaphm.prognosis.belief import Belief
+from emaphm.prognosis.laws import Mask, breaks, in_common, is_moving
+from emaphm.prognosis.prior import Hypotheses, Rows
+from emaphm.prognosis.settings import AS_ANOTHER
+from emaphm.random_streams import stream
+
+
+def with_changed_laws(belief: Belief, step: float) -> Belief:
+    """Return the belief with the laws that change within `step` [h] drawn anew.
+
+    What moves on keeps its rate, since only the law is another; what begins to move has a new one.
+    """
+    random = stream(belief.seed, "degradation", belief.steps, "change")
+    s = belief.prior.settings
+    changes = in_common(random.random(belief.law.shape)) < -np.expm1(-step / s.change_hours)
+    if not changes.any():
+        return belief
+    rows = np.flatnonzero(changes.any(axis=1))
+    drawn = belief.prior.general(belief.law.shape, belief.aged, random, rows)
+    changes, law = changes[rows], belief.law[rows]
+    goes_on = changes & is_moving(law) & (law != AS_ANOTHER) & is_moving(drawn.law)
+    after = with_hypotheses(belief, rows, changes & ~goes_on, _of_same_stress(drawn, belief, rows))
+    return replace(after, **_with_laws(after, rows, goes_on, drawn))
+
+
+def after_onset(belief: Belief, sets_in: Mask, random: np.random.Generator) -> Belief:
+    """Return the belief with new rates where degradation `sets_in`, (n, 8) of True and False."""
+    rows = np.flatnonzero(sets_in.any(axis=1))
+    drawn = belief.prior.after_onset(belief.law.shape, random, rows)
+    return with_hypotheses(belief, rows, sets_in[rows], _of_same_stress(drawn, belief, rows))
+
+
+def _of_same_stress(drawn: Hypotheses, belief: Belief, rows: Rows) -> Hypotheses:
+    """Return the hypotheses with the exponents that the `rows` of the belief have."""
+    return drawn._replace(exponents=belief.exponents[rows])
+
+
+def with_broken_rates(belief: Belief, step: Array) -> Belief:
+    """Return the belief with the rates that break within `step` (n, 8) [h] multiplied by their factors."""
+    random = stream(belief.seed, "degradation", belief.steps, "breaks")
+    factor = breaks(belief.law, belief.life_scale, step, belief.prior.settings, random)
+    rows = np.flatnonzero((factor != 1.0).any(axis=1))
+    if not rows.size:
+        return belief
+    one = np.ones((rows.size, factor.shape[1]))
+    return replace(scaled(belief, rows, one, factor[rows]), rate=belief.rate * factor)
+
+
+def scaled(belief: Belief, rows: Rows, of_level: Array, of_rate: Array) -> Belief:
+    """Return the belief with levels and rates of `rows` (k,) scaled in their covariances, (k, 8) both."""
+    levels, mixed, rates = belief.levels.copy(), belief.mixed.copy(), belief.rates.copy()
+    for part, left, right in (
+        (levels, of_level, of_level),
+        (mixed, of_level, of_rate),
+        (rates, of_rate, of_rate),
+    ):
+        part[rows] = part[rows] * left[:, :, np.newaxis] * right[:, np.newaxis, :]
+    return replace(belief, levels=levels, mixed=mixed, rates=rates)
+
+
+def _with_laws(belief: Belief, rows: Rows, where: Mask, drawn: Hypotheses) -> dict[str, Any]:
+    """Return the fields of a belief that say its laws, of `rows` those of `drawn` `where` (k, 8) is True."""
+    laws = {}
+    for name in ("law", "life_scale", "shape", "roughness", "unevenness"):
+        laws[name] = getattr(belief, name).copy()
+        laws[name][rows] = np.where(where, getattr(drawn, name), laws[name][rows])
+    return laws
+
+
+def with_hypotheses(belief: Belief, rows: Rows, where: Mask, drawn: Hypotheses) -> Belief:
+    """Return the belief with other hypotheses and rates in `rows` (k,) `where` (k, 8) is True."""
+    mixed, rates = belief.mixed.copy(), belief.rates.copy()
+    rate, exponents = belief.rate.copy(), belief.exponents.copy()
+    chosen, column = np.nonzero(where)
+    row = np.arange(len(rate))[rows][chosen]
+    mixed[row, :, column] = 0.0
+    rates[row, :, column] = rates[row, column, :] = 0.0
+    rates[row, column, column] = drawn.rate_deviation[where] ** 2
+    rate[row, column] = drawn.rate[where]
+    exponents[row, column] = drawn.exponents[where]
+    return replace(
+        belief,
+        **_with_laws(belief, rows, where, drawn),
+        exponents=exponents,
+        rate=rate,
+        mixed=mixed,
+        rates=rates,
+    )
