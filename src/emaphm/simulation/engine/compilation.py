@@ -156,7 +156,8 @@ def compiled(model: Model, layout: Layout) -> bytes:
         *(array, array, array, array, integer, array, integer, array, integer, real),
         *(integer, integer, integer, real, array, integer),
     )
-    with _loops_left_to_llvm():
+    with _loops_left_to_llvm():  # it lets one thread in at a time
+        _let_llvm_interleave()
         translated = numba.cfunc(signature, **NUMBA_OPTIONS)(advance)
     return _object_file(translated.inspect_llvm(), translated.native_name)
 
@@ -192,7 +193,6 @@ def _object_file(text: str, name: str) -> bytes:
         if not value.is_declaration and value.name != name:
             value.linkage = "internal"
     entry.name = ENTRY
-    _let_llvm_interleave()
     llvm.initialize_native_asmprinter()
     target = _this_machine()
     tuning = llvm.create_pipeline_tuning_options(speed_level=3)
