@@ -8,8 +8,8 @@ from emaphm.arrays import Array
 from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.filter.degradation import LARGEST_RATE
 from emaphm.prognosis.filter.resampling import drawn_rows, recombined, systematic
-from emaphm.prognosis.laws import AnyArray, Mask, Numbers, breaks, in_common, is_moving, noises, transition
-from emaphm.prognosis.prior import COMPONENTS, Prior, is_waiting
+from emaphm.prognosis.laws import Numbers, breaks, in_common, is_moving, noises, transition
+from emaphm.prognosis.prior import COMPONENTS, Prior, is_waiting, with_laws, with_rows
 from emaphm.prognosis.settings import AS_ANOTHER, FORECAST, ForecastSettings
 from emaphm.random_streams import stream
 
@@ -110,16 +110,11 @@ def paths(
         )
         part = np.where(sets_in, in_common(random.random(state.law.shape)), 1.0)
         if sets_in.any():
-            new = prior.after_onset(state.law.shape, random)
-            rate = new.rate + new.rate_deviation * random.standard_normal(state.law.shape)
-            state = replace(
-                state,
-                law=np.where(sets_in, new.law, state.law),
-                life_scale=np.where(sets_in, new.life_scale, state.life_scale),
-                roughness=np.where(sets_in, new.roughness, state.roughness),
-                unevenness=np.where(sets_in, new.unevenness, state.unevenness),
-                rate=np.where(sets_in, rate, state.rate),
-            )
+            rows = np.flatnonzero(sets_in.any(axis=1))
+            new = prior.after_onset(state.law.shape, random, rows)
+            shock = random.standard_normal(state.law.shape)[rows]
+            rate = with_rows(state.rate, rows, sets_in[rows], new.rate + new.rate_deviation * shock)
+            state = replace(state, **with_laws(state, rows, sets_in[rows], new), rate=rate)
         reach, growth = transition(
             state.law, state.life_scale, state.shape, state.aged, part * step, s, prior.references
         )
@@ -165,21 +160,8 @@ def _changed(state: State, step: float, prior: Prior, random: np.random.Generato
     drawn = prior.general(law.shape, state.aged[rows], random)
     rate = drawn.rate + drawn.rate_deviation * random.standard_normal(law.shape)
     goes_on = is_moving(law) & (law != AS_ANOTHER) & is_moving(drawn.law)
-
-    def after(before: AnyArray, new: AnyArray, where: Mask = changes) -> AnyArray:
-        result = before.copy()
-        result[rows] = np.where(where, new, before[rows])
-        return result
-
-    return replace(
-        state,
-        law=after(state.law, drawn.law),
-        life_scale=after(state.life_scale, drawn.life_scale),
-        shape=after(state.shape, drawn.shape),
-        roughness=after(state.roughness, drawn.roughness),
-        unevenness=after(state.unevenness, drawn.unevenness),
-        rate=after(state.rate, rate, changes & ~goes_on),
-    )
+    rate = with_rows(state.rate, rows, changes & ~goes_on, rate)
+    return replace(state, **with_laws(state, rows, changes, drawn), rate=rate)
 
 
 def _within_bounds(mean: Array, covariance: Array, random: np.random.Generator) -> tuple[Array, Array]:

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from emaphm.prognosis.columns import ECCENTRICITY
 from emaphm.prognosis.from_fleet.outlook import Fellows
 from emaphm.prognosis.from_fleet.recalibration import Recalibration
 from emaphm.prognosis.from_fleet.references import References
-from emaphm.prognosis.laws import Mask, Numbers, in_common, rate_scale, transition
+from emaphm.prognosis.laws import AnyArray, Mask, Numbers, in_common, rate_scale, transition
 from emaphm.prognosis.settings import (
     AS_ANOTHER,
     CRACK_GROWTH,
@@ -36,6 +36,14 @@ Rows = NDArray[np.intp] | slice
 """Of arrays whose first axis is that of the particles."""
 
 EVERY_ROW = slice(None)
+
+
+def with_rows(before: AnyArray, rows: Rows, where: Mask, new: AnyArray) -> AnyArray:
+    """Return `before` (n, …) with `new` (k, …) in its `rows` (k,), `where` (k, …) is True."""
+    result = before.copy()
+    result[rows] = np.where(where, new, before[rows])
+    return result
+
 
 AS_THEY_WENT = 0.5
 """Share of a fleet's hypotheses that are ways which its units went; the others are their laws' parameters."""
@@ -188,6 +196,12 @@ def _log_uniform(
     """Return the `rows` of numbers of `shape` between `ends`, whose logarithms are uniform."""
     low, high = ends
     return np.asarray(np.exp(random.uniform(math.log(low), math.log(high), shape)[rows]))
+
+
+def with_laws(before: Any, rows: Rows, where: Mask, drawn: Hypotheses) -> dict[str, Any]:
+    """Return the fields of a belief or state that say its laws, those of `drawn` as in `with_rows`."""
+    names = ("law", "life_scale", "shape", "roughness", "unevenness")
+    return {name: with_rows(getattr(before, name), rows, where, getattr(drawn, name)) for name in names}
 
 
 def rate_when_new(hypotheses: Hypotheses, age: Array, settings: DegradationSettings) -> Array:

@@ -4,14 +4,13 @@ Each takes a belief and returns another; what does not change is not computed.
 """
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.laws import Mask, breaks, in_common, is_moving
-from emaphm.prognosis.prior import Hypotheses, Rows
+from emaphm.prognosis.prior import Hypotheses, Rows, with_laws
 from emaphm.prognosis.settings import AS_ANOTHER
 from emaphm.random_streams import stream
 
@@ -31,7 +30,7 @@ def with_changed_laws(belief: Belief, step: float) -> Belief:
     changes, law = changes[rows], belief.law[rows]
     goes_on = changes & is_moving(law) & (law != AS_ANOTHER) & is_moving(drawn.law)
     after = with_hypotheses(belief, rows, changes & ~goes_on, _of_same_stress(drawn, belief, rows))
-    return replace(after, **_with_laws(after, rows, goes_on, drawn))
+    return replace(after, **with_laws(after, rows, goes_on, drawn))
 
 
 def after_onset(belief: Belief, sets_in: Mask, random: np.random.Generator) -> Belief:
@@ -69,15 +68,6 @@ def scaled(belief: Belief, rows: Rows, of_level: Array, of_rate: Array) -> Belie
     return replace(belief, levels=levels, mixed=mixed, rates=rates)
 
 
-def _with_laws(belief: Belief, rows: Rows, where: Mask, drawn: Hypotheses) -> dict[str, Any]:
-    """Return the fields of a belief that say its laws, of `rows` those of `drawn` `where` (k, 8) is True."""
-    laws = {}
-    for name in ("law", "life_scale", "shape", "roughness", "unevenness"):
-        laws[name] = getattr(belief, name).copy()
-        laws[name][rows] = np.where(where, getattr(drawn, name), laws[name][rows])
-    return laws
-
-
 def with_hypotheses(belief: Belief, rows: Rows, where: Mask, drawn: Hypotheses) -> Belief:
     """Return the belief with other hypotheses and rates in `rows` (k,) `where` (k, 8) is True."""
     mixed, rates = belief.mixed.copy(), belief.rates.copy()
@@ -91,7 +81,7 @@ def with_hypotheses(belief: Belief, rows: Rows, where: Mask, drawn: Hypotheses) 
     exponents[row, column] = drawn.exponents[where]
     return replace(
         belief,
-        **_with_laws(belief, rows, where, drawn),
+        **with_laws(belief, rows, where, drawn),
         exponents=exponents,
         rate=rate,
         mixed=mixed,
