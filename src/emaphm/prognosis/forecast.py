@@ -111,8 +111,8 @@ def paths(
         part = np.where(sets_in, in_common(random.random(state.law.shape)), 1.0)
         if sets_in.any():
             rows = np.flatnonzero(sets_in.any(axis=1))
-            new = prior.after_onset(state.law.shape, random, rows)
-            shock = random.standard_normal(state.law.shape)[rows]
+            new = prior.after_onset((rows.size, state.law.shape[1]), random)
+            shock = random.standard_normal(new.rate.shape)
             rate = with_rows(state.rate, rows, sets_in[rows], new.rate + new.rate_deviation * shock)
             state = replace(state, **with_laws(state, rows, sets_in[rows], new), rate=rate)
         reach, growth = transition(
@@ -157,7 +157,7 @@ def _changed(state: State, step: float, prior: Prior, random: np.random.Generato
     if not rows.size:
         return state
     changes, law = changes[rows], state.law[rows]
-    drawn = prior.general(law.shape, state.aged[rows], random)
+    drawn = prior.general(state.aged[rows], random)
     rate = drawn.rate + drawn.rate_deviation * random.standard_normal(law.shape)
     goes_on = is_moving(law) & (law != AS_ANOTHER) & is_moving(drawn.law)
     rate = with_rows(state.rate, rows, changes & ~goes_on, rate)

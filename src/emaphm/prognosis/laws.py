@@ -152,8 +152,11 @@ def breaks(
     """
     of_its_own = is_moving(law) & (law != AS_ANOTHER)
     happens = in_common(random.random(law.shape)) < -np.expm1(-settings.breaks * hours / life_scale)
-    factor = np.exp(settings.break_factor * in_common(random.standard_normal(law.shape)))
-    return np.where(of_its_own & happens, factor, 1.0)
+    rows = np.flatnonzero(happens.any(axis=1))
+    factor = np.ones(law.shape)
+    shock = in_common(random.standard_normal((rows.size, law.shape[1])))
+    factor[rows] = np.where((of_its_own & happens)[rows], np.exp(settings.break_factor * shock), 1.0)
+    return factor
 
 
 def noises(

@@ -98,7 +98,7 @@ class Prior:
 
     def draw(self, particles: int, random: np.random.Generator, components: int = COMPONENTS) -> Hypotheses:
         """Return hypotheses of the first `components` of a new unit, each array (particles, components)."""
-        own = self.general((particles, components), np.zeros((particles, components)), random)
+        own = self.general(np.zeros((particles, components)), random)
         if self.fleet is None:
             return own
         rows = in_common(random.integers(len(self.fleet.law), size=own.law.shape))
@@ -150,28 +150,21 @@ class Prior:
             rate_deviation=np.where(where, deviation, drawn.rate_deviation),
         )
 
-    def general(
-        self, shape: tuple[int, ...], age: Array, random: np.random.Generator, rows: Rows = EVERY_ROW
-    ) -> Hypotheses:
-        """Return hypotheses by the settings alone, of components of that `age` [h], each of `shape`.
-
-        Of some `rows` (k,) of the shape only, where they are given: all random numbers are drawn, so that
-        they are what they are among all.
-        """
+    def general(self, age: Array, random: np.random.Generator) -> Hypotheses:
+        """Return hypotheses by the settings alone, of components of that `age` (n, c) [h], each (n, c)."""
         s = self.settings
-        law = random.choice(len(s.laws), size=shape, p=s.laws).astype(np.int8)[rows]
-        life_scale = _log_uniform(s.life_scale, random, shape, rows)
-        uniform = random.random(shape)[rows]
-        form = np.ones(law.shape)
+        law = random.choice(len(s.laws), size=age.shape, p=s.laws).astype(np.int8)
+        life_scale = _log_uniform(s.life_scale, random, age.shape)
+        uniform = random.random(age.shape)
+        form = np.ones(age.shape)
         for one, (low, high) in ((POWER_LAW, s.exponent), (EXPONENTIAL, s.growth), (CRACK_GROWTH, s.crack)):
             form = np.where(law == one, np.exp(np.log(low) + uniform * np.log(high / low)), form)
-        age = age[rows]
         # A crack that has not become infinite until now does so later.
         life_scale = np.where(law == CRACK_GROWTH, age + life_scale, life_scale)
         deviation = rate_scale(law, life_scale, form, age, s)
-        roughness = _log_uniform(s.roughness, random, shape, rows)
-        unevenness = _log_uniform(s.unevenness, random, shape, rows)
-        rate, exponents = np.zeros(law.shape), self._exponents(shape, random)[rows]
+        roughness = _log_uniform(s.roughness, random, age.shape)
+        unevenness = _log_uniform(s.unevenness, random, age.shape)
+        rate, exponents = np.zeros(age.shape), self._exponents(age.shape, random)
         drawn = Hypotheses(law, life_scale, form, roughness, unevenness, rate, deviation, exponents)
         return Hypotheses._make(in_common(one) for one in drawn)
 
@@ -181,21 +174,17 @@ class Prior:
         low, high = np.array(self.settings.exponents).T
         return np.asarray(random.uniform(low, high, (*shape, len(STRESSES))))
 
-    def after_onset(
-        self, shape: tuple[int, ...], random: np.random.Generator, rows: Rows = EVERY_ROW
-    ) -> Hypotheses:
-        """Return linear hypotheses for components whose degradation has just set in, as `general` does."""
-        drawn = self.general(shape, np.zeros(shape), random, rows)
+    def after_onset(self, shape: tuple[int, ...], random: np.random.Generator) -> Hypotheses:
+        """Return linear hypotheses for components whose degradation has just set in, each of `shape`."""
+        drawn = self.general(np.zeros(shape), random)
         law = np.full_like(drawn.law, LINEAR)
         return drawn._replace(law=law, rate_deviation=1 / drawn.life_scale)
 
 
-def _log_uniform(
-    ends: tuple[float, float], random: np.random.Generator, shape: tuple[int, ...], rows: Rows
-) -> Array:
-    """Return the `rows` of numbers of `shape` between `ends`, whose logarithms are uniform."""
+def _log_uniform(ends: tuple[float, float], random: np.random.Generator, shape: tuple[int, ...]) -> Array:
+    """Return numbers of `shape` between `ends`, whose logarithms are uniform."""
     low, high = ends
-    return np.asarray(np.exp(random.uniform(math.log(low), math.log(high), shape)[rows]))
+    return np.asarray(np.exp(random.uniform(math.log(low), math.log(high), shape)))
 
 
 def with_laws(before: Any, rows: Rows, where: Mask, drawn: Hypotheses) -> dict[str, Any]:

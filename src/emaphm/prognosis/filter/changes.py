@@ -26,7 +26,7 @@ def with_changed_laws(belief: Belief, step: float) -> Belief:
     if not changes.any():
         return belief
     rows = np.flatnonzero(changes.any(axis=1))
-    drawn = belief.prior.general(belief.law.shape, belief.aged, random, rows)
+    drawn = belief.prior.general(belief.aged[rows], random)
     changes, law = changes[rows], belief.law[rows]
     goes_on = changes & is_moving(law) & (law != AS_ANOTHER) & is_moving(drawn.law)
     after = with_hypotheses(belief, rows, changes & ~goes_on, _of_same_stress(drawn, belief, rows))
@@ -36,7 +36,7 @@ def with_changed_laws(belief: Belief, step: float) -> Belief:
 def after_onset(belief: Belief, sets_in: Mask, random: np.random.Generator) -> Belief:
     """Return the belief with new rates where degradation `sets_in`, (n, 8) of True and False."""
     rows = np.flatnonzero(sets_in.any(axis=1))
-    drawn = belief.prior.after_onset(belief.law.shape, random, rows)
+    drawn = belief.prior.after_onset((rows.size, belief.law.shape[1]), random)
     return with_hypotheses(belief, rows, sets_in[rows], _of_same_stress(drawn, belief, rows))
 
 

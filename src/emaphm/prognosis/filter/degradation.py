@@ -91,9 +91,9 @@ def predicted(belief: Belief, hours: float, exposed: Exposure | None = None) -> 
         reach = np.where(sets_in, step * in_common(random.random(reach.shape)), reach)
     # x⁺ = x + d v, v⁺ = g v: F = [[I, diag d], [0, diag g]], so that P⁺ = F P Fᵀ + Q needs no matrix product.
     across = belief.mixed * reach[:, np.newaxis, :]
-    levels = belief.levels + across + np.swapaxes(across, 1, 2)
-    levels += belief.rates * reach[:, :, np.newaxis] * reach[:, np.newaxis, :]
-    mixed = (belief.mixed + belief.rates * reach[:, :, np.newaxis]) * growth[:, np.newaxis, :]
+    by_rates = belief.rates * reach[:, :, np.newaxis]
+    levels = belief.levels + across + np.swapaxes(across, 1, 2) + by_rates * reach[:, np.newaxis, :]
+    mixed = (belief.mixed + by_rates) * growth[:, np.newaxis, :]
     rates = belief.rates * growth[:, :, np.newaxis] * growth[:, np.newaxis, :]
     own = np.einsum("nii->ni", belief.rates)
     of_age = belief.unevenness**2 * belief.life_scale * step
@@ -136,16 +136,12 @@ def updated(belief: Belief, estimate: Array, covariance: Array, settings: Filter
     """
     innovation = estimate - belief.level
     belief, total, log_likelihood = _taken(belief, innovation, covariance, settings)
-    count = belief.level.shape[1]
-    sides = np.concatenate([innovation[:, :, np.newaxis], belief.levels, belief.mixed], axis=2)
-    solved = np.linalg.solve(total, sides)
-    seen, of_levels, of_mixed = (
-        solved[:, :, :1],
-        solved[:, :, 1 : 1 + count],
-        solved[:, :, 1 + count :],
-    )
-    to_rates = np.swapaxes(belief.mixed, 1, 2)
-    levels = belief.levels - belief.levels @ of_levels
+    # With S = L Lᵀ, A = L⁻¹ P and B = L⁻¹ M: P⁺ = P - Aᵀ A, M⁺ = M - Aᵀ B, V⁺ = V - Bᵀ B.
+    inverse = _inverse_root(total)
+    seen = inverse @ innovation[:, :, np.newaxis]
+    of_levels, of_mixed = inverse @ belief.levels, inverse @ belief.mixed
+    to_levels, to_rates = np.swapaxes(of_levels, 1, 2), np.swapaxes(of_mixed, 1, 2)
+    levels = belief.levels - to_levels @ of_levels
     rates = belief.rates - to_rates @ of_mixed
     for part, least in ((levels, LEAST_VARIANCE), (rates, 0.0)):
         diagonal = np.einsum("nii->ni", part)
@@ -157,11 +153,11 @@ def updated(belief: Belief, estimate: Array, covariance: Array, settings: Filter
     log_weights -= likelihood
     after = replace(
         belief,
-        level=belief.level + (belief.levels @ seen)[:, :, 0],
+        level=belief.level + (to_levels @ seen)[:, :, 0],
         rate=belief.rate + (to_rates @ seen)[:, :, 0],
         # Kept symmetric: what rounding leaves would grow with the rates of an exponential law.
         levels=(levels + np.swapaxes(levels, 1, 2)) / 2,
-        mixed=belief.mixed - belief.levels @ of_mixed,
+        mixed=belief.mixed - to_levels @ of_mixed,
         rates=(rates + np.swapaxes(rates, 1, 2)) / 2,
         aged=np.maximum(belief.aged + _age_seen(belief.age_and_level, innovation, total), belief.aged / 2),
         age_and_level=np.zeros_like(belief.aged),
@@ -171,6 +167,19 @@ def updated(belief: Belief, estimate: Array, covariance: Array, settings: Filter
     )
     few = after.effective_number < settings.effective_share * len(log_weights)
     return _resampled(after, few, settings) if few.any() else after
+
+
+def _inverse_root(covariances: Array) -> Array:
+    """Return L⁻¹ (n, 8, 8) of positive definite `covariances` L Lᵀ, L lower triangular.
+
+    Row by row, for all particles at once: a call of LAPACK for each takes several times as long.
+    """
+    root = np.ascontiguousarray(np.moveaxis(np.linalg.cholesky(covariances), 0, -1))
+    inverse = np.zeros_like(root)
+    for i, row in enumerate(root):
+        inverse[i, i] = 1 / row[i]
+        inverse[i, :i] = -inverse[i, i] * np.einsum("kn,kjn->jn", row[:i], inverse[:i, :i])
+    return np.ascontiguousarray(np.moveaxis(inverse, -1, 0))
 
 
 class _Taken(NamedTuple):
@@ -243,9 +252,11 @@ def _age_seen(age_and_level: Array, innovation: Array, total: Array) -> Array:
     result = np.asarray(age_and_level * innovation / np.einsum("nii->ni", total))
     if has_plane(innovation.shape[1]):
         plane = np.ix_(range(len(total)), ECCENTRICITY, ECCENTRICITY)
-        solved = np.linalg.solve(total[plane], innovation[:, ECCENTRICITY, np.newaxis])[:, :, 0]
-        seen = np.einsum("ni,ni->n", age_and_level[:, ECCENTRICITY], solved)
-        result[:, ECCENTRICITY] = seen[:, np.newaxis]
+        inverse = _inverse_root(total[plane])
+        by_age, by_level = (
+            np.einsum("nij,nj->in", inverse, one[:, ECCENTRICITY]) for one in (age_and_level, innovation)
+        )
+        result[:, ECCENTRICITY] = np.sum(by_age * by_level, axis=0)[:, np.newaxis]
     return result
 
 

@@ -32,22 +32,22 @@ def recombined(belief: Belief, rows: NDArray[np.intp]) -> Belief:
     a, k, s = _own(belief)
     inverse_a, inverse_s = 1 / a, np.divide(1.0, s, out=np.zeros_like(s), where=s > 0)
     w = belief.weights.mean(axis=1)
-    k_rows, k_columns = k[:, :, np.newaxis], k[:, np.newaxis, :]
-    back = np.swapaxes(belief.mixed, 1, 2)
-    of_v = belief.rates - k_rows * belief.mixed - back * k_columns + k_rows * k_columns * belief.levels
+    given_level = belief.mixed - belief.levels * k[:, np.newaxis, :]
+    of_v = belief.rates - k[:, :, np.newaxis] * given_level
+    of_v -= np.swapaxes(belief.mixed, 1, 2) * k[:, np.newaxis, :]
     levels = _mean_product(w, belief.levels, inverse_a, inverse_a)
-    mixed = _mean_product(w, belief.mixed - belief.levels * k_columns, inverse_a, inverse_s)
+    mixed = _mean_product(w, given_level, inverse_a, inverse_s)
     rates = _mean_product(w, of_v, inverse_s, inverse_s)
     np.fill_diagonal(levels, 1.0)
     np.fill_diagonal(mixed, 0.0)
     np.fill_diagonal(rates, 1.0)
     columns = np.arange(belief.law.shape[1])
     a, k, s = a[rows, columns], k[rows, columns], s[rows, columns]
-    k_rows, k_columns = k[:, :, np.newaxis], k[:, np.newaxis, :]
     new_levels = levels * a[:, :, np.newaxis] * a[:, np.newaxis, :]
-    new_mixed = mixed * a[:, :, np.newaxis] * s[:, np.newaxis, :] + new_levels * k_columns
-    new_rates = rates * s[:, :, np.newaxis] * s[:, np.newaxis, :] + k_rows * new_mixed
-    new_rates += np.swapaxes(new_mixed, 1, 2) * k_columns - k_rows * k_columns * new_levels
+    given_level = mixed * a[:, :, np.newaxis] * s[:, np.newaxis, :]
+    new_mixed = given_level + new_levels * k[:, np.newaxis, :]
+    new_rates = rates * s[:, :, np.newaxis] * s[:, np.newaxis, :] + k[:, :, np.newaxis] * new_mixed
+    new_rates += np.swapaxes(given_level, 1, 2) * k[:, np.newaxis, :]
     return replace(
         belief,
         aged=belief.aged[rows, columns],
@@ -78,7 +78,8 @@ def _own(belief: Belief) -> tuple[Array, Array, Array]:
 
 def _mean_product(weights: Array, values: Array, left: Array, right: Array) -> Array:
     """Return the weighted mean of diag(left) values diag(right), (8, 8)."""
-    return np.asarray(np.einsum("n,nij,ni,nj->ij", weights, values, left, right, optimize=True))
+    weighted = weights[:, np.newaxis] * left
+    return np.asarray(np.einsum("nij,ni,nj->ij", values, weighted, right))
 
 
 class Kinds(NamedTuple):
