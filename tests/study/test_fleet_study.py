@@ -18,7 +18,7 @@ from emaphm.study.fleet.baselines import last_slope, mean_life, one_filter_a_com
 from emaphm.study.fleet.diagnoses import Quality, quality
 from emaphm.study.fleet.drawn import Pool, drawn_evidence
 from emaphm.study.fleet.informed import Component, informed
-from emaphm.study.fleet.judging import SHARES, WAYS, WITH_FLEET
+from emaphm.study.fleet.judging import INFORMED, SHARES, WAYS, WITH_FLEET
 from emaphm.study.fleet.run import DRAWN, PARTS, PLAN, RECORDED, without_part
 from emaphm.study.fleet.scores import alpha_lambda_interval, scores, warnings
 
@@ -98,7 +98,9 @@ def made_up(unit: int, *, good: bool) -> dict[str, Any]:
         "diagnoses": 10,
         "explained": 10,
         "ways": {way: {str(share): one for share in SHARES} for way in WAYS},
-        "warned": {"remaining": 550.0 if good else None, "track": track},
+        "warned": {
+            way: {"remaining": 550.0 if good else None, "track": track} for way in (WITH_FLEET, INFORMED)
+        },
     }
 
 
@@ -108,7 +110,7 @@ def test_each_unit_is_judged_once_by_a_fleet_without_it() -> None:
     assert sorted(unit for judged, _ in parted for unit in judged) == units
     for judged, fleet in parted:
         assert sorted([*judged, *fleet]) == units
-        assert len(judged) == 4
+        assert len(judged) == 8
 
 
 def test_scores_count_units() -> None:
@@ -116,7 +118,7 @@ def test_scores_count_units() -> None:
     found = scores(units, WITH_FLEET, 0.5)
     assert (found.alpha_lambda, found.coverage, found.late, found.crps) == (0.75, 0.75, 0.25, 175.0)
     assert (found.error, found.width) == (0.0, 1.5)
-    assert warnings(units) == [0.5, 0.5, 0.5, 0.0]
+    assert warnings(units, WITH_FLEET) == [0.5, 0.5, 0.5, 0.0]
     # Of 3 of 4 units, by scipy.stats.binomtest(3, 4).proportion_ci(0.9, "wilson").
     assert alpha_lambda_interval(found) == pytest.approx((0.35617, 0.94209), abs=5e-5)
 
@@ -128,6 +130,8 @@ def test_the_page_says_synthetic_and_holds_every_way() -> None:
     assert "Every unit here is synthetic" in text
     assert all(way in text for way in WAYS)
     assert "logistic (unknown to the filter)" in text
+    assert "3 of 4 units are warned of in time (75.0 %)" in text
+    assert "SYNTHETIC-3 fails by friction (logistic) after 1,100 h. 0.0 % of its life are left" in text
     assert set(figures) == {"scores", "tracks", "calibration"}
     assert all(picture.startswith(b"<?xml") for picture in figures.values())
 

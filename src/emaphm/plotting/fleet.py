@@ -91,7 +91,7 @@ def draw_tracks(units: Sequence[Mapping[str, Any]]) -> "Figure":
 
 
 def _track(axis: "Axes", one: Mapping[str, Any]) -> None:
-    hours, low, median, high = np.array(one["warned"]["track"]).T
+    hours, low, median, high = np.array(one["warned"][WITH_FLEET]["track"]).T
     failure = one["failure"]
     true = failure - hours
     axis.fill_between(hours, low, high, color=BLUE, alpha=0.2, linewidth=0, label="90 %")

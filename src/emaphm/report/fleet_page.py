@@ -267,7 +267,7 @@ def _shortfalls(units: Units) -> Iterator[str]:
             short.append(f"alpha-lambda at λ = {share:g} ({parts} of the clairvoyants')")
         if not ASKED_COVERAGE[0] <= (ours.coverage or 0) <= ASKED_COVERAGE[1]:
             short.append(f"coverage at λ = {share:g} ({100 * (ours.coverage or 0):.0f} %)")
-    in_time = float(np.mean(np.array(warnings(units)) >= WARNING_SHARE))
+    in_time = float(np.mean(np.array(warnings(units, WITH_FLEET)) >= WARNING_SHARE))
     if in_time < ASKED_WARNED:
         short.append(f"warnings in time ({100 * in_time:.0f} %)")
     yield f"\n**Not reached**: {', '.join(short)}." if short else "\nAll that was asked is reached."
@@ -304,14 +304,29 @@ def _warnings(units: Units) -> Iterator[str]:
         f"{100 * RISK:g} %, which is `--horizon {HORIZON_H:g}` with the usual risk. Asked: no failure "
         f"without a warning {100 * WARNING_SHARE:.0f} % of life before it, in {100 * ASKED_WARNED:.0f} %.\n"
     )
-    remaining = np.array(warnings(units))
-    low, middle, high = np.quantile(remaining, (0.05, 0.5, 0.95))
-    in_time = int(np.sum(remaining >= WARNING_SHARE))
-    yield (
-        f"With the fleet's prior, {in_time} of {len(units)} units are warned of in time "
-        f"({100 * in_time / len(units):.0f} %); at the first warning {100 * middle:.0f} % of life remain "
-        f"(median; 5 to 95 %: {100 * low:.0f} to {100 * high:.0f} %)."
-    )
+    for way in (WITH_FLEET, INFORMED):
+        remaining = np.array(warnings(units, way))
+        low, middle, high = np.quantile(remaining, (0.05, 0.5, 0.95))
+        in_time = int(np.sum(remaining >= WARNING_SHARE))
+        yield (
+            f"- *{way}*: {in_time} of {len(units)} units are warned of in time "
+            f"({100 * in_time / len(units):.1f} %); at the first warning {100 * middle:.0f} % of life remain "
+            f"(median; 5 to 95 %: {100 * low:.0f} to {100 * high:.0f} %)."
+        )
+    yield from _missed(units)
+
+
+def _missed(units: Units) -> Iterator[str]:
+    """Say of each unit that ours does not warn of in time how much of its life is left by each way."""
+    shares = {way: warnings(units, way) for way in (WITH_FLEET, INFORMED)}
+    missed = [i for i, share in enumerate(shares[WITH_FLEET]) if share < WARNING_SHARE]
+    for i in missed:
+        left = {way: f"{100 * share[i]:.1f} %" for way, share in shares.items()}
+        yield (
+            f"- {units[i]['unit']} fails by {units[i]['failed']} ({units[i]['law']}) after "
+            f"{units[i]['failure']:,.0f} h. {left[WITH_FLEET]} of its life are left at our first warning, "
+            f"{left[INFORMED]} at that by Bayes' rule."
+        )
 
 
 def _by_law(units: Units) -> str:

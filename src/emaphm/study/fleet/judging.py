@@ -64,7 +64,7 @@ class Case:
 def judged(
     case: Case, plan: FleetPlan, actuator: Actuator, seed: int, *, tracked: bool = True
 ) -> dict[str, Any]:
-    """Return the scores of each way at each share of life; if `tracked`, when ours first warns.
+    """Return the scores of each way at each share of life; if `tracked`, when ours and Bayes' first warn.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def judged(
     failure = float(case.unit.failure or np.inf)
     chosen = [int(np.searchsorted(flights, _reached(flights, failure, one), "right")) - 1 for one in SHARES]
     ways: dict[str, dict[str, Any]] = {}
-    warned: dict[str, Any] | None = None
+    warned: dict[str, dict[str, Any]] = {}
     for name, prior in ((WITH_FLEET, case.prior), (WITH_LARGER, case.larger), (ALONE, Prior())):
         if prior is None:
             continue
@@ -85,16 +85,18 @@ def judged(
             str(share): _scores(*sample, failure) for share, sample in zip(SHARES, samples, strict=True)
         }
         if tracked and name == WITH_FLEET:
-            warned = _warning(lives(past, case.evidence, actuator, settings=TRACKED), failure)
-    known = informed(case.evidence, plan, chosen)
+            warned[name] = _warning(lives(past, case.evidence, actuator, settings=TRACKED), failure)
+    known = informed(case.evidence, plan, range(len(flights)))
+    if tracked:
+        warned[INFORMED] = _warning(list(zip(flights.tolist(), known, strict=True)), failure)
     knowing_level = _knowing_law_and_level(case.unit, plan, flights[chosen])
-    for share, i, by_population, by_level in zip(SHARES, chosen, known, knowing_level, strict=True):
+    for share, i, by_level in zip(SHARES, chosen, knowing_level, strict=True):
         hours = float(flights[i])
         until = _until(case.evidence, i)
         others: dict[str, Array] = {
             CLAIRVOYANT: clairvoyant(case.unit, hours, plan),
             LAW_AND_LEVEL: by_level,
-            INFORMED: by_population,
+            INFORMED: known[i],
             FILTER: one_filter_a_component(until, actuator, seed),
             LINE: last_slope(until, actuator),
             MEAN: mean_life(hours, case.lives),

@@ -20,14 +20,14 @@ from emaphm.prognosis import Evidence, Prior, fleet_prior
 from emaphm.study.fleet.drawn import Pool, drawn_evidence
 from emaphm.study.fleet.judging import Case, judged
 
-PLAN = FleetPlan(units=52, flights=70, interval=100.0, seed=1)
+PLAN = FleetPlan(units=104, flights=70, interval=100.0, seed=1)
 """Of the recorded level: all but one or two units fail within 7,000 h."""
 
 MANY = FleetPlan(units=140, flights=70, interval=100.0, seed=2)
 """Of the level with drawn diagnoses."""
 
 PARTS = 13
-"""Of the recorded level, each judged with the other parts for its fleet: 48 of 52 units."""
+"""Of the recorded level, each judged with the other parts for its fleet: 96 of 104 units."""
 
 RESULTS = "results.sqlite"
 

@@ -86,9 +86,9 @@ def alpha_lambda_interval(score: Scores) -> tuple[float, float]:
     return float((centre - half) / (1 + z**2 / n)), float((centre + half) / (1 + z**2 / n))
 
 
-def warnings(units: Sequence[Mapping[str, Any]]) -> list[float]:
-    """Return the share of life [-] that remained at each unit's first warning, 0 without one."""
-    return [(one["warned"]["remaining"] or 0.0) / one["failure"] for one in units]
+def warnings(units: Sequence[Mapping[str, Any]], way: str) -> list[float]:
+    """Return the share of life [-] that remained at each unit's first warning by a `way`, 0 without one."""
+    return [(one["warned"][way]["remaining"] or 0.0) / one["failure"] for one in units]
 
 
 def ways(units: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
