@@ -15,6 +15,7 @@ from emaphm.amortized.drawing import PRIOR, SHORTS
 from emaphm.amortized.estimator import Estimator
 from emaphm.amortized.likeness import Unlikeness, unlikeness
 from emaphm.amortized.networks.mixture import Mixture
+from emaphm.blas_threads import one_blas_thread
 from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.diagnosis.diagnose import moves_at, nuisance_estimates
 from emaphm.diagnosis.explanation.alternatives import beyond_a_delay
@@ -57,6 +58,7 @@ SAMPLES = 1000
 """Samples of the answer that its credible intervals are taken from."""
 
 
+@one_blas_thread()
 def diagnose_by(
     estimator: Estimator,
     recording: Recording,
@@ -134,6 +136,7 @@ def diagnose_by(
     return replace(diagnosis, seconds=time.perf_counter() - began)
 
 
+@one_blas_thread()
 def answer_alone(
     estimator: Estimator, recording: Recording, actuator: Actuator, *, seed: int = 0
 ) -> Diagnosis | tuple[str, ...]:

@@ -16,6 +16,7 @@ from emaphm.amortized.networks.projection import Projection
 from emaphm.amortized.recording_setup import RecordingSetup, actuator_hash, rows_of
 from emaphm.amortized.simulating import block_of, in_blocks
 from emaphm.arrays import Array
+from emaphm.blas_threads import one_blas_thread
 from emaphm.errors import MethodError
 from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.recording import Recording
@@ -102,6 +103,7 @@ class Estimator:
         """Return what the network reads of a recording that `check` has accepted, (1, channels, blocks)."""
         return in_blocks(rows_of(recording, self.setup.channels), block_of(self.setup.samples))
 
+    @one_blas_thread()
     def answers(self, rows: Single, inputs: Inputs) -> list[Mixture]:
         """Return what is known of each of many recordings (n), all driven by `inputs`."""
         return calibrated_answers(self.setup, self.network, self.update, self.temperature, rows, inputs)

@@ -43,6 +43,7 @@ from emaphm.amortized.simulating import (
     training_folder,
 )
 from emaphm.arrays import Array
+from emaphm.blas_threads import one_blas_thread
 from emaphm.errors import MethodError
 from emaphm.execution import check_workers
 from emaphm.random_streams import stream
@@ -231,10 +232,8 @@ def _of_parts(of_part: Callable[[TrainingSet, int], Part], draws: TrainingSet) -
     The averaged model lets other threads run meanwhile. So does linear algebra, whose own threads would
     compete with these: it has one for each. What a part draws must depend on its number alone.
     """
-    from threadpoolctl import threadpool_limits
-
     parts = range(-(-len(draws) // SHARD_DRAWS))
-    with threadpool_limits(1), ThreadPoolExecutor(os.cpu_count()) as pool:
+    with one_blas_thread(), ThreadPoolExecutor(os.cpu_count()) as pool:
         return list(pool.map(lambda i: of_part(draws.part(i * SHARD_DRAWS, (i + 1) * SHARD_DRAWS), i), parts))
 
 

@@ -9,6 +9,7 @@ from emaphm.actuator import Actuator
 from emaphm.actuator.baseline import Baseline
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.actuator.model_error import NOT_LEARNED
+from emaphm.blas_threads import one_blas_thread
 from emaphm.calibration import sensor_lag
 from emaphm.calibration.campaign import CampaignRow, Recordings, campaign_rows, check_row
 from emaphm.calibration.conditions import check_nuisances
@@ -41,6 +42,7 @@ CALIBRATED = ", calibrated"
 """What the name of a calibrated actuator ends with."""
 
 
+@one_blas_thread()
 def calibrate(
     recordings: Recordings,
     actuator: Actuator,

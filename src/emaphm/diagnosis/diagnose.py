@@ -8,6 +8,7 @@ import numpy as np
 
 from emaphm.actuator import Actuator
 from emaphm.arrays import Array
+from emaphm.blas_threads import one_blas_thread
 from emaphm.diagnosis.explanation.alternatives import with_alternatives
 from emaphm.diagnosis.explanation.reasons import idle_channels, reasons_against, unseen_inertia
 from emaphm.diagnosis.explanation.without_fault import tested_by_refits
@@ -48,6 +49,7 @@ LEAST_MOTION = 0.01
 """Share of the command's range that the position covers at least where a manoeuvre moves the actuator."""
 
 
+@one_blas_thread()
 def diagnose(
     recording: Recording,
     actuator: Actuator,

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from emaphm.actuator import Actuator, Chirp, Command
+from emaphm.blas_threads import one_blas_thread
 from emaphm.errors import MethodError, SignalError
 from emaphm.estimation.discrepancy import LONGEST_S
 from emaphm.experiment.candidate_search import (
@@ -28,6 +29,7 @@ SEARCHED, CHOSEN = 0.5, 0.75
 """Shares of the time after which the search and the choice of a finalist are done."""
 
 
+@one_blas_thread()
 def design(
     actuator: Actuator,
     command: Command = Chirp(),  # noqa: B008 - frozen

@@ -8,6 +8,7 @@ import numpy as np
 
 from emaphm.actuator import Actuator
 from emaphm.arrays import Array
+from emaphm.blas_threads import one_blas_thread
 from emaphm.diagnosis.diagnose import conclude
 from emaphm.diagnosis.joint.alone import METHOD, alone_estimates, search_alone
 from emaphm.diagnosis.joint.conclusion import conclusion
@@ -31,6 +32,7 @@ ALONE_SHARE = 0.6
 """Share of the time that the searches of single recordings take."""
 
 
+@one_blas_thread()
 def diagnose_joint(
     recordings: Sequence[Recording],
     actuator: Actuator,

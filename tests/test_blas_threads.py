@@ -1,0 +1,44 @@
+"""Linear algebra on one thread while the package computes, and on as many as before after it."""
+
+from contextlib import ExitStack
+
+import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
+
+import emaphm as ema
+from cases import THESIS
+from emaphm.blas_threads import one_blas_thread
+
+
+def threads() -> set[int]:
+    return {library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"}
+
+
+def test_the_last_to_leave_gives_the_threads_back() -> None:
+    with threadpool_limits(2, user_api="blas"):
+        first, second = ExitStack(), ExitStack()
+        first.enter_context(one_blas_thread())
+        second.enter_context(one_blas_thread())
+        first.close()
+        assert threads() == {1}
+        second.close()
+        assert threads() == {2}
+
+
+def test_threads_are_given_back_after_an_error() -> None:
+    @one_blas_thread()
+    def fails() -> None:
+        raise KeyError("x")
+
+    with threadpool_limits(2, user_api="blas"):
+        with pytest.raises(KeyError, match="x"):
+            fails()
+        assert threads() == {2}
+
+
+def test_a_diagnosis_uses_one_thread() -> None:
+    recording = ema.simulate(THESIS, ema.Chirp(amplitude=5e-3, stop_hz=15))
+    seen: set[int] = set()
+    with threadpool_limits(2, user_api="blas"):
+        ema.diagnose(recording, THESIS, max_corrections=0, on_progress=lambda _: seen.update(threads()))
+    assert seen == {1}
