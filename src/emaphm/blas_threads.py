@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cached_property
 from typing import Any
 
 
@@ -14,12 +15,17 @@ class _Limit:
         self._users = 0
         self._held: Any = None
 
-    def enter(self) -> None:
-        from threadpoolctl import threadpool_limits
+    @cached_property
+    def _libraries(self) -> Any:
+        """NumPy's library, looked for once: that takes a millisecond, a third of an estimator's answer."""
+        from threadpoolctl import ThreadpoolController
 
+        return ThreadpoolController()
+
+    def enter(self) -> None:
         with self._lock:
             if not self._users:
-                self._held = threadpool_limits(1, user_api="blas")
+                self._held = self._libraries.limit(limits=1, user_api="blas")
             self._users += 1
 
     def leave(self) -> None:
