@@ -12,8 +12,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from emaphm.errors import EmaphmError, StudyError
 from emaphm.fleet.synthetic import drawn_unit
 from emaphm.fleet.synthetic.growth import LAWS
@@ -22,15 +20,14 @@ from emaphm.output_files import make_folder, written_whole
 from emaphm.plotting.fleet import draw_calibration, draw_scores, draw_tracks
 from emaphm.plotting.svg import plain_style, svg
 from emaphm.prognosis.metrics import coverage
+from emaphm.report.fleet_warnings import ASKED_WARNED, said_of_warnings, share_in_time
 from emaphm.report.markdown import incomplete, table
 from emaphm.study.fleet.diagnoses import Quality, quality
 from emaphm.study.fleet.judging import (
     ALONE,
     CLAIRVOYANT,
-    HORIZON_H,
     INFORMED,
     LAW_AND_LEVEL,
-    RISK,
     SHARES,
     WITH_FLEET,
     WITH_LARGER,
@@ -47,7 +44,7 @@ from emaphm.study.fleet.run import (
     recorded_fleet,
     results,
 )
-from emaphm.study.fleet.scores import HEADER, alpha_lambda_interval, scores, warnings, ways
+from emaphm.study.fleet.scores import HEADER, alpha_lambda_interval, scores, ways
 
 Units = Sequence[Mapping[str, Any]]
 
@@ -81,11 +78,6 @@ ASKED_SHARE = 0.9
 """Of the clairvoyants' alpha-lambda that ours shall reach."""
 
 ASKED_COVERAGE = (0.85, 0.95)
-
-WARNING_SHARE = 0.1
-"""Of life that a warning shall come before the failure."""
-
-ASKED_WARNED = 0.99
 
 TRACKS = (
     "Predicted with the fleet's prior from each unit's own past: median and 90 % interval, the true RUL "
@@ -158,7 +150,7 @@ def fleet_page(
         "\n## Over a life\n",
         f"![RUL over the life of synthetic units]({folder}/tracks.svg)\n",
         TRACKS,
-        *_warnings(recorded),
+        *said_of_warnings(recorded),
         "\n## By what fails\n",
         _by_law([*recorded, *drawn]),
         "\n## Calibration\n",
@@ -267,9 +259,9 @@ def _shortfalls(units: Units) -> Iterator[str]:
             short.append(f"alpha-lambda at λ = {share:g} ({parts} of the clairvoyants')")
         if not ASKED_COVERAGE[0] <= (ours.coverage or 0) <= ASKED_COVERAGE[1]:
             short.append(f"coverage at λ = {share:g} ({100 * (ours.coverage or 0):.0f} %)")
-    in_time = float(np.mean(np.array(warnings(units, WITH_FLEET)) >= WARNING_SHARE))
+    in_time = share_in_time(units, WITH_FLEET)
     if in_time < ASKED_WARNED:
-        short.append(f"warnings in time ({100 * in_time:.0f} %)")
+        short.append(f"warnings in time ({100 * in_time:.1f} %)")
     yield f"\n**Not reached**: {', '.join(short)}." if short else "\nAll that was asked is reached."
 
 
@@ -296,37 +288,6 @@ def _new_unit(units: Units) -> Iterator[str]:
         f"{100 * (ours.coverage or 0):.0f} % of the true ones; without, {alone.crps:,.0f} h, "
         f"{alone.width:.1f} times, and {100 * (alone.coverage or 0):.0f} %."
     )
-
-
-def _warnings(units: Units) -> Iterator[str]:
-    yield (
-        f"A unit is warned of where its probability of failure within {HORIZON_H:g} h exceeds "
-        f"{100 * RISK:g} %, which is `--horizon {HORIZON_H:g}` with the usual risk. Asked: no failure "
-        f"without a warning {100 * WARNING_SHARE:.0f} % of life before it, in {100 * ASKED_WARNED:.0f} %.\n"
-    )
-    for way in (WITH_FLEET, INFORMED):
-        remaining = np.array(warnings(units, way))
-        low, middle, high = np.quantile(remaining, (0.05, 0.5, 0.95))
-        in_time = int(np.sum(remaining >= WARNING_SHARE))
-        yield (
-            f"- *{way}*: {in_time} of {len(units)} units are warned of in time "
-            f"({100 * in_time / len(units):.1f} %); at the first warning {100 * middle:.0f} % of life remain "
-            f"(median; 5 to 95 %: {100 * low:.0f} to {100 * high:.0f} %)."
-        )
-    yield from _missed(units)
-
-
-def _missed(units: Units) -> Iterator[str]:
-    """Say of each unit that ours does not warn of in time how much of its life is left by each way."""
-    shares = {way: warnings(units, way) for way in (WITH_FLEET, INFORMED)}
-    missed = [i for i, share in enumerate(shares[WITH_FLEET]) if share < WARNING_SHARE]
-    for i in missed:
-        left = {way: f"{100 * share[i]:.1f} %" for way, share in shares.items()}
-        yield (
-            f"- {units[i]['unit']} fails by {units[i]['failed']} ({units[i]['law']}) after "
-            f"{units[i]['failure']:,.0f} h. {left[WITH_FLEET]} of its life are left at our first warning, "
-            f"{left[INFORMED]} at that by Bayes' rule."
-        )
 
 
 def _by_law(units: Units) -> str:

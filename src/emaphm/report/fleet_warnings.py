@@ -1,0 +1,45 @@
+"""What the page of the synthetic fleet says of warnings before a failure."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from emaphm.study.fleet.judging import HORIZON_H, INFORMED, RISK, WITH_FLEET
+from emaphm.study.fleet.scores import warnings
+
+WARNING_SHARE = 0.1
+"""Of life, that a warning comes before the failure at least."""
+
+ASKED_WARNED = 0.99
+"""Share of the failures that are warned of so early."""
+
+
+def share_in_time(units: Sequence[Mapping[str, Any]], way: str) -> float:
+    """Return the share of `units`, as `judged` gives them, that a `way` of predicting warns of in time."""
+    return float(np.mean(np.array(warnings(units, way)) >= WARNING_SHARE))
+
+
+def said_of_warnings(units: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """Yield the lines of the page: ours and Bayes' rule, and each unit that ours does not warn of in time."""
+    yield (
+        f"A unit is warned of where its probability of failure within {HORIZON_H:g} h exceeds "
+        f"{100 * RISK:g} %, which is `--horizon {HORIZON_H:g}` with the usual risk. Asked: no failure "
+        f"without a warning {100 * WARNING_SHARE:.0f} % of life before it, in {100 * ASKED_WARNED:.0f} %.\n"
+    )
+    for way in (WITH_FLEET, INFORMED):
+        low, middle, high = np.quantile(warnings(units, way), (0.05, 0.5, 0.95))
+        share = share_in_time(units, way)
+        yield (
+            f"- *{way}*: {round(share * len(units))} of {len(units)} units are warned of in time "
+            f"({100 * share:.1f} %); at the first warning {100 * middle:.0f} % of life remain "
+            f"(median; 5 to 95 %: {100 * low:.0f} to {100 * high:.0f} %)."
+        )
+    ours, bayes = (warnings(units, way) for way in (WITH_FLEET, INFORMED))
+    for one, left, by_bayes in zip(units, ours, bayes, strict=True):
+        if left < WARNING_SHARE:
+            yield (
+                f"- {one['unit']} fails by {one['failed']} ({one['law']}) after {one['failure']:,.0f} h. "
+                f"{100 * left:.1f} % of its life are left at our first warning, {100 * by_bayes:.1f} % at "
+                "that by Bayes' rule."
+            )
