@@ -3,7 +3,6 @@
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import cached_property
 from typing import Any
 
 
@@ -15,17 +14,12 @@ class _Limit:
         self._users = 0
         self._held: Any = None
 
-    @cached_property
-    def _libraries(self) -> Any:
-        """NumPy's library, looked for once: that takes a millisecond, a third of an estimator's answer."""
-        from threadpoolctl import ThreadpoolController
-
-        return ThreadpoolController()
-
     def enter(self) -> None:
+        from threadpoolctl import threadpool_limits
+
         with self._lock:
             if not self._users:
-                self._held = self._libraries.limit(limits=1, user_api="blas")
+                self._held = threadpool_limits(1, user_api="blas")
             self._users += 1
 
     def leave(self) -> None:
@@ -40,11 +34,12 @@ _LIMIT = _Limit()
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Keep NumPy's linear algebra to one thread, in a block or in a function that this decorates.
+    """Keep linear algebra to one thread, in a block or in a function that this decorates.
 
     A second thread waits for work most of the time, and takes a core while it waits: a diagnosis needs 1.6
     times the processor time with it, on a machine that does something else also 1.5 times as long. The limit
-    is the whole process's, until the last of those leave that asked for it.
+    is the whole process's, until the last of those leave that asked for it. The first to enter looks for the
+    libraries that are loaded by then, NumPy's and SciPy's, say, which takes half a millisecond.
     """
     _LIMIT.enter()
     try:
