@@ -268,6 +268,24 @@ def test_progress_is_shown_on_a_terminal_and_stdout_stays_clean(start: Start) ->
     assert "diagnosing" not in out
 
 
+def run_on_a_terminal(folder: Path, program: str, *arguments: str) -> tuple[int, str, bytes]:
+    """Run a Python program with stderr on a terminal; return its exit code, its stdout and what is shown."""
+    terminal, other = os.openpty()
+    process = subprocess.Popen(  # noqa: S603 - the arguments are this file's
+        [sys.executable, "-c", program, *arguments],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=other,
+        cwd=folder,
+        env=environment(TERM="xterm"),
+    )
+    os.close(other)
+    shown = _shown(terminal)
+    code, out, _ = ended(process)
+    os.close(terminal)
+    return code, out, shown
+
+
 AMID_THE_WORK = """
 import os, signal, sys
 from rich.progress import Progress
@@ -303,25 +321,39 @@ signal, which a shell calls 130 too.
     ],
 )
 def test_an_interruption_ends_it_without_traceback_or_half_a_file(desk: Path, line: str, bar: str) -> None:
-    terminal, other = os.openpty()
-    process = subprocess.Popen(  # noqa: S603 - the arguments are this file's
-        [sys.executable, "-c", AMID_THE_WORK, bar, *line.split()],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=other,
-        cwd=desk,
-        env=environment(TERM="xterm"),
-    )
-    os.close(other)
-    shown = _shown(terminal)
-    code, out, _ = ended(process)
-    os.close(terminal)
-    assert (code, out) == (130, "")
+    code, out, shown = run_on_a_terminal(desk, AMID_THE_WORK, bar, *line.split())
+    assert (code, out) == (130, ""), shown.decode(errors="replace")
     assert bar.encode() in shown
     assert b"interrupted" in shown
     assert b"Traceback" not in shown
     (desk / "demo").mkdir(exist_ok=True)
     assert {path.name for path in desk.rglob("*")} == {"good.csv", "good.toml", "demo"}
+
+
+LOST = """
+import os, signal, sys
+from rich.progress import Progress
+def add_task(self, *names, **settings):
+    try:
+        os.kill(os.getpid(), signal.SIGINT)
+    except KeyboardInterrupt as error:
+        if failure:
+            raise ImportError("of a library") from error
+    return added(self, *names, **settings)
+added, Progress.add_task, failure = Progress.add_task, add_task, sys.argv.pop(1)
+from emaphm.cli import main
+sys.exit(main())
+"""
+"""Runs the command line, and loses an interruption as its work begins: libraries do so while they load."""
+
+
+@ON_A_TERMINAL
+@pytest.mark.parametrize("failure", ["", "import"])
+def test_an_interruption_that_a_library_loses_ends_it_too(desk: Path, failure: str) -> None:
+    code, out, shown = run_on_a_terminal(desk, LOST, failure, "diagnose", "good.csv", "--no-correction")
+    assert (code, out) == (130, "")
+    assert shown.endswith(b"emaphm: interrupted\r\n")
+    assert b"Traceback" not in shown
 
 
 def test_an_interruption_is_said(

@@ -3,6 +3,8 @@
 import signal
 import sys
 
+from emaphm.cli.interruption import interrupt, is_wanted
+
 INTERRUPTED = 130
 """Exit code of a command that was interrupted, as shells give it."""
 
@@ -18,8 +20,7 @@ def main(arguments: list[str] | None = None) -> int:
         from emaphm.cli.main import run
 
         return run(arguments)
-    # Where interruptions are ignored (nohup, a shell's background job) they stay so.
-    interruptible = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    interruptible = is_wanted()
     try:
         if interruptible:
             # Ends the process at once: Python would print where in an import it was.
@@ -27,7 +28,7 @@ def main(arguments: list[str] | None = None) -> int:
         from emaphm.cli.main import run
 
         if interruptible:
-            signal.signal(signal.SIGINT, signal.default_int_handler)
+            signal.signal(signal.SIGINT, interrupt)
         code = run(sys.argv[1:])
         if interruptible:
             signal.signal(signal.SIGINT, signal.SIG_DFL)

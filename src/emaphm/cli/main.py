@@ -13,6 +13,7 @@ from emaphm.cli.design import design
 from emaphm.cli.doctor import completion, doctor
 from emaphm.cli.entry import INTERRUPTED
 from emaphm.cli.init import init
+from emaphm.cli.interruption import is_interrupted
 from emaphm.cli.output import say
 from emaphm.cli.segment import segment
 from emaphm.cli.split import split
@@ -81,8 +82,16 @@ def run(arguments: list[str]) -> int:
     try:
         return _run(arguments)
     except KeyboardInterrupt as error:
-        say(": ".join(["interrupted", *map(str, error.args)]))
-        return INTERRUPTED
+        return _interrupted(*error.args)
+    except Exception:
+        if is_interrupted():  # a library has made another error of it
+            return _interrupted()
+        raise
+
+
+def _interrupted(*said: object) -> int:
+    say(": ".join(["interrupted", *map(str, said)]))
+    return INTERRUPTED
 
 
 def _run(arguments: list[str]) -> int:

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from emaphm.cli.interruption import raise_again
 from emaphm.strict_json import finite
 
 if TYPE_CHECKING:
@@ -55,7 +56,12 @@ def progress(what: str, quiet: bool) -> "Iterator[Callable[[float], None] | None
 
     with Progress(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(what, total=1.0)
-        yield lambda fraction: bar.update(task, completed=fraction)
+
+        def advance(fraction: float) -> None:
+            raise_again()
+            bar.update(task, completed=fraction)
+
+        yield advance
 
 
 @contextmanager
@@ -79,6 +85,7 @@ def counter(what: str, quiet: bool) -> "Iterator[Callable[[int, int], None] | No
         task = bar.add_task(what, total=None)
 
         def count(done: int, total: int) -> None:
+            raise_again()
             bar.update(task, completed=done, total=total)
 
         yield count
