@@ -94,8 +94,8 @@ def train_estimator(
     workers, scheduler
         Of the simulations, as for `emaphm.execution.outcomes`. Training itself is on this machine.
     on_shard, on_stage, on_epoch
-        Called after each shard with how many are done, of how many; with what comes next, once the
-        simulations are done; and after each epoch.
+        Called after each shard with how many are done, of how many; with what comes next, before each stage;
+        and after each epoch.
 
     Raises
     ------
@@ -112,14 +112,16 @@ def train_estimator(
     count = -(-simulations // SHARD_DRAWS)
     further = -(-3 * count // 4)
     inputs = setup.inputs(command, AVERAGED.step_for(setup.actuator))
+    shards = 2 * HELD_OUT + count + further
     say = on_stage or (lambda _: None)
     with place.locked():
         place.clear()
+        say(f"{shards * SHARD_DRAWS:,} recordings are simulated, less those that {folder} has already")
         began = time.perf_counter()
         simulate_shards(
             setup,
             command,
-            2 * HELD_OUT + count + further,
+            shards,
             place,
             seed=seed,
             workers=workers,
