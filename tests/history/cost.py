@@ -1,9 +1,8 @@
 """`python -m tests.history.cost --units 1000 --each 100 [--db URL]`: what a history of a fleet costs.
 
 Diagnoses are made up, so the times are those of the database and of the rows alone. A unit is added in one
-transaction, as a bulk loader would; a few more one by one, as `emaphm history add` does. The prognosis of all
-units is timed on the `--few` first ones, which have a part number of their own: each unit takes as long as
-the next.
+transaction, as a bulk loader would; a few more one by one, as `emaphm history add` does. Prognoses are timed
+on the units of the first part number; with `--prognosed all`, on those of every one.
 """
 
 import argparse
@@ -29,22 +28,25 @@ DIFFERENT = 20
 
 ONE_BY_ONE = 50
 
+OF_A_PART = 40
+"""Units of a part number."""
 
-FEW_PART = "few"
-"""Part number of the units whose prognoses are timed."""
+
+def part_of(unit: int) -> str:
+    """Return the part number of a unit."""
+    return f"{PART} {unit // OF_A_PART}"
 
 
-def fill(history: History, units: int, each: int, few: int) -> None:
+def fill(history: History, units: int, each: int) -> None:
     """Add `each` recordings of each unit."""
     made = [diagnosis(number) for number in range(DIFFERENT)]
     digest, toml = description_of(THESIS)
     settings = KeptSettings.of(made[0], digest)
     for unit in range(units):
         with history.database.writing() as connection:
-            part = FEW_PART if unit < few else PART
             for number in range(each):
                 held = recording(unit * each + number)
-                whose = entry(f"S{unit:05d}", 10.0 * number, part=part)
+                whose = entry(f"S{unit:05d}", 10.0 * number, part=part_of(unit))
                 result = made[number % DIFFERENT]
                 add_diagnosis(connection, whose, held, result, recording_hash(held), settings, toml)
 
@@ -54,8 +56,8 @@ def add_one_by_one(history: History) -> None:
         history.add(entry("LAST", 10.0 * number), recording(10**9 + number), diagnosis(number))
 
 
-def time_prognoses(where: str, few: int, workers: int) -> None:
-    """Print what prognoses take: the filter's update, one unit, all."""
+def time_prognoses(where: str, part: str | None, workers: int) -> None:
+    """Print what prognoses take: the filter's update, one unit, all of a part number or of the history."""
     with History.open(where) as history:
         unit = history.unit("S00000")
         evidence, actuator = Evidence.of(unit), unit.actuator
@@ -68,12 +70,12 @@ def time_prognoses(where: str, few: int, workers: int) -> None:
         count = learnt_prior(history, unit).units
         print(f"what {count} other units teach it: {took:.1f} s of processor, {again:.2f} s the second time")
     began, spent = time.perf_counter(), sum(os.times()[:4])
-    made = list(prognose_all(where, part_number=FEW_PART, workers=workers))
+    made = list(prognose_all(where, part_number=part, workers=workers))
     took, spent = time.perf_counter() - began, sum(os.times()[:4]) - spent
     failed = sum(bool(one.error) for one in made)
     print(
-        f"prognose all {few} of a part number on {workers} workers: {took:.0f} s, processor {spent:.0f} s, "
-        f"{spent / few:.2f} s each; {failed} failed"
+        f"prognose {len(made)} units on {workers} workers: {took:.0f} s, processor {spent:.0f} s, "
+        f"{spent / len(made):.2f} s each; {failed} failed"
     )
 
 
@@ -94,7 +96,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.history.cost", description=__doc__)
     parser.add_argument("--units", type=int, default=1000)
     parser.add_argument("--each", type=int, default=100)
-    parser.add_argument("--few", type=int, default=40, help="units whose prognoses are timed; 0: none")
+    parser.add_argument(
+        "--prognosed", choices=("none", "part", "all"), default="part", help="whose prognoses are timed"
+    )
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--db", help="an empty PostgreSQL database; a file if left out")
     given = parser.parse_args()
@@ -102,7 +106,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "history.sqlite"
         with History.open(given.db or file, create=True) as history:
-            took = seconds(lambda: fill(history, given.units, given.each, given.few))
+            took = seconds(lambda: fill(history, given.units, given.each))
             print(f"add {total} of {given.units} units: {took:.1f} s, {1e3 * took / total:.2f} ms each")
             took = seconds(lambda: add_one_by_one(history))
             print(f"add one, on disk when it returns: {1e3 * took / ONE_BY_ONE:.1f} ms")
@@ -111,8 +115,9 @@ def main() -> int:
             print(f"read a unit's {given.each}: {1e3 * took:.1f} ms")
             took = seconds(lambda: [unit.diagnoses() for unit in history.units()])
             print(f"read all: {took:.1f} s")
-        if given.few:
-            time_prognoses(given.db or str(file), given.few, given.workers)
+        if given.prognosed != "none":
+            part = part_of(0) if given.prognosed == "part" else None
+            time_prognoses(given.db or str(file), part, given.workers)
         if not given.db:
             print(f"on disk: {file.stat().st_size / total:.0f} bytes a diagnosis")
     return 0
