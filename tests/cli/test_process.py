@@ -333,14 +333,24 @@ def test_an_interruption_ends_it_without_traceback_or_half_a_file(desk: Path, li
 LOST = """
 import os, signal, sys
 from rich.progress import Progress
-def add_task(self, *names, **settings):
+def interrupt(self=None):
+    os.kill(os.getpid(), signal.SIGINT)
+def swallow():
     try:
-        os.kill(os.getpid(), signal.SIGINT)
+        interrupt()
+    except KeyboardInterrupt:
+        pass
+def convert():
+    try:
+        interrupt()
     except KeyboardInterrupt as error:
-        if failure:
-            raise ImportError("of a library") from error
+        raise ImportError("of a library") from error
+def drop():
+    type("Dropped", (), {"__del__": interrupt})()
+def add_task(self, *names, **settings):
+    lose()
     return added(self, *names, **settings)
-added, Progress.add_task, failure = Progress.add_task, add_task, sys.argv.pop(1)
+added, Progress.add_task, lose = Progress.add_task, add_task, globals()[sys.argv.pop(1)]
 from emaphm.cli import main
 sys.exit(main())
 """
@@ -348,9 +358,9 @@ sys.exit(main())
 
 
 @ON_A_TERMINAL
-@pytest.mark.parametrize("failure", ["", "import"])
-def test_an_interruption_that_a_library_loses_ends_it_too(desk: Path, failure: str) -> None:
-    code, out, shown = run_on_a_terminal(desk, LOST, failure, "diagnose", "good.csv", "--no-correction")
+@pytest.mark.parametrize("way", ["swallow", "convert", "drop"])
+def test_an_interruption_that_a_library_loses_ends_it_too(desk: Path, way: str) -> None:
+    code, out, shown = run_on_a_terminal(desk, LOST, way, "diagnose", "good.csv", "--no-correction")
     assert (code, out) == (130, "")
     assert shown.endswith(b"emaphm: interrupted\r\n")
     assert b"Traceback" not in shown

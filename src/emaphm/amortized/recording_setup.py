@@ -78,7 +78,7 @@ class RecordingSetup:
         ------
         MethodError
             The actuator's windings are not described, so that there is no reference model to learn from; or
-            a channel is not one that the models have, or the recording would be too long.
+            a channel or a nuisance is not one that the models have, or the recording would be too long.
         """
         check_windings(actuator)
         check_channels(actuator, channels)
@@ -102,6 +102,7 @@ class RecordingSetup:
         )
         named = None if nuisances is None else tuple(nuisances)
         ordered = tuple(sorted(dict.fromkeys(channels), key=lambda name: name != "current_A"))
+        NuisanceSet.of(actuator, named, ordered)  # asked for here, not by the first worker that simulates
         command_rad = np.asarray(rows["command_rad"])
         return cls(actuator, command_rad, 1 / sample_rate, sampling, ordered, noise, adc_bits, named)
 

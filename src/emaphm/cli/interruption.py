@@ -1,11 +1,16 @@
 """Interruptions of the command, remembered: not every `KeyboardInterrupt` arrives where it is dealt with.
 
 One that comes while NumPy is imported becomes an ImportError (3 of 300, at random times of the first 0.8 s),
-and Python drops one that it raises in a destructor.
+and Python drops one that it raises in a destructor, of which Numba has many while it compiles.
 """
 
 import signal
+import sys
 from types import FrameType
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from sys import UnraisableHookArgs
 
 _received: list[int] = []
 
@@ -14,6 +19,12 @@ def interrupt(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - a
     """Remember the signal `number`, and raise a KeyboardInterrupt: to be given to `signal.signal`."""
     _received.append(number)
     raise KeyboardInterrupt
+
+
+def say_nothing_of_a_dropped_one(unraisable: "UnraisableHookArgs") -> None:
+    """Print what Python drops, but no KeyboardInterrupt: to be `sys.unraisablehook`."""
+    if unraisable.exc_type is not KeyboardInterrupt:
+        sys.__unraisablehook__(unraisable)
 
 
 def is_interrupted() -> bool:
