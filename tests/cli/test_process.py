@@ -340,6 +340,11 @@ def swallow():
         interrupt()
     except KeyboardInterrupt:
         pass
+def report():
+    try:
+        interrupt()
+    except KeyboardInterrupt:
+        sys.excepthook(*sys.exc_info())  # what C does by PyErr_Print
 def convert():
     try:
         interrupt()
@@ -358,7 +363,7 @@ sys.exit(main())
 
 
 @ON_A_TERMINAL
-@pytest.mark.parametrize("way", ["swallow", "convert", "drop"])
+@pytest.mark.parametrize("way", ["swallow", "report", "convert", "drop"])
 def test_an_interruption_that_a_library_loses_ends_it_too(desk: Path, way: str) -> None:
     code, out, shown = run_on_a_terminal(desk, LOST, way, "diagnose", "good.csv", "--no-correction")
     assert (code, out) == (130, "")

@@ -3,7 +3,7 @@
 import signal
 import sys
 
-from emaphm.cli.interruption import interrupt, is_wanted, say_nothing_of_a_dropped_one
+from emaphm.cli.interruption import interrupt, is_wanted, print_no_lost_one
 
 INTERRUPTED = 130
 """Exit code of a command that was interrupted, as shells give it."""
@@ -28,7 +28,7 @@ def main(arguments: list[str] | None = None) -> int:
         from emaphm.cli.main import run
 
         if interruptible:
-            sys.unraisablehook = say_nothing_of_a_dropped_one
+            print_no_lost_one()
             signal.signal(signal.SIGINT, interrupt)
         code = run(sys.argv[1:])
         if interruptible:

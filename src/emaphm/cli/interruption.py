@@ -1,12 +1,13 @@
 """Interruptions of the command, remembered: not every `KeyboardInterrupt` arrives where it is dealt with.
 
 One that comes while NumPy is imported becomes an ImportError (3 of 300, at random times of the first 0.8 s),
-and Python drops one that it raises in a destructor, of which Numba has many while it compiles.
+Python drops one that it raises in a destructor, and a library in C prints one and goes on (1 of 105, as
+Numba is imported and compiles).
 """
 
 import signal
 import sys
-from types import FrameType
+from types import FrameType, TracebackType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -21,10 +22,19 @@ def interrupt(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - a
     raise KeyboardInterrupt
 
 
-def say_nothing_of_a_dropped_one(unraisable: "UnraisableHookArgs") -> None:
-    """Print what Python drops, but no KeyboardInterrupt: to be `sys.unraisablehook`."""
+def print_no_lost_one() -> None:
+    """Let Python print no KeyboardInterrupt, neither one that it drops nor one that a library in C prints."""
+    sys.unraisablehook, sys.excepthook = _dropped, _printed
+
+
+def _dropped(unraisable: "UnraisableHookArgs") -> None:
     if unraisable.exc_type is not KeyboardInterrupt:
         sys.__unraisablehook__(unraisable)
+
+
+def _printed(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+    if kind is not KeyboardInterrupt:
+        sys.__excepthook__(kind, error, trace)
 
 
 def is_interrupted() -> bool:
