@@ -95,7 +95,7 @@ class HealthyScatter:
 def _shrunk_correlations(deviations: Array) -> tuple[Array, Array]:
     """Return the standard deviations (p,) of `deviations` (n, p) and their shrunk correlations (p, p)."""
     scale = np.maximum(np.sqrt(np.mean(deviations**2, axis=0)), LEAST_SCALE)
-    covariance = _library().LedoitWolf(assume_centered=True)
+    covariance = _library().LedoitWolf(assume_centered=True, store_precision=False)
     return scale, covariance.fit(deviations / scale).covariance_
 
 
