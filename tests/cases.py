@@ -28,12 +28,14 @@ def drawn(count: int, seed: int) -> Array:
     return np.asarray(np.random.default_rng(seed).random((count, 8)) * SHORTED)
 
 
-def reference_recordings(faults: ArrayLike, *, noise: float = 0.0) -> list[Recording]:
+def reference_recordings(faults: ArrayLike, *, noise: float = 0.0, duration: float = 0.5) -> list[Recording]:
     """Return what the reference model of the thesis's actuator records of its chirp under `faults` (n, 8).
 
-    The current alone, with white noise of that rms [A], each recording its own.
+    The current alone, with white noise of that rms [A], each recording its own. The chirp is that of the
+    thesis in as many seconds as its `duration`.
     """
-    inputs = Inputs.of(Chirp(), samples=2500, interval=INTERVAL, step=REFERENCE.step)
+    command, samples = Chirp(duration=duration), round(duration / INTERVAL)
+    inputs = Inputs.of(command, samples=samples, interval=INTERVAL, step=REFERENCE.step)
     exact = {"time_s": inputs.time_s, "command_rad": inputs.rows(inputs.command)}
     currents = simulate_batch(REFERENCE, THESIS, faults, inputs)
     recordings = [Recording(exact | {"current_A": current}) for current in currents]

@@ -17,6 +17,7 @@ from emaphm.study.rig import Manoeuvre, Rig
 ROOT = Path(__file__).resolve().parents[1]
 PLAN = Plan.load("pmsm")
 RIGS = PLAN.rig_named
+BRIEF = Manoeuvre(duration=0.3)
 
 
 def test_preset_example_and_plan_describe_the_same_actuator() -> None:
@@ -34,7 +35,7 @@ def test_preset_example_and_plan_describe_the_same_actuator() -> None:
 
 @pytest.mark.parametrize("faults", [Faults(eccentricity=0.25), cases.random_faults(7)], ids=str)
 def test_noise_free_faults_are_found(faults: Faults) -> None:
-    recording = recorded(RIGS["noise-free"], PLAN.actuator, Manoeuvre(), faults, 0)
+    recording = recorded(RIGS["noise-free"], PLAN.actuator, BRIEF, faults, 0)
     found = diagnose(recording, PLAN.actuator, nuisances=(), seed=0, workers=1)
     # Asked: 0.5 %; measured by the plan: 0.001 %. The drive does not switch by chance as hysteresis does.
     assert error_percent(faults.vector, found.faults.vector) < 0.05
@@ -54,6 +55,6 @@ def test_currents_and_voltages_in_d_and_q_are_compared_once() -> None:
 
 def test_faults_are_found_on_a_rig() -> None:
     rig, faults = Rig(label="base setting"), cases.random_faults(3)
-    found = diagnose(recorded(rig, PLAN.actuator, Manoeuvre(), faults, 3), PLAN.actuator, seed=3, workers=1)
+    found = diagnose(recorded(rig, PLAN.actuator, BRIEF, faults, 3), PLAN.actuator, seed=3, workers=1)
     assert error_percent(faults.vector, found.faults.vector) < 0.5
     assert found.explained

@@ -48,7 +48,7 @@ def test_a_negative_seed_is_refused() -> None:
 
 def test_the_bias_correction_follows_its_seed() -> None:
     truth = drawn(1, seed=7)
-    problem = Problem.of(reference_recordings(truth, noise=0.05)[0], THESIS)
+    problem = Problem.of(reference_recordings(truth, noise=0.05, duration=0.25)[0], THESIS)
     objective = MapObjective.of(problem, ParameterSpace.of(THESIS))
     start = objective.space.points(truth)
     ends = [correct_bias(objective, start, 1, seed).point for seed in (0, 0, 1)]

@@ -10,6 +10,7 @@ import os
 import sys
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import polars as pl
 import pytest
@@ -39,8 +40,13 @@ def frame(example: ModuleType) -> pl.DataFrame:
     return read
 
 
-def test_the_jam_is_announced_and_no_alarm_is_false(example: ModuleType, frame: pl.DataFrame) -> None:
-    run = json.loads(json.dumps(example.judge(frame).to_dict(), allow_nan=False))
+@pytest.fixture(scope="module")
+def judged(example: ModuleType, frame: pl.DataFrame) -> dict[str, Any]:
+    return dict(example.judge(frame).to_dict())
+
+
+def test_the_jam_is_announced_and_no_alarm_is_false(judged: dict[str, Any]) -> None:
+    run = json.loads(json.dumps(judged, allow_nan=False))
     assert (run["first_alarm"], run["false_alarms"]) == ("2017-10-02", 0)
     # The publication's own medians.
     assert [round(one["rms_A"], 2) for one in run["tests"][-3:]] == [5.82, 7.25, 7.48]
@@ -48,9 +54,11 @@ def test_the_jam_is_announced_and_no_alarm_is_false(example: ModuleType, frame: 
     assert all(one["alarm"] for one in run["tests"][-3:])
 
 
-def test_what_is_said_of_a_test_needs_no_later_one(example: ModuleType, frame: pl.DataFrame) -> None:
+def test_what_is_said_of_a_test_needs_no_later_one(
+    example: ModuleType, frame: pl.DataFrame, judged: dict[str, Any]
+) -> None:
     shorter = frame.filter(pl.col("date") <= example.date(2017, 9, 18))
-    now, then = (example.judge(one).to_dict()["tests"] for one in (frame, shorter))
+    now, then = judged["tests"], example.judge(shorter).to_dict()["tests"]
     assert then == now[: len(then)]
 
 

@@ -26,6 +26,7 @@ FACTORS = dict(zip(FREE, (1.08, 0.9, 0.92, 1.04, 0.95), strict=True))
 UNIT = with_lumped_parameters(
     THESIS, {n: v * FACTORS[n] for n, v in lumped_parameters(THESIS, FREE).items()}, name="unit 7"
 )
+DURATION = 0.3
 TRUTH = Faults(friction=0.2, short_a=0.15, gain=0.55)
 
 
@@ -54,7 +55,8 @@ def of_a_day(
         "torque_constant": cold["torque_constant"] * (1 - 0.0011 * temperature_rise_K),
     }
     that_day = with_lumped_parameters(actuator, changed)
-    whole = simulate(that_day, Chirp(stop_hz=stop_hz), faults=faults, noise=0.05, adc_bits=12, seed=seed)
+    command = Chirp(stop_hz=stop_hz, duration=DURATION)
+    whole = simulate(that_day, command, duration=DURATION, faults=faults, noise=0.05, adc_bits=12, seed=seed)
     kept = {name: whole[name] for name in ("time_s", "command_rad", *channels)}
     return Recording(kept, whole.sampling, f"day {seed}")
 
@@ -124,6 +126,7 @@ def test_the_nuisances_of_each_day_are_reported(calibrated: Calibration) -> None
     assert [one["recording"] for one in calibrated.to_dict()["recordings"]] == ["day 1", "day 2", "day 3"]
 
 
+@pytest.mark.usefixtures("no_model_error")
 def test_an_uninformative_recording_does_not_spoil_the_others(healthy: list[Recording]) -> None:
     # The current alone has information on torques in proportion to the torque constant, and no resistance.
     poor = of_a_day(UNIT, load=0.1, temperature_rise_K=20.0, channels=("current_A",), seed=5)
@@ -146,6 +149,7 @@ def test_an_uninformative_recording_does_not_spoil_the_others(healthy: list[Reco
     assert ratio @ covariance @ ratio < 0.06**2
 
 
+@pytest.mark.usefixtures("no_model_error")
 def test_friction_that_differs_from_day_to_day_widens_the_baseline() -> None:
     days = [
         with_lumped_parameters(UNIT, {"coulomb": lumped_parameters(UNIT, ("coulomb",))["coulomb"] * f})

@@ -38,9 +38,9 @@ def deviations(found: Calibration) -> dict[str, float]:
     return {name: (p.value - TRUE[name]) / p.standard_error for name, p in found.parameters.items()}
 
 
-def own_recording(**options: Any) -> Recording:
-    given: dict[str, Any] = {"noise": 0.1, "sample_rate": 1 / AVERAGED.step} | options
-    return simulate(UNIT, Chirp(), model="averaged", sampling="instant", **given)
+def own_recording(duration: float = 0.5, **options: Any) -> Recording:
+    given: dict[str, Any] = {"noise": 0.1, "sample_rate": 1 / AVERAGED.step, "duration": duration} | options
+    return simulate(UNIT, Chirp(duration=duration), model="averaged", sampling="instant", **given)
 
 
 def current_of(recording: Recording) -> Recording:
@@ -52,7 +52,7 @@ def current_of(recording: Recording) -> Recording:
 @pytest.fixture(scope="module")
 def instants() -> Recording:
     """Return what the averaged model recorded itself, a row a step, so that only the noise is unexplained."""
-    return own_recording()
+    return own_recording(duration=0.25)
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +73,7 @@ def test_a_unit_is_found_again_from_starts_that_are_30_percent_wrong(
     )
 
 
-@pytest.mark.parametrize("factors", WRONG_STARTS)
+@pytest.mark.parametrize("factors", WRONG_STARTS[:2])
 def test_a_unit_recorded_by_the_reference_model_is_found_again(
     reference: Recording, factors: Sequence[float]
 ) -> None:
@@ -113,7 +113,9 @@ def test_notes_on_the_recordings_are_kept(instants: Recording) -> None:
 def test_standard_errors_are_how_much_estimates_scatter() -> None:
     guess = misdescribed(WRONG_STARTS[0])
     found = [
-        calibrate(current_of(own_recording(seed=i)), guess, FREE, nuisances=(), max_corrections=0)
+        calibrate(
+            current_of(own_recording(duration=0.2, seed=i)), guess, FREE, nuisances=(), max_corrections=0
+        )
         for i in range(40)
     ]
     for name in FREE:
@@ -170,7 +172,7 @@ def test_a_gentle_manoeuvre_does_not_identify_the_resistance() -> None:
 
 def test_a_scale_that_no_current_shows_is_not_identifiable() -> None:
     # Torque constant, inertia and friction times one factor give the same current, to the last bits.
-    recording = current_of(simulate(THESIS, Chirp()))
+    recording = current_of(simulate(THESIS, Chirp(duration=0.25), duration=0.25))
     found = calibrate(recording, THESIS, ["torque_constant", "inertia", "coulomb", "viscous"])
     assert not any(p.identifiable for p in found.parameters.values())
 
@@ -178,7 +180,7 @@ def test_a_scale_that_no_current_shows_is_not_identifiable() -> None:
 @pytest.mark.parametrize("free", [["static"], ["coulomb", "static"]])
 def test_static_friction_may_be_as_small_as_dynamic_friction(free: list[str]) -> None:
     equal = with_lumped_parameters(THESIS, {"static": THESIS.mechanics.dynamic_friction})
-    recording = simulate(equal, Chirp())
+    recording = simulate(equal, Chirp(duration=0.25), duration=0.25)
     guess = with_lumped_parameters(equal, {"static": 1.3 * equal.mechanics.static_friction})
     # Below dynamic friction nothing changes, so where a descent ends there depends on where it began.
     for seed in range(2):
@@ -215,9 +217,12 @@ def test_a_linear_actuator_is_calibrated_in_its_units() -> None:
     assert [p.unit for p in found.parameters.values()] == ["kg", "N·s/m", "N", "N"]
 
 
-def test_same_seed_same_bits_whatever_the_workers(reference: Recording) -> None:
+def test_same_seed_same_bits_whatever_the_workers() -> None:
+    recording = simulate(UNIT, Chirp(duration=0.2), duration=0.2, noise=0.05)
+
     def bits(**options: Any) -> str:
-        found = calibrate(reference, misdescribed(WRONG_STARTS[2]), FREE, **options).to_dict()
+        guess = misdescribed(WRONG_STARTS[2])
+        found = calibrate(recording, guess, FREE, max_corrections=2, **options).to_dict()
         return json.dumps({name: value for name, value in found.items() if name != "seconds"})
 
     assert bits(workers=1) == bits(workers=2) == bits()

@@ -18,6 +18,8 @@ from emaphm.recording import Recording, acquire
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import AVERAGED
 
+pytestmark = pytest.mark.usefixtures("no_model_error")
+
 FREE = ("inertia", "viscous", "coulomb")
 CHANNELS = ("time_s", "command_rad", "current_A", "position_rad", "voltage_V")
 NOISE = {"current_A": 0.1, "position_rad": 2e-5, "voltage_V": 0.3}
@@ -28,7 +30,7 @@ def recorded(
     seed: int,
     *,
     stop_hz: float = 15.0,
-    duration: float = 0.3,
+    duration: float = 0.15,
     channels: tuple[str, ...] = CHANNELS,
     load: float = 0.0,
 ) -> Recording:
@@ -60,9 +62,9 @@ def unit(**factors: float) -> Actuator:
 def test_recordings_of_other_lengths_commands_and_channels_share_one_fit() -> None:
     true = unit(inertia=1.9, viscous=0.6, coulomb=0.7)
     days = [
-        recorded(true, 1, load=0.05, duration=0.5),
+        recorded(true, 1, load=0.05, duration=0.25),
         recorded(true, 2, stop_hz=9.0, channels=CHANNELS[:3], load=-0.03),
-        recorded(true, 3, duration=0.4, channels=CHANNELS[:4]),
+        recorded(true, 3, duration=0.2, channels=CHANNELS[:4]),
     ]
     found = fitted(days)
     described = lumped_parameters(true, FREE)

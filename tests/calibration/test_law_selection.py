@@ -11,18 +11,20 @@ from emaphm.errors import MethodError
 from emaphm.recording import Recording, acquire
 from emaphm.simulated_recording import simulate
 
+pytestmark = pytest.mark.usefixtures("no_model_error")
+
 FREE = ("inertia", "viscous", "coulomb")
 STRIBECK = with_lumped_parameters(
     LAWS["stribeck"].added_to(THESIS, 60.0),
     {"inertia": 2.7e-5, "coulomb": 0.075, "static": 0.14, "stribeck_speed": 20.0},
 )
-COMMANDS: tuple[Command, ...] = (Chirp(duration=0.3), Chirp(stop_hz=8.0, duration=0.3), Sine(4e-3, 4.0))
+COMMANDS: tuple[Command, ...] = (Chirp(duration=0.2), Chirp(stop_hz=8.0, duration=0.2), Sine(4e-3, 4.0))
 
 
 def recordings_of(actuator: Actuator) -> list[Recording]:
     days = []
     for seed, command in enumerate(COMMANDS):
-        whole = simulate(actuator, command, model="averaged", duration=0.3)
+        whole = simulate(actuator, command, model="averaged", duration=0.2)
         kept = {name: whole[name] for name in ("time_s", "command_rad", "current_A", "position_rad")}
         noise = {"current_A": 0.05, "position_rad": 2e-5}
         days.append(acquire(Recording(kept, whole.sampling, f"day {seed}"), noise=noise, seed=seed))

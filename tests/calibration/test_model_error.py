@@ -160,9 +160,9 @@ FREE = ("inertia", "viscous", "coulomb")
 
 
 def recorded(seed: int, faults: Faults = Faults()) -> Recording:  # noqa: B008 - frozen
-    command = Chirp(duration=0.3)
+    command = Chirp(duration=0.2)
     whole = foreign_plant.simulate(
-        THESIS, command, SMOOTH, faults=faults, duration=0.3, noise=0.05, adc_bits=12, seed=seed
+        THESIS, command, SMOOTH, faults=faults, duration=0.2, noise=0.05, adc_bits=12, seed=seed
     )
     kept = {name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")}
     return Recording(kept, whole.sampling, f"day {seed}")

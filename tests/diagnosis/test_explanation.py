@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cases import HEALTHY, THESIS
+from cases import HEALTHY, THESIS, USUAL
 from emaphm.actuator import Chirp, Faults
 from emaphm.arrays import Array
 from emaphm.diagnosis import Diagnosis, diagnose
@@ -190,14 +190,16 @@ def test_the_true_temperature_is_believed_and_a_wrong_one_contradicted() -> None
     assert all(f"Not explained: {reason}." in str(wrong) for reason in wrong.reasons)
 
 
+@pytest.mark.usefixtures("one_search")
 @pytest.mark.parametrize("late", [-1, 1])
 def test_a_row_of_delay_is_no_degraded_gain(late: int) -> None:
-    assert diagnosed(late).components["gain"].verdict != "degraded"
+    assert diagnosed(late, nuisances=USUAL).components["gain"].verdict != "degraded"
 
 
+@pytest.mark.usefixtures("one_search")
 def test_a_row_of_delay_leaves_the_size_of_a_degraded_gain_open() -> None:
     faults = Faults(friction=0.03, gain=0.66)
-    in_time, late = (diagnosed(rows, faults).components["gain"] for rows in (0, 1))
+    in_time, late = (diagnosed(rows, faults, USUAL).components["gain"] for rows in (0, 1))
     assert in_time.verdict == "degraded"
     assert in_time.interval95[1] - in_time.interval95[0] < 0.01
     assert late.verdict == "cannot tell"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cases import THESIS, drawn, reference_recordings
-from emaphm.actuator import NAMES, Actuator, Chirp, Faults
+from emaphm.actuator import NAMES, Chirp, Faults
 from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.diagnosis import Diagnosis, diagnose, error_percent
@@ -35,8 +35,8 @@ SOUND = ("short_a", "short_c", "eccentricity")
 @pytest.fixture(scope="module")
 def recording() -> Recording:
     """Return what an actuator with Stribeck friction records, with noise and converters."""
-    command = Chirp(duration=0.3)
-    whole = simulate(STRIBECK, command, faults=TRUTH, duration=0.3, noise=0.05, adc_bits=12)
+    command = Chirp(duration=0.2)
+    whole = simulate(STRIBECK, command, faults=TRUTH, duration=0.2, noise=0.05, adc_bits=12)
     return Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")})
 
 
@@ -88,24 +88,26 @@ def test_without_the_law_nothing_is_called_healthy_or_degraded(recording: Record
     assert unaware.components["gain"].reason == NOT_EXPLAINED
 
 
-def at_the_truth(actuator: Actuator = THESIS) -> SearchResult:
+@pytest.fixture(scope="module")
+def at_the_truth() -> SearchResult:
     truth = drawn(1, seed=7)
-    problem = Problem.of(reference_recordings(truth, noise=0.05)[0], actuator)
+    problem = Problem.of(reference_recordings(truth, noise=0.05, duration=0.3)[0], THESIS)
     objective = faults_objective(problem, ("load",))
     return with_discrepancy(SearchResult.at(objective, objective.space.points(truth[0])), seed=0)
 
 
-def test_where_the_residual_is_noise_no_law_is_tried() -> None:
-    result = at_the_truth()
-    same, laws = select_laws(result, method_named("hybrid"), 2, seed=0)
-    assert same is result
+def test_where_the_residual_is_noise_no_law_is_tried(at_the_truth: SearchResult) -> None:
+    same, laws = select_laws(at_the_truth, method_named("hybrid"), 2, seed=0)
+    assert same is at_the_truth
     assert laws == ()
 
 
 @pytest.mark.parametrize("name", SUSPECTS)
-def test_a_law_is_added_with_its_parameters_free_beside_what_was_estimated(name: str) -> None:
+def test_a_law_is_added_with_its_parameters_free_beside_what_was_estimated(
+    at_the_truth: SearchResult, name: str
+) -> None:
     law = LAWS[name]
-    before = at_the_truth().objective
+    before = at_the_truth.objective
     after = with_law(before, law)
     assert law.is_in(after.problem.actuator)
     assert not law.is_in(before.problem.actuator)

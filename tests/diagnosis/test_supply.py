@@ -25,10 +25,11 @@ FAULTS = Faults(0.3, 0.4, 0.0, 0.25, 0.1, 0.35, 0.7, 0.4)
 ROWS = 2500
 
 
-def recorded(supply: float) -> Recording:
+def recorded(supply: float, *, duration: float = 0.5) -> Recording:
     assert THESIS.electrical is not None
     present = with_lumped_parameters(THESIS, {"supply": (1 + supply) * THESIS.electrical.supply})
-    whole = simulate(present, Chirp(), faults=FAULTS, noise=0.05, adc_bits=12)
+    command = Chirp(duration=duration)
+    whole = simulate(present, command, faults=FAULTS, duration=duration, noise=0.05, adc_bits=12)
     return Recording({name: whole[name] for name in SHOWN})
 
 
@@ -55,7 +56,7 @@ def test_a_supply_that_somebody_named_is_located() -> None:
 
 
 def test_a_recorded_supply_is_known() -> None:
-    whole = recorded(-0.1)
+    whole = recorded(-0.1, duration=0.3)
     assert THESIS.electrical is not None
     supply = 0.9 * THESIS.electrical.supply + np.random.default_rng(1).normal(0.0, 0.5, whole.samples)
     found = diagnose(whole.with_channels({**whole.channels, "supply_V": supply}), THESIS, workers=2)
@@ -66,7 +67,7 @@ def test_a_recorded_supply_is_known() -> None:
 
 
 def test_a_recorded_supply_that_is_not_positive_is_refused() -> None:
-    whole = recorded(0.0)
+    whole = recorded(0.0, duration=0.1)
     spoilt = whole.with_channels({**whole.channels, "supply_V": np.full(whole.samples, -48.0)})
     with pytest.raises(RecordingError, match=r"supply_V is -48 V on average.*leave that column out"):
         diagnose(spoilt, THESIS)
@@ -74,7 +75,9 @@ def test_a_recorded_supply_that_is_not_positive_is_refused() -> None:
 
 def test_a_law_that_is_tried_leaves_the_supply_where_it_was_located() -> None:
     nuisances = NuisanceSet.of(THESIS, ("load", "supply"), (), located={"supply": Located(-0.1, 0.01)})
-    objective = MapObjective.of(Problem.of(recorded(-0.1), THESIS), ParameterSpace.of(THESIS, nuisances))
+    objective = MapObjective.of(
+        Problem.of(recorded(-0.1, duration=0.1), THESIS), ParameterSpace.of(THESIS, nuisances)
+    )
     extended = with_law(objective, LAWS["stribeck"])
     assert extended.space.nuisances.located == nuisances.located
     nominal = np.zeros((1, extended.space.dimensions))

@@ -1,13 +1,12 @@
 """Faults that a recording does not need: a refit with the component healthy explains it as well."""
 
-from emaphm import Actuator, Faults, diagnose
+from cases import THESIS, USUAL
+from emaphm import Faults, diagnose
 from emaphm.actuator import Ramp
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 from emaphm.study.record import actuator_on
 from emaphm.study.rig import Rig
-
-THESIS = Actuator.thesis()
 
 
 def test_a_load_on_a_motion_one_way_is_no_friction() -> None:
@@ -23,5 +22,5 @@ def test_a_load_on_a_motion_one_way_is_no_friction() -> None:
         seed=43,
     )
     columns = {name: whole[name] for name in ("time_s", "command_rad", "current_A", "position_rad")}
-    found = diagnose(Recording(columns), THESIS, seed=43, workers=1)
+    found = diagnose(Recording(columns), THESIS, nuisances=USUAL, seed=43, workers=1)
     assert found.components["friction"].verdict == "cannot tell"

@@ -12,9 +12,9 @@ from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
 
 
-def objective_of(truth: Array) -> MapObjective:
+def objective_of(truth: Array, duration: float = 0.5) -> MapObjective:
     """Return the objective of finding the faults of a noisy recording of the reference model."""
-    recording = reference_recordings([truth], noise=0.05)[0]
+    recording = reference_recordings([truth], noise=0.05, duration=duration)[0]
     return MapObjective.of(Problem.of(recording, THESIS), ParameterSpace.of(THESIS))
 
 

@@ -477,7 +477,7 @@ def test_the_reference_models_laws_are_found(law: str) -> None:
     )
     actuator = with_parameters(bare, LAWS[law])
     # The load shows its part of the Stribeck friction at reversals alone: it takes more of them.
-    duration = 4.0 if "stribeck_load_motor" in LAWS[law] else 2.0
+    duration = 3.0 if "stribeck_load_motor" in LAWS[law] else 2.0
     recording = simulate(actuator, Chirp(amplitude=1.0, stop_hz=3.0, duration=duration), duration=duration)
     found = inverse_dynamics(recording, bare, ["inertia", "coulomb", *LAWS[law]])
     assert found.relative_error < 0.01

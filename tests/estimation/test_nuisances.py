@@ -211,33 +211,34 @@ def test_units_are_those_of_the_description() -> None:
 # What was recorded is known.
 
 
-def cold_and(actuator: Actuator, load: Load = 0.0, **known: float) -> list[Array]:
-    """Return the faults found of the plain actuator, and of another whose difference was recorded or not."""
-    kept = ("time_s", "command_rad", "current_A")
-    command = Chirp(duration=0.3)
-    plain, other = (
-        simulate(one, command, duration=0.3, faults=TRUTH, noise=0.05, load=acting)
-        for one, acting in ((THESIS, 0.0), (actuator, load))
-    )
-    channels = {name: np.full(plain.samples, value) for name, value in known.items()}
-    found = []
-    for whole, more in ((plain, {}), (other, channels), (other, {})):
-        recording = Recording({name: whole[name] for name in kept} | more)
-        found.append(diagnose(recording, THESIS, nuisances=None if more else (), workers=1).faults.vector)
-    return found
+def found_of(actuator: Actuator, load: Load = 0.0, **known: float) -> Array:
+    """Return the faults found of an actuator by the plain one's description, and what was recorded."""
+    whole = simulate(actuator, Chirp(duration=0.3), duration=0.3, faults=TRUTH, noise=0.05, load=load)
+    rows = {name: whole[name] for name in ("time_s", "command_rad", "current_A")}
+    channels = {name: np.full(whole.samples, value) for name, value in known.items()}
+    nuisances = None if known else ()
+    return diagnose(Recording(rows | channels), THESIS, nuisances=nuisances, workers=1).faults.vector
 
 
-def test_a_recorded_temperature_takes_the_heat_out() -> None:
-    cold, hot, unaware = cold_and(with_lumped_parameters(THESIS, warmed(40.0)), temperature_K=293.15 + 40.0)
+@pytest.fixture(scope="module")
+def plain() -> Array:
+    return found_of(THESIS)
+
+
+@pytest.mark.usefixtures("one_search")
+def test_a_recorded_temperature_takes_the_heat_out(plain: Array) -> None:
+    warm = with_lumped_parameters(THESIS, warmed(40.0))
+    hot, unaware = found_of(warm, temperature_K=293.15 + 40.0), found_of(warm)
     # Two noises and two runs of chaotic switching: 0.02, as a short is located to; 40 K weigh 0.04.
-    np.testing.assert_allclose(hot, cold, rtol=0, atol=0.02)
-    assert np.abs(unaware - cold).max() > 0.03
+    np.testing.assert_allclose(hot, plain, rtol=0, atol=0.02)
+    assert np.abs(unaware - plain).max() > 0.03
 
 
-def test_a_recorded_load_takes_the_load_out() -> None:
-    free, loaded, unaware = cold_and(THESIS, load=0.15, load_Nm=0.15)
-    np.testing.assert_allclose(loaded, free, rtol=0, atol=0.02)
-    assert np.abs(unaware - free).max() > 0.1
+@pytest.mark.usefixtures("one_search")
+def test_a_recorded_load_takes_the_load_out(plain: Array) -> None:
+    loaded, unaware = found_of(THESIS, load=0.15, load_Nm=0.15), found_of(THESIS, load=0.15)
+    np.testing.assert_allclose(loaded, plain, rtol=0, atol=0.02)
+    assert np.abs(unaware - plain).max() > 0.1
 
 
 def test_a_temperature_is_above_the_description_s_own() -> None:

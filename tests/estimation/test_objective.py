@@ -18,7 +18,9 @@ from emaphm.simulation import AVERAGED, REFERENCE
 
 THESIS = Actuator.thesis()
 USUAL = THESIS.nuisances.estimated
+DURATION = 0.25
 TRUTH = Faults(0.3, 0.4, 0.1, 0.25, 0.2, 0.35, 0.7, 0.4)
+ROWS = 1250
 CHANNELS = ("current_A", "voltage_V", "position_rad", "speed_rad_s")
 
 
@@ -32,7 +34,8 @@ def rig(load: float = 0.0, temperature_rise_K: float = 0.0, *channels: str, **mo
             "torque_constant": nominal["torque_constant"] * (1 + MAGNETS * temperature_rise_K),
         },
     )
-    whole = simulate(actuator, Chirp(), faults=TRUTH, noise=0.05, adc_bits=12)
+    command = Chirp(duration=DURATION)
+    whole = simulate(actuator, command, duration=DURATION, faults=TRUTH, noise=0.05, adc_bits=12)
     rows = {name: whole[name] for name in ("time_s", "command_rad", *channels)}
     return Recording(rows | {name: np.full(whole.samples, value) for name, value in more.items()})
 
@@ -47,12 +50,12 @@ def test_channels_and_priors_stand_end_to_end() -> None:
     point[0, -3:] = (0.1, -0.2, 0.3)
     rows = one.outputs(point)
     assert one.problem.channels == CHANNELS
-    assert rows.shape == (1, 4 * 2500 + 3)
-    assert one.target.shape == (4 * 2500 + 3,)
+    assert rows.shape == (1, 4 * ROWS + 3)
+    assert one.target.shape == (4 * ROWS + 3,)
     np.testing.assert_array_equal(one.target[-3:], 0.0)
     # A prior standard deviation counts `prior_weight`; a coordinate of 1 is PRIORS_PER_UNIT of them.
     np.testing.assert_allclose(rows[0, -3:], one.prior_weight * PRIORS_PER_UNIT * point[0, -3:])
-    np.testing.assert_array_equal(one.target[:2500], one.problem.recorded)
+    np.testing.assert_array_equal(one.target[:ROWS], one.problem.recorded)
 
 
 def test_offset_and_scale_of_the_sensor_act_on_the_current_alone() -> None:
@@ -61,19 +64,21 @@ def test_offset_and_scale_of_the_sensor_act_on_the_current_alone() -> None:
     off = plain.copy()
     off[0, -2:] = (0.2, 0.1)
     # In units of PRIORS_PER_UNIT prior deviations: 0.2 × 5 × 0.045 A, and 0.1 × 5 × 1 %.
-    expected = one.outputs(plain)[0, :2500] * 1.005 + 0.045
-    np.testing.assert_allclose(one.outputs(off)[0, :2500], expected, rtol=1e-12)
-    np.testing.assert_array_equal(one.outputs(off)[0, 2500:10_000], one.outputs(plain)[0, 2500:10_000])
+    expected = one.outputs(plain)[0, :ROWS] * 1.005 + 0.045
+    np.testing.assert_allclose(one.outputs(off)[0, :ROWS], expected, rtol=1e-12)
+    np.testing.assert_array_equal(
+        one.outputs(off)[0, ROWS : 4 * ROWS], one.outputs(plain)[0, ROWS : 4 * ROWS]
+    )
 
 
 def test_the_channel_with_the_larger_residual_counts_less() -> None:
     one = fit(("load",))
-    residual = np.ones(10_001)
-    residual[2500:5000] = 4.0
+    residual = np.ones(4 * ROWS + 1)
+    residual[ROWS : 2 * ROWS] = 4.0
     other = one.reweighted(residual)
     ratios = other.problem.weights / one.problem.weights
     np.testing.assert_allclose(ratios / ratios[0], [1.0, 0.25, 1.0, 1.0])
-    rows = np.random.default_rng(0).normal(size=10_001)
+    rows = np.random.default_rng(0).normal(size=4 * ROWS + 1)
     np.testing.assert_allclose(one.rescaled(other.rescaled(rows, one), other), rows, rtol=1e-12)
     np.testing.assert_allclose(other.rescaled(one.target, one), other.target, rtol=1e-12)
 
@@ -163,8 +168,8 @@ def test_another_model_has_ripple_and_no_other_opinion_of_what_was_known_before(
 
 def test_a_channel_without_residual_does_not_silence_the_others() -> None:
     one = fit(("load",))
-    residual = np.ones(10_001) * 0.1
-    residual[2500:5000] = 0.0
+    residual = np.ones(4 * ROWS + 1) * 0.1
+    residual[ROWS : 2 * ROWS] = 0.0
     weights = one.reweighted(residual).problem.weights
     # Nothing is trusted beyond a ten-thousandth of its channel.
     voltage = np.sqrt(np.mean(one.problem.measured["voltage_V"] ** 2))

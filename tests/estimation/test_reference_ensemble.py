@@ -20,7 +20,7 @@ FEW = EnsembleSettings(patience=2)
 
 @pytest.fixture(scope="module")
 def objective() -> MapObjective:
-    return objective_of(HEAVY)
+    return objective_of(HEAVY, duration=0.25)
 
 
 def near(objective: MapObjective, distance: float) -> SearchResult:
@@ -54,9 +54,8 @@ def test_the_same_seed_gives_the_same_bits(objective: MapObjective) -> None:
     np.testing.assert_array_equal(first.point, second.point)
 
 
-def test_a_residual_that_the_share_of_a_heavy_current_hides_is_more_than_switching(
-    objective: MapObjective,
-) -> None:
+def test_a_residual_that_the_share_of_a_heavy_current_hides_is_more_than_switching() -> None:
+    objective = objective_of(HEAVY)
     assert is_heavy(objective.problem)
     hidden = near(objective, 1e-4)
     assert hidden.down_to_noise

@@ -23,7 +23,7 @@ def recorded(rate: float, duration: float, command: Command, noise: float = 0.05
 @pytest.fixture(scope="module")
 def slow() -> Recording:
     """Return a healthy unit at 100 Hz, where the chirp ends at 6.7 rows a cycle."""
-    return recorded(100.0, 1.0, Chirp(stop_hz=15.0, duration=1.0))
+    return recorded(100.0, 0.6, Chirp(stop_hz=15.0, duration=0.6))
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +43,7 @@ def test_claims_shrink_with_the_rate() -> None:
     half = {}
     for rate in (25.0, 500.0):
         recording = recorded(rate, 2.0, Chirp(stop_hz=3.0, duration=2.0))
-        said = diagnose(recording, THESIS, nuisances=USUAL, workers=1)
+        said = diagnose(recording, THESIS, nuisances=USUAL, max_corrections=1, workers=1)
         half[rate] = {name: np.ptp(said.interval[name]) for name in ("friction", "backlash", "gain")}
     assert all(half[25.0][name] > 2 * half[500.0][name] for name in half[25.0])
 

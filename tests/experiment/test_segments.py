@@ -20,19 +20,19 @@ RATE = 1000.0
 
 
 def flight(t: Array) -> Array:
-    """Rest, a sine, rest, a motion hardly above the backlash, rest, a sweep, rest: 14 s."""
+    """Rest, a sine, rest, a motion hardly above the backlash, rest, a sweep, rest: 10 s."""
     command = np.zeros_like(t)
-    for start, end, amplitude, hertz in ((2.0, 4.0, 5e-3, 3.0), (6.0, 7.0, 3e-5, 2.0)):
+    for start, end, amplitude, hertz in ((1.0, 2.0, 5e-3, 3.0), (4.0, 5.0, 3e-5, 2.0)):
         on = (t >= start) & (t < end)
         command[on] = amplitude * np.sin(2 * np.pi * hertz * (t[on] - start))
-    on = (t >= 10.0) & (t < 12.0)
-    command[on] = 5e-3 * np.sin(2 * np.pi * 3.0 * (t[on] - 10.0) ** 2)
+    on = (t >= 7.0) & (t < 9.0)
+    command[on] = 5e-3 * np.sin(2 * np.pi * 3.0 * (t[on] - 7.0) ** 2)
     return command
 
 
 @pytest.fixture(scope="module")
 def whole() -> Recording:
-    made = simulate(THESIS, flight, duration=14.0, sample_rate=RATE, noise=0.05, adc_bits=12)
+    made = simulate(THESIS, flight, duration=10.0, sample_rate=RATE, noise=0.05, adc_bits=12)
     return Recording({name: made[name] for name in KEPT}, source="flight")
 
 
@@ -50,9 +50,9 @@ def test_the_stretches_are_the_whole_recording_in_order(whole: Recording, cut: S
 
 def test_rests_are_refused_and_motions_are_not(cut: Segments) -> None:
     resting = [one for one in cut.stretches if one.reason.startswith("at rest")]
-    assert (round(resting[0].start_s), round(resting[0].end_s)) == (0, 2)
-    assert sum(one.end_s - one.start_s for one in resting) == pytest.approx(14 - 5, abs=2.0)
-    for start, end in ((2.0, 4.0), (10.0, 12.0)):
+    assert (round(resting[0].start_s), round(resting[0].end_s)) == (0, 1)
+    assert sum(one.end_s - one.start_s for one in resting) == pytest.approx(10 - 4, abs=1.5)
+    for start, end in ((1.0, 2.0), (7.0, 9.0)):
         inside = [one for one in cut.accepted if start - 0.3 <= one.start_s and one.end_s <= end + 0.6]
         assert inside
         assert all("friction" in one.identifies for one in inside)
@@ -60,7 +60,7 @@ def test_rests_are_refused_and_motions_are_not(cut: Segments) -> None:
 
 def test_a_command_that_is_too_small_is_refused_with_what_would_be_known(whole: Recording) -> None:
     strict = segments(whole, THESIS, wanted=1e-3).stretches
-    refused = [one for one in strict if 5.5 < one.start_s < 6.5]
+    refused = [one for one in strict if 3.5 < one.start_s < 4.5]
     assert refused
     assert all("command too small or too slow: " in one.reason for one in refused)
     assert "would be known to ±" in refused[0].reason
@@ -76,8 +76,8 @@ def test_what_is_promised_of_a_stretch_from_rest_is_kept_by_a_diagnosis(cut: Seg
 
 
 def test_what_would_begin_in_motion_is_refused(whole: Recording, cut: Segments) -> None:
-    assert sum(1.5 < one.start_s < 4.0 for one in cut.stretches) == 1
-    short = [one for one in segments(whole, THESIS, longest_s=1.0).stretches if 1.5 < one.start_s < 4.0]
+    assert sum(0.5 < one.start_s < 2.0 for one in cut.stretches) == 1
+    short = [one for one in segments(whole, THESIS, longest_s=0.5).stretches if 0.5 < one.start_s < 2.0]
     assert len(short) > 1
     assert [one.reason == IN_MOTION for one in short] == [False] + [True] * (len(short) - 1)
 
@@ -85,9 +85,9 @@ def test_what_would_begin_in_motion_is_refused(whole: Recording, cut: Segments) 
 def test_a_saturated_stretch_is_refused(whole: Recording) -> None:
     limit = THESIS.controller.current_limit
     current = whole["current_A"].copy()
-    current[2000:4000] = limit * np.sign(current[2000:4000])
+    current[1000:2000] = limit * np.sign(current[1000:2000])
     saturated = whole.with_channels({**whole.channels, "current_A": current})
-    reasons = [one.reason for one in segments(saturated, THESIS).stretches if 1.5 < one.start_s < 3.5]
+    reasons = [one.reason for one in segments(saturated, THESIS).stretches if 0.5 < one.start_s < 1.5]
     assert reasons
     assert all("saturated: the current is at its limit in" in reason for reason in reasons)
 
