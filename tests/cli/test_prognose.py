@@ -37,13 +37,21 @@ def wearing(history: History, unit: str, hours: list[float], rate: float, first:
         history.add(made_up.entry(unit, at), made_up.recording(number), made)
 
 
-@pytest.fixture
-def fleet(desk: Path) -> Path:
-    """Return the current folder with the default history of three units, and `required.toml`."""
-    with History.open(desk / "history.sqlite", create=True) as history:
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a history of three units, which nobody may write to."""
+    file = tmp_path_factory.mktemp("flown") / "history.sqlite"
+    with History.open(file, create=True) as history:
         wearing(history, "SN-1", [50.0 * i for i in range(1, 13)], 5e-4, 0)
         wearing(history, "SN-2", [50.0 * i for i in range(1, 5)], 5e-4, 100)
         wearing(history, "SN-3", [50.0], 5e-4, 200)
+    return file
+
+
+@pytest.fixture
+def fleet(desk: Path, flown: Path) -> Path:
+    """Return the current folder with a copy of that as the default history, and `required.toml`."""
+    (desk / "history.sqlite").write_bytes(flown.read_bytes())
     text = write_toml(Actuator.thesis()) + f"\n[[requirements]]\n{LIMITED}"
     (desk / "required.toml").write_text(text, encoding="utf-8")
     return desk
@@ -144,14 +152,16 @@ def test_a_replacement_is_taken_from_the_history(emaphm: Emaphm, fleet: Path) ->
 
 def test_report_and_figure(emaphm: Emaphm, fleet: Path) -> None:
     arguments = ("prognose", "--unit", "SN-2", "--no-fleet", "--report", "out.html", "--figure", "out.svg")
-    assert emaphm(*arguments).code == 0
+    written = [fleet / "out.html", fleet / "out.svg"]
+    for one in written:
+        one.write_text("three weeks of work", encoding="utf-8")
+    assert emaphm(*arguments).code == 2
+    assert [one.read_text(encoding="utf-8") for one in written] == ["three weeks of work"] * 2
+    assert emaphm(*arguments, "--force").code == 0
     page = (fleet / "out.html").read_text(encoding="utf-8")
     assert "SN-2 at 200 h" in page
     assert page.count("data:image/svg+xml") == 3
     assert (fleet / "out.svg").stat().st_size > 1000
-    assert emaphm(*arguments).code == 2
-    assert emaphm(*arguments, "--force").code == 0
-    assert (fleet / "out.html").read_text(encoding="utf-8") == page
 
 
 def test_costs_decide_when_given(emaphm: Emaphm, fleet: Path) -> None:

@@ -240,7 +240,7 @@ Start = Callable[..., "subprocess.Popen[bytes]"]
 @pytest.fixture
 def start(desk: Path) -> Iterator[Start]:
     """Return what starts a study of many runs, in a process group of its own."""
-    longer = PLAN.replace("runs = 2", "runs = 200").replace("iterations = 3", "iterations = 200")
+    longer = PLAN.replace("runs = 2", "runs = 800").replace("iterations = 3", "iterations = 50")
     (desk / "plan.toml").write_text(longer, encoding="utf-8")
     started = []
 
@@ -267,7 +267,7 @@ def _wait_for_results(desk: Path, count: int) -> None:
     deadline = time.monotonic() + PATIENCE_S
     while not (desk / "out" / "results.sqlite").exists() or Store.open(desk / "out").results.height < count:
         assert time.monotonic() < deadline
-        time.sleep(0.2)
+        time.sleep(0.05)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs process groups")
@@ -279,7 +279,7 @@ def test_an_interruption_says_how_to_go_on(start: Start, desk: Path, workers: st
     out, err = process.communicate(timeout=PATIENCE_S)
     assert (process.returncode, out) == (130, b"")
     assert err == b"emaphm: interrupted: what finished is kept in out; the same command goes on\n"
-    assert 5 <= Store.open(desk / "out").results.height < 400
+    assert 5 <= Store.open(desk / "out").results.height < 1600
     assert not list(desk.rglob("*.tmp"))
 
 
@@ -304,7 +304,7 @@ def test_progress_is_shown_on_a_terminal_alone(start: Start, desk: Path) -> None
     os.close(other)
     _wait_for_results(desk, 5)
     shown = b""
-    while b"/400" not in shown:
+    while b"/1600" not in shown:
         shown += os.read(terminal, 65536)
     os.killpg(process.pid, signal.SIGINT)
     while True:

@@ -9,6 +9,7 @@ from typing import Any, NoReturn
 import numpy as np
 import polars as pl
 import pytest
+import scipy.io
 
 from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.cli import main
@@ -215,8 +216,12 @@ def test_the_same_seed_gives_the_same_diagnosis(
     assert told(8) != first
 
 
-def test_diagnose_samples_the_posterior_on_request(emaphm: Emaphm, faulty: Path) -> None:
-    plain = ("diagnose", faulty.name, *QUICK)
+@pytest.mark.usefixtures("desk")
+def test_diagnose_samples_the_posterior_on_request(emaphm: Emaphm) -> None:
+    # Short and slow: a walk takes its time by the row.
+    short = ("--duration", "0.15", "--sample-rate", "2000")
+    assert emaphm("simulate", "faulty.csv", *TRUTH, *short).code == 0
+    plain = ("diagnose", "faulty.csv", *QUICK)
     found = parsed(emaphm, *plain, "--posterior")
     assert set(found["posterior"]) == {"faults", "samples", "convergence"}
     assert found["posterior"]["convergence"]["converged"] is True
@@ -431,8 +436,13 @@ def test_a_real_machine_from_calibration_to_diagnosis(emaphm: Emaphm, desk: Path
     replayed = parsed(emaphm, "replay", emps_file, "--actuator", "unit.toml")
     assert replayed["relative_error"] == pytest.approx(told["relative_error"])
     assert replayed["relative_error"]["current_A"] <= 0.0585
+    # Of half of the rows, a diagnosis takes half the time.
+    data = {name: values for name, values in scipy.io.loadmat(emps_file).items() if not name.startswith("__")}
+    (desk / "half.mat").write_bytes(
+        files.mat({name: values[: -(-len(values) // 2)] for name, values in data.items()})
+    )
     chosen = ("--actuator", "unit.toml", "--nuisance", "load")
-    found = parsed(emaphm, "diagnose", emps_file, *chosen, "--report", "unit.html")
+    found = parsed(emaphm, "diagnose", "half.mat", *chosen, "--report", "unit.html")
     assert found["faults"]["friction"]["verdict"] == "healthy"
     assert found["faults"]["short_a"]["identifiable"] is False
     assert "electrical" in found["faults"]["short_a"]["reason"]

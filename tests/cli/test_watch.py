@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,13 +17,21 @@ from amortized.toys import CHIRP, THESIS, constant_estimator, short_setup
 from emaphm.actuator import Faults
 from emaphm.cli import main
 from emaphm.history import History
+from emaphm.monitoring.outlook import Outlook
 from emaphm.recording import Recording, write_recording
 from emaphm.simulated_recording import simulate
+from warm_processes import warm_processes
 
 from . import files
 from .conftest import Refusal
 
 NAME = ("--name", "{unit}_{hours}.csv")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _warm() -> Iterator[None]:
+    with warm_processes():
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -42,11 +50,17 @@ def arrived(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.fixture
+def no_prognoses(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave out what takes its time in a process of its own, and has tests of its own."""
+    monkeypatch.setattr(Outlook, "ask", lambda *_: None)
+
+
 def test_a_folder_is_judged_and_events_are_printed(
     arrived: Path, desk: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     shutil.copytree(arrived, desk / "in")
-    line = ["watch", "in", *NAME, "--once", "--settle", "0.1", "--db", "h.sqlite"]
+    line = ["watch", "in", *NAME, "--once", "--settle", "0", "--db", "h.sqlite"]
     assert main(line) == 0
     out, err = capfd.readouterr()
     (refused,) = [json.loads(one) for one in out.splitlines() if "SN-7_90" in one]
@@ -68,16 +82,18 @@ def test_a_folder_is_judged_and_events_are_printed(
         assert history.prognoses()["SN-7"].diagnoses == 4
 
 
-@pytest.mark.usefixtures("desk")
-def test_rows_on_standard_input_are_judged(arrived: Path) -> None:
-    text = (arrived / "SN-7_101.csv").read_text()
-    line = [sys.executable, "-m", "emaphm.cli", "watch", "-", "--unit", "A", "--hours", "5", "--new-units"]
-    done = subprocess.run(line, input=text, text=True, capture_output=True, timeout=120, check=False)  # noqa: S603
-    assert done.returncode == 0, done.stderr
-    (event,) = [json.loads(one) for one in done.stdout.splitlines()]
+@pytest.mark.usefixtures("desk", "no_prognoses")
+def test_rows_on_standard_input_are_judged(
+    arrived: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with (arrived / "SN-7_101.csv").open() as rows:
+        monkeypatch.setattr(sys, "stdin", rows)
+        assert main(["watch", "-", "--unit", "A", "--hours", "5", "--new-units"]) == 0
+    out, err = capfd.readouterr()
+    (event,) = [json.loads(one) for one in out.splitlines()]
     assert (event["event"], event["unit"], event["subject"]) == ("health_changed", "A", "friction")
     assert event["details"]["value"] == pytest.approx(0.3, abs=0.03)
-    assert "1 recordings judged" in done.stderr
+    assert "1 recordings judged" in err
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 0), (signal.SIGINT, 130)])
@@ -95,9 +111,13 @@ def test_a_signal_ends_it(desk: Path, number: int, code: int) -> None:
 
 HANGING = """
 import sys, time
+from dataclasses import replace
 from pathlib import Path
+import emaphm.monitoring
 from emaphm.cli import main
-from emaphm.monitoring import diagnosers
+from emaphm.monitoring import WATCH, diagnosers
+
+emaphm.monitoring.WATCH = replace(WATCH, isolation=replace(WATCH.isolation, last_s=0.3))
 
 def hangs(recording, actuator, *, seed):
     Path("begun").touch()
@@ -107,9 +127,10 @@ if __name__ == "__main__":
     diagnosers.search = hangs
     sys.exit(main(sys.argv[1:]))
 """
-"""`emaphm` with a diagnosis that takes ten minutes."""
+"""`emaphm` with a diagnosis that takes ten minutes, and has 0.3 s left when it is to end."""
 
 
+@pytest.mark.usefixtures("no_prognoses")
 def test_a_signal_ends_a_diagnosis_that_hangs_and_it_is_judged_at_the_next_start(
     arrived: Path, desk: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -212,6 +233,7 @@ def test_files_of_the_schema_need_a_unit(desk: Path, capfd: pytest.CaptureFixtur
     assert "its unit is not known; give --unit" in event["message"]
 
 
+@pytest.mark.usefixtures("no_prognoses")
 def test_an_estimator_answers_where_it_can(
     tmp_path: Path, desk: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -224,7 +246,7 @@ def test_an_estimator_answers_where_it_can(
         made = simulate(THESIS, command, faults=Faults(friction=0.3), duration=0.1, sample_rate=2000.0)
         columns = {name: made[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")}
         write_recording(Recording(columns), desk / "in" / f"U_{number}.csv")
-    line = ["watch", "in", *NAME, "--once", "--settle", "0.1", "--db", "h.sqlite", "--new-units", "--whole"]
+    line = ["watch", "in", *NAME, "--once", "--settle", "0", "--db", "h.sqlite", "--new-units", "--whole"]
     assert main([*line, "--estimator", str(tmp_path / "unit.estimator"), "--fast"]) == 0
     assert "2 recordings judged" in capfd.readouterr().err
     with History.open("h.sqlite") as history:

@@ -6,6 +6,7 @@ import os
 import signal
 import threading
 import time
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -21,6 +22,7 @@ from emaphm.monitoring import Ownership, Task, Watching, watch
 from emaphm.monitoring.outlook import Outlook
 from emaphm.monitoring.watch_state import TRIED, WatchState
 from emaphm.recording import Recording
+from warm_processes import warm_processes
 
 from . import stand_in
 from .stand_in import PATTERN, QUICK, THESIS
@@ -37,6 +39,12 @@ def poisoned(recording: Recording, actuator: Actuator, *, seed: int) -> Diagnosi
             file.write("x")
         os.kill(os.getpid(), signal.SIGKILL)
     return stand_in.diagnosed(recording, actuator, seed=seed)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _warm() -> Iterator[None]:
+    with warm_processes():
+        yield
 
 
 @pytest.fixture
@@ -116,7 +124,7 @@ STREAM = [
 """Three movements of 1 s, each behind 1 s of rest and before 1 s more."""
 
 
-LONGEST_S = 6.0
+LONGEST_S = 2.0
 """Of a call, where the diagnosis hangs [s]; it starts its process too, on a machine that may be busy."""
 
 

@@ -6,31 +6,39 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from .flights import as_csv, flight
-from .process import Server, family, over, started
+from monitoring import stand_in
 
-HANGING = """
+from .process import ROOT, Server, family, over, started
+
+HANGING = f"""
 import sys, time
 from pathlib import Path
+sys.path.append({str(ROOT / "tests")!r})
 import emaphm.diagnosis
 from emaphm.cli import main
+from emaphm.server.work import worker
+from monitoring import stand_in
 
-def hangs(*_, **__):
-    Path("begun").touch()
-    time.sleep(600)
+def diagnosed(recording, actuator, *, seed, **_):
+    if Path("hang").exists():
+        Path("begun").touch()
+        time.sleep(600)
+    return stand_in.diagnosed(recording, actuator, seed=seed)
 
-if Path("hang").exists():
-    emaphm.diagnosis.diagnose = hangs  # in the processes of the server too, which read this file
+# In the processes of the server too, which read this file.
+emaphm.diagnosis.diagnose = diagnosed
+worker._write_report = lambda *_: None
 if __name__ == "__main__":
     sys.exit(main(sys.argv[1:]))
 """
+"""`emaphm` with a stand-in for the diagnosis, which hangs as long as there is a file "hang"."""
 
 
 def test_it_ends_within_seconds_and_its_job_is_done_by_the_next(fleet: Path) -> None:
     (fleet.parent / "hanging.py").write_text(HANGING)
     (fleet.parent / "hang").touch()
     server = _served(fleet)
-    recording = as_csv(flight().select("time_s", "command_rad", "current_A"), 1)
+    recording = stand_in.content(1, 1).encode()
     status, answer = server.send("a.csv", recording, {"unit": "N", "hours": "1", "actuator": "thesis"})
     assert status == 202
     _wait_for((fleet.parent / "begun").exists)

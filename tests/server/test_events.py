@@ -21,6 +21,7 @@ from emaphm.server.work.queue import DONE
 from emaphm.server.work.worker import SERVER, Forecast, Outcome, Place, Upload
 from monitoring import stand_in
 from monitoring.hooks import webhook
+from warm_processes import warm_processes
 
 from .conftest import SMALL, client_of
 
@@ -34,8 +35,8 @@ if TYPE_CHECKING:
 
 THESIS = Actuator.thesis()
 
-NUMBERS = range(18, 30)
-"""Of recordings: healthy ones, five with a fault, healthy ones again."""
+NUMBERS = range(19, 28)
+"""Of recordings: a healthy one, five with a fault, three healthy ones again."""
 
 
 @pytest.fixture
@@ -107,7 +108,11 @@ def test_a_refusal_names_the_fields_of_an_upload(arrived: Path, tmp_path: Path) 
     assert message.endswith("check 'hours', or give 'late' for an old recording that is added late")
 
 
-def test_events_of_the_server_go_to_a_webhook(arrived: Path, tmp_path: Path) -> None:
+def test_events_of_the_server_go_to_a_webhook(
+    arrived: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sooner = replace(WATCH, delivery=replace(WATCH.delivery, first_pause_s=0.1))
+    monkeypatch.setattr("emaphm.server.run.WATCH", sooner)
     where = tmp_path / "uploads.sqlite"
     with History.open(where, create=True) as history:
         history.add_events(
@@ -125,7 +130,7 @@ def test_events_of_the_server_go_to_a_webhook(arrived: Path, tmp_path: Path) -> 
         with serving(hook.url) as state:
             uploaded(arrived, where)
             state.pool._on_news()  # as after a job
-            wait_for(lambda: len(hook.events) == 4)  # asked again after a second
+            wait_for(lambda: len(hook.events) == 4)  # asked again after a pause
         uploaded(arrived, where)
         with serving(hook.url):
             pass
@@ -137,7 +142,7 @@ def test_events_of_the_server_go_to_a_webhook(arrived: Path, tmp_path: Path) -> 
 
 def test_a_job_that_is_over_wakes_who_sends_events(fleet: Path) -> None:
     news = []
-    with running(str(fleet), None, None, {"thesis": THESIS}, SMALL) as state:
+    with warm_processes(), running(str(fleet), None, None, {"thesis": THESIS}, SMALL) as state:
         state.pool._on_news = lambda: news.append(1)
         content = b"time_s,command_rad\n0,0\n"
         client_of(state).post(
