@@ -203,11 +203,11 @@ def test_a_task_that_loses_its_workers_is_named_and_the_others_are_done(
     fragile.add_worker()
 
     def replace_worker(done: int, total: int) -> None:
-        if done == total // 2:
+        if done == total // 4:
             fragile.workers[0].kill()
             fragile.add_worker()
 
-    tasks = toy.tasks(TOTAL, toy.square, 0.05)
+    tasks = toy.tasks(TOTAL, toy.square, 0.03)
     failures = run_tasks(tasks, store, scheduler=fragile.address, on_task=replace_worker)
     assert failures
     assert all(": KilledWorker: " in failure and "\n" not in failure for failure in failures)
@@ -238,7 +238,7 @@ def test_a_scheduler_that_does_not_answer_is_refused_in_time_and_leaves_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     assert dask_cluster.ANSWER_S == 10
-    monkeypatch.setattr(dask_cluster, "ANSWER_S", 1.0)
+    monkeypatch.setattr(dask_cluster, "ANSWER_S", 0.3)
     plan = tmp_path / "plan.toml"
     plan.write_text(small.TEXT, encoding="utf-8")
     with socket.socket() as closed, socket.socket() as silent:
@@ -254,11 +254,11 @@ def test_a_scheduler_that_does_not_answer_is_refused_in_time_and_leaves_nothing(
             out, err = capfd.readouterr()
             assert out == ""
             assert err == (
-                f"emaphm: no Dask scheduler answers at '{address}' (no answer within 1 s); start one with "
+                f"emaphm: no Dask scheduler answers at '{address}' (no answer within 0.3 s); start one with "
                 "'dask scheduler', or leave out --scheduler to use this machine\n"
             )
-            # A second, and the time that a busy machine takes; Dask itself waits thirty.
-            assert 1 <= took < 10
+            # The rest is for a busy machine; Dask itself waits thirty seconds.
+            assert 0.3 <= took < 10
     assert not (tmp_path / "study").exists()
 
 

@@ -10,6 +10,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
@@ -17,9 +18,10 @@ from pathlib import Path
 from typing import Any
 
 import sqlalchemy as sa
+from sqlalchemy.schema import CreateTable
 
 from emaphm.history import Entry, History
-from emaphm.history.database import Database
+from emaphm.history.tables import METADATA
 
 from . import made_up
 
@@ -114,13 +116,21 @@ def nursery() -> Iterator[Nursery]:
         process.kill()
 
 
+def warm_up() -> None:
+    """Do once what takes long the first time: make a history, add to it, compile tables for PostgreSQL."""
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        History.open(Path(folder) / "history.sqlite", create=True) as history,
+    ):
+        history.add(entry(0), made_up.recording(0), made_up.diagnosis(0))
+    server = sa.create_engine("postgresql+psycopg://")  # never connected
+    for table in METADATA.sorted_tables:
+        CreateTable(table).compile(server)
+
+
 def main() -> None:
     """Fork a writer for each job on stdin, wait for one for each process id."""
-    # What the writers would otherwise load, each for itself; opened and closed before the first fork.
-    import alembic.command
-    import psycopg
-
-    loaded = (alembic.command, psycopg, Database, made_up.diagnosis(0))
+    warm_up()  # what the writers would otherwise load, each for itself; all is closed before the first fork
     for line in sys.stdin:
         order = json.loads(line)
         if isinstance(order, int):
@@ -135,7 +145,6 @@ def main() -> None:
             finally:
                 os._exit(ended)
         print(child, flush=True)
-    del loaded
 
 
 if __name__ == "__main__":

@@ -306,21 +306,6 @@ def pymoo_genetic() -> Any:
     return GA(pop_size=POPULATION, crossover=crossover, mutation=mutation, eliminate_duplicates=False)
 
 
-def pymoo_differential_evolution() -> Any:
-    from pymoo.algorithms.soo.nonconvex.de import DE
-
-    return DE(pop_size=POPULATION, variant="DE/rand/1/bin", F=0.5, CR=0.9, prob_mut=0.0)
-
-
-def pymoo_swarm() -> Any:
-    from pymoo.algorithms.soo.nonconvex.pso import PSO
-    from pymoo.operators.sampling.rnd import FloatRandomSampling
-
-    pull = {"w": CHI, "c1": 2.05 * CHI, "c2": 2.05 * CHI, "max_velocity_rate": 0.5}
-    plain = {"adaptive": False, "pertube_best": False}
-    return PSO(pop_size=POPULATION, sampling=FloatRandomSampling(), **pull, **plain)
-
-
 def scipy_differential_evolution(function: Function, half_width: float, seed: int) -> float:
     def of_columns(points: Any) -> Any:
         return function(points.T)
@@ -381,15 +366,14 @@ SWARM = {
     "velocity_clamp": 0.5,
 }
 
+# Pymoo is the slowest of them: only where the faster ones have no such method.
 PEERS: dict[str, tuple[type[Optimizer[Any]], Callable[[Function, float, int], float]]] = {
     "genetic-pymoo": (Genetic, partial(run_pymoo, pymoo_genetic)),
-    "differential-evolution-pymoo": (DifferentialEvolution, partial(run_pymoo, pymoo_differential_evolution)),
     "differential-evolution-scipy": (DifferentialEvolution, scipy_differential_evolution),
     "differential-evolution-minionpy": (
         DifferentialEvolution,
         partial(run_minionpy, minionpy.Differential_Evolution, RAND_1_BIN | ENDLESS),
     ),
-    "particle-swarm-pymoo": (ParticleSwarm, partial(run_pymoo, pymoo_swarm)),
     "particle-swarm-minionpy": (ParticleSwarm, partial(run_minionpy, minionpy.PSO, SWARM)),
     "grey-wolf-niapy": (GreyWolf, niapy_wolves),
 }

@@ -80,7 +80,7 @@ def flown(time: float, amplitude: float, seed: int, upto: float = 2000.0) -> Evi
 
 @pytest.fixture(scope="module")
 def fleet() -> list[Evidence]:
-    times = np.exp(0.2 * np.random.default_rng(1).standard_normal(6))
+    times = np.exp(0.2 * np.random.default_rng(1).standard_normal(4))
     return [flown(float(time), 1.0, i) for i, time in enumerate(times)]
 
 

@@ -23,6 +23,8 @@ from emaphm.prognosis.settings import ForecastSettings
 ERROR = 0.01
 EVERYTHING = np.ones(8, bool)
 THESIS = Actuator.thesis()
+FEWER_PATHS = ForecastSettings(paths=250)
+"""A share of them is then right to 3 % (one standard error)."""
 
 
 def requiring(*requirements: Requirement) -> Actuator:
@@ -43,13 +45,19 @@ def observation(hours: float, *, seed: int = 0, explained: bool = True, **levels
 
 
 def wearing(
-    count: int, *, rate: float = 2e-4, unit: str = "S1", seed: int = 0, start: float = 0.0
+    count: int,
+    *,
+    rate: float = 2e-4,
+    unit: str = "S1",
+    seed: int = 0,
+    start: float = 0.0,
+    every: float = 50.0,
 ) -> Evidence:
-    """Return a unit whose friction rises evenly, diagnosed every 50 h."""
+    """Return a unit whose friction rises evenly, diagnosed `every` so many hours."""
     observations = tuple(
-        observation(50.0 * i, seed=seed, friction=start + rate * 50.0 * i) for i in range(1, count + 1)
+        observation(every * i, seed=seed, friction=start + rate * every * i) for i in range(1, count + 1)
     )
-    return Evidence(unit, "P1", 50.0 * count, observations)
+    return Evidence(unit, "P1", every * count, observations)
 
 
 def test_a_straight_line_is_followed_to_its_limit() -> None:
@@ -78,12 +86,14 @@ def test_what_is_violated_has_no_life_left() -> None:
     assert made.advice.action == "replace before"
 
 
+@pytest.mark.usefixtures("few_paths")
 def test_a_requirement_that_no_fault_can_violate_is_named() -> None:
     made = prognose(wearing(10), requiring(Requirement(measure="free_play", at_most=1.0)))
     assert math.isinf(made.median)
     assert "no single fault at the end of its scale violates: free_play at most 1 rad" in made.notes
 
 
+@pytest.mark.usefixtures("few_paths")
 def test_an_unexplained_diagnosis_is_not_fed() -> None:
     usual = wearing(8)
     odd = observation(390.0, friction=0.9, explained=False)
@@ -93,6 +103,7 @@ def test_an_unexplained_diagnosis_is_not_fed() -> None:
     assert "1 of 9 diagnoses are not explained and not used" in other.notes
 
 
+@pytest.mark.usefixtures("few_paths")
 def test_a_replacement_gives_a_new_life() -> None:
     worn = wearing(25)
     replaced = Evidence("S1", "P1", worn.hours, worn.observations, ((worn.hours, "friction"),))
@@ -103,6 +114,7 @@ def test_a_replacement_gives_a_new_life() -> None:
     assert after.probability_of_failure < before.probability_of_failure + 0.1
 
 
+@pytest.mark.usefixtures("few_paths")
 def test_few_diagnoses_say_so() -> None:
     notes = " ".join(prognose(wearing(1), WORN).notes)
     assert "explained diagnoses: 1; 3 are needed to see a rate" in notes
@@ -112,6 +124,7 @@ def test_few_diagnoses_say_so() -> None:
     assert any("states no [[requirements]]" in note for note in none.notes)
 
 
+@pytest.mark.usefixtures("few_paths")
 def test_what_no_diagnosis_sees_is_taken_as_healthy_and_named() -> None:
     unseen = EVERYTHING.copy()
     unseen[2:5] = False
@@ -123,6 +136,7 @@ def test_what_no_diagnosis_sees_is_taken_as_healthy_and_named() -> None:
     assert made.probabilities()["short_a at most 1"] == 0
 
 
+@pytest.mark.usefixtures("few_paths")
 def test_json_is_finite_and_has_the_keys_that_are_promised() -> None:
     made = prognose(wearing(5, rate=0.0), WORN, Question(100.0))
     values = made.to_dict()
@@ -165,7 +179,8 @@ def test_transforms_of_units_from_the_prior_are_uniform() -> None:
             level = [np.interp(hours, truths.hours, truths.level[:, i, c]) for c in range(8)]
             noisy = np.asarray(level) + ERROR * random.standard_normal(8)
             observations.append(Observation(float(hours), noisy, ERROR**2 * np.eye(8), EVERYTHING))
-        made = prognose(Evidence("S", "P", 600.0, tuple(observations)), actuator, seed=int(i))
+        evidence = Evidence("S", "P", 600.0, tuple(observations))
+        made = prognose(evidence, actuator, seed=int(i), settings=FEWER_PATHS)
         shown = _given_failure(made.sample, 50.0, 14_400.0)
         transforms.append(probability_integral_transform(Prediction(600.0, shown), ends[i] - 600))
     assert kstest(transforms, "uniform").pvalue > 0.01
@@ -177,7 +192,7 @@ def _given_failure(sample: Array, low: float, high: float) -> Array:
 
 
 def test_a_fleet_narrows_the_first_life_of_a_new_unit() -> None:
-    fleet = fleet_prior([wearing(30, rate=4e-4, unit=f"F{i}", seed=i) for i in range(6)])
+    fleet = fleet_prior([wearing(15, rate=4e-4, unit=f"F{i}", seed=i, every=100.0) for i in range(6)])
     assert (fleet.units, fleet.fleet_share) == (6, 0.75)
     new = wearing(2, rate=4e-4, unit="new", seed=99)
     alone, taught = prognose(new, WORN), prognose(new, WORN, prior=fleet)
@@ -198,6 +213,7 @@ def test_a_diagnosis_that_is_not_finite_is_refused() -> None:
         prognose(Evidence("S1", "P1", 5.0, (broken,)), WORN)
 
 
+@pytest.mark.usefixtures("few_paths")
 def test_same_seed_same_numbers() -> None:
     one, same, other = (prognose(wearing(6), WORN, seed=seed) for seed in (1, 1, 2))
     assert np.array_equal(one.sample, same.sample)

@@ -72,6 +72,7 @@ def test_the_exponent_of_the_load_is_learnt_from_flights(exponent: float) -> Non
     assert learnt == pytest.approx(exponent, abs=0.9)  # from 0 to 4, with the mean 2, where nothing is learnt
 
 
+@pytest.mark.usefixtures("few_paths")
 def test_a_lighter_load_to_come_lets_a_unit_last_longer() -> None:
     """Friction is at 0.45 of 0.6, by the cube of the load: the rest takes 1,500 h light, 187 h heavy."""
     evidence = flown(3.0, count=20)
@@ -83,6 +84,7 @@ def test_a_lighter_load_to_come_lets_a_unit_last_longer() -> None:
     assert light > 3 * heavy
 
 
+@pytest.mark.usefixtures("few_paths")
 def test_without_records_of_it_a_stress_to_come_changes_nothing_and_is_said() -> None:
     evidence = flown(1.0, count=6)
     plain = Evidence("S1", "P1", evidence.hours, evidence.observations)
@@ -92,7 +94,7 @@ def test_without_records_of_it_a_stress_to_come_changes_nothing_and_is_said() ->
 
 
 def test_a_fleet_teaches_exponents_at_its_own_reference() -> None:
-    taught = fleet_prior([flown(3.0, unit=f"F{i}", seed=i) for i in range(4)])
+    taught = fleet_prior([flown(3.0, count=20, unit=f"F{i}", seed=i) for i in range(4)])
     assert taught.reference == StressReference(load=1.5)
     assert taught.fleet is not None
     moving = taught.fleet.law[:, 0] > 0

@@ -46,9 +46,8 @@ def emps() -> Actuator:
     )
 
 
-@pytest.fixture
-def columns() -> Columns:
-    """Half a second of a healthy thesis actuator, in closed form."""
+def half_a_second() -> Columns:
+    """Return half a second of a healthy thesis actuator, in closed form."""
     time = np.arange(2500) / 5000.0
     swing = 2 * np.pi * 4.0 * time
     return {
@@ -59,6 +58,11 @@ def columns() -> Columns:
         "current_A": 1.5 * np.sign(np.cos(swing)) - 0.4 * np.sin(swing),
         "temperature_K": np.full(time.size, 293.15),
     }
+
+
+@pytest.fixture
+def columns() -> Columns:
+    return half_a_second()
 
 
 @pytest.fixture

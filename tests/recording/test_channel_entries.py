@@ -15,7 +15,8 @@ from emaphm.recording import Recording, read_recording, write_recording
 from .conftest import Columns, Refusal
 
 
-def save(columns: dict[str, Any], folder: Path, name: str = "rec.parquet") -> Path:
+# A CSV file, where the format does not matter: for another a process is started.
+def save(columns: dict[str, Any], folder: Path, name: str = "rec.csv") -> Path:
     path = folder / name
     frame = pl.DataFrame(columns)
     frame.write_csv(path) if name.endswith("csv") else frame.write_parquet(path)

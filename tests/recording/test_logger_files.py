@@ -1,6 +1,7 @@
 """TDMS, HDF5 and MDF 4 files as their own libraries write them."""
 
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,9 @@ from emaphm.actuator import Actuator
 from emaphm.actuator.channels import Channels
 from emaphm.actuator.reading import Reading
 from emaphm.recording import read_recording, read_recordings
+from emaphm.recording.io.limits import ReadLimits
 
-from .conftest import Columns, Refusal
+from .conftest import Columns, Refusal, half_a_second
 
 ENDINGS = ("tdms", "h5", "mf4")
 SLOW = {"column": "Slow/T", "unit": "degC"}
@@ -86,11 +88,19 @@ def mf4(columns: Columns, folder: Path) -> Path:
 
 SAVE: dict[str, Callable[[Columns, Path], Path]] = {"tdms": tdms, "h5": h5, "mf4": mf4}
 
+Saved = Callable[[str], Path]
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory: pytest.TempPathFactory) -> Saved:
+    """Return what saves a file of an ending, once; it is only to be read."""
+    return cache(lambda ending: SAVE[ending](half_a_second(), tmp_path_factory.mktemp(ending)))
+
 
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_round_trip(columns: Columns, tmp_path: Path, thesis: Actuator, ending: str) -> None:
+def test_round_trip(columns: Columns, saved: Saved, thesis: Actuator, ending: str) -> None:
     temperature = SLOW | {"time": "Slow/t"} if ending == "h5" else SLOW
-    recording = read_recording(SAVE[ending](columns, tmp_path), rig(thesis, temperature_K=temperature))
+    recording = read_recording(saved(ending), rig(thesis, temperature_K=temperature))
     np.testing.assert_allclose(recording["time_s"], columns["time_s"], atol=1e-12)
     for name, values in measured(columns).items():
         np.testing.assert_array_equal(recording[name], values)
@@ -131,16 +141,15 @@ BAD = {
 
 @pytest.mark.parametrize(("ending", "name", "expected"), BAD.values(), ids=BAD.keys())
 def test_what_a_file_does_not_hold_is_refused(
-    columns: Columns,
-    tmp_path: Path,
+    saved: Saved,
     thesis: Actuator,
     refusal: Refusal,
     ending: str,
     name: str,
     expected: list[str],
 ) -> None:
-    path = SAVE[ending](columns, tmp_path)
-    text = refusal(lambda: read_recording(path, rig(thesis, current_A=name)))
+    path, here = saved(ending), ReadLimits(isolated=False)  # each process would load the library anew
+    text = refusal(lambda: read_recording(path, rig(thesis, current_A=name), limits=here))
     for part in (str(path), *expected):
         assert part in text
 
@@ -150,13 +159,13 @@ def test_what_a_file_does_not_hold_is_refused(
     "spoil", [lambda raw: raw[: len(raw) // 2], lambda raw: raw[::-1]], ids=["cut", "noise"]
 )
 def test_a_damaged_file_is_refused(
-    columns: Columns,
+    saved: Saved,
     tmp_path: Path,
     thesis: Actuator,
     refusal: Refusal,
     ending: str,
     spoil: Callable[[bytes], bytes],
 ) -> None:
-    path = SAVE[ending](columns, tmp_path)
-    path.write_bytes(spoil(path.read_bytes()))
+    path = tmp_path / f"rec.{ending}"
+    path.write_bytes(spoil(saved(ending).read_bytes()))
     assert str(path) in refusal(lambda: read_recording(path, thesis))

@@ -22,9 +22,10 @@ def trapezoids(periods: float, rows: int, phase: float = 0.0) -> np.ndarray:
     return 5e-3 * np.interp(place, [0, 0.25, 0.5, 0.75, 1], [0, 1, 1, 0, 0])
 
 
+# A CSV file, where the format does not matter: for another a process is started.
 def save(columns: Mapping[str, object], folder: Path) -> Path:
-    path = folder / "long.parquet"
-    pl.DataFrame(columns).write_parquet(path)
+    path = folder / "long.csv"
+    pl.DataFrame(columns).write_csv(path)
     return path
 
 
@@ -55,7 +56,7 @@ def test_by_period(tmp_path: Path, thesis: Actuator) -> None:
     assert [one.samples for one in found] == [1000] * 5
     assert [one.labels["period"] for one in found] == [1, 2, 3, 4, 5]
     assert "the 400 rows after this period" in found[-1].notes[0]
-    assert found[2].source.endswith("long.parquet: period 3")
+    assert found[2].source.endswith("long.csv: period 3")
 
 
 def test_at_rests(tmp_path: Path, thesis: Actuator) -> None:
@@ -107,7 +108,7 @@ def test_pieces_that_are_no_recording_are_told(tmp_path: Path, thesis: Actuator,
     refused: list[str] = []
     assert len(read_recordings(path, thesis, split="run", on_refused=refused.append)) == 2
     assert [reason.rpartition(": ")[2] for reason in refused] == ["run 1 has 40 rows, at least 50 are needed"]
-    path = save({**pl.read_parquet(path).to_dict(as_series=False), "current_A": current}, tmp_path)
+    path = save({**pl.read_csv(path).to_dict(as_series=False), "current_A": current}, tmp_path)
     assert "run 3: row 1001 of column 'current_A'" in refusal(
         lambda: read_recordings(path, thesis, split="run")
     )

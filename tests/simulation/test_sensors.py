@@ -61,7 +61,7 @@ def means(fine: Array) -> Array:
     return np.asarray(middles.reshape(-1, FINE).mean(axis=1))
 
 
-@pytest.mark.parametrize("lag", [1e-4, 5e-4, 1e-3, 5e-3, 2e-2])
+@pytest.mark.parametrize("lag", [1e-4, 1e-3, 2e-2])
 @pytest.mark.parametrize("sampling", ["instant", "mean"])
 def test_a_lag_is_that_of_its_differential_equation(lag: float, sampling: str) -> None:
     true, response = swing(FINE_TIMES), true_lag(lag)

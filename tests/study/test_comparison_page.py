@@ -1,7 +1,7 @@
 """The page that redoes the thesis's comparison: its numbers are the studies', its findings are checked."""
 
+from functools import cache
 from pathlib import Path
-from typing import Any
 
 import polars as pl
 import pytest
@@ -10,7 +10,6 @@ from emaphm.errors import StudyError
 from emaphm.report import comparison_page
 from emaphm.report.comparison_page import PLANS, finished, write_comparison
 from emaphm.study import Plan, Store
-from emaphm.study.trials import Trial
 
 from .made_up import results
 
@@ -20,19 +19,23 @@ ERRORS = {"GA": 2.2, "PSO": 1.2, "DE": 1.0, "GWO": 4.0, "DA": 3.0, "DA as listed
 SEARCHED = dict.fromkeys(("lower95", "upper95", "standard_error", "verdict", "explained", "moves"))
 
 
-def stores(errors: dict[str, float]) -> dict[str, Store]:
-    def change(trial: Trial) -> dict[str, Any]:
-        lost = 30.0 if trial.case == "multiple" and trial.contestant.label != "hybrid" else 1.0
-        return {
-            "error_percent": lost * errors.get(trial.contestant.label, 1.5),
-            "evaluations": 600,
-            **SEARCHED,
-        }
+@cache
+def finished_runs(name: str) -> tuple[Plan, pl.DataFrame]:
+    """Return a plan and results of all its runs."""
+    plan = Plan.load(name)
+    return plan, results(plan, 1.0, lambda _: {"evaluations": 600, **SEARCHED})
 
+
+def stores(errors: dict[str, float]) -> dict[str, Store]:
+    """Return finished studies whose methods have these mean errors [%] on single faults."""
+    lost = pl.when((pl.col("case") == "multiple") & (pl.col("method") != "hybrid")).then(30.0).otherwise(1.0)
+    error = lost * pl.col("method").replace_strict(errors, default=1.5)
     made = {}
     for name in PLANS:
-        plan = Plan.load(name)
-        made[name] = Store(Path("studies") / name, plan, results(plan, 1.0, change), (), 300.0)
+        plan, runs = finished_runs(name)
+        made[name] = Store(
+            Path("studies") / name, plan, runs.with_columns(error.alias("error_percent")), (), 300.0
+        )
     return made
 
 

@@ -181,6 +181,9 @@ def test_a_page_without_results_is_refused(accuracy: Plan, limits: Plan) -> None
 
 # The map of the limits
 
+DRAWN = {"noise", "load"}
+"""Figures of the map, of eight that are drawn alike; drawing is what takes long."""
+
 
 def test_the_map_names_the_settings_that_are_wrong_without_saying_so(limits: Plan) -> None:
     undrawn = [section.model_copy(update={"figure": ""}) for section in limits.sections]
@@ -197,7 +200,12 @@ def test_the_map_names_the_settings_that_are_wrong_without_saying_so(limits: Pla
         low, high = ([*(v + side for v in trial.truth[:7]), 2.0 + side] for side in (-0.01, 0.01))
         return {"lower95": low, "upper95": high, "error_percent": 7.25, "explained": explained[rig]}
 
-    page, figures = limits_page(limits, results(limits, 1.0, miss_the_gain), "limits")
+    drawn = [
+        section if section.figure in DRAWN else section.model_copy(update={"figure": ""})
+        for section in limits.sections
+    ]
+    few = limits.model_copy(update={"sections": drawn})
+    page, figures = limits_page(few, results(limits, 1.0, miss_the_gain), "limits")
     assert "1 of 58." in page
     assert (
         "- plant: lagging current sensors, mild: gain held by 0 %, 100 % explained, median error 7.25 %"
@@ -205,7 +213,7 @@ def test_the_map_names_the_settings_that_are_wrong_without_saying_so(limits: Pla
     )
     assert "- plant: compliant shaft" not in page
     assert "| compliant shaft, mild | 7.25 / 7.25 | 88 % | 0 % (gain) | 0 % |" in page
-    assert figures.keys() == {section.figure for section in limits.sections if section.figure}
+    assert figures.keys() == DRAWN
     for name, content in figures.items():
         assert content.startswith(b"<?xml")
         assert f"](limits/{name}.svg)" in page

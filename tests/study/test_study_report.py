@@ -9,6 +9,7 @@ from xml.etree import ElementTree as ET
 import matplotlib as mpl
 import polars as pl
 import pytest
+from matplotlib.figure import Figure
 
 import emaphm.report.study
 from emaphm.errors import OutputError
@@ -95,6 +96,8 @@ def _write(runs: pl.DataFrame, folder: Path, total: int | None = None, title: st
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave the figures empty where only the text matters: drawing them is what takes long."""
+    for part in ("costs", "errors", "success", "convergence", "ranks"):
+        monkeypatch.setattr(emaphm.report.study, f"draw_{part}", lambda *_: Figure())
     monkeypatch.setattr(emaphm.report.study, "svg", lambda _: b"<svg/>")
 
 
