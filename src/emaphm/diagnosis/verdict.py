@@ -113,6 +113,17 @@ def _common_shorts(components: Mapping[str, Estimate]) -> dict[str, Estimate]:
     return {name: replace(one, verdict="cannot tell", reason=COMMON_SHORTS) for name, one in shorts.items()}
 
 
+def with_phase_undecided(
+    components: Mapping[str, Estimate], before: Mapping[str, Estimate]
+) -> dict[str, Estimate]:
+    """Return the components, the phase undecided too where the eccentricity is and was not `before`."""
+    size = components["eccentricity"]
+    if size.verdict != "cannot tell" or before["eccentricity"].verdict != "degraded":
+        return dict(components)
+    phase = replace(components["eccentricity_phase"], verdict="cannot tell", reason=size.reason)
+    return {**components, "eccentricity_phase": phase}
+
+
 def unexplained(components: Mapping[str, Estimate], fixed: Collection[str] = ()) -> dict[str, Estimate]:
     """Return the components of a recording that is not explained: none is called healthy or degraded.
 
@@ -154,7 +165,7 @@ def _component(
         # Only the bound of the range makes it shorter: the search may have ended there for whatever reason.
         return Estimate(value, error, interval, False, "cannot tell", unconstrained)
     identifiable = high - low <= VERDICT.longest_interval
-    verdict = _verdict(low, high, healthy)
+    verdict = verdict_of((low, high), healthy)
     reason = ""
     if verdict == "cannot tell":
         reason = collinear or (
@@ -167,7 +178,9 @@ def _component(
     return Estimate(value, error, interval, identifiable, verdict, reason, limits)
 
 
-def _verdict(low: float, high: float, healthy: float) -> Verdict:
+def verdict_of(interval: tuple[float, float], healthy: float) -> Verdict:
+    """Return what an interval says of a component with this `healthy` value."""
+    low, high = interval
     if max(low - healthy, healthy - high) > VERDICT.healthy_margin:
         return "degraded"
     if max(high - healthy, healthy - low) <= VERDICT.hidden_fault:

@@ -14,7 +14,7 @@ from emaphm.actuator.faults import HEALTHY
 from emaphm.arrays import Array
 from emaphm.diagnosis.explanation.refits import Refit
 from emaphm.diagnosis.explanation.sensor_scores import taken_up_of_a_delay
-from emaphm.diagnosis.verdict import Estimate
+from emaphm.diagnosis.verdict import Estimate, verdict_of, with_phase_undecided
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
@@ -80,7 +80,7 @@ def with_alternatives(
         faults = objective.space.faults(refit.point)
         for i, (name, one) in enumerate(components.items()):
             checked[name] = _including(name, checked[name], one, float(faults[i]), late * interval)
-    return checked
+    return with_phase_undecided(checked, components)
 
 
 def beyond_a_delay(gain: Estimate, result: SearchResult, jacobians: Array) -> Estimate:
@@ -134,9 +134,10 @@ def taken_back(rows: Array, late: int) -> Array:
 
 
 def _including(name: str, estimate: Estimate, first: Estimate, other: float, delay: float) -> Estimate:
-    """Return an `estimate` whose interval has the value of an alternative: undecided where that is another.
+    """Return an `estimate` whose interval has the value of an alternative too.
 
-    `first` is the estimate without alternatives; the alternative is known as well as that.
+    It is undecided where that is another value, and where the interval now says another thing. `first` is the
+    estimate without alternatives; the alternative is known as well as that.
     """
     low, high = first.interval95
     half_width = (high - low) / 2
@@ -149,7 +150,10 @@ def _including(name: str, estimate: Estimate, first: Estimate, other: float, del
         max(estimate.interval95[1], min(other + half_width, most)),
     )
     estimate = replace(estimate, interval95=interval)
-    if first.verdict == "cannot tell" or abs(other - first.value) <= max(ALTERNATIVES.difference, half_width):
+    another = abs(other - first.value) > max(ALTERNATIVES.difference, half_width)
+    if name != "eccentricity_phase":  # a direction is neither good nor bad
+        another |= verdict_of(interval, float(getattr(HEALTHY, name))) != first.verdict
+    if first.verdict == "cannot tell" or not another:
         return estimate
     way = "late" if delay > 0 else "early"
     reason = (

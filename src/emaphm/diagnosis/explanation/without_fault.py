@@ -16,7 +16,7 @@ import numpy as np
 from emaphm.actuator.faults import CARTESIAN_NAMES, HEALTHY
 from emaphm.arrays import Array
 from emaphm.diagnosis.explanation.refits import Refit
-from emaphm.diagnosis.verdict import Estimate
+from emaphm.diagnosis.verdict import Estimate, with_phase_undecided
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import SearchResult
 
@@ -65,12 +65,7 @@ def tested_by_refits(
             healthy = _healthy(name)
             interval = (min(low, healthy), max(high, healthy))
             checked[name] = replace(one, verdict="cannot tell", interval95=interval, reason=reason)
-    if checked["eccentricity"].verdict == "cannot tell" and components["eccentricity"].verdict == "degraded":
-        reason = checked["eccentricity"].reason
-        checked["eccentricity_phase"] = replace(
-            checked["eccentricity_phase"], verdict="cannot tell", reason=reason
-        )
-    return checked
+    return with_phase_undecided(checked, components)
 
 
 def _healthy(name: str) -> float:
