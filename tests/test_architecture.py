@@ -52,9 +52,11 @@ def imported(tree: ast.AST, *, when_called: bool) -> Iterator[str]:
     Imports for type checkers alone are left out: they are no dependency of the running program.
     """
     for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.expr):  # holds no import, and most of the nodes
+            continue
         if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test):
             continue
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda) and not when_called:
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and not when_called:
             continue
         if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("emaphm"):
             for alias in node.names:

@@ -55,8 +55,14 @@ def halves(measured: Recording) -> tuple[Recording, Recording]:
 
 
 @pytest.fixture(scope="module")
-def diagnosed(halves: tuple[Recording, Recording], calibrated: Calibration) -> Diagnosis:
-    return diagnose(halves[0], calibrated.actuator)
+def quarter(measured: Recording) -> Recording:
+    """Return the first quarter, which tells of the rig what any other does."""
+    return Recording({name: measured[name][: measured.samples // 4] for name in measured}, "instant")
+
+
+@pytest.fixture(scope="module")
+def diagnosed(quarter: Recording, calibrated: Calibration) -> Diagnosis:
+    return diagnose(quarter, calibrated.actuator)
 
 
 def test_the_recording_is_what_its_authors_describe(measured: Recording) -> None:
@@ -200,7 +206,5 @@ def test_what_the_description_lacks_is_named(diagnosed: Diagnosis) -> None:
     assert diagnosed.reference_runs == 0
 
 
-def test_the_guess_is_not_taken_for_a_healthy_unit(
-    halves: tuple[Recording, Recording], guess: Actuator
-) -> None:
-    assert not diagnose(halves[0], guess).explained
+def test_the_guess_is_not_taken_for_a_healthy_unit(quarter: Recording, guess: Actuator) -> None:
+    assert not diagnose(quarter, guess).explained

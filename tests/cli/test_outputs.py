@@ -18,6 +18,9 @@ WRITERS = {
 }
 """Every option that writes a file, with the endings that it takes."""
 
+MAGIC = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}
+"""What the content of a figure begins with, by its ending."""
+
 EACH = [(line, name) for line, names in WRITERS.items() for name in names]
 
 
@@ -98,7 +101,7 @@ def test_a_folder_of_the_system_is_refused_before_the_work(refused: Refusal, lin
 
 
 @pytest.mark.parametrize(("line", "name"), EACH)
-def test_force_replaces_the_file_and_nothing_else_is_left(
+def test_force_replaces_the_file_by_what_its_name_says_and_nothing_else_is_left(
     emaphm: Emaphm, desk: Path, line: str, name: str
 ) -> None:
     (desk / name).write_text("old", encoding="utf-8")
@@ -106,7 +109,9 @@ def test_force_replaces_the_file_and_nothing_else_is_left(
     quick = {"simulate": ["--model", "averaged"], "diagnose": ["--no-correction"]}.get(verb, [])
     code, _, err = emaphm(*line.format(name).split(), *quick, "--force")
     assert (code, err) == (0, "")
-    assert (desk / name).stat().st_size > 1000
+    written = (desk / name).read_bytes()
+    assert len(written) > 1000
+    assert written.startswith(MAGIC.get(Path(name).suffix, b""))
     spare = {"spare.toml"} if "spare.toml" in line else set()
     assert {path.name for path in desk.iterdir()} == {"good.csv", "good.toml", name} | spare
 

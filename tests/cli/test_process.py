@@ -92,7 +92,7 @@ print(json.dumps([*sys.modules]))
 
 @pytest.mark.parametrize(
     ("line", "code"),
-    [("--version", 0), ("replay good.csv", 0), ("replay absent.csv", 2), ("replay", 2), ("bogus", 2)],
+    [("--version", 0), ("replay absent.csv", 2), ("replay", 2), ("bogus", 2)],
 )
 def test_exit_codes(start: Start, line: str, code: int) -> None:
     returned, out, err = ended(start(*line.split(), stdout=subprocess.PIPE))
@@ -317,7 +317,6 @@ signal, which a shell calls 130 too.
         ("simulate out.csv --duration 20", "simulating"),
         ("diagnose good.csv --method dragonfly-thesis --report out.html", "diagnosing"),
         ("calibrate good.csv --free inertia,viscous,coulomb -o out.toml", "calibrating"),
-        ("demo", "diagnosing"),
     ],
 )
 def test_an_interruption_ends_it_without_traceback_or_half_a_file(desk: Path, line: str, bar: str) -> None:
@@ -326,8 +325,7 @@ def test_an_interruption_ends_it_without_traceback_or_half_a_file(desk: Path, li
     assert bar.encode() in shown
     assert b"interrupted" in shown
     assert b"Traceback" not in shown
-    (desk / "demo").mkdir(exist_ok=True)
-    assert {path.name for path in desk.rglob("*")} == {"good.csv", "good.toml", "demo"}
+    assert {path.name for path in desk.rglob("*")} == {"good.csv", "good.toml"}
 
 
 LOST = """

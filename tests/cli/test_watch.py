@@ -6,6 +6,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -14,9 +15,11 @@ from pathlib import Path
 import pytest
 
 from amortized.toys import CHIRP, THESIS, constant_estimator, short_setup
-from emaphm.actuator import Faults
+from emaphm.actuator import Actuator, Faults
 from emaphm.cli import main
+from emaphm.diagnosis import Diagnosis
 from emaphm.history import History
+from emaphm.monitoring import WATCH, diagnosers
 from emaphm.monitoring.outlook import Outlook
 from emaphm.recording import Recording, write_recording
 from emaphm.simulated_recording import simulate
@@ -32,6 +35,12 @@ NAME = ("--name", "{unit}_{hours}.csv")
 def _warm() -> Iterator[None]:
     with warm_processes():
         yield
+
+
+@pytest.fixture(autouse=True)
+def _looks_often(monkeypatch: pytest.MonkeyPatch) -> None:
+    often = replace(WATCH, folder=replace(WATCH.folder, poll_s=0.1))
+    monkeypatch.setattr("emaphm.monitoring.WATCH", often)
 
 
 @pytest.fixture(scope="module")
@@ -109,57 +118,55 @@ def test_a_signal_ends_it(desk: Path, number: int, code: int) -> None:
         assert "Traceback" not in process.stderr.read()
 
 
-HANGING = """
-import sys, time
-from dataclasses import replace
-from pathlib import Path
-import emaphm.monitoring
-from emaphm.cli import main
-from emaphm.monitoring import WATCH, diagnosers
-
-emaphm.monitoring.WATCH = replace(WATCH, isolation=replace(WATCH.isolation, last_s=0.3))
-
-def hangs(recording, actuator, *, seed):
-    Path("begun").touch()
+def hangs(recording: Recording, actuator: Actuator, *, seed: int) -> Diagnosis:  # noqa: ARG001
+    """Take ten minutes."""
+    begun = Path(recording.source).parent.with_name("begun")
+    begun.with_name("pid").write_text(str(os.getpid()))
+    begun.with_name("pid").rename(begun)  # whoever sees it can read it
     time.sleep(600)
-
-if __name__ == "__main__":
-    diagnosers.search = hangs
-    sys.exit(main(sys.argv[1:]))
-"""
-"""`emaphm` with a diagnosis that takes ten minutes, and has 0.3 s left when it is to end."""
+    raise AssertionError
 
 
 @pytest.mark.usefixtures("no_prognoses")
 def test_a_signal_ends_a_diagnosis_that_hangs_and_it_is_judged_at_the_next_start(
-    arrived: Path, desk: Path, capfd: pytest.CaptureFixture[str]
+    arrived: Path, desk: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     (desk / "in").mkdir()
     shutil.copy(arrived / "SN-7_101.csv", desk / "in")
-    (desk / "hanging.py").write_text(HANGING)
-    line = ["watch", "in", *NAME, "--settle", "0", "--db", "h.sqlite", "--new-units"]
-    for number, code in ((signal.SIGTERM, 0), (signal.SIGINT, 130)):
-        check_that_it_ends(line, number, code)
+    line = ["watch", str(desk / "in"), *NAME, "--settle", "0", "--db", "h.sqlite", "--new-units"]
+    with monkeypatch.context() as patched:
+        patched.setattr(diagnosers, "search", hangs)
+        soon = replace(WATCH, isolation=replace(WATCH.isolation, last_s=0.3))
+        patched.setattr("emaphm.monitoring.WATCH", soon)
+        for number, code in ((signal.SIGTERM, 0), (signal.SIGINT, 130)):
+            check_that_it_ends(line, number, code)
+    assert "Traceback" not in capfd.readouterr().err
     assert main([*line, "--once"]) == 0
     assert "1 recordings judged" in capfd.readouterr().err
 
 
 def check_that_it_ends(line: list[str], number: int, code: int) -> None:
     """Send a signal amid a diagnosis: no process and nothing half done is left."""
-    Path("begun").unlink(missing_ok=True)
-    with subprocess.Popen(  # noqa: S603
-        [sys.executable, "hanging.py", *line], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as process:
-        wait_for(Path("begun").exists)
-        family = children(process.pid)
-        assert family
-        began = time.monotonic()
-        process.send_signal(number)
-        assert process.wait(60) == code
-        assert time.monotonic() - began < 10.0  # of 600
-        assert process.stderr is not None
-        assert "Traceback" not in process.stderr.read()
-    wait_for(lambda: not any(Path(f"/proc/{one}").exists() for one in family))
+    begun, sent, ended = Path("begun"), list[float](), threading.Event()
+    begun.unlink(missing_ok=True)
+
+    def send() -> None:
+        try:
+            wait_for(lambda: begun.exists() or ended.is_set())
+            sent.append(time.monotonic())
+        finally:
+            if not ended.is_set():
+                os.kill(os.getpid(), number)
+
+    thread = threading.Thread(target=send)
+    thread.start()
+    try:
+        assert main(line) == code
+        assert time.monotonic() - sent[0] < 10.0  # of 600
+    finally:
+        ended.set()
+        thread.join()
+    wait_for(lambda: not Path(f"/proc/{begun.read_text()}").exists())
     with History.open("h.sqlite") as history:
         assert not history.units()
 
@@ -169,11 +176,6 @@ def wait_for(condition: Callable[[], bool]) -> None:
     while not condition():
         assert time.monotonic() < deadline
         time.sleep(0.02)
-
-
-def children(process: int) -> list[str]:
-    """Return the processes that a process has started."""
-    return Path(f"/proc/{process}/task/{process}/children").read_text().split()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a POSIX pipe")

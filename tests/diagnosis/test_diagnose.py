@@ -34,7 +34,7 @@ def without_seconds(found: Diagnosis) -> str:
 
 @pytest.fixture(scope="module")
 def mixed() -> Recording:
-    return reference_recordings([MIXED.vector], noise=0.05, duration=0.3)[0]
+    return reference_recordings([MIXED.vector], noise=0.05, duration=0.2)[0]
 
 
 @pytest.fixture(scope="module")

@@ -25,9 +25,9 @@ SHOWN = ("time_s", "command_rad", "current_A", "voltage_V")
 FAULTS = [Faults(), Faults.from_vector(drawn(1, seed=5)[0])]
 
 
-def recorded(actuator: Actuator, faults: Faults, seed: int = 0, *, duration: float = 0.2) -> Recording:
-    command = Chirp(duration=duration)
-    whole = simulate(actuator, command, faults=faults, duration=duration, noise=0.05, adc_bits=12, seed=seed)
+def recorded(actuator: Actuator, faults: Faults, seed: int = 0) -> Recording:
+    command = Chirp(duration=0.2)
+    whole = simulate(actuator, command, faults=faults, duration=0.2, noise=0.05, adc_bits=12, seed=seed)
     return Recording({name: whole[name] for name in SHOWN})
 
 
@@ -103,7 +103,7 @@ def test_the_selection_does_not_depend_on_the_number_of_threads(
 
 def test_an_inertia_is_likelier_than_a_voltage_of_another_scale_that_explains_as_much() -> None:
     # Five percent are one standard deviation of the one's prior, and five of the other's.
-    found = diagnose(recorded(heavier(0.05), Faults(), 2, duration=0.3), THESIS, seed=2)
+    found = diagnose(recorded(heavier(0.05), Faults(), 2), THESIS, seed=2)
     assert found.selected == ("inertia",)
     assert found.nuisances["inertia"].value == pytest.approx(0.05, abs=0.01)
     assert found.components["friction"].value == pytest.approx(0.0, abs=0.01)

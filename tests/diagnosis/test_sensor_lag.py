@@ -27,8 +27,8 @@ FAULTS = Faults(0.3, 0.4, 0.0, 0.25, 0.1, 0.35, 0.7, 0.4)
 def at_the_truth(lag: float, actuator: Actuator = THESIS, noise: float = 0.05) -> SearchResult:
     """Return the true faults as an estimate of `actuator`, of a recording with a `lag` [s] of the current."""
     present = with_lumped_parameters(LAG.added_to(THESIS), {"current_lag": lag}) if lag else THESIS
-    command = Chirp(duration=0.3)
-    whole = simulate(present, command, faults=FAULTS, duration=0.3, noise=noise, adc_bits=12)
+    command = Chirp(duration=0.2)
+    whole = simulate(present, command, faults=FAULTS, duration=0.2, noise=noise, adc_bits=12)
     recording = Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")})
     objective = faults_objective(Problem.of(recording, actuator), ("load",))
     point = objective.space.points(FAULTS.vector[np.newaxis])[0]

@@ -25,7 +25,7 @@ FAULTS = Faults(0.3, 0.4, 0.0, 0.25, 0.1, 0.35, 0.7, 0.4)
 ROWS = 2500
 
 
-def recorded(supply: float, *, duration: float = 0.5) -> Recording:
+def recorded(supply: float, *, duration: float = 0.3) -> Recording:
     assert THESIS.electrical is not None
     present = with_lumped_parameters(THESIS, {"supply": (1 + supply) * THESIS.electrical.supply})
     command = Chirp(duration=duration)
@@ -56,7 +56,7 @@ def test_a_supply_that_somebody_named_is_located() -> None:
 
 
 def test_a_recorded_supply_is_known() -> None:
-    whole = recorded(-0.1, duration=0.3)
+    whole = recorded(-0.1)
     assert THESIS.electrical is not None
     supply = 0.9 * THESIS.electrical.supply + np.random.default_rng(1).normal(0.0, 0.5, whole.samples)
     found = diagnose(whole.with_channels({**whole.channels, "supply_V": supply}), THESIS, workers=2)

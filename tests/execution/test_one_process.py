@@ -59,11 +59,11 @@ def test_what_takes_too_long_is_ended() -> None:
 
 def test_a_caller_that_is_to_stop_waits_a_little_in_all() -> None:
     stop = threading.Event()
-    calls = Calls(60.0, 2 * GIB, stop, last_s=1.0)
+    calls = Calls(60.0, 2 * GIB, stop, last_s=0.8)
     child = calls(os.getpid)
-    threading.Timer(0.3, stop.set).start()
+    threading.Timer(0.1, stop.set).start()
     began = time.monotonic()
-    calls(time.sleep, 0.8)  # done within what it has left
+    calls(time.sleep, 0.4)  # done within what it has left
     with pytest.raises(StoppedError):
         calls(time.sleep, 60.0)
     assert time.monotonic() - began < 3.0

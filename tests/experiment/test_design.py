@@ -25,7 +25,7 @@ EMPS = Actuator.from_toml(Path(__file__).resolve().parents[2] / "examples" / "em
 
 THESIS_CHIRP = Excitation(Chirp(), 0.5)
 
-SHORT = 0.2
+SHORT = 0.12
 """Duration [s] of the poor manoeuvre: it is as poor as in half a second, and sooner simulated."""
 
 
@@ -63,9 +63,9 @@ def linear() -> Design:
 
 def test_expected_intervals_are_those_of_diagnoses_of_reference_recordings() -> None:
     conditions = TestSetup.of(THESIS, ("current",), 0.05, 5000.0, workers=1)
-    faults = conditions.faults(4, seed=11)
-    before = predicted_precision(conditions, THESIS_CHIRP, faults, seed=5)
-    after = simulate_tests(conditions, [THESIS_CHIRP], tests=4, seed=11)[0].precision
+    faults, chirp = conditions.faults(4, seed=11), Excitation(Chirp(duration=0.25), 0.25)
+    before = predicted_precision(conditions, chirp, faults, seed=5)
+    after = simulate_tests(conditions, [chirp], tests=4, seed=11)[0].precision
     ratios = [after.half_widths[name] / before.half_widths[name] for name in NAMES]
     # Two draws of the residual and of the derivatives' points differ by a fifth or so; where a diagnosis
     # says that its correction has not settled, it allows for more.
@@ -146,7 +146,7 @@ def test_a_poor_manoeuvre_is_improved(improved: Design) -> None:
 
 def test_a_good_excitation_stays() -> None:
     # The thesis's chirp uses all of its own constraints: fewer amplitude or frequency cannot be better.
-    result = design(THESIS, Chirp(duration=SHORT), duration=SHORT, candidates=2, tests=4, workers=1)
+    result = design(THESIS, Chirp(duration=0.2), duration=0.2, candidates=2, tests=4, workers=1)
     assert result.found is result.given
     assert not result.better
     assert "Nothing better was found" in str(result)

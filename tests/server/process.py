@@ -22,10 +22,9 @@ PATIENCE_S = 120.0
 
 
 @dataclass
-class Server:
-    """A running server."""
+class Client:
+    """Who asks a server."""
 
-    process: "subprocess.Popen[str]"
     address: str
 
     def connection(self, timeout: float = 60.0) -> http.client.HTTPConnection:
@@ -51,6 +50,13 @@ class Server:
             answer = connection.getresponse()
             text = answer.read()
             return answer.status, json.loads(text) if text.startswith(b"{") else text
+
+
+@dataclass
+class Server(Client):
+    """A running server."""
+
+    process: "subprocess.Popen[str]"
 
     def kill(self) -> None:
         """Kill it as a loss of power would."""
@@ -100,7 +106,12 @@ def started(program: list[str], file: Path, *options: str) -> Server:
     line = process.stdout.readline()
     if not line:
         raise SystemExit("the server did not start")
-    return Server(process, urlsplit(json.loads(line)["url"]).netloc)
+    return Server(address(line), process)
+
+
+def address(line: str) -> str:
+    """Return where a server is that prints this when it answers."""
+    return str(urlsplit(json.loads(line)["url"]).netloc)
 
 
 def form(name: str, content: bytes, fields: Mapping[str, str]) -> tuple[str, bytes]:
@@ -116,14 +127,14 @@ def form(name: str, content: bytes, fields: Mapping[str, str]) -> tuple[str, byt
     return f"multipart/form-data; boundary={boundary}", b"".join(parts)
 
 
-def over(server: Server, job: int) -> dict[str, Any]:
+def over(server: Client, job: int) -> dict[str, Any]:
     """Return a job when nothing more will be done of it."""
     deadline = time.monotonic() + PATIENCE_S
     while time.monotonic() < deadline:
         found: dict[str, Any] = server.json(f"/api/v1/jobs/{job}")
         if found["state"] not in {"waiting", "running"}:
             return found
-        time.sleep(0.2)
+        time.sleep(0.1)
     raise SystemExit(f"upload {job} is not over after {PATIENCE_S:g} s")
 
 

@@ -1,43 +1,47 @@
 """A server that is asked to end while a job is long or hangs: it ends, and the job waits for the next one."""
 
+import io
+import os
 import signal
 import sys
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
-from monitoring import stand_in
+import pytest
 
-from .process import ROOT, Server, family, over, started
-
-HANGING = f"""
-import sys, time
-from pathlib import Path
-sys.path.append({str(ROOT / "tests")!r})
-import emaphm.diagnosis
 from emaphm.cli import main
 from emaphm.server.work import worker
 from monitoring import stand_in
+from warm_processes import warm_processes
 
-def diagnosed(recording, actuator, *, seed, **_):
-    if Path("hang").exists():
-        Path("begun").touch()
-        time.sleep(600)
-    return stand_in.diagnosed(recording, actuator, seed=seed)
+from .process import Client, address, family, over, started
+
+HANGING = """
+import sys, time
+from pathlib import Path
+import emaphm.diagnosis
+from emaphm.cli import main
+
+def hangs(recording, actuator, *, seed, **_):
+    Path("begun").touch()
+    time.sleep(600)
 
 # In the processes of the server too, which read this file.
-emaphm.diagnosis.diagnose = diagnosed
-worker._write_report = lambda *_: None
+emaphm.diagnosis.diagnose = hangs
 if __name__ == "__main__":
     sys.exit(main(sys.argv[1:]))
 """
-"""`emaphm` with a stand-in for the diagnosis, which hangs as long as there is a file "hang"."""
+"""`emaphm` with a diagnosis that takes ten minutes."""
 
 
-def test_it_ends_within_seconds_and_its_job_is_done_by_the_next(fleet: Path) -> None:
+def test_it_ends_within_seconds_and_its_job_is_done_by_the_next(
+    fleet: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (fleet.parent / "hanging.py").write_text(HANGING)
-    (fleet.parent / "hang").touch()
-    server = _served(fleet)
+    server = started([sys.executable, "hanging.py"], fleet, "--workers", "1")
     recording = stand_in.content(1, 1).encode()
     status, answer = server.send("a.csv", recording, {"unit": "N", "hours": "1", "actuator": "thesis"})
     assert status == 202
@@ -45,27 +49,54 @@ def test_it_ends_within_seconds_and_its_job_is_done_by_the_next(fleet: Path) -> 
     every = family(server.process.pid)
     assert len(every) > 1
     began = time.monotonic()
-    _end(server, signal.SIGTERM, 0)
+    server.process.send_signal(signal.SIGTERM)
+    assert server.process.wait(60) == 0
     assert time.monotonic() - began < 10.0  # of 600
-    _wait_for(lambda: not any(Path(f"/proc/{one}").exists() for one in every[1:]))
-
-    (fleet.parent / "hang").unlink()
-    again = _served(fleet)
-    try:
-        assert over(again, answer["id"])["state"] == "done"
-    finally:
-        _end(again, signal.SIGINT, 130)
-
-
-def _end(server: Server, number: int, code: int) -> None:
-    server.process.send_signal(number)
-    assert server.process.wait(60) == code
     assert server.process.stdout is not None
     server.process.stdout.close()
+    _wait_for(lambda: not any(Path(f"/proc/{one}").exists() for one in every[1:]))
+
+    monkeypatch.setattr("emaphm.server.work.pool.work", _quick_work)
+    code, job = _served_here(fleet, monkeypatch, lambda client: over(client, answer["id"]))
+    assert (code, job["state"]) == (130, "done")
 
 
-def _served(fleet: Path) -> Server:
-    return started([sys.executable, "hanging.py"], fleet, "--workers", "1")
+def _quick_work(*arguments: Any) -> None:
+    """Work as a process of the server does, with a stand-in for the diagnosis."""
+    import emaphm.diagnosis
+
+    def diagnosed(recording: Any, actuator: Any, *, seed: int, **_: object) -> object:
+        return stand_in.diagnosed(recording, actuator, seed=seed)
+
+    emaphm.diagnosis.diagnose = diagnosed  # type: ignore[assignment]
+    worker._write_report = lambda *_: None
+    worker.work(*arguments)
+
+
+def _served_here(
+    fleet: Path, monkeypatch: pytest.MonkeyPatch, ask: Callable[[Client], Any]
+) -> tuple[int, Any]:
+    """Serve by the command in this process, interrupted once `ask` is answered; return the exit code too."""
+    said, ended, answers = io.StringIO(), threading.Event(), list[Any]()
+
+    def asking() -> None:
+        try:
+            _wait_for(lambda: ended.is_set() or "\n" in said.getvalue())
+            answers.append(ask(Client(address(said.getvalue()))))
+        finally:
+            if not ended.is_set():
+                os.kill(os.getpid(), signal.SIGINT)
+
+    thread = threading.Thread(target=asking)
+    with warm_processes(), monkeypatch.context() as patched:
+        patched.setattr(sys, "stdout", said)
+        thread.start()
+        try:
+            code = main(["serve", "--db", str(fleet), "--port", "0", "--json", "--workers", "1"])
+        finally:
+            ended.set()
+            thread.join()
+    return code, answers[0]
 
 
 def _wait_for(condition: Callable[[], bool]) -> None:

@@ -1,6 +1,7 @@
 """What an upload makes known is an event, as `emaphm watch` makes it."""
 
 import time
+from collections.abc import Iterable
 from dataclasses import replace
 from multiprocessing.connection import Pipe
 from pathlib import Path
@@ -38,6 +39,9 @@ THESIS = Actuator.thesis()
 NUMBERS = range(19, 28)
 """Of recordings: a healthy one, five with a fault, three healthy ones again."""
 
+WRITTEN = replace(stand_in.QUICK, folder=replace(stand_in.QUICK.folder, poll_s=0.02, settle_s=0.02))
+"""Where all files are whole before the watching begins."""
+
 
 @pytest.fixture
 def arrived(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
@@ -60,17 +64,17 @@ def watched(folder: Path, where: Path) -> tuple[Event, ...]:
     with History.open(where, create=True) as history:
         ownership = Ownership(THESIS.name, pattern=stand_in.PATTERN)
         task = Task(folder, ownership, cut=None, takes_new_units=True, once=True)
-        watch(task, history, THESIS, settings=stand_in.QUICK)
+        watch(task, history, THESIS, settings=WRITTEN)
         return history.events()
 
 
-def uploaded(folder: Path, where: Path) -> list[Outcome]:
+def uploaded(folder: Path, where: Path, numbers: Iterable[int] = NUMBERS) -> list[Outcome]:
     with History.open(where, create=True):
         pass
     place = Place(str(where), ServerFolder(folder), {THESIS.name: THESIS}, 2**33, 2**26)
     _, orders = Pipe()
     outcomes = []
-    for number in NUMBERS:
+    for number in numbers:
         path = folder / stand_in.name(1, number)
         request = {"unit": "U01", "hours": round(number * stand_in.FLIGHT_H, 2), "part": "", "cycles": None}
         request |= {"position": None, "late": False, "actuator": THESIS.name}
@@ -94,17 +98,16 @@ def test_uploads_make_the_events_that_watching_makes(arrived: Path, tmp_path: Pa
     said = [message for one in outcomes for message in one.result["events"]]
     assert said == [one.message for one in events]
 
-    again = uploaded(arrived, where)  # a job that was killed after its recording was added
+    again = uploaded(arrived, where, NUMBERS[::3])  # a job that was killed after its recording was added
     assert {one.message for one in again} == {"is in the history already"}
     assert len(watched(arrived, where)) == len(events)  # nor does a watcher say it a second time
 
 
 def test_a_refusal_names_the_fields_of_an_upload(arrived: Path, tmp_path: Path) -> None:
     where = tmp_path / "uploads.sqlite"
-    uploaded(arrived, where)
-    for path in arrived.glob("*.csv"):
-        path.write_text(stand_in.content(1, 1))  # of earlier hours
-    (message,) = {one.message for one in uploaded(arrived, where)[:1]}
+    uploaded(arrived, where, [20])
+    (outcome,) = uploaded(arrived, where, [19])  # of earlier hours
+    message = outcome.message
     assert message.endswith("check 'hours', or give 'late' for an old recording that is added late")
 
 
