@@ -84,6 +84,7 @@ IN_ITS_KERNEL = {
     "gravity": {"gravity"},
     "cogging": {"ripples"},
     "command-lag": {"position_pid"},  # it delays what that controller follows
+    "speed-lag": set[str](),  # every speed loop has it, of a time constant of 0
     "winding-temperature": set[str](),  # likewise of its resistance and torque constant
     "sensor-lag": {"current_lag"},
     "source-resistance": {"source"},

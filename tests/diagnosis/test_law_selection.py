@@ -96,6 +96,19 @@ def at_the_truth() -> SearchResult:
     return with_discrepancy(SearchResult.at(objective, objective.space.points(truth[0])), seed=0)
 
 
+def test_a_lag_of_the_speed_feedback_is_no_backlash(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(law_selection, "SUSPECTS", ("transition", "speed-lag"))
+    lagging = with_lumped_parameters(LAWS["speed-lag"].added_to(THESIS), {"speed_lag": 6e-4})
+    command = Chirp(duration=0.3)
+    whole = simulate(lagging, command, duration=0.3, noise=0.05, adc_bits=12)
+    shown = ("time_s", "command_rad", "current_A", "voltage_V")
+    found = diagnose(Recording({name: whole[name] for name in shown}), THESIS, max_corrections=5)
+    assert found.laws == ("speed-lag",)
+    assert found.components["backlash"].verdict == "healthy"
+    ratio = found.nuisances["baseline speed_lag"]
+    assert abs(ratio.value - np.log(6e-4 / 5e-4)) <= 4 * ratio.standard_error
+
+
 def test_where_the_residual_is_noise_no_law_is_tried(at_the_truth: SearchResult) -> None:
     same, laws = select_laws(at_the_truth, method_named("hybrid"), 2, seed=0)
     assert same is at_the_truth

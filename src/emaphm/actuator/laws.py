@@ -223,6 +223,12 @@ _ALL = (
         lambda actuator, speed: {"controller": {"command_lag": 2e-3}},  # noqa: ARG005
     ),
     Law(
+        "speed-lag",
+        ("speed_lag",),
+        "fast reversals, with the position or the speed recorded",
+        lambda actuator, speed: {"controller": {"speed_lag": 5e-4}},  # noqa: ARG005
+    ),
+    Law(
         "winding-temperature",
         ("temperature_gain",),
         "recordings at temperatures at least 10 K apart, with the temperature recorded",

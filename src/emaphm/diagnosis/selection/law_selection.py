@@ -38,6 +38,7 @@ SUSPECTS = (
     "quadratic",
     "source-resistance",
     "cogging",
+    "speed-lag",
 )
 """The laws that are tried, in this order."""
 
