@@ -11,10 +11,12 @@ from hypothesis import settings
 
 from cases import THESIS
 from emaphm.actuator import Chirp, Faults
+from emaphm.actuator.model_error import NOT_LEARNED
 from emaphm.amortized import delays
 from emaphm.estimation.global_search import restarts
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
+from warm_processes import warm_processes
 
 # Examples are the same on every run, as everything else here; kernels compile on their first call.
 settings.register_profile("emaphm", deadline=None, derandomize=True, max_examples=60)
@@ -53,6 +55,29 @@ def one_search() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(restarts, "MAX_RESTARTS", 0)
         yield
+
+
+@pytest.fixture(scope="module")
+def warm_workers() -> Iterator[None]:
+    """Start the workers of this module's tests from a process that has loaded what they need."""
+    with warm_processes():
+        yield
+
+
+@pytest.fixture
+def no_prognoses(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let watchers make no prognosis, which takes most of their time and has tests of its own."""
+    monkeypatch.setattr("emaphm.monitoring.outlook.Outlook.ask", lambda *_: None)
+
+
+@pytest.fixture
+def no_model_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a calibration learn no model's error, which moves no parameter: to save time where it is not asked.
+
+    That it is learned is tested in `tests/calibration/test_model_error.py`.
+    """
+    module = importlib.import_module("emaphm.calibration.calibrate")  # a function has its name
+    monkeypatch.setattr(module, "learned_model_error", lambda *_: NOT_LEARNED)
 
 
 @pytest.fixture

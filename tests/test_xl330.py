@@ -15,7 +15,6 @@ from typing import Any
 
 import pytest
 
-from emaphm.actuator.model_error import NOT_LEARNED
 from emaphm.estimation.joint import uncertainty
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -29,7 +28,7 @@ BY_M6 = 43.0
 
 
 @pytest.fixture
-def parameters_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+def parameters_alone(monkeypatch: pytest.MonkeyPatch, no_model_error: None) -> None:  # noqa: ARG001
     """Let a calibration find the parameters only: what it does afterwards moves none and takes half the time.
 
     That is a fit of each log alone, for contradictions, one without each log, for the model's error, and what
@@ -37,7 +36,6 @@ def parameters_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     """
     monkeypatch.setattr(uncertainty, "_alone", lambda *_: None)
     module = importlib.import_module("emaphm.calibration.calibrate")  # a function has its name
-    monkeypatch.setattr(module, "learned_model_error", lambda *_: NOT_LEARNED)
     monkeypatch.setattr(module, "collinear_parameters", lambda *_: ())
 
 

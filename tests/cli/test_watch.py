@@ -6,9 +6,7 @@ import shutil
 import signal
 import subprocess
 import sys
-import threading
 import time
-from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,10 +18,9 @@ from emaphm.cli import main
 from emaphm.diagnosis import Diagnosis
 from emaphm.history import History
 from emaphm.monitoring import WATCH, diagnosers
-from emaphm.monitoring.outlook import Outlook
 from emaphm.recording import Recording, write_recording
 from emaphm.simulated_recording import simulate
-from warm_processes import warm_processes
+from waiting import signal_once, wait_for
 
 from . import files
 from .conftest import Refusal
@@ -31,10 +28,7 @@ from .conftest import Refusal
 NAME = ("--name", "{unit}_{hours}.csv")
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _warm() -> Iterator[None]:
-    with warm_processes():
-        yield
+pytestmark = pytest.mark.usefixtures("warm_workers")
 
 
 @pytest.fixture(autouse=True)
@@ -57,12 +51,6 @@ def arrived(tmp_path_factory: pytest.TempPathFactory) -> Path:
         write_recording(kept, folder / f"SN-7_{100 + number}.csv")
     (folder / "SN-7_90.csv").write_text("no recording")
     return folder
-
-
-@pytest.fixture
-def no_prognoses(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leave out what takes its time in a process of its own, and has tests of its own."""
-    monkeypatch.setattr(Outlook, "ask", lambda *_: None)
 
 
 def test_a_folder_is_judged_and_events_are_printed(
@@ -147,35 +135,14 @@ def test_a_signal_ends_a_diagnosis_that_hangs_and_it_is_judged_at_the_next_start
 
 def check_that_it_ends(line: list[str], number: int, code: int) -> None:
     """Send a signal amid a diagnosis: no process and nothing half done is left."""
-    begun, sent, ended = Path("begun"), list[float](), threading.Event()
+    begun, sent = Path("begun"), list[float]()
     begun.unlink(missing_ok=True)
-
-    def send() -> None:
-        try:
-            wait_for(lambda: begun.exists() or ended.is_set())
-            sent.append(time.monotonic())
-        finally:
-            if not ended.is_set():
-                os.kill(os.getpid(), number)
-
-    thread = threading.Thread(target=send)
-    thread.start()
-    try:
+    with signal_once(number, begun.exists, lambda: sent.append(time.monotonic())):
         assert main(line) == code
         assert time.monotonic() - sent[0] < 10.0  # of 600
-    finally:
-        ended.set()
-        thread.join()
     wait_for(lambda: not Path(f"/proc/{begun.read_text()}").exists())
     with History.open("h.sqlite") as history:
         assert not history.units()
-
-
-def wait_for(condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + 60.0
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a POSIX pipe")

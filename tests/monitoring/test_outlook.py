@@ -13,17 +13,10 @@ from emaphm.history import Finding, History
 from emaphm.monitoring.outlook import NoPrognosisError, Outlook
 from emaphm.monitoring.settings import WATCH
 from emaphm.prognosis import Evidence, learnt_prior, prognose
-from warm_processes import warm_processes
 
 from .stand_in import ROOMY, THESIS, fly
 
 pytestmark = pytest.mark.usefixtures("few_paths")
-
-
-@pytest.fixture
-def _warm() -> Iterator[None]:
-    with warm_processes():
-        yield
 
 
 @pytest.fixture
@@ -106,7 +99,7 @@ def test_the_latest_diagnoses_are_used_and_all_are_counted(history: History) -> 
     assert Outlook(history, WATCH.prognosis).waiting == 0
 
 
-@pytest.mark.usefixtures("_warm")
+@pytest.mark.usefixtures("warm_workers")
 def test_one_in_a_process_of_its_own_is_not_waited_for(history: History) -> None:
     fly(history, [0.0])
     outlook = Outlook(history, WATCH.prognosis, isolation=ROOMY)

@@ -6,7 +6,6 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -19,13 +18,13 @@ from emaphm.actuator import Actuator
 from emaphm.diagnosis import Diagnosis
 from emaphm.history import History
 from emaphm.monitoring import Ownership, Task, Watching, watch
-from emaphm.monitoring.outlook import Outlook
 from emaphm.monitoring.watch_state import TRIED, WatchState
 from emaphm.recording import Recording
-from warm_processes import warm_processes
 
 from . import stand_in
 from .stand_in import PATTERN, QUICK, THESIS
+
+pytestmark = pytest.mark.usefixtures("warm_workers")
 
 FAST = replace(QUICK, folder=replace(QUICK.folder, poll_s=0.05, settle_s=0.1))
 POISON = stand_in.name(1, 1)
@@ -41,15 +40,8 @@ def poisoned(recording: Recording, actuator: Actuator, *, seed: int) -> Diagnosi
     return stand_in.diagnosed(recording, actuator, seed=seed)
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _warm() -> Iterator[None]:
-    with warm_processes():
-        yield
-
-
 @pytest.fixture
-def inbox(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr(Outlook, "ask", lambda *_: None)
+def inbox(tmp_path: Path, no_prognoses: None) -> Path:  # noqa: ARG001
     folder = tmp_path / "in"
     folder.mkdir()
     for number in range(3):

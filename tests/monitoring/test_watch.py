@@ -20,7 +20,6 @@ from emaphm.history import Event, History
 from emaphm.history.database import Database
 from emaphm.history.schema import VERSION
 from emaphm.monitoring import NamePattern, Ownership, Task, Watching, WatchSettings, watch
-from emaphm.monitoring.outlook import Outlook
 from emaphm.monitoring.settings import PressureSettings
 from emaphm.monitoring.watch_state import WatchState
 from emaphm.recording import Recording
@@ -28,6 +27,8 @@ from emaphm.recording import Recording
 from . import stand_in
 from .hooks import webhook
 from .stand_in import PATTERN, QUICK, THESIS
+
+pytestmark = pytest.mark.usefixtures("no_prognoses")
 
 PATIENCE_S = 20.0
 FAST = replace(
@@ -67,12 +68,6 @@ def inbox(tmp_path: Path) -> Path:
     folder = tmp_path / "in"
     folder.mkdir()
     return folder
-
-
-@pytest.fixture(autouse=True)
-def no_prognoses(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leave out what takes most of the time, and has tests of its own."""
-    monkeypatch.setattr(Outlook, "ask", lambda *_: None)
 
 
 @pytest.fixture

@@ -23,8 +23,6 @@ from emaphm.prognosis.settings import ForecastSettings
 ERROR = 0.01
 EVERYTHING = np.ones(8, bool)
 THESIS = Actuator.thesis()
-FEWER_PATHS = ForecastSettings(paths=250)
-"""A share of them is then right to 3 % (one standard error)."""
 
 
 def requiring(*requirements: Requirement) -> Actuator:
@@ -166,6 +164,7 @@ def test_a_measure_fails_where_its_level_does() -> None:
     assert responsible(made, times, 1, requirements) == "backlash"
 
 
+@pytest.mark.usefixtures("few_paths")
 def test_transforms_of_units_from_the_prior_are_uniform() -> None:
     """Units drawn from the prior, seen for 600 h: the RUL's probability integral transforms are uniform."""
     actuator, transforms = requiring(Requirement(component="friction", at_most=0.5)), []
@@ -179,8 +178,7 @@ def test_transforms_of_units_from_the_prior_are_uniform() -> None:
             level = [np.interp(hours, truths.hours, truths.level[:, i, c]) for c in range(8)]
             noisy = np.asarray(level) + ERROR * random.standard_normal(8)
             observations.append(Observation(float(hours), noisy, ERROR**2 * np.eye(8), EVERYTHING))
-        evidence = Evidence("S", "P", 600.0, tuple(observations))
-        made = prognose(evidence, actuator, seed=int(i), settings=FEWER_PATHS)
+        made = prognose(Evidence("S", "P", 600.0, tuple(observations)), actuator, seed=int(i))
         shown = _given_failure(made.sample, 50.0, 14_400.0)
         transforms.append(probability_integral_transform(Prediction(600.0, shown), ends[i] - 600))
     assert kstest(transforms, "uniform").pvalue > 0.01

@@ -13,7 +13,6 @@ from emaphm.recording import Recording, write_recording
 from emaphm.server.tokens import add_token, read_tokens
 from emaphm.server.work import worker
 from emaphm.simulated_recording import simulate
-from warm_processes import warm_processes
 
 from .conftest import SMALL
 from .serving import served
@@ -26,6 +25,8 @@ if TYPE_CHECKING:
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 if CHROMIUM is None:
     pytest.skip("no Chromium: apt-get install chromium", allow_module_level=True)
+
+pytestmark = pytest.mark.usefixtures("warm_workers")
 
 WIDE, NARROW = {"width": 1280, "height": 900}, {"width": 390, "height": 844}
 
@@ -54,12 +55,6 @@ CONTRAST = """() => {
   return poor;
 }"""
 """Texts whose contrast is below 4.5, what WCAG 2.2 asks for (AA, 1.4.3)."""
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _warm() -> Iterator[None]:
-    with warm_processes():
-        yield
 
 
 @pytest.fixture(scope="module")

@@ -1,10 +1,8 @@
 """A server that is asked to end while a job is long or hangs: it ends, and the job waits for the next one."""
 
 import io
-import os
 import signal
 import sys
-import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -15,7 +13,7 @@ import pytest
 from emaphm.cli import main
 from emaphm.server.work import worker
 from monitoring import stand_in
-from warm_processes import warm_processes
+from waiting import signal_once, wait_for
 
 from .process import Client, address, family, over, started
 
@@ -37,6 +35,7 @@ if __name__ == "__main__":
 """`emaphm` with a diagnosis that takes ten minutes."""
 
 
+@pytest.mark.usefixtures("warm_workers")
 def test_it_ends_within_seconds_and_its_job_is_done_by_the_next(
     fleet: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -45,7 +44,7 @@ def test_it_ends_within_seconds_and_its_job_is_done_by_the_next(
     recording = stand_in.content(1, 1).encode()
     status, answer = server.send("a.csv", recording, {"unit": "N", "hours": "1", "actuator": "thesis"})
     assert status == 202
-    _wait_for((fleet.parent / "begun").exists)
+    wait_for((fleet.parent / "begun").exists)
     every = family(server.process.pid)
     assert len(every) > 1
     began = time.monotonic()
@@ -54,7 +53,7 @@ def test_it_ends_within_seconds_and_its_job_is_done_by_the_next(
     assert time.monotonic() - began < 10.0  # of 600
     assert server.process.stdout is not None
     server.process.stdout.close()
-    _wait_for(lambda: not any(Path(f"/proc/{one}").exists() for one in every[1:]))
+    wait_for(lambda: not any(Path(f"/proc/{one}").exists() for one in every[1:]))
 
     monkeypatch.setattr("emaphm.server.work.pool.work", _quick_work)
     code, job = _served_here(fleet, monkeypatch, lambda client: over(client, answer["id"]))
@@ -77,30 +76,15 @@ def _served_here(
     fleet: Path, monkeypatch: pytest.MonkeyPatch, ask: Callable[[Client], Any]
 ) -> tuple[int, Any]:
     """Serve by the command in this process, interrupted once `ask` is answered; return the exit code too."""
-    said, ended, answers = io.StringIO(), threading.Event(), list[Any]()
+    said, answers = io.StringIO(), list[Any]()
 
     def asking() -> None:
-        try:
-            _wait_for(lambda: ended.is_set() or "\n" in said.getvalue())
-            answers.append(ask(Client(address(said.getvalue()))))
-        finally:
-            if not ended.is_set():
-                os.kill(os.getpid(), signal.SIGINT)
+        answers.append(ask(Client(address(said.getvalue()))))
 
-    thread = threading.Thread(target=asking)
-    with warm_processes(), monkeypatch.context() as patched:
+    with (
+        monkeypatch.context() as patched,
+        signal_once(signal.SIGINT, lambda: "\n" in said.getvalue(), asking),
+    ):
         patched.setattr(sys, "stdout", said)
-        thread.start()
-        try:
-            code = main(["serve", "--db", str(fleet), "--port", "0", "--json", "--workers", "1"])
-        finally:
-            ended.set()
-            thread.join()
+        code = main(["serve", "--db", str(fleet), "--port", "0", "--json", "--workers", "1"])
     return code, answers[0]
-
-
-def _wait_for(condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + 60.0
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.02)

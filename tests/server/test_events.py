@@ -22,7 +22,6 @@ from emaphm.server.work.queue import DONE
 from emaphm.server.work.worker import SERVER, Forecast, Outcome, Place, Upload
 from monitoring import stand_in
 from monitoring.hooks import webhook
-from warm_processes import warm_processes
 
 from .conftest import SMALL, client_of
 
@@ -44,11 +43,10 @@ WRITTEN = replace(stand_in.QUICK, folder=replace(stand_in.QUICK.folder, poll_s=0
 
 
 @pytest.fixture
-def arrived(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def arrived(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, no_prognoses: None) -> Path:  # noqa: ARG001
     """Return a folder of recordings; the diagnosis is a stand-in, there are no reports and no prognoses."""
     monkeypatch.setattr("emaphm.diagnosis.diagnose", _diagnose)
     monkeypatch.setattr(worker, "_write_report", lambda *_: None)
-    monkeypatch.setattr(Outlook, "ask", lambda *_: None)
     folder = tmp_path / "in"
     folder.mkdir()
     for number in NUMBERS:
@@ -143,9 +141,10 @@ def test_events_of_the_server_go_to_a_webhook(
     assert hook.attempts == 5
 
 
+@pytest.mark.usefixtures("warm_workers")
 def test_a_job_that_is_over_wakes_who_sends_events(fleet: Path) -> None:
     news = []
-    with warm_processes(), running(str(fleet), None, None, {"thesis": THESIS}, SMALL) as state:
+    with running(str(fleet), None, None, {"thesis": THESIS}, SMALL) as state:
         state.pool._on_news = lambda: news.append(1)
         content = b"time_s,command_rad\n0,0\n"
         client_of(state).post(

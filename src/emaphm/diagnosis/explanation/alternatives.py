@@ -152,7 +152,7 @@ def _including(name: str, estimate: Estimate, first: Estimate, other: float, del
     estimate = replace(estimate, interval95=interval)
     another = abs(other - first.value) > max(ALTERNATIVES.difference, half_width)
     if name != "eccentricity_phase":  # a direction is neither good nor bad
-        another |= verdict_of(interval, float(getattr(HEALTHY, name))) != first.verdict
+        another |= verdict_of(interval, getattr(HEALTHY, name)) != first.verdict
     if first.verdict == "cannot tell" or not another:
         return estimate
     way = "late" if delay > 0 else "early"

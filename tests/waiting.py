@@ -1,0 +1,43 @@
+"""Waiting for what another thread or process does, and a signal to this very process at that moment."""
+
+import os
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+PATIENCE_S = 60.0
+
+
+def wait_for(condition: Callable[[], object]) -> None:
+    """Return once `condition` holds."""
+    deadline = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+@contextmanager
+def signal_once(number: int, condition: Callable[[], object], then: Callable[[], None]) -> Iterator[None]:
+    """Within the block, wait in a thread until `condition` holds, do what comes `then`, and send the signal.
+
+    Nothing is sent to this process once the block has ended, by an error say.
+    """
+    ended = threading.Event()
+
+    def send() -> None:
+        try:
+            wait_for(lambda: ended.is_set() or condition())
+            if not ended.is_set():
+                then()
+        finally:
+            if not ended.is_set():
+                os.kill(os.getpid(), number)
+
+    thread = threading.Thread(target=send)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
