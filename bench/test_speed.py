@@ -79,7 +79,10 @@ def test_batch(benchmark: Any, report: Report, model: Model, budget: str) -> Non
 
 
 OF_FRICTION = ("load-dependent", "stribeck", "stribeck-load", "directional", "quadratic", "transition")
-RIGID = (*OF_FRICTION, "viscous-temperature", "gravity", "cogging", "sensor-lag", "source-resistance")
+RIGID = (
+    *OF_FRICTION,
+    *("viscous-temperature", "gravity", "cogging", "saturation", "sensor-lag", "source-resistance"),
+)
 
 
 @pytest.mark.parametrize(

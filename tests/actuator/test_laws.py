@@ -86,6 +86,7 @@ IN_ITS_KERNEL = {
     "command-lag": {"position_pid"},  # it delays what that controller follows
     "speed-lag": set[str](),  # every speed loop has it, of a time constant of 0
     "winding-temperature": set[str](),  # likewise of its resistance and torque constant
+    "saturation": {"saturation"},
     "sensor-lag": {"current_lag"},
     "source-resistance": {"source"},
 }

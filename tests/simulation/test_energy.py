@@ -49,7 +49,7 @@ def with_every_law(drive: str, *, compliant: bool) -> Actuator:
     """Return the thesis's actuator with every law but the sensors' lag, which would hide the current."""
     base = altered(
         mechanics=MECHANICS | {"screw_ratio": SCREW} | ({} if compliant else {"backlash": 0.0}),
-        motor={"torque_limit": None},
+        motor={"torque_limit": None, "saturation": 0.003},
         friction=FRICTION,
         weight={"gravity": GRAVITY, "gravity_angle": TILT},
         drive={"kind": drive, "source_resistance": 0.2},

@@ -31,6 +31,7 @@ LUMPED_PARAMETERS = {
     "speed_feedback": "-",
     "speed_lag": "s",
     "torque_constant": "N·m/A",
+    "saturation": "1/A",
     "torque_lag": "s",
     "resistance": "ohm",
     "inductance": "H",
@@ -80,7 +81,7 @@ SECTIONS = {
         "speed_feedback",
         "speed_lag",
     ),
-    "motor": ("torque_constant", "torque_lag"),
+    "motor": ("torque_constant", "saturation", "torque_lag"),
     "electrical": ("resistance", "inductance", "supply", "temperature_gain"),
     "drive": ("current_gain", "current_integral_gain", "source_resistance", "current_lag"),
     "friction": (
@@ -117,6 +118,7 @@ SIGNED = (
     "coulomb_asymmetry",
     "viscous_asymmetry",
     "gravity_angle",
+    "saturation",
     *(name for name in LUMPED_PARAMETERS if name.startswith("ripple")),
 )
 """Parameters of either sign: their covariance is in their own unit, that of the others relative."""

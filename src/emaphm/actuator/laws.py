@@ -229,6 +229,12 @@ _ALL = (
         lambda actuator, speed: {"controller": {"speed_lag": 5e-4}},  # noqa: ARG005
     ),
     Law(
+        "saturation",
+        ("saturation",),
+        "large currents and small ones at like speeds: hard accelerations beside steady motion",
+        lambda actuator, speed: {"motor": {"saturation": 0.0}},  # noqa: ARG005
+    ),
+    Law(
         "winding-temperature",
         ("temperature_gain",),
         "recordings at temperatures at least 10 K apart, with the temperature recorded",

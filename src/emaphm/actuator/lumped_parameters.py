@@ -19,8 +19,8 @@ __all__ = [
 ]
 
 
-OPTIONAL = ("drive", "friction", "transmission", "weight", "ripple", "temperature_gain")
-"""Sections, and a parameter, whose values are laws of their own: one that is not described is not there."""
+OPTIONAL = ("drive", "friction", "transmission", "weight", "ripple", "temperature_gain", "saturation")
+"""Sections, and parameters, whose values are laws of their own: one that is not described is not there."""
 
 
 def check_lumped_parameters(actuator: Actuator, names: Mapping[str, Any] | tuple[str, ...]) -> None:

@@ -97,6 +97,14 @@ class Motor(Section):
     torque_constant: float = quantity(
         "torque constant k_t and back-EMF constant k_e, line to line", "N·m/A", THESIS, gt=0
     )
+    saturation: float | None = quantity(
+        "fall of both per ampere, k_t (1 - kappa |i|); below 0 where they rise",
+        "1/A",
+        CHOSEN,
+        default=None,
+        ge=-1,
+        le=1,
+    )
     torque_limit: float | None = quantity(
         "largest torque, T_max; no limit where left out", "N·m", THESIS, default=None, gt=0
     )

@@ -120,13 +120,13 @@ def sizes(actuator: Actuator, names: tuple[str, ...]) -> Array:
         actuator.mechanics.dynamic_friction
         or actuator.controller.current_limit * actuator.motor.torque_constant
     )
-    return np.array([_size(name, friction) for name in names])
-
-
-def _size(name: str, friction: float) -> float:
-    if name not in SIGNED:
-        return 1.0
-    return {"coulomb_asymmetry": 0.25, "viscous_asymmetry": 0.25, "gravity_angle": 0.25}.get(name, friction)
+    others = {
+        "coulomb_asymmetry": 0.25,
+        "viscous_asymmetry": 0.25,
+        "gravity_angle": 0.25,
+        "saturation": 0.25 / actuator.controller.current_limit,
+    }
+    return np.array([others.get(name, friction) if name in SIGNED else 1.0 for name in names])
 
 
 def varied(actuator: Actuator, name: str, variation: Array) -> Array:

@@ -39,6 +39,7 @@ SUSPECTS = (
     "source-resistance",
     "cogging",
     "speed-lag",
+    "saturation",
 )
 """The laws that are tried, in this order."""
 

@@ -74,6 +74,7 @@ class Plant:
     drive_constant: Array
     speed_lag: Array
     torque_constant: Array
+    saturation: Array
     torque_limit: Array
     torque_lag: Array
     supply: Array
@@ -178,6 +179,7 @@ def _healthy(actuator: Actuator, n: int) -> dict[str, Array]:
         "drive_constant": actuator.drive_constant,
         "speed_lag": c.speed_lag,
         "torque_constant": motor.torque_constant,
+        "saturation": motor.saturation or 0.0,
         "torque_limit": motor.torque_limit or NO_LIMIT,
         "torque_lag": motor.torque_lag,
         # An ideal current loop is one whose supply can force any current within a step.
@@ -244,6 +246,7 @@ def structure_of(actuator: Actuator) -> Structure:
         gravity=actuator.weight is not None,
         source=drive is not None and drive.source_resistance is not None,
         current_lag=drive is not None and drive.current_lag is not None,
+        saturation=actuator.motor.saturation is not None,
         ripples=tuple(Ripple(one.order, one.of == "screw") for one in actuator.ripple),
     )
 

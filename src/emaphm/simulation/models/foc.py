@@ -104,6 +104,7 @@ def advance(structure: Structure) -> Callable[..., Any]:
     step's start, currents by explicit Euler, torque from the new currents, then the motion.
     """
     demand_of, moved = control.control(structure), motion.motion(structure)
+    flux_of = three_phases.flux(structure)
     half_supply_of, bus_after = three_phases.supply(structure)
     sensed_before, sensed_after, sensor_state = three_phases.sensors(structure)
 
@@ -141,9 +142,8 @@ def advance(structure: Structure) -> Callable[..., Any]:
 
         gap_a, gap_b, gap_c = gap_factors(s.cos, s.sin, p.z_cos, p.z_sin)
         shape_a, shape_b, shape_c = phase_sines(cos, sin)
-        flux_a = p.flux_a * gap_a * shape_a
-        flux_b = p.flux_b * gap_b * shape_b
-        flux_c = p.flux_c * gap_c * shape_c
+        flux_a, flux_b, flux_c = flux_of(s, p)
+        flux_a, flux_b, flux_c = flux_a * gap_a * shape_a, flux_b * gap_b * shape_b, flux_c * gap_c * shape_c
         voltage_a, voltage_b, voltage_c = leg_a * half_supply, leg_b * half_supply, leg_c * half_supply
         current_a, current_b, current_c = three_phases.currents_after(
             s, p, voltage_a, voltage_b, voltage_c, flux_a * speed, flux_b * speed, flux_c * speed

@@ -80,6 +80,7 @@ def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Arr
 def advance(structure: Structure) -> Callable[..., Any]:
     """Return the step of one actuator."""
     demand_of, moved = control.control(structure), motion.motion(structure)
+    flux_of = three_phases.flux(structure)
     half_supply_of, bus_after = three_phases.supply(structure)
     sensed_before, sensed_after, sensor_state = three_phases.sensors(structure)
 
@@ -107,9 +108,8 @@ def advance(structure: Structure) -> Callable[..., Any]:
         cos, sin = turn(s.electrical_cos, s.electrical_sin, p.pole_pairs * half)
         gap_a, gap_b, gap_c = gap_factors(rotor_cos, rotor_sin, p.z_cos, p.z_sin)
         shape_a, shape_b, shape_c = phase_sines(cos, sin)
-        flux_a = p.flux_a * gap_a * shape_a
-        flux_b = p.flux_b * gap_b * shape_b
-        flux_c = p.flux_c * gap_c * shape_c
+        flux_a, flux_b, flux_c = flux_of(s, p)
+        flux_a, flux_b, flux_c = flux_a * gap_a * shape_a, flux_b * gap_b * shape_b, flux_c * gap_c * shape_c
         voltage_a, voltage_b, voltage_c = phase_voltages(voltage_d, voltage_q, cos, sin)
         current_a, current_b = star_currents_after(
             s.current_a,

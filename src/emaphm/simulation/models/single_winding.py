@@ -22,6 +22,7 @@ from emaphm.simulation.laws.idle_leg import outgoing_after
 from emaphm.simulation.laws.inline import clip, law, select
 from emaphm.simulation.laws.lag import approach, share_of_step
 from emaphm.simulation.laws.pulse_width import delay_shares, delayed
+from emaphm.simulation.laws.saturation import flux_left
 from emaphm.simulation.laws.supply_source import sagging_supply, supply_under_duty
 from emaphm.simulation.models import control, motion
 
@@ -44,6 +45,7 @@ PARAMETERS = (
     "source_resistance",
     "sensed_share",
     "sensed_lead",
+    "saturation",
     "current_gain",
     "current_integral_gain",
     "voltage_share",
@@ -85,6 +87,7 @@ def parameters(
         "voltage_at_once": at_once,
         "source_resistance": plant.source_resistance,
         "sensed_share": sensed_share,
+        "saturation": plant.saturation,
         "sensed_lead": 1 / sensed_share - 1,
         "current_gain": plant.current_gain,
         "current_integral_gain": plant.current_integral_gain,
@@ -162,6 +165,7 @@ def _advance(
 ) -> Callable[..., Any]:
     """Return the step of an actuator whose drive controls the current of the conducting pair."""
     demand_of, moved = control.control(structure), motion.motion(structure)
+    left_of = _saturated if structure.saturation else _unsaturated
     gaps = _printed_gaps if printed_eccentricity else _gaps
     supply_of, bus_after = (_sagging, _drawn) if structure.source else (_stiff, _nothing_drawn)
 
@@ -170,7 +174,7 @@ def _advance(
         gap_a, gap_b, gap_c = gaps(s, p)
         flux_a, flux_b, flux_c = gap_a * p.flux_a, gap_b * p.flux_b, gap_c * p.flux_c
         electrical = s.electrical
-        flux = of_idle_phase(electrical, flux_b + flux_c, flux_c + flux_a, flux_a + flux_b)
+        flux = left_of(s, p, of_idle_phase(electrical, flux_b + flux_c, flux_c + flux_a, flux_a + flux_b))
         conductance = of_idle_phase(electrical, p.conductance_a, p.conductance_b, p.conductance_c)
         decay = of_idle_phase(electrical, p.decay_a, p.decay_b, p.decay_c)
         supply, back_emf = supply_of(s, p), flux * s.speed
@@ -199,12 +203,13 @@ def _advance(
 def _advance_by_voltage(structure: Structure) -> Callable[..., Any]:
     """Return the step of a DC motor whose drive sets the duty cycle; without current where it is off."""
     demand_of, moved = control.control(structure), motion.motion(structure)
+    left_of = _saturated if structure.saturation else _unsaturated
     supply_of = _under_duty if structure.source else _stiff_under_duty
 
     def advance(s: Any, p: Any, u: Any) -> Any:
         duty, controlled = demand_of(s, p, u)
         duty = u.enabled * duty
-        flux = p.flux_a + p.flux_b
+        flux = left_of(s, p, p.flux_a + p.flux_b)
         back_emf = flux * s.speed
         voltage = duty * supply_of(s, p, duty, back_emf)
         current = u.enabled * winding_current(s.current, voltage - back_emf, p.conductance_a, p.decay_a)
@@ -224,6 +229,16 @@ def _advance_by_voltage(structure: Structure) -> Callable[..., Any]:
         return controlled + following + (torque, current), outputs
 
     return advance
+
+
+@law
+def _unsaturated(s: Any, p: Any, flux: Any) -> Any:  # noqa: ARG001
+    return flux
+
+
+@law
+def _saturated(s: Any, p: Any, flux: Any) -> Any:
+    return flux_left(p.saturation, s.current) * flux
 
 
 @law

@@ -10,6 +10,7 @@ from emaphm.simulation.engine.plant import Plant
 from emaphm.simulation.engine.structure import Structure
 from emaphm.simulation.laws.inline import law
 from emaphm.simulation.laws.lag import approach, share_of_step
+from emaphm.simulation.laws.saturation import flux_left
 from emaphm.simulation.laws.star_windings import star_slopes
 from emaphm.simulation.laws.supply_source import sagging_supply
 from emaphm.simulation.models import control, motion
@@ -30,6 +31,7 @@ PARAMETERS = (
     "z_sin",
     "source_resistance",
     "sensed_share",
+    "saturation",
 )
 
 CURRENTS = ("current_a", "current_b", "current_c")
@@ -48,6 +50,7 @@ def parameters(plant: Plant, step: float, peak: float) -> dict[str, Array]:
         "z_sin": plant.z[1],
         "source_resistance": plant.source_resistance,
         "sensed_share": share_of_step(plant.current_lag, step),
+        "saturation": plant.saturation,
     }
     for i, phase in enumerate("abc"):
         rows |= {
@@ -94,6 +97,11 @@ def supply(structure: Structure) -> tuple[Callable[..., Any], Callable[..., Any]
     return (_sagging, _drawn) if structure.source else (_stiff, _nothing_drawn)
 
 
+def flux(structure: Structure) -> Callable[..., Any]:
+    """Return the flux of each phase less its shape and gap, of (state, parameters): per speed or current."""
+    return _saturated if structure.saturation else _unsaturated
+
+
 def sensors(structure: Structure) -> tuple[Callable[..., Any], Callable[..., Any], Callable[..., Any]]:
     """Return what the current sensors show before a step and after it, and their next state."""
     return (_lagging, _lag, _kept) if structure.current_lag else (_exact, _no_lag, _none_kept)
@@ -121,6 +129,19 @@ def currents_after(
         p.henries_per_step,
     )
     return s.current_a + rise_a, s.current_b + rise_b, s.current_c + rise_c
+
+
+@law
+def _unsaturated(s: Any, p: Any) -> Any:  # noqa: ARG001
+    return p.flux_a, p.flux_b, p.flux_c
+
+
+@law
+def _saturated(s: Any, p: Any) -> Any:
+    # Two conducting phases have i and -i; of three sines it is the length of their vector, line to line.
+    squares = s.current_a * s.current_a + s.current_b * s.current_b + s.current_c * s.current_c
+    left = flux_left(p.saturation, np.sqrt(0.5 * squares))
+    return left * p.flux_a, left * p.flux_b, left * p.flux_c
 
 
 @law
