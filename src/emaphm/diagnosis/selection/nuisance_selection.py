@@ -84,7 +84,7 @@ def _from_afar(
         tried = correct_bias(wide, points, max_corrections, child)
         if tried.explained and _significant(tried, result, name, child):
             outcomes.append((name, tried))
-    return min(outcomes, key=lambda one: _share_of_residual(one[1], result)) if outcomes else None
+    return min(outcomes, key=lambda one: share_of_residual(one[1], result)) if outcomes else None
 
 
 def _best(
@@ -118,7 +118,7 @@ def _best(
     levels = []
     for name, tried in kept:
         share = (
-            _share_of_residual(tried, result)
+            share_of_residual(tried, result)
             if len(kept) == 1
             else residual_power(tried, result, seed) / before
         )
@@ -152,7 +152,7 @@ def _significant(tried: SearchResult, before: SearchResult, name: str, seed: int
         return False
     if name in tried.objective.space.nuisances.located:
         return is_off(tried) and ripple_share(tried, before, seed) < SELECTION.likely_share
-    share, score = _share_of_residual(tried, before), _score(tried, name, seed)
+    share, score = share_of_residual(tried, before), _score(tried, name, seed)
     equal = 1.0 if sensor_error(name) else SELECTION.equal_share
     significant = (score >= SELECTION.certain_score and share < equal) or (
         (score >= SELECTION.likely_score or name in PROFILED) and share < SELECTION.likely_share
@@ -179,7 +179,7 @@ def _is_of_a_sensor(tried: SearchResult, name: str, share: float) -> bool:
     return error_kind(name) != "delay" or abs(value) > least
 
 
-def _share_of_residual(tried: SearchResult, before: SearchResult) -> float:
+def share_of_residual(tried: SearchResult, before: SearchResult) -> float:
     """Return the mean squared residual of the channels in `tried`, relative to that in `before`."""
     rows = before.objective.channel_rows
     ratios = before.objective.problem.weights / tried.objective.problem.weights
