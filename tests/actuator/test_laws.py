@@ -89,6 +89,7 @@ IN_ITS_KERNEL = {
     "saturation": {"saturation"},
     "sensor-lag": {"current_lag"},
     "source-resistance": {"source"},
+    "inverter-drop": {"voltage_drop"},
 }
 
 
@@ -108,6 +109,7 @@ def test_a_kernel_has_the_laws_that_are_described_and_no_other(name: str) -> Non
         ("sensor-lag", changed(electrical=None), "its drive senses no current"),
         ("winding-temperature", changed(electrical=None), r"it has no \[electrical\] section"),
         ("source-resistance", changed(electrical=None), r"it has no \[electrical\] section"),
+        ("inverter-drop", changed(electrical=None), r"it has no \[electrical\] section"),
     ],
 )
 def test_a_law_that_an_actuator_cannot_have_is_refused(name: str, actuator: Actuator, reason: str) -> None:

@@ -16,7 +16,7 @@ from emaphm.estimation.parameter_variation import ParameterVariation, start_widt
 THESIS = Actuator.thesis()
 EVERYTHING = reduce(lambda actuator, law: law.added_to(actuator), LAWS.values(), THESIS)
 
-WIDE = ("stiffness", "stribeck_speed", "transition_speed", "current_lag", "source_resistance")
+WIDE = ("stiffness", "stribeck_speed", "transition_speed", "current_lag", "source_resistance", "voltage_drop")
 NARROW = ("inertia", "static", "damping", "quadratic", "load_friction")
 
 

@@ -43,6 +43,7 @@ RIPPLE: list[dict[str, Any]] = [
     {"order": 1, "of": "screw", "cos": 3e-3, "sin": 1e-3},
 ]
 SCREW = 0.5
+DROP, KNEE = 0.5, 0.02 * 22.5
 
 
 def with_every_law(drive: str, *, compliant: bool) -> Actuator:
@@ -52,7 +53,7 @@ def with_every_law(drive: str, *, compliant: bool) -> Actuator:
         motor={"torque_limit": None, "saturation": 0.003},
         friction=FRICTION,
         weight={"gravity": GRAVITY, "gravity_angle": TILT},
-        drive={"kind": drive, "source_resistance": 0.2},
+        drive={"kind": drive, "source_resistance": 0.2, "voltage_drop": DROP},
         transmission={"stiffness": STIFFNESS, "damping": DAMPING},
         controller={"position_gain": 1.0, "speed_gain": 200.0, "speed_feedback": 0.0, "speed_limit": None}
         if drive == "voltage"
@@ -116,6 +117,7 @@ def accounts(got: dict[str, Array], step: float, *, compliant: bool) -> dict[str
         "heat": float(
             np.sum(R_S * (before(current) ** 2 + before(current) * current + current**2) / 3) * step
         ),
+        "inverter": float(np.sum(DROP * np.clip(before(current) / KNEE, -1.0, 1.0) * i) * step),
         "magnetic": float(L_S / 2 * current[-1] ** 2),
         "motor friction": float(np.sum(drag * w_mid) * step),
         "user friction": float(np.sum(of_user * user_mid) * step) if compliant else 0.0,

@@ -81,6 +81,8 @@ class Actuator(Section):
             )
         if self.drive and self.drive.source_resistance is not None and kind == "current":
             raise ValueError("'drive.source_resistance': an ideal current loop has no supply; take it out")
+        if self.drive and self.drive.voltage_drop is not None and kind == "current":
+            raise ValueError("'drive.voltage_drop': an ideal current loop has no voltage; take it out")
         if self.weight and self.coordinates == "linear":
             raise ValueError("'weight' turns with a rotary actuator; a linear one has mechanics.offset")
         if self.transmission and not (self.mechanics.inertia_motor > 0 and self.mechanics.inertia_user > 0):

@@ -40,6 +40,7 @@ LUMPED_PARAMETERS = {
     "current_gain": "V/A",
     "current_integral_gain": "V/(A·s)",
     "source_resistance": "ohm",
+    "voltage_drop": "V",
     "current_lag": "s",
     "stribeck_speed": "rad/s",
     "load_friction": "-",
@@ -83,7 +84,7 @@ SECTIONS = {
     ),
     "motor": ("torque_constant", "saturation", "torque_lag"),
     "electrical": ("resistance", "inductance", "supply", "temperature_gain"),
-    "drive": ("current_gain", "current_integral_gain", "source_resistance", "current_lag"),
+    "drive": ("current_gain", "current_integral_gain", "source_resistance", "voltage_drop", "current_lag"),
     "friction": (
         "stribeck_speed",
         "load_friction",

@@ -137,6 +137,13 @@ class Drive(Section):
     source_resistance: float | None = quantity(
         "of the supply and its leads", "ohm", CHOSEN, default=None, ge=0
     )
+    voltage_drop: float | None = quantity(
+        "of the switches that the current passes, beyond the commanded voltage, which is recorded",
+        "V",
+        CHOSEN,
+        default=None,
+        ge=0,
+    )
     current_lag: float | None = quantity(
         "time constant of the current sensors, for the drive as for the recorder",
         "s",

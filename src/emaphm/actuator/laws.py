@@ -254,6 +254,14 @@ _ALL = (
             actuator, source_resistance=0.05 * actuator.electrical.resistance if actuator.electrical else 0.0
         ),
     ),
+    Law(
+        "inverter-drop",
+        ("voltage_drop",),
+        "currents of both signs with the voltage recorded that the drive commands",
+        lambda actuator, speed: _drive(  # noqa: ARG005
+            actuator, voltage_drop=0.01 * actuator.electrical.supply if actuator.electrical else 0.0
+        ),
+    ),
 )
 
 LAWS: Mapping[str, Law] = {law.name: law for law in _ALL}
@@ -295,6 +303,9 @@ _REASONS: Mapping[str, Callable[[Actuator], str]] = {
         "" if actuator.electrical is not None else "it has no [electrical] section"
     ),
     "source-resistance": lambda actuator: (
+        "" if actuator.electrical is not None else "it has no [electrical] section"
+    ),
+    "inverter-drop": lambda actuator: (
         "" if actuator.electrical is not None else "it has no [electrical] section"
     ),
 }

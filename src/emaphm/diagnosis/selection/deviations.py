@@ -2,14 +2,10 @@
 
 from dataclasses import replace
 
+from emaphm.diagnosis.selection.hidden_laws import suspected_laws, with_hidden_law
 from emaphm.diagnosis.selection.law_selection import select_laws
-from emaphm.diagnosis.selection.nuisance_selection import (
-    SelectedNuisances,
-    select_nuisances,
-    share_of_residual,
-)
+from emaphm.diagnosis.selection.nuisance_selection import select_nuisances, share_of_residual
 from emaphm.diagnosis.selection.ripple import ripple_share
-from emaphm.diagnosis.selection.saturation import SATURATION, is_saturation_suspected, with_saturation
 from emaphm.diagnosis.selection.sensor_lag import SENSOR_LAG, is_lag_suspected, with_sensor_lag
 from emaphm.diagnosis.selection.settings import SELECTION
 from emaphm.estimation.methods import Method
@@ -25,23 +21,23 @@ def select_deviations(
     """Return the estimate with all that deviates significantly estimated too, and the names of that.
 
     Nuisances first; laws where they do not explain the recording, where the ripple shows a lag, or where the
-    residual shows a saturation. Standing, an actuator shows no law of its motion: none is tried unless it
+    residual shows a law that hides. Standing, an actuator shows no law of its motion: none is tried unless it
     `moves`.
     """
     found = select_nuisances(searched, max_corrections, seed)
-    result = found.result
+    result, without = found.result, (found.result, found.names, ())
     if not moves:
-        return result, found.names, ()
+        return without
     if not result.explained:
         with_laws, laws = select_laws(searched, method, max_corrections, seed)
         if not laws:
             return replace(result, alternatives=with_laws.alternatives), found.names, ()
         return _with_nuisances(with_laws, laws, max_corrections, seed)
-    lagging = found.look.shows_lag and is_lag_suspected(result, seed)
-    rival = _with_lag(searched, result, method, max_corrections, seed) if lagging else None
-    if rival is None and is_saturation_suspected(result, seed):
-        rival = _with_saturation(searched, found, method, max_corrections, seed)
-    return rival or (result, found.names, ())
+    if found.look.shows_lag and is_lag_suspected(result, seed):
+        lagging = _with_lag(searched, result, method, max_corrections, seed)
+        if lagging is not None:
+            return lagging
+    return _with_hidden_laws(searched, without, method, max_corrections, seed)
 
 
 def _with_lag(
@@ -55,17 +51,25 @@ def _with_lag(
     return rival if ripple_share(rival[0], before, seed) < SELECTION.likely_share else None
 
 
-def _with_saturation(
-    searched: SearchResult, before: SelectedNuisances, method: Method, max_corrections: int, seed: int
-) -> Selection | None:
-    """Return the estimate with a saturation if it leaves clearly less of the residual.
+def _with_hidden_laws(
+    searched: SearchResult, before: Selection, method: Method, max_corrections: int, seed: int
+) -> Selection:
+    """Return the estimate with the laws whose scores show them, while they leave clearly less.
 
-    Or less, with fewer nuisances than were selected `before`: several make up for a small one.
+    Or less, with fewer nuisances than were selected without: several make up for a small law.
     """
-    saturating = with_saturation(searched, method, max_corrections, seed)
-    rival = _with_nuisances(saturating, (SATURATION,), max_corrections, seed)
-    most = 1.0 if len(rival[1]) < len(before.names) else SELECTION.likely_share
-    return rival if share_of_residual(rival[0], before.result) < most else None
+    best, base = before, searched
+    while True:
+        rivals = []
+        for name in suspected_laws(best[0], seed):
+            with_law = with_hidden_law(base, name, method, max_corrections, seed)
+            rival = _with_nuisances(with_law, (*best[2], name), max_corrections, seed)
+            share = share_of_residual(rival[0], best[0])
+            if share < (1.0 if len(rival[1]) < len(best[1]) else SELECTION.likely_share):
+                rivals.append((share, rival, with_law))
+        if not rivals:
+            return best
+        _, best, base = min(rivals, key=lambda one: one[0])
 
 
 def _with_nuisances(

@@ -40,6 +40,7 @@ SUSPECTS = (
     "cogging",
     "speed-lag",
     "saturation",
+    "inverter-drop",
 )
 """The laws that are tried, in this order."""
 

@@ -94,6 +94,7 @@ class Plant:
     current_integral_gain: Array
     pwm_frequency: Array
     source_resistance: Array
+    voltage_drop: Array
     current_lag: Array
     stribeck_speed: Array
     load_friction: Array
@@ -246,6 +247,7 @@ def structure_of(actuator: Actuator) -> Structure:
         gravity=actuator.weight is not None,
         source=drive is not None and drive.source_resistance is not None,
         current_lag=drive is not None and drive.current_lag is not None,
+        voltage_drop=drive is not None and drive.voltage_drop is not None,
         saturation=actuator.motor.saturation is not None,
         ripples=tuple(Ripple(one.order, one.of == "screw") for one in actuator.ripple),
     )

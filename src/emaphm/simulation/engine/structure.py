@@ -24,6 +24,7 @@ class Structure(NamedTuple):
     gravity: bool = False
     source: bool = False
     current_lag: bool = False
+    voltage_drop: bool = False
     saturation: bool = False
     ripples: tuple[Ripple, ...] = ()
 

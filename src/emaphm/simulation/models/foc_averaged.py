@@ -80,7 +80,7 @@ def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Arr
 def advance(structure: Structure) -> Callable[..., Any]:
     """Return the step of one actuator."""
     demand_of, moved = control.control(structure), motion.motion(structure)
-    flux_of = three_phases.flux(structure)
+    flux_of, against = three_phases.flux(structure), three_phases.counter_voltage(structure)
     half_supply_of, bus_after = three_phases.supply(structure)
     sensed_before, sensed_after, sensor_state = three_phases.sensors(structure)
 
@@ -111,12 +111,13 @@ def advance(structure: Structure) -> Callable[..., Any]:
         flux_a, flux_b, flux_c = flux_of(s, p)
         flux_a, flux_b, flux_c = flux_a * gap_a * shape_a, flux_b * gap_b * shape_b, flux_c * gap_c * shape_c
         voltage_a, voltage_b, voltage_c = phase_voltages(voltage_d, voltage_q, cos, sin)
+        back_emf_a, back_emf_b, back_emf_c = against(s, p, flux_a * speed, flux_b * speed, flux_c * speed)
         current_a, current_b = star_currents_after(
             s.current_a,
             s.current_b,
-            voltage_a - flux_a * speed,
-            voltage_b - flux_b * speed,
-            voltage_c - flux_c * speed,
+            voltage_a - back_emf_a,
+            voltage_b - back_emf_b,
+            voltage_c - back_emf_c,
             p.remaining_aa,
             p.remaining_ab,
             p.remaining_ba,

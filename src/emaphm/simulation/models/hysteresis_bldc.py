@@ -61,7 +61,7 @@ def advance(structure: Structure) -> Callable[..., Any]:
     the state at the step's start, currents by explicit Euler, torque from the new currents, then the motion.
     """
     demand_of, moved = control.control(structure), motion.motion(structure)
-    flux_of = three_phases.flux(structure)
+    flux_of, against = three_phases.flux(structure), three_phases.counter_voltage(structure)
     half_supply_of, bus_after = three_phases.supply(structure)
     sensed_before, sensed_after, sensor_state = three_phases.sensors(structure)
 
@@ -80,15 +80,16 @@ def advance(structure: Structure) -> Callable[..., Any]:
         flux_a, flux_b, flux_c = flux_of(s, p)
         flux_a, flux_b, flux_c = flux_a * gap_a * shape_a, flux_b * gap_b * shape_b, flux_c * gap_c * shape_c
         half_supply, speed = half_supply_of(s, p), s.speed
+        back_emf_a, back_emf_b, back_emf_c = against(s, p, flux_a * speed, flux_b * speed, flux_c * speed)
         current_a, current_b, current_c = three_phases.currents_after(
             s,
             p,
             leg_a * half_supply,
             leg_b * half_supply,
             leg_c * half_supply,
-            flux_a * speed,
-            flux_b * speed,
-            flux_c * speed,
+            back_emf_a,
+            back_emf_b,
+            back_emf_c,
         )
         current_a, current_b, current_c = u.enabled * current_a, u.enabled * current_b, u.enabled * current_c
         produced = flux_a * current_a + flux_b * current_b + flux_c * current_c

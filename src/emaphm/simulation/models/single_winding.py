@@ -24,6 +24,7 @@ from emaphm.simulation.laws.lag import approach, share_of_step
 from emaphm.simulation.laws.pulse_width import delay_shares, delayed
 from emaphm.simulation.laws.saturation import flux_left
 from emaphm.simulation.laws.supply_source import sagging_supply, supply_under_duty
+from emaphm.simulation.laws.voltage_drop import KNEE, voltage_drop
 from emaphm.simulation.models import control, motion
 
 CHANNELS = (*OBSERVABLE, "angle_rad", "torque_Nm", "reference_current_A")
@@ -46,6 +47,8 @@ PARAMETERS = (
     "sensed_share",
     "sensed_lead",
     "saturation",
+    "drop",
+    "per_knee",
     "current_gain",
     "current_integral_gain",
     "voltage_share",
@@ -88,6 +91,8 @@ def parameters(
         "source_resistance": plant.source_resistance,
         "sensed_share": sensed_share,
         "saturation": plant.saturation,
+        "drop": plant.voltage_drop,
+        "per_knee": 1 / (KNEE * plant.current_limit),
         "sensed_lead": 1 / sensed_share - 1,
         "current_gain": plant.current_gain,
         "current_integral_gain": plant.current_integral_gain,
@@ -166,6 +171,7 @@ def _advance(
     """Return the step of an actuator whose drive controls the current of the conducting pair."""
     demand_of, moved = control.control(structure), motion.motion(structure)
     left_of = _saturated if structure.saturation else _unsaturated
+    against = _with_drop if structure.voltage_drop else _back_emf
     gaps = _printed_gaps if printed_eccentricity else _gaps
     supply_of, bus_after = (_sagging, _drawn) if structure.source else (_stiff, _nothing_drawn)
 
@@ -177,7 +183,7 @@ def _advance(
         flux = left_of(s, p, of_idle_phase(electrical, flux_b + flux_c, flux_c + flux_a, flux_a + flux_b))
         conductance = of_idle_phase(electrical, p.conductance_a, p.conductance_b, p.conductance_c)
         decay = of_idle_phase(electrical, p.decay_a, p.decay_b, p.decay_c)
-        supply, back_emf = supply_of(s, p), flux * s.speed
+        supply, back_emf = supply_of(s, p), against(s, p, flux * s.speed)
         current, sensed, voltage, own = current_after(
             s, p, u, reference, supply, back_emf, conductance, decay
         )
@@ -204,13 +210,14 @@ def _advance_by_voltage(structure: Structure) -> Callable[..., Any]:
     """Return the step of a DC motor whose drive sets the duty cycle; without current where it is off."""
     demand_of, moved = control.control(structure), motion.motion(structure)
     left_of = _saturated if structure.saturation else _unsaturated
+    against = _with_drop if structure.voltage_drop else _back_emf
     supply_of = _under_duty if structure.source else _stiff_under_duty
 
     def advance(s: Any, p: Any, u: Any) -> Any:
         duty, controlled = demand_of(s, p, u)
         duty = u.enabled * duty
         flux = left_of(s, p, p.flux_a + p.flux_b)
-        back_emf = flux * s.speed
+        back_emf = against(s, p, flux * s.speed)
         voltage = duty * supply_of(s, p, duty, back_emf)
         current = u.enabled * winding_current(s.current, voltage - back_emf, p.conductance_a, p.decay_a)
         produced = clip(flux * current, -p.torque_limit, p.torque_limit)
@@ -239,6 +246,16 @@ def _unsaturated(s: Any, p: Any, flux: Any) -> Any:  # noqa: ARG001
 @law
 def _saturated(s: Any, p: Any, flux: Any) -> Any:
     return flux_left(p.saturation, s.current) * flux
+
+
+@law
+def _back_emf(s: Any, p: Any, back_emf: Any) -> Any:  # noqa: ARG001
+    return back_emf
+
+
+@law
+def _with_drop(s: Any, p: Any, back_emf: Any) -> Any:
+    return back_emf + voltage_drop(s.current, p.drop, p.per_knee)
 
 
 @law

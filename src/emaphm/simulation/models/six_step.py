@@ -82,7 +82,7 @@ def advance(structure: Structure) -> Callable[..., Any]:
     step's start, currents by explicit Euler, torque from the new currents, then the motion.
     """
     demand_of, moved = control.control(structure), motion.motion(structure)
-    flux_of = three_phases.flux(structure)
+    flux_of, against = three_phases.flux(structure), three_phases.counter_voltage(structure)
     half_supply_of, bus_after = three_phases.supply(structure)
     sensed_before, sensed_after, sensor_state = three_phases.sensors(structure)
 
@@ -111,7 +111,7 @@ def advance(structure: Structure) -> Callable[..., Any]:
         gap_a, gap_b, gap_c = gap_factors(s.cos, s.sin, p.z_cos, p.z_sin)
         flux_a, flux_b, flux_c = flux_of(s, p)
         flux_a, flux_b, flux_c = flux_a * gap_a * shape_a, flux_b * gap_b * shape_b, flux_c * gap_c * shape_c
-        back_emf_a, back_emf_b, back_emf_c = flux_a * speed, flux_b * speed, flux_c * speed
+        back_emf_a, back_emf_b, back_emf_c = against(s, p, flux_a * speed, flux_b * speed, flux_c * speed)
         rail = switched * half_supply
         centre = _centre(
             p,

@@ -13,6 +13,7 @@ from emaphm.simulation.laws.lag import approach, share_of_step
 from emaphm.simulation.laws.saturation import flux_left
 from emaphm.simulation.laws.star_windings import star_slopes
 from emaphm.simulation.laws.supply_source import sagging_supply
+from emaphm.simulation.laws.voltage_drop import KNEE, voltage_drop
 from emaphm.simulation.models import control, motion
 
 PARAMETERS = (
@@ -32,6 +33,8 @@ PARAMETERS = (
     "source_resistance",
     "sensed_share",
     "saturation",
+    "leg_drop",
+    "per_knee",
 )
 
 CURRENTS = ("current_a", "current_b", "current_c")
@@ -51,6 +54,8 @@ def parameters(plant: Plant, step: float, peak: float) -> dict[str, Array]:
         "source_resistance": plant.source_resistance,
         "sensed_share": share_of_step(plant.current_lag, step),
         "saturation": plant.saturation,
+        "leg_drop": plant.voltage_drop / 2,
+        "per_knee": 1 / (KNEE * plant.current_limit),
     }
     for i, phase in enumerate("abc"):
         rows |= {
@@ -102,6 +107,14 @@ def flux(structure: Structure) -> Callable[..., Any]:
     return _saturated if structure.saturation else _unsaturated
 
 
+def counter_voltage(structure: Structure) -> Callable[..., Any]:
+    """Return what the windings of each phase have against them: back-EMF, and what the inverter takes.
+
+    Of (state, parameters, back-EMF of a, b and c).
+    """
+    return _with_drop if structure.voltage_drop else _back_emf
+
+
 def sensors(structure: Structure) -> tuple[Callable[..., Any], Callable[..., Any], Callable[..., Any]]:
     """Return what the current sensors show before a step and after it, and their next state."""
     return (_lagging, _lag, _kept) if structure.current_lag else (_exact, _no_lag, _none_kept)
@@ -142,6 +155,20 @@ def _saturated(s: Any, p: Any) -> Any:
     squares = s.current_a * s.current_a + s.current_b * s.current_b + s.current_c * s.current_c
     left = flux_left(p.saturation, np.sqrt(0.5 * squares))
     return left * p.flux_a, left * p.flux_b, left * p.flux_c
+
+
+@law
+def _back_emf(s: Any, p: Any, a: Any, b: Any, c: Any) -> Any:  # noqa: ARG001
+    return a, b, c
+
+
+@law
+def _with_drop(s: Any, p: Any, a: Any, b: Any, c: Any) -> Any:
+    return (
+        a + voltage_drop(s.current_a, p.leg_drop, p.per_knee),
+        b + voltage_drop(s.current_b, p.leg_drop, p.per_knee),
+        c + voltage_drop(s.current_c, p.leg_drop, p.per_knee),
+    )
 
 
 @law

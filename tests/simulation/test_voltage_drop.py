@@ -1,0 +1,90 @@
+"""What an inverter loses of the commanded voltage: closed forms, a differential equation, all drives."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from emaphm.actuator import Actuator, Chirp, Step
+from emaphm.arrays import Array
+from emaphm.simulation import AVERAGED, REFERENCE, Initial, Model
+from simulation.rig import FREE, LOCKED, THESIS, altered, record, rms
+
+PMSM = Actuator.pmsm()
+V_DC, R_S, L_S, K, J = 48.0, 2.13, 7.2e-4, 0.0752, 2.5e-5
+KNEE_A = 0.02 * THESIS.controller.current_limit
+DROP = 1.5
+SERVO: dict[str, Any] = {
+    "motor": {"torque_limit": None},
+    "controller": {"position_gain": 1.0, "speed_gain": 1.0, "speed_limit": None, "speed_feedback": 0.0},
+}
+"""A drive whose duty cycle is the position error in rad."""
+
+
+def losing(actuator: Actuator = THESIS, /, kind: str = "hysteresis", **sections: Any) -> Actuator:
+    return altered(actuator, drive={"kind": kind, "voltage_drop": DROP}, **sections)
+
+
+@pytest.mark.parametrize("duty", [0.5, -0.2])
+def test_a_stalled_servo_has_what_the_bridge_leaves(duty: float) -> None:
+    got = record(AVERAGED, Step(duty), losing(kind="voltage", mechanics=LOCKED, **SERVO), duration=0.02)
+    left = duty * V_DC - math.copysign(DROP, duty)
+    assert got["current_A"][-1] == pytest.approx(left / R_S, rel=1e-6)
+    assert got["voltage_V"][-1] == pytest.approx(duty * V_DC, rel=1e-6)
+
+
+@pytest.mark.parametrize(("model", "bound"), [(AVERAGED, 1e-3), (REFERENCE, 0.01)], ids=lambda x: str(x)[:30])
+def test_a_stalled_motor_at_the_end_of_its_supply(model: Model, bound: float) -> None:
+    start = Initial(rotor_offset=math.radians(30))
+    actuator = losing(mechanics=LOCKED, controller={"current_limit": 100.0})
+    got = record(model, Step(0.1), actuator, duration=0.02, start=start, interval=1e-3)
+    assert got["current_A"][-1] == pytest.approx((V_DC - DROP) / R_S, rel=bound)
+
+
+def test_a_dc_motor_follows_its_differential_equation() -> None:
+    duty, viscous = -0.4, 1e-4
+
+    def slopes(t: float, x: Array) -> list[float]:  # noqa: ARG001
+        current, speed = x
+        lost = DROP * min(max(current / KNEE_A, -1.0), 1.0)
+        return [
+            (duty * V_DC - lost - R_S * current - K * speed) / L_S,
+            (K * current - viscous * speed) / J,
+        ]
+
+    mechanics = FREE | {"viscous_motor": viscous, "gear_ratio": 1e-9}
+    actuator = losing(kind="voltage", mechanics=mechanics, **SERVO)
+    errors = []
+    for step in (2e-5, 5e-6):
+        got = record(
+            AVERAGED, Step(duty), actuator, duration=0.06, interval=5e-4, step=step, sampling="instant"
+        )
+        times = got["time_s"] + step
+        exact = solve_ivp(slopes, (0, times[-1]), [0.0, 0.0], t_eval=times, rtol=1e-9, atol=1e-9).y
+        errors.append(np.abs(got["current_A"] - exact[0]).max() / (V_DC / R_S))
+    # Without the law the current is a thirtieth of that off.
+    assert errors[0] < 2e-3
+    assert errors[1] < 0.3 * errors[0]
+
+
+@pytest.mark.parametrize(
+    ("base", "kind", "channel"),
+    [(THESIS, "hysteresis", "voltage_V"), (PMSM, "six-step", "voltage_V"), (PMSM, "foc", "voltage_q_V")],
+    ids=["hysteresis", "six-step", "foc"],
+)
+def test_the_commanded_voltage_is_higher_by_the_drop(base: Actuator, kind: str, channel: str) -> None:
+    without = altered(base, drive={"kind": kind})
+    for model in (AVERAGED, REFERENCE):
+        plain, lossy = (
+            record(model, Chirp(), one, duration=0.3) for one in (without, losing(without, kind=kind))
+        )
+        more = lossy[channel] - plain[channel]
+        # Rows of a steady sign; the current loop restores the current.
+        steady = np.abs(plain["current_A"]) > 1.5
+        signed = np.mean(more[steady] * np.sign(plain["current_A"][steady]))
+        # Three sines: the mean of V_d/2 (sgn a, sgn b, sgn c) along q is 3/π of what a pair has, √3/2 of it.
+        share = 1.0 if kind != "foc" else 2 * math.sqrt(3) / math.pi
+        assert signed == pytest.approx(share * DROP, rel=0.02)
+        assert rms(lossy["current_A"] - plain["current_A"]) < 0.25 * rms(plain["current_A"])
