@@ -10,7 +10,7 @@ from emaphm.arrays import Array
 from emaphm.diagnosis.selection.extension import Candidate, with_nuisances
 from emaphm.diagnosis.selection.first_look import FirstLook, first_look
 from emaphm.diagnosis.selection.profile import INERTIA, PROFILE, PROFILED, profile, profile_points
-from emaphm.diagnosis.selection.sensor_error_scores import jacobians_with_errors, regressed_error
+from emaphm.diagnosis.selection.sensor_error_scores import jacobians_with_errors, regressed
 from emaphm.diagnosis.selection.settings import SELECTION, SENSOR_SELECTION, widening
 from emaphm.diagnosis.selection.supply_profile import SUPPLY
 from emaphm.diagnosis.selection.supply_scan import is_scanned, supply_candidate
@@ -117,9 +117,9 @@ class _Derivatives:
         objective, i = self.result.objective, extended.space.coordinates.index(name)
         residual = self.result.residual[: objective.channel_rows]
         if sensor_error(name):
-            derivative = self.jacobians[0, self.wide.space.coordinates.index(name)]
-            others_step, size, error = regressed_error(self.mean, derivative, residual, objective.problem)
-            return np.insert(others_step, i, size), error
+            derivative = self.jacobians[:1, self.wide.space.coordinates.index(name)]
+            step, sizes, covariance = regressed(self.mean, derivative, residual, objective.problem)
+            return np.insert(step, i, sizes[0]), float(covariance[0, 0] ** 0.5)
         local = local_covariance(extended, point, residual, self.of(extended))
         error = float((local.covariance + default_scatter(point.size))[i, i] ** 0.5)
         return local.step, error

@@ -44,23 +44,22 @@ def jacobians_with_errors(objective: MapObjective, point: Array, rng: np.random.
     return result
 
 
-def regressed_error(
-    mean: Array, derivative: Array, residual: Array, problem: Problem
-) -> tuple[Array, float, float]:
-    """Return the step (d,) of the others, the size of one more coordinate's own, and its standard error.
+def regressed(
+    mean: Array, derivatives: Array, residual: Array, problem: Problem
+) -> tuple[Array, Array, Array]:
+    """Return the step (d,) of the others, the sizes (p,) of p more coordinates, and their covariance (p, p).
 
-    By regression of the `residual` (rows,) on the `derivative` (rows,) less what the other coordinates, whose
-    `mean` Jacobian is (d, rows), explain of it (Frisch and Waugh 1933); the scores are as correlated as the
-    sandwich covariance takes them, with what counts of the channels of `problem` leave open.
+    By regression of the `residual` (rows,) on the `derivatives` (p, rows) less what the other coordinates,
+    whose `mean` Jacobian is (d, rows), explain of them (Frisch and Waugh 1933); the scores are as correlated
+    as the sandwich covariance takes them, with what counts of the channels of `problem` leave open.
     """
     normal = mean @ mean.T
     ridge = 1e-9 * float(np.trace(normal)) * np.eye(len(normal))
-    shares = np.linalg.solve(normal + ridge, mean @ derivative)
-    alone = derivative - shares @ mean
-    power = max(float(alone @ alone), np.finfo(float).tiny)
-    size = float(alone @ residual) / power
-    scores = alone * (residual - size * alone)
-    scatter = long_run_covariance(scores[np.newaxis], len(problem.channels))
-    variance = float((scatter + rounding_scores(problem, alone[np.newaxis]))[0, 0])
-    error = float(max(variance, np.finfo(float).tiny)) ** 0.5 / power
-    return np.asarray(-size * shares), size, error
+    shares = np.linalg.solve(normal + ridge, mean @ derivatives.T)
+    alone = derivatives - shares.T @ mean
+    tiny = np.finfo(float).tiny * np.eye(len(alone))
+    inverse = np.linalg.inv(alone @ alone.T + tiny)
+    sizes = inverse @ (alone @ residual)
+    scores = alone * (residual - sizes @ alone)
+    scatter = long_run_covariance(scores, len(problem.channels)) + rounding_scores(problem, alone) + tiny
+    return -(shares @ sizes), sizes, inverse @ scatter @ inverse
