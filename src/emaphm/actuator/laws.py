@@ -107,7 +107,7 @@ def _described(actuator: Actuator, section: str, key: str) -> bool:
     return bool(value) if section in ALWAYS_DESCRIBED else value is not None
 
 
-def _dry(actuator: Actuator) -> float:
+def typical_dry_friction(actuator: Actuator) -> float:
     """Return a torque of the size of dry friction [N·m]."""
     m = actuator.mechanics
     largest = actuator.controller.current_limit * actuator.motor.torque_constant
@@ -118,9 +118,9 @@ def _stribeck(actuator: Actuator, speed: float) -> Sections:
     m = actuator.mechanics
     sections: Sections = {"friction": {"stribeck_speed": 0.05 * speed}}
     if m.static_friction <= m.dynamic_friction:
-        more = 1.3 * _dry(actuator) / max(m.static_friction, 1e-300)
+        more = 1.3 * typical_dry_friction(actuator) / max(m.static_friction, 1e-300)
         sections["mechanics"] = {
-            "static_friction_motor": m.static_friction_motor * more or 1.3 * _dry(actuator),
+            "static_friction_motor": m.static_friction_motor * more or 1.3 * typical_dry_friction(actuator),
             "static_friction_user": m.static_friction_user * more,
         }
     return sections
@@ -184,7 +184,7 @@ _ALL = (
         "quadratic",
         ("quadratic",),
         "several speeds up to the largest",
-        lambda actuator, speed: {"friction": {"quadratic": 0.2 * _dry(actuator) / speed**2}},
+        lambda actuator, speed: {"friction": {"quadratic": 0.2 * typical_dry_friction(actuator) / speed**2}},
     ),
     Law(
         "transition",
@@ -208,7 +208,7 @@ _ALL = (
         "gravity",
         ("gravity", "gravity_angle"),
         "slow motion over a large part of a turn",
-        lambda actuator, speed: {"weight": {"gravity": _dry(actuator)}},  # noqa: ARG005
+        lambda actuator, speed: {"weight": {"gravity": typical_dry_friction(actuator)}},  # noqa: ARG005
     ),
     Law(
         "cogging",

@@ -1,10 +1,10 @@
 """Laws that hide where the estimate without them passes for explained: a score test finds them.
 
-A torque constant that falls with the current reads as small shorts, an eccentricity, a friction below healthy
-or another inertia; voltage that the inverter takes, as another inertia or scale; a speed feedback that lags, as
-backlash; friction that the load causes, as friction at any load; cogging, as an eccentricity. What these leave
-is no more than noise and switching, but it has a direction of its own (Rao 1948). Where that shows, the whole
-search is repeated with the law.
+A torque constant that falls with the current reads as small shorts, an eccentricity, a friction below
+healthy or another inertia; voltage that the inverter takes, as another inertia or scale; a speed feedback
+that lags, as backlash; friction that the load causes, as friction at any load; cogging, as an eccentricity.
+What these leave is no more than noise and switching, but it has a direction of its own (Rao 1948). Where that
+shows, the whole search is repeated with the law.
 """
 
 import math
@@ -15,7 +15,7 @@ import numpy as np
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.baseline import SIGNED
-from emaphm.actuator.laws import LAWS
+from emaphm.actuator.laws import LAWS, typical_dry_friction
 from emaphm.arrays import Array
 from emaphm.diagnosis.selection.law_selection import fit_with_law, is_possible, with_law
 from emaphm.diagnosis.selection.sensor_error_scores import regressed
@@ -51,10 +51,6 @@ def _of_supply(actuator: Actuator) -> float:
     return actuator.electrical.supply if actuator.electrical else 1.0
 
 
-def _of_dry_friction(actuator: Actuator) -> float:
-    return max(actuator.mechanics.dynamic_friction, 1e-3 / _of_current_limit(actuator))
-
-
 def _absolute(actuator: Actuator) -> float:  # noqa: ARG001
     return 1.0
 
@@ -64,7 +60,7 @@ HIDDEN = (
     HiddenLaw("inverter-drop", _of_supply, 0.002),
     HiddenLaw("speed-lag", _absolute, 5e-5),
     HiddenLaw("load-dependent", _absolute, 0.004),
-    HiddenLaw("cogging", _of_dry_friction, 0.02),
+    HiddenLaw("cogging", typical_dry_friction, 0.02),
 )
 """Sizes are shares of the torque constant at the current limit and of the supply, seconds, and shares of the
 transmitted torque and of dry friction."""
@@ -80,8 +76,8 @@ class HiddenLawSettings:
 
     By a score above `score` standard errors, where the data determine it to `informative` times the least
     size that matters. Of 74 recordings without any of the laws, with random faults and loads, none had a size
-    of more than 0.017, 0.0011, 2e-5, 0.0018 and 0.011, in the order of `HIDDEN`. Other plants had 0.1 to 0.26,
-    0.005 to 0.02, 2e-4 to 3e-4, 0.02 to 0.05 and 0.07, and faults that made up for them.
+    of more than 0.017, 0.0011, 2e-5, 0.0018 and 0.011, in the order of `HIDDEN`. Other plants had 0.1 to
+    0.26, 0.005 to 0.02, 2e-4 to 3e-4, 0.02 to 0.05 and 0.07, and faults that made up for them.
     """
 
     score: float = 2.0
