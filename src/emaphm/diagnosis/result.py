@@ -55,7 +55,7 @@ class Diagnosis:
     selected
         Those of the nuisances that were estimated because they deviate significantly, though not asked for.
     laws
-        Optional laws without which the recording is not explained, though the description lacks them.
+        Optional laws that explain the recording clearly better, though the description lacks them.
     collinear_sets
         Parameters of which only the combined effect is known.
     moves

@@ -70,7 +70,7 @@ def notes(
         lines.append(f"Estimated with the faults: {values}.")
     if laws:
         lines.append(
-            f"Explained only by laws that the description lacks: {', '.join(laws)}. If this persists, "
+            f"Explained best by laws that the description lacks: {', '.join(laws)}. If this persists, "
             "calibrate the healthy actuator with them (emaphm calibrate --laws); without, they would read as "
             "faults."
         )

@@ -71,9 +71,9 @@ def required_torque(motion: Motion, values: Values, ripple_orders: Sequence[floa
     Notes
     -----
     A shaft at rest is outside its range: friction then balances any torque up to the static one, and the
-    motion does not say which. Backlash and a compliant shaft are left out. Load-dependent friction follows
-    the required torque, for which the balance is solved: with the measured one, l_m near 1 would explain
-    any torque by itself.
+    motion does not say which. Backlash, a compliant shaft and what motor and inverter lose are left out.
+    Load-dependent friction follows the required torque, for which the balance is solved: with the measured
+    one, l_m near 1 would explain any torque by itself.
 
     References
     ----------
