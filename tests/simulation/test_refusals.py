@@ -76,7 +76,11 @@ def test_the_parameters_of_a_law_can_be_set_once_it_is_described(law: str) -> No
 
 @pytest.mark.parametrize(
     "name",
-    [name for name, (section, *_) in PARTS.items() if section in {"mechanics", "controller", "motor"}],
+    [
+        name
+        for name, (section, *_) in PARTS.items()
+        if section in {"mechanics", "controller", "motor"} and name not in OPTIONAL
+    ],
 )
 def test_the_other_lumped_parameters_need_nothing(name: str) -> None:
     assert Plant.of(IDEAL, HEALTHY, {name: 1.0}).count == 1
