@@ -231,7 +231,7 @@ _ALL = (
     Law(
         "saturation",
         ("saturation",),
-        "large currents and small ones at like speeds: hard accelerations beside steady motion",
+        "large currents and small ones at like speeds: hard accelerations and steady motion",
         lambda actuator, speed: {"motor": {"saturation": 0.0}},  # noqa: ARG005
     ),
     Law(
@@ -284,6 +284,10 @@ def _always(actuator: Actuator) -> str:  # noqa: ARG001
     return ""
 
 
+def _without_windings(actuator: Actuator) -> str:
+    return "" if actuator.electrical is not None else "it has no [electrical] section"
+
+
 _REASONS: Mapping[str, Callable[[Actuator], str]] = {
     "compliance": lambda actuator: (
         ""
@@ -299,13 +303,7 @@ _REASONS: Mapping[str, Callable[[Actuator], str]] = {
         if actuator.electrical is not None
         else "its nominal temperature is in [electrical], which it lacks"
     ),
-    "winding-temperature": lambda actuator: (
-        "" if actuator.electrical is not None else "it has no [electrical] section"
-    ),
-    "source-resistance": lambda actuator: (
-        "" if actuator.electrical is not None else "it has no [electrical] section"
-    ),
-    "inverter-drop": lambda actuator: (
-        "" if actuator.electrical is not None else "it has no [electrical] section"
-    ),
+    "winding-temperature": _without_windings,
+    "source-resistance": _without_windings,
+    "inverter-drop": _without_windings,
 }

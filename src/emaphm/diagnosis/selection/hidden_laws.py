@@ -161,9 +161,10 @@ def _derivatives(extended: MapObjective, result: SearchResult) -> tuple[tuple[st
     space, unit = extended.space, extended.space.nuisances.unit
     names = unit.parameters[len(result.objective.space.nuisances.unit.parameters) :]
     count = len(names)
-    ends = np.array([ENDS[name in SIGNED] for name in names])
+    signed = np.array([name in SIGNED for name in names])
+    ends = np.array([ENDS[bool(one)] for one in signed])
     neutral = space.carried_over(result.point, result.objective.space)
-    neutral[-count:] = np.where(ends[:, 0] + ends[:, 1] == 0.0, 0.0, ends[:, 0])
+    neutral[-count:] = np.where(signed, 0.0, ends[:, 0])
     points = np.tile(neutral, (2, count, 1))
     columns = np.arange(count)
     points[0, columns, columns - count], points[1, columns, columns - count] = ends.T

@@ -2,10 +2,18 @@
 
 from typing import Any
 
+import numpy as np
+
+from emaphm.arrays import Array
 from emaphm.simulation.laws.inline import clip, law
 
 KNEE = 0.02
 """Current up to which the drop rises, relative to the drive's current limit [-]."""
+
+
+def knees_per_ampere(current_limit: Array) -> Array:
+    """Return 1 / i_0 (n,) [1/A], from the largest currents that drives demand (n,) [A]."""
+    return np.asarray(1 / (KNEE * current_limit))
 
 
 @law

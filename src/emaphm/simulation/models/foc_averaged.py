@@ -108,8 +108,7 @@ def advance(structure: Structure) -> Callable[..., Any]:
         cos, sin = turn(s.electrical_cos, s.electrical_sin, p.pole_pairs * half)
         gap_a, gap_b, gap_c = gap_factors(rotor_cos, rotor_sin, p.z_cos, p.z_sin)
         shape_a, shape_b, shape_c = phase_sines(cos, sin)
-        flux_a, flux_b, flux_c = flux_of(s, p)
-        flux_a, flux_b, flux_c = flux_a * gap_a * shape_a, flux_b * gap_b * shape_b, flux_c * gap_c * shape_c
+        flux_a, flux_b, flux_c = flux_of(s, p, gap_a, gap_b, gap_c, shape_a, shape_b, shape_c)
         voltage_a, voltage_b, voltage_c = phase_voltages(voltage_d, voltage_q, cos, sin)
         back_emf_a, back_emf_b, back_emf_c = against(s, p, flux_a * speed, flux_b * speed, flux_c * speed)
         current_a, current_b = star_currents_after(

@@ -77,8 +77,7 @@ def advance(structure: Structure) -> Callable[..., Any]:
         leg_c = switch(s.leg_c, reference * active_c - seen_c, p.hysteresis)
 
         gap_a, gap_b, gap_c = gap_factors(s.cos, s.sin, p.z_cos, p.z_sin)
-        flux_a, flux_b, flux_c = flux_of(s, p)
-        flux_a, flux_b, flux_c = flux_a * gap_a * shape_a, flux_b * gap_b * shape_b, flux_c * gap_c * shape_c
+        flux_a, flux_b, flux_c = flux_of(s, p, gap_a, gap_b, gap_c, shape_a, shape_b, shape_c)
         half_supply, speed = half_supply_of(s, p), s.speed
         back_emf_a, back_emf_b, back_emf_c = against(s, p, flux_a * speed, flux_b * speed, flux_c * speed)
         current_a, current_b, current_c = three_phases.currents_after(

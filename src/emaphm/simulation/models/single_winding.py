@@ -24,7 +24,7 @@ from emaphm.simulation.laws.lag import approach, share_of_step
 from emaphm.simulation.laws.pulse_width import delay_shares, delayed
 from emaphm.simulation.laws.saturation import flux_left
 from emaphm.simulation.laws.supply_source import sagging_supply, supply_under_duty
-from emaphm.simulation.laws.voltage_drop import KNEE, voltage_drop
+from emaphm.simulation.laws.voltage_drop import knees_per_ampere, voltage_drop
 from emaphm.simulation.models import control, motion
 
 CHANNELS = (*OBSERVABLE, "angle_rad", "torque_Nm", "reference_current_A")
@@ -92,7 +92,7 @@ def parameters(
         "sensed_share": sensed_share,
         "saturation": plant.saturation,
         "drop": plant.voltage_drop,
-        "per_knee": 1 / (KNEE * plant.current_limit),
+        "per_knee": knees_per_ampere(plant.current_limit),
         "sensed_lead": 1 / sensed_share - 1,
         "current_gain": plant.current_gain,
         "current_integral_gain": plant.current_integral_gain,
@@ -170,8 +170,7 @@ def _advance(
 ) -> Callable[..., Any]:
     """Return the step of an actuator whose drive controls the current of the conducting pair."""
     demand_of, moved = control.control(structure), motion.motion(structure)
-    left_of = _saturated if structure.saturation else _unsaturated
-    against = _with_drop if structure.voltage_drop else _back_emf
+    flux_of, against = _losses(structure)
     gaps = _printed_gaps if printed_eccentricity else _gaps
     supply_of, bus_after = (_sagging, _drawn) if structure.source else (_stiff, _nothing_drawn)
 
@@ -180,7 +179,7 @@ def _advance(
         gap_a, gap_b, gap_c = gaps(s, p)
         flux_a, flux_b, flux_c = gap_a * p.flux_a, gap_b * p.flux_b, gap_c * p.flux_c
         electrical = s.electrical
-        flux = left_of(s, p, of_idle_phase(electrical, flux_b + flux_c, flux_c + flux_a, flux_a + flux_b))
+        flux = flux_of(s, p, of_idle_phase(electrical, flux_b + flux_c, flux_c + flux_a, flux_a + flux_b))
         conductance = of_idle_phase(electrical, p.conductance_a, p.conductance_b, p.conductance_c)
         decay = of_idle_phase(electrical, p.decay_a, p.decay_b, p.decay_c)
         supply, back_emf = supply_of(s, p), against(s, p, flux * s.speed)
@@ -209,14 +208,13 @@ def _advance(
 def _advance_by_voltage(structure: Structure) -> Callable[..., Any]:
     """Return the step of a DC motor whose drive sets the duty cycle; without current where it is off."""
     demand_of, moved = control.control(structure), motion.motion(structure)
-    left_of = _saturated if structure.saturation else _unsaturated
-    against = _with_drop if structure.voltage_drop else _back_emf
+    flux_of, against = _losses(structure)
     supply_of = _under_duty if structure.source else _stiff_under_duty
 
     def advance(s: Any, p: Any, u: Any) -> Any:
         duty, controlled = demand_of(s, p, u)
         duty = u.enabled * duty
-        flux = left_of(s, p, p.flux_a + p.flux_b)
+        flux = flux_of(s, p, p.flux_a + p.flux_b)
         back_emf = against(s, p, flux * s.speed)
         voltage = duty * supply_of(s, p, duty, back_emf)
         current = u.enabled * winding_current(s.current, voltage - back_emf, p.conductance_a, p.decay_a)
@@ -236,6 +234,17 @@ def _advance_by_voltage(structure: Structure) -> Callable[..., Any]:
         return controlled + following + (torque, current), outputs
 
     return advance
+
+
+def _losses(structure: Structure) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """Return what the current leaves of a flux, and what the winding has against it for a back-EMF.
+
+    Each of (state, parameters, flux or back-EMF).
+    """
+    return (
+        _saturated if structure.saturation else _unsaturated,
+        _with_drop if structure.voltage_drop else _back_emf,
+    )
 
 
 @law

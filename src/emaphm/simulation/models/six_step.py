@@ -109,8 +109,7 @@ def advance(structure: Structure) -> Callable[..., Any]:
         switched = leg_mean(duty, triangle(s.carrier, p.step_per_period), p.step_per_period)
 
         gap_a, gap_b, gap_c = gap_factors(s.cos, s.sin, p.z_cos, p.z_sin)
-        flux_a, flux_b, flux_c = flux_of(s, p)
-        flux_a, flux_b, flux_c = flux_a * gap_a * shape_a, flux_b * gap_b * shape_b, flux_c * gap_c * shape_c
+        flux_a, flux_b, flux_c = flux_of(s, p, gap_a, gap_b, gap_c, shape_a, shape_b, shape_c)
         back_emf_a, back_emf_b, back_emf_c = against(s, p, flux_a * speed, flux_b * speed, flux_c * speed)
         rail = switched * half_supply
         centre = _centre(

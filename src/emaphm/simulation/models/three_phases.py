@@ -13,7 +13,7 @@ from emaphm.simulation.laws.lag import approach, share_of_step
 from emaphm.simulation.laws.saturation import flux_left
 from emaphm.simulation.laws.star_windings import star_slopes
 from emaphm.simulation.laws.supply_source import sagging_supply
-from emaphm.simulation.laws.voltage_drop import KNEE, voltage_drop
+from emaphm.simulation.laws.voltage_drop import knees_per_ampere, voltage_drop
 from emaphm.simulation.models import control, motion
 
 PARAMETERS = (
@@ -55,7 +55,7 @@ def parameters(plant: Plant, step: float, peak: float) -> dict[str, Array]:
         "sensed_share": share_of_step(plant.current_lag, step),
         "saturation": plant.saturation,
         "leg_drop": plant.voltage_drop / 2,
-        "per_knee": 1 / (KNEE * plant.current_limit),
+        "per_knee": knees_per_ampere(plant.current_limit),
     }
     for i, phase in enumerate("abc"):
         rows |= {
@@ -103,7 +103,10 @@ def supply(structure: Structure) -> tuple[Callable[..., Any], Callable[..., Any]
 
 
 def flux(structure: Structure) -> Callable[..., Any]:
-    """Return the flux of each phase less its shape and gap, of (state, parameters): per speed or current."""
+    """Return the flux of each phase: its back-EMF per speed, and its torque per current.
+
+    Of (state, parameters, factors of the gap at a, b and c, shapes of a, b and c).
+    """
     return _saturated if structure.saturation else _unsaturated
 
 
@@ -145,16 +148,28 @@ def currents_after(
 
 
 @law
-def _unsaturated(s: Any, p: Any) -> Any:  # noqa: ARG001
-    return p.flux_a, p.flux_b, p.flux_c
+def _unsaturated(
+    s: Any,  # noqa: ARG001
+    p: Any,
+    gap_a: Any,
+    gap_b: Any,
+    gap_c: Any,
+    shape_a: Any,
+    shape_b: Any,
+    shape_c: Any,
+) -> Any:
+    return p.flux_a * gap_a * shape_a, p.flux_b * gap_b * shape_b, p.flux_c * gap_c * shape_c
 
 
 @law
-def _saturated(s: Any, p: Any) -> Any:
+def _saturated(
+    s: Any, p: Any, gap_a: Any, gap_b: Any, gap_c: Any, shape_a: Any, shape_b: Any, shape_c: Any
+) -> Any:
     # Two conducting phases have i and -i; of three sines it is the length of their vector, line to line.
     squares = s.current_a * s.current_a + s.current_b * s.current_b + s.current_c * s.current_c
     left = flux_left(p.saturation, np.sqrt(0.5 * squares))
-    return left * p.flux_a, left * p.flux_b, left * p.flux_c
+    flux_a, flux_b, flux_c = _unsaturated(s, p, gap_a, gap_b, gap_c, shape_a, shape_b, shape_c)
+    return left * flux_a, left * flux_b, left * flux_c
 
 
 @law
