@@ -9,6 +9,7 @@ from emaphm.actuator import NAMES, Actuator, Chirp, Faults
 from emaphm.arrays import Array
 from emaphm.diagnosis import Diagnosis, error_percent
 from emaphm.recording import Recording, acquire
+from emaphm.simulated_recording import simulate
 from emaphm.simulation import REFERENCE, Inputs, simulate_batch
 
 THESIS = Actuator.thesis()
@@ -42,6 +43,13 @@ def reference_recordings(faults: ArrayLike, *, noise: float = 0.0, duration: flo
     if not noise:
         return recordings
     return [acquire(r, noise={"current_A": noise}, seed=i) for i, r in enumerate(recordings)]
+
+
+def on_a_rig(actuator: Actuator, faults: Faults, duration: float, noise: float = 0.05) -> Recording:
+    """Return current and line voltage of `actuator` on a chirp, with `noise` [A] and 12-bit converters."""
+    command = Chirp(duration=duration)
+    whole = simulate(actuator, command, faults=faults, duration=duration, noise=noise, adc_bits=12)
+    return Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")})
 
 
 def errors_percent(truths: ArrayLike, diagnoses: Sequence[Diagnosis]) -> Array:

@@ -9,9 +9,9 @@ from contextlib import contextmanager
 PATIENCE_S = 60.0
 
 
-def wait_for(condition: Callable[[], object]) -> None:
-    """Return once `condition` holds."""
-    deadline = time.monotonic() + PATIENCE_S
+def wait_for(condition: Callable[[], object], patience_s: float = PATIENCE_S) -> None:
+    """Return once `condition` holds, within `patience_s`."""
+    deadline = time.monotonic() + patience_s
     while not condition():
         assert time.monotonic() < deadline
         time.sleep(0.02)

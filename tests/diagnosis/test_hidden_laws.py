@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from cases import THESIS
-from emaphm.actuator import Actuator, Chirp, Faults
+from cases import THESIS, on_a_rig
+from emaphm.actuator import Actuator, Faults
 from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.diagnosis import diagnose
@@ -14,7 +14,6 @@ from emaphm.estimation.objective import faults_objective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
 from emaphm.recording import Recording
-from emaphm.simulated_recording import simulate
 
 LIMIT = THESIS.controller.current_limit
 FAULTS = Faults(0.3, 0.4, 0.0, 0.25, 0.1, 0.35, 0.7, 0.4)
@@ -25,13 +24,6 @@ def with_law(name: str, value: float) -> Actuator:
     return with_lumped_parameters(law.added_to(THESIS), {law.parameters[0]: value})
 
 
-def recorded(actuator: Actuator, faults: Faults, duration: float) -> Recording:
-    """Return a recording of an actuator on a chirp."""
-    command = Chirp(duration=duration)
-    whole = simulate(actuator, command, faults=faults, duration=duration, noise=0.05, adc_bits=12)
-    return Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")})
-
-
 def near_the_truth(recording: Recording, actuator: Actuator = THESIS) -> SearchResult:
     """Return the estimate of `actuator` next to the true faults."""
     objective = faults_objective(Problem.of(recording, actuator), ("load",))
@@ -40,20 +32,20 @@ def near_the_truth(recording: Recording, actuator: Actuator = THESIS) -> SearchR
 
 @pytest.mark.parametrize("value", [0.01, -0.01])
 def test_a_saturation_is_suspected_where_there_is_one(value: float) -> None:
-    result = near_the_truth(recorded(with_law("saturation", value), FAULTS, 0.3))
+    result = near_the_truth(on_a_rig(with_law("saturation", value), FAULTS, 0.3))
     assert "saturation" in suspected_laws(result, seed=0)
     # A linear step, the other parameters making up for a part.
     assert hidden_scores(result, seed=0)["saturation"].values == pytest.approx([value * LIMIT], rel=0.4)
 
 
 def test_none_is_suspected_where_there_is_none_or_it_is_described() -> None:
-    assert suspected_laws(near_the_truth(recorded(THESIS, FAULTS, 0.2)), seed=0) == []
+    assert suspected_laws(near_the_truth(on_a_rig(THESIS, FAULTS, 0.2)), seed=0) == []
     described = with_law("saturation", 0.01)
-    assert suspected_laws(near_the_truth(recorded(described, FAULTS, 0.2), described), seed=0) == []
+    assert suspected_laws(near_the_truth(on_a_rig(described, FAULTS, 0.2), described), seed=0) == []
 
 
 def test_a_saturation_that_nobody_described_is_no_fault() -> None:
-    found = diagnose(recorded(with_law("saturation", 0.01), Faults(), 0.5), THESIS)
+    found = diagnose(on_a_rig(with_law("saturation", 0.01), Faults(), 0.5), THESIS)
     assert found.explained
     assert found.laws == ("saturation",)
     components = {name: one for name, one in found.components.items() if name != "eccentricity_phase"}
@@ -64,7 +56,7 @@ def test_a_saturation_that_nobody_described_is_no_fault() -> None:
 
 
 def test_voltage_that_the_inverter_takes_is_no_other_inertia() -> None:
-    found = diagnose(recorded(with_law("inverter-drop", 1.0), Faults(0.3), 0.3), THESIS)
+    found = diagnose(on_a_rig(with_law("inverter-drop", 1.0), Faults(0.3), 0.3), THESIS)
     assert found.explained
     assert found.laws == ("inverter-drop",)
     assert found.selected == ()

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cases import THESIS, drawn, reference_recordings
+from cases import THESIS, drawn, on_a_rig, reference_recordings
 from emaphm.actuator import NAMES, Chirp, Faults
 from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
@@ -99,10 +99,7 @@ def at_the_truth() -> SearchResult:
 def test_a_lag_of_the_speed_feedback_is_no_backlash(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(law_selection, "SUSPECTS", ("transition", "speed-lag"))
     lagging = with_lumped_parameters(LAWS["speed-lag"].added_to(THESIS), {"speed_lag": 6e-4})
-    command = Chirp(duration=0.3)
-    whole = simulate(lagging, command, duration=0.3, noise=0.05, adc_bits=12)
-    shown = ("time_s", "command_rad", "current_A", "voltage_V")
-    found = diagnose(Recording({name: whole[name] for name in shown}), THESIS, max_corrections=5)
+    found = diagnose(on_a_rig(lagging, Faults(), 0.3), THESIS, max_corrections=5)
     assert found.laws == ("speed-lag",)
     assert found.components["backlash"].verdict == "healthy"
     ratio = found.nuisances["baseline speed_lag"]

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cases import THESIS
-from emaphm.actuator import Actuator, Chirp, Faults
+from cases import THESIS, on_a_rig
+from emaphm.actuator import Actuator, Faults
 from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.diagnosis.selection.extension import with_nuisances
@@ -17,8 +17,6 @@ from emaphm.estimation.methods import method_named
 from emaphm.estimation.objective import faults_objective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
-from emaphm.recording import Recording
-from emaphm.simulated_recording import simulate
 
 LAG = LAWS["sensor-lag"]
 FAULTS = Faults(0.3, 0.4, 0.0, 0.25, 0.1, 0.35, 0.7, 0.4)
@@ -27,9 +25,7 @@ FAULTS = Faults(0.3, 0.4, 0.0, 0.25, 0.1, 0.35, 0.7, 0.4)
 def at_the_truth(lag: float, actuator: Actuator = THESIS, noise: float = 0.05) -> SearchResult:
     """Return the true faults as an estimate of `actuator`, of a recording with a `lag` [s] of the current."""
     present = with_lumped_parameters(LAG.added_to(THESIS), {"current_lag": lag}) if lag else THESIS
-    command = Chirp(duration=0.2)
-    whole = simulate(present, command, faults=FAULTS, duration=0.2, noise=noise, adc_bits=12)
-    recording = Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")})
+    recording = on_a_rig(present, FAULTS, 0.2, noise)
     objective = faults_objective(Problem.of(recording, actuator), ("load",))
     point = objective.space.points(FAULTS.vector[np.newaxis])[0]
     return with_discrepancy(SearchResult.at(objective, point), seed=0)

@@ -5,9 +5,10 @@ import os
 import resource
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import waiting
 from emaphm.errors import HistoryFormError, HistoryUnavailableError, MonitoringError
 from emaphm.history import Event, History
 from emaphm.history.database import Database
@@ -31,6 +33,7 @@ from .stand_in import PATTERN, QUICK, THESIS
 pytestmark = pytest.mark.usefixtures("no_prognoses")
 
 PATIENCE_S = 20.0
+wait_for = partial(waiting.wait_for, patience_s=PATIENCE_S)
 FAST = replace(
     QUICK,
     folder=replace(QUICK.folder, poll_s=0.05, settle_s=0.15),
@@ -78,13 +81,6 @@ def history(tmp_path: Path) -> Iterator[History]:
 
 def judged(history: History) -> list[tuple[str, float]]:
     return [(unit.serial_number, one.hours) for unit in history.units() for one in unit.diagnoses()]
-
-
-def wait_for(condition: Callable[[], object]) -> None:
-    deadline = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
 
 
 @contextmanager

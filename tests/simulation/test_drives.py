@@ -13,21 +13,11 @@ from emaphm.actuator import Chirp, Step
 from emaphm.arrays import Array
 from emaphm.simulation import AVERAGED, REFERENCE, Initial, Model, monitor
 from emaphm.simulation.laws.supply_source import sagging_supply, supply_under_duty
+from simulation import rig
 from simulation.rig import FREE, LOCKED, THESIS, altered, record
 
 V_DC, R_S, L_S, K_E, J = 48.0, 2.13, 7.2e-4, 0.0752, 2.5e-5
-SERVO: dict[str, Any] = {
-    "drive": {"kind": "voltage", "source_resistance": 0.0},
-    "controller": {
-        "position_gain": 1.0,
-        "speed_gain": 1.0,
-        "speed_limit": None,
-        "speed_feedback": 0.0,
-        "torque_constant": None,
-    },
-    "motor": {"torque_limit": None},
-}
-"""A drive whose duty cycle is the position error in rad."""
+SERVO: dict[str, Any] = rig.SERVO | {"drive": {"kind": "voltage", "source_resistance": 0.0}}
 
 
 @pytest.mark.parametrize("duty", [1.0, -0.4])

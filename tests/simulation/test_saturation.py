@@ -5,13 +5,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from emaphm.actuator import Actuator, Chirp, Step
 from emaphm.arrays import Array
 from emaphm.simulation import AVERAGED, REFERENCE, Initial, Model, monitor
 from emaphm.simulation.laws.saturation import flux_left
-from simulation.rig import FREE, LOCKED, THESIS, altered, record, rms
+from simulation.rig import FREE, LOCKED, SERVO, THESIS, altered, errors_of_a_dc_motor, record, rms
 
 PMSM = Actuator.pmsm()
 V_DC, R_S, L_S, K, J = 48.0, 2.13, 7.2e-4, 0.0752, 2.5e-5
@@ -52,16 +51,9 @@ def test_a_dc_motor_follows_its_differential_equation(value: float) -> None:
         value,
         mechanics=FREE | {"viscous_motor": viscous, "gear_ratio": 1e-9},
         drive={"kind": "voltage"},
-        controller={"position_gain": 1.0, "speed_gain": 1.0, "speed_limit": None, "speed_feedback": 0.0},
+        controller=SERVO["controller"],
     )
-    errors = []
-    for step in (2e-5, 5e-6):
-        got = record(
-            AVERAGED, Step(duty), actuator, duration=0.03, interval=5e-4, step=step, sampling="instant"
-        )
-        times = got["time_s"] + step
-        exact = solve_ivp(slopes, (0, times[-1]), [0.0, 0.0], t_eval=times, rtol=1e-9, atol=1e-9).y
-        errors.append(np.abs(got["current_A"] - exact[0]).max() / (V_DC / R_S))
+    errors = np.array(errors_of_a_dc_motor(actuator, duty, slopes, 0.03)) / (V_DC / R_S)
     # Without the law the current is up to a fifth off.
     assert errors[0] < 0.01
     assert errors[1] < 0.3 * errors[0]
