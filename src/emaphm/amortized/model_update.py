@@ -12,8 +12,8 @@ differ anyway, by the switching mostly, count for little.
 
 Neither a linear model nor a discrepancy that is independent of the faults is right. A second network reads
 z, x, the information, θ₂ and the standard deviations, and gives the posterior as a mixture about θ₂, in units
-of Σ₂ and a share of Σ₁. It has learned from draws that the first has not seen, whose answers are as wrong as
-those of recordings.
+of Σ₂ and a share of Σ₁. It has learned from the same draws as the first, with other noise. Those answers are
+somewhat better than the ones for recordings, which held-out draws make up for (`emaphm.amortized.judging`).
 """
 
 from collections.abc import Sequence
@@ -27,6 +27,7 @@ from emaphm.amortized.doubt.deviations import deviation_directions, other_descri
 from emaphm.amortized.networks.mixture import Mixture
 from emaphm.amortized.networks.network import Network, Single
 from emaphm.amortized.networks.projection import Projection
+from emaphm.amortized.parts import of_parts
 from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.amortized.simulating import TrainingSet, noise_rms, simulated
 from emaphm.arrays import Array
@@ -78,12 +79,9 @@ class Whitening:
         residual = recorded - modelled[:, 0] - self.whitened_mean
         return residual.astype(float), (modelled[:, 1:] - modelled[:, :1]).astype(float)
 
-    def _flat(self, rows: Single) -> Single:
-        return np.asarray((rows / self.units[:, np.newaxis].astype(np.float32)).reshape(len(rows), -1))
-
     def whitened(self, rows: Single) -> Single:
         """Return B times rows (n, channels, blocks), (n, k)."""
-        return np.asarray(self._flat(rows) @ self.basis)
+        return np.asarray(_flat(rows, self.units) @ self.basis)
 
     @cached_property
     def whitened_mean(self) -> Single:
@@ -105,39 +103,59 @@ class Whitening:
         Of its directions, those are kept in which the averaged model moves most about `answers` for `rows`,
         and in which errors of sensors and of the description would show most.
         """
-        channels, blocks = rows.shape[1:]
-        width = channels * blocks
-        bare = cls(units, np.zeros(width, np.float32), np.eye(width, dtype=np.float32))
-        total, products = np.zeros(width), np.zeros((width, width))
-        for i in range(0, len(draws), AVERAGED_AT_ONCE):
-            some = draws.part(i, i + AVERAGED_AT_ONCE)
-            averaged = simulated(setup, inputs, AVERAGED, some.points.astype(float))
-            differences = bare._flat(some.rows - averaged)
-            differences = np.clip(differences, -UPDATE.largest_row, UPDATE.largest_row)
-            total += differences.sum(axis=0)
-            products += differences.T @ differences
-        mean = total / len(draws)
-        covariance = products / len(draws) - np.outer(mean, mean)
-        covariance += np.diag(np.repeat((noise_rms(setup) / units) ** 2, blocks))
+        mean, covariance = _differences(setup, inputs, draws, units)
         variances, directions = np.linalg.eigh(covariance)
         least = np.finfo(np.float32).eps * variances[-1]
         whitened = (directions / np.sqrt(np.maximum(variances, least))).astype(np.float32)
         whole = cls(units, mean.astype(np.float32), whitened)
-        information = np.zeros((width, width))
-        for i in range(0, min(len(rows), UPDATE.directions), UPDATE.at_once):
-            part = slice(i, i + UPDATE.at_once)
+
+        def informing(part: slice, _number: int) -> Single:
             runs = _Runs.about(setup, inputs, answers[part])
-            moved = whole.z(rows[part], runs)[1].reshape(-1, width)
+            moved = whole.z(rows[part], runs)[1].reshape(-1, len(mean))
             modelled = runs.rows.reshape(len(runs.means), -1, *rows.shape[1:])[:, 0]
             along = deviation_directions(modelled, other_descriptions(setup, inputs, runs.means))
             errors = whole.whitened(along.reshape(-1, *rows.shape[1:]))
             seen = np.concatenate([moved, errors])
             seen /= np.maximum(1.0, np.sqrt(np.mean(seen**2, axis=1, keepdims=True)))
-            information += seen.T @ seen
+            return np.asarray(seen.T @ seen)
+
+        information = np.zeros_like(covariance)
+        for products in of_parts(informing, min(len(rows), UPDATE.directions), UPDATE.at_once):
+            information += products
         _, chosen = np.linalg.eigh(information)
         basis = whitened @ chosen[:, ::-1][:, : UPDATE.components]
         # As a file has it: of half precision.
         return cls(units, whole.mean, basis.astype(np.float16).astype(np.float32))
+
+
+def _differences(
+    setup: RecordingSetup, inputs: Inputs, draws: TrainingSet, units: Array
+) -> tuple[Array, Array]:
+    """Return mean (rows,) and covariance of what noise-free draws differ by from the averaged model.
+
+    With that of the noise, in `units` (channels,), all channels end to end.
+    """
+    width = draws.rows[0].size
+    total, products = np.zeros(width), np.zeros((width, width))
+
+    def of_part(part: slice, _number: int) -> tuple[Single, Single]:
+        some = draws[part]
+        averaged = simulated(setup, inputs, AVERAGED, some.points.astype(float))
+        found = _flat(some.rows - averaged, units)
+        found = np.clip(found, -UPDATE.largest_row, UPDATE.largest_row)
+        return found.sum(axis=0), found.T @ found
+
+    for sums, squares in of_parts(of_part, len(draws), AVERAGED_AT_ONCE):
+        total += sums
+        products += squares
+    mean = total / len(draws)
+    noise = np.repeat((noise_rms(setup) / units) ** 2, draws.rows.shape[-1])
+    return mean, products / len(draws) - np.outer(mean, mean) + np.diag(noise)
+
+
+def _flat(rows: Single, units: Array) -> Single:
+    """Return rows (n, channels, blocks) in units, all channels end to end, (n, rows)."""
+    return np.asarray((rows / units[:, np.newaxis].astype(np.float32)).reshape(len(rows), -1))
 
 
 @dataclass(frozen=True, eq=False)

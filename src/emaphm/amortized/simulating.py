@@ -53,9 +53,9 @@ class TrainingSet:
         """Return how many draws there are."""
         return len(self.points)
 
-    def part(self, first: int, stop: int | None = None) -> "TrainingSet":
-        """Return the draws from `first` up to `stop`."""
-        return TrainingSet(self.points[first:stop], self.rows[first:stop])
+    def __getitem__(self, part: slice) -> "TrainingSet":
+        """Return some of the draws."""
+        return TrainingSet(self.points[part], self.rows[part])
 
 
 def block_of(samples: int) -> int:

@@ -1,12 +1,11 @@
 """From a setup to its estimator: simulate, train, calibrate, judge."""
 
-import os
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
+from itertools import pairwise
 from pathlib import Path
-from typing import Any, Self, TypeVar
+from typing import Any, Self
 
 import numpy as np
 
@@ -33,6 +32,7 @@ from emaphm.amortized.networks.training import (
     train_network,
     with_noise,
 )
+from emaphm.amortized.parts import of_parts
 from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.amortized.simulating import (
     SHARD_DRAWS,
@@ -43,7 +43,6 @@ from emaphm.amortized.simulating import (
     training_folder,
 )
 from emaphm.arrays import Array
-from emaphm.blas_threads import one_blas_thread
 from emaphm.errors import MethodError
 from emaphm.execution import check_workers
 from emaphm.random_streams import stream
@@ -63,7 +62,8 @@ LEAST_DIFFERENCE = 1e-3
 DOUBTED = 49_152
 """Draws that the doubt learns from, at most."""
 
-Part = TypeVar("Part")
+LOOKED_AT_ONCE = 512
+"""Held-out draws that one core looks at together."""
 
 
 def train_estimator(
@@ -89,8 +89,7 @@ def train_estimator(
     folder
         Where simulations are kept as they finish. A later call with the same folder and setup goes on.
     simulations
-        How many the first network learns from, in whole shards of `SHARD_DRAWS`. The update learns from three
-        quarters as many more, and four shards are held out.
+        How many to learn from, in whole shards of `SHARD_DRAWS`; four shards more are held out.
     workers, scheduler
         Of the simulations, as for `emaphm.execution.outcomes`. Training itself is on this machine.
     on_shard, on_stage, on_epoch
@@ -110,9 +109,8 @@ def train_estimator(
     check_workers(scheduler)
     place = training_folder(Path(folder), setup, seed)
     count = -(-simulations // SHARD_DRAWS)
-    further = -(-3 * count // 4)
     inputs = setup.inputs(command, AVERAGED.step_for(setup.actuator))
-    shards = 2 * HELD_OUT + count + further
+    shards = 2 * HELD_OUT + count
     say = on_stage or (lambda _: None)
     with place.locked():
         place.clear()
@@ -130,26 +128,21 @@ def train_estimator(
         )
         simulating = time.perf_counter() - began
 
-        def draws(first: int, stop: int) -> TrainingSet:
-            """Return those of some shards; they stay in memory only as long as they are needed."""
-            return read_shards(place, range(first, stop))
-
         # The first are held out: with more simulations they stay the same.
-        validation, judging = draws(0, HELD_OUT), draws(HELD_OUT, 2 * HELD_OUT)
-        first = 2 * HELD_OUT + count
-        say(f"the first network learns from {count * SHARD_DRAWS:,} simulations")
-        trained = _first_network(setup, draws(2 * HELD_OUT, first), validation, seed, settings, on_epoch)
-        compared = draws(2 * HELD_OUT, 2 * HELD_OUT + min(count, -(-UPDATE.differing // SHARD_DRAWS)))
-        unseen = draws(first, first + further)
-    say(f"the averaged model is compared with {len(unseen):,} others, which the second network learns from")
-    update, second = _model_update(setup, inputs, trained, compared, unseen, validation, seed, on_epoch)
+        ends = (0, HELD_OUT, 2 * HELD_OUT, shards)
+        validation, judging, training = (
+            read_shards(place, range(first, stop)) for first, stop in pairwise(ends)
+        )
+    say(f"the first network learns from {len(training):,} simulations")
+    trained = _first_network(setup, training, validation, seed, settings, on_epoch)
+    say("the averaged model is compared with them, and the second network learns from that")
+    update, second = _model_update(setup, inputs, trained, training, validation, seed, on_epoch)
     answering = _Answering.of(setup, inputs, trained, update, validation, seed)
     say("the doubt learns from simulations with deviations")
-    doubt, third = _doubt(answering, unseen.part(0, DOUBTED), validation, seed)
+    doubt, third = _doubt(answering, training[:DOUBTED], validation, seed)
     facts = {
         "version": VERSION,
-        "simulations": count * SHARD_DRAWS,
-        "update_simulations": len(unseen),
+        "simulations": len(training),
         "simulation_seconds": round(simulating, 1),
         "training_seconds": round(trained.seconds + second + third, 1),
         "epochs": len(trained.epochs),
@@ -187,36 +180,33 @@ def _model_update(
     setup: RecordingSetup,
     inputs: Inputs,
     first: Trained,
-    compared: TrainingSet,
-    unseen: TrainingSet,
+    training: TrainingSet,
     validation: TrainingSet,
     seed: int,
     on_epoch: OnEpoch | None,
 ) -> tuple[ModelUpdate, float]:
-    """Return the update, learned from draws that the `first` network has not seen, and its time [s].
-
-    `compared` are those of which the reference model and the averaged one are compared.
-    """
+    """Return the update, learned from the draws of the `first` network with other noise, and its time [s]."""
     began = time.perf_counter()
     rng = stream(seed, "noise of the update")
-    rows = with_noise(unseen.part(0, UPDATE.directions), noise_rms(setup), rng)
+    rows = with_noise(training[: UPDATE.directions], noise_rms(setup), rng)
     answers = first_answers(first.network, rows)
+    compared = training[: UPDATE.differing]
     whitening = Whitening.of(setup, inputs, compared, rows, answers, first.projection.units)
 
     def steps(draws: TrainingSet, name: str) -> Step:
         """Return the steps of draws with noise, a part at a time: that of all would not fit into memory."""
 
-        def of_part(part: TrainingSet, number: int) -> Step:
-            rows = with_noise(part, noise_rms(setup), stream(seed, name, number))
+        def of_part(part: slice, number: int) -> Step:
+            rows = with_noise(draws[part], noise_rms(setup), stream(seed, name, number))
             return Step.of(setup, inputs, whitening, rows, first_answers(first.network, rows))
 
-        return Step.joined(_of_parts(of_part, draws))
+        return Step.joined(list(of_parts(of_part, len(draws), SHARD_DRAWS)))
 
-    step = steps(unseen, "training noise of the update")
+    step = steps(training, "training noise of the update")
     held_out = steps(validation, "validation noise of the update")
     faults = len(setup.space.columns)
     trained = train_network(
-        _in_units(step, unseen.points),
+        _in_units(step, training.points),
         _in_units(held_out, validation.points),
         np.full(1, LEAST_DIFFERENCE, np.float32),
         np.ones(setup.space.dimensions),
@@ -226,17 +216,6 @@ def _model_update(
         on_epoch=on_epoch,
     )
     return ModelUpdate(whitening, trained.projection, trained.network), time.perf_counter() - began
-
-
-def _of_parts(of_part: Callable[[TrainingSet, int], Part], draws: TrainingSet) -> list[Part]:
-    """Return what `of_part` makes of each part of the draws and its number, on all cores.
-
-    The averaged model lets other threads run meanwhile. So does linear algebra, whose own threads would
-    compete with these: it has one for each. What a part draws must depend on its number alone.
-    """
-    parts = range(-(-len(draws) // SHARD_DRAWS))
-    with one_blas_thread(), ThreadPoolExecutor(os.cpu_count()) as pool:
-        return list(pool.map(lambda i: of_part(draws.part(i * SHARD_DRAWS, (i + 1) * SHARD_DRAWS), i), parts))
 
 
 def _in_units(step: Step, points: Single) -> TrainingSet:
@@ -293,7 +272,7 @@ class _Answering:
 
 
 def _doubt(
-    answering: _Answering, unseen: TrainingSet, validation: TrainingSet, seed: int
+    answering: _Answering, training: TrainingSet, validation: TrainingSet, seed: int
 ) -> tuple[Doubt, float]:
     """Return the doubt, learned from draws that deviate, and its time [s]."""
     began = time.perf_counter()
@@ -303,9 +282,9 @@ def _doubt(
     def learned_from(draws: TrainingSet, name: str) -> TrainingSet:
         """Return the features as one channel, and the logarithms of the ratios as points."""
 
-        def of_part(part: TrainingSet, number: int) -> tuple[Single, Array]:
+        def of_part(part: slice, number: int) -> tuple[Single, Array]:
             rng = stream(seed, name, number)
-            some = deviating(setup, answering.inputs, part, rng)
+            some = deviating(setup, answering.inputs, draws[part], rng)
             rows = with_noise(some, noise_rms(setup), rng)
             answers = answering.answers(rows)
             means = np.array([one.mean for one in answers])
@@ -313,13 +292,13 @@ def _doubt(
             ratios = error_ratios(means, variances, some.points.astype(float), faults)
             return answering.compared(rows, answers, rng)[0], ratios
 
-        features, ratios = zip(*_of_parts(of_part, draws), strict=True)
+        features, ratios = zip(*of_parts(of_part, len(draws), SHARD_DRAWS), strict=True)
         points = np.log(np.concatenate(ratios))[:, np.newaxis].astype(np.float32)
         return TrainingSet(points, np.concatenate(features)[:, np.newaxis])
 
     held_out = learned_from(validation, "deviations of the validation")
     trained = train_network(
-        learned_from(unseen, "deviations"),
+        learned_from(training, "deviations"),
         held_out,
         np.full(1, LEAST_DIFFERENCE, np.float32),
         np.ones(1),
@@ -344,9 +323,16 @@ def _finished(
     def looked_at(draws: TrainingSet, name: str) -> tuple[list[Mixture], Array, Array, Array]:
         """Return answers, and what is limited: distances, ratios and doubts."""
         rows = with_noise(draws, noise_rms(setup), stream(seed, f"noise of the {name}"))
-        answers = answering.answers(rows)
-        features, ratios = answering.compared(rows, answers, stream(seed, "likeness", name))
-        return answers, answering.distances(rows), ratios, doubt.of(features)
+
+        def of_part(part: slice, number: int) -> tuple[list[Mixture], Array, Array, Array]:
+            answers = answering.answers(rows[part])
+            features, ratios = answering.compared(rows[part], answers, stream(seed, "likeness", name, number))
+            return answers, answering.distances(rows[part]), ratios, doubt.of(features)
+
+        parts = list(of_parts(of_part, len(rows), LOOKED_AT_ONCE))
+        answers = [one for part in parts for one in part[0]]
+        distances, ratios, doubts = (np.concatenate([part[i] for part in parts]) for i in (1, 2, 3))
+        return answers, distances, ratios, doubts
 
     limits = limits_of(*looked_at(validation, "calibration")[1:])
     answers, *found = looked_at(judging, "judgement")

@@ -44,7 +44,7 @@ def answered(path: Path, folder: Path, most: int) -> str:
         remaining = most - sum(map(len, errors))
         if remaining <= 0:
             break
-        draws = TrainingSet(*held).part(0, remaining)
+        draws = TrainingSet(*held)[:remaining]
         rows = with_noise(draws, noise_rms(setup), stream(0, "noise of a batch", number))
         began = time.process_time()
         answers = estimator.answers(rows, inputs)
