@@ -15,11 +15,12 @@ from emaphm.amortized.drawing import PRIOR, SHORTS
 from emaphm.amortized.estimator import Estimator
 from emaphm.amortized.likeness import Unlikeness, unlikeness
 from emaphm.amortized.networks.mixture import Mixture
+from emaphm.amortized.other_explanations import other_explanations
 from emaphm.blas_threads import one_blas_thread
 from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.diagnosis.diagnose import moves_at, nuisance_estimates
-from emaphm.diagnosis.explanation.alternatives import beyond_a_delay
 from emaphm.diagnosis.explanation.reasons import reasons_against
+from emaphm.diagnosis.result import ESTIMATOR
 from emaphm.diagnosis.verdict import estimates
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS
 from emaphm.estimation.methods import WITH_LEAST_SQUARES
@@ -29,18 +30,14 @@ from emaphm.estimation.posterior.samples import Posterior
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.starts import Starts
-from emaphm.estimation.uncertainty.local_covariance import jacobians_at
 from emaphm.progress import Progress
 from emaphm.random_streams import stream
 from emaphm.recording import Recording, check_plausible, with_equivalent_current
 from emaphm.recording.sensor_checks import check_sensors
 from emaphm.version import VERSION
 
-METHOD = "estimator"
-"""What a diagnosis by the network alone is called."""
-
-CORRECTED = METHOD + WITH_LEAST_SQUARES
-"""What it is called where least squares have gone on from the network's answer."""
+CORRECTED = ESTIMATOR + WITH_LEAST_SQUARES
+"""What a diagnosis is called where least squares have gone on from the network's answer."""
 
 LEAST_WEIGHT, SEPARATION = 0.05, 3.0
 """Weight of a mixture's component, and its distance from the mean in standard deviations, from which on a
@@ -166,7 +163,7 @@ def _starts(mixture: Mixture, space: ParameterSpace, seed: int) -> Starts:
     shorts = space.faults(space.project(points[:1]))[0, SHORTS]
     if deviations.max() > WIDE or shorts.min() > PRIOR.heavy_short[0]:
         points = np.vstack([points, mixture.inside(space, DRAWS, stream(seed, "starts from the answer"))])
-    return Starts(METHOD, points, space.coordinates)
+    return Starts(ESTIMATOR, points, space.coordinates)
 
 
 def _objective(estimator: Estimator, recording: Recording, actuator: Actuator) -> MapObjective:
@@ -189,8 +186,8 @@ class _Answer:
     def of(cls, mixture: Mixture, objective: MapObjective, seed: int, *, alone: bool) -> Self:
         """Return the answer, with the reasons why it will not do as it is.
 
-        The averaged model there does not explain the recording, or its gain may be a delay; asked where no
-        search follows, `alone`.
+        The averaged model there does not explain the recording, or its faults may be something else; asked
+        where no search follows, `alone`.
         """
         result = SearchResult.at(objective, objective.space.project(mixture.mean))
         moves = moves_at(objective, result.point)
@@ -200,7 +197,7 @@ class _Answer:
         none = np.zeros((1, objective.space.dimensions, objective.channel_rows))
         reasons = reasons_against(result, none, {}, seed, moves=moves)
         if moves and not reasons:
-            reasons = _mistakable_gain(mixture, result, seed)
+            reasons = other_explanations(result, mixture.covariance, seed)
         return cls(mixture, result, moves, reasons)
 
     def diagnosis(self, recording: Recording, seed: int, began: float) -> Diagnosis:
@@ -209,18 +206,19 @@ class _Answer:
         problem, space = objective.problem, objective.space
         residual = self.result.fitted_residual[: problem.samples]
         samples = self.mixture.inside(space, SAMPLES, stream(seed, "samples of the answer"))
+        averaged, reference = problem.runs.of(problem.model)
         return Diagnosis(
             components=estimates(space, point, covariance),
             coordinates=space.coordinates,
             covariance=covariance,
-            method=METHOD,
+            method=ESTIMATOR,
             model=problem.model.name,
             fitness_name="least_squares",
             fitness=self.result.cost,
             residual_rms_A=float(np.sqrt(np.mean(residual**2))),
             explained=True,
-            evaluations=problem.runs.of(problem.model)[0] + RUNS + OTHERS + space.dimensions + 1,
-            reference_runs=0,
+            evaluations=averaged + RUNS + OTHERS + space.dimensions + 1,
+            reference_runs=reference,
             seconds=time.perf_counter() - began,
             seed=seed,
             recording=recording.source,
@@ -235,21 +233,6 @@ class _Answer:
             moves=self.moves,
             posterior=Posterior.of(space, samples, None),
         )
-
-
-def _mistakable_gain(mixture: Mixture, result: SearchResult, seed: int) -> tuple[str, ...]:
-    """Return why the gain of an answer may be a delay, a clause; nothing where it is none.
-
-    The residual at the answer shows no delay of a row where the actuator is nearly healthy. The search, which
-    has the reference model, knows the gain better, and says what it cannot exclude.
-    """
-    gain = estimates(result.objective.space, result.point, mixture.covariance)["gain"]
-    if gain.verdict != "degraded":
-        return ()
-    weighted = result.reweighted()
-    jacobians = jacobians_at(weighted.objective, result.point, stream(seed, "Jacobians at the answer"))
-    checked = beyond_a_delay(gain, weighted, jacobians)
-    return () if checked.verdict == "degraded" else (f"its gain may be a delay: {checked.reason}",)
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,6 +26,10 @@ if TYPE_CHECKING:
     from emaphm.estimation.posterior.samples import Posterior
 
 
+ESTIMATOR = "estimator"
+"""Method of a diagnosis that the network of an estimator made alone."""
+
+
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
     """The faults that explain a recording.
@@ -45,7 +49,7 @@ class Diagnosis:
     explained
         Whether the estimate explains the recording: `emaphm.diagnosis.explanation.reasons_against`.
     evaluations, reference_runs
-        Simulations of the fitted model, and of the reference model that corrects it.
+        Simulations of the fitted model, and of the reference model that corrects it or is compared with it.
     time_s, recorded, modelled
         Time [s], recorded and modelled current [A], each (samples,).
     channels

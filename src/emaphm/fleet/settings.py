@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from emaphm.actuator import Actuator
-from emaphm.amortized.diagnosing import CORRECTED, METHOD, diagnose_by
+from emaphm.amortized.diagnosing import CORRECTED, diagnose_by
 from emaphm.amortized.estimator import Estimator
 from emaphm.diagnosis import Diagnosis, diagnose
+from emaphm.diagnosis.result import ESTIMATOR
 from emaphm.errors import MethodError
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS
 from emaphm.estimation.methods import HYBRID, method_named
@@ -69,7 +70,7 @@ class DiagnosisSettings:
         """What the method of a diagnosis may be called: as asked, or the full search where that cannot be."""
         if self.estimator is None:
             return (self.method,)
-        return (METHOD, CORRECTED, HYBRID) if self.fast else (CORRECTED, HYBRID)
+        return (ESTIMATOR, CORRECTED, HYBRID) if self.fast else (CORRECTED, HYBRID)
 
     def diagnosed(
         self,
