@@ -25,19 +25,19 @@ def other_explanations(result: SearchResult, covariance: Array, seed: int) -> tu
         return ()
     weighted = result.reweighted()
     jacobians = jacobians_at(weighted.objective, result.point, stream(seed, "Jacobians at the answer"))
-    weighted = replace(weighted, jacobians=jacobians)
-    return _delay(components["gain"], weighted) or _laws(weighted, seed)
+    delay = _delay(components["gain"], weighted, jacobians)
+    return delay or _laws(replace(weighted, jacobians=jacobians), seed)
 
 
-def _delay(gain: Estimate, result: SearchResult) -> tuple[str, ...]:
+def _delay(gain: Estimate, result: SearchResult, jacobians: Array) -> tuple[str, ...]:
     """Return why the gain may be a delay; nothing where it is none.
 
     The residual at the answer shows no delay of a row where the actuator is nearly healthy. The search, which
     has the reference model, knows the gain better, and says what it cannot exclude.
     """
-    if gain.verdict != "degraded" or result.jacobians is None:
+    if gain.verdict != "degraded":
         return ()
-    checked = beyond_a_delay(gain, result, result.jacobians)
+    checked = beyond_a_delay(gain, result, jacobians)
     return () if checked.verdict == "degraded" else (f"its gain may be a delay: {checked.reason}",)
 
 
