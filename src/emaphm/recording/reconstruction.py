@@ -1,6 +1,7 @@
 """The signal behind its recorded rows."""
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -13,7 +14,11 @@ from emaphm.recording.band_limited import (
     spline_of_means,
     spline_through,
 )
+from emaphm.recording.jumps import Curve, Jumps, with_jumps
 from emaphm.recording.recording import Recording
+
+FEWEST = 3
+"""Rows that a curve needs; fewer between two jumps stand still."""
 
 LOWER_DEGREE = 3
 """Of the other spline: what the two differ is more than the error of the better one."""
@@ -28,7 +33,7 @@ ROUNDING = 1e-9
 def reconstructed(recording: Recording, name: str) -> Callable[[Array], Array]:
     """Return a recorded channel as a function of the time since the first row [s].
 
-    A smooth curve through the rows (Akima 1970), which does not overshoot next to a jump as splines do. Where
+    A smooth curve through the rows (Akima 1970) up to a jump and from it on (`emaphm.recording.jumps`). Where
     rows are means, through the interval midpoints, by what a mean over an interval h falls short of a curve's
     midpoint there, h²/24 of its second derivative. A straight line between rows would cut the corners: of a
     15 Hz command at 1 kHz it loses 0.1 %. Of few rows a cycle of a smooth signal, a spline loses less than
@@ -37,32 +42,48 @@ def reconstructed(recording: Recording, name: str) -> Callable[[Array], Array]:
     interval, values = recording.interval_s, recording[name]
     if is_band_limited(values):
         return _spline(recording, name, DEGREE)
-    start, last = 0.0, (recording.samples - 1) * interval
-    if recording.sampling == "mean":
-        bent = np.pad(np.diff(values, 2), 1, mode="edge")
-        start, values, last = interval / 2, values - bent / 24, last + interval
-    curve = AkimaCurve.through(values, start, interval)
-    return lambda times: curve(np.clip(times, 0.0, last))
+    means = recording.sampling == "mean"
+    curve = with_jumps(values, interval, partial(_through, interval=interval, means=means), means=means)
+    return _within(recording, curve)
+
+
+def _through(rows: Array, start: float, interval: float, means: bool) -> Curve:
+    """Return the smooth curve through rows (n,) of which the first is at `start` [s]."""
+    if rows.size < FEWEST:
+        return lambda times: np.full(times.size, float(np.mean(rows)))
+    if not means:
+        return AkimaCurve.through(rows, start, interval)
+    bent = np.pad(np.diff(rows, 2), 1, mode="edge")
+    return AkimaCurve.through(rows - bent / 24, start + interval / 2, interval)
+
+
+def _within(recording: Recording, curve: Curve) -> Curve:
+    """Return a curve that holds its ends beyond the recording."""
+    rows = recording.samples if recording.sampling == "mean" else recording.samples - 1
+    return lambda times: curve(np.clip(times, 0.0, rows * recording.interval_s))
 
 
 def other_curve(recording: Recording, name: str) -> Callable[[Array], Array] | None:
     """Return another curve that has the same rows as `reconstructed`, None where the rows are dense.
 
     Of few rows a cycle of a smooth signal, a spline of lower degree, whose error is larger. Of slow rows of
-    any other signal, what holds each value until the next row: a jump may lie anywhere between two rows.
+    any other signal, one without jumps where there seem to be some; else what holds each value until the next
+    row: a jump may lie anywhere between two rows.
     """
     if is_band_limited(recording[name]):
         return _spline(recording, name, LOWER_DEGREE)
-    dense = recording.interval_s <= DENSE_S or is_well_sampled(recording[name])
-    return None if dense else held(recording, name)
+    if recording.interval_s <= DENSE_S or is_well_sampled(recording[name]):
+        return None
+    means = recording.sampling == "mean"
+    if Jumps.of(recording[name], means=means).before.size == 0:
+        return held(recording, name)
+    return _within(recording, _through(recording[name], 0.0, recording.interval_s, means))
 
 
 def _spline(recording: Recording, name: str, degree: int) -> Callable[[Array], Array]:
     interval, values = recording.interval_s, recording[name]
     mean = recording.sampling == "mean"
-    spline = (spline_of_means if mean else spline_through)(values, interval, degree)
-    end = (values.size if mean else values.size - 1) * interval
-    return lambda times: spline(np.clip(times, 0.0, end))
+    return _within(recording, (spline_of_means if mean else spline_through)(values, interval, degree))
 
 
 def held(recording: Recording, name: str) -> Callable[[Array], Array]:
