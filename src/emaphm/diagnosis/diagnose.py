@@ -10,6 +10,7 @@ from emaphm.actuator import Actuator
 from emaphm.arrays import Array
 from emaphm.blas_threads import one_blas_thread
 from emaphm.diagnosis.explanation.alternatives import with_alternatives
+from emaphm.diagnosis.explanation.one_way import undecided_where_one_way
 from emaphm.diagnosis.explanation.reasons import idle_channels, reasons_against, unseen_inertia
 from emaphm.diagnosis.explanation.without_fault import tested_by_refits
 from emaphm.diagnosis.identifiability import identifiability
@@ -239,6 +240,7 @@ def conclude(
     else:
         components = with_alternatives(components, result, jacobians, seed)
         components = tested_by_refits(components, result, jacobians, seed)
+        components = undecided_where_one_way(components, result)
     return Diagnosis(
         components=components,
         coordinates=space.coordinates,

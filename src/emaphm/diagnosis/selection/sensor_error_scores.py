@@ -54,10 +54,12 @@ def regressed(
     as the sandwich covariance takes them, with what counts of the channels of `problem` leave open.
     """
     normal = mean @ mean.T
-    ridge = 1e-9 * float(np.trace(normal)) * np.eye(len(normal))
+    # An actuator that stands may answer to nothing at all.
+    smallest = float(np.finfo(float).tiny)
+    ridge = (1e-9 * float(np.trace(normal)) + smallest) * np.eye(len(normal))
     shares = np.linalg.solve(normal + ridge, mean @ derivatives.T)
     alone = derivatives - shares.T @ mean
-    tiny = np.finfo(float).tiny * np.eye(len(alone))
+    tiny = smallest * np.eye(len(alone))
     inverse = np.linalg.inv(alone @ alone.T + tiny)
     sizes = inverse @ (alone @ residual)
     scores = alone * (residual - sizes @ alone)

@@ -1,0 +1,58 @@
+"""What a manoeuvre that never reverses cannot show: small faults, and friction apart from a load.
+
+Friction then acts as a load does, the backlash is crossed once, and the motor passes each angle once. The
+optimum lies in a flat valley, the search may end off it, and the linear model there claims more than is
+known. Of 32 single steps and staircases 4 had an eccentricity of 5 to 12 % that was not there, one a backlash
+and one a friction; of 32 recordings of pulses and square waves, one had a friction of 3 %.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from emaphm.actuator.faults import HEALTHY
+from emaphm.diagnosis.verdict import VERDICT, Estimate, with_phase_undecided
+from emaphm.estimation.search_result import SearchResult
+
+SMALLEST_RETURN = 0.1
+"""Share of its way that an actuator must go back: a step's overshoot is less."""
+
+LIKE_A_LOAD = ("friction", "backlash")
+"""Components that are never called degraded by such a manoeuvre, unless the load is known."""
+
+REASON = "the actuator moves one way only, and faults look alike there; record a manoeuvre that reverses"
+
+
+def undecided_where_one_way(components: Mapping[str, Estimate], result: SearchResult) -> dict[str, Estimate]:
+    """Return the `components` of `result`; undecided those degraded by little, if it moves one way only.
+
+    By little is what leaves an interval that begins less than `VERDICT.hidden_fault` from healthy; of those
+    `LIKE_A_LOAD`, anything.
+    """
+    checked = dict(components)
+    small = {}
+    unknown = LIKE_A_LOAD if "load" in result.objective.space.coordinates else ()
+    for name, one in components.items():
+        if one.verdict != "degraded" or name == "eccentricity_phase":
+            continue
+        healthy = float(getattr(HEALTHY, name))
+        low, high = one.interval95
+        if name in unknown or max(low - healthy, healthy - high) < VERDICT.hidden_fault:
+            small[name] = (min(low, healthy), max(high, healthy))
+    if small and moves_one_way(result):
+        for name, interval in small.items():
+            checked[name] = replace(
+                components[name], verdict="cannot tell", interval95=interval, reason=REASON
+            )
+    return with_phase_undecided(checked, components)
+
+
+def moves_one_way(result: SearchResult) -> bool:
+    """Return whether the model at an estimate never goes back by more than `SMALLEST_RETURN` of its way."""
+    objective = result.objective
+    observing = replace(objective, problem=objective.problem.observing(("position_rad",)))
+    position = observing.outputs(result.point[np.newaxis])[0, : objective.problem.samples]
+    moved = np.diff(position)
+    ways = (float(moved[moved > 0].sum()), float(-moved[moved < 0].sum()))
+    return min(ways) < SMALLEST_RETURN * max(ways)
