@@ -149,6 +149,19 @@ def test_what_is_inconclusive_has_its_reason_and_units_follow_the_actuator(
 
 
 @pytest.mark.usefixtures("undrawn")
+def test_an_answer_of_an_estimator_says_where_its_intervals_come_from(sampled: Diagnosis, path: Path) -> None:
+    assert sampled.posterior is not None
+    posterior = replace(sampled.posterior, diagnostics=None)
+    write_report(replace(sampled, method="estimator", posterior=posterior), path)
+    text = Page(path).text
+    assert "It is what the estimator's network states" in text
+    assert "bias of the averaged model" not in text
+    assert f"Reference runs {sampled.reference_runs}, and those that the estimator has learned from" in text
+    assert "None: this recording" in text
+    assert "Posterior None" not in text
+
+
+@pytest.mark.usefixtures("undrawn")
 def test_a_degraded_component_of_unknown_size_is_given_no_size(faulty: Diagnosis, path: Path) -> None:
     reason = "its size may be anywhere in the interval"
     unknown = replace(faulty.components["friction"], interval95=(0.2, 0.8), identifiable=False, reason=reason)

@@ -138,6 +138,7 @@ def computation(diagnosis: Diagnosis) -> dict[str, str]:
         correction = f"{diagnosis.reference_runs}, and those that the estimator has learned from"
     elif diagnosis.reference_runs:
         correction = f"{diagnosis.reference_runs}, to correct the bias of the {diagnosis.model} model"
+    sampling = diagnosis.posterior and diagnosis.posterior.diagnostics
     nuisances = (
         f"{name} {estimate}" + ("" if estimate.known else " (not identifiable)")
         for name, estimate in diagnosis.nuisances.items()
@@ -153,7 +154,7 @@ def computation(diagnosis: Diagnosis) -> dict[str, str]:
         "Simulations": str(diagnosis.evaluations),
         "Reference runs": correction,
         "Computing time": f"{diagnosis.seconds:.2f} s",
-        **({"Posterior": str(diagnosis.posterior.diagnostics)} if diagnosis.posterior else {}),
+        **({"Posterior": str(sampling)} if sampling else {}),
         "Seed": str(diagnosis.seed),
         "Version": f"emaphm {diagnosis.version}",
     }
