@@ -53,10 +53,10 @@ class Jumps:
             return cls(none, none)
         steps = np.abs(np.diff(values))
         changes = np.abs(values[rows:] - values[:-rows])
-        beside = np.zeros_like(changes)
-        beside[1:] += steps[: beside.size - 1]
-        beside[:-1] += steps[rows:]
-        excess = changes - np.maximum(JUMPS.apart * beside, JUMPS.usual * np.median(steps))
+        around = np.zeros_like(changes)
+        around[1:] += steps[: around.size - 1]
+        around[:-1] += steps[rows:]
+        excess = changes - np.maximum(JUMPS.apart * around, JUMPS.usual * np.median(steps))
         large = excess > 0
         # Where rows are means, one jump may show in two changes: the one that stands out more is taken.
         large[1:] &= excess[1:] > excess[:-1]
