@@ -10,7 +10,7 @@ from emaphm.actuator import Actuator
 from emaphm.arrays import Array
 from emaphm.blas_threads import one_blas_thread
 from emaphm.diagnosis.explanation.alternatives import with_alternatives
-from emaphm.diagnosis.explanation.one_way import undecided_where_one_way
+from emaphm.diagnosis.explanation.one_way import modelled_position, undecided_where_one_way
 from emaphm.diagnosis.explanation.reasons import idle_channels, reasons_against, unseen_inertia
 from emaphm.diagnosis.explanation.without_fault import tested_by_refits
 from emaphm.diagnosis.identifiability import identifiability
@@ -278,11 +278,7 @@ def conclude(
 def moves_at(objective: MapObjective, point: Array) -> bool:
     """Return whether the actuator moved: by its recorded position, or else by the model's at `point` (d,)."""
     measured, name = objective.problem.measured, "position_rad"
-    if name in measured:
-        position = measured[name]
-    else:
-        observing = replace(objective, problem=objective.problem.observing((name,)))
-        position = observing.outputs(point[np.newaxis])[0, : objective.problem.samples]
+    position = measured[name] if name in measured else modelled_position(objective, point)
     return bool(np.ptp(position) > LEAST_MOTION * np.ptp(measured["command_rad"]))
 
 

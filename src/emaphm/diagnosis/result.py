@@ -124,6 +124,11 @@ class Diagnosis:
         return replace(self, sensor_faults=found)
 
     @property
+    def by_estimator(self) -> bool:
+        """Whether the network of an estimator made it alone."""
+        return self.method == ESTIMATOR
+
+    @property
     def faults(self) -> Faults:
         """The estimated faults."""
         return Faults(*(self.components[name].value for name in NAMES))

@@ -113,6 +113,14 @@ def _common_shorts(components: Mapping[str, Estimate]) -> dict[str, Estimate]:
     return {name: replace(one, verdict="cannot tell", reason=COMMON_SHORTS) for name, one in shorts.items()}
 
 
+def undecided(name: str, one: Estimate, reason: str) -> Estimate:
+    """Return the estimate of a component as undecided for a `reason`; its interval has the healthy value."""
+    healthy = float(getattr(HEALTHY, name))
+    low, high = one.interval95
+    interval = (min(low, healthy), max(high, healthy))
+    return replace(one, verdict="cannot tell", interval95=interval, reason=reason)
+
+
 def with_phase_undecided(
     components: Mapping[str, Estimate], before: Mapping[str, Estimate]
 ) -> dict[str, Estimate]:

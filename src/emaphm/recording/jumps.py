@@ -14,8 +14,8 @@ from emaphm.arrays import Array
 
 Curve = Callable[[Array], Array]
 
-EARLY = 1e-9
-"""Share of an interval by which a jump is taken as earlier: rounding must not put a step before it."""
+ROUNDING = 1e-9
+"""Share of an interval by which a time may be early through rounding."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ def with_jumps(
         )
         share = np.clip((right - values[firsts[1:] - 1]) / (right - left), 0.0, 1.0)
         times = times - (1 - share) * interval
-    return _joined(curves, times - EARLY * interval)
+    return _joined(curves, times - ROUNDING * interval)
 
 
 def _joined(curves: list[Curve], begins: Array) -> Curve:

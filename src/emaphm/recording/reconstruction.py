@@ -14,7 +14,7 @@ from emaphm.recording.band_limited import (
     spline_of_means,
     spline_through,
 )
-from emaphm.recording.jumps import Curve, Jumps, with_jumps
+from emaphm.recording.jumps import ROUNDING, Curve, Jumps, with_jumps
 from emaphm.recording.recording import Recording
 
 FEWEST = 3
@@ -25,9 +25,6 @@ LOWER_DEGREE = 3
 
 DENSE_S = 2e-3
 """Rows no farther apart leave no time for a jump that matters [s]."""
-
-ROUNDING = 1e-9
-"""Share of an interval by which a time may be early through rounding."""
 
 
 def reconstructed(recording: Recording, name: str) -> Callable[[Array], Array]:

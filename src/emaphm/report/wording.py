@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from emaphm.actuator import Faults
-from emaphm.diagnosis.result import ESTIMATOR, Diagnosis
+from emaphm.diagnosis.result import Diagnosis
 from emaphm.diagnosis.wording import physical_text
 from emaphm.text_table import NOTHING, Table
 
@@ -134,7 +134,7 @@ def computation(diagnosis: Diagnosis) -> dict[str, str]:
     rows = f"{time.size} rows at {1 / interval:.6g} Hz, {time.size * interval:.4g} s"
     unit = FITNESS_UNITS[diagnosis.fitness_name]
     correction = "none: no bias correction"
-    if diagnosis.method == ESTIMATOR:
+    if diagnosis.by_estimator:
         correction = f"{diagnosis.reference_runs}, and those that the estimator has learned from"
     elif diagnosis.reference_runs:
         correction = f"{diagnosis.reference_runs}, to correct the bias of the {diagnosis.model} model"

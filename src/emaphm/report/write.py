@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from emaphm.actuator import Faults
 from emaphm.actuator.toml import write_toml
 from emaphm.diagnosis.error_metric import error_percent
-from emaphm.diagnosis.result import ESTIMATOR, Diagnosis
+from emaphm.diagnosis.result import Diagnosis
 from emaphm.diagnosis.verdict import VERDICT
 from emaphm.output_files import check_writable, written_whole
 from emaphm.plotting.diagnosis import draw_fit, draw_residual
@@ -63,7 +63,6 @@ def _page(diagnosis: Diagnosis, truth: Faults | None) -> str:
     return render(
         TEMPLATE,
         diagnosis=diagnosis,
-        by_estimator=diagnosis.method == ESTIMATOR,
         # Cut at either system's separator: a diagnosis may be reported on another machine.
         name=PureWindowsPath(diagnosis.recording).name or diagnosis.recording,
         headline=headline(diagnosis),

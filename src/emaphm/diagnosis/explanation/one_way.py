@@ -12,7 +12,9 @@ from dataclasses import replace
 import numpy as np
 
 from emaphm.actuator.faults import HEALTHY
-from emaphm.diagnosis.verdict import VERDICT, Estimate, with_phase_undecided
+from emaphm.arrays import Array
+from emaphm.diagnosis.verdict import VERDICT, Estimate, undecided, with_phase_undecided
+from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import SearchResult
 
 SMALLEST_RETURN = 0.1
@@ -30,29 +32,34 @@ def undecided_where_one_way(components: Mapping[str, Estimate], result: SearchRe
     By little is what leaves an interval that begins less than `VERDICT.hidden_fault` from healthy; of those
     `LIKE_A_LOAD`, anything.
     """
-    checked = dict(components)
-    small = {}
     unknown = LIKE_A_LOAD if "load" in result.objective.space.coordinates else ()
-    for name, one in components.items():
-        if one.verdict != "degraded" or name == "eccentricity_phase":
-            continue
-        healthy = float(getattr(HEALTHY, name))
-        low, high = one.interval95
-        if name in unknown or max(low - healthy, healthy - high) < VERDICT.hidden_fault:
-            small[name] = (min(low, healthy), max(high, healthy))
-    if small and moves_one_way(result):
-        for name, interval in small.items():
-            checked[name] = replace(
-                components[name], verdict="cannot tell", interval95=interval, reason=REASON
-            )
-    return with_phase_undecided(checked, components)
+    small = {
+        name: undecided(name, one, REASON)
+        for name, one in components.items()
+        if one.verdict == "degraded"
+        and name != "eccentricity_phase"
+        and (name in unknown or _from_healthy(name, one) < VERDICT.hidden_fault)
+    }
+    if not small or not moves_one_way(result):
+        return dict(components)
+    return with_phase_undecided({**components, **small}, components)
+
+
+def _from_healthy(name: str, one: Estimate) -> float:
+    """Return how far the interval of a component begins from its healthy value."""
+    healthy = float(getattr(HEALTHY, name))
+    low, high = one.interval95
+    return max(low - healthy, healthy - high)
 
 
 def moves_one_way(result: SearchResult) -> bool:
     """Return whether the model at an estimate never goes back by more than `SMALLEST_RETURN` of its way."""
-    objective = result.objective
-    observing = replace(objective, problem=objective.problem.observing(("position_rad",)))
-    position = observing.outputs(result.point[np.newaxis])[0, : objective.problem.samples]
-    moved = np.diff(position)
+    moved = np.diff(modelled_position(result.objective, result.point))
     ways = (float(moved[moved > 0].sum()), float(-moved[moved < 0].sum()))
     return min(ways) < SMALLEST_RETURN * max(ways)
+
+
+def modelled_position(objective: MapObjective, point: Array) -> Array:
+    """Return the user's position by the model at `point` (d,), (samples,)."""
+    observing = replace(objective, problem=objective.problem.observing(("position_rad",)))
+    return np.asarray(observing.outputs(point[np.newaxis])[0, : objective.problem.samples])

@@ -16,7 +16,7 @@ import numpy as np
 from emaphm.actuator.faults import CARTESIAN_NAMES, HEALTHY
 from emaphm.arrays import Array
 from emaphm.diagnosis.explanation.refits import Refit
-from emaphm.diagnosis.verdict import Estimate, with_phase_undecided
+from emaphm.diagnosis.verdict import Estimate, undecided, with_phase_undecided
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import SearchResult
 
@@ -61,10 +61,7 @@ def tested_by_refits(
         share = _refit_without(name, result, result.point + step, before, seed).misfit / before.misfit
         if share < most:
             reason = f"the recording is explained as well without it ({share:.3g} of the residual is left)"
-            low, high = one.interval95
-            healthy = _healthy(name)
-            interval = (min(low, healthy), max(high, healthy))
-            checked[name] = replace(one, verdict="cannot tell", interval95=interval, reason=reason)
+            checked[name] = undecided(name, one, reason)
     return with_phase_undecided(checked, components)
 
 
