@@ -203,7 +203,6 @@ def test_what_the_description_lacks_is_named(diagnosed: Diagnosis) -> None:
     assert diagnosed.coordinates[:3] == ("friction", "gain", "load")
     # And none of its six parameters is known to a thousandth.
     assert set(diagnosed.nuisances) == {"load", *(f"baseline {name}" for name in FREE)}
-    assert diagnosed.reference_runs == 0
 
 
 def test_the_guess_is_not_taken_for_a_healthy_unit(quarter: Recording, guess: Actuator) -> None:

@@ -273,7 +273,6 @@ def test_a_run_may_not_have_too_many_steps_however_short_they_are(monkeypatch: p
         quick(duration=0.0501)
 
 
-@pytest.mark.parametrize("model", ["reference", "monitor"])
-def test_a_switching_model_needs_windings(model: str) -> None:
+def test_the_monitor_model_needs_windings() -> None:
     with pytest.raises(MethodError, match="has no drive of kind 'current'; it has hysteresis"):
-        simulate(IDEAL, Chirp(), model=model)
+        simulate(IDEAL, Chirp(), model="monitor")

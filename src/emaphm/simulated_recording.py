@@ -13,6 +13,7 @@ from emaphm.random_streams import stream
 from emaphm.recording import Recording, acquire, full_scales
 from emaphm.recording.acquisition import check_bits
 from emaphm.recording.schema import CURRENTS
+from emaphm.recording.signal_rows import signal_rows
 from emaphm.simulation import REFERENCE, Inputs, Model, Plant, model_named, run
 from emaphm.simulation.laws.sensors import rounded, sensed
 
@@ -21,9 +22,6 @@ MOST_STEPS = 300_000_000
 
 MOST_ROWS = 20_000_000
 """Longest recording: some 3 GB of signals."""
-
-MEAN_POINTS = 16
-"""Points that a given signal's mean over a row's interval is taken from."""
 
 
 def simulate(
@@ -149,6 +147,4 @@ def _rows(signal: Command, inputs: Inputs) -> NDArray[np.float64]:
     """Return a given signal as it is recorded: at each row's instant, or its mean over the row's interval."""
     if inputs.sampling == "instant":
         return signal(inputs.time_s)
-    middles = (np.arange(MEAN_POINTS) + 0.5) * inputs.interval / MEAN_POINTS
-    times = inputs.time_s[:, np.newaxis] + middles
-    return np.asarray(signal(times.ravel()).reshape(times.shape).mean(axis=1))
+    return signal_rows(signal, inputs.time_s, inputs.interval)

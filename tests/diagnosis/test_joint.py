@@ -19,8 +19,12 @@ from emaphm.simulation import AVERAGED
 
 CHANNELS = ("time_s", "command_rad", "current_A", "position_rad")
 NOISE = {"current_A": 0.3, "position_rad": 5e-5}
-IDEAL = Actuator.from_dict(THESIS.model_dump() | {"electrical": None})
-"""It has an ideal current loop, and no reference model that an averaged one would be corrected by."""
+IDEAL = Actuator.from_dict(
+    THESIS.model_dump()
+    | {"electrical": None, "nuisances": THESIS.nuisances.model_dump(exclude_none=True) | {"delay": 1e-6}}
+)
+"""Its current loop is ideal: the reference model has no ripple either. Its channels are synchronous, so that
+no delay is taken for another gain."""
 
 FAULTS = Faults(friction=0.3, backlash=0.4, gain=0.4)
 
@@ -34,12 +38,11 @@ def recorded(
     duration: float = 0.2,
     channels: tuple[str, ...] = CHANNELS,
 ) -> Recording:
-    """Return what the averaged model records at its own steps, so that only the noise is unexplained."""
+    """Return what the reference model records, so that only the noise is unexplained."""
     whole = simulate(
         actuator,
         Chirp(stop_hz=stop_hz, duration=duration),
         faults=faults,
-        model="averaged",
         sampling="instant",
         sample_rate=1 / AVERAGED.step,
         duration=duration,

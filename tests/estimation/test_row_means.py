@@ -5,7 +5,7 @@ import numpy as np
 from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.actuator.law_sections import Transmission
 from emaphm.estimation.problem import Problem
-from emaphm.estimation.row_means import masks_of_means, mean_rows, notes_on_means, over_swings
+from emaphm.estimation.rows.means import masks_of_means, mean_rows, notes_on_means, over_swings
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import AVERAGED

@@ -176,7 +176,7 @@ def test_narrower_intervals_with_larger_errors_are_no_gain() -> None:
 
 def test_without_windings_the_fitted_model_proves_and_that_is_said(linear: Design) -> None:
     assert linear.to_dict()["proven_by"] == "averaged"
-    assert "no reference model" in str(linear)
+    assert "of kind 'current' does not switch" in str(linear)
     assert set(linear.given.predicted.half_widths) == {"friction", "gain"}
     assert str(linear).count("not in this actuator") >= 6  # the other components
     proven = linear.given.simulated

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cases import THESIS
-from emaphm.actuator import Chirp, Faults
+from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.arrays import Array
 from emaphm.errors import RecordingError
 from emaphm.recording import Recording
@@ -54,6 +54,19 @@ def test_a_resting_actuator_raises_no_alarm() -> None:
 
     recording = simulate(THESIS, there, duration=0.4, noise=0.05, adc_bits=12)
     assert kinds(Recording({name: recording[name] for name in LINE})) == []
+
+
+@pytest.mark.parametrize("actuator", [Actuator.pmsm(), Actuator.dc()], ids=["pmsm", "dc"])
+@pytest.mark.parametrize("bits", [None, 12])
+def test_an_actuator_that_rests_until_its_command_jumps_raises_no_alarm(
+    actuator: Actuator, bits: int | None
+) -> None:
+    def square(t: Array) -> Array:
+        return 5e-3 * np.sign(np.sin(2 * np.pi * 5.0 * t - 0.1))
+
+    recording = simulate(actuator, square, noise=0.05, adc_bits=bits)
+    line = Recording({name: recording[name] for name in LINE if name in recording})
+    assert check_sensors(line, actuator).findings == ()
 
 
 @pytest.mark.parametrize("name", LINE[2:])

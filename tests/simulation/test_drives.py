@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from emaphm.actuator import Chirp, Step
+from emaphm.actuator import Actuator, Chirp, Step
 from emaphm.arrays import Array
 from emaphm.simulation import AVERAGED, REFERENCE, Initial, Model, monitor
 from emaphm.simulation.laws.supply_source import sagging_supply, supply_under_duty
@@ -52,6 +52,20 @@ def test_a_dc_motor_starts_with_its_two_time_constants(duty: float) -> None:
     # The speed of the step's start makes the back-EMF: step × R / (J R² ...) of the first order.
     assert errors[0] < 0.01
     assert errors[1] < 0.3 * errors[0]
+
+
+@pytest.mark.parametrize("kind", ["current", "voltage"])
+def test_the_reference_model_of_a_drive_that_does_not_switch_takes_finer_steps(kind: str) -> None:
+    servo = SERVO | {"controller": SERVO["controller"] | {"position_gain": 1e3}}
+    actuator, command = (Actuator.dc(), Chirp()) if kind == "current" else (altered(**servo), Chirp())
+
+    def current(model: Model, step: float) -> Array:
+        return record(model, command, actuator, duration=0.2, step=step, sampling="instant")["current_A"]
+
+    converged = current(AVERAGED, 5e-7)
+    usual = np.abs(current(AVERAGED, AVERAGED.step_for(actuator)) - converged).mean()
+    finer = np.abs(current(REFERENCE, REFERENCE.step_for(actuator)) - converged).mean()
+    assert finer < 0.2 * usual
 
 
 def test_a_duty_cycle_is_limited_to_the_supply() -> None:

@@ -19,7 +19,7 @@ from emaphm.recording import Recording, full_scales
 from emaphm.recording.acquisition import check_bits
 from emaphm.recording.schema import CURRENTS
 from emaphm.simulated_recording import simulate
-from emaphm.simulation import REFERENCE, Initial, Inputs
+from emaphm.simulation import Initial, Inputs
 
 MOST_ROWS = 20_000
 """Longest recording that an estimator is trained on [rows]: 4 s at 5 kHz. Shards take 8 bytes a row."""
@@ -77,7 +77,7 @@ class RecordingSetup:
         Raises
         ------
         MethodError
-            The actuator's windings are not described, so that there is no reference model to learn from; or
+            The actuator has no three phases, so that there is no switching to learn from; or
             a channel or a nuisance is not one that the models have, or the recording would be too long.
         """
         check_windings(actuator)
@@ -222,11 +222,11 @@ def actuator_hash(actuator: Actuator) -> str:
 
 
 def check_windings(actuator: Actuator) -> None:
-    """Refuse an actuator that the reference model does not know; `MethodError` says what to do."""
-    if actuator.drive_kind not in REFERENCE.forms:
+    """Refuse an actuator without three phases; `MethodError` says what to do."""
+    if not actuator.three_phases:
         raise MethodError(
-            f"actuator '{actuator.name}' has a drive of kind '{actuator.drive_kind}', which the reference "
-            "model does not know, so there is nothing to learn from; describe its windings in [electrical]"
+            f"actuator '{actuator.name}' has a drive of kind '{actuator.drive_kind}', which does not "
+            "switch: a search is quick, and there is nothing to learn; describe its windings in [electrical]"
         )
 
 

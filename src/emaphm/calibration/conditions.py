@@ -17,7 +17,7 @@ from emaphm.estimation.nuisances import MAGNETS, MAGNETS_DEVIATION, PRIORS_PER_U
 from emaphm.estimation.objective import healthy_objective
 from emaphm.estimation.parameter_variation import ParameterVariation, sizes
 from emaphm.estimation.problem import Problem, has_signal
-from emaphm.estimation.row_means import over_swings
+from emaphm.estimation.rows.means import over_swings
 
 SAME_PARAMETER = {"load": "offset", "hinge": "hinge", "inertia": "inertia", "supply": "supply"}
 """The parameter that a nuisance cannot be separated from in one recording."""
@@ -57,7 +57,7 @@ def joint_objective(
 ) -> JointObjective:
     """Return the objective of the `unit`'s parameters and of each recording's own, by every channel.
 
-    Where the shaft gives, rows are averaged over its swings (`emaphm.estimation.row_means`), unless
+    Where the shaft gives, rows are averaged over its swings (`emaphm.estimation.rows.means`), unless
     `every_row` is to be compared. Errors as in `emaphm.calibration.calibrate`.
     """
     terms = tuple(_term(row, actuator, unit, nuisances, workers, every_row=every_row) for row in rows)

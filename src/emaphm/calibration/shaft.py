@@ -30,7 +30,7 @@ from emaphm.estimation.discrepancy import has_reference
 from emaphm.estimation.joint.correction import compared
 from emaphm.estimation.joint.objective import JointObjective
 from emaphm.estimation.parameter_variation import LEAST_DEVIATION
-from emaphm.estimation.row_means import rows_of_a_mean
+from emaphm.estimation.rows.means import rows_of_a_mean
 from emaphm.progress import Progress, subprogress
 
 NAMES = ("stiffness", "damping")

@@ -25,7 +25,8 @@ from emaphm.estimation.methods import WITH_LEAST_SQUARES, Method, method_named
 from emaphm.estimation.nuisances import unit_of
 from emaphm.estimation.objective import MapObjective, faults_objective, faults_only_objective
 from emaphm.estimation.problem import Problem
-from emaphm.estimation.row_means import masks_of_means, notes_on_means, over_swings
+from emaphm.estimation.rows.after_jumps import rows_after_jumps
+from emaphm.estimation.rows.means import masks_of_means, notes_on_means, over_swings
 from emaphm.estimation.search import check_fitness, search
 from emaphm.estimation.search_result import SMALLEST_SHARE, SearchResult
 from emaphm.estimation.sensors.channel_swaps import with_channels_exchanged
@@ -116,6 +117,7 @@ def diagnose(
     recording, exchanged = with_channels_exchanged(sensors.recording, actuator, model_named(model))
     objective = objective_for(recording, actuator, chosen, model_named(model), nuisances, workers)
     objective = objective.ignoring(masks_of_means(sensors.unusable, objective.problem))
+    objective = objective.ignoring(rows_after_jumps(objective.problem))
     if posterior:
         from emaphm.estimation.posterior.mcmc import check_posterior
 

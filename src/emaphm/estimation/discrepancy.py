@@ -58,6 +58,14 @@ def has_reference(problem: Problem) -> bool:
     return problem.actuator.drive_kind in REFERENCE.forms and problem.duration_s <= LONGEST_S
 
 
+def resolves_switching(problem: Problem) -> bool:
+    """Return whether the reference model can run, and has switching that the averaged one has not.
+
+    Of a drive that does not switch it has a shorter step, and is no nearer to a machine.
+    """
+    return has_reference(problem) and problem.actuator.three_phases
+
+
 def discrepancies(
     objective: MapObjective,
     points: Array,

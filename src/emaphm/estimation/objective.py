@@ -184,8 +184,10 @@ class MapObjective:
         )
 
     def ignoring(self, unusable: Mapping[str, Mask]) -> Self:
-        """Return the objective that compares no `unusable` rows, (samples,) by channel."""
-        return replace(self, problem=replace(self.problem, unusable=unusable)) if unusable else self
+        """Return the objective that compares no `unusable` rows, (samples,) by channel, as those before."""
+        before = self.problem.unusable
+        both = {name: before.get(name, False) | rows for name, rows in unusable.items()}
+        return replace(self, problem=replace(self.problem, unusable={**before, **both})) if both else self
 
     def by(self, model: Model) -> Self:
         """Return the same objective of another model."""

@@ -6,8 +6,9 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.errors import MethodError, nearest
+from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.cost_functions import COST_FUNCTIONS
-from emaphm.estimation.discrepancy import has_reference
+from emaphm.estimation.discrepancy import has_reference, resolves_switching
 from emaphm.estimation.global_search.multistart import descend_from, local_search, multistart
 from emaphm.estimation.global_search.population_search import OnBestFaults, population_search
 from emaphm.estimation.global_search.restarts import search_with_restarts
@@ -48,9 +49,13 @@ def search(
             f"method '{method.name}' needs derivatives, which the {model.name} model's switching makes "
             "useless; use the averaged model, or a method without least squares"
         )
-    if max_corrections > 0 and has_reference(objective.problem):
+    if max_corrections > 0 and resolves_switching(objective.problem):
         return search_with_restarts(objective, method, max_corrections, seed, on_progress, starts)
-    return _uncorrected(objective, method, seed, on_progress, starts)
+    found = _uncorrected(objective, method, seed, on_progress, starts)
+    if max_corrections == 0 or not has_reference(objective.problem):
+        return found
+    corrected = correct_bias(objective, found.point[np.newaxis], max_corrections, seed)
+    return replace(corrected, started=found.started)
 
 
 def check_fitness(method: Method, fitness: str) -> None:

@@ -99,11 +99,10 @@ class Design:
         )
         evidence += f", of the one found {found.median_error:.2f} %." if self.better else "."
         lines = [shown, evidence]
-        if setup.actuator.electrical is None:
+        if not setup.actuator.three_phases:
             lines.append(
-                "Without [electrical] there is no reference model: the fitted model also stands for the "
-                "actuator, "
-                "and its own errors are in no figure here."
+                f"A drive of kind '{setup.actuator.drive_kind}' does not switch: the fitted model stands for "
+                "the actuator too, and its own errors are in no figure here."
             )
         return [*lines, self._conclusion()]
 

@@ -86,8 +86,8 @@ class TestSetup:
 
     @property
     def truth(self) -> Model:
-        """The model that stands for the actuator: the reference model where the windings are described."""
-        return REFERENCE if self.actuator.drive_kind in REFERENCE.forms else AVERAGED
+        """The model that stands for the actuator: the reference model where it has three phases."""
+        return REFERENCE if self.actuator.three_phases else AVERAGED
 
     def objective(self, excitation: Excitation) -> MapObjective:
         """Return what a diagnosis would minimise on a recording of `excitation`, each channel at its noise.

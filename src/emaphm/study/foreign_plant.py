@@ -16,6 +16,7 @@ from emaphm.actuator import Actuator, Command, Faults
 from emaphm.arrays import Array
 from emaphm.errors import StudyError
 from emaphm.recording import Recording, acquire, full_scales
+from emaphm.recording.signal_rows import signal_rows
 from emaphm.study.rig import ForeignFeatures
 
 STEP_S = 1e-6
@@ -31,9 +32,6 @@ CHANNELS = (
     "current_b_A",
     "current_c_A",
 )
-
-MEAN_POINTS = 16
-"""Points that the command's mean over a row's interval is taken from."""
 
 
 class _Parameters(NamedTuple):
@@ -91,10 +89,9 @@ def simulate(
     commanded = command(np.asarray(np.arange(samples * substeps) * step))
     _run(_parameters(actuator, faults, features, step), commanded, step, substeps, out)
     time = np.asarray(np.arange(samples) / sample_rate)
-    within = (np.arange(MEAN_POINTS) + 0.5) / (MEAN_POINTS * sample_rate)
     columns = {
         "time_s": time,
-        "command_rad": command((time[:, np.newaxis] + within).ravel()).reshape(samples, -1).mean(axis=1),
+        "command_rad": signal_rows(command, time, 1 / sample_rate),
         **dict(zip(CHANNELS, out, strict=True)),
     }
     sensed = dict.fromkeys((name for name in CHANNELS if name.startswith("current")), noise)

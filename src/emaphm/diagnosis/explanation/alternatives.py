@@ -34,8 +34,8 @@ class AlternativeSettings:
 
     A delay up to `tolerance` standard deviations of its prior is never excluded; by the usual prior 0.23 ms,
     one row at 5 kHz or the lag of a filter at 700 Hz. A gain that is nearer to healthy than such a delay
-    makes it, 0.04 on the thesis's actuator, is not degraded. The owner of a rig whose channels are
-    synchronous says so by a smaller `delay` under `[nuisances]`.
+    makes it, 0.04 on the thesis's actuator, is not degraded. One beyond `possible` standard deviations is not
+    tried. The owner of a rig whose channels are synchronous says so by a smaller `delay` under `[nuisances]`.
     """
 
     delays: tuple[float, ...] = (2e-4, 4e-4)
@@ -43,6 +43,7 @@ class AlternativeSettings:
     difference: float = 0.02
     hopeless: float = 3.0
     tolerance: float = 1.15
+    possible: float = 3.0
 
 
 ALTERNATIVES = AlternativeSettings()
@@ -64,7 +65,7 @@ def with_alternatives(
     interval = objective.problem.inputs.interval
     jacobian = jacobians.mean(axis=0)
     possible = []
-    for late in _rows_late(interval):
+    for late in _rows_late(interval, objective.problem.actuator.nuisances.delay):
         shifted = replace(objective, problem=_shifted(objective.problem, late))
         share, step = _linear_fit(result, shifted, jacobian)
         if share < ALTERNATIVES.hopeless:
@@ -102,9 +103,13 @@ def beyond_a_delay(gain: Estimate, result: SearchResult, jacobians: Array) -> Es
     return replace(gain, verdict="cannot tell", reason=reason)
 
 
-def _rows_late(interval: float) -> list[int]:
-    """Return the delays that are tried, in rows of an `interval` [s], at least one either way."""
-    rows = {max(1, round(delay / interval)) for delay in ALTERNATIVES.delays}
+def _rows_late(interval: float, prior: float) -> list[int]:
+    """Return the delays that are tried, in rows of an `interval` [s], at least one either way.
+
+    None beyond `possible` standard deviations of their `prior` [s].
+    """
+    possible = [delay for delay in ALTERNATIVES.delays if delay <= ALTERNATIVES.possible * prior]
+    rows = {max(1, round(delay / interval)) for delay in possible}
     return sorted(rows | {-late for late in rows})
 
 

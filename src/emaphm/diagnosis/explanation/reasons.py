@@ -9,6 +9,7 @@ from emaphm.arrays import Array
 from emaphm.diagnosis.explanation.known_values import contradicted_values
 from emaphm.diagnosis.explanation.recorded_noise import rounding_step, usual_noise, usual_variance
 from emaphm.diagnosis.explanation.sensor_scores import contradictions
+from emaphm.estimation.discrepancy import resolves_switching
 from emaphm.estimation.nuisances import has_stated_prior, unit_of, usual_deviation
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.problem import Problem, comparable_channels, rms
@@ -100,8 +101,9 @@ def reasons_against(
     9. No two sensors have another scale, each by more than `prior_deviations`: faults of sensors are rare,
        and times that are stretched change the scale of everything that moves.
 
-    The fifth and sixth are asked where the reference model has corrected the estimate; the fifth only where
-    no error of the model was learned, whose direction may be that of a sensor's.
+    The fifth and sixth are asked where the reference model has corrected the estimate by its switching: of
+    other drives a few percent are left of any machine, whose direction may be that of a sensor's. So may that
+    of a learned error of the model, with which the fifth is not asked.
 
     Parameters
     ----------
@@ -125,7 +127,7 @@ def reasons_against(
         *_phases(result),
         *(_standing(result) if moves else ()),
     ]
-    if moves and result.correction.any():
+    if moves and _by_switching(result):
         found += contradicted_values(result, seed)
         if not healthy:
             found += contradictions(result, jacobians, seed)
@@ -174,6 +176,11 @@ def is_explained(recorded: Array, residual: Array, noise: float, *, corrected: b
     return bool(np.mean(residual**2) <= variance)
 
 
+def _by_switching(result: SearchResult) -> bool:
+    """Return whether the reference model has corrected what the averaged one lacks."""
+    return bool(result.correction.any()) and resolves_switching(result.objective.problem)
+
+
 def _unlike_healthy(name: str, healthy: Mapping[str, HealthyComparison]) -> Iterator[str]:
     if not healthy[name].as_healthy:
         yield f"{name}: the residual is {healthy[name]}".rstrip(".")
@@ -181,7 +188,7 @@ def _unlike_healthy(name: str, healthy: Mapping[str, HealthyComparison]) -> Iter
 
 def _primary(result: SearchResult) -> Iterator[str]:
     problem = result.objective.problem
-    corrected = bool(result.correction.any())
+    corrected = _by_switching(result)
     residual = result.fitted_residual[: problem.samples]
     recorded, noise = problem.recorded, problem.noise
     switching = 0.0 if result.discrepancy is None else result.discrepancy.switching_variance

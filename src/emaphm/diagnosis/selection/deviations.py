@@ -8,6 +8,7 @@ from emaphm.diagnosis.selection.nuisance_selection import select_nuisances, shar
 from emaphm.diagnosis.selection.ripple import ripple_share
 from emaphm.diagnosis.selection.sensor_lag import SENSOR_LAG, is_lag_suspected, with_sensor_lag
 from emaphm.diagnosis.selection.settings import SELECTION
+from emaphm.estimation.discrepancy import resolves_switching
 from emaphm.estimation.methods import Method
 from emaphm.estimation.search_result import SearchResult
 
@@ -22,11 +23,11 @@ def select_deviations(
 
     Nuisances first; laws where they do not explain the recording, where the ripple shows a lag, or where the
     residual shows a law that hides. Standing, an actuator shows no law of its motion: none is tried unless it
-    `moves`.
+    `moves`. Nor of a drive that does not switch: the few percent that are left of any machine are like laws.
     """
     found = select_nuisances(searched, max_corrections, seed)
     result, without = found.result, (found.result, found.names, ())
-    if not moves:
+    if not (moves and resolves_switching(result.objective.problem)):
         return without
     if not result.explained:
         with_laws, laws = select_laws(searched, method, max_corrections, seed)

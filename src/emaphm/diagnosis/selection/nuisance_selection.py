@@ -22,6 +22,7 @@ from emaphm.diagnosis.selection.settings import SELECTION, SENSOR_SELECTION, wid
 from emaphm.diagnosis.selection.supply_profile import SUPPLY
 from emaphm.diagnosis.selection.supply_scan import is_off, with_supply
 from emaphm.estimation.bias_correction import correct_bias
+from emaphm.estimation.discrepancy import resolves_switching
 from emaphm.estimation.global_search.multistart import multistart
 from emaphm.estimation.nuisances import usual_deviation
 from emaphm.estimation.objective import CORRELATED_ROWS
@@ -50,7 +51,8 @@ def select_nuisances(result: SearchResult, max_corrections: int, seed: int) -> S
         worthwhile = worthwhile_candidates(result, names, seed)
         result = worthwhile.result
         best = _best(result, worthwhile.candidates, names, max_corrections, seed)
-        if not (result if best is None else best[1]).explained:
+        unexplained = not (result if best is None else best[1]).explained
+        if unexplained and resolves_switching(result.objective.problem):
             best = _from_afar(result, names, max_corrections, seed) or best
         if best is None:
             return SelectedNuisances(result, names, worthwhile.look)

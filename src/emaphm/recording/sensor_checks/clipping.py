@@ -14,14 +14,15 @@ from emaphm.recording.sensor_checks.resolution import Mask, row_noise, runs_of_e
 class ClippingSettings:
     """Which plateaus at the largest or smallest value count as clipped.
 
-    `least_rows` in `least_plateaus` at least. Of a signal whose noise exceeds `noise_counts` counts, no value
-    comes twice in a row but by chance, the largest least of all; nor does it come back to its largest value
-    `least_rows` times, `least_excess` times as often as to each count within the noise below. That is not
-    asked of a drive that switches in a cycle, where `cycle` values, to `same` of the noise, are more than
-    `most_in_cycle` of all. Of a smooth signal, the slopes on either side of a plateau, over `slope_rows` or a
-    quarter of it, would lead it `excess` counts farther: a smooth maximum in coarse counts is a plateau too,
-    but of less than a count. Values within `near` of a limit of the hardware are its own; of a voltage, from
-    `near_supply` of the supply on: what the source really gives may be less.
+    `least_rows` in `least_plateaus` at least, in each of which the command moves in the first half: an
+    actuator that has answered a command rests until that jumps. Of a signal whose noise exceeds
+    `noise_counts` counts, no value comes twice in a row but by chance, the largest least of all; nor does it
+    come back to its largest value `least_rows` times, `least_excess` times as often as to each count within
+    the noise below. That is not asked of a drive that switches in a cycle, where `cycle` values, to `same` of
+    the noise, are more than `most_in_cycle` of all. Of a smooth signal, the slopes on either side of a
+    plateau, over `slope_rows` or a quarter of it, would lead it `excess` counts farther: a smooth maximum in
+    coarse counts is a plateau too, but of less than a count. Values within `near` of a limit of the hardware
+    are its own; of a voltage, from `near_supply` of the supply on: what the source really gives may be less.
     """
 
     least_rows: int = 8
@@ -55,7 +56,8 @@ def clipped_rows(values: Array, channel: str, command: Array, actuator: Actuator
         rows, plateaus = np.zeros(values.size, bool), 0
         for start, length in zip(first, lengths, strict=True):
             end = start + length
-            if values[start] == level and length >= 2 and np.ptp(command[start:end]) > 0:
+            moves = np.ptp(command[start : start + max(2, length // 2)]) > 0
+            if values[start] == level and length >= 2 and moves:
                 cut = noisy or _cut(sign * values, start, end, CLIPPING.excess * max(count, noise))
                 rows[start:end], plateaus = cut, plateaus + cut
         if rows.sum() >= CLIPPING.least_rows and plateaus >= CLIPPING.least_plateaus:

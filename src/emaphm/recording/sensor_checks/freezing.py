@@ -12,14 +12,16 @@ from emaphm.recording.sensor_checks.resolution import Mask, row_noise, runs_of_e
 class FreezingSettings:
     """Which runs of equal values count as frozen.
 
-    `least_rows` at least, and `least_share` of the command's range commanded meanwhile: of a resting actuator
-    all signals rest. A signal whose noise exceeds `noise_counts` counts cannot repeat a value by chance for
-    so long. Without noise, what ends the run decides: a jump of `jump` times the usual step of a row and its
-    counts. An actuator that is jammed or stands at an end stop starts from rest.
+    `least_rows` at least, and `least_share` of the command's range commanded meanwhile, `answer` rows before
+    the run ends at least: of a resting actuator all signals rest until a command that jumps is answered. A
+    signal whose noise exceeds `noise_counts` counts cannot repeat a value by chance for so long. Without
+    noise, what ends the run decides: a jump of `jump` times the usual step of a row and its counts. An
+    actuator that is jammed or stands at an end stop starts from rest.
     """
 
     least_rows: int = 25
     least_share: float = 0.1
+    answer: int = 5
     noise_counts: float = 0.7
     jump: float = 5.0
 
@@ -45,7 +47,7 @@ def frozen_rows(values: Array, command: Array) -> Mask:
     moved = FREEZING.least_share * float(np.ptp(command))
     for start, length in zip(first[long], lengths[long], strict=True):
         end = start + length
-        if np.ptp(command[start:end]) < moved or values[start] == 0:
+        if np.ptp(command[start : end - FREEZING.answer]) < moved or values[start] == 0:
             # A signal at zero rests, or its drive is off.
             continue
         jumps = end < values.size and abs(values[end] - values[end - 1]) > least_jump

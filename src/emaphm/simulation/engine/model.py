@@ -68,6 +68,8 @@ class Form:
         From a structure to the kernel's rows, in their order.
     advance
         From a structure to the step of one actuator, as `step_loop` takes it.
+    longest_step
+        Longest integration step [s], that of the model where left out.
     """
 
     channels: tuple[str, ...]
@@ -77,6 +79,7 @@ class Form:
     state_names: Callable[[Structure], tuple[str, ...]]
     parameter_names: Callable[[Structure], tuple[str, ...]]
     advance: Callable[[Structure], Callable[..., Any]]
+    longest_step: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,12 +105,14 @@ class Model:
 
     def step_for(self, actuator: Actuator) -> float:
         """Return the longest integration step [s] for `actuator`: shorter where its shaft swings fast."""
+        form = self.forms.get(actuator.drive_kind)
+        longest = self.step if form is None or form.longest_step is None else form.longest_step
         if actuator.transmission is None:
-            return self.step
+            return longest
         m = actuator.mechanics
         reduced = m.inertia_motor * m.inertia_user / m.inertia
         swinging = LARGEST_PHASE * math.sqrt(reduced / actuator.transmission.stiffness)
-        return min(self.step, max(swinging, self.step * SHORTEST_SHARE))
+        return min(longest, max(swinging, longest * SHORTEST_SHARE))
 
     def form(self, structure: Structure) -> Form:
         """Return the form for the drive of `structure`.

@@ -23,15 +23,11 @@ def parameters(plant: Plant, step: float) -> dict[str, Array]:
     return single_winding.parameters(plant, step, pairs, squares / 2, turns)
 
 
-AVERAGED = Model(
-    "averaged",
-    5e-5,
-    {
-        **{
-            drive: single_winding.form(parameters, drive)
-            for drive in ("hysteresis", "current", "voltage", "six-step")
-        },
-        "foc": FOC_AVERAGED,
-    },
-)
+SINGLE_WINDING = {
+    drive: single_winding.form(parameters, drive)
+    for drive in ("hysteresis", "current", "voltage", "six-step")
+}
+"""The forms that have one winding, by kind of drive."""
+
+AVERAGED = Model("averaged", 5e-5, {**SINGLE_WINDING, "foc": FOC_AVERAGED})
 """The averaged model at its step of 50 µs."""

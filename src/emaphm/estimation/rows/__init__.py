@@ -1,0 +1,1 @@
+"""Which rows of a recording are compared, and in what means."""

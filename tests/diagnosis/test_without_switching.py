@@ -1,0 +1,53 @@
+"""Drives that do not switch: what deviates from the description is found, and the models' step is no bias."""
+
+import numpy as np
+import pytest
+
+from cases import covered
+from emaphm.actuator import NAMES, Actuator, Chirp, Command, Faults
+from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
+from emaphm.arrays import Array
+from emaphm.diagnosis import diagnose, error_percent
+from emaphm.recording import Recording
+from emaphm.simulated_recording import simulate
+
+DC = Actuator.dc()
+FAULTS = Faults(friction=0.3, backlash=0.4, gain=0.3)
+
+
+def recorded(actuator: Actuator, faults: Faults, command: Command, seed: int = 0) -> Recording:
+    whole = simulate(actuator, command, faults=faults, noise=0.05, adc_bits=16, load=0.1, seed=seed)
+    return Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A", "position_rad")})
+
+
+def square(t: Array) -> Array:
+    return 5e-3 * np.sign(np.sin(2 * np.pi * 4.3 * t - 0.2))
+
+
+@pytest.mark.parametrize("share", [-0.1, 0.1])
+def test_an_inertia_that_deviates_is_found(share: float) -> None:
+    inertia = lumped_parameters(DC, ("inertia",))["inertia"]
+    found = diagnose(
+        recorded(with_lumped_parameters(DC, {"inertia": (1 + share) * inertia}), FAULTS, Chirp()), DC
+    )
+    assert found.selected == ("inertia",)
+    assert found.nuisances["inertia"].value == pytest.approx(share, abs=0.01)
+    assert error_percent(FAULTS.vector, found.faults.vector) < 1
+
+
+def test_the_step_of_the_averaged_model_is_no_bias() -> None:
+    recording = recorded(DC, FAULTS, Chirp())
+    found, uncorrected = diagnose(recording, DC), diagnose(recording, DC, max_corrections=0)
+    errors = [float(error_percent(FAULTS.vector, one.faults.vector)) for one in (found, uncorrected)]
+    assert errors[0] < 0.5 * errors[1]
+    assert all(covered(FAULTS.vector, found)[NAMES.index(name)] for name in ("friction", "backlash", "gain"))
+
+
+@pytest.mark.parametrize("faults", [Faults(), FAULTS], ids=["healthy", "faulty"])
+def test_a_square_wave_is_explained(faults: Faults) -> None:
+    found = diagnose(recorded(DC, faults, square), DC)
+    assert found.explained
+    assert found.sensor_faults == ()
+    for name in ("friction", "backlash", "gain"):
+        expected = "healthy" if faults == Faults() else "degraded"
+        assert found.components[name].verdict == expected

@@ -1,0 +1,54 @@
+"""Rows that are not compared because a drive may have read its command a period earlier or later."""
+
+import numpy as np
+import pytest
+
+from emaphm.actuator import Actuator, Chirp, Command
+from emaphm.arrays import Array
+from emaphm.estimation.objective import faults_objective
+from emaphm.estimation.problem import Problem
+from emaphm.estimation.rows.after_jumps import JUMP_ROWS, rows_after_jumps
+from emaphm.recording import Recording
+from emaphm.simulated_recording import simulate
+from emaphm.simulation.engine.inputs import Sampling
+
+PMSM = Actuator.pmsm()
+
+
+def square(t: Array) -> Array:
+    return 5e-3 * np.sign(np.sin(2 * np.pi * 6.0 * t - 0.2))
+
+
+def problem(actuator: Actuator, command: Command, sampling: Sampling = "mean") -> Problem:
+    whole = simulate(actuator, command, duration=0.25, noise=0.05)
+    columns = {name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")}
+    return Problem.of(Recording(columns, sampling), actuator, channels=None)
+
+
+def test_they_follow_the_jumps_of_a_drive_with_pulse_width_modulation() -> None:
+    command = problem(PMSM, square).measured["command_rad"]
+    jumps = np.flatnonzero(np.diff(command))
+    masks = rows_after_jumps(problem(PMSM, square))
+    assert set(masks) == {"current_A", "voltage_V"}
+    for mask in masks.values():
+        assert 0 < mask.mean() < JUMP_ROWS.most
+        # Within 30 ms, in which the motor has come to the commanded place.
+        after = [row - jumps[jumps <= row].max(initial=-1000) for row in np.flatnonzero(mask)]
+        assert max(after) < 150
+
+
+@pytest.mark.parametrize(
+    ("actuator", "command", "sampling"),
+    [(PMSM, Chirp(duration=0.25), "mean"), (PMSM, square, "instant"), (Actuator.thesis(), square, "mean")],
+    ids=["smooth", "instants", "comparators"],
+)
+def test_all_rows_are_compared_of_any_other(actuator: Actuator, command: Command, sampling: Sampling) -> None:
+    assert rows_after_jumps(problem(actuator, command, sampling)) == {}
+
+
+def test_rows_that_were_not_compared_before_stay_so() -> None:
+    objective = faults_objective(problem(PMSM, square), None)
+    early, late = (np.arange(objective.problem.samples) < 10), (np.arange(objective.problem.samples) > 1200)
+    both = objective.ignoring({"current_A": early}).ignoring({"current_A": late, "voltage_V": late})
+    np.testing.assert_array_equal(both.problem.unusable["current_A"], early | late)
+    np.testing.assert_array_equal(both.problem.unusable["voltage_V"], late)
