@@ -1,7 +1,7 @@
 """From a recording to a diagnosis."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,7 +20,7 @@ from emaphm.diagnosis.selection.deviations import select_deviations
 from emaphm.diagnosis.selection.supply_scan import with_asked_supply
 from emaphm.diagnosis.verdict import VERDICT, estimates, unexplained
 from emaphm.errors import MethodError, nearest
-from emaphm.estimation.bias_correction import MAX_CORRECTIONS, with_discrepancy
+from emaphm.estimation.bias_correction import MAX_CORRECTIONS, over_all_phases, with_discrepancy
 from emaphm.estimation.methods import WITH_LEAST_SQUARES, Method, method_named
 from emaphm.estimation.nuisances import unit_of
 from emaphm.estimation.objective import MapObjective, faults_objective, faults_only_objective
@@ -32,7 +32,7 @@ from emaphm.estimation.search_result import SMALLEST_SHARE, SearchResult
 from emaphm.estimation.sensors.channel_swaps import with_channels_exchanged
 from emaphm.estimation.starts import Starts
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at
-from emaphm.estimation.uncertainty.model_error import compared_with_healthy
+from emaphm.estimation.uncertainty.model_error import HealthyComparison, compared_with_healthy
 from emaphm.progress import Progress, subprogress
 from emaphm.random_streams import stream
 from emaphm.recording import Recording, check_plausible
@@ -231,10 +231,12 @@ def conclude(
     if jacobians is None:
         jacobians = jacobians_at(objective, result.point, stream(seed, "Jacobians of the covariance"))
     moves = moves_at(objective, result.point)
-    healthy = compared_with_healthy(
-        problem, result.residual_by_channel, least_share=SMALLEST_SHARE, switching=result.switching_variances
-    )
-    reasons = reasons_against(result, jacobians, healthy, seed, moves=moves)
+    healthy, reasons = _explanation(result, jacobians, seed, moves=moves)
+    if reasons:
+        of_all_phases = over_all_phases(result, seed)
+        healthy_there, reasons_there = _explanation(of_all_phases, jacobians, seed, moves=moves)
+        if not reasons_there:
+            result, healthy, reasons = of_all_phases, healthy_there, reasons_there
     known = identifiability(replace(result, jacobians=jacobians), seed, explained=not reasons)
     components = estimates(space, result.point, known.covariance, known.collinear_sets)
     if reasons:
@@ -275,6 +277,19 @@ def conclude(
         model_error=healthy,
         reasons=reasons,
     )
+
+
+def _explanation(
+    result: SearchResult, jacobians: Array, seed: int, *, moves: bool
+) -> tuple[Mapping[str, HealthyComparison], tuple[str, ...]]:
+    """Return the residuals next to those of healthy recordings, and why they do not explain the recording."""
+    healthy = compared_with_healthy(
+        result.objective.problem,
+        result.residual_by_channel,
+        least_share=SMALLEST_SHARE,
+        switching=result.switching_variances,
+    )
+    return healthy, reasons_against(result, jacobians, healthy, seed, moves=moves)
 
 
 def moves_at(objective: MapObjective, point: Array) -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.estimation.correction_iterations import BIAS_CORRECTION, BiasCorrectionSettings, iterate
-from emaphm.estimation.discrepancy import discrepancies, has_reference, reference_problem
+from emaphm.estimation.discrepancy import discrepancies, has_reference, reference_problem, with_all_phases
 from emaphm.estimation.finite_differences import replicated_jacobians
 from emaphm.estimation.global_search.multistart import LOCAL_SEARCH, local_search, with_descents
 from emaphm.estimation.levenberg_marquardt import movable
@@ -83,6 +83,24 @@ def with_discrepancy(result: SearchResult, seed: int) -> SearchResult:
         stream(seed, "reference runs"),
     )
     return replace(result, discrepancy=known[0])
+
+
+def over_all_phases(result: SearchResult, seed: int) -> SearchResult:
+    """Return an estimate that was corrected, now by runs whose ripple has all phases.
+
+    As it is where the drive has no hysteresis, or nothing was corrected.
+    """
+    objective = result.objective
+    if result.discrepancy is None or objective.problem.actuator.drive_kind != "hysteresis":
+        return result
+    (known,) = discrepancies(
+        objective,
+        result.point[np.newaxis],
+        result.outputs[np.newaxis],
+        with_all_phases(reference_problem(objective)),
+        stream(seed, "reference runs of all phases"),
+    )
+    return replace(result, correction=known.mean, discrepancy=known)
 
 
 def compared(

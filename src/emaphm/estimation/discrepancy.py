@@ -22,6 +22,9 @@ REFERENCE_RUNS = 16
 RUN_SEPARATION = 1e-5
 """Standard deviation of the runs about a point, in coordinates: the switching differs, nothing else does."""
 
+BAND_SPREAD = 0.02
+"""Share by which the hysteresis of the runs differs where their ripple has to have all phases."""
+
 LONGEST_S = 60.0
 """Recordings up to here are compared [s]: beyond, the reference model's steps would fill a gigabyte."""
 
@@ -33,7 +36,8 @@ class Discrepancy:
     `mean` and `standard_error`, (rows,), are of several `runs` and weighted as the objective's outputs;
     `switching_variance` is the variance that chaotic switching makes of the primary channel in one run, in
     the square of its unit; `channel_variances`, (channels,), are those of all channels, each in the square of
-    its own unit.
+    its own unit. `slow_variance` is the part of the first that does not pass for noise, 0 where the runs may
+    share a phase: then it is not known.
     """
 
     mean: Array
@@ -41,6 +45,7 @@ class Discrepancy:
     switching_variance: float
     runs: int
     channel_variances: Array = field(default_factory=lambda: np.zeros(0))
+    slow_variance: float = 0.0
 
     def rescaled(self, objective: MapObjective, before: MapObjective) -> "Discrepancy":
         """Return the discrepancy as `objective` weights the rows, given as `before` does."""
@@ -50,6 +55,7 @@ class Discrepancy:
             self.switching_variance,
             self.runs,
             self.channel_variances,
+            self.slow_variance,
         )
 
 
@@ -64,6 +70,16 @@ def resolves_switching(problem: Problem) -> bool:
     Of a drive that does not switch it has a shorter step, and is no nearer to a machine.
     """
     return has_reference(problem) and problem.actuator.three_phases
+
+
+def with_all_phases(reference: Problem) -> Problem:
+    """Return the problem of the reference model whose runs have each another band of hysteresis.
+
+    On a slow and steady motion the switching is periodic: it keeps the phase that it began with, and runs
+    that hardly differ share it for ever. Their mean has a ripple then, which the recording has in another
+    phase, and their variance lacks it. With other bands, other periods, they part within some tens of them.
+    """
+    return replace(reference, band_spread=BAND_SPREAD)
 
 
 def discrepancies(
@@ -85,6 +101,11 @@ def discrepancies(
     runs = _rounded(weighted.outputs(near), objective.problem).reshape(n, repeats, -1)
     variance = runs.var(axis=1, ddof=1)
     samples, weights = objective.problem.samples, objective.problem.weights
+    slow = np.zeros(n)
+    if reference.band_spread:
+        ripple = runs[..., :samples] - runs[..., :samples].mean(axis=1, keepdims=True)
+        fast = np.mean(np.diff(ripple, 2) ** 2, axis=(1, 2)) / 6 * repeats / (repeats - 1)
+        slow = np.maximum(variance[:, :samples].mean(axis=1) - fast, 0.0)
     by_channel = variance[:, : objective.channel_rows].reshape(n, weights.size, samples).mean(axis=2)
     return [
         Discrepancy(
@@ -93,6 +114,7 @@ def discrepancies(
             float(variance[i, :samples].mean()),
             repeats,
             by_channel[i] / weights**2,
+            float(slow[i]),
         )
         for i in range(n)
     ]

@@ -38,7 +38,9 @@ class Problem:
     `temperature_rise_K` is what is known of it, above nominal. `unusable` says of channels which rows
     (samples,) are not compared. `model_error` is the learned error of the model in each row, (samples,) by
     channel; empty where the actuator has none. `counts` are the steps in which channels visibly show their
-    quantity, each in its unit; those without are left out. `runs` counts the simulations.
+    quantity, each in its unit; those without are left out. `band_spread` is the share by which the
+    hysteresis of the first and last of several runs is smaller and larger than described. `runs` counts the
+    simulations.
     """
 
     actuator: Actuator
@@ -55,6 +57,7 @@ class Problem:
     unusable: Mapping[str, Mask] = field(default_factory=dict)
     model_error: Mapping[str, Array] = field(default_factory=dict)
     counts: Mapping[str, float] = field(default_factory=dict)
+    band_spread: float = 0.0
 
     @classmethod
     def of(
@@ -188,6 +191,9 @@ class Problem:
         self, faults: ArrayLike, parameters: Mapping[str, ArrayLike] | None, channels: tuple[str, ...]
     ) -> Array:
         plant = Plant.of(self.actuator, faults, parameters)
+        if self.band_spread:
+            factors = np.linspace(1 - self.band_spread, 1 + self.band_spread, plant.count)
+            plant = replace(plant, hysteresis=plant.hysteresis * factors)
         self.runs.add(self.model, plant.count)
         exact = observe_batch(
             self.model, plant, self.inputs, self.start, channels=channels, workers=self.workers

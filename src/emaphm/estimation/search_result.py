@@ -207,8 +207,9 @@ class SearchResult:
 
     @property
     def _noise_or_switching(self) -> float:
-        switching = 0.0 if self.discrepancy is None else self.discrepancy.switching_variance
-        return max(self.noise_level**2, switching)
+        if self.discrepancy is None:
+            return self.noise_level**2
+        return max(self.noise_level**2 + self.discrepancy.slow_variance, self.discrepancy.switching_variance)
 
     @property
     def _smallest_share(self) -> float:

@@ -196,6 +196,8 @@ def _primary(result: SearchResult) -> Iterator[str]:
     if described_noise(problem.primary, problem.actuator) is None:
         # Spikes are no noise, whatever they add to its variance.
         noise = min(noise, EXPLANATION.spikes * usual**0.5)
+    if result.discrepancy is not None:
+        noise = (noise**2 + result.discrepancy.slow_variance) ** 0.5
     exceeds = not result.explained and result.residual_variance > EXPLAINED_RESIDUAL**2 * usual
     if is_explained(recorded, residual, noise, corrected=corrected) and not (corrected and exceeds):
         return

@@ -2,12 +2,14 @@
 
 from dataclasses import replace
 
+from emaphm.actuator.laws import LAWS
 from emaphm.diagnosis.selection.hidden_laws import suspected_laws, with_hidden_law
-from emaphm.diagnosis.selection.law_selection import select_laws
+from emaphm.diagnosis.selection.law_selection import acts, select_laws, without_law
 from emaphm.diagnosis.selection.nuisance_selection import select_nuisances, share_of_residual
 from emaphm.diagnosis.selection.ripple import ripple_share
 from emaphm.diagnosis.selection.sensor_lag import SENSOR_LAG, is_lag_suspected, with_sensor_lag
 from emaphm.diagnosis.selection.settings import SELECTION
+from emaphm.estimation.bias_correction import over_all_phases
 from emaphm.estimation.discrepancy import resolves_switching
 from emaphm.estimation.methods import Method
 from emaphm.estimation.search_result import SearchResult
@@ -25,18 +27,21 @@ def select_deviations(
     residual shows a law that hides. Standing, an actuator shows no law of its motion: none is tried unless it
     `moves`. Nor of a drive that does not switch: the few percent that are left of any machine are like laws.
     """
+    if not searched.explained:
+        of_all_phases = over_all_phases(searched, seed)
+        searched = of_all_phases if of_all_phases.explained else searched
     found = select_nuisances(searched, max_corrections, seed)
     result, without = found.result, (found.result, found.names, ())
     if not (moves and resolves_switching(result.objective.problem)):
         return without
     if not result.explained:
         with_laws, laws = select_laws(searched, method, max_corrections, seed)
-        if not laws:
-            return replace(result, alternatives=with_laws.alternatives), found.names, ()
-        return _with_nuisances(with_laws, laws, max_corrections, seed)
+        if laws or with_laws.explained:
+            return _with_nuisances(with_laws, laws, max_corrections, seed)
+        return replace(result, alternatives=with_laws.alternatives), found.names, ()
     if found.look.shows_lag and is_lag_suspected(result, seed):
         lagging = _with_lag(searched, result, method, max_corrections, seed)
-        if lagging is not None:
+        if lagging is not None and lagging[0].explained:
             return lagging
     return _with_hidden_laws(searched, without, method, max_corrections, seed)
 
@@ -57,16 +62,22 @@ def _with_hidden_laws(
 ) -> Selection:
     """Return the estimate with the laws whose scores show them, while they leave clearly less.
 
-    Or less, with fewer nuisances than were selected without: several make up for a small law.
+    Or less, with fewer nuisances than were selected without: several make up for a small law. A law that has
+    no effect where its parameters are 0 has one of them significant.
     """
     best, base = before, searched
     while True:
         rivals = []
         for name in suspected_laws(best[0], seed):
             with_law = with_hidden_law(base, name, method, max_corrections, seed)
+            back = without_law(with_law, base, max_corrections, seed)
+            if share_of_residual(back, best[0]) < SELECTION.likely_share:
+                # The law has led the search out of a place where it was held, and is perhaps not there.
+                base, best = back, _with_nuisances(back, best[2], max_corrections, seed)
             rival = _with_nuisances(with_law, (*best[2], name), max_corrections, seed)
             share = share_of_residual(rival[0], best[0])
-            if share < (1.0 if len(rival[1]) < len(best[1]) else SELECTION.likely_share):
+            least = 1.0 if len(rival[1]) < len(best[1]) else SELECTION.likely_share
+            if share < least and acts(rival[0], LAWS[name], seed):
                 rivals.append((share, rival, with_law))
         if not rivals:
             return best

@@ -84,11 +84,15 @@ def select_laws(
 ) -> tuple[SearchResult, tuple[str, ...]]:
     """Return the result with the laws that explain what it does not, and their names.
 
+    Without any, it may still be another than before: a law gives the search a way out of a place where it was
+    held, whether the actuator has the law or not. So the search without it is repeated from where it leads.
+
     Its alternatives are all other ends that were compared by the reference model.
     """
     names: tuple[str, ...] = ()
-    ends = [result, *result.alternatives]
-    while len(names) < LAW_SELECTION.most:
+    before = [result, *result.alternatives]
+    ends = list(before)
+    for _ in range(LAW_SELECTION.most):
         suspects = SUSPECTS if not result.explained else _second_of_friction(names)
         tried = [
             fit_with_law(result, LAWS[name], method, child_seed(seed, "law selection", name))
@@ -102,26 +106,42 @@ def select_laws(
         ends += outcomes.values()
         law = min(outcomes, key=lambda name: outcomes[name].residual_variance)
         share = LAW_SELECTION.second_share if result.explained else LAW_SELECTION.share
+        back = without_law(outcomes[law], result, max_corrections, seed)
+        if back.residual_variance < result.residual_variance:
+            ends.append(back)
+            result = back
         if outcomes[law].residual_variance > share * result.residual_variance:
             break
-        if result.explained and not _acts(outcomes[law], LAWS[law], seed):
+        if result.explained and not acts(outcomes[law], LAWS[law], seed):
             break
         result, names = refine_by_reference(outcomes[law], seed), (*names, law)
         ends.remove(outcomes[law])
         ends.append(result)
-    if len(ends) == 1 + len(result.alternatives) and not names:
+    if len(ends) == len(before):
         return result, names
     others = tuple(replace(one, alternatives=()) for one in ends if one is not result)
     return replace(result, alternatives=others), names
 
 
-def _acts(result: SearchResult, law: Law, seed: int) -> bool:
+def without_law(tried: SearchResult, before: SearchResult, max_corrections: int, seed: int) -> SearchResult:
+    """Return where the search without a law ends from the estimate `tried` with it.
+
+    By the description and the nuisances of the estimate `before`.
+    """
+    start = before.objective.space.carried_over(tried.point, tried.objective.space)
+    child = child_seed(seed, "without a law")
+    return correct_bias(before.objective, start[np.newaxis], max_corrections, child)
+
+
+def acts(result: SearchResult, law: Law, seed: int) -> bool:
     """Return whether a law has an effect at the estimate, where it has none with its parameters at 0.
 
     Any of them is then significantly different from 0. A law that always acts, whatever their values, does.
     """
     objective, point = result.objective, result.point
-    if any(lumped_parameters(objective.problem.actuator, law.parameters).values()):
+    actuator = objective.problem.actuator
+    described = tuple(name for name in law.parameters if described_parts(actuator, name) is not None)
+    if any(lumped_parameters(actuator, described).values()):
         return True
     jacobians = jacobians_at(objective, point, stream(seed, "Jacobians of a second law"))
     local = local_covariance(objective, point, result.residual[: objective.channel_rows], jacobians)
