@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from amortized.toys import THESIS, constant_estimator, with_limit
-from emaphm.actuator import Actuator, Chirp, Faults
+from emaphm.actuator import Actuator, Chirp, Faults, Ramp
 from emaphm.amortized import diagnosing
 from emaphm.amortized.diagnosing import answer_alone, diagnose_by
 from emaphm.amortized.networks.mixture import Mixture
 from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.arrays import Array
 from emaphm.diagnosis import Diagnosis, diagnose, error_percent
+from emaphm.diagnosis.explanation.one_way import REASON as ONE_WAY
 from emaphm.errors import MethodError
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
@@ -45,6 +46,19 @@ def test_the_answer_alone_is_the_networks(recording: Recording) -> None:
     assert values.keys() >= diagnose(recording, THESIS, max_corrections=0).to_dict().keys()
     low, high = values["posterior"]["faults"]["gain"]["interval95"]
     assert 0.6 - 0.024 < low < 0.6 - 0.016 < 0.6 + 0.016 < high < 0.6 + 0.024
+
+
+def test_the_answer_alone_names_no_friction_where_the_manoeuvre_goes_one_way() -> None:
+    ramp, truth = Ramp(0.1), Faults(friction=0.4, short_b=0.2)
+    setup = RecordingSetup.of(THESIS, ramp, duration=0.25)
+    whole = simulate(THESIS, ramp, duration=0.25, faults=truth, noise=0.05, adc_bits=12)
+    recording = Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")})
+    sure = constant_estimator(setup, setup.space.points(truth.vector), 0.01)
+    found = diagnose_by(sure, recording, THESIS, fast=True)
+    assert found.method == "estimator"
+    assert found.components["short_b"].verdict == "degraded"
+    assert found.components["friction"].verdict == "cannot tell"
+    assert found.components["friction"].reason == ONE_WAY
 
 
 def test_the_answer_alone_is_had_without_a_search(recording: Recording) -> None:

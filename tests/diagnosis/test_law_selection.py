@@ -13,7 +13,14 @@ from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.diagnosis import Diagnosis, diagnose, error_percent
 from emaphm.diagnosis.selection import first_look, law_selection, sensor_lag
-from emaphm.diagnosis.selection.law_selection import ONLY_WHILE_SWITCHING, SUSPECTS, select_laws, with_law
+from emaphm.diagnosis.selection.law_selection import (
+    ONLY_WHILE_SWITCHING,
+    SUSPECTS,
+    acts,
+    select_laws,
+    with_law,
+    without_law,
+)
 from emaphm.diagnosis.selection.settings import SENSOR_SELECTION
 from emaphm.diagnosis.verdict import NOT_EXPLAINED
 from emaphm.estimation.bias_correction import with_discrepancy
@@ -104,6 +111,26 @@ def test_a_lag_of_the_speed_feedback_is_no_backlash(monkeypatch: pytest.MonkeyPa
     assert found.components["backlash"].verdict == "healthy"
     ratio = found.nuisances["baseline speed_lag"]
     assert abs(ratio.value - np.log(6e-4 / 5e-4)) <= 4 * ratio.standard_error
+
+
+def test_a_law_that_is_not_there_leads_back_to_the_description(at_the_truth: SearchResult) -> None:
+    objective, truth = at_the_truth.objective, at_the_truth.point
+    held = with_discrepancy(SearchResult.at(objective, objective.space.project(truth + 0.1)), seed=0)
+    cogging = with_law(objective, LAWS["cogging"])
+    near = cogging.space.carried_over(truth, objective.space)
+    tried = with_discrepancy(SearchResult.at(cogging, near), seed=0)
+    assert not acts(tried, LAWS["cogging"], seed=0)
+    back = without_law(tried, held, 2, seed=0)
+    assert back.objective.space.coordinates == objective.space.coordinates
+    assert back.explained
+    assert back.residual_variance < 0.5 * held.residual_variance
+
+
+def test_a_law_with_an_amplitude_acts(at_the_truth: SearchResult) -> None:
+    cogging = with_law(at_the_truth.objective, LAWS["cogging"])
+    point = cogging.space.carried_over(at_the_truth.point, at_the_truth.objective.space)
+    point[-1] += 1.0  # a standard deviation of its prior
+    assert acts(with_discrepancy(SearchResult.at(cogging, point), seed=0), LAWS["cogging"], seed=0)
 
 
 def test_where_the_residual_is_noise_no_law_is_tried(at_the_truth: SearchResult) -> None:

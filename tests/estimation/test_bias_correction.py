@@ -6,14 +6,22 @@ import numpy as np
 import pytest
 
 from cases import HEALTHY, THESIS, drawn, reference_recordings
-from emaphm.actuator import NAMES
+from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.arrays import Array
 from emaphm.diagnosis import diagnose, error_percent
-from emaphm.estimation.bias_correction import MAX_CORRECTIONS, correct_bias, with_discrepancy
+from emaphm.estimation.bias_correction import (
+    MAX_CORRECTIONS,
+    correct_bias,
+    over_all_phases,
+    with_discrepancy,
+)
+from emaphm.estimation.noise_level import noise_level
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.problem import Problem
-from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
+from emaphm.recording import Recording
+from emaphm.simulated_recording import simulate
 
 FAULTS = drawn(2, seed=7)
 BRIEF = 0.25
@@ -119,3 +127,31 @@ def test_an_actuator_that_moves_is_not() -> None:
     found = diagnose(reference_recordings(FAULTS[:1])[0], THESIS, max_corrections=0)
     assert found.moves
     assert "does NOT move" not in str(found)
+
+
+def test_on_a_slow_and_steady_motion_the_runs_of_all_phases_have_the_ripple_as_variance() -> None:
+    faults = Faults(backlash=0.54, eccentricity=0.17, gain=0.48)
+
+    def triangle(t: Array) -> Array:
+        return 6e-3 * 2 / np.pi * np.arcsin(np.sin(2 * np.pi * 2.4 * t))
+
+    whole = simulate(THESIS, triangle, faults=faults, noise=0.05, adc_bits=12, load=-0.14)
+    recording = Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A", "load_Nm")})
+    fit = MapObjective.of(Problem.of(recording, THESIS), ParameterSpace.of(THESIS))
+    shared = at(fit, faults.vector)
+    other = over_all_phases(shared, seed=0)
+    assert shared.discrepancy is not None
+    assert other.discrepancy is not None
+    # A mean that keeps a ripple has one that the recording has elsewhere.
+    assert noise_level(other.discrepancy.mean) < 0.8 * noise_level(shared.discrepancy.mean)
+    assert other.discrepancy.slow_variance > 0.0 == shared.discrepancy.slow_variance
+    assert other.normalised_residual <= EXPLAINED_RESIDUAL
+
+
+def test_a_drive_without_hysteresis_has_no_other_phases() -> None:
+    pmsm = Actuator.pmsm()
+    whole = simulate(pmsm, lambda t: 5e-3 * np.sin(20 * t), duration=0.1)
+    problem = Problem.of(Recording({n: whole[n] for n in ("time_s", "command_rad", "current_A")}), pmsm)
+    fit = MapObjective.of(problem, ParameterSpace.of(pmsm))
+    there = at(fit, HEALTHY)
+    assert over_all_phases(there, seed=0) is there

@@ -19,6 +19,7 @@ from emaphm.amortized.other_explanations import other_explanations
 from emaphm.blas_threads import one_blas_thread
 from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.diagnosis.diagnose import moves_at, nuisance_estimates
+from emaphm.diagnosis.explanation.one_way import undecided_where_one_way
 from emaphm.diagnosis.explanation.reasons import reasons_against
 from emaphm.diagnosis.result import ESTIMATOR
 from emaphm.diagnosis.verdict import estimates
@@ -208,7 +209,7 @@ class _Answer:
         samples = self.mixture.inside(space, SAMPLES, stream(seed, "samples of the answer"))
         averaged, reference = problem.runs.of(problem.model)
         return Diagnosis(
-            components=estimates(space, point, covariance),
+            components=undecided_where_one_way(estimates(space, point, covariance), self.result),
             coordinates=space.coordinates,
             covariance=covariance,
             method=ESTIMATOR,

@@ -117,7 +117,6 @@ def diagnose(
     recording, exchanged = with_channels_exchanged(sensors.recording, actuator, model_named(model))
     objective = objective_for(recording, actuator, chosen, model_named(model), nuisances, workers)
     objective = objective.ignoring(masks_of_means(sensors.unusable, objective.problem))
-    objective = objective.ignoring(rows_after_jumps(objective.problem))
     if posterior:
         from emaphm.estimation.posterior.mcmc import check_posterior
 
@@ -184,7 +183,7 @@ def objective_for(
 
     With least squares, the residual of every channel, with faults and nuisances as parameters; without, that
     of the current, with the faults alone, in [0, 1]. Without `below_healthy`, least squares also leave out a
-    friction below healthy.
+    friction below healthy. They compare no rows right after a jump of the command, where its moment counts.
 
     Raises
     ------
@@ -195,7 +194,9 @@ def objective_for(
     problem = Problem.of(recording, actuator, model, workers, None if method.least_squares else ())
     _check_current(problem, recording)
     if method.least_squares:
-        return faults_objective(over_swings(problem), nuisances, below_healthy=below_healthy)
+        problem = over_swings(problem)
+        objective = faults_objective(problem, nuisances, below_healthy=below_healthy)
+        return objective.ignoring(rows_after_jumps(problem))
     if nuisances:
         raise MethodError(
             f"method '{method.name}' estimates faults alone; leave out nuisance '{nuisances[0]}', or use "
@@ -226,17 +227,17 @@ def conclude(
 ) -> Diagnosis:
     """Return the diagnosis at `result`; its counts and time are still to be filled in."""
     objective, problem, space = result.objective, result.objective.problem, result.objective.space
-    residual = result.fitted_residual[: problem.samples]
     jacobians = result.jacobians
     if jacobians is None:
         jacobians = jacobians_at(objective, result.point, stream(seed, "Jacobians of the covariance"))
     moves = moves_at(objective, result.point)
     healthy, reasons = _explanation(result, jacobians, seed, moves=moves)
-    if reasons:
-        of_all_phases = over_all_phases(result, seed)
+    of_all_phases = over_all_phases(result, seed) if reasons else result
+    if of_all_phases is not result:
         healthy_there, reasons_there = _explanation(of_all_phases, jacobians, seed, moves=moves)
         if not reasons_there:
             result, healthy, reasons = of_all_phases, healthy_there, reasons_there
+    residual = result.fitted_residual[: problem.samples]
     known = identifiability(replace(result, jacobians=jacobians), seed, explained=not reasons)
     components = estimates(space, result.point, known.covariance, known.collinear_sets)
     if reasons:

@@ -63,7 +63,7 @@ class Posterior:
             (low, high), (least, most) = self.interval95[name], intervals[name]
             lines.append(
                 f"{name}: credible interval {low:.4f} to {high:.4f} (median {self.median[name]:.4f}), "
-                f"normal approximation {least:.4f} to {most:.4f}"
+                f"in the table {least:.4f} to {most:.4f}"
                 + (", if there is an eccentricity at all." if self._directionless(name) else ".")
             )
         return lines
