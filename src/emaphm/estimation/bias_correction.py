@@ -91,7 +91,7 @@ def over_all_phases(result: SearchResult, seed: int) -> SearchResult:
     As it is where the drive has no hysteresis, or nothing was corrected.
     """
     objective = result.objective
-    if result.discrepancy is None or objective.problem.actuator.drive_kind != "hysteresis":
+    if objective.problem.actuator.drive_kind != "hysteresis" or not result.correction.any():
         return result
     (known,) = discrepancies(
         objective,
