@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from emaphm.arrays import Array
+from emaphm.estimation.noise_level import noise_level
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.sensors.counts import in_counts
@@ -101,11 +102,6 @@ def discrepancies(
     runs = _rounded(weighted.outputs(near), objective.problem).reshape(n, repeats, -1)
     variance = runs.var(axis=1, ddof=1)
     samples, weights = objective.problem.samples, objective.problem.weights
-    slow = np.zeros(n)
-    if reference.band_spread:
-        ripple = runs[..., :samples] - runs[..., :samples].mean(axis=1, keepdims=True)
-        fast = np.mean(np.diff(ripple, 2) ** 2, axis=(1, 2)) / 6 * repeats / (repeats - 1)
-        slow = np.maximum(variance[:, :samples].mean(axis=1) - fast, 0.0)
     by_channel = variance[:, : objective.channel_rows].reshape(n, weights.size, samples).mean(axis=2)
     return [
         Discrepancy(
@@ -114,10 +110,18 @@ def discrepancies(
             float(variance[i, :samples].mean()),
             repeats,
             by_channel[i] / weights**2,
-            float(slow[i]),
+            _slow_variance(runs[i, :, :samples]) if reference.band_spread else 0.0,
         )
         for i in range(n)
     ]
+
+
+def _slow_variance(runs: Array) -> float:
+    """Return the part of the variance between `runs` (n, samples) that does not pass for noise."""
+    ripple = runs - runs.mean(axis=0)
+    fast = float(np.mean([noise_level(one) ** 2 for one in ripple]))
+    unbiased = len(runs) / (len(runs) - 1)
+    return max(unbiased * (float(np.mean(ripple**2)) - fast), 0.0)
 
 
 def _rounded(outputs: Array, problem: Problem) -> Array:

@@ -27,14 +27,17 @@ def robust_noise_level(values: Array, order: int) -> float:
     return float(np.median(np.abs(differences))) / (NORMAL_QUARTILE * math.sqrt(math.comb(2 * order, order)))
 
 
-def quiet_noise_level(values: Array, interval: float) -> float:
-    """Return the rms of the noise on most of the rows `values` (n,), `interval` [s] apart; inf of dense rows.
+def noise_on_most_rows(values: Array) -> float:
+    """Return the rms of the noise on most of the rows `values` (n,).
 
     By second or fourth differences, whichever shows less: jumps are in some rows, noise is in all.
     """
-    if interval <= SLOW_ROWS_S:
-        return math.inf
     return min(robust_noise_level(values, 2), robust_noise_level(values, 4))
+
+
+def quiet_noise_level(values: Array, interval: float) -> float:
+    """Return the noise on most of the rows `values` (n,), `interval` [s] apart; inf of dense rows."""
+    return math.inf if interval <= SLOW_ROWS_S else noise_on_most_rows(values)
 
 
 def smallest_step(values: Array, same: float) -> float:

@@ -10,7 +10,7 @@ POINTS = 16
 """Points that the mean over a row is taken from."""
 
 POINTS_AT_JUMPS = 1024
-"""Points in a row in which the signal jumps: it tells when that is to a thousandth of the interval."""
+"""Points in a row in which the signal jumps: its mean places the jump to a thousandth of the interval."""
 
 JUMP = 0.5
 """Share of a row's range within one point's distance from which on it jumps; a curve has 1/8 at most."""

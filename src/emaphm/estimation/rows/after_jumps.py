@@ -13,7 +13,7 @@ from emaphm.actuator import Command, Faults
 from emaphm.arrays import Array
 from emaphm.estimation.problem import Problem, rms
 from emaphm.recording.jumps import Jumps
-from emaphm.recording.noise import robust_noise_level
+from emaphm.recording.noise import noise_on_most_rows
 from emaphm.recording.sensor_checks.resolution import Mask
 
 
@@ -50,7 +50,7 @@ def rows_after_jumps(problem: Problem) -> dict[str, Mask]:
     masks = {}
     for name, change in zip(problem.channels, np.abs(later - earlier), strict=True):
         values = problem.measured[name]
-        noise = min(robust_noise_level(values, order) for order in (2, 4))
+        noise = noise_on_most_rows(values)
         least = max(
             JUMP_ROWS.noise * max(noise, problem.counts.get(name, 0.0)), JUMP_ROWS.share * rms(values)
         )
