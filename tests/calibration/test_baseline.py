@@ -197,7 +197,7 @@ def test_what_is_known_well_enough_takes_no_time() -> None:
 
 
 def test_what_is_not_known_at_all_is_no_wider_than_a_description() -> None:
-    one = ParameterVariation.of_baseline(with_baseline({"resistance": 3.4}))
+    one = ParameterVariation.of_unit(with_baseline({"resistance": 3.4}))
     assert np.exp(one.priors[0]) == pytest.approx(START_FACTOR)
 
 
@@ -272,7 +272,7 @@ def test_a_calibrated_unit_is_diagnosed_where_its_description_misleads(
 
 def test_deviations_are_reported_in_text_and_json(diagnosed: Diagnosis) -> None:
     text = str(diagnosed)
-    assert "Deviation from the calibrated baseline (relative, if without a unit): inertia " in text
+    assert "Deviation of the unit from its description (relative, if without a unit): inertia " in text
     names = [BASELINE + name for name in FREE]
     nuisances = diagnosed.to_dict()["nuisances"]
     assert list(nuisances) == ["load", "temperature", *names]

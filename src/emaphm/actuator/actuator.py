@@ -22,6 +22,7 @@ from emaphm.actuator.parameters import (
 from emaphm.actuator.reading import Reading
 from emaphm.actuator.requirements import MOST_REQUIREMENTS, Requirement
 from emaphm.actuator.sensors import Sensors
+from emaphm.actuator.tolerances import Tolerances
 from emaphm.actuator.toml import validation_message, write_toml
 from emaphm.errors import ActuatorError
 from emaphm.input_files import read_toml
@@ -35,8 +36,9 @@ class Actuator(Section):
 
     Frozen and validated. SI units; with ``coordinates = "linear"`` the same fields hold m and N
     where they name rad and N·m. Without `electrical` the current loop is ideal. `friction`, `transmission`,
-    `weight` and `ripple` hold optional laws. `baseline` and `model_error` are what a calibration of the
-    healthy unit has learned: how well its parameters are known, and how wrong the model is all the same.
+    `weight` and `ripple` hold optional laws. `tolerances` say how far the parameters
+    may be off. `baseline` and `model_error` are what a calibration of the healthy unit has learned: how well
+    its parameters are known, and how wrong the model is all the same.
 
     Source: thesis Tab. 3.1 for the structure and for `Actuator.thesis`; `Actuator.pmsm` and `Actuator.dc`
     have other motors and drives.
@@ -60,6 +62,7 @@ class Actuator(Section):
     channels: Channels = Channels()
     reading: Reading = Reading()
     sensors: Sensors = Sensors()
+    tolerances: Tolerances | None = None
     baseline: Baseline | None = None
     model_error: ModelError = NOT_LEARNED
     requirements: tuple[Requirement, ...] = Field(
@@ -92,15 +95,16 @@ class Actuator(Section):
         return self
 
     @model_validator(mode="after")
-    def _baseline_of_what_is_described(self) -> Self:
-        for name in self.baseline.names if self.baseline else ():
+    def _deviations_of_what_is_described(self) -> Self:
+        deviating = [("baseline.names", name) for name in self.baseline.names] if self.baseline else []
+        deviating += [("tolerances", name) for name in self.tolerances.names] if self.tolerances else []
+        for key, name in deviating:
             values = described_parts(self, name)
             if values is None:
-                raise ValueError(f"'baseline.names': '{name}' needs [{PARTS[name][0]}] with it; add it")
+                raise ValueError(f"'{key}': '{name}' needs [{PARTS[name][0]}] with it; add it")
             if name not in SIGNED and not sum(values) > 0:
                 raise ValueError(
-                    f"'baseline.names': '{name}' is 0 in [{PARTS[name][0]}]: nothing is relative to it; "
-                    "leave it out"
+                    f"'{key}': '{name}' is 0 in [{PARTS[name][0]}]: nothing is relative to it; leave it out"
                 )
         return self
 

@@ -73,7 +73,9 @@ def calibrate(
         The description to start from; its values need only be right within a factor of 3 or so. A baseline
         of its own is replaced by that of these recordings.
     free
-        Names from `emaphm.actuator.baseline.LUMPED_PARAMETERS`; the others keep their values.
+        Names from `emaphm.actuator.baseline.LUMPED_PARAMETERS`; the others keep their values, but for those
+        with a tolerance (`emaphm.actuator.tolerances`): these are free too in closed loop, about the
+        description.
         Static friction keeps its ratio to dynamic friction unless it is free itself. Where laws are
         asked for, it may be left out: the usual ones that the recordings identify.
     laws
@@ -108,7 +110,9 @@ def calibrate(
     names = None if free is None else tuple(dict.fromkeys(free))
     bare = actuator.model_copy(update={"baseline": None, "model_error": NOT_LEARNED})
     _check(rows, bare, names, nuisances)
-    settings = FitSettings(nuisances, max_corrections, seed, workers)
+    tolerances = actuator.tolerances
+    known = {name: tolerances.deviation(name) for name in tolerances.names} if tolerances else {}
+    settings = FitSettings(nuisances, max_corrections, seed, workers, known=known)
     choice = chosen_loop(loop, rows, bare, names or ())
     if choice.loop == "measured":
         try:
@@ -224,7 +228,9 @@ def _result(
     baseline = Baseline.of(
         fit.free, np.outer(size, size) * fit.covariance, tuple(row.recording.source for row in rows)
     )
-    known = calibrated.model_copy(update={"baseline": baseline})
+    # A data sheet's tolerances are about its own values, not about what was found.
+    tolerances = calibrated.tolerances and calibrated.tolerances.without(fit.free)
+    known = calibrated.model_copy(update={"baseline": baseline, "tolerances": tolerances})
     parameters = {**found_parameters(fit, values, rows, actuator), **scanned}
     problems = [term.objective.problem for term in fit.joint.terms]
     return Calibration(

@@ -88,7 +88,8 @@ def described_with_laws(
         raise MethodError(
             f"no parameter to calibrate; name some of {', '.join(LUMPED_PARAMETERS)}, or laws to add"
         )
-    names = _usual(rows, actuator, settings) if free is None else tuple(dict.fromkeys(free))
+    names = _usual(rows, actuator, settings) if free is None else tuple(free)
+    names = tuple(dict.fromkeys((*names, *_toleranced(rows, actuator, settings))))
     if not names and not asked:
         raise MethodError(f"no parameter to calibrate; name some of {', '.join(LUMPED_PARAMETERS)}")
     of_laws = {name for law in asked for name in law.parameters}
@@ -132,12 +133,23 @@ def _selected(
     return Description(choice.actuator, every, choice.laws, choice.start, choice.trials)
 
 
-def _usual(rows: Sequence[CampaignRow], actuator: Actuator, settings: FitSettings) -> tuple[str, ...]:
-    """Return the usual parameters that the description has and the recordings identify."""
+def _settled(rows: Sequence[CampaignRow], actuator: Actuator, settings: FitSettings) -> set[str]:
+    """Return the parameters that are not estimated of all recordings: known of some, or each one's own."""
     known = {name for row in rows for name in (*row.known, *row.free)}
     estimated = actuator.nuisances.estimated if settings.nuisances is None else settings.nuisances
-    # What is a nuisance of each recording is not estimated of all.
-    taken = known | {SAME_PARAMETER[name] for name in estimated if name in SAME_PARAMETER}
+    return known | {SAME_PARAMETER[name] for name in estimated if name in SAME_PARAMETER}
+
+
+def _toleranced(rows: Sequence[CampaignRow], actuator: Actuator, settings: FitSettings) -> tuple[str, ...]:
+    """Return the parameters whose tolerance is stated: taken as exact, they would falsify the others."""
+    settled = _settled(rows, actuator, settings)
+    names = actuator.tolerances.names if actuator.tolerances else ()
+    return tuple(name for name in names if name not in settled)
+
+
+def _usual(rows: Sequence[CampaignRow], actuator: Actuator, settings: FitSettings) -> tuple[str, ...]:
+    """Return the usual parameters that the description has and the recordings identify."""
+    taken = _settled(rows, actuator, settings)
     names = tuple(
         name
         for name in (*MECHANICS, *FURTHER)

@@ -42,6 +42,11 @@ class FitSettings:
     every_row: bool = False
     known: Mapping[str, float] = field(default_factory=dict)
 
+    @property
+    def unknown_constant(self) -> float:
+        """Standard deviation, by the logarithm, of a torque constant that the recordings do not show."""
+        return self.known.get("torque_constant", math.log(WIDEST_FACTOR))
+
     def variation(self, actuator: Actuator, names: tuple[str, ...]) -> ParameterVariation:
         """Return the parameters `names` as coordinates of their own."""
         return ParameterVariation.free(actuator, names).known_to(self.known)
@@ -169,7 +174,7 @@ def fit_unit(
 
     def unresolved(r: int, point: Array) -> Array:
         described = estimate.joint.terms[r].objective.problem.actuator
-        scale = math.log(WIDEST_FACTOR) * common_factor(described, unit.parameters, point)
+        scale = settings.unknown_constant * common_factor(described, unit.parameters, point)
         return open_scales[r] * np.outer(scale, scale)
 
     uncertainty = joint_uncertainty(estimate, settings.seed, unresolved)
@@ -184,7 +189,7 @@ def fit_unit(
     chosen = np.array([[float(name == other) for other in fitted] for name in free]).reshape(len(free), -1)
     full = chosen @ deviations
     # The torque constant was not fitted where the recordings have information only on ratios to it.
-    unknown = 0.0 if fitted == free else math.log(WIDEST_FACTOR)
+    unknown = 0.0 if fitted == free else settings.unknown_constant
     scale = unknown * common_factor(actuator, free, full)
     return UnitFit(
         free,

@@ -90,7 +90,8 @@ def collinear_sets(result: SearchResult, covariance: Array, seed: int) -> tuple[
 def _parameter_name(coordinate: str) -> str:
     """Return what a coordinate belongs to: the eccentricity has two of them, the baseline several."""
     if coordinate.startswith(BASELINE):
-        return "the baseline"
+        name = coordinate.removeprefix(BASELINE)
+        return "the baseline" if name.isdigit() else f"the unit's {name}"
     return coordinate.removesuffix("_x").removesuffix("_y")
 
 

@@ -54,7 +54,7 @@ def notes(
     explained: bool,
     reasons: Sequence[str] = (),
 ) -> list[str]:
-    """Return lines on motion, residual, nuisances, collinear sets and the unit's baseline.
+    """Return lines on motion, residual, nuisances, collinear sets and the unit's deviations.
 
     The arguments are those fields of `Diagnosis`.
     """
@@ -88,5 +88,5 @@ def notes(
         )
     if unit:
         values = ", ".join(f"{name.removeprefix(BASELINE)} {e}" for name, e in unit.items())
-        lines.append(f"Deviation from the calibrated baseline (relative, if without a unit): {values}.")
+        lines.append(f"Deviation of the unit from its description (relative, if without a unit): {values}.")
     return lines

@@ -48,7 +48,7 @@ USUAL_ZERO = 2e-3
 """Standard deviation of a sensor's zero, and of its drift, relative to the range that it measures."""
 
 BASELINE = "baseline "
-"""What the name of a parameter's deviation from its baseline begins with."""
+"""What the name of a parameter's deviation from its described value begins with."""
 
 NAMES = tuple(name for name in Nuisances.model_fields if name != "estimated")
 
@@ -98,8 +98,9 @@ class NuisanceSet:
     ) -> Self:
         """Return the named nuisances, or the actuator's own, less what `channels` make known.
 
-        And the deviations of the `unit` from the description: as the actuator's baseline has them where
-        left out. Those that are `located` have their values and deviations in place of nominal and prior.
+        And the deviations of the `unit` from the description: as the actuator's baseline and tolerances have
+        them where left out. Those that are `located` have their values and deviations in place of nominal
+        and prior.
 
         Raises
         ------
@@ -122,12 +123,12 @@ class NuisanceSet:
         priors = np.full(len(kept), 1 / PRIORS_PER_UNIT)
         meaning = np.diag([PRIORS_PER_UNIT * one for one in deviations])
         alone = cls(kept, priors, WIDEST * priors, kept, meaning, (), known)
-        return alone.with_unit(unit or ParameterVariation.of_baseline(actuator))
+        return alone.with_unit(unit or ParameterVariation.of_unit(actuator))
 
     def with_unit(self, unit: ParameterVariation) -> Self:
         """Return the same chosen nuisances with other deviations of the unit."""
         chosen, count = self.chosen, len(self.chosen)
-        axes = tuple(f"{BASELINE}{i}" for i in range(1, unit.priors.size + 1))
+        axes = tuple(BASELINE + name for name in unit.coordinates)
         meaning = np.zeros((count + len(unit.parameters), count + len(axes)))
         meaning[:count, :count] = self.meaning[:count, :count]
         meaning[count:, count:] = unit.axes

@@ -1,4 +1,4 @@
-"""How the physical parameters of one unit may deviate from its description: free, or as its baseline says.
+"""How the physical parameters of one unit may deviate from its description: free, or as far as that is known.
 
 A deviation is relative (of the logarithm) for what is positive, in its own unit for a constant load.
 """
@@ -14,6 +14,7 @@ from emaphm.actuator import Actuator
 from emaphm.actuator.baseline import SIGNED
 from emaphm.actuator.lumped_parameters import LUMPED_PARAMETERS, lumped_parameters
 from emaphm.actuator.quantity import unit_for
+from emaphm.actuator.tolerances import Tolerances
 from emaphm.arrays import Array
 from emaphm.errors import MethodError
 
@@ -48,6 +49,16 @@ class ParameterVariation:
     axes: Array
     priors: Array
     widest: Array
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names, (q,): of a coordinate that alone varies one parameter, and only it, its name; else a number."""
+        acting = self.axes != 0
+        alone = acting & (acting.sum(axis=0) == 1) & (acting.sum(axis=1, keepdims=True) == 1)
+        return tuple(
+            self.parameters[int(column.argmax())] if column.any() else str(i)
+            for i, column in enumerate(alone.T, 1)
+        )
 
     @classmethod
     def free(cls, actuator: Actuator, names: tuple[str, ...]) -> Self:
@@ -92,7 +103,21 @@ class ParameterVariation:
         )
 
     @classmethod
-    def of_baseline(cls, actuator: Actuator) -> Self:
+    def of_unit(cls, actuator: Actuator) -> Self:
+        """Return what is left open of the unit: by its baseline, and by the tolerances of all others."""
+        calibrated = () if actuator.baseline is None else actuator.baseline.names
+        toleranced = actuator.tolerances and actuator.tolerances.without(calibrated)
+        variation = cls._of_baseline(actuator)
+        return variation.combined_with(cls._of_tolerances(actuator, toleranced)) if toleranced else variation
+
+    @classmethod
+    def _of_tolerances(cls, actuator: Actuator, tolerances: Tolerances) -> Self:
+        """Return the parameters that have tolerances as coordinates of their own."""
+        deviations = {name: tolerances.deviation(name) for name in tolerances.names}
+        return cls.free(actuator, tolerances.names).known_to(deviations)
+
+    @classmethod
+    def _of_baseline(cls, actuator: Actuator) -> Self:
         """Return the principal axes of the actuator's baseline, less those that are known exactly enough."""
         if actuator.baseline is None:
             return cls((), np.zeros((0, 0)), np.zeros(0), np.zeros(0))

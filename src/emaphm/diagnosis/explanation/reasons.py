@@ -1,5 +1,6 @@
 """When an estimate explains a recording, and if not, why: in every channel, and with plausible nuisances."""
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
@@ -10,7 +11,7 @@ from emaphm.diagnosis.explanation.known_values import contradicted_values
 from emaphm.diagnosis.explanation.recorded_noise import rounding_step, usual_noise, usual_variance
 from emaphm.diagnosis.explanation.sensor_scores import contradictions
 from emaphm.estimation.discrepancy import resolves_switching
-from emaphm.estimation.nuisances import has_stated_prior, unit_of, usual_deviation
+from emaphm.estimation.nuisances import BASELINE, has_stated_prior, unit_of, usual_deviation
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.problem import Problem, comparable_channels, rms
 from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
@@ -91,8 +92,8 @@ def reasons_against(
        of healthy recordings is enough. Of the primary channel it is asked in place of 1, and of any channel
        where the reference model has not corrected the estimate.
     3. The model resembles every channel: r² ≤ u y² + q²/12 + s². Not asked of an actuator at rest.
-    4. No nuisance is farther off than its stated prior allows. The error of a sensor may be: it is reported
-       as a fault of that sensor.
+    4. No nuisance is farther off than its stated prior allows, and no parameter than its tolerance. The error
+       of a sensor may be: it is reported as a fault of that sensor.
     5. The residual shows no sensor that comes late, nor one of another scale or zero, beyond what the faults
        take up (`emaphm.diagnosis.explanation.sensor_scores`).
     6. No recorded load or temperature is contradicted (`emaphm.diagnosis.explanation.known_values`).
@@ -123,6 +124,7 @@ def reasons_against(
         *(_unlike_healthy(primary, healthy) if primary in healthy else _primary(result)),
         *_channels(result, healthy, moves=moves),
         *_nuisances(result),
+        *_tolerances(result),
         *_scales(result),
         *_phases(result),
         *(_standing(result) if moves else ()),
@@ -288,6 +290,25 @@ def _nuisances(result: SearchResult) -> Iterator[str]:
             yield (
                 f"{name}: the estimate of {values[0]:+.3g} {unit} is {deviations:.1f} standard deviations of "
                 f"its prior ({prior:g} {unit}) off; the description or a channel's scale may be wrong"
+            )
+
+
+def _tolerances(result: SearchResult) -> Iterator[str]:
+    space, actuator = result.objective.space, result.objective.problem.actuator
+    tolerances = actuator.tolerances
+    if tolerances is None:
+        return
+    calibrated = actuator.baseline.names if actuator.baseline else ()
+    values = space.nuisance_values(result.point[np.newaxis])
+    for name in tolerances.names:
+        if name in calibrated or BASELINE + name not in values:
+            continue
+        found = float(values[BASELINE + name][0])
+        if abs(found) > EXPLANATION.prior_deviations * tolerances.deviation(name):
+            yield (
+                f"{name}: the estimate is {100 * math.expm1(found):+.3g} % off the description, more than "
+                f"its tolerance of ± {100 * getattr(tolerances, name):.3g} % accounts for; the description "
+                "or a channel's scale may be wrong"
             )
 
 
