@@ -52,7 +52,7 @@ class ParameterVariation:
 
     @property
     def coordinates(self) -> tuple[str, ...]:
-        """Names, (q,): of a coordinate that alone varies one parameter, and only it, its name; else a number."""
+        """Names, (q,): the parameter's where a coordinate alone varies it, and nothing else; else numbers."""
         acting = self.axes != 0
         alone = acting & (acting.sum(axis=0) == 1) & (acting.sum(axis=1, keepdims=True) == 1)
         return tuple(
