@@ -193,7 +193,7 @@ def test_what_is_known_well_enough_takes_no_time() -> None:
     known = with_baseline({"inertia": 0.9 * LEAST_DEVIATION, "coulomb": 0.5 * LEAST_DEVIATION})
     assert NuisanceSet.of(known, (), ()).names == ()
     half = NuisanceSet.of(with_baseline({"inertia": 0.02, "coulomb": 0.5 * LEAST_DEVIATION}), (), ())
-    assert half.names == ("baseline 1",)
+    assert half.names == ("baseline inertia",)
 
 
 def test_what_is_not_known_at_all_is_no_wider_than_a_description() -> None:
@@ -252,7 +252,7 @@ def test_friction_is_known_no_better_than_its_baseline() -> None:
     # One number for two collinear parameters.
     covariance = loose.covariance[np.ix_([0, -1], [0, -1])]
     assert abs(covariance[0, 1]) / np.sqrt(covariance[0, 0] * covariance[1, 1]) > 0.95
-    assert loose.coordinates[-1] == "baseline 1"
+    assert loose.coordinates[-1] == "baseline coulomb"
 
 
 def test_a_calibrated_unit_is_diagnosed_where_its_description_misleads(

@@ -381,7 +381,7 @@ def test_several_recordings_make_the_baseline_of_later_diagnoses(emaphm: Emaphm,
         emaphm, "diagnose", "monday.csv", "--actuator", "unit.toml", "--nuisance", "none", "--no-correction"
     )
     assert list(found["nuisances"]) == ["baseline coulomb"]
-    assert found["covariance"]["coordinates"][-1] == "baseline 1"
+    assert found["covariance"]["coordinates"][-1] == "baseline coulomb"
 
 
 def test_a_campaign_says_what_is_known_of_each_recording(emaphm: Emaphm, desk: Path) -> None:

@@ -34,7 +34,7 @@ def test_faults_and_baseline_are_shared_and_nuisances_are_each_recordings_own() 
     assert joint.box.lower.size == point.size
     for r, term in enumerate(terms):
         local = dict(zip(term.objective.space.coordinates, joint.local(r, point), strict=True))
-        assert [local["friction"], local["gain"], local["baseline 1"]] == [0.3, 0.4, 0.1]
+        assert [local["friction"], local["gain"], local["baseline inertia"]] == [0.3, 0.4, 0.1]
         np.testing.assert_array_equal(joint.local(r, point)[term.shared_places], point[:9])
     assert [joint.local(0, point)[8], joint.local(0, point)[9], joint.local(1, point)[8]] == [0.1, -0.1, 0.2]
 

@@ -20,7 +20,7 @@ from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective
 from emaphm.estimation.parameter_space import PRIOR_DEVIATION
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
-from emaphm.estimation.uncertainty.fisher_information import information
+from emaphm.estimation.uncertainty.fisher_information import normal_equations
 from emaphm.progress import Progress
 from emaphm.random_streams import stream
 
@@ -149,11 +149,18 @@ def _candidates(
 
 
 def gauss_newton(objective: MapObjective, point: Array, residual: Array, jacobians: Array) -> Array:
-    """Return the step (d,) to the optimum of a linear model, by the mean of the Jacobians."""
-    gradient = jacobians.mean(axis=0) @ residual
-    cost = float(np.mean(residual**2))
-    prior = cost * CORRELATED_ROWS / PRIOR_DEVIATION**2
-    normal = information(jacobians) + prior * np.eye(point.size)
+    """Return the step (d,) to the optimum of a linear model, by the mean of the Jacobians.
+
+    A fault has no prior; as far as the channels do not show it, it keeps its value.
+    """
+    space, rows = objective.space, objective.channel_rows
+    normal, gradient = normal_equations(jacobians[:, :, :rows], residual[:rows], space.prior_deviations)
+    # Priors are exact: along what the channels do not show, they alone lead.
+    priors = objective.jacobian_of_priors
+    normal = normal + priors @ priors.T
+    gradient = gradient + priors @ residual[rows:]
+    faults = np.arange(len(space.columns))
+    normal[faults, faults] += float(np.mean(residual**2)) * CORRELATED_ROWS / PRIOR_DEVIATION**2
     free = movable(point, gradient, objective.space)
     step = np.zeros(point.size)
     step[free] = np.linalg.solve(normal[np.ix_(free, free)], gradient[free])

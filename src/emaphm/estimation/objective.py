@@ -196,7 +196,7 @@ class MapObjective:
 
 def _is_freed(name: str, space: ParameterSpace) -> bool:
     """Return whether a coordinate is a nuisance whose prior counts as the residual's correlation has it."""
-    return name in space.nuisances.chosen and name not in STEADYING
+    return name in space.nuisances.names and name not in STEADYING
 
 
 def faults_objective(

@@ -26,17 +26,42 @@ def information_lower_bound(jacobians: Array) -> Array:
     error is subtracted along each of its axes, by the jackknife over the n replicates (Efron and Tibshirani
     1993, ch. 11); with two or fewer there is no error to estimate, and nothing is subtracted.
     """
-    products, count = _products(jacobians), len(jacobians)
+    values, axes, along = _principal(_products(jacobians))
+    return np.asarray(axes * _lower_bounds(values, along) @ axes.T)
+
+
+def normal_equations(jacobians: Array, residual: Array, sizes: Array) -> tuple[Array, Array]:
+    """Return the normal matrix (d, d) of `jacobians` (n, d, rows), and their gradient (d,) by a `residual`.
+
+    Both are free of the bias of the Jacobians' errors. The gradient along each axis of the information, in
+    units of the parameters' `sizes` (d,), is multiplied by the share of its square that is no error, at least
+    (a Wiener filter): where the data show nothing, it would be error alone, and lead anywhere.
+    """
+    scaled = jacobians * sizes[:, np.newaxis]
+    values, axes, along = _principal(_products(scaled))
+    squares = np.maximum(along.mean(axis=(1, 2)), np.finfo(float).tiny)
+    shares = np.minimum(_lower_bounds(values, along) / squares, 1.0)
+    gradient = axes @ (shares * (axes.T @ (scaled.mean(axis=0) @ residual)))
+    return np.asarray((axes * values @ axes.T) / np.outer(sizes, sizes)), np.asarray(gradient / sizes)
+
+
+def _principal(products: Array) -> tuple[Array, Array, Array]:
+    """Return the information along its axes (d,), these (d, d), and the `products` along each, (d, n, n)."""
     values, axes = np.linalg.eigh(_positive(_mean_over_pairs(products)))
+    return values, axes, np.einsum("da,idje,ea->aij", axes, products, axes, optimize=True)
+
+
+def _lower_bounds(values: Array, along: Array) -> Array:
+    """Return the information `values` (d,) less their standard errors, by the products `along` (d, n, n)."""
+    count = along.shape[1]
     if count > 2:
-        along = np.einsum("da,idje,ea->aij", axes, products, axes, optimize=True)
         squares = np.diagonal(along, axis1=1, axis2=2)
         total = along.sum(axis=(1, 2)) - squares.sum(axis=1)
         # Without one replicate, all pairs that it is part of are gone.
         without = total[:, np.newaxis] - 2 * (along.sum(axis=2) - squares)
         means = without / ((count - 1) * (count - 2))
         values = values - np.sqrt((count - 1) * np.var(means, axis=1))
-    return np.asarray(axes * np.maximum(values, 0.0) @ axes.T)
+    return np.maximum(values, 0.0)
 
 
 def _products(jacobians: Array) -> Array:

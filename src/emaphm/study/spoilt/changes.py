@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from emaphm.actuator import Actuator
+from emaphm.actuator.tolerances import Tolerances
 from emaphm.arrays import Array
 
 Columns = Mapping[str, Array]
@@ -175,3 +176,8 @@ def described_with(section: str, **factors: float) -> WrongActuator:
         return actuator.model_copy(update={section: part.model_copy(update=values)})
 
     return change
+
+
+def with_tolerances(described: WrongActuator, **tolerances: float) -> WrongActuator:
+    """Return what states tolerances of lumped parameters in what `described` makes of the description."""
+    return lambda actuator: described(actuator).model_copy(update={"tolerances": Tolerances(**tolerances)})

@@ -158,9 +158,20 @@ def _descriptions() -> list[SpoiltClass]:
         SpoiltClass("pole pairs × 2", "description", TOTAL, described=wrong("electrical", pole_pairs=2.0)),
         SpoiltClass("supply × 0.5", "description", TOTAL, described=wrong("electrical", supply=0.5)),
         SpoiltClass("gear ratio × 2", "description", TOTAL, described=wrong("mechanics", gear_ratio=2.0)),
-        SpoiltClass(
-            "torque constant × 1.3", "description", TOTAL, described=wrong("motor", torque_constant=1.3)
-        ),
+        *_toleranced("torque constant × 1.3", 0.3, "motor", torque_constant=1.3),
+        *_toleranced("torque constant × 1.1", 0.1, "motor", torque_constant=1.1),
+        *_toleranced("resistance × 1.1", 0.1, "electrical", resistance=1.1),
+        *_toleranced("speed gain × 1.1", 0.1, "controller", speed_gain=1.1),
+    ]
+
+
+def _toleranced(name: str, tolerance: float, section: str, **factors: float) -> list[SpoiltClass]:
+    """Return a wrong parameter twice: taken as exact, and with its tolerance stated."""
+    exact = changes.described_with(section, **factors)
+    stated = changes.with_tolerances(exact, **dict.fromkeys(factors, tolerance))
+    return [
+        SpoiltClass(name, "description", TOTAL, described=exact),
+        SpoiltClass(f"{name}, ± {100 * tolerance:.0f} % stated", "description", TOTAL, described=stated),
     ]
 
 
