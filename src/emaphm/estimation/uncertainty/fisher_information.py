@@ -40,7 +40,7 @@ def normal_equations(jacobians: Array, residual: Array, sizes: Array) -> tuple[A
     scaled = jacobians * sizes[:, np.newaxis]
     values, axes, along = _principal(_products(scaled))
     squares = np.maximum(along.mean(axis=(1, 2)), np.finfo(float).tiny)
-    shares = np.minimum(_lower_bounds(values, along) / squares, 1.0)
+    shares = np.minimum(values / squares, 1.0)
     gradient = axes @ (shares * (axes.T @ (scaled.mean(axis=0) @ residual)))
     return np.asarray((axes * values @ axes.T) / np.outer(sizes, sizes)), np.asarray(gradient / sizes)
 
