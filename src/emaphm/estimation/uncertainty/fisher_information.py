@@ -33,14 +33,16 @@ def information_lower_bound(jacobians: Array) -> Array:
 def normal_equations(jacobians: Array, residual: Array, sizes: Array) -> tuple[Array, Array]:
     """Return the normal matrix (d, d) of `jacobians` (n, d, rows), and their gradient (d,) by a `residual`.
 
-    Both are free of the bias of the Jacobians' errors. The gradient along each axis of the information, in
-    units of the parameters' `sizes` (d,), is multiplied by the share of its square that is no error, at least
-    (a Wiener filter): where the data show nothing, it would be error alone, and lead anywhere.
+    The normal matrix is free of the bias of the Jacobians' errors. Of the gradient, along each axis of the
+    information in units of the parameters' `sizes` (d,), the share is left that is no error (a Wiener
+    filter), where the information is no larger than its own standard error: of what the data do not show,
+    the gradient would be error alone, and lead anywhere.
     """
     scaled = jacobians * sizes[:, np.newaxis]
     values, axes, along = _principal(_products(scaled))
     squares = np.maximum(along.mean(axis=(1, 2)), np.finfo(float).tiny)
-    shares = np.minimum(values / squares, 1.0)
+    shown = _lower_bounds(values, along) > 0
+    shares = np.where(shown, 1.0, np.minimum(values / squares, 1.0))
     gradient = axes @ (shares * (axes.T @ (scaled.mean(axis=0) @ residual)))
     return np.asarray((axes * values @ axes.T) / np.outer(sizes, sizes)), np.asarray(gradient / sizes)
 

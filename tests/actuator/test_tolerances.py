@@ -1,0 +1,75 @@
+"""Tolerances in an actuator's TOML."""
+
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import lognorm
+
+from emaphm.actuator import Actuator
+from emaphm.actuator.baseline import SIGNED
+from emaphm.actuator.lumped_parameters import LUMPED_PARAMETERS
+from emaphm.actuator.tolerances import LARGEST_TOLERANCE, Tolerances
+from emaphm.errors import ActuatorError
+
+THESIS = Actuator.thesis()
+DESCRIBED = THESIS.model_copy(update={"tolerances": Tolerances(resistance=0.05, torque_constant=0.1)})
+
+
+def test_they_are_written_with_what_they_mean_and_read_again(tmp_path: Path) -> None:
+    path = tmp_path / "unit.toml"
+    DESCRIBED.to_toml(path)
+    assert Actuator.from_toml(path) == DESCRIBED
+    text = path.read_text(encoding="utf-8")
+    assert (
+        "[tolerances]\ntorque_constant = 0.1 # -: ± torque constant, and back-EMF constant, relative" in text
+    )
+    THESIS.to_toml(path)
+    assert "tolerances" not in path.read_text(encoding="utf-8")
+
+
+def test_each_is_of_a_lumped_parameter_that_is_positive() -> None:
+    assert set(Tolerances.model_fields) <= set(LUMPED_PARAMETERS) - set(SIGNED)
+
+
+@given(st.floats(1e-3, LARGEST_TOLERANCE))
+def test_of_100_units_95_are_within_it(tolerance: float) -> None:
+    values = lognorm(s=Tolerances(inertia=tolerance).deviation("inertia"))
+    within = values.cdf(1 + tolerance) - values.cdf(1 / (1 + tolerance))
+    assert within == pytest.approx(0.95, abs=0.005)
+
+
+def test_some_can_be_left_out() -> None:
+    both = Tolerances(resistance=0.05, torque_constant=0.1)
+    assert both.names == ("torque_constant", "resistance")
+    assert both.without(("inertia", "resistance")) == Tolerances(torque_constant=0.1)
+    assert both.without(both.names) is None
+
+
+@pytest.mark.parametrize(
+    ("toml", "pieces"),
+    [
+        ("torqe_constant = 0.1", ("tolerances.torqe_constant", "did you mean 'torque_constant'?")),
+        ("torque_constant = 0.0", ("tolerances.torque_constant", "greater than 0")),
+        ("torque_constant = 10.0", ("tolerances.torque_constant", "less than or equal to 2", "got 10.0")),
+        ('torque_constant = "10 %"', ("tolerances.torque_constant", "valid number")),
+        ("", ("states no tolerance", "torque_constant = 0.1")),
+        ("stiffness = 0.1", ("'tolerances': 'stiffness' needs [transmission]", "add it")),
+        ("integral_gain = 0.1", ("'integral_gain' is 0 in [controller]", "leave it out")),
+        ("offset = 0.1", ("unknown key 'tolerances.offset'",)),
+    ],
+)
+def test_what_is_wrong_is_said(tmp_path: Path, toml: str, pieces: tuple[str, ...]) -> None:
+    path = tmp_path / "unit.toml"
+    THESIS.to_toml(path)
+    path.write_text(f"{path.read_text(encoding='utf-8')}\n[tolerances]\n{toml}\n", encoding="utf-8")
+    with pytest.raises(ActuatorError) as caught:
+        Actuator.from_toml(path)
+    for piece in pieces:
+        assert piece in str(caught.value)
+
+
+def test_the_largest_is_a_factor_of_three() -> None:
+    assert Tolerances(viscous=LARGEST_TOLERANCE).deviation("viscous") == pytest.approx(math.log(3) / 2)

@@ -1,0 +1,91 @@
+"""A unit that is not as its data sheet says: what tolerances make of its recordings."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cases import THESIS
+from emaphm.actuator import Actuator, Chirp, Faults
+from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
+from emaphm.actuator.tolerances import Tolerances
+from emaphm.calibration import calibrate
+from emaphm.diagnosis import diagnose
+from emaphm.estimation.nuisances import NuisanceSet
+from emaphm.recording import Recording
+from emaphm.simulated_recording import simulate
+
+WEAKER = {"torque_constant": 0.92, "inertia": 1.07}
+"""Factors of the unit's parameters: about as far off as a data sheet's ± 10 % allows."""
+
+STATED = {"torque_constant": 0.1, "inertia": 0.1}
+
+
+def with_tolerances(**tolerances: float) -> Actuator:
+    return THESIS.model_copy(update={"tolerances": Tolerances(**tolerances)})
+
+
+def recorded(faults: Faults | None = None, *, seed: int = 1, amplitude: float = 5e-3) -> Recording:
+    described = lumped_parameters(THESIS, tuple(WEAKER))
+    unit = with_lumped_parameters(THESIS, {name: described[name] * f for name, f in WEAKER.items()})
+    command = Chirp(amplitude=amplitude, duration=0.3)
+    whole = simulate(
+        unit, command, faults=faults or Faults(), duration=0.3, noise=0.05, adc_bits=12, seed=seed
+    )
+    return Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")})
+
+
+def test_a_healthy_unit_within_its_tolerances_is_healthy() -> None:
+    # A weaker magnet is not to be told from a warmer winding and shorts in all phases: neither is claimed.
+    found = diagnose(recorded(), with_tolerances(**STATED), workers=1)
+    assert found.explained
+    assert not [name for name, one in found.components.items() if one.verdict == "degraded"]
+    for name, factor in WEAKER.items():
+        estimate = found.nuisances[f"baseline {name}"]
+        # One in 3000 units has one of two normal estimates beyond 3.8 standard errors.
+        assert abs(estimate.value - math.log(factor)) < 3.8 * estimate.standard_error
+
+
+def test_a_fault_of_such_a_unit_is_found_and_in_its_interval() -> None:
+    truth = Faults(friction=0.4, short_b=0.3, gain=0.6)
+    found = diagnose(recorded(truth), with_tolerances(**STATED), workers=1)
+    assert found.explained
+    for name in ("friction", "short_a", "short_b", "short_c", "gain"):
+        low, high = found.components[name].interval95
+        assert low - 0.01 <= getattr(truth, name) <= high + 0.01
+    assert found.components["short_b"].verdict == "degraded"
+    assert found.components["short_a"].verdict != "degraded"
+
+
+def test_one_that_is_farther_off_than_its_tolerance_is_not_explained() -> None:
+    found = diagnose(recorded(), with_tolerances(torque_constant=0.1, inertia=0.02), workers=1)
+    assert not found.explained
+    assert any("its tolerance of ± 2 %" in reason for reason in found.reasons)
+
+
+def test_a_baseline_counts_in_place_of_a_tolerance() -> None:
+    # Of the calibration's inertia, not of the data sheet's.
+    calibrated = calibrate(
+        [recorded()], with_tolerances(**STATED), ("inertia",), max_corrections=0, workers=1
+    )
+    assert calibrated.actuator.tolerances is None
+    both = calibrated.actuator.model_copy(update={"tolerances": Tolerances(inertia=0.5, resistance=0.1)})
+    unknown = NuisanceSet.of(both, (), ())
+    assert unknown.quantities.count("baseline inertia") == 1
+    deviations = dict(zip(unknown.quantities, unknown.prior_deviations, strict=True))
+    assert deviations["baseline inertia"] < 0.1
+    assert deviations["baseline resistance"] == pytest.approx(math.log(1.1) / 2)
+
+
+def test_calibration_estimates_what_has_a_tolerance_within_it() -> None:
+    days = [recorded(seed=seed, amplitude=a) for seed, a in ((1, 5e-3), (2, 8e-3))]
+    exact = calibrate(days, THESIS, ("inertia",), max_corrections=1, workers=1)
+    found = calibrate(days, with_tolerances(**STATED), ("inertia",), max_corrections=1, workers=1)
+    assert set(found.parameters) == {"inertia", "torque_constant"}
+    true = WEAKER["inertia"] * lumped_parameters(THESIS, ("inertia",))["inertia"]
+    errors = [abs(one.parameters["inertia"].value / true - 1) for one in (exact, found)]
+    # The current shows the inertia in proportion to the torque constant, which is 8 % off.
+    assert errors[0] > 0.04
+    assert errors[1] < 0.01
+    covariance = np.array(found.actuator.baseline.covariance)  # type: ignore[union-attr]
+    assert np.sqrt(covariance.diagonal()).max() <= math.log(1.1) / 2

@@ -1,0 +1,41 @@
+"""Normal equations of Jacobians with errors: as without, where the data show something, and 0 elsewhere."""
+
+import numpy as np
+import pytest
+
+from emaphm.estimation.uncertainty.fisher_information import normal_equations
+
+ROWS, REPLICATES = 600, 8
+TRUTH = np.array([0.3, -0.2])
+
+
+@pytest.fixture(scope="module")
+def rng() -> np.random.Generator:
+    return np.random.default_rng(5)
+
+
+def test_exact_jacobians_give_the_usual_normal_equations(rng: np.random.Generator) -> None:
+    jacobian = rng.normal(size=(3, ROWS))
+    residual = rng.normal(size=ROWS)
+    normal, gradient = normal_equations(
+        np.tile(jacobian, (REPLICATES, 1, 1)), residual, np.array([1.0, 3.0, 0.1])
+    )
+    np.testing.assert_allclose(normal, jacobian @ jacobian.T, rtol=1e-9, atol=1e-9 * ROWS)
+    np.testing.assert_allclose(gradient, jacobian @ residual, rtol=1e-9, atol=1e-9 * ROWS)
+
+
+def test_errors_of_a_parameter_without_effect_lead_nowhere(rng: np.random.Generator) -> None:
+    # Two parameters that the rows show, and one that they do not, each with errors of the same size.
+    exact = np.concatenate([rng.normal(size=(2, ROWS)), np.zeros((1, ROWS))])
+    residual = exact[:2].T @ TRUTH + rng.normal(0.0, 0.1, ROWS)
+    steps, plain = [], []
+    for _ in range(200):
+        jacobians = exact + rng.normal(0.0, 0.3, (REPLICATES, 3, ROWS))
+        normal, gradient = normal_equations(jacobians, residual, np.ones(3))
+        prior = np.diag([0.0, 0.0, 1.0])
+        steps.append(np.linalg.solve(normal + prior, gradient))
+        plain.append(np.linalg.solve(normal + prior, jacobians.mean(axis=0) @ residual))
+    # Errors are as often of one sign as of the other: the mean step is the truth.
+    np.testing.assert_allclose(np.mean(steps, axis=0)[:2], TRUTH, atol=0.01)
+    rms, rms_plain = (np.sqrt(np.mean(np.array(one)[:, 2] ** 2)) for one in (steps, plain))
+    assert rms < 0.3 * rms_plain
