@@ -30,6 +30,17 @@ ASKED = (
 )
 """What a data sheet says and no calibration should have to find, section and field."""
 
+TOLERANCED = {
+    "torque_constant": "motor",
+    "resistance": "electrical",
+    "inductance": "electrical",
+    "inertia": "mechanics",
+}
+"""Parameters whose values on a data sheet are those of a type, not of the unit, and their sections."""
+
+USUAL_TOLERANCE = 0.1
+"""Usual on the data sheets of servo motors, for torque constant and resistance."""
+
 HEADING = """\
 First description of '{name}', from the built-in '{machine}' ({meaning}).
 Values that you did not give are those of that built-in actuator: friction, inertia, backlash and the
@@ -47,6 +58,10 @@ current_A = { column = "motor_current", scale = -1.0 }
 
 [sensors.current_A]              # errors of a sensor that the drive does not see
 resolution = 0.01
+
+[tolerances]                     # how far a value may be off from unit to unit: 0.1 is ± 10 %
+torque_constant = 0.1
+inertia = 0.1
 
 [nuisances]                      # how large an unknown that is no fault may be, one standard deviation
 load = 0.1
@@ -96,7 +111,26 @@ def interview(
             question = _question(type(described), field, actuator.coordinates)
             actuator, answered = _answered(actuator, (section, field), question, ask, refuse)
             given += answered
-    return actuator, given
+    actuator, answered = _toleranced(actuator, ask, refuse)
+    return actuator, given + answered
+
+
+def _toleranced(
+    actuator: Actuator, ask: Callable[[str, str], str], refuse: Callable[[str], None]
+) -> tuple[Actuator, int]:
+    names = [name for name, section in TOLERANCED.items() if getattr(actuator, section) is not None]
+    question = f"tolerance of {', '.join(names)}, relative; 0 if they are this unit's own, measured"
+    values: Any = actuator.model_dump(mode="json", exclude_none=True)
+    while True:
+        answer = ask(question, _text(USUAL_TOLERANCE)).strip()
+        tolerance = _value(answer) if answer else USUAL_TOLERANCE
+        if tolerance == 0:
+            return actuator, 1
+        try:
+            values["tolerances"] = dict.fromkeys(names, tolerance)
+            return Actuator.from_dict(values, where=f"'{answer}'"), int(bool(answer))
+        except ActuatorError as error:
+            refuse(str(error))
 
 
 def _answered(

@@ -8,11 +8,12 @@ from pathlib import Path
 import pytest
 
 from emaphm.actuator import Actuator
-from emaphm.first_description import ASKED, ENDING, MACHINES, template
+from emaphm.actuator.tolerances import Tolerances
+from emaphm.first_description import ASKED, ENDING, MACHINES, USUAL_TOLERANCE, template
 
 from .conftest import Emaphm
 
-ANSWERS = "pmsm\nRig 7\n28\n1.5\n\n4\n0.06\n10\n2e-5\n0.01\n-0.3, 0.4\n"
+ANSWERS = "pmsm\nRig 7\n28\n1.5\n\n4\n0.06\n10\n2e-5\n0.01\n-0.3, 0.4\n0.05\n"
 
 
 @pytest.fixture
@@ -35,7 +36,9 @@ def test_without_questions(machine: str, emaphm: Emaphm, tmp_path: Path) -> None
 def test_answers_are_in_the_description(answering: Emaphm, tmp_path: Path) -> None:
     answer = answering(ANSWERS, "--json")
     assert answer.code == 0
-    assert json.loads(answer.out)["answers"] == len(ASKED)  # and the name, less the one that was kept
+    assert (
+        json.loads(answer.out)["answers"] == len(ASKED) + 1
+    )  # and the name and the tolerance, less the one that was kept
     rig = Actuator.from_toml(tmp_path / "rig.toml")
     assert rig.name == "Rig 7"
     assert rig.electrical is not None
@@ -43,6 +46,18 @@ def test_answers_are_in_the_description(answering: Emaphm, tmp_path: Path) -> No
     assert rig.electrical.inductance == Actuator.pmsm().electrical.inductance  # type: ignore[union-attr]
     assert (rig.drive_constant, rig.motor.torque_constant) == (0.06, 0.06)
     assert rig.mechanics.end_stops == (-0.3, 0.4)
+    assert rig.tolerances == Tolerances(torque_constant=0.05, resistance=0.05, inductance=0.05, inertia=0.05)
+
+
+@pytest.mark.parametrize(
+    ("answer", "tolerance"), [("", USUAL_TOLERANCE), ("0", None), ("10 %\n-1\n5\n0.2", 0.2)]
+)
+def test_a_tolerance_is_asked_for(
+    answering: Emaphm, tmp_path: Path, answer: str, tolerance: float | None
+) -> None:
+    assert answering(ANSWERS.replace("0.05", answer)).code == 0
+    found = Actuator.from_toml(tmp_path / "rig.toml").tolerances
+    assert (None if found is None else found.torque_constant) == tolerance
 
 
 def test_an_impossible_answer_is_asked_again(answering: Emaphm, tmp_path: Path) -> None:
