@@ -8,6 +8,7 @@ import pytest
 
 from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.actuator.lumped_parameters import lumped_parameters
+from emaphm.actuator.tolerances import Tolerances
 from emaphm.diagnosis import diagnose
 from emaphm.errors import StudyError
 from emaphm.study import Plan, run_study
@@ -100,6 +101,22 @@ def test_what_deviates_on_a_rig_deviates_by_what_it_says() -> None:
     assert got["offset"] == pytest.approx(0.1)
     for name, factor in factors.items():
         assert got[name] == pytest.approx(factor * nominal[name])
+
+
+def test_units_are_drawn_within_tolerances_and_the_same_where_these_are_stated() -> None:
+    within = Tolerances(torque_constant=0.1, viscous=1.0)
+    silent = Rig(label="exact", heat=(0.0, 0.0), tolerances=within)
+    stated = Rig(label="stated", heat=(0.0, 0.0), tolerances=within, stated=True)
+    names = ("torque_constant", "viscous", "inertia")
+    nominal = lumped_parameters(THESIS, names)
+    units = [lumped_parameters(actuator_on(silent, THESIS, seed), names) for seed in range(200)]
+    factors = {name: np.array([unit[name] / nominal[name] for unit in units]) for name in names}
+    assert np.all(factors["inertia"] == 1.0)
+    for name, tolerance in (("torque_constant", 0.1), ("viscous", 1.0)):
+        # Of 200, 182 to 198 are within it but for one study in a thousand (binomial, 95.4 %).
+        assert 182 <= np.sum(np.abs(np.log(factors[name])) <= np.log1p(tolerance)) <= 198
+    assert actuator_on(stated, THESIS, 7) == actuator_on(silent, THESIS, 7)
+    assert "a unit within tolerances that are not stated" in silent.facts
 
 
 def test_a_rig_records_what_it_says() -> None:
@@ -230,6 +247,10 @@ def test_a_diagnosis_on_a_rig_is_that_of_a_user(tmp_path: Path) -> None:
 # What is refused
 
 REFUSED: dict[str, tuple[tuple[str, str], tuple[str, ...]]] = {
+    "nothing to state": (
+        ('label = "exact"', 'label = "exact"\nstated = true'),
+        ("'tolerances'", "leave out 'stated'"),
+    ),
     "key of a rig": (
         ('label = "bench"', 'label = "bench"\nnoize = 1'),
         ("'rigs.0.noize'", "did you mean 'noise'?"),

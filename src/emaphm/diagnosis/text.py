@@ -17,7 +17,8 @@ STANDS_STILL = (
 )
 NOT_EXPLAINED = (
     "The recording is not explained: either something else than these faults acts, a channel or the "
-    "description is wrong, or the search failed. No component is therefore called healthy or degraded."
+    "description is wrong, or the search failed. No component is therefore called healthy or degraded. "
+    "Values from a data sheet need their [tolerances] in the description, or a calibration."
 )
 
 

@@ -20,6 +20,7 @@ def actuator_on(rig: Rig, actuator: Actuator, seed: int) -> Actuator:
         low + share * (high - low)
         for share, (low, high) in zip(shares, (rig.load, rig.heat, rig.supply, rig.inertia), strict=True)
     )
+    actuator = unit_on(rig, actuator, seed)
     nominal = lumped_parameters(actuator, ("offset", "resistance", "torque_constant", "supply", "inertia"))
     return with_lumped_parameters(
         actuator,
@@ -29,6 +30,22 @@ def actuator_on(rig: Rig, actuator: Actuator, seed: int) -> Actuator:
             "torque_constant": nominal["torque_constant"] * (1 + MAGNETS * heat),
             "supply": nominal["supply"] * (1 + supply),
             "inertia": nominal["inertia"] * (1 + inertia),
+        },
+    )
+
+
+def unit_on(rig: Rig, actuator: Actuator, seed: int) -> Actuator:
+    """Return the unit that `actuator` describes, drawn from `seed` within the rig's tolerances."""
+    tolerances = rig.tolerances
+    if tolerances is None:
+        return actuator
+    described = lumped_parameters(actuator, tolerances.names)
+    normal = np.random.default_rng([seed, 2]).standard_normal(len(tolerances.names))
+    return with_lumped_parameters(
+        actuator,
+        {
+            name: described[name] * float(np.exp(tolerances.deviation(name) * deviation))
+            for name, deviation in zip(tolerances.names, normal, strict=True)
         },
     )
 

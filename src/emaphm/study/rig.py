@@ -6,6 +6,7 @@ from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from emaphm.actuator.laws import law_named
 from emaphm.actuator.parameters import Section
+from emaphm.actuator.tolerances import Tolerances
 from emaphm.errors import StudyError, nearest
 from emaphm.recording.acquisition import check_bits
 from emaphm.recording.schema import SCHEMA
@@ -92,6 +93,9 @@ class Rig(Section):
         Range of the temperature rise of windings and magnets [K].
     supply, inertia
         Ranges of their relative deviations.
+    tolerances, stated
+        Of the described parameters: those of each case's unit are drawn from them, and the description that a
+        diagnosis is given states them, or passes for exact.
     controller_noise
         White noise on the reference current, rms [A] a step (thesis 4.1); the reference model only.
     foreign
@@ -110,6 +114,8 @@ class Rig(Section):
     heat: tuple[HeatK, HeatK] = (-40.0, 40.0)
     supply: tuple[Relative, Relative] = (0.0, 0.0)
     inertia: tuple[Relative, Relative] = (0.0, 0.0)
+    tolerances: Tolerances | None = None
+    stated: bool = False
     controller_noise: NotNegative = 0.0
     foreign: ForeignFeatures | None = None
     calibrated: tuple[str, ...] = ()
@@ -149,6 +155,14 @@ class Rig(Section):
             raise StudyError("a foreign plant's controller has no noise; leave out 'controller_noise'")
         return self
 
+    @model_validator(mode="after")
+    def _something_is_stated(self) -> "Rig":
+        if self.stated and self.tolerances is None:
+            raise StudyError(
+                "there are no 'tolerances' that could be stated; give some, or leave out 'stated'"
+            )
+        return self
+
     @property
     def facts(self) -> str:
         """The rig in one line."""
@@ -160,5 +174,7 @@ class Rig(Section):
             if (low, high) != (0, 0)
         ]
         bits = "exact converters" if self.adc_bits is None else f"{self.adc_bits} bits"
+        if self.tolerances is not None:
+            drawn.append(f"a unit within tolerances that are {'' if self.stated else 'not '}stated")
         plant = [] if self.foreign is None else ["foreign plant"]
         return f"{self.label}: {', '.join([*self.channels, f'{self.noise:g} A noise', bits, *drawn, *plant])}"

@@ -62,6 +62,8 @@ def perform(actuator: Actuator, manoeuvre: Manoeuvre, trial: Trial, expected: st
         )
     else:
         recording = recorded(trial.rig, actuator, manoeuvre, Faults(*trial.truth), trial.seed)
+        if trial.rig.stated:
+            actuator = actuator.model_copy(update={"tolerances": trial.rig.tolerances})
         if trial.rig.calibrated:
             actuator = _calibrated(trial.rig, actuator, manoeuvre)
         if trial.contestant.chosen().least_squares:
