@@ -190,7 +190,7 @@ def test_the_map_names_the_settings_that_are_wrong_without_saying_so(limits: Pla
     page, none = limits_page(limits.model_copy(update={"sections": undrawn}), results(limits), "limits")
     assert none == {}
     assert "486 of 2044 runs" in page
-    assert "none of 58." in page
+    assert "none of 60." in page
     explained = {"compliant shaft, mild": False, "lagging current sensors, mild": True}
 
     def miss_the_gain(trial: Trial) -> dict[str, Any]:
