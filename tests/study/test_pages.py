@@ -206,7 +206,7 @@ def test_the_map_names_the_settings_that_are_wrong_without_saying_so(limits: Pla
     ]
     few = limits.model_copy(update={"sections": drawn})
     page, figures = limits_page(few, results(limits, 1.0, miss_the_gain), "limits")
-    assert "1 of 58." in page
+    assert "1 of 60." in page
     assert (
         "- plant: lagging current sensors, mild: gain held by 0 %, 100 % explained, median error 7.25 %"
         in page
