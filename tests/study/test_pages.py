@@ -189,8 +189,8 @@ def test_the_map_names_the_settings_that_are_wrong_without_saying_so(limits: Pla
     undrawn = [section.model_copy(update={"figure": ""}) for section in limits.sections]
     page, none = limits_page(limits.model_copy(update={"sections": undrawn}), results(limits), "limits")
     assert none == {}
-    assert "486 of 2044 runs" in page
-    assert "none of 60." in page
+    assert "448 of 1744 runs" in page
+    assert "none of 58." in page
     explained = {"compliant shaft, mild": False, "lagging current sensors, mild": True}
 
     def miss_the_gain(trial: Trial) -> dict[str, Any]:
@@ -206,7 +206,7 @@ def test_the_map_names_the_settings_that_are_wrong_without_saying_so(limits: Pla
     ]
     few = limits.model_copy(update={"sections": drawn})
     page, figures = limits_page(few, results(limits, 1.0, miss_the_gain), "limits")
-    assert "1 of 60." in page
+    assert "1 of 58." in page
     assert (
         "- plant: lagging current sensors, mild: gain held by 0 %, 100 % explained, median error 7.25 %"
         in page
@@ -226,16 +226,14 @@ def test_the_base_setting_is_diagnosed_once_for_all_sections(limits: Plan) -> No
         for row in section.rows
         if (row.rig, row.method) == ("base", "default")
     ]
-    # In the tables of channels, plants and data sheets, and on all axes but temperature, which the base
-    # setting draws.
-    assert len(through_base) == 3 + 7
+    # In the tables of channels and plants, and on all axes but temperature, which the base setting draws.
+    assert len(through_base) == 2 + 7
     settings = {(row.rig, row.method) for section in limits.sections for row in section.rows}
     # 46 points on the axes, six of them the base setting again; two more channels; eight foreign plants,
-    # their laws calibrated or not; units off their data sheet, their tolerances stated or not.
-    assert len(settings) == 46 - 6 + 2 + 2 * 8 + 2
+    # their laws calibrated or not.
+    assert len(settings) == 46 - 6 + 2 + 2 * 8
     # Of the foreign plants fewer cases: each is another kernel, and may try every law.
-    plants = 8 * (5 + 1 * 5 + 2) + 8 * (10 + 1 * 5 + 2)
-    assert limits.total == 42 * (20 + 2 * 5 + 6) + plants + 2 * (100 + 2 * 5 + 40)
+    assert limits.total == 42 * (20 + 2 * 5 + 6) + 8 * (5 + 1 * 5 + 2) + 8 * (10 + 1 * 5 + 2)
 
 
 def test_rates_are_those_of_the_results(limits: Plan) -> None:
@@ -249,6 +247,17 @@ def test_rates_are_those_of_the_results(limits: Plan) -> None:
     assert rates.p95 == pytest.approx(0.95 * 19)
     assert (rates.detection, rates.false_alarms, rates.cases) == (1, 0, 20)
     assert rates.mean_coverage == rates.least_coverage == 1
+
+
+def test_units_and_data_sheets_have_a_page_of_that_form() -> None:
+    plan = Plan.load("data_sheets")
+    page, figures = limits_page(plan, results(plan), "data_sheets")
+    assert figures == {}
+    assert page.startswith("# A unit and its data sheet\n")
+    assert [line.split(" |")[0] for line in page.splitlines() if line.startswith("| tolerances")] == [
+        "| tolerances, taken as exact",
+        "| tolerances stated",
+    ]
 
 
 # Both by the command

@@ -1,4 +1,4 @@
-"""The page of the study `limits`: the base setting with one thing at a time varied, and a foreign plant."""
+"""The pages of the studies `limits` and `data_sheets`: the base setting with one thing at a time varied."""
 
 from collections.abc import Iterator, Mapping
 
@@ -21,6 +21,9 @@ HEADER = (
     "false alarms",
 )
 
+TITLES = {"limits": "A map of the limits", "data_sheets": "A unit and its data sheet"}
+"""What the pages of this form are called."""
+
 Rates = Mapping[PageRow, SettingRates]
 
 
@@ -39,7 +42,7 @@ def limits_page(plan: Plan, runs: pl.DataFrame, folder: str) -> tuple[str, dict[
     rates = {row: SettingRates.of(row, runs) for section in plan.sections for row in section.rows}
     base = _base(plan)
     lines = [
-        "# A map of the limits\n",
+        f"# {TITLES[plan.page or 'limits']}\n",
         *incomplete(runs.height, plan.total),
         *_introduction(plan, runs, base, rates),
         "## Where it is wrong without saying so\n",
