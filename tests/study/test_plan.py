@@ -309,8 +309,8 @@ def test_a_plan_that_cannot_be_is_refused_in_one_line(
     ("name", "pieces"),
     [
         ("thesi", ("'thesi'", "did you mean 'thesis'?", "path of its TOML")),
-        ("nothing like it", ("known: accuracy, forms, hybrids", "path of its TOML")),
-        ("n" * 300, ("known: accuracy, forms, hybrids",)),
+        ("nothing like it", ("known: accuracy, data_sheets, forms, hybrids", "path of its TOML")),
+        ("n" * 300, ("known: accuracy, data_sheets, forms, hybrids",)),
         ("absent.toml", ("absent.toml", "no such plan file", "give the path")),
         (".", (".: cannot be read", "directory")),
         ("latin.toml", ("latin.toml", "cannot be read as a TOML text file")),
