@@ -11,7 +11,7 @@ from hypothesis import settings
 
 from cases import THESIS
 from emaphm.actuator import Chirp, Faults
-from emaphm.actuator.model_error import NOT_LEARNED
+from emaphm.actuator.unit.model_error import NOT_LEARNED
 from emaphm.amortized import delays
 from emaphm.estimation.global_search import restarts
 from emaphm.recording import Recording

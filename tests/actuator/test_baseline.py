@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.baseline import Baseline
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
+from emaphm.actuator.unit.baseline import Baseline
 from emaphm.errors import ActuatorError
 
 THESIS = Actuator.thesis()

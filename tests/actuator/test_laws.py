@@ -8,8 +8,8 @@ import pytest
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.actuator import described_parts
-from emaphm.actuator.baseline import LUMPED_PARAMETERS
 from emaphm.actuator.laws import LAWS, law_named, laws_of
+from emaphm.actuator.unit.baseline import LUMPED_PARAMETERS
 from emaphm.errors import ActuatorError, MethodError
 from emaphm.simulation.engine.plant import structure_of
 from emaphm.simulation.engine.structure import Structure

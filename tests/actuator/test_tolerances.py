@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from scipy.stats import lognorm
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.baseline import SIGNED
 from emaphm.actuator.lumped_parameters import LUMPED_PARAMETERS
-from emaphm.actuator.tolerances import LARGEST_TOLERANCE, Tolerances
+from emaphm.actuator.unit.baseline import SIGNED
+from emaphm.actuator.unit.tolerances import LARGEST_TOLERANCE, Tolerances
 from emaphm.errors import ActuatorError
 
 THESIS = Actuator.thesis()
@@ -36,7 +36,7 @@ def test_each_is_of_a_lumped_parameter_that_is_positive() -> None:
 
 @given(st.floats(1e-3, LARGEST_TOLERANCE))
 def test_of_100_units_95_are_within_it(tolerance: float) -> None:
-    values = lognorm(s=Tolerances(inertia=tolerance).deviation("inertia"))
+    values = lognorm(s=Tolerances(inertia=tolerance).deviations["inertia"])
     within = values.cdf(1 + tolerance) - values.cdf(1 / (1 + tolerance))
     assert within == pytest.approx(0.95, abs=0.005)
 
@@ -72,4 +72,4 @@ def test_what_is_wrong_is_said(tmp_path: Path, toml: str, pieces: tuple[str, ...
 
 
 def test_the_largest_is_a_factor_of_three() -> None:
-    assert Tolerances(viscous=LARGEST_TOLERANCE).deviation("viscous") == pytest.approx(math.log(3) / 2)
+    assert Tolerances(viscous=LARGEST_TOLERANCE).deviations["viscous"] == pytest.approx(math.log(3) / 2)

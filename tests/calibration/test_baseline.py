@@ -8,8 +8,8 @@ import pytest
 
 from cases import THESIS, USUAL
 from emaphm.actuator import Actuator, Chirp, Faults
-from emaphm.actuator.baseline import Baseline
 from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
+from emaphm.actuator.unit.baseline import Baseline
 from emaphm.calibration import Calibration, calibrate
 from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.errors import MethodError

@@ -8,7 +8,7 @@ import pytest
 from cases import THESIS
 from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.actuator.law_sections import Drive
-from emaphm.actuator.model_error import NOT_LEARNED, ChannelError, ModelError
+from emaphm.actuator.unit.model_error import NOT_LEARNED, ChannelError, ModelError
 from emaphm.arrays import Array
 from emaphm.calibration import calibrate
 from emaphm.calibration.model_error import LeftOut, channel_error

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.tolerances import Tolerances
+from emaphm.actuator.unit.tolerances import Tolerances
 from emaphm.first_description import ASKED, ENDING, MACHINES, USUAL_TOLERANCE, template
 
 from .conftest import Emaphm

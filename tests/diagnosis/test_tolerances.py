@@ -8,7 +8,7 @@ import pytest
 from cases import THESIS
 from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
-from emaphm.actuator.tolerances import Tolerances
+from emaphm.actuator.unit.tolerances import Tolerances
 from emaphm.calibration import calibrate
 from emaphm.diagnosis import diagnose
 from emaphm.estimation.nuisances import NuisanceSet

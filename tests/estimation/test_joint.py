@@ -4,7 +4,7 @@ import numpy as np
 
 from cases import THESIS
 from emaphm.actuator import Chirp
-from emaphm.actuator.baseline import Baseline
+from emaphm.actuator.unit.baseline import Baseline
 from emaphm.estimation.finite_differences import one_sided_jacobians
 from emaphm.estimation.joint.contradictions import dissenting
 from emaphm.estimation.joint.objective import JointObjective, RecordingTerm

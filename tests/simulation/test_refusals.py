@@ -8,9 +8,9 @@ import pytest
 
 from emaphm.actuator import Chirp, Sampled
 from emaphm.actuator.actuator import described_parts
-from emaphm.actuator.baseline import PARTS, SECTIONS
 from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import OPTIONAL
+from emaphm.actuator.unit.baseline import PARTS, SECTIONS
 from emaphm.errors import EmaphmError, FaultError, MethodError, SignalError
 from emaphm.simulation import AVERAGED, MODELS, REFERENCE, Inputs, Plant, model_named, monitor, run, run_batch
 from simulation.rig import INTERVAL, THESIS, altered, record

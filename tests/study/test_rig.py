@@ -8,7 +8,7 @@ import pytest
 
 from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.actuator.lumped_parameters import lumped_parameters
-from emaphm.actuator.tolerances import Tolerances
+from emaphm.actuator.unit.tolerances import Tolerances
 from emaphm.diagnosis import diagnose
 from emaphm.errors import StudyError
 from emaphm.study import Plan, run_study

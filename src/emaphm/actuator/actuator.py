@@ -6,10 +6,8 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
 
-from emaphm.actuator.baseline import MOST_HARMONICS, PARTS, SIGNED, Baseline
 from emaphm.actuator.channels import Channels
 from emaphm.actuator.law_sections import Drive, DriveKind, Friction, RippleHarmonic, Transmission, Weight
-from emaphm.actuator.model_error import NOT_LEARNED, ModelError
 from emaphm.actuator.parameters import (
     Controller,
     Electrical,
@@ -22,8 +20,10 @@ from emaphm.actuator.parameters import (
 from emaphm.actuator.reading import Reading
 from emaphm.actuator.requirements import MOST_REQUIREMENTS, Requirement
 from emaphm.actuator.sensors import Sensors
-from emaphm.actuator.tolerances import Tolerances
 from emaphm.actuator.toml import validation_message, write_toml
+from emaphm.actuator.unit.baseline import MOST_HARMONICS, PARTS, SIGNED, Baseline
+from emaphm.actuator.unit.model_error import NOT_LEARNED, ModelError
+from emaphm.actuator.unit.tolerances import Tolerances
 from emaphm.errors import ActuatorError
 from emaphm.input_files import read_toml
 from emaphm.output_files import written_whole
@@ -36,9 +36,9 @@ class Actuator(Section):
 
     Frozen and validated. SI units; with ``coordinates = "linear"`` the same fields hold m and N
     where they name rad and N·m. Without `electrical` the current loop is ideal. `friction`, `transmission`,
-    `weight` and `ripple` hold optional laws. `tolerances` say how far the parameters
-    may be off. `baseline` and `model_error` are what a calibration of the healthy unit has learned: how well
-    its parameters are known, and how wrong the model is all the same.
+    `weight` and `ripple` hold optional laws. `tolerances` say how far the parameters may be off. `baseline`
+    and `model_error` are what a calibration of the healthy unit has learned: how well its parameters are
+    known, and how wrong the model is all the same.
 
     Source: thesis Tab. 3.1 for the structure and for `Actuator.thesis`; `Actuator.pmsm` and `Actuator.dc`
     have other motors and drives.
@@ -107,6 +107,12 @@ class Actuator(Section):
                     f"'{key}': '{name}' is 0 in [{PARTS[name][0]}]: nothing is relative to it; leave it out"
                 )
         return self
+
+    @property
+    def open_tolerances(self) -> Tolerances | None:
+        """The tolerances of parameters that no calibration has found, None where there are none."""
+        found = () if self.baseline is None else self.baseline.names
+        return None if self.tolerances is None else self.tolerances.without(found)
 
     @property
     def drive_kind(self) -> DriveKind:

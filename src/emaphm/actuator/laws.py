@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from emaphm.actuator.actuator import Actuator
-from emaphm.actuator.baseline import MOST_HARMONICS
+from emaphm.actuator.unit.baseline import MOST_HARMONICS
 from emaphm.errors import MethodError, nearest
 
 Sections = dict[str, dict[str, Any] | list[dict[str, Any]]]

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from emaphm.actuator.actuator import Actuator, described_parts
-from emaphm.actuator.baseline import LUMPED_PARAMETERS, PARTS
+from emaphm.actuator.unit.baseline import LUMPED_PARAMETERS, PARTS
 from emaphm.errors import MethodError, nearest
 
 __all__ = [

@@ -6,7 +6,7 @@ import numpy as np
 
 from emaphm.actuator import NAMES, Actuator
 from emaphm.actuator.faults import HEALTHY
-from emaphm.actuator.model_error import ApparentFaults
+from emaphm.actuator.unit.model_error import ApparentFaults
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.errors import EmaphmError

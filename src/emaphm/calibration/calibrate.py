@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.baseline import Baseline
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
-from emaphm.actuator.model_error import NOT_LEARNED
+from emaphm.actuator.unit.baseline import Baseline
+from emaphm.actuator.unit.model_error import NOT_LEARNED
 from emaphm.blas_threads import one_blas_thread
 from emaphm.calibration import sensor_lag
 from emaphm.calibration.campaign import CampaignRow, Recordings, campaign_rows, check_row
@@ -73,9 +73,8 @@ def calibrate(
         The description to start from; its values need only be right within a factor of 3 or so. A baseline
         of its own is replaced by that of these recordings.
     free
-        Names from `emaphm.actuator.baseline.LUMPED_PARAMETERS`; the others keep their values, but for those
-        with a tolerance (`emaphm.actuator.tolerances`): these are free too in closed loop, about the
-        description.
+        Names from `emaphm.actuator.unit.baseline.LUMPED_PARAMETERS`; the others keep their values, but for
+        those with a tolerance, which are free too in closed loop.
         Static friction keeps its ratio to dynamic friction unless it is free itself. Where laws are
         asked for, it may be left out: the usual ones that the recordings identify.
     laws
@@ -110,8 +109,7 @@ def calibrate(
     names = None if free is None else tuple(dict.fromkeys(free))
     bare = actuator.model_copy(update={"baseline": None, "model_error": NOT_LEARNED})
     _check(rows, bare, names, nuisances)
-    tolerances = actuator.tolerances
-    known = {name: tolerances.deviation(name) for name in tolerances.names} if tolerances else {}
+    known = actuator.tolerances.deviations if actuator.tolerances else {}
     settings = FitSettings(nuisances, max_corrections, seed, workers, known=known)
     choice = chosen_loop(loop, rows, bare, names or ())
     if choice.loop == "measured":
@@ -229,8 +227,8 @@ def _result(
         fit.free, np.outer(size, size) * fit.covariance, tuple(row.recording.source for row in rows)
     )
     # A data sheet's tolerances are about its own values, not about what was found.
-    tolerances = calibrated.tolerances and calibrated.tolerances.without(fit.free)
-    known = calibrated.model_copy(update={"baseline": baseline, "tolerances": tolerances})
+    known = calibrated.model_copy(update={"baseline": baseline})
+    known = known.model_copy(update={"tolerances": known.open_tolerances})
     parameters = {**found_parameters(fit, values, rows, actuator), **scanned}
     problems = [term.objective.problem for term in fit.joint.terms]
     return Calibration(

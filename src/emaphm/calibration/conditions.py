@@ -6,8 +6,8 @@ import numpy as np
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.actuator import described_parts
-from emaphm.actuator.baseline import SIGNED
 from emaphm.actuator.lumped_parameters import LUMPED_PARAMETERS, lumped_parameters
+from emaphm.actuator.unit.baseline import SIGNED
 from emaphm.arrays import Array
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.errors import MethodError

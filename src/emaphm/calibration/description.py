@@ -89,7 +89,9 @@ def described_with_laws(
             f"no parameter to calibrate; name some of {', '.join(LUMPED_PARAMETERS)}, or laws to add"
         )
     names = _usual(rows, actuator, settings) if free is None else tuple(free)
-    names = tuple(dict.fromkeys((*names, *_toleranced(rows, actuator, settings))))
+    # Taken as exact, what has a tolerance would falsify the others.
+    toleranced = [n for n in settings.known if n not in _settled(rows, actuator, settings)]
+    names = tuple(dict.fromkeys((*names, *toleranced)))
     if not names and not asked:
         raise MethodError(f"no parameter to calibrate; name some of {', '.join(LUMPED_PARAMETERS)}")
     of_laws = {name for law in asked for name in law.parameters}
@@ -138,13 +140,6 @@ def _settled(rows: Sequence[CampaignRow], actuator: Actuator, settings: FitSetti
     known = {name for row in rows for name in (*row.known, *row.free)}
     estimated = actuator.nuisances.estimated if settings.nuisances is None else settings.nuisances
     return known | {SAME_PARAMETER[name] for name in estimated if name in SAME_PARAMETER}
-
-
-def _toleranced(rows: Sequence[CampaignRow], actuator: Actuator, settings: FitSettings) -> tuple[str, ...]:
-    """Return the parameters whose tolerance is stated: taken as exact, they would falsify the others."""
-    settled = _settled(rows, actuator, settings)
-    names = actuator.tolerances.names if actuator.tolerances else ()
-    return tuple(name for name in names if name not in settled)
 
 
 def _usual(rows: Sequence[CampaignRow], actuator: Actuator, settings: FitSettings) -> tuple[str, ...]:

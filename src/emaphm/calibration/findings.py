@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.baseline import SIGNED
 from emaphm.actuator.lumped_parameters import LUMPED_PARAMETERS, with_lumped_parameters
 from emaphm.actuator.quantity import unit_for
+from emaphm.actuator.unit.baseline import SIGNED
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.unit_fit import UnitFit
 from emaphm.estimation.nuisances import BASELINE

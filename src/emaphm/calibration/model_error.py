@@ -12,7 +12,7 @@ import numpy as np
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
-from emaphm.actuator.model_error import CHANNELS, NOT_LEARNED, ChannelError, ModelError
+from emaphm.actuator.unit.model_error import CHANNELS, NOT_LEARNED, ChannelError, ModelError
 from emaphm.arrays import Array
 from emaphm.calibration.apparent_faults import apparent_faults
 from emaphm.calibration.campaign import CampaignRow

@@ -91,7 +91,7 @@ def fit_description(
         rows,
         known,
         free,
-        replace(settings, known={name: max(errors[name], LEAST_DEVIATION) for name in shaft}),
+        replace(settings, known={**settings.known, **{n: max(errors[n], LEAST_DEVIATION) for n in shaft}}),
         near,
         subprogress(on_progress, 0.7, 1.0),
     )

@@ -4,8 +4,8 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 
 from emaphm.actuator import NAMES
-from emaphm.actuator.model_error import CHANNELS, ModelError
 from emaphm.actuator.quantity import unit_for
+from emaphm.actuator.unit.model_error import CHANNELS, ModelError
 from emaphm.calibration.findings import Parameter, RecordingResult
 from emaphm.calibration.law_selection import LawTrial
 from emaphm.estimation.nuisances import unit_of

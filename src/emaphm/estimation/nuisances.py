@@ -98,9 +98,8 @@ class NuisanceSet:
     ) -> Self:
         """Return the named nuisances, or the actuator's own, less what `channels` make known.
 
-        And the deviations of the `unit` from the description: as the actuator's baseline and tolerances have
-        them where left out. Those that are `located` have their values and deviations in place of nominal
-        and prior.
+        And the deviations of the `unit`: as the actuator's baseline and tolerances have them where left out.
+        Those that are `located` have their values and deviations in place of nominal and prior.
 
         Raises
         ------

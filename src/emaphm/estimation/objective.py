@@ -25,9 +25,9 @@ CORRELATED_ROWS = 20
 observation against a prior."""
 
 STEADYING = ("load", "hinge", "temperature")
-"""Nuisances of which `CORRELATED_ROWS` count as one observation throughout, as of a unit's baseline. They are
-estimated in every recording: where it does not determine them, the prior steadies the search, and where it
-does, the prior is of no account."""
+"""Nuisances of which `CORRELATED_ROWS` count as one observation throughout. They are estimated in every
+recording: where it does not determine them, the prior steadies the search, and where it does, the prior is of
+no account."""
 
 LEAST_RESIDUAL = 1e-4
 """Least residual of a channel, relative to its rms, that its weight is computed from."""

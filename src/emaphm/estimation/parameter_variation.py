@@ -11,10 +11,9 @@ from typing import Self
 import numpy as np
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.baseline import SIGNED
 from emaphm.actuator.lumped_parameters import LUMPED_PARAMETERS, lumped_parameters
 from emaphm.actuator.quantity import unit_for
-from emaphm.actuator.tolerances import Tolerances
+from emaphm.actuator.unit.baseline import SIGNED
 from emaphm.arrays import Array
 from emaphm.errors import MethodError
 
@@ -55,10 +54,8 @@ class ParameterVariation:
         """Names, (q,): the parameter's where a coordinate alone varies it, and nothing else; else numbers."""
         acting = self.axes != 0
         alone = acting & (acting.sum(axis=0) == 1) & (acting.sum(axis=1, keepdims=True) == 1)
-        return tuple(
-            self.parameters[int(column.argmax())] if column.any() else str(i)
-            for i, column in enumerate(alone.T, 1)
-        )
+        named = enumerate(alone.T, 1)
+        return tuple(self.parameters[int(one.argmax())] if one.any() else str(i) for i, one in named)
 
     @classmethod
     def free(cls, actuator: Actuator, names: tuple[str, ...]) -> Self:
@@ -105,16 +102,10 @@ class ParameterVariation:
     @classmethod
     def of_unit(cls, actuator: Actuator) -> Self:
         """Return what is left open of the unit: by its baseline, and by the tolerances of all others."""
-        calibrated = () if actuator.baseline is None else actuator.baseline.names
-        toleranced = actuator.tolerances and actuator.tolerances.without(calibrated)
-        variation = cls._of_baseline(actuator)
-        return variation.combined_with(cls._of_tolerances(actuator, toleranced)) if toleranced else variation
-
-    @classmethod
-    def _of_tolerances(cls, actuator: Actuator, tolerances: Tolerances) -> Self:
-        """Return the parameters that have tolerances as coordinates of their own."""
-        deviations = {name: tolerances.deviation(name) for name in tolerances.names}
-        return cls.free(actuator, tolerances.names).known_to(deviations)
+        calibrated, tolerances = cls._of_baseline(actuator), actuator.open_tolerances
+        if tolerances is None:
+            return calibrated
+        return calibrated.combined_with(cls.free(actuator, tolerances.names).known_to(tolerances.deviations))
 
     @classmethod
     def _of_baseline(cls, actuator: Actuator) -> Self:

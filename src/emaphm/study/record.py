@@ -44,8 +44,8 @@ def unit_on(rig: Rig, actuator: Actuator, seed: int) -> Actuator:
     return with_lumped_parameters(
         actuator,
         {
-            name: described[name] * float(np.exp(tolerances.deviation(name) * deviation))
-            for name, deviation in zip(tolerances.names, normal, strict=True)
+            name: described[name] * float(np.exp(deviation * share))
+            for (name, deviation), share in zip(tolerances.deviations.items(), normal, strict=True)
         },
     )
 

@@ -6,7 +6,7 @@ from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from emaphm.actuator.laws import law_named
 from emaphm.actuator.parameters import Section
-from emaphm.actuator.tolerances import Tolerances
+from emaphm.actuator.unit.tolerances import Tolerances
 from emaphm.errors import StudyError, nearest
 from emaphm.recording.acquisition import check_bits
 from emaphm.recording.schema import SCHEMA

@@ -7,8 +7,8 @@ from typing import Self
 import numpy as np
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.baseline import SECTIONS, SIGNED
 from emaphm.actuator.lumped_parameters import LUMPED_PARAMETERS, lumped_parameters
+from emaphm.actuator.unit.baseline import SECTIONS, SIGNED
 from emaphm.arrays import Array
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.conditions import SAME_PARAMETER

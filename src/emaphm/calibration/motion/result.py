@@ -6,12 +6,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.baseline import SIGNED
 from emaphm.actuator.lumped_parameters import (
     check_lumped_parameters,
     lumped_parameters,
     with_lumped_parameters,
 )
+from emaphm.actuator.unit.baseline import SIGNED
 from emaphm.arrays import Array
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.conditions import SAME_PARAMETER, common_factor

@@ -295,16 +295,14 @@ def _nuisances(result: SearchResult) -> Iterator[str]:
 
 def _tolerances(result: SearchResult) -> Iterator[str]:
     space, actuator = result.objective.space, result.objective.problem.actuator
-    tolerances = actuator.tolerances
+    tolerances = actuator.open_tolerances
     if tolerances is None:
         return
-    calibrated = actuator.baseline.names if actuator.baseline else ()
     values = space.nuisance_values(result.point[np.newaxis])
-    for name in tolerances.names:
-        if name in calibrated or BASELINE + name not in values:
-            continue
-        found = float(values[BASELINE + name][0])
-        if abs(found) > EXPLANATION.prior_deviations * tolerances.deviation(name):
+    for name, deviation in tolerances.deviations.items():
+        # Population methods estimate faults alone.
+        found = float(values.get(BASELINE + name, [0.0])[0])
+        if abs(found) > EXPLANATION.prior_deviations * deviation:
             yield (
                 f"{name}: the estimate is {100 * math.expm1(found):+.3g} % off the description, more than "
                 f"its tolerance of ± {100 * getattr(tolerances, name):.3g} % accounts for; the description "

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.baseline import SIGNED
 from emaphm.actuator.laws import LAWS, typical_dry_friction
+from emaphm.actuator.unit.baseline import SIGNED
 from emaphm.arrays import Array
 from emaphm.diagnosis.selection.law_selection import fit_with_law, is_possible, with_law
 from emaphm.diagnosis.selection.sensor_error_scores import regressed

@@ -11,8 +11,8 @@ import numpy as np
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.actuator import described_parts
-from emaphm.actuator.baseline import LUMPED_PARAMETERS
 from emaphm.actuator.quantity import unit_for
+from emaphm.actuator.unit.baseline import LUMPED_PARAMETERS
 from emaphm.arrays import Array
 from emaphm.errors import MethodError, nearest
 from emaphm.estimation.inverse_dynamics.motion import Motion

@@ -1,6 +1,6 @@
 """The learned error of a calibrated model on a recording: which residual is no worse than healthy.
 
-The description's `[model_error]` says how the error varies (`emaphm.actuator.model_error.ChannelError`); here
+The description's `[model_error]` says how the error varies (`actuator.unit.model_error.ChannelError`); here
 it is evaluated for the manoeuvre of a recording. Without that section, nothing here changes a diagnosis.
 """
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.faults import HEALTHY
-from emaphm.actuator.model_error import ChannelError
+from emaphm.actuator.unit.model_error import ChannelError
 from emaphm.arrays import Array
 from emaphm.estimation.noise_level import noise_level
 from emaphm.estimation.sensors.sensor_model import described_noise

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.baseline import SECTIONS
-from emaphm.actuator.baseline import SIGNED as OF_EITHER_SIGN
 from emaphm.actuator.faults import NAMES, SHORTEST_WINDING, check_vectors
 from emaphm.actuator.lumped_parameters import check_lumped_parameters, static_follows
+from emaphm.actuator.unit.baseline import SECTIONS
+from emaphm.actuator.unit.baseline import SIGNED as OF_EITHER_SIGN
 from emaphm.arrays import Array
 from emaphm.errors import FaultError, MethodError
 from emaphm.simulation.engine.structure import Ripple, Structure

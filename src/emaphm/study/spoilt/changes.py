@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.tolerances import Tolerances
+from emaphm.actuator.unit.tolerances import Tolerances
 from emaphm.arrays import Array
 
 Columns = Mapping[str, Array]

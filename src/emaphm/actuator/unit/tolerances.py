@@ -5,9 +5,9 @@ from typing import Any, Self
 
 from pydantic import model_validator
 
-from emaphm.actuator.baseline import LUMPED_PARAMETERS
 from emaphm.actuator.parameters import Section
 from emaphm.actuator.quantity import quantity
+from emaphm.actuator.unit.baseline import LUMPED_PARAMETERS
 
 DEVIATIONS = 2.0
 """Standard deviations in a tolerance: 95 of 100 units are within it."""
@@ -68,9 +68,10 @@ class Tolerances(Section):
         """The parameters whose tolerance is stated, in the order of `LUMPED_PARAMETERS`."""
         return tuple(name for name in LUMPED_PARAMETERS if getattr(self, name, None) is not None)
 
-    def deviation(self, name: str) -> float:
-        """Return the standard deviation of the logarithm of a parameter whose tolerance is stated."""
-        return math.log1p(getattr(self, name)) / DEVIATIONS
+    @property
+    def deviations(self) -> dict[str, float]:
+        """The standard deviations of the logarithms of these parameters."""
+        return {name: math.log1p(getattr(self, name)) / DEVIATIONS for name in self.names}
 
     def without(self, names: tuple[str, ...]) -> Self | None:
         """Return the tolerances of the other parameters, None where no other is stated."""

@@ -1,0 +1,1 @@
+"""What is known of one unit beyond its description: tolerances, what a calibration found, and its error."""
