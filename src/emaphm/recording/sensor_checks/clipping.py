@@ -54,10 +54,10 @@ def clipped_rows(values: Array, channel: str, command: Array, actuator: Actuator
             clipped |= values == level
             continue
         rows, plateaus = np.zeros(values.size, bool), 0
-        for start, length in zip(first, lengths, strict=True):
+        at_level = (values[first] == level) & (lengths >= 2)
+        for start, length in zip(first[at_level], lengths[at_level], strict=True):
             end = start + length
-            moves = np.ptp(command[start : start + max(2, length // 2)]) > 0
-            if values[start] == level and length >= 2 and moves:
+            if np.ptp(command[start : start + max(2, length // 2)]) > 0:
                 cut = noisy or _cut(sign * values, start, end, CLIPPING.excess * max(count, noise))
                 rows[start:end], plateaus = cut, plateaus + cut
         if rows.sum() >= CLIPPING.least_rows and plateaus >= CLIPPING.least_plateaus:
