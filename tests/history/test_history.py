@@ -1,6 +1,7 @@
 """What is put into a history is what comes out, once, on either database."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import polars as pl
 import pytest
 
 from emaphm.actuator import NAMES
+from emaphm.actuator.unit.tolerances import Tolerances
 from emaphm.errors import OutputError
 from emaphm.history import Entry, Finding, Flight, History, Life, Removal, Replacement
 from emaphm.history.blocks import METHOD, diagnosis_blocks, unit_blocks
@@ -49,9 +51,22 @@ def test_the_eccentricity_is_a_vector_with_its_covariance(history: History) -> N
     np.testing.assert_array_equal(kept.cartesian_covariance, diagnosis(1).covariance[:8, :8])
 
 
-def test_a_component_that_cannot_be_shown_has_its_prior_variance(history: History) -> None:
-    from dataclasses import replace
+def test_what_diagnoses_of_a_unit_share_is_kept(history: History) -> None:
+    tolerances = Tolerances(inertia=0.1)
+    within = replace(
+        diagnosis(1),
+        actuator=made_up.THESIS.model_copy(update={"tolerances": tolerances}),
+        coordinates=(*diagnosis(1).coordinates[:9], "baseline inertia"),
+    )
+    history.add(entry(), recording(1), within)
+    history.add(entry(hours=20.0), recording(2), diagnosis(2))
+    first, second = (one.cartesian_shared_covariance for one in history.unit("S1").diagnoses())
+    np.testing.assert_array_equal(first, within.shared_covariance)
+    assert first.any()
+    assert not second.any()
 
+
+def test_a_component_that_cannot_be_shown_has_its_prior_variance(history: History) -> None:
     full = diagnosis(1)
     shown = [0, 1, 7, 8]  # friction, backlash, gain, load: an actuator without windings
     prior = 1 / 12**0.5

@@ -10,7 +10,9 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.stats import invgauss, kstest, norm, truncnorm
 
+from emaphm.arrays import Array
 from emaphm.prognosis.belief import Belief
+from emaphm.prognosis.evidence import Evidence, Observation, follow
 from emaphm.prognosis.forecast import State, drawn_states, paths
 from emaphm.prognosis.laws import LARGEST_EXPONENT, noises, transition
 from emaphm.prognosis.prior import NEW, Prior
@@ -93,6 +95,23 @@ def test_levels_are_drawn_within_their_bounds() -> None:
     assert kstest(drawn.level[:, 0], truncnorm(0, 1 / deviation, scale=deviation).cdf).pvalue > 0.01
     assert kstest(drawn.level[:, 7], norm(0.5, deviation).cdf).pvalue > 0.01
     assert np.all(np.hypot(drawn.level[:, 5], drawn.level[:, 6]) <= 1)
+
+
+def test_no_number_of_diagnoses_makes_up_for_what_they_share() -> None:
+    covariance, shared = 1e-4 * np.eye(8), np.zeros((8, 8))
+    shared[:2, :2] = 0.05**2 * np.array([[1.0, -0.6], [-0.6, 1.0]])
+    level = NEW + 0.4 * (np.arange(8) < 2)
+    seen = np.ones(8, bool)
+    hours = 20.0 * np.arange(1, 31)
+
+    def drawn(common: Array | float) -> Array:
+        observations = tuple(
+            Observation(float(one), level, covariance + common, seen, shared=common) for one in hours
+        )
+        belief = follow(Evidence("A", "1", 600.0, observations), Prior()).belief
+        return np.cov(drawn_states(belief, 4000).level[:, :2], rowvar=False)
+
+    np.testing.assert_allclose(drawn(shared), drawn(0.0) + shared[:2, :2], atol=0.1 * 0.05**2)
 
 
 def test_what_is_known_only_in_sum_stays_so_within_bounds() -> None:

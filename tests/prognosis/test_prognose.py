@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -99,6 +100,19 @@ def test_an_unexplained_diagnosis_is_not_fed() -> None:
     one, other = prognose(usual, WORN), prognose(with_odd, WORN)
     assert np.array_equal(one.sample, other.sample)
     assert "1 of 9 diagnoses are not explained and not used" in other.notes
+
+
+@pytest.mark.usefixtures("few_paths")
+def test_what_diagnoses_share_is_said_where_it_is_most_of_what_is_not_known() -> None:
+    worn, shared = wearing(12), np.zeros((8, 8))
+    shared[0, 0] = 0.05**2
+    observations = [
+        replace(one, covariance=one.covariance + shared, shared=shared) for one in worn.observations
+    ]
+    within = replace(worn, observations=tuple(observations))
+    (note,) = [one for one in prognose(within, WORN).notes if "off by the same" in one]
+    assert "0.098 of friction" in note
+    assert not any("off by the same" in one for one in prognose(worn, WORN).notes)
 
 
 @pytest.mark.usefixtures("few_paths")

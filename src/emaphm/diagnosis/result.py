@@ -16,6 +16,7 @@ from emaphm.diagnosis.text import fault_rows, notes
 from emaphm.diagnosis.verdict import Estimate
 from emaphm.estimation.uncertainty.collinearity import CollinearSet
 from emaphm.estimation.uncertainty.model_error import HealthyComparison
+from emaphm.estimation.uncertainty.shared_error import shared_covariance
 from emaphm.recording.sensor_checks import SensorFinding
 from emaphm.text_table import format_table
 
@@ -139,6 +140,15 @@ class Diagnosis:
         return {name: estimate.interval95 for name, estimate in self.components.items()}
 
     @property
+    def shared_covariance(self) -> Array | None:
+        """The part of the faults' covariance that all recordings of the unit share, (f, f), f ≤ 8.
+
+        Of the first f `coordinates`. How a unit's parameters deviate, within tolerances or a baseline, is the
+        same in each of its recordings. None where they are known.
+        """
+        return shared_covariance(self.actuator, self.coordinates, self.covariance)
+
+    @property
     def relative_residual(self) -> float:
         """The residual's rms as a fraction of the recorded current's."""
         size = float(np.sqrt(np.mean(self.recorded**2)))
@@ -146,6 +156,7 @@ class Diagnosis:
 
     def to_dict(self) -> dict[str, Any]:
         """Return what `emaphm diagnose --json` prints, ready for `json.dumps`."""
+        shared = self.shared_covariance
         return {
             "faults": {name: _fault_dict(estimate) for name, estimate in self.components.items()},
             "k": self.faults.vector.tolist(),
@@ -174,6 +185,7 @@ class Diagnosis:
             "recording": self.recording,
             "actuator": self.actuator.name,
             "covariance": {"coordinates": list(self.coordinates), "matrix": self.covariance.tolist()},
+            **({} if shared is None else {"shared_covariance": shared.tolist()}),
             **({"posterior": self.posterior.to_dict()} if self.posterior else {}),
             **({"detector": self.healthy_check.to_dict()} if self.healthy_check else {}),
             "version": self.version,

@@ -108,3 +108,12 @@ class KeptDiagnosis:
         there = [self.coordinates.index(CARTESIAN_NAMES[i]) for i in rows]
         result[np.ix_(rows, rows)] = self.covariance[np.ix_(there, there)]
         return result
+
+    @property
+    def cartesian_shared_covariance(self) -> Array:
+        """The part of `cartesian_covariance` that all recordings of the unit share, (8, 8); 0 if none."""
+        result = np.zeros((len(CARTESIAN_NAMES), len(CARTESIAN_NAMES)))
+        if '"shared_covariance"' in self.text:  # to read all of the text takes a hundred times as long
+            rows = [i for i, name in enumerate(CARTESIAN_NAMES) if name in self.coordinates]
+            result[np.ix_(rows, rows)] = json.loads(self.text)["shared_covariance"]
+        return result

@@ -20,6 +20,11 @@ class Belief:
 
     Of an indicator, there is one component in place of the 8.
 
+    Levels are those that diagnoses show. Where the unit's parameters are not those of its description, all
+    diagnoses are off by the same, for which no number of them makes up: a level itself is farther off than
+    the filters' covariances say, by the covariance `shared`. What a new unit shows, and what an unchanged one
+    goes on to show, is off by as much.
+
     Attributes
     ----------
     born
@@ -43,6 +48,8 @@ class Belief:
         Of all diagnoses so far, for each component, (8,), but for a constant that all priors share.
     surprise
         Probability that the last diagnosis of each component was an outlier or followed a jump, (8,).
+    shared
+        Covariance of the error that all diagnoses of the unit have in common, (8, 8).
     seed, steps
         Source of all randomness, and how many steps have drawn from it.
     """
@@ -65,16 +72,24 @@ class Belief:
     log_weights: Array
     log_likelihood: Array
     surprise: Array
+    shared: Array
     prior: Prior
     seed: int
     steps: int = 0
 
     @classmethod
     def new(
-        cls, prior: Prior, *, seed: int = 0, settings: FilterSettings = FILTER, components: int = COMPONENTS
+        cls,
+        prior: Prior,
+        *,
+        seed: int = 0,
+        settings: FilterSettings = FILTER,
+        components: int = COMPONENTS,
+        shared: Array | None = None,
     ) -> "Belief":
         """Return what is believed of the first `components` of a new unit, at 0 h."""
         n = settings.particles
+        shared = np.zeros((components, components)) if shared is None else shared
         drawn = prior.draw(n, stream(seed, "degradation", "new"), components)
         zero = np.zeros((n, components, components))
         return cls(
@@ -89,13 +104,14 @@ class Belief:
             exponents=drawn.exponents,
             level=np.tile(NEW[:components], (n, 1)),
             rate=drawn.rate,
-            levels=zero + prior.settings.new_level**2 * np.eye(components),
+            levels=zero + prior.settings.new_level**2 * np.eye(components) + shared,
             mixed=zero,
             rates=drawn.rate_deviation[:, :, np.newaxis] ** 2 * np.eye(components),
             age_and_level=np.zeros((n, components)),
             log_weights=np.full((n, components), -np.log(n)),
             log_likelihood=np.zeros(components),
             surprise=np.zeros(components),
+            shared=shared,
             prior=prior,
             seed=seed,
         )

@@ -32,7 +32,8 @@ LEAST_ERROR = 1e-3
 class Observation:
     """A diagnosis at flight `hours` [h]: levels (8,), covariance (8, 8), which components it saw (8,).
 
-    In the coordinates `CARTESIAN_NAMES`. One that is not `explained` is shown and not used.
+    In the coordinates `CARTESIAN_NAMES`. One that is not `explained` is shown and not used. `shared` is the
+    part of the covariance that all diagnoses of the unit have in common, (8, 8), or 0.
     """
 
     hours: float
@@ -40,6 +41,7 @@ class Observation:
     covariance: Array
     seen: Mask
     explained: bool = True
+    shared: Array | float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +75,7 @@ class Evidence:
                 one.cartesian_covariance,
                 np.array([name in one.coordinates for name in CARTESIAN_NAMES]),
                 one.explained,
+                one.cartesian_shared_covariance,
             )
             for one in unit.diagnoses(latest)
         )
@@ -107,6 +110,12 @@ class Evidence:
             return np.ones(self.components, bool)
         return np.asarray(np.any([one.seen for one in self.used], axis=0))
 
+    @property
+    def shared(self) -> Array:
+        """Covariance of the error that all observations have in common, (8, 8): the mean of those used."""
+        none = np.zeros((self.components, self.components))
+        return np.mean([none + one.shared for one in self.used], axis=0) if self.used else none
+
 
 @dataclass(frozen=True, eq=False)
 class Followed:
@@ -136,7 +145,10 @@ def follow(
     """
     if prior.reference is None:
         prior = replace(prior, reference=StressReference.of(evidence.stresses))
-    belief, past = Belief.new(prior, seed=seed, settings=settings, components=evidence.components), []
+    belief = Belief.new(
+        prior, seed=seed, settings=settings, components=evidence.components, shared=evidence.shared
+    )
+    past: list[Belief] = []
 
     def later(belief: Belief, hours: float) -> Belief:
         if prior.reference is None:
@@ -196,7 +208,8 @@ def _usable(unit: str, observation: Observation) -> Array:
             f"unit '{unit}': the diagnosis at {observation.hours:g} h is not finite; "
             "diagnose its recording again"
         )
-    covariance = observation.covariance + LEAST_ERROR**2 * np.eye(len(observation.seen))
+    own = observation.covariance - observation.shared
+    covariance = own + LEAST_ERROR**2 * np.eye(len(observation.seen))
     hidden = ~observation.seen
     covariance[hidden, :] = covariance[:, hidden] = 0.0
     covariance[hidden, hidden] = UNSEEN_VARIANCE

@@ -54,6 +54,7 @@ class Paths:
 def drawn_states(belief: Belief, count: int) -> State:
     """Return `count` units as likely as each other, drawn from the belief given that levels are in bounds.
 
+    Levels differ from those that diagnoses show by what these share.
     The filters know no bounds: a constraint that was fed at each update would count again and again. Here it
     is applied once, exactly: each level is drawn within its bounds given those before it, and the unit is
     weighted with the probabilities of these bounds (Geweke, Hajivassiliou, Keane); then the rates given the
@@ -61,6 +62,7 @@ def drawn_states(belief: Belief, count: int) -> State:
     """
     random = stream(belief.seed, "forecast", belief.steps, "states")
     units = recombined(belief, drawn_rows(belief, 2 * count, random))
+    units = replace(units, levels=units.levels + belief.shared)
     level, weights = _within_bounds(units.level, units.levels, random)
     rate = _rates_given_levels(units, level, random)
     rows = systematic(weights, count, random)

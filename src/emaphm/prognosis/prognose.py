@@ -21,6 +21,7 @@ from emaphm.prognosis.requirements.failure_times import FailureTimes, failure_ti
 from emaphm.prognosis.result import Prognosis
 from emaphm.prognosis.settings import CONSTANT, FORECAST, ForecastSettings
 from emaphm.prognosis.stress import STRESSES, Stress, StressReference, exposure
+from emaphm.quantiles import normal_quantile
 
 ENOUGH = 3
 """Explained diagnoses from which on a rate is seen rather than assumed: two give one that nothing checks."""
@@ -130,6 +131,7 @@ def prognose(
         notes=(
             *_notes(evidence, requirements, times, prior),
             *stress_notes(question.ahead, followed.belief.prior.reference),
+            *_shared_notes(followed.belief, component),
         ),
     )
 
@@ -242,6 +244,22 @@ def stress_notes(ahead: Stress | None, reference: StressReference | None) -> lis
         if names
         else []
     )
+
+
+def _shared_notes(belief: Belief, component: str | None) -> list[str]:
+    """Return a note where what diagnoses have in common is most of what is not known of a `component`."""
+    if component is None:
+        return []
+    columns = columns_of(component)
+    shared = float(np.sqrt(np.diag(belief.shared)[columns].max()))
+    own = float(np.sqrt(np.sum(belief.weights * np.einsum("nii->ni", belief.levels), axis=0)[columns].max()))
+    if shared <= own:
+        return []
+    note = (
+        f"all diagnoses may be off by the same {normal_quantile(0.975) * shared:.2g} of {component}, which "
+        "further ones do not reduce: the unit is known to tolerances only; calibrate it (emaphm calibrate)"
+    )
+    return [note]
 
 
 def _notes(evidence: Evidence, requirements: Requirements, times: FailureTimes, prior: Prior) -> list[str]:

@@ -14,6 +14,7 @@ One product of a matrix and a vector a layer: NumPy is enough for that, and no f
 """
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,12 +124,18 @@ class Network:
         weights /= weights.sum(axis=1, keepdims=True)
         means = outputs[..., 1 : 1 + d] * self.deviations
         lower = np.zeros((*outputs.shape[:2], d, d))
-        lower[..., *np.tril_indices(d)] = outputs[..., 1 + d :]
+        lower[..., *_triangle(d)] = outputs[..., 1 + d :]
         diagonal = np.einsum("nmii->nmi", lower)
         diagonal[...] = np.exp(np.clip(diagonal, LOWEST_LOG, HIGHEST_LOG))
         # Σ = (Lᵀ L)⁻¹ = L⁻¹ L⁻ᵀ.
         factors = np.linalg.inv(lower) * self.deviations[:, np.newaxis]
         return [Mixture(*one) for one in zip(weights, means, factors, strict=True)]
+
+
+@cache
+def _triangle(d: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return rows and columns of a lower triangle (d, d); to make them takes as long as a dense layer."""
+    return np.tril_indices(d)
 
 
 def silu(x: Single) -> Single:

@@ -271,6 +271,7 @@ def replaced(belief: Belief, components: Mask) -> Belief:
     mixed[:, components, :] = 0.0
     own = np.flatnonzero(components)
     levels[:, own, own] = belief.prior.settings.new_level**2
+    levels += np.where(np.outer(components, components), belief.shared, 0.0)
     return replace(
         after,
         born=np.where(components, belief.hours, belief.born),

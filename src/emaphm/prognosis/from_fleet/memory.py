@@ -6,6 +6,8 @@ from collections.abc import Callable
 from threading import Lock
 from typing import TYPE_CHECKING, Generic, TypeVar
 
+import numpy as np
+
 if TYPE_CHECKING:
     from emaphm.prognosis.evidence import Evidence
 
@@ -40,7 +42,7 @@ def fingerprint(evidence: "Evidence", *others: object) -> str:
     digest.update(repr((evidence.unit, evidence.hours, evidence.replacements, evidence.stresses)).encode())
     for one in evidence.observations:
         digest.update(repr((one.hours, one.explained)).encode())
-        for values in (one.level, one.covariance, one.seen):
+        for values in (one.level, one.covariance, one.seen, np.asarray(one.shared)):
             digest.update(values.tobytes())
     digest.update(repr(others).encode())
     return digest.hexdigest()

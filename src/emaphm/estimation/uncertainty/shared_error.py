@@ -1,0 +1,36 @@
+"""The error that all recordings of a unit share: how its parameters deviate is the same in each of them.
+
+Faults f are estimated with the unit's deviations u, whose prior is normal with the covariance P
+(`ParameterVariation`). With the covariance C of the estimate, a linear model errs in f by -C_fu P⁻¹ u, and by
+what noise makes of it: as far as a recording does not show u, the prior's mean stands in for it. The noise is
+another in each recording, u is not.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from emaphm.actuator import Actuator
+from emaphm.actuator.faults import CARTESIAN_NAMES
+from emaphm.arrays import Array
+from emaphm.estimation.nuisances import BASELINE
+from emaphm.estimation.parameter_variation import ParameterVariation
+
+
+def shared_covariance(actuator: Actuator, coordinates: Sequence[str], covariance: Array) -> Array | None:
+    """Return the part of a `covariance` (d, d) that all recordings of a unit share, C_fu P⁻¹ C_uf, (f, f).
+
+    Of the faults among the `coordinates` (d,), in their order. None where nothing of the unit is open.
+    """
+    unit = ParameterVariation.of_unit(actuator)
+    priors = dict(zip((BASELINE + name for name in unit.coordinates), unit.priors, strict=True))
+    own = [i for i, name in enumerate(coordinates) if name in priors]
+    if not own:
+        return None
+    faults = [i for i, name in enumerate(coordinates) if name in CARTESIAN_NAMES]
+    across = covariance[np.ix_(faults, own)] / [priors[coordinates[i]] for i in own]
+    # Derivatives have errors of their own, and may claim a larger part than the whole.
+    root = np.linalg.cholesky(covariance[np.ix_(faults, faults)])
+    directions, shares, _ = np.linalg.svd(np.linalg.solve(root, across), full_matrices=False)
+    bounded = root @ directions * np.minimum(shares, 1.0)
+    return np.asarray(bounded @ bounded.T)
