@@ -71,7 +71,7 @@ def train_estimator(
     command: Command,
     folder: str | Path,
     *,
-    simulations: int = 262_144,
+    simulations: int = 196_608,
     seed: int = 0,
     workers: int | None = None,
     scheduler: str | None = None,

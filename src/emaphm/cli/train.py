@@ -61,7 +61,7 @@ def train(
     ] = None,
     simulations: Annotated[
         int, Parameter(converter=whole_number, help="How many to learn from: more, and it errs less.")
-    ] = 262_144,
+    ] = 196_608,
     epochs: Annotated[
         int | None,
         Parameter(converter=whole_number, help="Most passes over them; it stops when it learns no more."),

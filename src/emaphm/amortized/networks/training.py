@@ -39,7 +39,7 @@ class TrainingSettings:
     rate: float = 1e-3
     warm_up: int = 200
     epochs: int = 40
-    most_steps: int | None = 15_360
+    most_steps: int | None = 12_288
     decay: float = 1e-2
     longest_gradient: float = 5.0
     noise_factor: tuple[float, float] = (0.0, 1.5)
