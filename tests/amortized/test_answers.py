@@ -4,15 +4,18 @@ import numpy as np
 import pytest
 from scipy.stats import binom, chi2, kstest, multivariate_normal
 
-from amortized.toys import short_setup
+from amortized.toys import CHIRP, short_setup
 from emaphm.actuator import Actuator
 from emaphm.actuator.faults import lower_bounds
+from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
+from emaphm.actuator.unit.tolerances import Tolerances
 from emaphm.amortized.drawing import PRIOR, draw
 from emaphm.amortized.judging import judged, temperature_of
 from emaphm.amortized.networks.mixture import Mixture
 from emaphm.amortized.networks.projection import Projection
-from emaphm.amortized.simulating import in_blocks, noise_rms
+from emaphm.amortized.simulating import in_blocks, noise_rms, simulated
 from emaphm.arrays import Array
+from emaphm.simulation import AVERAGED
 
 SETUP = short_setup()
 SPACE = SETUP.space
@@ -29,6 +32,29 @@ def test_draws_lie_within_the_bounds_and_reach_all_kinds() -> None:
     assert np.mean(np.all(faults[:, 1:5] < 0.2, axis=1)) > 0.05
     deviations = points[:, 8:].std(axis=0)
     np.testing.assert_allclose(deviations, SPACE.nuisances.priors, rtol=0.05)
+
+
+def test_units_are_drawn_within_their_tolerances() -> None:
+    tolerances = Tolerances(inertia=0.2, viscous=1.0)
+    unit = Actuator.thesis().model_copy(update={"tolerances": tolerances})
+    setup = short_setup(unit)
+    points = draw(setup.space, 4000, np.random.default_rng(0))
+    values = setup.space.nuisance_values(points)
+    for name, factor in (("inertia", 1.2), ("viscous", 2.0)):
+        inside = np.mean(np.abs(values[f"baseline {name}"]) < np.log(factor))
+        assert inside == pytest.approx(0.9545, abs=4 * 0.0033)  # two standard deviations; of 4000 draws
+    # What was drawn is what is simulated: a unit of 1.2 times the inertia, described as such or drawn.
+    heavier = np.zeros((1, setup.space.dimensions))
+    heavier[:, 7] = 0.5
+    heavier[:, setup.space.coordinates.index("baseline inertia")] = np.log(1.2)
+    inertia = 1.2 * lumped_parameters(unit, ("inertia",))["inertia"]
+    described = short_setup(with_lumped_parameters(Actuator.thesis(), {"inertia": inertia}))
+    step = AVERAGED.step_for(unit)
+    drawn = simulated(setup, setup.inputs(CHIRP, step), AVERAGED, heavier)
+    given = simulated(
+        described, described.inputs(CHIRP, step), AVERAGED, heavier[:, : described.space.dimensions]
+    )
+    np.testing.assert_allclose(drawn, given, rtol=1e-5, atol=1e-6)
 
 
 def test_directions_of_eccentricity_are_even() -> None:

@@ -20,9 +20,9 @@ SHORT = {"duration": 0.1, "sample_rate": 2000.0}
 CHIRP = Chirp(stop_hz=40.0, duration=0.1)
 
 
-def short_setup(**others: object) -> RecordingSetup:
+def short_setup(actuator: Actuator = THESIS, **others: object) -> RecordingSetup:
     """Return the setup of a manoeuvre that takes 0.1 s."""
-    return RecordingSetup.of(THESIS, CHIRP, **{**SHORT, **others})  # type: ignore[arg-type]
+    return RecordingSetup.of(actuator, CHIRP, **{**SHORT, **others})  # type: ignore[arg-type]
 
 
 def half(values: Array | Single) -> Single:
