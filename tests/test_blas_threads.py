@@ -1,9 +1,11 @@
 """Linear algebra on one thread while the package computes, and on as many as before after it."""
 
+import sys
 from contextlib import ExitStack
+from unittest.mock import Mock
 
 import pytest
-from threadpoolctl import threadpool_info, threadpool_limits
+from threadpoolctl import ThreadpoolController, threadpool_info, threadpool_limits
 
 import emaphm as ema
 from cases import THESIS
@@ -34,6 +36,20 @@ def test_threads_are_given_back_after_an_error() -> None:
         with pytest.raises(KeyError, match="x"):
             fails()
         assert threads() == {2}
+
+
+def test_libraries_are_looked_for_again_after_an_import(monkeypatch: pytest.MonkeyPatch) -> None:
+    search = Mock(side_effect=ThreadpoolController)
+    monkeypatch.setattr("threadpoolctl.ThreadpoolController", search)
+
+    def in_a_limit() -> int:
+        with one_blas_thread():
+            return search.call_count
+
+    before = in_a_limit()
+    assert in_a_limit() == before
+    monkeypatch.setitem(sys.modules, "a module of linear algebra", sys)
+    assert in_a_limit() == before + 1
 
 
 def test_a_diagnosis_uses_one_thread() -> None:
