@@ -13,7 +13,7 @@ from emaphm.diagnosis.selection.profile import INERTIA, PROFILE, PROFILED, profi
 from emaphm.diagnosis.selection.sensor_error_scores import jacobians_with_errors, regressed
 from emaphm.diagnosis.selection.settings import SELECTION, SENSOR_SELECTION, widening
 from emaphm.diagnosis.selection.supply_profile import SUPPLY
-from emaphm.diagnosis.selection.supply_scan import is_scanned, supply_candidate
+from emaphm.diagnosis.selection.supply_scan import is_inductance_known, is_scanned, supply_candidate
 from emaphm.estimation.global_search.multistart import local_search, with_descents
 from emaphm.estimation.nuisances import PRIORS_PER_UNIT
 from emaphm.estimation.objective import MapObjective
@@ -62,7 +62,7 @@ def worthwhile_candidates(result: SearchResult, names: tuple[str, ...], seed: in
     look = first_look(result, names, profiles.get(INERTIA), seed)
     profiled = [_profiled(name, result, *one, look, seed) for name, one in profiles.items()]
     promising = [candidate.name for candidate in profiled if candidate.promising]
-    if scanned and look.shows_supply:
+    if scanned and look.shows_supply and is_inductance_known(objective):
         candidate = supply_candidate(result, names, seed)
         profiled += [] if candidate is None else [candidate]
     starts: dict[str, tuple[float, MapObjective, Array]] = {}

@@ -14,7 +14,8 @@ from emaphm.diagnosis.selection.supply_profile import (
     unit_of_supply,
 )
 from emaphm.estimation.bias_correction import correct_bias
-from emaphm.estimation.nuisances import Located
+from emaphm.estimation.nuisances import BASELINE, Located
+from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import SearchResult
 from emaphm.random_streams import child_seed
 
@@ -22,6 +23,18 @@ from emaphm.random_streams import child_seed
 def is_scanned(actuator: Actuator) -> bool:
     """Return whether the supply acts by the switching alone."""
     return actuator.drive_kind == "hysteresis"
+
+
+def is_inductance_known(objective: MapObjective) -> bool:
+    """Return whether the inductance is known to the step of a scan, so that the ripple can show a supply.
+
+    The ripple's slope is voltage by inductance. Where a tolerance or a baseline leaves the inductance open,
+    another supply makes up for it: in 35 of 134 units within ± 20 % of the inductance a supply was named,
+    though all had the described one.
+    """
+    nuisances = objective.space.nuisances
+    deviations = dict(zip(nuisances.quantities, nuisances.prior_deviations, strict=True))
+    return bool(deviations.get(f"{BASELINE}inductance", 0.0) <= SUPPLY_SCAN.step)
 
 
 def supply_candidate(result: SearchResult, names: tuple[str, ...], seed: int) -> Candidate | None:
