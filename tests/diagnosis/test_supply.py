@@ -7,6 +7,7 @@ from cases import THESIS
 from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
+from emaphm.actuator.unit.tolerances import Tolerances
 from emaphm.arrays import Array
 from emaphm.diagnosis import Diagnosis, diagnose, error_percent
 from emaphm.diagnosis.selection.law_selection import with_law
@@ -49,6 +50,16 @@ def test_a_supply_that_deviates_is_found() -> None:
     assert found.selected == ("supply",)
     assert found.to_dict()["suspected"] == ["supply"]
     check(found, -0.1)
+
+
+def test_none_is_named_where_the_inductance_is_open() -> None:
+    # The ripple's slope is voltage by inductance: which of them is off, it does not show.
+    unit = THESIS.model_copy(update={"tolerances": Tolerances(inductance=0.2)})
+    found = diagnose(recorded(-0.1), unit, workers=2)
+    assert "supply" not in found.selected
+    assert found.explained
+    for name, (low, high) in found.interval.items():
+        assert low - 0.01 <= getattr(FAULTS, name) <= high + 0.01
 
 
 def test_a_supply_that_somebody_named_is_located() -> None:
