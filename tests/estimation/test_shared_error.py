@@ -52,6 +52,16 @@ def test_it_is_no_more_than_the_whole() -> None:
     assert left.min() >= -1e-12
 
 
+def test_what_is_known_exactly_shares_nothing() -> None:
+    covariance = np.diag([1e-4] * 9 + list(DEVIATIONS**2))
+    covariance[1, -1] = covariance[-1, 1] = 5e-4
+    expected = covariance[1, -1] ** 2 / DEVIATIONS[1] ** 2
+    covariance[0] = covariance[:, 0] = 0.0
+    shared = shared_covariance(UNIT, COORDINATES, covariance)
+    assert shared is not None
+    np.testing.assert_allclose(shared, np.diag([0.0, expected] + [0.0] * 6), atol=1e-18)
+
+
 @pytest.mark.parametrize("coordinates", [COORDINATES[:-2], ()])
 def test_a_unit_that_is_as_described_shares_nothing(coordinates: tuple[str, ...]) -> None:
     assert shared_covariance(THESIS, coordinates, np.eye(len(coordinates))) is None

@@ -30,7 +30,8 @@ def shared_covariance(actuator: Actuator, coordinates: Sequence[str], covariance
     faults = [i for i, name in enumerate(coordinates) if name in CARTESIAN_NAMES]
     across = covariance[np.ix_(faults, own)] / [priors[coordinates[i]] for i in own]
     # Derivatives have errors of their own, and may claim a larger part than the whole.
-    root = np.linalg.cholesky(covariance[np.ix_(faults, faults)])
-    directions, shares, _ = np.linalg.svd(np.linalg.solve(root, across), full_matrices=False)
+    variances, axes = np.linalg.eigh(covariance[np.ix_(faults, faults)])
+    root = axes * np.sqrt(np.maximum(variances, 0.0))
+    directions, shares, _ = np.linalg.svd(np.linalg.pinv(root) @ across, full_matrices=False)
     bounded = root @ directions * np.minimum(shares, 1.0)
     return np.asarray(bounded @ bounded.T)
