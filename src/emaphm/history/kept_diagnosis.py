@@ -104,7 +104,7 @@ class KeptDiagnosis:
         variances = self.standard_errors**2
         variances[6] = variances[5]  # both directions of an eccentricity that cannot be shown
         result = np.diag(variances)
-        rows = [i for i, name in enumerate(CARTESIAN_NAMES) if name in self.coordinates]
+        rows = self._shown
         there = [self.coordinates.index(CARTESIAN_NAMES[i]) for i in rows]
         result[np.ix_(rows, rows)] = self.covariance[np.ix_(there, there)]
         return result
@@ -114,6 +114,10 @@ class KeptDiagnosis:
         """The part of `cartesian_covariance` that all recordings of the unit share, (8, 8); 0 if none."""
         result = np.zeros((len(CARTESIAN_NAMES), len(CARTESIAN_NAMES)))
         if '"shared_covariance"' in self.text:  # to read all of the text takes a hundred times as long
-            rows = [i for i, name in enumerate(CARTESIAN_NAMES) if name in self.coordinates]
-            result[np.ix_(rows, rows)] = json.loads(self.text)["shared_covariance"]
+            result[np.ix_(self._shown, self._shown)] = json.loads(self.text)["shared_covariance"]
         return result
+
+    @property
+    def _shown(self) -> list[int]:
+        """Places in `CARTESIAN_NAMES` of the components that the actuator can show."""
+        return [i for i, name in enumerate(CARTESIAN_NAMES) if name in self.coordinates]

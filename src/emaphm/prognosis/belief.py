@@ -85,11 +85,11 @@ class Belief:
         seed: int = 0,
         settings: FilterSettings = FILTER,
         components: int = COMPONENTS,
-        shared: Array | None = None,
+        shared: Array | float = 0.0,
     ) -> "Belief":
         """Return what is believed of the first `components` of a new unit, at 0 h."""
         n = settings.particles
-        shared = np.zeros((components, components)) if shared is None else shared
+        shared = np.zeros((components, components)) + shared
         drawn = prior.draw(n, stream(seed, "degradation", "new"), components)
         zero = np.zeros((n, components, components))
         return cls(
