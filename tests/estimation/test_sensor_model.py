@@ -103,8 +103,7 @@ def test_no_residual_counts_for_less_than_its_sensors_noise() -> None:
     actuator = rig(current_A=Sensor(noise=0.3))
     objective = faults_only_objective(Problem.of(recording, actuator))
     perfect = objective.reweighted(np.zeros(objective.target.size))
-    # `prior_weight` is that residual times the root of the correlated rows.
-    assert perfect.prior_weight == pytest.approx(0.3 * 20**0.5)
+    assert perfect.residual_rms == pytest.approx(0.3)
 
 
 def test_a_manoeuvre_starts_where_the_true_position_is() -> None:

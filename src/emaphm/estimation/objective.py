@@ -5,7 +5,6 @@ Its minimum is the maximum a posteriori (MAP) estimate of normal residuals and n
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -24,11 +23,6 @@ CORRELATED_ROWS = 20
 """Rows over which the residual of a model that is not right is correlated, roughly: they count as one
 observation against a prior."""
 
-STEADYING = ("load", "hinge", "temperature")
-"""Nuisances of which `CORRELATED_ROWS` count as one observation throughout. They are estimated in every
-recording: where it does not determine them, the prior steadies the search, and where it does, the prior is of
-no account."""
-
 LEAST_RESIDUAL = 1e-4
 """Least residual of a channel, relative to its rms, that its weight is computed from."""
 
@@ -40,15 +34,14 @@ FIRST_RESIDUAL = 0.1
 class MapObjective:
     """A problem, the space that its explanation is sought in, and the weight of the priors.
 
-    `prior_weight` is the residual of the primary channel, in its unit, that a nuisance one prior standard
-    deviation off is worth, `CORRELATED_ROWS` rows of it; of those that are not `STEADYING`, it is
-    `correlated_rows` instead. The rows of `outputs` are the weighted channels end to end, then one row for
-    each nuisance coordinate.
+    A nuisance one prior standard deviation off is worth as much as `correlated_rows` rows, each with a
+    residual of the primary channel of `residual_rms`, in its unit. The rows of `outputs` are the weighted
+    channels end to end, then one row for each nuisance coordinate.
     """
 
     problem: Problem
     space: ParameterSpace
-    prior_weight: float
+    residual_rms: float
     correlated_rows: float = CORRELATED_ROWS
 
     @classmethod
@@ -58,7 +51,7 @@ class MapObjective:
 
     def scale_prior(self, residual_rms: float) -> Self:
         """Return the objective with priors weighed against a residual of the primary channel of that rms."""
-        return replace(self, prior_weight=float(residual_rms) * CORRELATED_ROWS**0.5)
+        return replace(self, residual_rms=float(residual_rms))
 
     def reweighted(self, residual: Array) -> Self:
         """Return the objective with each channel, and the priors, weighted by its `residual` (rows,).
@@ -83,26 +76,26 @@ class MapObjective:
     def rescaled(self, rows: Array, other: Self) -> Array:
         """Return `rows` of `outputs` as this objective weights them, given as `other` does."""
         ratios = np.repeat(self.problem.weights / other.problem.weights, self.problem.samples)
-        return np.asarray(rows * np.concatenate([ratios, self._prior_weights / other._prior_weights]))
+        prior_ratios = np.full(len(self.space.nuisances.names), self.prior_weight / other.prior_weight)
+        return np.asarray(rows * np.concatenate([ratios, prior_ratios]))
+
+    @property
+    def prior_weight(self) -> float:
+        """The residual of a nuisance one prior standard deviation off, in the primary channel's unit."""
+        return self.residual_rms * float(self.correlated_rows**0.5)
 
     @property
     def rows_of_priors(self) -> Array:
         """How many rows count as one observation against the prior of each coordinate, (d,)."""
         count = np.full(self.space.dimensions, float(CORRELATED_ROWS))
-        count[[_is_freed(name, self.space) for name in self.space.coordinates]] = self.correlated_rows
+        count[len(self.space.columns) :] = self.correlated_rows
         return count
-
-    @cached_property
-    def _prior_weights(self) -> Array:
-        """The `prior_weight` of each nuisance coordinate, (nuisances,); every simulation asks for it."""
-        count = self.rows_of_priors[len(self.space.columns) :]
-        return np.asarray(self.prior_weight * (count / CORRELATED_ROWS) ** 0.5)
 
     @property
     def jacobian_of_priors(self) -> Array:
         """The derivatives of the rows that are priors by the coordinates, (d, nuisances)."""
         rows = np.zeros((self.space.dimensions, len(self.space.nuisances.names)))
-        rows[len(self.space.columns) :] = np.diag(self._prior_weights / self.space.nuisances.priors)
+        rows[len(self.space.columns) :] = np.diag(self.prior_weight / self.space.nuisances.priors)
         return rows
 
     @property
@@ -137,7 +130,7 @@ class MapObjective:
         channels = rows[:, : self.channel_rows].reshape(sensed.shape)
         np.multiply(sensed, self.problem.weights[:, np.newaxis], out=channels)
         coordinates = points[:, len(self.space.columns) :]
-        rows[:, self.channel_rows :] = self._prior_weights * coordinates / self.space.nuisances.priors
+        rows[:, self.channel_rows :] = self.prior_weight * coordinates / self.space.nuisances.priors
         return rows
 
     def residual(self, point: Array, correction: Array | float = 0.0) -> Array:
@@ -192,11 +185,6 @@ class MapObjective:
     def by(self, model: Model) -> Self:
         """Return the same objective of another model."""
         return replace(self, problem=self.problem.by(model))
-
-
-def _is_freed(name: str, space: ParameterSpace) -> bool:
-    """Return whether a coordinate is a nuisance whose prior counts as the residual's correlation has it."""
-    return name in space.nuisances.names and name not in STEADYING
 
 
 def faults_objective(

@@ -15,7 +15,6 @@ from emaphm.arrays import Array
 from emaphm.diagnosis.explanation.recorded_noise import rounding_step
 from emaphm.estimation.global_search.multistart import local_search, with_descents
 from emaphm.estimation.levenberg_marquardt import movable
-from emaphm.estimation.objective import CORRELATED_ROWS
 from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.problem import rms
 from emaphm.estimation.search_result import SMALLEST_SHARE, SearchResult
@@ -192,7 +191,8 @@ class _LinearFit:
         """Return the linear model at the estimate of `result`, by `jacobians` (n, d, channel rows)."""
         space = result.objective.space
         residual = result.residual[: result.objective.channel_rows]
-        prior = float(np.mean(residual**2)) * CORRELATED_ROWS / space.prior_deviations**2
+        rows = result.objective.rows_of_priors
+        prior = float(np.mean(residual**2)) * rows / space.prior_deviations**2
         # A component may be anywhere; what is known of it beforehand does not draw it anywhere.
         centred = np.where(np.arange(prior.size) < len(space.columns), 0.0, prior * result.point)
         jacobian = jacobians.mean(axis=0)

@@ -16,7 +16,6 @@ from emaphm.estimation.joint.contradictions import contradictions, dissenting
 from emaphm.estimation.joint.correction import JointEstimate
 from emaphm.estimation.joint.objective import JointObjective
 from emaphm.estimation.joint.uncertainty import JointUncertainty
-from emaphm.estimation.objective import CORRELATED_ROWS
 from emaphm.estimation.problem import rms
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.uncertainty.fisher_information import information
@@ -137,7 +136,7 @@ def _bias(joint: JointObjective, results: Sequence[SearchResult], point: Array, 
         variance = max(float(np.mean(result.fitted_residual[:rows] ** 2)), np.finfo(float).tiny)
         normals.append(information(jacobians) / variance)
         gradients.append(jacobians.mean(axis=0) @ result.remaining_bias[:rows] / variance)
-    prior = np.diag(CORRELATED_ROWS / joint.prior_deviations**2)
+    prior = np.diag(joint.rows_of_priors / joint.prior_deviations**2)
     step = np.linalg.solve(joint.summed_matrices(normals) + prior, joint.summed_vectors(gradients))
     return np.asarray(joint.box.project(point - step) - point)
 

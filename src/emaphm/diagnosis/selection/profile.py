@@ -15,7 +15,7 @@ from emaphm.arrays import Array
 from emaphm.estimation.bias_correction import compared
 from emaphm.estimation.discrepancy import REFERENCE_RUNS, reference_problem
 from emaphm.estimation.global_search.multistart import descents_from
-from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective
+from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.uncertainty.fisher_information import information
 from emaphm.random_streams import stream
@@ -78,7 +78,7 @@ def profile(result: SearchResult, objective: MapObjective, points: Array, name: 
 def _response(result: SearchResult, objective: MapObjective, jacobians: Array, column: int) -> Array:
     """Return how all coordinates (d,) follow one of them, which moves by 1: by the linear model."""
     variance = float(np.mean(result.residual[: objective.channel_rows] ** 2))
-    prior = variance * CORRELATED_ROWS / objective.space.prior_deviations**2
+    prior = variance * objective.rows_of_priors / objective.space.prior_deviations**2
     normal = information(jacobians) + np.diag(prior)
     others = np.delete(np.arange(len(normal)), column)
     response = np.ones(len(normal))

@@ -17,10 +17,8 @@ from emaphm.estimation.finite_differences import replicated_jacobians
 from emaphm.estimation.global_search.multistart import LOCAL_SEARCH, MULTISTART
 from emaphm.estimation.joint.objective import JointObjective
 from emaphm.estimation.levenberg_marquardt import descend, movable
-from emaphm.estimation.objective import CORRELATED_ROWS
-from emaphm.estimation.parameter_space import PRIOR_DEVIATION
 from emaphm.estimation.search_result import default_scatter
-from emaphm.estimation.uncertainty.fisher_information import information
+from emaphm.estimation.uncertainty.fisher_information import filtered_equations, products
 from emaphm.progress import Progress
 from emaphm.random_streams import stream
 
@@ -174,26 +172,32 @@ def _gauss_newton(
 
     def of_term(r: int) -> tuple[Array, Array]:
         term, local = joint.terms[r], joint.local(r, point)
+        rows = term.objective.channel_rows
         jacobians = replicated_jacobians(
-            term.outputs,
+            lambda points: term.outputs(points)[:, :rows],
             local,
             term.objective.space,
             settings.jacobian_step,
             settings.replicates,
             stream(seed, "Jacobians of the correction", iteration, r),
         )
-        residual = term.target - term.outputs(local[np.newaxis])[0]
-        return information(jacobians), jacobians.mean(axis=0) @ residual
+        residual = (term.target - term.outputs(local[np.newaxis])[0])[:rows]
+        return products(jacobians), jacobians.mean(axis=0) @ residual
 
     by_term = joint.for_each(of_term)
-    prior = joint.shared_prior()
-    normal = joint.summed_matrices([one[0] for one in by_term]) + prior
-    gradient = joint.summed_vectors([one[1] for one in by_term]) - prior @ point
+    replicates, total = np.arange(settings.replicates), np.zeros((settings.replicates, point.size) * 2)
+    for index, (one, _) in zip(joint.indices, by_term, strict=True):
+        total[np.ix_(replicates, index, replicates, index)] += one
+    normal, gradient = filtered_equations(
+        total, joint.summed_vectors([one for _, one in by_term]), joint.prior_deviations
+    )
+    # A fault has no prior; as far as the recordings do not show it, it keeps its value.
+    prior = joint.rows_of_priors / joint.prior_deviations**2
+    normal += np.diag(prior)
+    gradient[joint.faults :] -= (prior * point)[joint.faults :]
     free = movable(point, gradient, joint.box)
     step = np.zeros(point.size)
-    # Errors of Jacobians would lead far along what the recordings hardly determine.
-    damping = CORRELATED_ROWS / PRIOR_DEVIATION**2 * np.eye(free.size)
-    step[free] = np.linalg.solve(normal[np.ix_(free, free)] + damping, gradient[free])
+    step[free] = np.linalg.solve(normal[np.ix_(free, free)], gradient[free])
     return step
 
 

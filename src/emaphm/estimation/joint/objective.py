@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from emaphm.arrays import Array
 from emaphm.estimation.finite_differences import one_sided_jacobians
 from emaphm.estimation.levenberg_marquardt import Evaluation
-from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective
+from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.parameter_space import Box, ParameterSpace
 from emaphm.estimation.parameter_variation import ParameterVariation
 
@@ -67,7 +67,7 @@ class RecordingTerm:
     @property
     def residual_rms(self) -> float:
         """The residual [A] that its rows are divided by, so that all recordings have residuals of size 1."""
-        return self.objective.prior_weight / float(CORRELATED_ROWS**0.5)
+        return self.objective.residual_rms
 
     @property
     def target(self) -> Array:
@@ -149,6 +149,18 @@ class JointObjective:
         """The standard deviation of each coordinate before the data, (d,)."""
         return self._gathered([term.objective.space.prior_deviations for term in self.terms])
 
+    @cached_property
+    def rows_of_priors(self) -> Array:
+        """How many rows count as one observation against the prior of each coordinate, (d,).
+
+        Of what the recordings share, the mean of theirs.
+        """
+        by_term = [term.objective.rows_of_priors for term in self.terms]
+        count = self._gathered(by_term)
+        shared = [one[term.shared_places] for one, term in zip(by_term, self.terms, strict=True)]
+        count[: self.shared] = np.mean(shared, axis=0)
+        return count
+
     def _gathered(self, by_term: Sequence[Array]) -> Array:
         """Return values (d,) of all coordinates from those of each recording."""
         values = np.empty(max(index.max() for index in self.indices) + 1)
@@ -178,7 +190,7 @@ class JointObjective:
 
     def _prior_cost(self, points: Array) -> Array:
         shared = points[:, self.faults : self.shared] / self.unit.priors
-        return np.asarray(CORRELATED_ROWS * np.sum(shared**2, axis=1))
+        return np.asarray(np.sum(self.rows_of_priors[self.faults : self.shared] * shared**2, axis=1))
 
     def normal_equations(self, about: Sequence[Evaluation]) -> list[tuple[Array, Array]]:
         """Return J Jᵀ (d, d) and J r (d,) about each of some points, the priors of shared coordinates in."""
@@ -206,8 +218,8 @@ class JointObjective:
 
         Faults have none but their bounds: anywhere in there is as likely beforehand.
         """
-        prior = np.zeros(self.box.lower.size)
-        prior[self.faults : self.shared] = CORRELATED_ROWS / self.unit.priors**2
+        prior, unit = np.zeros(self.box.lower.size), slice(self.faults, self.shared)
+        prior[unit] = self.rows_of_priors[unit] / self.unit.priors**2
         return np.diag(prior)
 
     def summed_matrices(self, by_term: Sequence[Array]) -> Array:

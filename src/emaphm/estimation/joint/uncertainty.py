@@ -10,7 +10,6 @@ from emaphm.estimation.joint.correction import JointEstimate
 from emaphm.estimation.joint.random_effects import MetaAnalysis, random_effects
 from emaphm.estimation.joint.search import DESCENT, SEARCH, settle
 from emaphm.estimation.levenberg_marquardt import least_squares
-from emaphm.estimation.objective import CORRELATED_ROWS
 from emaphm.estimation.uncertainty.covariance import ScoreStatistics, score_statistics
 from emaphm.estimation.uncertainty.fisher_information import information
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at, local_covariance, rounding_scores
@@ -92,7 +91,7 @@ def joint_uncertainty(
     )
     # Descents stop short of the prior where recordings have little information; a step by all Jacobians
     # does not.
-    prior = CORRELATED_ROWS / joint.prior_deviations**2
+    prior = joint.rows_of_priors / joint.prior_deviations**2
     pull = prior * estimate.point
     pull[: joint.faults] = 0.0
     gradient = joint.summed_vectors(gradients) - pull

@@ -16,7 +16,7 @@ def information(jacobians: Array) -> Array:
     The mean of J_i J_jᵀ over all pairs i ≠ j, made positive semidefinite; of one Jacobian (n = 1), its own
     product. Divided by the variance of white residuals it is Fisher's information.
     """
-    return _positive(_mean_over_pairs(_products(jacobians)))
+    return _positive(_mean_over_pairs(products(jacobians)))
 
 
 def information_lower_bound(jacobians: Array) -> Array:
@@ -26,25 +26,32 @@ def information_lower_bound(jacobians: Array) -> Array:
     error is subtracted along each of its axes, by the jackknife over the n replicates (Efron and Tibshirani
     1993, ch. 11); with two or fewer there is no error to estimate, and nothing is subtracted.
     """
-    values, axes, along = _principal(_products(jacobians))
+    values, axes, along = _principal(products(jacobians))
     return np.asarray(axes * _lower_bounds(values, along) @ axes.T)
 
 
 def normal_equations(jacobians: Array, residual: Array, sizes: Array) -> tuple[Array, Array]:
     """Return the normal matrix (d, d) of `jacobians` (n, d, rows), and their gradient (d,) by a `residual`.
 
+    As `filtered_equations` has them, of one recording.
+    """
+    return filtered_equations(products(jacobians), jacobians.mean(axis=0) @ residual, sizes)
+
+
+def filtered_equations(products: Array, gradient: Array, sizes: Array) -> tuple[Array, Array]:
+    """Return the normal matrix (d, d) and the gradient (d,) of `products` (n, d, n, d) of Jacobians.
+
     The normal matrix is free of the bias of the Jacobians' errors. Of the gradient, along each axis of the
     information in units of the parameters' `sizes` (d,), the share is left that is no error (a Wiener
     filter), where the information is no larger than its own standard error: of what the data do not show,
     the gradient would be error alone, and lead anywhere.
     """
-    scaled = jacobians * sizes[:, np.newaxis]
-    values, axes, along = _principal(_products(scaled))
+    values, axes, along = _principal(products * sizes[:, np.newaxis, np.newaxis] * sizes)
     squares = np.maximum(along.mean(axis=(1, 2)), np.finfo(float).tiny)
     shown = _lower_bounds(values, along) > 0
     shares = np.where(shown, 1.0, np.minimum(values / squares, 1.0))
-    gradient = axes @ (shares * (axes.T @ (scaled.mean(axis=0) @ residual)))
-    return np.asarray((axes * values @ axes.T) / np.outer(sizes, sizes)), np.asarray(gradient / sizes)
+    filtered = axes @ (shares * (axes.T @ (gradient * sizes)))
+    return np.asarray((axes * values @ axes.T) / np.outer(sizes, sizes)), np.asarray(filtered / sizes)
 
 
 def _principal(products: Array) -> tuple[Array, Array, Array]:
@@ -66,8 +73,8 @@ def _lower_bounds(values: Array, along: Array) -> Array:
     return np.maximum(values, 0.0)
 
 
-def _products(jacobians: Array) -> Array:
-    """Return J_i J_jᵀ of all pairs, shape (n, d, n, d)."""
+def products(jacobians: Array) -> Array:
+    """Return J_i J_jᵀ of all pairs of `jacobians` (n, d, rows), shape (n, d, n, d)."""
     n, d, rows = jacobians.shape
     flat = jacobians.reshape(n * d, rows)
     return np.asarray((flat @ flat.T).reshape(n, d, n, d))

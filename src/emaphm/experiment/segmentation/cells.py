@@ -12,7 +12,7 @@ from emaphm.actuator.faults import HEALTHY
 from emaphm.arrays import Array, runs
 from emaphm.estimation.finite_differences import replicated_jacobians
 from emaphm.estimation.noise_level import noise_level
-from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective, faults_objective
+from emaphm.estimation.objective import MapObjective, faults_objective
 from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.problem import Problem, rms
 from emaphm.estimation.uncertainty.local_covariance import JACOBIAN_STEP
@@ -102,7 +102,7 @@ def cell_information(
     by_cell = by_channel.reshape(n, d, -1, cells, rows)
     total = by_cell.sum(axis=0)
     products = np.einsum("dcir,ecir->ide", total, total) - np.einsum("ndcir,necir->ide", by_cell, by_cell)
-    variance = (objective.prior_weight / CORRELATED_ROWS**0.5) ** 2
+    variance = objective.residual_rms**2
     correlated = max(1.0, CELLS.correlated_s / objective.problem.inputs.interval)
     return np.asarray(products / (n * (n - 1) * variance * correlated))
 
