@@ -1,6 +1,7 @@
 """A unit that is not as its data sheet says: what tolerances make of its recordings."""
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 import pytest
@@ -25,9 +26,15 @@ def with_tolerances(**tolerances: float) -> Actuator:
     return THESIS.model_copy(update={"tolerances": Tolerances(**tolerances)})
 
 
-def recorded(faults: Faults | None = None, *, seed: int = 1, amplitude: float = 5e-3) -> Recording:
-    described = lumped_parameters(THESIS, tuple(WEAKER))
-    unit = with_lumped_parameters(THESIS, {name: described[name] * f for name, f in WEAKER.items()})
+def recorded(
+    faults: Faults | None = None,
+    *,
+    seed: int = 1,
+    amplitude: float = 5e-3,
+    factors: Mapping[str, float] = WEAKER,
+) -> Recording:
+    described = lumped_parameters(THESIS, tuple(factors))
+    unit = with_lumped_parameters(THESIS, {name: described[name] * f for name, f in factors.items()})
     command = Chirp(amplitude=amplitude, duration=0.3)
     whole = simulate(
         unit, command, faults=faults or Faults(), duration=0.3, noise=0.05, adc_bits=12, seed=seed
@@ -58,9 +65,11 @@ def test_a_fault_of_such_a_unit_is_found_and_in_its_interval() -> None:
 
 
 def test_one_that_is_farther_off_than_its_tolerance_is_not_explained() -> None:
-    found = diagnose(recorded(), with_tolerances(torque_constant=0.1, inertia=0.02), workers=1)
+    # An inertia that is too large may pass for shorts in all phases and a friction below healthy.
+    recording = recorded(factors={"inertia": 0.85})
+    found = diagnose(recording, with_tolerances(torque_constant=0.1, inertia=0.02), workers=1)
     assert not found.explained
-    assert any("its tolerance of ± 2 %" in reason for reason in found.reasons)
+    assert any("more than its tolerance of ± 10 % accounts for" in reason for reason in found.reasons)
 
 
 def test_a_baseline_counts_in_place_of_a_tolerance() -> None:

@@ -224,12 +224,7 @@ class _Trials:
         terms = []
         for new, old in zip(joint.terms, current.joint.terms, strict=True):
             problem = replace(new.objective.problem, weights=old.objective.problem.weights)
-            objective = replace(
-                new.objective,
-                problem=problem,
-                residual_rms=old.objective.residual_rms,
-                correlated_rows=old.objective.correlated_rows,
-            )
+            objective = replace(old.objective, problem=problem, space=new.objective.space)
             correction = objective.of_channels(old.correction)
             terms.append(RecordingTerm(objective, new.shared, correction))
         return replace(joint, terms=tuple(terms))

@@ -53,11 +53,12 @@ class MapObjective:
         """Return the objective with priors weighed against a residual of the primary channel of that rms."""
         return replace(self, residual_rms=float(residual_rms))
 
-    def reweighted(self, residual: Array) -> Self:
+    def reweighted(self, residual: Array, *, biased: bool = False) -> Self:
         """Return the objective with each channel, and the priors, weighted by its `residual` (rows,).
 
         The likelihood of normal residuals whose variance by channel is not known beforehand, nor over how
-        many rows they are correlated: once the model is right to the noise, each row is an observation.
+        many rows they are correlated: once the model is right to the noise, each row is an observation. While
+        the residual is still `biased`, the model not corrected, `CORRELATED_ROWS` of them are.
         """
         by_channel = residual[: self.channel_rows].reshape(len(self.problem.channels), -1)
         sizes = np.sqrt(np.mean(by_channel**2, axis=1)) / self.problem.weights
@@ -69,7 +70,9 @@ class MapObjective:
         )
         noise = np.maximum(noise, self.problem.rounding_errors)
         sizes = np.maximum(sizes, np.maximum(LEAST_RESIDUAL * measured, noise))
-        correlated = min(integral_time([by_channel[0]], [1.0]), float(CORRELATED_ROWS))
+        correlated = float(CORRELATED_ROWS)
+        if not biased:
+            correlated = min(integral_time([by_channel[0]], [1.0]), correlated)
         weighted = replace(self, problem=self.problem.weighted(sizes), correlated_rows=correlated)
         return weighted.scale_prior(sizes[0])
 

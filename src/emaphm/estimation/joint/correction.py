@@ -71,7 +71,8 @@ class JointEstimate:
     def reweighted(self) -> Self:
         """Return the estimate with recordings and channels weighted by their residuals."""
         before = self.joint.terms
-        joint = self.joint.reweighted(self.corrected_residuals)
+        biased = [not one.standard_error.any() for one in self.discrepancies]
+        joint = self.joint.reweighted(self.corrected_residuals, biased)
         pairs = [(new.objective, old.objective) for new, old in zip(joint.terms, before, strict=True)]
         return replace(
             self,

@@ -78,9 +78,9 @@ class RecordingTerm:
         """Return the normalised rows at the recording's coordinates `points` (n, own + shared)."""
         return self.objective.outputs(points)[:, : self.rows] / self.residual_rms
 
-    def reweighted(self, residual: Array) -> Self:
+    def reweighted(self, residual: Array, *, biased: bool) -> Self:
         """Return the term with channels weighted by a `residual` as the objective weights it, (rows,)."""
-        objective = self.objective.reweighted(residual)
+        objective = self.objective.reweighted(residual, biased=biased)
         return replace(
             self, objective=objective, correction=objective.rescaled(self.correction, self.objective)
         )
@@ -246,10 +246,14 @@ class JointObjective:
             lambda r: self.terms[r].objective.residual(self.local(r, point), self.terms[r].correction)
         )
 
-    def reweighted(self, residuals: Sequence[Array]) -> Self:
-        """Return the objective with each recording and channel weighted by its residual."""
-        terms = zip(self.terms, residuals, strict=True)
-        return replace(self, terms=tuple(term.reweighted(residual) for term, residual in terms))
+    def reweighted(self, residuals: Sequence[Array], biased: Sequence[bool]) -> Self:
+        """Return the objective with each recording and channel weighted by its residual.
+
+        A residual that is `biased` has the model's bias in it (`MapObjective.reweighted`).
+        """
+        every = zip(self.terms, residuals, biased, strict=True)
+        terms = tuple(term.reweighted(residual, biased=flag) for term, residual, flag in every)
+        return replace(self, terms=terms)
 
     def corrected(self, corrections: Sequence[Array]) -> Self:
         """Return the objective with these `corrections`, (rows,) of each recording."""

@@ -52,7 +52,7 @@ def search(
 def settle(joint: JointObjective, point: Array) -> tuple[JointObjective, Array]:
     """Return the objective weighted by its residuals, and its minimum (d,) near `point`."""
     for _ in range(SEARCH.reweightings):
-        joint = joint.reweighted(joint.residuals(point))
+        joint = joint.reweighted(joint.residuals(point), [not term.correction.any() for term in joint.terms])
         point = descend(joint, point[np.newaxis], joint.box, SEARCH.descent).best
     return joint, point
 
