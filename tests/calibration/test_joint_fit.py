@@ -172,8 +172,8 @@ def test_a_parameter_at_its_bound_is_said_so() -> None:
     viscous = fitted(days, actuator=guess).parameters["viscous"]
     assert not viscous.identifiable
     assert viscous.standard_error > viscous.value
-    if viscous.at_bound:
-        assert "at its bound" in viscous.reason
+    assert viscous.at_bound
+    assert "at its bound" in viscous.reason
 
 
 def test_what_acts_alike_is_named_with_what_would_separate_it() -> None:
