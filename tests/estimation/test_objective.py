@@ -83,6 +83,20 @@ def test_the_channel_with_the_larger_residual_counts_less() -> None:
     np.testing.assert_allclose(other.rescaled(one.target, one), other.target, rtol=1e-12)
 
 
+@pytest.mark.parametrize(("biased", "count"), [(False, 1), (True, 20)])
+def test_a_prior_counts_as_one_row_of_a_white_residual_and_as_20_of_a_biased_one(
+    biased: bool, count: int
+) -> None:
+    one = fit(("load", "temperature"))
+    residual = np.random.default_rng(0).normal(size=4 * ROWS + 2)
+    other = one.reweighted(residual, biased=biased)
+    point = other.space.points(Faults().vector)[np.newaxis]
+    # A prior standard deviation of each.
+    point[0, -2:] = 1 / PRIORS_PER_UNIT
+    added = other.outputs(point)[0, -2:] ** 2
+    np.testing.assert_allclose(added, count * np.mean(other.rescaled(residual, one)[:ROWS] ** 2))
+
+
 def test_nuisances_by_default_by_name_and_where_they_are_known() -> None:
     assert NuisanceSet.of(THESIS, None, ()).names == ("load", "temperature")
     assert NuisanceSet.of(THESIS, None, ("load_Nm",)).names == ("temperature",)
