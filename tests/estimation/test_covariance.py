@@ -85,6 +85,25 @@ def test_the_white_formula_would_be_too_small_for_correlated_residuals() -> None
     assert np.all(typical_errors(residuals) / naive > 3.0)
 
 
+@pytest.mark.parametrize(("rho", "rows"), [(0.0, 1.0), (-0.9, 1.0), (0.0, 10.0), (0.5, 3.0)])
+def test_errors_of_a_fit_that_weighs_its_prior_wrongly_are_allowed_for(rho: float, rows: float) -> None:
+    # White residuals of the same size would leave about as much to the prior as to the data.
+    residuals, size = autoregressive(rho), 25.0
+    prior, rng = np.array([0.5, 1.0, 2.0]), np.random.default_rng(1)
+    truths = prior * rng.normal(size=(DRAWS, 3))
+    normal = DERIVATIVES @ DERIVATIVES.T / size**2 + np.diag(rows / prior**2)
+    recorded = truths @ DERIVATIVES + size * residuals
+    found = np.linalg.solve(normal, DERIVATIVES @ recorded.T / size**2).T
+    stated = [
+        sandwich_covariance(DERIVATIVES[np.newaxis], one, prior, prior_rows=rows).covariance
+        for one in (recorded - found @ DERIVATIVES)[:100]
+    ]
+    ratio = np.sqrt(np.mean([np.diag(one) for one in stated], axis=0)) / np.sqrt(
+        np.mean((found - truths) ** 2, axis=0)
+    )
+    assert np.all(np.abs(ratio - 1) < 0.2), ratio
+
+
 def test_a_component_without_effect_keeps_its_prior() -> None:
     derivatives = np.concatenate([DERIVATIVES, np.zeros((1, SAMPLES))])
     white = np.random.default_rng(2).normal(0, 0.1, SAMPLES)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from emaphm.arrays import Array
 from emaphm.estimation.finite_differences import one_sided_jacobians
 from emaphm.estimation.levenberg_marquardt import Evaluation
-from emaphm.estimation.objective import MapObjective
+from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective
 from emaphm.estimation.parameter_space import Box, ParameterSpace
 from emaphm.estimation.parameter_variation import ParameterVariation
 
@@ -150,15 +150,23 @@ class JointObjective:
         return self._gathered([term.objective.space.prior_deviations for term in self.terms])
 
     @cached_property
-    def rows_of_priors(self) -> Array:
-        """How many rows count as one observation against the prior of each coordinate, (d,).
+    def correlated_rows(self) -> Array:
+        """How many rows count as one observation where each coordinate matters, (d,).
 
         Of what the recordings share, the mean of theirs.
         """
-        by_term = [term.objective.rows_of_priors for term in self.terms]
-        count = self._gathered(by_term)
-        shared = [one[term.shared_places] for one, term in zip(by_term, self.terms, strict=True)]
-        count[: self.shared] = np.mean(shared, axis=0)
+        by_term = [term.objective.correlated_rows for term in self.terms]
+        count = self._gathered(
+            [np.full(one.own + one.shared, n) for one, n in zip(self.terms, by_term, strict=True)]
+        )
+        count[: self.shared] = np.mean(by_term)
+        return count
+
+    @cached_property
+    def rows_of_priors(self) -> Array:
+        """How many rows count as one observation against the prior of each coordinate, (d,)."""
+        count = self.correlated_rows.copy()
+        count[: self.faults] = CORRELATED_ROWS
         return count
 
     def _gathered(self, by_term: Sequence[Array]) -> Array:

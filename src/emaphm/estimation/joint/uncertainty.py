@@ -99,7 +99,7 @@ def joint_uncertainty(
     return JointUncertainty(
         # The iterations of a correction have taken such steps, and the mean of them.
         estimate.point if estimate.corrected else _stepped(estimate, step),
-        total.covariance(joint.prior_deviations),
+        total.covariance(joint.prior_deviations, joint.correlated_rows),
         alone or (_alone(estimate, jacobians, unresolved, seed) if len(joint.terms) > 1 else None),
     )
 

@@ -29,12 +29,21 @@ class ScoreStatistics:
     information: Array
     score_covariance: Array
 
-    def covariance(self, prior_deviation: Array) -> Array:
-        """Return the sandwich covariance (d, d) under a prior of standard deviations (d,)."""
-        prior = np.diag(1 / prior_deviation**2)
+    def covariance(self, prior_deviation: Array, prior_rows: Array | float = 1.0) -> Array:
+        """Return the sandwich covariance (d, d) under a prior of standard deviations (d,).
+
+        Of a fit in which `prior_rows`, (d,) or of all alike, count as one observation against the prior.
+        """
+        prior = 1 / prior_deviation**2
         # The information that the sandwich amounts to; where it is zero, the prior alone is left.
         weight = np.linalg.pinv(self.score_covariance, hermitian=True)
-        result = np.linalg.inv(self.information @ weight @ self.information + prior)
+        result = np.linalg.inv(self.information @ weight @ self.information + np.diag(prior))
+        # The fit weighs all residuals alike: it is drawn to the prior's mean by another share of what the
+        # parameters are off it than this information would have.
+        drawn = np.linalg.inv(self.information + np.diag(prior_rows * prior)) * (prior_rows * prior)
+        known = np.isfinite(prior_deviation)
+        apart = (drawn - result * prior)[:, known] * prior_deviation[known]
+        result = result + apart @ apart.T
         return np.asarray((result + result.T) / 2)
 
 
@@ -55,6 +64,7 @@ def sandwich_covariance(
     prior_deviation: Array,
     channels: int = 1,
     error_scores: Array | float = 0.0,
+    prior_rows: float = 1.0,
 ) -> SandwichCovariance:
     """Return the covariance of a least-squares estimate.
 
@@ -71,9 +81,11 @@ def sandwich_covariance(
     error_scores
         Covariance (d, d) of Jacobian times a model error that the residual need not show, as a fit absorbs
         what looks like a parameter.
+    prior_rows
+        How many rows count as one observation against the prior, in the fit.
     """
     statistics = score_statistics(jacobians, residual, channels, error_scores)
-    return SandwichCovariance(statistics.information, statistics.covariance(prior_deviation))
+    return SandwichCovariance(statistics.information, statistics.covariance(prior_deviation, prior_rows))
 
 
 def score_statistics(

@@ -59,7 +59,9 @@ def local_covariance(
     channels = len(objective.problem.channels)
     mean = jacobians.mean(axis=0)
     scores = error_scores(objective.problem, mean) + rounding_scores(objective.problem, mean) + hidden_scores
-    sandwich = sandwich_covariance(jacobians, residual, deviations, channels, scores)
+    sandwich = sandwich_covariance(
+        jacobians, residual, deviations, channels, scores, objective.correlated_rows
+    )
     gradient = mean @ (residual - bias) / np.mean(residual**2)
     prior = objective.rows_of_priors / deviations**2
     gradient[faults:] -= prior[faults:] * point[faults:]
