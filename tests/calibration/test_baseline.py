@@ -138,7 +138,7 @@ def test_an_uninformative_recording_does_not_spoil_the_others(healthy: list[Reco
     for name in FREE:
         before, after = without_poor.parameters[name], with_poor.parameters[name]
         assert abs(after.value - before.value) < 2 * before.standard_error
-        assert after.identifiable
+        assert after.standard_error < 1.5 * before.standard_error
     assert with_poor.parameters["resistance"].standard_error == pytest.approx(
         without_poor.parameters["resistance"].standard_error, rel=0.3
     )

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from emaphm.arrays import Array
+from emaphm.estimation.bias_correction import gauss_newton
 from emaphm.estimation.joint.correction import JointEstimate
 from emaphm.estimation.joint.random_effects import MetaAnalysis, random_effects
 from emaphm.estimation.joint.search import DESCENT, SEARCH, settle
@@ -150,9 +151,10 @@ def _alone_of(estimate: JointEstimate, r: int, jacobians: Array, seed: int) -> t
     correction = estimate.discrepancies[r].mean + term.correction
     together = estimate.corrected_residuals[r][:rows]
     local = local_covariance(objective, start, together, jacobians)
+    step = gauss_newton(objective, start, estimate.corrected_residuals[r], jacobians)
     target = objective.target - correction
     # The last share is no step at all: the joint estimate.
-    points = objective.space.project(start + STEP_SHARES[:, np.newaxis] * local.step)
+    points = objective.space.project(start + STEP_SHARES[:, np.newaxis] * step)
     costs = np.mean((target - objective.outputs(points)) ** 2, axis=1)
     end = points[np.flatnonzero(costs <= SEARCH.equal_costs * costs[-1])[0]]
     found = least_squares(objective.outputs, target, np.array([start, end]), objective.space, DESCENT)

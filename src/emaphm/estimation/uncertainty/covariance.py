@@ -37,14 +37,26 @@ class ScoreStatistics:
         prior = 1 / prior_deviation**2
         # The information that the sandwich amounts to; where it is zero, the prior alone is left.
         weight = np.linalg.pinv(self.score_covariance, hermitian=True)
-        result = np.linalg.inv(self.information @ weight @ self.information + np.diag(prior))
-        # The fit weighs all residuals alike: it is drawn to the prior's mean by another share of what the
-        # parameters are off it than this information would have.
-        drawn = np.linalg.inv(self.information + np.diag(prior_rows * prior)) * (prior_rows * prior)
-        known = np.isfinite(prior_deviation)
-        apart = (drawn - result * prior)[:, known] * prior_deviation[known]
-        result = result + apart @ apart.T
+        optimal: Array = np.linalg.inv(self.information @ weight @ self.information + np.diag(prior))
+        result = optimal + self._drawn_too_far(optimal, prior_deviation, prior_rows)
         return np.asarray((result + result.T) / 2)
+
+    def _drawn_too_far(self, optimal: Array, prior_deviation: Array, prior_rows: Array | float) -> Array:
+        """Return what a fit that is drawn too far to the prior's mean adds (d, d) to an `optimal` covariance.
+
+        A fit weighs all residuals alike: of what the parameters are off that mean, it leaves out the share
+        B = (I + n P⁻¹)⁻¹ n P⁻¹, where B* = C P⁻¹ would do. Along axes on which the difference is positive, in
+        units of the prior, that is an error (B - B*) P (B - B*)ᵀ.
+        """
+        rows = np.broadcast_to(prior_rows, prior_deviation.shape)
+        drawn = np.linalg.inv(self.information + np.diag(rows / prior_deviation**2))
+        drawn *= np.sqrt(np.outer(rows, rows))
+        known = np.flatnonzero(np.isfinite(prior_deviation))
+        units = np.outer(prior_deviation[known], prior_deviation[known])
+        shares, axes = np.linalg.eigh((drawn - optimal)[np.ix_(known, known)] / units)
+        added = np.zeros_like(optimal)
+        added[np.ix_(known, known)] = (axes * np.maximum(shares, 0.0) ** 2) @ axes.T * units
+        return added
 
 
 @dataclass(frozen=True, eq=False)
