@@ -37,7 +37,8 @@ class ScoreStatistics:
         prior = 1 / prior_deviation**2
         # The information that the sandwich amounts to; where it is zero, the prior alone is left.
         weight = np.linalg.pinv(self.score_covariance, hermitian=True)
-        optimal: Array = np.linalg.inv(self.information @ weight @ self.information + np.diag(prior))
+        information = np.asarray(self.information @ weight @ self.information, float)
+        optimal = np.linalg.inv(information + np.diag(prior))
         result = optimal + self._drawn_too_far(optimal, prior_deviation, prior_rows)
         return np.asarray((result + result.T) / 2)
 
