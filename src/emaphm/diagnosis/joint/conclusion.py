@@ -136,7 +136,7 @@ def _bias(joint: JointObjective, results: Sequence[SearchResult], point: Array, 
         variance = max(float(np.mean(result.fitted_residual[:rows] ** 2)), np.finfo(float).tiny)
         normals.append(information(jacobians) / variance)
         gradients.append(jacobians.mean(axis=0) @ result.remaining_bias[:rows] / variance)
-    prior = np.diag(joint.rows_of_priors / joint.prior_deviations**2)
+    prior = np.diag(joint.prior_precisions)
     step = np.linalg.solve(joint.summed_matrices(normals) + prior, joint.summed_vectors(gradients))
     return np.asarray(joint.box.project(point - step) - point)
 

@@ -193,7 +193,7 @@ def _gauss_newton(
         total, joint.summed_vectors([one for _, one in by_term]), joint.prior_deviations
     )
     # A fault has no prior; as far as the recordings do not show it, it keeps its value.
-    prior = joint.rows_of_priors / joint.prior_deviations**2
+    prior = joint.prior_precisions
     normal += np.diag(prior)
     gradient[joint.faults :] -= (prior * point)[joint.faults :]
     free = movable(point, gradient, joint.box)

@@ -169,6 +169,11 @@ class JointObjective:
         count[: self.faults] = CORRELATED_ROWS
         return count
 
+    @property
+    def prior_precisions(self) -> Array:
+        """What the prior of each coordinate adds to the normal matrix of normalised residuals, (d,)."""
+        return np.asarray(self.rows_of_priors / self.prior_deviations**2)
+
     def _gathered(self, by_term: Sequence[Array]) -> Array:
         """Return values (d,) of all coordinates from those of each recording."""
         values = np.empty(max(index.max() for index in self.indices) + 1)

@@ -92,7 +92,7 @@ def joint_uncertainty(
     )
     # Descents stop short of the prior where recordings have little information; a step by all Jacobians
     # does not.
-    prior = joint.rows_of_priors / joint.prior_deviations**2
+    prior = joint.prior_precisions
     pull = prior * estimate.point
     pull[: joint.faults] = 0.0
     gradient = joint.summed_vectors(gradients) - pull
