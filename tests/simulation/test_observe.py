@@ -45,12 +45,14 @@ def test_a_batch_observes_what_a_single_run_records(model: Model) -> None:
 
 
 @EACH_MODEL
-def test_the_first_channel_is_the_batch_s_current(model: Model) -> None:
+def test_some_channels_are_those_of_all(model: Model) -> None:
     inputs = Inputs.of(Chirp(), samples=100, interval=2e-4, step=model.step)
     plant = Plant.of(THESIS, FAULTS)
+    every = observe_batch(model, plant, inputs)
+    some = observe_batch(model, plant, inputs, channels=("voltage_V", "current_A"))
     # Rounding of the same laws, compiled with and without the other channels.
-    currents = run_batch(model, plant, inputs)
-    np.testing.assert_allclose(observe_batch(model, plant, inputs)[:, 0], currents, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(some, every[:, [1, 0]], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(run_batch(model, plant, inputs), every[:, 0], rtol=0, atol=1e-6)
 
 
 @EACH_MODEL
