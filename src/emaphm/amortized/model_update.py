@@ -180,8 +180,8 @@ class _Runs:
         factors = np.linalg.cholesky(np.array([one.covariance for one in answers]))
         points = _within(space, means, factors.transpose(0, 2, 1))
         every = np.concatenate([means[:, np.newaxis], points], axis=1).reshape(-1, d)
-        away = points - means[:, np.newaxis]
-        moves = np.asarray(np.linalg.solve(factors[:, np.newaxis], away[..., np.newaxis])[..., 0], float)
+        away = (points - means[:, np.newaxis]).transpose(0, 2, 1)
+        moves = np.asarray(np.linalg.solve(factors, away), float).transpose(0, 2, 1)
         return cls(factors, means, simulated(setup, inputs, AVERAGED, every), moves)
 
 
@@ -239,10 +239,9 @@ def _step(
     jacobians = np.linalg.solve(turned @ runs.moves + UPDATE.ridge * one, turned @ moved)
     information = jacobians @ jacobians.transpose(0, 2, 1)
     gradient = jacobians @ np.clip(z, -UPDATE.largest, UPDATE.largest)[..., np.newaxis]
-    x = np.linalg.solve(information + one, gradient)[..., 0]
-    x = np.clip(x, -UPDATE.longest, UPDATE.longest)
-    means = runs.means + np.einsum("nij,nj->ni", runs.factors, x)
     covariance = np.linalg.inv(information + one)
+    x = np.clip((covariance @ gradient)[..., 0], -UPDATE.longest, UPDATE.longest)
+    means = runs.means + np.einsum("nij,nj->ni", runs.factors, x)
     covariance = runs.factors @ covariance @ runs.factors.transpose(0, 2, 1)
     variances = np.einsum("nij,nij->ni", runs.factors, runs.factors)
     covariance += UPDATE.floor**2 * variances[:, :, np.newaxis] * one

@@ -11,7 +11,8 @@ samples : rows of the output
 substeps : steps in a sample interval
 window : steps at the start of each interval that its mean is taken over
 carried : 0 or 1, whether motion is recorded as at the start of a step or as it has led to
-out : float64 (lanes, channels, row), its first `samples` columns filled with the means
+out : float64 (lanes, recorded, row), its first `samples` columns filled with the means
+recorded : channels that are recorded, from the first on; at most those that the kernel is compiled for
 
 LLVM turns the innermost loop, over lanes, into vector instructions where the number of lanes is known
 when compiling, all lanes are in one flat array, and the loop has neither branches nor calls left.
@@ -92,7 +93,8 @@ def compiled(model: Model, layout: Layout) -> bytes:
     """Return the kernel of `model` as an object file for this machine, its function named `ENTRY`.
 
     It has the C arguments (pointers are to float64; integers of 64 bits): x, p, command, load, load_stride,
-    noise, noise_stride, enabled, enabled_stride, step, samples, substeps, window, carried, out, row.
+    noise, noise_stride, enabled, enabled_stride, step, samples, substeps, window, carried, out, recorded,
+    row.
     """
     # Numba takes 0.25 s to get ready, more than a whole diagnosis; a kernel that is cached does without.
     import numba
@@ -129,6 +131,7 @@ def compiled(model: Model, layout: Layout) -> bytes:
         window: Any,
         carried: Any,
         out: Any,
+        recorded: Any,
         row: Any,
     ) -> None:
         # The lengths of flat arrays do not matter: a kernel checks no index.
@@ -147,14 +150,15 @@ def compiled(model: Model, layout: Layout) -> bytes:
             substeps,
             window,
             carried,
-            carray(out, (lanes, channels, row)),
+            carray(out, (lanes, recorded, row)),
+            recorded,
         )
 
     array: Any = types.CPointer(types.float64)  # type: ignore[no-untyped-call]
     integer, real = types.int64, types.float64
     signature = types.void(
         *(array, array, array, array, integer, array, integer, array, integer, real),
-        *(integer, integer, integer, real, array, integer),
+        *(integer, integer, integer, real, array, integer, integer),
     )
     with _loops_left_to_llvm():  # it lets one thread in at a time
         _let_llvm_interleave()

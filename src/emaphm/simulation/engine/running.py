@@ -88,9 +88,9 @@ def _batch(
 ) -> Array:
     observable = model.form(plant.structure).observable
     rows = [observable.index(name) for name in names]
-    # Those up to the last one asked for: what a kernel need not write takes time.
+    # Those up to the last one asked for are recorded: what is not written takes no time.
     channels = max(rows) + 1
-    layout = Layout(LANES, channels, plant.structure)
+    layout = Layout(LANES, 1 if channels == 1 else len(observable), plant.structure)
     advance = kernel(model, layout)  # compile once, before the threads
     blocks = _blocks(model, plant, inputs, start, layout)
     groups = len(blocks)
@@ -189,6 +189,7 @@ def _advance(advance: Kernel, block: _Block, out: Array, inputs: Inputs) -> None
         inputs.window,
         float(inputs.sampling == "mean"),
         out.ctypes.data,
+        out.shape[-2],
         out.strides[-2] // out.itemsize,
     )
 

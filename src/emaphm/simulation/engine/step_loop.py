@@ -14,7 +14,7 @@ from typing import Any
 LOOP = """
 def kernel(
     x, p, command, load, load_stride, noise, noise_stride, enabled, enabled_stride,
-    step, samples, substeps, window, carried, out,
+    step, samples, substeps, window, carried, out, recorded,
 ):
     for sample in range(samples):
         for i in range({sums} * {lanes}, {rows} * {lanes}):
@@ -37,7 +37,7 @@ def kernel(
                 following, outputs = advance(state, parameters, inputs)
                 {stores}
                 {sums_of_outputs}
-        for i in range({channels}):
+        for i in range(recorded):
             for lane in range({lanes}):
                 out[lane, i, sample] = x[({sums} + i) * {lanes} + lane] / window
 """
@@ -61,7 +61,7 @@ def step_loop(
 
     `advance` takes (state, parameters, inputs), named tuples of scalars, and returns the state after the
     step, a tuple in the order of `state`, and the values of the model's channels, of which the first
-    `channels` are recorded.
+    `channels` can be recorded.
     """
 
     def read(array: str, count: int) -> str:
@@ -73,7 +73,6 @@ def step_loop(
     sums = len(state)
     source = LOOP.format(
         lanes=lanes,
-        channels=channels,
         sums=sums,
         rows=sums + channels,
         state=read("x", sums),
