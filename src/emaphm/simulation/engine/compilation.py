@@ -1,4 +1,4 @@
-"""From a kernel in Python to machine code: Numba translates, LLVM vectorises and emits an object file.
+"""From a model's step in Python to machine code: Numba translates, LLVM vectorises and emits an object file.
 
 A kernel advances `lanes` actuators together and records means over sample intervals. Its arguments:
 
@@ -19,6 +19,7 @@ when compiling, all lanes are in one flat array, and the loop has neither branch
 """
 
 import gc
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -26,8 +27,9 @@ from typing import Any
 
 import llvmlite.binding as llvm
 
+from emaphm.simulation.engine.lane_step import lane_step
 from emaphm.simulation.engine.model import ENTRY, Form, Layout, Model
-from emaphm.simulation.engine.step_loop import step_loop
+from emaphm.simulation.engine.step_loop import loop_about
 from emaphm.simulation.engine.structure import Structure
 from emaphm.simulation.laws.inline import LAWS, select
 
@@ -74,18 +76,8 @@ def _no_collection() -> Iterator[None]:
             gc.enable()
 
 
-@contextmanager
-def _loops_left_to_llvm() -> Iterator[None]:
-    """Let Numba translate loops as they are: it would vectorise them for half of the registers' width."""
-    from numba.core import compiler_lock, config
-
-    numba: Any = config  # it sets its fields from the environment, unseen by type checkers
-    with compiler_lock.global_compiler_lock:
-        as_set, numba.LOOP_VECTORIZE = numba.LOOP_VECTORIZE, 0
-        try:
-            yield
-        finally:
-            numba.LOOP_VECTORIZE = as_set
+COMPILING = threading.Lock()
+"""Held by the one thread that compiles."""
 
 
 @_no_collection()
@@ -96,6 +88,20 @@ def compiled(model: Model, layout: Layout) -> bytes:
     noise, noise_stride, enabled, enabled_stride, step, samples, substeps, window, carried, out, recorded,
     row.
     """
+    lanes, channels, structure = layout
+    form = model.form(structure)
+    with COMPILING:
+        _let_llvm_interleave()
+        step, name = _translated(form, structure)
+        loop = loop_about(name, ENTRY, len(form.state_names(structure)), lanes, channels)
+        llvm.initialize_native_asmprinter()
+        target = _this_machine()
+        return bytes(target.emit_object(_optimized(step, loop, target)))
+
+
+@cache
+def _translated(form: Form, structure: Structure) -> tuple[str, str]:
+    """Return the LLVM module of a model's step of one lane, and the name of its function there."""
     # Numba takes 0.25 s to get ready, more than a whole diagnosis; a kernel that is cached does without.
     import numba
     from numba import types
@@ -104,78 +110,23 @@ def compiled(model: Model, layout: Layout) -> bytes:
     if not REGISTERED:
         overload(select)(_select_scalar)
         REGISTERED.add(select)
-    lanes, channels, structure = layout
-    form = model.form(structure)
-    advance_one = _advance_one(form, structure)
-    for law in (*LAWS, advance_one):
+    advance = form.advance(structure)
+    for law in (*LAWS, advance):
         if law not in REGISTERED:
             register_jitable(**INLINED)(law)
             REGISTERED.add(law)
-    carray: Any = numba.carray  # type: ignore[attr-defined]
-    state, parameters = form.state_names(structure), form.parameter_names(structure)
-    kernel = numba.njit(**NUMBA_OPTIONS)(step_loop(advance_one, state, parameters, lanes, channels))
-
-    def advance(
-        x: Any,
-        p: Any,
-        command: Any,
-        load: Any,
-        load_stride: Any,
-        noise: Any,
-        noise_stride: Any,
-        enabled: Any,
-        enabled_stride: Any,
-        step: Any,
-        samples: Any,
-        substeps: Any,
-        window: Any,
-        carried: Any,
-        out: Any,
-        recorded: Any,
-        row: Any,
-    ) -> None:
-        # The lengths of flat arrays do not matter: a kernel checks no index.
-        kernel(
-            carray(x, 1),
-            carray(p, 1),
-            carray(command, 1),
-            carray(load, 1),
-            load_stride,
-            carray(noise, 1),
-            noise_stride,
-            carray(enabled, 1),
-            enabled_stride,
-            step,
-            samples,
-            substeps,
-            window,
-            carried,
-            carray(out, (lanes, recorded, row)),
-            recorded,
-        )
-
     array: Any = types.CPointer(types.float64)  # type: ignore[no-untyped-call]
-    integer, real = types.int64, types.float64
-    signature = types.void(
-        *(array, array, array, array, integer, array, integer, array, integer, real),
-        *(integer, integer, integer, real, array, integer, integer),
-    )
-    with _loops_left_to_llvm():  # it lets one thread in at a time
-        _let_llvm_interleave()
-        translated = numba.cfunc(signature, **NUMBA_OPTIONS)(advance)
-    return _object_file(translated.inspect_llvm(), translated.native_name)
+    integers, reals = (types.int64,) * 3, (types.float64,) * 8
+    step = lane_step(advance, form.state_names(structure), form.parameter_names(structure))
+    found = numba.cfunc(types.void(array, array, *integers, *reals), **NUMBA_OPTIONS)(step)
+    # Numba would not have a function inlined where C calls it.
+    return found.inspect_llvm().replace("noinline", "alwaysinline"), found.native_name
 
 
 @cache
 def _let_llvm_interleave() -> None:
     """Have LLVM interleave as many vectors as `INTERLEAVED`, once: it ends a process that asks twice."""
     llvm.set_option("", f"-force-vector-interleave={INTERLEAVED}")
-
-
-@cache
-def _advance_one(form: Form, structure: Structure) -> Any:
-    """Return the model's step: the same function for each layout, as Numba types each function anew."""
-    return form.advance(structure)
 
 
 def _select_scalar(condition: Any, chosen: Any, other: Any) -> Any:  # noqa: ARG001
@@ -185,20 +136,20 @@ def _select_scalar(condition: Any, chosen: Any, other: Any) -> Any:  # noqa: ARG
     return implementation
 
 
-def _object_file(text: str, name: str) -> bytes:
-    """Return the object file of the LLVM module in `text`, less everything that function `name` does not use.
+def _optimized(step: str, loop: str, target: Any) -> Any:
+    """Return the function `ENTRY` of the module `loop` with its step, of another module, as LLVM leaves it.
 
-    No kernel raises an error. Once LLVM has seen that, nothing is left of Numba's way to raise one, and
+    No step raises an error. Once LLVM has seen that, nothing is left of Numba's way to raise one, and
     with it no reference to Numba or Python: the object file can be used without either.
     """
-    module = llvm.parse_assembly(text)
-    entry = module.get_function(name)
+    module = llvm.parse_assembly(step)
+    module.link_in(llvm.parse_assembly(loop))
     for value in (*module.functions, *module.global_variables):
-        if not value.is_declaration and value.name != name:
+        if not value.is_declaration and value.name != ENTRY:
             value.linkage = "internal"
-    entry.name = ENTRY
-    llvm.initialize_native_asmprinter()
-    target = _this_machine()
+    for function in module.functions:
+        if not function.is_declaration and function.name != ENTRY:
+            function.add_function_attribute("alwaysinline")
     tuning = llvm.create_pipeline_tuning_options(speed_level=3)
     tuning.loop_vectorization = True
     builder = llvm.create_pass_builder(target, tuning)
@@ -206,7 +157,7 @@ def _object_file(text: str, name: str) -> bytes:
     missing = [f.name for f in module.functions if f.is_declaration and not f.name.startswith("llvm.")]
     if missing:
         raise RuntimeError(f"a kernel cannot use {', '.join(missing)}: it runs without Numba and Python")
-    return bytes(target.emit_object(module))
+    return module
 
 
 def _this_machine() -> Any:

@@ -1,98 +1,103 @@
-"""The loop that every model's step stands in: over rows, steps and lanes, its state in one flat array.
+"""The loops of a kernel about a model's step, over rows, steps and lanes: instructions of LLVM's own.
 
-A model says what one actuator does in one step: a function of tuples of scalars. LLVM turns the innermost
-loop, over lanes, into vector instructions only where each row is read and written in that loop itself: a
-function that is handed the arrays makes kernels ten times slower (measured). The lines that read and write
-are therefore written out here, from the names of the rows.
+Loops in Python would have been through Numba's translation to machine code before LLVM can make vector
+instructions of the innermost one, over lanes, and whether that is still possible would be chance. Numba also
+takes ten times as long for them; a step it translates once, for all layouts.
 """
 
-from collections import namedtuple
-from collections.abc import Callable
-from functools import cache
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
-LOOP = """
-def kernel(
-    x, p, command, load, load_stride, noise, noise_stride, enabled, enabled_stride,
-    step, samples, substeps, window, carried, out, recorded,
-):
-    for sample in range(samples):
-        for i in range({sums} * {lanes}, {rows} * {lanes}):
-            x[i] = 0.0
-        for substep in range(substeps):
-            now = sample * substeps + substep
-            inputs = StepInputs(
-                command[now],
-                load[now * load_stride],
-                noise[now * noise_stride],
-                enabled[now * enabled_stride],
-                now * step,
-                step,
-                carried,
-            )
-            weight = 1.0 if substep < window else 0.0
-            for lane in range({lanes}):
-                state = State({state})
-                parameters = Parameters({parameters})
-                following, outputs = advance(state, parameters, inputs)
-                {stores}
-                {sums_of_outputs}
-        for i in range(recorded):
-            for lane in range({lanes}):
-                out[lane, i, sample] = x[({sums} + i) * {lanes} + lane] / window
-"""
+from llvmlite import ir
 
-StepInputs = namedtuple(  # noqa: PYI024 - its fields are scalars of any kind
-    "StepInputs", ("command", "load", "noise", "enabled", "time", "step", "carried")
-)
-"""What drives all lanes in a step: command [rad], load [N·m], noise on the reference
-current [A], whether the drive is switched on (1, else 0), time and step [s]; `carried` is 1 where motion is
-recorded as the step has led to, 0 as at its start."""
+from emaphm.simulation.engine.lane_step import place
+
+REAL, INTEGER = ir.DoubleType(), ir.IntType(64)
+ARRAY = ir.PointerType(REAL)
+NOTHING = ir.IntType(8).as_pointer()
+"""What Numba returns for None."""
+
+ARGUMENTS = {
+    "x": ARRAY,
+    "p": ARRAY,
+    "command": ARRAY,
+    "load": ARRAY,
+    "load_stride": INTEGER,
+    "noise": ARRAY,
+    "noise_stride": INTEGER,
+    "enabled": ARRAY,
+    "enabled_stride": INTEGER,
+    "step": REAL,
+    "samples": INTEGER,
+    "substeps": INTEGER,
+    "window": INTEGER,
+    "carried": REAL,
+    "out": ARRAY,
+    "recorded": INTEGER,
+    "row": INTEGER,
+}
+"""Of a kernel, as `compilation` describes them."""
 
 
-def step_loop(
-    advance: Callable[..., Any],
-    state: tuple[str, ...],
-    parameters: tuple[str, ...],
-    lanes: int,
-    channels: int,
-) -> Any:
-    """Return the kernel's Python function, as `compilation` compiles it.
+def loop_about(step_name: str, name: str, rows: int, lanes: int, channels: int) -> str:
+    """Return the LLVM module of the kernel `name`, which calls the function `step_name` of `lane_step`.
 
-    `advance` takes (state, parameters, inputs), named tuples of scalars, and returns the state after the
-    step, a tuple in the order of `state`, and the values of the model's channels, of which the first
-    `channels` can be recorded.
+    The state has `rows` rows, followed by those of the sums of `channels` channels.
     """
+    module = ir.Module()
+    of_step = ir.FunctionType(NOTHING, [ARRAY, ARRAY, *[INTEGER] * 3, *[REAL] * 8])
+    advance = ir.Function(module, of_step, step_name)
+    kernel = ir.Function(module, ir.FunctionType(ir.VoidType(), list(ARGUMENTS.values())), name)
+    a = dict(zip(ARGUMENTS, kernel.args, strict=True))
+    for argument in a.values():
+        if argument.type == ARRAY:
+            argument.add_attribute("noalias")
+    builder = ir.IRBuilder(kernel.append_basic_block())
+    width, zero, one = INTEGER(lanes), REAL(0.0), REAL(1.0)
+    with _loop(builder, a["samples"]) as sample:
+        with _loop(builder, INTEGER(channels)) as i, _loop(builder, width) as lane:
+            builder.store(zero, place(builder, a["x"], builder.add(i, INTEGER(rows)), width, lane))
+        with _loop(builder, a["substeps"]) as substep:
+            now = builder.add(builder.mul(sample, a["substeps"], flags=["nsw"]), substep, flags=["nsw"])
+            within = builder.icmp_signed("<", substep, a["window"])
+            driving = [
+                *(_at_step(builder, a, signal, now) for signal in ("command", "load", "noise", "enabled")),
+                builder.fmul(builder.sitofp(now, REAL), a["step"], flags=["fast"]),
+                a["step"],
+                a["carried"],
+                builder.select(within, one, zero),
+            ]
+            with _loop(builder, width) as lane:
+                builder.call(advance, [a["x"], a["p"], lane, width, INTEGER(channels), *driving])
+        share = builder.fdiv(one, builder.sitofp(a["window"], REAL))
+        with _loop(builder, a["recorded"]) as i, _loop(builder, width) as lane:
+            total = builder.load(place(builder, a["x"], builder.add(i, INTEGER(rows)), width, lane))
+            row = builder.add(builder.mul(lane, a["recorded"]), i)
+            mean = place(builder, a["out"], row, a["row"], sample)
+            builder.store(builder.fmul(total, share), mean)
+    builder.ret_void()
+    return str(module)
 
-    def read(array: str, count: int) -> str:
-        return ", ".join(f"{array}[{i * lanes} + lane]" for i in range(count))
 
-    def lines(texts: list[str]) -> str:
-        return ("\n" + 16 * " ").join(texts)
-
-    sums = len(state)
-    source = LOOP.format(
-        lanes=lanes,
-        sums=sums,
-        rows=sums + channels,
-        state=read("x", sums),
-        parameters=read("p", len(parameters)),
-        stores=lines([f"x[{i * lanes} + lane] = following[{i}]" for i in range(sums)]),
-        sums_of_outputs=lines(
-            [f"x[{(sums + i) * lanes} + lane] += weight * outputs[{i}]" for i in range(channels)]
-        ),
-    )
-    scope = {
-        "State": _named_tuple("State", state),
-        "Parameters": _named_tuple("Parameters", parameters),
-        "StepInputs": StepInputs,
-        "advance": advance,
-    }
-    exec(source, scope)  # noqa: S102 - the text above, with numbers filled in
-    return scope["kernel"]
+@contextmanager
+def _loop(builder: Any, count: Any) -> Iterator[Any]:
+    """Give the numbers from 0 on, below `count`, to the instructions that are built inside."""
+    before = builder.block
+    head, body, after = (builder.append_basic_block() for _ in range(3))
+    builder.branch(head)
+    builder.position_at_end(head)
+    number = builder.phi(INTEGER)
+    number.add_incoming(INTEGER(0), before)
+    builder.cbranch(builder.icmp_signed("<", number, count), body, after)
+    builder.position_at_end(body)
+    yield number
+    number.add_incoming(builder.add(number, INTEGER(1), flags=["nsw"]), builder.block)
+    builder.branch(head)
+    builder.position_at_end(after)
 
 
-@cache
-def _named_tuple(name: str, fields: tuple[str, ...]) -> Any:
-    """Return the type of named tuples of `fields`: one for all layouts, which then share what takes it."""
-    return namedtuple(name, fields)  # noqa: PYI024
+def _at_step(builder: Any, arguments: dict[str, Any], signal: str, now: Any) -> Any:
+    """Return a signal's value at step `now`, or the only one that it has."""
+    stride = arguments.get(f"{signal}_stride", INTEGER(1))
+    return builder.load(place(builder, arguments[signal], now, stride, INTEGER(0)))

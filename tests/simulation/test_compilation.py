@@ -1,0 +1,34 @@
+"""What a kernel is compiled to: instructions for several lanes at once, and code that depends on nothing else."""
+
+import re
+from typing import Any
+
+import pytest
+
+from emaphm.actuator import Actuator
+from emaphm.simulation import MODELS, OBSERVABLE, Model
+from emaphm.simulation.engine import compilation
+from emaphm.simulation.engine.model import Layout
+from emaphm.simulation.engine.plant import structure_of
+
+STRUCTURE = structure_of(Actuator.thesis())
+
+
+@pytest.mark.parametrize("channels", [1, len(OBSERVABLE)])
+@pytest.mark.parametrize("model", MODELS.values(), ids=list(MODELS))
+def test_lanes_advance_together(model: Model, channels: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    modules: list[str] = []
+    optimized = compilation._optimized
+
+    def kept(*arguments: Any) -> Any:
+        module = optimized(*arguments)
+        modules.append(str(module))
+        return module
+
+    monkeypatch.setattr(compilation, "_optimized", kept)
+    compilation.compiled(model, Layout(16, channels, STRUCTURE))
+    (text,) = modules
+    # Nothing is computed for one lane alone: the time of a step is all that is the same for all.
+    assert len(re.findall(r"f(?:add|sub|mul|div) fast <\d+ x double>", text)) > 50
+    assert len(re.findall(r"f(?:add|sub|mul|div) fast double", text)) < 10
+    assert not re.search(r"call [^@\n]*@(?!llvm\.)", text)
