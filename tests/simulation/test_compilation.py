@@ -1,4 +1,4 @@
-"""What a kernel is compiled to: instructions for several lanes at once, and code that depends on nothing else."""
+"""What a kernel is compiled to: instructions for several lanes at once, which depend on nothing else."""
 
 import re
 from typing import Any
