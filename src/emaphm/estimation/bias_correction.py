@@ -15,7 +15,7 @@ from emaphm.estimation.correction_iterations import BIAS_CORRECTION, BiasCorrect
 from emaphm.estimation.discrepancy import discrepancies, has_reference, reference_problem, with_all_phases
 from emaphm.estimation.finite_differences import replicated_jacobians
 from emaphm.estimation.global_search.multistart import LOCAL_SEARCH, local_search, with_descents
-from emaphm.estimation.levenberg_marquardt import movable
+from emaphm.estimation.levenberg_marquardt import bounded_step
 from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective
 from emaphm.estimation.parameter_space import PRIOR_DEVIATION
 from emaphm.estimation.problem import Problem
@@ -161,10 +161,7 @@ def gauss_newton(objective: MapObjective, point: Array, residual: Array, jacobia
     gradient = gradient + priors @ residual[rows:]
     faults = np.arange(len(space.columns))
     normal[faults, faults] += float(np.mean(residual**2)) * CORRELATED_ROWS / PRIOR_DEVIATION**2
-    free = movable(point, gradient, objective.space)
-    step = np.zeros(point.size)
-    step[free] = np.linalg.solve(normal[np.ix_(free, free)], gradient[free])
-    return step
+    return bounded_step(normal, gradient, point, space)
 
 
 def _mean(

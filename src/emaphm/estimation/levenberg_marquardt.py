@@ -157,6 +157,14 @@ def movable(point: Array, gradient: Array, box: Box) -> NDArray[np.intp]:
     return np.flatnonzero(~(at_lower | at_upper))
 
 
+def bounded_step(normal: Array, gradient: Array, point: Array, box: Box) -> Array:
+    """Return the step (d,) from `point` that solves the normal equations, none of what a bound keeps."""
+    free = movable(point, gradient, box)
+    step = np.zeros(point.size)
+    step[free] = np.linalg.solve(normal[np.ix_(free, free)], gradient[free])
+    return step
+
+
 def _trials(descent: _Descent, normal: Array, gradient: Array, box: Box) -> Array:
     """Return the points (factors, d) that damped Gauss-Newton steps lead to, one for each damping factor."""
     point = descent.at.point

@@ -16,7 +16,7 @@ from emaphm.estimation.discrepancy import Discrepancy, discrepancies, has_refere
 from emaphm.estimation.finite_differences import replicated_jacobians
 from emaphm.estimation.global_search.multistart import LOCAL_SEARCH, MULTISTART
 from emaphm.estimation.joint.objective import JointObjective
-from emaphm.estimation.levenberg_marquardt import descend, movable
+from emaphm.estimation.levenberg_marquardt import bounded_step, descend
 from emaphm.estimation.search_result import default_scatter
 from emaphm.estimation.uncertainty.fisher_information import filtered_equations, products
 from emaphm.progress import Progress
@@ -196,10 +196,7 @@ def _gauss_newton(
     prior = joint.prior_precisions
     normal += np.diag(prior)
     gradient[joint.faults :] -= (prior * point)[joint.faults :]
-    free = movable(point, gradient, joint.box)
-    step = np.zeros(point.size)
-    step[free] = np.linalg.solve(normal[np.ix_(free, free)], gradient[free])
-    return step
+    return bounded_step(normal, gradient, point, joint.box)
 
 
 def _mean(current: JointEstimate, equal: Sequence[JointEstimate]) -> JointEstimate:
