@@ -143,7 +143,7 @@ def test_the_first_table_says_no_where_too_little_was_reached(accuracy: Plan) ->
     page = accuracy_page(accuracy, runs)
     # Intervals that always hold the truth are not 92 to 98 %.
     assert verdicts(page) == ["yes"] * 5 + ["no"] * 2 + ["yes", "–"]
-    assert f"{runs.height} of 2510 runs" in page
+    assert f"{runs.height} of 3110 runs" in page
     disturbed = (pl.col("rig") == "switching disturbed") & (pl.col("run") == 0)
     healthy = (pl.col("case_kind") == "healthy") & (pl.col("rig") == "current and line voltage")
     changed = runs.with_columns(

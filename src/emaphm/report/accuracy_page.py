@@ -261,8 +261,12 @@ def _heavy(results: Results) -> Iterator[str]:
 def _base(results: Results) -> Iterator[str]:
     section, m = results.base, results.plan.manoeuvre
     rig = results.rig(section.rows[0])
-    count = results.of(section.rows[0], "random").height
-    low, high = chance_interval(count)
+    random = {row.text: results.of(row, "random") for row in section.rows}
+    chances = [
+        f"{count} cases show {100 * low:.1f} to {100 * high:.1f} %"
+        for count in sorted({rows.height for rows in random.values()}, reverse=True)
+        for low, high in [chance_interval(count)]
+    ]
     yield f"\n## {section.title}\n"
     yield (
         f"{rig.noise:g} A of noise on the current, all channels through {rig.adc_bits}-bit converters, a "
@@ -274,12 +278,10 @@ def _base(results: Results) -> Iterator[str]:
     yield _errors(results, section)
     yield (
         "\nShare of the random cases whose 95 % interval holds the truth. Of a component whose intervals "
-        f"are exactly right, {count} cases show {100 * low:.1f} to {100 * high:.1f} % nineteen times in "
-        "twenty; more means that its intervals are wider than they need to be, less that they are too "
-        "narrow:\n"
+        f"are exactly right, {' and '.join(chances)} nineteen times in twenty; more means that its "
+        "intervals are wider than they need to be, less that they are too narrow:\n"
     )
     header = [section.label, *NAMES]
-    random = {row.text: results.of(row, "random") for row in section.rows}
     yield table(
         header, [[name, *(f"{100 * one:.1f} %" for one in coverage(rows))] for name, rows in random.items()]
     )
