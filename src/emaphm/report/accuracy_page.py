@@ -263,7 +263,7 @@ def _base(results: Results) -> Iterator[str]:
     rig = results.rig(section.rows[0])
     random = {row.text: results.of(row, "random") for row in section.rows}
     chances = [
-        f"{count} cases show {100 * low:.1f} to {100 * high:.1f} %"
+        f"{100 * low:.1f} to {100 * high:.1f} % of {count} cases"
         for count in sorted({rows.height for rows in random.values()}, reverse=True)
         for low, high in [chance_interval(count)]
     ]
@@ -278,8 +278,8 @@ def _base(results: Results) -> Iterator[str]:
     yield _errors(results, section)
     yield (
         "\nShare of the random cases whose 95 % interval holds the truth. Of a component whose intervals "
-        f"are exactly right, {' and '.join(chances)} nineteen times in twenty; more means that its "
-        "intervals are wider than they need to be, less that they are too narrow:\n"
+        f"are exactly right, chance shows {', '.join(chances)} nineteen times in twenty; more means that "
+        "its intervals are wider than they need to be, less that they are too narrow:\n"
     )
     header = [section.label, *NAMES]
     yield table(
