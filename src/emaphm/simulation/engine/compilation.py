@@ -84,9 +84,7 @@ COMPILING = threading.Lock()
 def compiled(model: Model, layout: Layout) -> bytes:
     """Return the kernel of `model` as an object file for this machine, its function named `ENTRY`.
 
-    It has the C arguments (pointers are to float64; integers of 64 bits): x, p, command, load, load_stride,
-    noise, noise_stride, enabled, enabled_stride, step, samples, substeps, window, carried, out, recorded,
-    row.
+    It has the C arguments of `step_loop.ARGUMENTS`: pointers are to float64, integers have 64 bits.
     """
     lanes, channels, structure = layout
     form = model.form(structure)

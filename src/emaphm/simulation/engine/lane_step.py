@@ -119,7 +119,7 @@ def _adder(first: int) -> Any:
 
 
 def _places(builder: Any, arguments: Any, rows: range) -> list[Any]:
-    """Return the addresses of an array's `rows` at a lane, of so many: the first three arguments."""
+    """Return the addresses of `rows` at a lane; array, lane and number of lanes are the first arguments."""
     array, lane, lanes = arguments[:3]
     return [place(builder, array, lane.type(row), lanes, lane) for row in rows]
 
