@@ -27,7 +27,7 @@ from typing import Any
 
 import llvmlite.binding as llvm
 
-from emaphm.simulation.engine.lane_step import lane_step
+from emaphm.simulation.engine.lane_step import ARRAYS, INTEGERS, REALS, lane_step
 from emaphm.simulation.engine.model import ENTRY, Form, Layout, Model
 from emaphm.simulation.engine.step_loop import loop_about
 from emaphm.simulation.engine.structure import Structure
@@ -114,9 +114,9 @@ def _translated(form: Form, structure: Structure) -> tuple[str, str]:
             register_jitable(**INLINED)(law)
             REGISTERED.add(law)
     array: Any = types.CPointer(types.float64)  # type: ignore[no-untyped-call]
-    integers, reals = (types.int64,) * 3, (types.float64,) * 8
+    arguments = (array,) * ARRAYS + (types.int64,) * INTEGERS + (types.float64,) * REALS
     step = lane_step(advance, form.state_names(structure), form.parameter_names(structure))
-    found = numba.cfunc(types.void(array, array, *integers, *reals), **NUMBA_OPTIONS)(step)
+    found = numba.cfunc(types.void(*arguments), **NUMBA_OPTIONS)(step)
     # Numba would not have a function inlined where C calls it.
     return found.inspect_llvm().replace("noinline", "alwaysinline"), found.native_name
 

@@ -18,6 +18,9 @@ StepInputs = namedtuple(  # noqa: PYI024 - its fields are scalars of any kind
 current [A], whether the drive is switched on (1, else 0), time and step [s]; `carried` is 1 where motion is
 recorded as the step has led to, 0 as at its start."""
 
+ARRAYS, INTEGERS, REALS = 2, 3, 8
+"""How many arguments of each kind `lane_step` makes a function of, in this order."""
+
 
 def lane_step(advance: Callable[..., Any], state: tuple[str, ...], parameters: tuple[str, ...]) -> Any:
     """Return the Python function that advances one lane by one step, for Numba to compile.

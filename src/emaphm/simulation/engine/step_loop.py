@@ -11,7 +11,7 @@ from typing import Any
 
 from llvmlite import ir
 
-from emaphm.simulation.engine.lane_step import place
+from emaphm.simulation.engine.lane_step import ARRAYS, INTEGERS, REALS, place
 
 REAL, INTEGER = ir.DoubleType(), ir.IntType(64)
 ARRAY = ir.PointerType(REAL)
@@ -46,7 +46,7 @@ def loop_about(step_name: str, name: str, rows: int, lanes: int, channels: int) 
     The state has `rows` rows, followed by those of the sums of `channels` channels.
     """
     module = ir.Module()
-    of_step = ir.FunctionType(NOTHING, [ARRAY, ARRAY, *[INTEGER] * 3, *[REAL] * 8])
+    of_step = ir.FunctionType(NOTHING, [ARRAY] * ARRAYS + [INTEGER] * INTEGERS + [REAL] * REALS)
     advance = ir.Function(module, of_step, step_name)
     kernel = ir.Function(module, ir.FunctionType(ir.VoidType(), list(ARGUMENTS.values())), name)
     a = dict(zip(ARGUMENTS, kernel.args, strict=True))
