@@ -1,4 +1,4 @@
-"""Whether faults that an answer alone names may be something else: a delay, or a law nobody described.
+"""Whether faults that an answer alone names may be something else: a delay, or what is not as described.
 
 Asked where no search follows, and where a component is called degraded: a search asks for both itself.
 """
@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from emaphm.arrays import Array
 from emaphm.diagnosis.explanation.alternatives import beyond_a_delay
+from emaphm.diagnosis.selection.description_errors import possible_errors
 from emaphm.diagnosis.selection.hidden_laws import suspected_laws
 from emaphm.diagnosis.verdict import Estimate, estimates
 from emaphm.estimation.bias_correction import with_discrepancy
@@ -26,7 +27,7 @@ def other_explanations(result: SearchResult, covariance: Array, seed: int) -> tu
     weighted = result.reweighted()
     jacobians = jacobians_at(weighted.objective, result.point, stream(seed, "Jacobians at the answer"))
     delay = _delay(components["gain"], weighted, jacobians)
-    return delay or _laws(replace(weighted, jacobians=jacobians), seed)
+    return delay or _undescribed(replace(weighted, jacobians=jacobians), seed)
 
 
 def _delay(gain: Estimate, result: SearchResult, jacobians: Array) -> tuple[str, ...]:
@@ -41,10 +42,13 @@ def _delay(gain: Estimate, result: SearchResult, jacobians: Array) -> tuple[str,
     return () if checked.verdict == "degraded" else (f"its gain may be a delay: {checked.reason}",)
 
 
-def _laws(result: SearchResult, seed: int) -> tuple[str, ...]:
-    """Return which laws the residual shows once the reference model has corrected it, a clause."""
-    names = suspected_laws(with_discrepancy(result, seed), seed)
-    if not names:
-        return ()
-    laws = " or ".join(f"'{name}'" for name in names)
-    return (f"its faults may be a law that the actuator's description lacks: {laws}",)
+def _undescribed(result: SearchResult, seed: int) -> tuple[str, ...]:
+    """Return what the residual shows that is not described, once the reference model has corrected it."""
+    corrected = with_discrepancy(result, seed)
+    if names := suspected_laws(corrected, seed):
+        laws = " or ".join(f"'{name}'" for name in names)
+        return (f"its faults may be a law that the actuator's description lacks: {laws}",)
+    parameters = [name for one in possible_errors(corrected, (), seed) for name in one.parameters]
+    if parameters:
+        return (f"its faults may be parameters that are not as described: {', '.join(parameters)}",)
+    return ()

@@ -16,6 +16,7 @@ from emaphm.diagnosis.explanation.without_fault import tested_by_refits
 from emaphm.diagnosis.identifiability import identifiability
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.diagnosis.result import Diagnosis
+from emaphm.diagnosis.selection.description_errors import suspected_parameters
 from emaphm.diagnosis.selection.deviations import select_deviations
 from emaphm.diagnosis.selection.supply_scan import with_asked_supply
 from emaphm.diagnosis.verdict import VERDICT, estimates, unexplained
@@ -141,7 +142,9 @@ def diagnose(
         result, selected, laws = select_deviations(result, chosen, max_corrections, seed, moves=moves)
     result = with_discrepancy(result, seed)
     diagnosis = replace(
-        conclude(result, recording, name, fitness, seed), selected=selected, laws=laws
+        conclude(result, recording, name, fitness, seed),
+        selected=(*selected, *suspected_parameters(result)),
+        laws=laws,
     ).with_sensor_faults((*sensors.findings, *exchanged))
     if posterior:
         from emaphm.estimation.posterior.mcmc import sample

@@ -78,7 +78,7 @@ def notes(
     if described := [name for name in selected if sensor_error(name) is None]:
         lines.append(
             "Also estimated, because it deviates significantly from the description: "
-            f"{', '.join(described)}. "
+            f"{', '.join(name.removeprefix(BASELINE) for name in described)}. "
             "If this persists, correct the actuator's file; taken as known, it would read as faults."
         )
     lines += [f"Known only in combination: {one}" for one in collinear_sets]

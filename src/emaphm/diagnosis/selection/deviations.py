@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from emaphm.actuator.laws import LAWS
+from emaphm.diagnosis.selection.description_errors import possible_errors, with_free
 from emaphm.diagnosis.selection.hidden_laws import suspected_laws, with_hidden_law
 from emaphm.diagnosis.selection.law_selection import acts, select_laws, without_law
 from emaphm.diagnosis.selection.nuisance_selection import select_nuisances, share_of_residual
@@ -24,8 +25,9 @@ def select_deviations(
     """Return the estimate with all that deviates significantly estimated too, and the names of that.
 
     Nuisances first; laws where they do not explain the recording, where the ripple shows a lag, or where the
-    residual shows a law that hides. Standing, an actuator shows no law of its motion: none is tried unless it
-    `moves`. Nor of a drive that does not switch: the few percent that are left of any machine are like laws.
+    residual shows a law that hides; parameters of the description where there is no law. Standing, an
+    actuator shows no law of its motion: none is tried unless it `moves`. Nor of a drive that does not switch:
+    the few percent that are left of any machine are like laws.
     """
     if not searched.explained:
         of_all_phases = over_all_phases(searched, seed)
@@ -43,7 +45,10 @@ def select_deviations(
         lagging = _with_lag(searched, result, method, max_corrections, seed)
         if lagging is not None and lagging[0].explained:
             return lagging
-    return _with_hidden_laws(searched, without, method, max_corrections, seed)
+    selection = _with_hidden_laws(searched, without, method, max_corrections, seed)
+    if selection[2]:
+        return selection
+    return _with_description_error(searched, selection, method, max_corrections, seed)
 
 
 def _with_lag(
@@ -82,6 +87,29 @@ def _with_hidden_laws(
         if not rivals:
             return best
         _, best, base = min(rivals, key=lambda one: one[0])
+
+
+def _with_description_error(
+    searched: SearchResult, before: Selection, method: Method, max_corrections: int, seed: int
+) -> Selection:
+    """Return the estimate with parameters of the description that are off, where they leave clearly less.
+
+    Or as little, where one is certain to be off, or with fewer nuisances than were selected without: several
+    make up for one parameter.
+    """
+    best = before
+    for error in possible_errors(*before[:2], seed):
+        corrected = with_free(searched, error.parameters, method, max_corrections, seed)
+        rival = _with_nuisances(corrected, (), max_corrections, seed)
+        if set(rival[1]) & set(error.instead_of):
+            continue
+        as_little = error.certain or len(rival[1]) < len(best[1])
+        least = SELECTION.equal_share if as_little else SELECTION.likely_share
+        if share_of_residual(rival[0], best[0]) < least:
+            best = rival
+        if not best[1]:
+            break
+    return best
 
 
 def _with_nuisances(

@@ -190,13 +190,17 @@ def is_possible(actuator: Actuator, law: Law) -> bool:
 
 def fit_with_law(result: SearchResult, law: Law, method: Method, seed: int) -> LawFit:
     """Return where the averaged model fits best once its actuator has the law."""
-    objective = with_law(result.objective, law)
+    return fit_of(result, with_law(result.objective, law), law.name, method, seed)
+
+
+def fit_of(result: SearchResult, objective: MapObjective, name: str, method: Method, seed: int) -> LawFit:
+    """Return where the averaged model fits best with what `objective` has more than `result`: `name`."""
     found = multistart(objective, seed, method.optimizer)
     start = objective.space.carried_over(result.point, result.objective.space)
     correction = objective.of_channels(result.outputs_correction)
     near = local_search(objective, start, correction, stream(seed, "local search")).best
     return LawFit(
-        law.name,
+        name,
         objective,
         np.vstack([near, found.points]),
         min(_current_cost(objective, point, 0.0) for point in found.points),

@@ -1,0 +1,71 @@
+"""Parameters that are not as described, and nobody said so: named, or taken into the intervals."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cases import THESIS, covered, on_a_rig
+from emaphm.actuator import Actuator, Faults
+from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
+from emaphm.actuator.unit.tolerances import Tolerances
+from emaphm.diagnosis import diagnose
+from emaphm.diagnosis.selection.description_errors import (
+    MOTOR,
+    SPEED_LOOP,
+    PossibleError,
+    possible_errors,
+)
+from emaphm.estimation.bias_correction import correct_bias
+from emaphm.estimation.objective import faults_objective
+from emaphm.estimation.problem import Problem
+from emaphm.estimation.search_result import SearchResult
+
+FAULTS = Faults(0.5, 0.95, 0.1, 0.65, 0.2, 0.4, 0.8, 0.4)
+
+
+def differing(**factors: float) -> Actuator:
+    """Return the thesis's actuator with parameters `factors` times as large."""
+    described = lumped_parameters(THESIS, tuple(factors))
+    return with_lumped_parameters(THESIS, {name: described[name] * one for name, one in factors.items()})
+
+
+def near_the_truth(unit: Actuator, described: Actuator = THESIS) -> SearchResult:
+    """Return the estimate of what is `described`, next to the true faults of a `unit`."""
+    problem = Problem.of(on_a_rig(unit, FAULTS, 0.5), described, channels=("current_A", "voltage_V"))
+    objective = faults_objective(problem, ("load",))
+    return correct_bias(objective, objective.space.points(FAULTS.vector[np.newaxis]), 2, seed=0)
+
+
+def test_a_speed_gain_that_is_off_is_no_sensor_and_no_friction() -> None:
+    found = diagnose(on_a_rig(differing(speed_gain=0.9), FAULTS, 0.3), THESIS)
+    assert found.explained
+    assert found.selected == ("baseline speed_gain",)
+    assert found.sensor_faults == ()
+    gain = found.nuisances["baseline speed_gain"]
+    assert gain.value == pytest.approx(math.log(0.9), abs=max(0.01, 3 * gain.standard_error))
+    assert found.components["friction"].value == pytest.approx(FAULTS.friction, abs=0.02)
+    assert "speed_gain" in "\n".join(found.notes())
+
+
+def test_shorts_are_known_no_better_than_a_motor_that_is_not_as_described() -> None:
+    found = diagnose(on_a_rig(differing(torque_constant=0.9), FAULTS, 0.5), THESIS)
+    assert found.explained
+    assert found.selected == tuple(f"baseline {name}" for name in MOTOR)
+    assert all(covered(FAULTS.vector, found)[2:5])
+
+
+@pytest.mark.parametrize(
+    "described", [THESIS, THESIS.model_copy(update={"tolerances": Tolerances(inductance=0.2)})]
+)
+def test_nothing_is_asked_for_of_a_motor_as_described(described: Actuator) -> None:
+    assert possible_errors(near_the_truth(THESIS, described), (), seed=0) == []
+
+
+def test_a_motor_is_asked_for_where_its_inductance_does_not_fit_the_shorts() -> None:
+    result = near_the_truth(differing(inductance=0.8))
+    assert possible_errors(result, (), seed=0) == [PossibleError(MOTOR, certain=True)]
+    # What a clock that is off changes too says nothing of the drive.
+    both = possible_errors(result, ("inertia", "current_scale"), seed=0)
+    assert [one.parameters for one in both] == [SPEED_LOOP, MOTOR]
+    assert possible_errors(result, ("inertia", "current_scale", "speed_scale"), seed=0) == []
