@@ -38,8 +38,10 @@ def delayed(recording: Recording, rows: int, names: tuple[str, ...]) -> Recordin
     return Recording({name: recording[name][at] if name in names else recording[name] for name in recording})
 
 
-def found(recording: Recording) -> str | None:
-    return delays.found_delay(SURE, recording, INPUTS, np.random.default_rng(0))
+def found(recording: Recording, estimator: Estimator = SURE) -> str | None:
+    rows = delays.in_time_and_moved(estimator, recording)
+    answers, rng = estimator.answers(rows, INPUTS), np.random.default_rng(0)
+    return delays.found_delay(estimator, Comparison.of(SETUP, INPUTS, rows, answers, rng))
 
 
 @pytest.fixture
@@ -87,7 +89,7 @@ def test_a_degraded_gain_may_be_a_delay_where_that_would_not_show(
     monkeypatch.setattr(delays, "_left", lambda *_: (alike, 7.9))
     assert str(found(recording)).startswith("its gain may be a delay: one of a row would change")
     whole = constant_estimator(SETUP, SETUP.space.points(replace(TRUTH, gain=0.5).vector), 1e-3)
-    assert delays.found_delay(whole, recording, INPUTS, np.random.default_rng(0)) is None
+    assert found(recording, whole) is None
     monkeypatch.setattr(delays, "_left", lambda *_: (alike, 8.1))
     assert found(recording) is None
 

@@ -14,12 +14,12 @@ import numpy as np
 from emaphm.amortized.doubt.comparison import Comparison
 from emaphm.amortized.doubt.deviations import ALL_LATE
 from emaphm.amortized.estimator import Estimator
-from emaphm.amortized.recording_setup import rows_of
+from emaphm.amortized.networks.network import Single
+from emaphm.amortized.recording_setup import RecordingSetup, rows_of
 from emaphm.amortized.simulating import block_of, in_blocks
 from emaphm.diagnosis.explanation.alternatives import taken_back
 from emaphm.diagnosis.verdict import estimates
 from emaphm.recording import Recording
-from emaphm.simulation import Inputs
 
 
 @dataclass(frozen=True)
@@ -44,29 +44,30 @@ class DelaySettings:
 DELAYS = DelaySettings()
 
 
-def found_delay(
-    estimator: Estimator, recording: Recording, inputs: Inputs, rng: np.random.Generator
-) -> str | None:
-    """Return what of a `recording` seems to come late or early, a clause; None where nothing does.
+def in_time_and_moved(estimator: Estimator, recording: Recording) -> Single:
+    """Return what the network reads of a `recording`, and of it with channels a row earlier and later.
 
-    Looked for in the current and in all channels together. Where a delay would not show, a degraded gain may
-    be one. `inputs` drive the averaged model.
+    (n, channels, blocks): as recorded first; then a pair for all that was measured, and one for the current.
     """
     setup = estimator.setup
     rows = rows_of(recording, setup.channels)[0]
     rows = rows.reshape(len(setup.channels), -1)
-    kinds = {"all that was measured": slice(None)}
-    if len(rows) > 1:
-        kinds[setup.channels[0]] = slice(1)
     tried = [rows]
-    for which in kinds.values():
+    for which in _kinds(setup).values():
         for late in (-DELAYS.rows, DELAYS.rows):
             moved = rows.copy()
             moved[which] = taken_back(rows[which], late)
             tried.append(moved)
-    blocks = in_blocks(np.array(tried), block_of(setup.samples))
-    answers = estimator.answers(blocks, inputs)
-    (in_time, *others), shown = _left(estimator, Comparison.of(setup, inputs, blocks, answers, rng))
+    return in_blocks(np.array(tried), block_of(setup.samples))
+
+
+def found_delay(estimator: Estimator, comparison: Comparison) -> str | None:
+    """Return what of a recording seems to come late or early, a clause; None where nothing does.
+
+    `comparison` is that of `in_time_and_moved`. Where a delay would not show, a degraded gain may be one.
+    """
+    kinds = _kinds(estimator.setup)
+    (in_time, *others), shown = _left(estimator, comparison)
     found = [
         (min(pair), name, "late" if pair[1] < pair[0] else "early")
         for name, pair in zip(kinds, zip(others[::2], others[1::2], strict=True), strict=True)
@@ -75,7 +76,7 @@ def found_delay(
     if found:
         _, name, way = min(found)
         return f"{name} seems to come a row {way}: taken back, it leaves less"
-    space, answer = estimator.space, answers[0]
+    space, answer = estimator.space, comparison.answers[0]
     gain = estimates(space, space.project(answer.mean), answer.covariance)["gain"]
     if gain.verdict == "degraded" and shown < DELAYS.shown:
         return (
@@ -83,6 +84,14 @@ def found_delay(
             f"{shown:.2g} standard deviations only, less than {DELAYS.shown:g}"
         )
     return None
+
+
+def _kinds(setup: RecordingSetup) -> dict[str, slice]:
+    """Return which channels may come late together, by name."""
+    kinds = {"all that was measured": slice(None)}
+    if len(setup.channels) > 1:
+        kinds[setup.channels[0]] = slice(1)
+    return kinds
 
 
 def _left(estimator: Estimator, comparison: Comparison) -> tuple[list[float], float]:

@@ -8,8 +8,8 @@ from typing import Self
 import numpy as np
 
 from emaphm.actuator import Actuator
-from emaphm.amortized.delays import found_delay
-from emaphm.amortized.doubt.comparison import RUNS
+from emaphm.amortized.delays import found_delay, in_time_and_moved
+from emaphm.amortized.doubt.comparison import RUNS, Comparison
 from emaphm.amortized.doubt.deviations import OTHERS
 from emaphm.amortized.drawing import PRIOR, SHORTS
 from emaphm.amortized.estimator import Estimator
@@ -262,19 +262,30 @@ class _Asked:
         recording = with_equivalent_current(recording, actuator)
         estimator.check(recording, actuator)
         objective = _objective(estimator, recording, actuator)
-        mixture = estimator.answer(recording, objective.problem.inputs)
-        findings = check_sensors(recording, actuator).findings
-        if findings:
-            unlike = Unlikeness(tuple(finding.sentence.removesuffix(".") for finding in findings))
-        else:
+        rows = in_time_and_moved(estimator, recording) if alone else estimator.rows(recording)
+        answers = estimator.answers(rows, objective.problem.inputs)
+        mixture = answers[0]
+        unlike = _elsewhere(estimator, recording, actuator, objective.problem)
+        if not unlike.reasons:
             rng = stream(seed, "likeness of the recording")
-            unlike = unlikeness(estimator, recording, mixture, objective.problem, rng)
-        reasons = unlike.reasons
-        if alone and not reasons and not unlike.rare:
-            rng = stream(seed, "delays of the recording")
-            delay = found_delay(estimator, recording, objective.problem.inputs, rng)
-            reasons = () if delay is None else (delay,)
-        if reasons:
-            return cls(recording, mixture, None, (*unlike.rare, *reasons))
+            compared = Comparison.of(estimator.setup, objective.problem.inputs, rows, answers, rng)
+            unlike = unlikeness(estimator, compared[:1])
+            if alone and not (unlike.reasons or unlike.rare):
+                delay = found_delay(estimator, compared)
+                unlike = Unlikeness(() if delay is None else (delay,))
+        if unlike.reasons:
+            return cls(recording, mixture, None, (*unlike.rare, *unlike.reasons))
         answer = _Answer.of(mixture, objective, seed, alone=alone)
         return cls(recording, mixture, answer, (*unlike.rare, *answer.reasons))
+
+
+def _elsewhere(
+    estimator: Estimator, recording: Recording, actuator: Actuator, problem: Problem
+) -> Unlikeness:
+    """Return what speaks against any answer: a sensor's own signal, or another start."""
+    findings = check_sensors(recording, actuator).findings
+    if findings:
+        return Unlikeness(tuple(finding.sentence.removesuffix(".") for finding in findings))
+    if not estimator.setup.starts_there(problem.start):
+        return Unlikeness(("it starts elsewhere than the training's manoeuvre, which starts at rest at 0",))
+    return Unlikeness(())

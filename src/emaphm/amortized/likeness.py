@@ -22,12 +22,9 @@ import numpy as np
 
 from emaphm.amortized.doubt.comparison import Comparison
 from emaphm.amortized.estimator import Estimator, Limits
-from emaphm.amortized.networks.mixture import Mixture
 from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.amortized.simulating import noise_rms
 from emaphm.arrays import Array
-from emaphm.estimation.problem import Problem
-from emaphm.recording import Recording
 
 
 @dataclass(frozen=True)
@@ -69,24 +66,15 @@ class Unlikeness:
     rare: tuple[str, ...] = ()
 
 
-def unlikeness(
-    estimator: Estimator, recording: Recording, mixture: Mixture, problem: Problem, rng: np.random.Generator
-) -> Unlikeness:
-    """Return what speaks against the answer `mixture` for a `recording`.
-
-    `problem` is that of reproducing it by the averaged model.
-    """
-    setup, limits = estimator.setup, estimator.limits
-    if not setup.starts_there(problem.start):
-        return Unlikeness(("it starts elsewhere than the training's manoeuvre, which starts at rest at 0",))
-    rows = estimator.rows(recording)
+def unlikeness(estimator: Estimator, comparison: Comparison) -> Unlikeness:
+    """Return what speaks against the answer for a recording, of which `comparison` is, the only one."""
+    setup, limits, rows = estimator.setup, estimator.limits, comparison.rows
     what = ("farther from the middle of the training set", "of another shape than the training set")
     rare = tuple(
         f"the recording is {text} than simulations are ({distance:.3g}, at most {limit:.3g})"
         for text, distance, limit in zip(what, estimator.distances(rows)[0], limits.distances, strict=True)
         if not distance <= limit
     )
-    comparison = Comparison.of(setup, problem.inputs, rows, [mixture], rng)
     found = [
         f"the model at its answer is farther from {name} than the answer's own uncertainty allows "
         f"({ratio:.3g} times, at most {limit:.3g})"

@@ -63,6 +63,10 @@ class Comparison:
         runs = simulated(setup, inputs, AVERAGED, flat).reshape(len(rows), RUNS, *rows.shape[1:])
         return cls(answers, rows, runs, other_descriptions(setup, inputs, flat[::RUNS]))
 
+    def __getitem__(self, part: slice) -> "Comparison":
+        """Return the comparison of some of the answers."""
+        return Comparison(self.answers[part], self.rows[part], self.runs[part], self.others[part])
+
     def features(self, setup: RecordingSetup, whitening: Whitening, distances: Array) -> Single:
         """Return what the doubt's network reads, (n, `doubt_feature_count`).
 
