@@ -75,11 +75,19 @@ def notes(
             "calibrate the healthy actuator with them (emaphm calibrate --laws); without, they would read as "
             "faults."
         )
-    if described := [name for name in selected if sensor_error(name) is None]:
+    of_recording = [name for name in selected if sensor_error(name) is None and name not in unit]
+    if of_recording:
         lines.append(
             "Also estimated, because it deviates significantly from the description: "
-            f"{', '.join(name.removeprefix(BASELINE) for name in described)}. "
+            f"{', '.join(of_recording)}. "
             "If this persists, correct the actuator's file; taken as known, it would read as faults."
+        )
+    if parameters := [name.removeprefix(BASELINE) for name in selected if name in unit]:
+        one_of = ", one of which at least is off" if len(parameters) > 1 else ""
+        lines.append(
+            f"Also estimated, because the recording contradicts the description: {', '.join(parameters)}"
+            f"{one_of}. If this persists, calibrate the healthy unit (emaphm calibrate), or state under "
+            "[tolerances] how far it may be off; taken as exact, it would read as faults."
         )
     lines += [f"Known only in combination: {one}" for one in collinear_sets]
     if unknown:
