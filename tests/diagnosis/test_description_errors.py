@@ -53,6 +53,10 @@ def test_shorts_are_known_no_better_than_a_motor_that_is_not_as_described() -> N
     assert found.explained
     assert found.selected == tuple(f"baseline {name}" for name in MOTOR)
     assert all(covered(FAULTS.vector, found)[2:5])
+    # The same motor errs in each recording: their mean is no better.
+    shared = found.shared_covariance
+    assert shared is not None
+    assert shared[2, 2] == pytest.approx(found.covariance[2, 2], rel=0.5)
 
 
 @pytest.mark.parametrize(

@@ -33,7 +33,7 @@ def test_two_recordings_of_a_unit_are_off_by_as_much_as_they_share() -> None:
         return np.asarray((recorded @ jacobian / noise**2 @ covariance - truth)[:, :8], float)
 
     one, other = errors(), errors()
-    shared = shared_covariance(UNIT, COORDINATES, covariance)
+    shared = shared_covariance(UNIT, COORDINATES, covariance, {})
     assert shared is not None
     scatter = np.sqrt(np.outer(np.diag(covariance)[:8], np.diag(covariance)[:8]))
     np.testing.assert_allclose(one.T @ other / units / scatter, shared / scatter, atol=4 / math.sqrt(units))
@@ -46,7 +46,7 @@ def test_it_is_no_more_than_the_whole() -> None:
     covariance = np.eye(len(COORDINATES)) * 1e-4
     covariance[-1, 0] = covariance[0, -1] = 5e-4  # no posterior has that
     covariance[-1, -1] = DEVIATIONS[1] ** 2
-    shared = shared_covariance(UNIT, COORDINATES, covariance)
+    shared = shared_covariance(UNIT, COORDINATES, covariance, {})
     assert shared is not None
     left = np.linalg.eigvalsh(covariance[:8, :8] - shared)
     assert left.min() >= -1e-12
@@ -57,11 +57,11 @@ def test_what_is_known_exactly_shares_nothing() -> None:
     covariance[1, -1] = covariance[-1, 1] = 5e-4
     expected = covariance[1, -1] ** 2 / DEVIATIONS[1] ** 2
     covariance[0] = covariance[:, 0] = 0.0
-    shared = shared_covariance(UNIT, COORDINATES, covariance)
+    shared = shared_covariance(UNIT, COORDINATES, covariance, {})
     assert shared is not None
     np.testing.assert_allclose(shared, np.diag([0.0, expected] + [0.0] * 6), atol=1e-18)
 
 
 @pytest.mark.parametrize("coordinates", [COORDINATES[:-2], ()])
 def test_a_unit_that_is_as_described_shares_nothing(coordinates: tuple[str, ...]) -> None:
-    assert shared_covariance(THESIS, coordinates, np.eye(len(coordinates))) is None
+    assert shared_covariance(THESIS, coordinates, np.eye(len(coordinates)), {}) is None

@@ -11,9 +11,11 @@ import numpy as np
 from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.arrays import Array
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
+from emaphm.diagnosis.selection.settings import DESCRIPTION_ERRORS
 from emaphm.diagnosis.sensor_faults import SensorFault, sensor_faults
 from emaphm.diagnosis.text import fault_rows, notes
 from emaphm.diagnosis.verdict import Estimate
+from emaphm.estimation.nuisances import BASELINE
 from emaphm.estimation.uncertainty.collinearity import CollinearSet
 from emaphm.estimation.uncertainty.model_error import HealthyComparison
 from emaphm.estimation.uncertainty.shared_error import shared_covariance
@@ -146,7 +148,8 @@ class Diagnosis:
         Of the first f `coordinates`. How a unit's parameters deviate, within tolerances or a baseline, is the
         same in each of its recordings. None where they are known.
         """
-        return shared_covariance(self.actuator, self.coordinates, self.covariance)
+        suspected = {name: DESCRIPTION_ERRORS.prior for name in self.selected if name.startswith(BASELINE)}
+        return shared_covariance(self.actuator, self.coordinates, self.covariance, suspected)
 
     @property
     def relative_residual(self) -> float:

@@ -21,6 +21,7 @@ from emaphm.actuator.actuator import described_parts
 from emaphm.diagnosis.selection.law_selection import fit_of
 from emaphm.diagnosis.selection.profile import INERTIA
 from emaphm.diagnosis.selection.sensor_error_scores import regressed
+from emaphm.diagnosis.selection.settings import DESCRIPTION_ERRORS
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.methods import Method
 from emaphm.estimation.nuisances import BASELINE
@@ -39,27 +40,6 @@ INDUCTANCE = "inductance"
 
 MADE_UP_BY, OF_THE_CLOCK = (INERTIA, "current_scale", "voltage_scale"), ("position_scale", "speed_scale")
 """Nuisances of which two together may be a speed gain; and those that say rather that times are wrong."""
-
-
-@dataclass(frozen=True)
-class DescriptionErrorSettings:
-    """When the motor's parameters are asked for, and what is known of what is asked for.
-
-    The inductance by the score test is off by more than `least`, relative, and `likely` standard errors; more
-    than `certain` ones decide by themselves, where the residual does not become larger. Of 40 recordings of
-    an actuator as described, with current and line voltage, one had more than 1.5 (2.3); of 16 with random
-    faults whose torque constant was a tenth off, 12 had. `prior` is the standard deviation of a parameter's
-    logarithm, `step` the change of the inductance's for its derivative.
-    """
-
-    least: float = 0.03
-    likely: float = 1.5
-    certain: float = 2.5
-    prior: float = 0.1
-    step: float = 0.02
-
-
-SETTINGS = DescriptionErrorSettings()
 
 
 @dataclass(frozen=True)
@@ -94,8 +74,8 @@ def possible_errors(result: SearchResult, names: Sequence[str], seed: int) -> li
         found.append(PossibleError(SPEED_LOOP, instead_of=MADE_UP_BY))
     if possible(MOTOR):
         score = inductance_score(result, seed)
-        if score > SETTINGS.likely:
-            found.append(PossibleError(MOTOR, score > SETTINGS.certain))
+        if score > DESCRIPTION_ERRORS.likely:
+            found.append(PossibleError(MOTOR, score > DESCRIPTION_ERRORS.certain))
     return found
 
 
@@ -111,13 +91,13 @@ def inductance_score(result: SearchResult, seed: int) -> float:
     extended = _objective_with(objective, (INDUCTANCE,))
     point = extended.space.carried_over(result.point, objective.space)
     ends = np.tile(point, (2, 1))
-    ends[:, -1] = -SETTINGS.step, SETTINGS.step
+    ends[:, -1] = -DESCRIPTION_ERRORS.step, DESCRIPTION_ERRORS.step
     low, high = extended.outputs(ends)[:, : objective.channel_rows]
-    derivative = (high - low)[np.newaxis] / (2 * SETTINGS.step)
+    derivative = (high - low)[np.newaxis] / (2 * DESCRIPTION_ERRORS.step)
     residual = result.residual[: objective.channel_rows]
     _, sizes, covariance = regressed(jacobians.mean(axis=0), derivative, residual, objective.problem)
     size = float(abs(sizes[0]))
-    return size / float(covariance[0, 0] ** 0.5) if size > SETTINGS.least else 0.0
+    return size / float(covariance[0, 0] ** 0.5) if size > DESCRIPTION_ERRORS.least else 0.0
 
 
 def with_free(
@@ -141,6 +121,8 @@ def suspected_parameters(result: SearchResult) -> tuple[str, ...]:
 def _objective_with(objective: MapObjective, parameters: tuple[str, ...]) -> MapObjective:
     """Return the objective with parameters of its actuator free."""
     actuator, nuisances = objective.problem.actuator, objective.space.nuisances
-    free = ParameterVariation.free(actuator, parameters).known_to(dict.fromkeys(parameters, SETTINGS.prior))
+    free = ParameterVariation.free(actuator, parameters).known_to(
+        dict.fromkeys(parameters, DESCRIPTION_ERRORS.prior)
+    )
     unit = nuisances.unit.combined_with(free)
     return replace(objective, space=ParameterSpace.of(actuator, nuisances.with_unit(unit)))

@@ -6,7 +6,7 @@ what noise makes of it: as far as a recording does not show u, the prior's mean 
 another in each recording, u is not.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -17,13 +17,16 @@ from emaphm.estimation.nuisances import BASELINE
 from emaphm.estimation.parameter_variation import ParameterVariation
 
 
-def shared_covariance(actuator: Actuator, coordinates: Sequence[str], covariance: Array) -> Array | None:
+def shared_covariance(
+    actuator: Actuator, coordinates: Sequence[str], covariance: Array, suspected: Mapping[str, float]
+) -> Array | None:
     """Return the part of a `covariance` (d, d) that all recordings of a unit share, C_fu P⁻¹ C_uf, (f, f).
 
     Of the faults among the `coordinates` (d,), in their order. None where nothing of the unit is open.
+    `suspected` are the standard deviations of priors of what was opened because a recording asked for it.
     """
     unit = ParameterVariation.of_unit(actuator)
-    priors = dict(zip((BASELINE + name for name in unit.coordinates), unit.priors, strict=True))
+    priors = dict(zip((BASELINE + name for name in unit.coordinates), unit.priors, strict=True)) | dict(suspected)
     own = [i for i, name in enumerate(coordinates) if name in priors]
     if not own:
         return None
