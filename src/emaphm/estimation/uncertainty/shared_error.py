@@ -26,7 +26,8 @@ def shared_covariance(
     `suspected` are the standard deviations of priors of what was opened because a recording asked for it.
     """
     unit = ParameterVariation.of_unit(actuator)
-    priors = dict(zip((BASELINE + name for name in unit.coordinates), unit.priors, strict=True)) | dict(suspected)
+    open_ones = zip((BASELINE + name for name in unit.coordinates), unit.priors, strict=True)
+    priors = {**dict(open_ones), **suspected}
     own = [i for i, name in enumerate(coordinates) if name in priors]
     if not own:
         return None
