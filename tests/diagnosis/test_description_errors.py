@@ -10,6 +10,7 @@ from emaphm.actuator import Actuator, Faults
 from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
 from emaphm.actuator.unit.tolerances import Tolerances
 from emaphm.diagnosis import diagnose
+from emaphm.diagnosis.joint import diagnose_joint
 from emaphm.diagnosis.selection.description_errors import (
     MOTOR,
     SPEED_LOOP,
@@ -73,3 +74,13 @@ def test_a_motor_is_asked_for_where_its_inductance_does_not_fit_the_shorts() -> 
     both = possible_errors(result, ("inertia", "current_scale"), seed=0)
     assert [one.parameters for one in both] == [SPEED_LOOP, MOTOR]
     assert possible_errors(result, ("inertia", "current_scale", "speed_scale"), seed=0) == []
+
+
+def test_recordings_of_one_unit_share_what_is_off() -> None:
+    unit = differing(torque_constant=0.9)
+    recordings = [on_a_rig(unit, FAULTS, duration) for duration in (0.3, 0.5)]
+    found = diagnose_joint(recordings, THESIS, workers=1)
+    assert found.explained
+    assert found.selected == tuple(f"baseline {name}" for name in MOTOR)
+    assert all(covered(FAULTS.vector, found)[2:5])
+    assert f"{', '.join(MOTOR)}, one of which at least is off" in "\n".join(found.notes())

@@ -75,14 +75,14 @@ def notes(
             "calibrate the healthy actuator with them (emaphm calibrate --laws); without, they would read as "
             "faults."
         )
-    of_recording = [name for name in selected if sensor_error(name) is None and name not in unit]
+    of_recording = [name for name in selected if sensor_error(name) is None and not name.startswith(BASELINE)]
     if of_recording:
         lines.append(
             "Also estimated, because it deviates significantly from the description: "
             f"{', '.join(of_recording)}. "
             "If this persists, correct the actuator's file; taken as known, it would read as faults."
         )
-    if parameters := [name.removeprefix(BASELINE) for name in selected if name in unit]:
+    if parameters := [name.removeprefix(BASELINE) for name in selected if name.startswith(BASELINE)]:
         one_of = ", one of which at least is off" if len(parameters) > 1 else ""
         lines.append(
             f"Also estimated, because the recording contradicts the description: {', '.join(parameters)}"

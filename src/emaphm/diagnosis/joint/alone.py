@@ -1,24 +1,30 @@
 """What each recording of a joint diagnosis asks for by itself.
 
-That gives the starts of the joint fit, the nuisances that deviate significantly in any of the recordings,
-and the estimates that are compared for contradictions.
+That gives the starts of the joint fit, what deviates significantly from the description in any of the
+recordings, and the estimates that are compared for contradictions.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
 from emaphm.actuator import Actuator
-from emaphm.diagnosis.diagnose import objective_for
+from emaphm.diagnosis.diagnose import moves_at, objective_for
 from emaphm.diagnosis.identifiability import identifiability
+from emaphm.diagnosis.selection.description_errors import suspected_parameters, with_free
+from emaphm.diagnosis.selection.deviations import with_description_error
 from emaphm.diagnosis.selection.extension import with_nuisances
 from emaphm.diagnosis.selection.nuisance_selection import select_nuisances
 from emaphm.diagnosis.selection.supply_scan import with_asked_supply
 from emaphm.estimation.bias_correction import correct_bias
+from emaphm.estimation.discrepancy import resolves_switching
 from emaphm.estimation.joint.objective import JointObjective
 from emaphm.estimation.joint.random_effects import random_effects
 from emaphm.estimation.joint.uncertainty import AloneEstimates
-from emaphm.estimation.methods import method_named
+from emaphm.estimation.methods import Method, method_named
+from emaphm.estimation.nuisances import BASELINE
 from emaphm.estimation.search import search
 from emaphm.estimation.search_result import SearchResult
 from emaphm.progress import Progress
@@ -30,6 +36,39 @@ METHOD = "hybrid"
 """How each recording is searched by itself."""
 
 
+@dataclass(frozen=True, eq=False)
+class _Alone:
+    """One recording's estimate: as `searched`, and the `result` with the nuisances `names` selected."""
+
+    searched: SearchResult
+    result: SearchResult
+    names: tuple[str, ...]
+    seed: int
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Parameters of the description that the result has free, though nobody asked for them."""
+        return tuple(name.removeprefix(BASELINE) for name in suspected_parameters(self.result))
+
+    @property
+    def is_corrected(self) -> bool:
+        """Whether the reference model, which switches, was asked."""
+        return self.searched.discrepancy is not None and resolves_switching(self.searched.objective.problem)
+
+    def with_description_error(self, method: Method, max_corrections: int) -> Self:
+        """Return the estimate with parameters free that are off, where it moves and passes for explained."""
+        if not (self.result.explained and moves_at(self.result.objective, self.result.point)):
+            return self
+        before = self.result, self.names, ()
+        result, names, _ = with_description_error(self.searched, before, method, max_corrections, self.seed)
+        return replace(self, result=result, names=names)
+
+    def selecting(self, searched: SearchResult, max_corrections: int) -> Self:
+        """Return the estimate as `searched`, with the nuisances that deviate significantly from there."""
+        selection = select_nuisances(searched, max_corrections, self.seed)
+        return replace(self, searched=searched, result=selection.result, names=selection.names)
+
+
 def search_alone(
     recordings: Sequence[Recording],
     actuator: Actuator,
@@ -39,11 +78,12 @@ def search_alone(
     workers: int | None,
     on_progress: Progress | None,
 ) -> tuple[list[SearchResult], tuple[str, ...]]:
-    """Return where the search of each recording alone ends, and the nuisances selected in any of them.
+    """Return where the search of each recording alone ends, and what was selected in any of them.
 
-    Arguments as of `emaphm.diagnosis.joint.diagnose_joint`.
+    Nuisances that deviate significantly, and parameters that are not as described: what is selected for one
+    is estimated of all. Arguments as of `emaphm.diagnosis.joint.diagnose_joint`.
     """
-    method, found = method_named(METHOD), list[tuple[SearchResult, tuple[str, ...]]]()
+    method, found = method_named(METHOD), list[_Alone]()
     for r, recording in enumerate(recordings):
         objective = objective_for(recording, actuator, method, AVERAGED, nuisances, workers)
         # The first one's streams are those of a diagnosis of it alone.
@@ -51,16 +91,34 @@ def search_alone(
         result = search(objective, method, fitness="least_squares", max_corrections=max_corrections, seed=own)
         if result.discrepancy is not None:
             result = with_asked_supply(result, max_corrections, own)
-        asked = nuisances is None and result.discrepancy is not None
-        names: tuple[str, ...] = ()
-        if asked:
-            selection = select_nuisances(result, max_corrections, own)
-            result, names = selection.result, selection.names
-        found.append((result, names))
+        one = _Alone(result, result, (), own)
+        if nuisances is None and result.discrepancy is not None:
+            one = one.selecting(result, max_corrections)
+        found.append(one)
         if on_progress:
             on_progress((r + 1) / len(recordings))
-    selected = tuple(dict.fromkeys(name for _, names in found for name in names))
-    return [_with_all(result, names, selected, max_corrections, seed) for result, names in found], selected
+    if nuisances is None:
+        found = _with_description_errors(found, method, max_corrections)
+    selected = tuple(dict.fromkeys(name for one in found for name in one.names))
+    alone = [_with_all(one.result, one.names, selected, max_corrections, seed) for one in found]
+    return alone, (*selected, *suspected_parameters(alone[0]))
+
+
+def _with_description_errors(found: list[_Alone], method: Method, max_corrections: int) -> list[_Alone]:
+    """Return the estimates with parameters free, in all of them, that are off the description in any.
+
+    As they are where the reference model has not corrected each of them.
+    """
+    if not all(one.is_corrected for one in found):
+        return found
+    asked = [one.with_description_error(method, max_corrections) for one in found]
+    free = tuple(dict.fromkeys(name for one in asked for name in one.parameters))
+    return [
+        one
+        if one.parameters == free
+        else one.selecting(with_free(one.searched, free, method, max_corrections, one.seed), max_corrections)
+        for one in asked
+    ]
 
 
 def _with_all(

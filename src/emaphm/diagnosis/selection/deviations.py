@@ -48,7 +48,7 @@ def select_deviations(
     selection = _with_hidden_laws(searched, without, method, max_corrections, seed)
     if selection[2]:
         return selection
-    return _with_description_error(searched, selection, method, max_corrections, seed)
+    return with_description_error(searched, selection, method, max_corrections, seed)
 
 
 def _with_lag(
@@ -89,7 +89,7 @@ def _with_hidden_laws(
         _, best, base = min(rivals, key=lambda one: one[0])
 
 
-def _with_description_error(
+def with_description_error(
     searched: SearchResult, before: Selection, method: Method, max_corrections: int, seed: int
 ) -> Selection:
     """Return the estimate with parameters of the description that are off, where they leave clearly less.
