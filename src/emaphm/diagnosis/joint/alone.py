@@ -4,6 +4,7 @@ That gives the starts of the joint fit, what deviates significantly from the des
 recordings, and the estimates that are compared for contradictions.
 """
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
@@ -34,6 +35,10 @@ from emaphm.simulation import AVERAGED
 
 METHOD = "hybrid"
 """How each recording is searched by itself."""
+
+LEAST_SHARE = 1 / 3
+"""Share of the recordings that must show a parameter to be off: half of those of such a unit do, and by chance
+one in a hundred."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,14 +110,17 @@ def search_alone(
 
 
 def _with_description_errors(found: list[_Alone], method: Method, max_corrections: int) -> list[_Alone]:
-    """Return the estimates with parameters free, in all of them, that are off the description in any.
+    """Return the estimates with parameters free, in all, that are off in `LEAST_SHARE` of them at least.
 
     As they are where the reference model has not corrected each of them.
     """
     if not all(one.is_corrected for one in found):
         return found
     asked = [one.with_description_error(method, max_corrections) for one in found]
-    free = tuple(dict.fromkeys(name for one in asked for name in one.parameters))
+    counts = Counter(name for one in asked for name in one.parameters)
+    free = tuple(name for name, count in counts.items() if count >= LEAST_SHARE * len(found))
+    if not free:
+        return found
     return [
         one
         if one.parameters == free
