@@ -37,8 +37,8 @@ METHOD = "hybrid"
 """How each recording is searched by itself."""
 
 LEAST_SHARE = 1 / 3
-"""Share of the recordings that must show a parameter to be off: half of those of such a unit do, and by chance
-one in a hundred."""
+"""Share of the recordings that must show a parameter to be off: half of those of such a unit do, one in a
+hundred by chance."""
 
 
 @dataclass(frozen=True, eq=False)
