@@ -3,8 +3,8 @@
 import numpy as np
 
 from cases import THESIS
-from emaphm.diagnosis.selection.sensor_error_scores import regressed
 from emaphm.estimation.problem import Problem
+from emaphm.estimation.uncertainty.partial_regression import regressed
 from emaphm.recording import Recording
 
 

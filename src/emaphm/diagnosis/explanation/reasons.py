@@ -9,6 +9,7 @@ import numpy as np
 from emaphm.arrays import Array
 from emaphm.diagnosis.explanation.known_values import contradicted_values
 from emaphm.diagnosis.explanation.recorded_noise import rounding_step, usual_noise, usual_variance
+from emaphm.diagnosis.explanation.rotor_zero import contradicted_zero
 from emaphm.diagnosis.explanation.sensor_scores import contradictions
 from emaphm.estimation.discrepancy import resolves_switching
 from emaphm.estimation.nuisances import BASELINE, has_stated_prior, unit_of, usual_deviation
@@ -99,12 +100,14 @@ def reasons_against(
     6. No recorded load or temperature is contradicted (`emaphm.diagnosis.explanation.known_values`).
     7. Three recorded phase currents of a star add up to zero, within `phase_sum` of their size.
     8. No sensor of the motion stands still where the model moves by more than its noise.
-    9. No two sensors have another scale, each by more than `prior_deviations`: faults of sensors are rare,
+    9. The residual shows no electrical zero of the rotor but the position's
+       (`emaphm.diagnosis.explanation.rotor_zero`).
+    10. No two sensors have another scale, each by more than `prior_deviations`: faults of sensors are rare,
        and times that are stretched change the scale of everything that moves.
 
-    The fifth and sixth are asked where the reference model has corrected the estimate by its switching: of
-    other drives a few percent are left of any machine, whose direction may be that of a sensor's. So may that
-    of a learned error of the model, with which the fifth is not asked.
+    The fifth, sixth and ninth are asked where the reference model has corrected the estimate by its
+    switching: of other drives a few percent are left of any machine, whose direction may be that of a
+    sensor's. So may that of a learned error of the model, with which the fifth and ninth are not asked.
 
     Parameters
     ----------
@@ -132,7 +135,7 @@ def reasons_against(
     if moves and _by_switching(result):
         found += contradicted_values(result, seed)
         if not healthy:
-            found += contradictions(result, jacobians, seed)
+            found += contradicted_zero(result, jacobians, seed) or contradictions(result, jacobians, seed)
     return tuple(found)
 
 

@@ -20,7 +20,6 @@ import numpy as np
 from emaphm.actuator.actuator import described_parts
 from emaphm.diagnosis.selection.law_selection import fit_of
 from emaphm.diagnosis.selection.profile import INERTIA
-from emaphm.diagnosis.selection.sensor_error_scores import regressed
 from emaphm.diagnosis.selection.settings import DESCRIPTION_ERRORS
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.methods import Method
@@ -30,6 +29,7 @@ from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.parameter_variation import ParameterVariation
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at
+from emaphm.estimation.uncertainty.partial_regression import regressed
 from emaphm.random_streams import child_seed, stream
 
 SPEED_LOOP = ("speed_gain",)

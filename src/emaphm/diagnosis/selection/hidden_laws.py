@@ -18,7 +18,6 @@ from emaphm.actuator.laws import LAWS, typical_dry_friction
 from emaphm.actuator.unit.baseline import SIGNED
 from emaphm.arrays import Array
 from emaphm.diagnosis.selection.law_selection import fit_with_law, is_possible, with_law
-from emaphm.diagnosis.selection.sensor_error_scores import regressed
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.methods import Method
 from emaphm.estimation.objective import MapObjective
@@ -26,6 +25,7 @@ from emaphm.estimation.parameter_variation import varied
 from emaphm.estimation.reference.refinement import refine_by_reference
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at
+from emaphm.estimation.uncertainty.partial_regression import regressed
 from emaphm.quantiles import chi_squared_quantile
 from emaphm.random_streams import child_seed, stream
 

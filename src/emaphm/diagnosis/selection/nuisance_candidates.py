@@ -10,7 +10,7 @@ from emaphm.arrays import Array
 from emaphm.diagnosis.selection.extension import Candidate, with_nuisances
 from emaphm.diagnosis.selection.first_look import FirstLook, first_look
 from emaphm.diagnosis.selection.profile import INERTIA, PROFILE, PROFILED, profile, profile_points
-from emaphm.diagnosis.selection.sensor_error_scores import jacobians_with_errors, regressed
+from emaphm.diagnosis.selection.sensor_error_scores import jacobians_with_errors
 from emaphm.diagnosis.selection.settings import SELECTION, SENSOR_SELECTION, widening
 from emaphm.diagnosis.selection.supply_profile import SUPPLY
 from emaphm.diagnosis.selection.supply_scan import is_inductance_known, is_scanned, supply_candidate
@@ -22,6 +22,7 @@ from emaphm.estimation.sensors.sensor_model import sensor_error, sensor_of
 from emaphm.estimation.uncertainty.local_covariance import (
     local_covariance,
 )
+from emaphm.estimation.uncertainty.partial_regression import regressed
 from emaphm.random_streams import stream
 
 MADE_UP_FOR = ("voltage_scale",)

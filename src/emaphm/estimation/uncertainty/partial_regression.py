@@ -1,0 +1,31 @@
+"""What a residual shows of parameters that are not estimated: a regression on their derivatives."""
+
+import numpy as np
+
+from emaphm.arrays import Array
+from emaphm.estimation.problem import Problem
+from emaphm.estimation.uncertainty.local_covariance import rounding_scores
+from emaphm.estimation.uncertainty.long_run_variance import long_run_covariance
+
+
+def regressed(
+    mean: Array, derivatives: Array, residual: Array, problem: Problem
+) -> tuple[Array, Array, Array]:
+    """Return the step (d,) of the others, the sizes (p,) of p more coordinates, and their covariance (p, p).
+
+    By regression of the `residual` (rows,) on the `derivatives` (p, rows) less what the other coordinates,
+    whose `mean` Jacobian is (d, rows), explain of them (Frisch and Waugh 1933); the scores are as correlated
+    as the sandwich covariance takes them, with what counts of the channels of `problem` leave open.
+    """
+    normal = mean @ mean.T
+    # An actuator that stands may answer to nothing at all.
+    smallest = float(np.finfo(float).tiny)
+    ridge = (1e-9 * float(np.trace(normal)) + smallest) * np.eye(len(normal))
+    shares = np.linalg.solve(normal + ridge, mean @ derivatives.T)
+    alone = derivatives - shares.T @ mean
+    tiny = smallest * np.eye(len(alone))
+    inverse = np.linalg.inv(alone @ alone.T + tiny)
+    sizes = inverse @ (alone @ residual)
+    scores = alone * (residual - sizes @ alone)
+    scatter = long_run_covariance(scores, len(problem.channels)) + rounding_scores(problem, alone) + tiny
+    return -(shares @ sizes), sizes, inverse @ scatter @ inverse
