@@ -17,15 +17,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from emaphm.actuator import NAMES
 from emaphm.actuator.actuator import described_parts
 from emaphm.diagnosis.selection.law_selection import fit_of
 from emaphm.diagnosis.selection.profile import INERTIA
 from emaphm.diagnosis.selection.settings import DESCRIPTION_ERRORS
+from emaphm.diagnosis.verdict import VERDICT
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.methods import Method
 from emaphm.estimation.nuisances import BASELINE
 from emaphm.estimation.objective import MapObjective
-from emaphm.estimation.parameter_space import ParameterSpace
+from emaphm.estimation.parameter_space import SHORTS, ParameterSpace
 from emaphm.estimation.parameter_variation import ParameterVariation
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at
@@ -58,7 +60,8 @@ def possible_errors(result: SearchResult, names: Sequence[str], seed: int) -> li
     """Return what may be off where `result` passes for explained.
 
     `names` are the nuisances that were selected for it. Not asked for is what the actuator does not have,
-    what a calibration has found, and what is open anyway.
+    what a calibration has found, and what is open anyway; nor the motor where a phase is healthy and no
+    inertia or scale was selected: nothing has taken up a torque constant then.
     """
     actuator, nuisances = result.objective.problem.actuator, result.objective.space.nuisances
     known = (*nuisances.parameters, *(actuator.baseline.names if actuator.baseline else ()))
@@ -72,11 +75,17 @@ def possible_errors(result: SearchResult, names: Sequence[str], seed: int) -> li
     found = []
     if len(set(names) & set(MADE_UP_BY)) > 1 and possible(SPEED_LOOP):
         found.append(PossibleError(SPEED_LOOP, instead_of=MADE_UP_BY))
-    if possible(MOTOR):
+    if possible(MOTOR) and (set(names) & set(MADE_UP_BY) or _all_shorted(result)):
         score = inductance_score(result, seed)
         if score > DESCRIPTION_ERRORS.likely:
             found.append(PossibleError(MOTOR, score > DESCRIPTION_ERRORS.certain))
     return found
+
+
+def _all_shorted(result: SearchResult) -> bool:
+    """Return whether all phases seem to have a short."""
+    faults = result.objective.space.faults(result.point)
+    return all(faults[NAMES.index(name)] > VERDICT.healthy_margin for name in SHORTS)
 
 
 def inductance_score(result: SearchResult, seed: int) -> float:
