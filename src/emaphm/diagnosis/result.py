@@ -60,7 +60,8 @@ class Diagnosis:
     nuisances
         What was estimated with the faults.
     selected
-        Those of the nuisances that were estimated because they deviate significantly, though not asked for.
+        Those of the nuisances that were estimated because they deviate significantly, though not asked for;
+        "baseline NAME" are parameters of the actuator that the recording contradicts.
     laws
         Optional laws that explain the recording clearly better, though the description lacks them.
     collinear_sets
