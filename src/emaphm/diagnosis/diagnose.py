@@ -32,7 +32,7 @@ from emaphm.estimation.search import check_fitness, search
 from emaphm.estimation.search_result import SMALLEST_SHARE, SearchResult
 from emaphm.estimation.sensors.channel_swaps import with_channels_exchanged
 from emaphm.estimation.starts import Starts
-from emaphm.estimation.uncertainty.local_covariance import jacobians_at
+from emaphm.estimation.uncertainty.local_covariance import jacobians_of
 from emaphm.estimation.uncertainty.model_error import HealthyComparison, compared_with_healthy
 from emaphm.progress import Progress, subprogress
 from emaphm.random_streams import stream
@@ -230,9 +230,7 @@ def conclude(
 ) -> Diagnosis:
     """Return the diagnosis at `result`; its counts and time are still to be filled in."""
     objective, problem, space = result.objective, result.objective.problem, result.objective.space
-    jacobians = result.jacobians
-    if jacobians is None:
-        jacobians = jacobians_at(objective, result.point, stream(seed, "Jacobians of the covariance"))
+    jacobians = jacobians_of(result, stream(seed, "Jacobians of the covariance"))
     moves = moves_at(objective, result.point)
     healthy, reasons = _explanation(result, jacobians, seed, moves=moves)
     of_all_phases = over_all_phases(result, seed) if reasons else result

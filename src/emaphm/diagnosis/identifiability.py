@@ -14,7 +14,7 @@ from emaphm.estimation.problem import comparable_channels, rms
 from emaphm.estimation.search_result import DEFAULT_SCATTER, SearchResult
 from emaphm.estimation.uncertainty.collinearity import CollinearSet, collinear_coordinates, resolving_channels
 from emaphm.estimation.uncertainty.fisher_information import information_lower_bound
-from emaphm.estimation.uncertainty.local_covariance import jacobians_at, local_covariance
+from emaphm.estimation.uncertainty.local_covariance import jacobians_at, jacobians_of, local_covariance
 from emaphm.estimation.uncertainty.model_error import apparent_fault_covariance
 from emaphm.estimation.uncertainty.slow_rows import step_by_other_command
 from emaphm.random_streams import stream
@@ -44,9 +44,7 @@ def identifiability(result: SearchResult, seed: int, *, explained: bool = True) 
     """
     objective, space = result.objective, result.objective.space
     rows = objective.channel_rows
-    jacobians = result.jacobians
-    if jacobians is None:
-        jacobians = jacobians_at(objective, result.point, stream(seed, "Jacobians of the covariance"))
+    jacobians = jacobians_of(result, stream(seed, "Jacobians of the covariance"))
     residual, bias = result.fitted_residual[:rows], result.remaining_bias[:rows]
     hidden = 0.0 if explained else unexplained_scores(result, jacobians.mean(axis=0))
     local = local_covariance(objective, result.point, residual, jacobians, bias, hidden)

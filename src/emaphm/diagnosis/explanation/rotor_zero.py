@@ -14,7 +14,7 @@ from emaphm.arrays import Array
 from emaphm.estimation.global_search.multistart import local_search, with_descents
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import SearchResult
-from emaphm.estimation.uncertainty.partial_regression import regressed
+from emaphm.estimation.uncertainty.partial_regression import size_of_one
 from emaphm.random_streams import stream
 
 
@@ -49,10 +49,7 @@ def contradicted_zero(result: SearchResult, jacobians: Array, seed: int) -> tupl
         return ()
     turned = [_with_zero(objective, sign * ROTOR_ZERO.step) for sign in (-1, 1)]
     low, high = (one.outputs(result.point[np.newaxis])[0, : objective.channel_rows] for one in turned)
-    derivative = (high - low)[np.newaxis] / (2 * ROTOR_ZERO.step)
-    residual = result.residual[: objective.channel_rows]
-    _, sizes, covariance = regressed(jacobians.mean(axis=0), derivative, residual, objective.problem)
-    size, error = float(sizes[0]), float(covariance[0, 0] ** 0.5)
+    size, error = size_of_one(result, jacobians, (high - low) / (2 * ROTOR_ZERO.step))
     if abs(size) <= max(ROTOR_ZERO.least, ROTOR_ZERO.score * error):
         return ()
     left = [_left(result, one, seed) for one in (objective, _with_zero(objective, size))]

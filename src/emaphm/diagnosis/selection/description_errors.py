@@ -30,8 +30,8 @@ from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.parameter_space import SHORTS, ParameterSpace
 from emaphm.estimation.parameter_variation import ParameterVariation
 from emaphm.estimation.search_result import SearchResult
-from emaphm.estimation.uncertainty.local_covariance import jacobians_at
-from emaphm.estimation.uncertainty.partial_regression import regressed
+from emaphm.estimation.uncertainty.local_covariance import jacobians_of
+from emaphm.estimation.uncertainty.partial_regression import size_of_one
 from emaphm.random_streams import child_seed, stream
 
 SPEED_LOOP = ("speed_gain",)
@@ -94,19 +94,15 @@ def inductance_score(result: SearchResult, seed: int) -> float:
     0 where it is off by less than what is asked for.
     """
     objective = result.objective
-    jacobians = result.jacobians
-    if jacobians is None:
-        jacobians = jacobians_at(objective, result.point, stream(seed, "Jacobians of the description"))
+    jacobians = jacobians_of(result, stream(seed, "Jacobians of the description"))
     extended = _objective_with(objective, (INDUCTANCE,))
     point = extended.space.carried_over(result.point, objective.space)
     ends = np.tile(point, (2, 1))
     ends[:, -1] = -DESCRIPTION_ERRORS.step, DESCRIPTION_ERRORS.step
     low, high = extended.outputs(ends)[:, : objective.channel_rows]
-    derivative = (high - low)[np.newaxis] / (2 * DESCRIPTION_ERRORS.step)
-    residual = result.residual[: objective.channel_rows]
-    _, sizes, covariance = regressed(jacobians.mean(axis=0), derivative, residual, objective.problem)
-    size = float(abs(sizes[0]))
-    return size / float(covariance[0, 0] ** 0.5) if size > DESCRIPTION_ERRORS.least else 0.0
+    derivative = (high - low) / (2 * DESCRIPTION_ERRORS.step)
+    size, error = size_of_one(result, jacobians, derivative)
+    return abs(size) / error if abs(size) > DESCRIPTION_ERRORS.least else 0.0
 
 
 def with_free(

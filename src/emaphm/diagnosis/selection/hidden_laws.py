@@ -24,7 +24,7 @@ from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.parameter_variation import varied
 from emaphm.estimation.reference.refinement import refine_by_reference
 from emaphm.estimation.search_result import SearchResult
-from emaphm.estimation.uncertainty.local_covariance import jacobians_at
+from emaphm.estimation.uncertainty.local_covariance import jacobians_of
 from emaphm.estimation.uncertainty.partial_regression import regressed
 from emaphm.quantiles import chi_squared_quantile
 from emaphm.random_streams import child_seed, stream
@@ -140,9 +140,7 @@ def hidden_scores(result: SearchResult, seed: int) -> dict[str, Score]:
     for law in laws:
         extended = with_law(extended, LAWS[law.name])
     names, derivatives = _derivatives(extended, result)
-    jacobians = result.jacobians
-    if jacobians is None:
-        jacobians = jacobians_at(objective, result.point, stream(seed, "Jacobians of the hidden laws"))
+    jacobians = jacobians_of(result, stream(seed, "Jacobians of the hidden laws"))
     mean, residual = jacobians.mean(axis=0), result.residual[: objective.channel_rows]
     scores = {}
     for law in laws:

@@ -8,6 +8,7 @@ from emaphm.arrays import Array
 from emaphm.estimation.finite_differences import replicated_jacobians
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.problem import Problem
+from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.sensors.counts import scores_of_counts
 from emaphm.estimation.uncertainty.covariance import sandwich_covariance
 from emaphm.estimation.uncertainty.model_error import error_scores
@@ -38,6 +39,13 @@ def jacobians_at(objective: MapObjective, point: Array, rng: np.random.Generator
         REPLICATES,
         rng,
     )
+
+
+def jacobians_of(result: SearchResult, rng: np.random.Generator) -> Array:
+    """Return Jacobians (n, d, channel rows) at an estimate: those that are known, or new ones."""
+    if result.jacobians is not None:
+        return result.jacobians
+    return jacobians_at(result.objective, result.point, rng)
 
 
 def local_covariance(

@@ -4,6 +4,7 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.estimation.problem import Problem
+from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.uncertainty.local_covariance import rounding_scores
 from emaphm.estimation.uncertainty.long_run_variance import long_run_covariance
 
@@ -29,3 +30,15 @@ def regressed(
     scores = alone * (residual - sizes @ alone)
     scatter = long_run_covariance(scores, len(problem.channels)) + rounding_scores(problem, alone) + tiny
     return -(shares @ sizes), sizes, inverse @ scatter @ inverse
+
+
+def size_of_one(result: SearchResult, jacobians: Array, derivative: Array) -> tuple[float, float]:
+    """Return the size of one more parameter that the residual of an estimate shows, and its standard error.
+
+    By its `derivative` (channel rows,), and the `jacobians` (n, d, channel rows) of what is estimated.
+    """
+    objective = result.objective
+    residual = result.residual[: objective.channel_rows]
+    mean = jacobians.mean(axis=0)
+    _, sizes, covariance = regressed(mean, derivative[np.newaxis], residual, objective.problem)
+    return float(sizes[0]), float(covariance[0, 0] ** 0.5)
