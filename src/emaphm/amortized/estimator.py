@@ -117,10 +117,6 @@ class Estimator:
         distances = self.distances(comparison.rows)
         return self.doubt.of(comparison.features(self.setup, self.update.whitening, distances))
 
-    def answer(self, recording: Recording, inputs: Inputs) -> Mixture:
-        """Return what is known of a recording that `check` has accepted, driven by `inputs`."""
-        return self.answers(self.rows(recording), inputs)[0]
-
 
 def first_answers(network: Network, rows: Single) -> list[Mixture]:
     """Return what a network makes of rows (n, channels, blocks)."""

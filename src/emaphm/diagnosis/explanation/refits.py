@@ -7,7 +7,7 @@ import numpy as np
 from emaphm.arrays import Array
 from emaphm.estimation.bias_correction import compared
 from emaphm.estimation.discrepancy import reference_problem
-from emaphm.estimation.global_search.multistart import descents_from
+from emaphm.estimation.global_search.multistart import descents_from, local_search, with_descents
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import TINY, SearchResult
 from emaphm.random_streams import stream
@@ -63,3 +63,14 @@ class Refit:
                 break
             best = further
         return best
+
+
+def left_by_descents(
+    result: SearchResult, objective: MapObjective, correction: Array, count: int, rng: np.random.Generator
+) -> float:
+    """Return what `count` descents from the estimate leave of the channels' mean squared residual.
+
+    Of an `objective` with the estimate's coordinates, under a `correction` (rows,).
+    """
+    point = local_search(objective, result.point, correction, rng, with_descents(count)).best
+    return objective.left(objective.residual(point, correction)[: objective.channel_rows])

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.estimation.global_search.multistart import local_search, with_descents
+from emaphm.diagnosis.explanation.refits import left_by_descents
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.uncertainty.partial_regression import size_of_one
@@ -47,13 +47,28 @@ def contradicted_zero(result: SearchResult, jacobians: Array, seed: int) -> tupl
     electrical = objective.problem.actuator.electrical
     if electrical is None or "angle_rad" in objective.problem.measured:
         return ()
-    turned = [_with_zero(objective, sign * ROTOR_ZERO.step) for sign in (-1, 1)]
-    low, high = (one.outputs(result.point[np.newaxis])[0, : objective.channel_rows] for one in turned)
+
+    def turned(electrical_rad: float) -> MapObjective:
+        return _with_rotor_at(objective, electrical_rad / electrical.pole_pairs)
+
+    low, high = (
+        turned(end).outputs(result.point[np.newaxis])[0, : objective.channel_rows]
+        for end in (-ROTOR_ZERO.step, ROTOR_ZERO.step)
+    )
     size, error = size_of_one(result, jacobians, (high - low) / (2 * ROTOR_ZERO.step))
     if abs(size) <= max(ROTOR_ZERO.least, ROTOR_ZERO.score * error):
         return ()
-    left = [_left(result, one, seed) for one in (objective, _with_zero(objective, size))]
-    if left[1] >= ROTOR_ZERO.share * left[0]:
+    as_described, elsewhere = (
+        left_by_descents(
+            result,
+            one,
+            result.outputs_correction,
+            ROTOR_ZERO.descents,
+            stream(seed, "descents with another zero of the rotor"),
+        )
+        for one in (objective, turned(size))
+    )
+    if elsewhere >= ROTOR_ZERO.share * as_described:
         return ()
     sentence = (
         f"the rotor's electrical zero seems to be {size:+.2g} rad from where the position's zero puts it, "
@@ -63,20 +78,8 @@ def contradicted_zero(result: SearchResult, jacobians: Array, seed: int) -> tupl
     return (sentence,)
 
 
-def _with_zero(objective: MapObjective, electrical_rad: float) -> MapObjective:
-    """Return the objective whose rotor is `electrical_rad` farther from the position's zero."""
+def _with_rotor_at(objective: MapObjective, rotor_rad: float) -> MapObjective:
+    """Return the objective whose rotor is `rotor_rad` farther from the position's zero."""
     problem = objective.problem
-    pole_pairs = problem.actuator.electrical.pole_pairs if problem.actuator.electrical else 1
-    offset = problem.start.rotor_offset + electrical_rad / pole_pairs
-    return replace(objective, problem=replace(problem, start=replace(problem.start, rotor_offset=offset)))
-
-
-def _left(result: SearchResult, objective: MapObjective, seed: int) -> float:
-    """Return what descents of an `objective` from the estimate leave of the mean squared residual."""
-    rng, descents = (
-        stream(seed, "descents with another zero of the rotor"),
-        with_descents(ROTOR_ZERO.descents),
-    )
-    correction = result.outputs_correction
-    point = local_search(objective, result.point, correction, rng, descents).best
-    return objective.left(objective.residual(point, correction)[: objective.channel_rows])
+    start = replace(problem.start, rotor_offset=problem.start.rotor_offset + rotor_rad)
+    return replace(objective, problem=replace(problem, start=start))

@@ -13,7 +13,7 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.diagnosis.explanation.recorded_noise import rounding_step
-from emaphm.estimation.global_search.multistart import local_search, with_descents
+from emaphm.diagnosis.explanation.refits import left_by_descents
 from emaphm.estimation.levenberg_marquardt import movable
 from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.problem import rms
@@ -99,12 +99,16 @@ def _residual_share(result: SearchResult, error: SensorScore, seed: int) -> floa
     with_error = result.outputs_correction.copy()
     kinds, directions, _ = zip(*_directions(result), strict=True)
     with_error[:rows] += error.size * directions[kinds.index((error.kind, error.channel))]
-    variances = []
-    for correction in (result.outputs_correction, with_error):
-        rng = stream(seed, "descents with a sensor's error")
-        descents = with_descents(SENSOR_SCORES.descents)
-        point = local_search(objective, result.point, correction, rng, descents).best
-        variances.append(objective.left(objective.residual(point, correction)[:rows]))
+    variances = [
+        left_by_descents(
+            result,
+            objective,
+            correction,
+            SENSOR_SCORES.descents,
+            stream(seed, "descents with a sensor's error"),
+        )
+        for correction in (result.outputs_correction, with_error)
+    ]
     return variances[1] / variances[0] if variances[0] > 0 else 1.0
 
 

@@ -13,13 +13,13 @@ Two kinds show in an estimate that passes for explained.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from emaphm.actuator import NAMES
 from emaphm.actuator.actuator import described_parts
-from emaphm.diagnosis.selection.law_selection import fit_of
+from emaphm.diagnosis.selection.law_selection import fit_of, with_open
 from emaphm.diagnosis.selection.profile import INERTIA
 from emaphm.diagnosis.selection.settings import DESCRIPTION_ERRORS
 from emaphm.diagnosis.verdict import VERDICT
@@ -27,7 +27,7 @@ from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.methods import Method
 from emaphm.estimation.nuisances import BASELINE
 from emaphm.estimation.objective import MapObjective
-from emaphm.estimation.parameter_space import SHORTS, ParameterSpace
+from emaphm.estimation.parameter_space import SHORTS
 from emaphm.estimation.parameter_variation import ParameterVariation
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.uncertainty.local_covariance import jacobians_of
@@ -125,9 +125,5 @@ def suspected_parameters(result: SearchResult) -> tuple[str, ...]:
 
 def _objective_with(objective: MapObjective, parameters: tuple[str, ...]) -> MapObjective:
     """Return the objective with parameters of its actuator free."""
-    actuator, nuisances = objective.problem.actuator, objective.space.nuisances
-    free = ParameterVariation.free(actuator, parameters).known_to(
-        dict.fromkeys(parameters, DESCRIPTION_ERRORS.prior)
-    )
-    unit = nuisances.unit.combined_with(free)
-    return replace(objective, space=ParameterSpace.of(actuator, nuisances.with_unit(unit)))
+    actuator, priors = objective.problem.actuator, dict.fromkeys(parameters, DESCRIPTION_ERRORS.prior)
+    return with_open(objective, actuator, ParameterVariation.free(actuator, parameters).known_to(priors))

@@ -266,9 +266,12 @@ def with_free_law(objective: MapObjective, law: Law, parameters: tuple[str, ...]
     names = (*parameters, *law.also_free)
     free = tuple(name for name in names if name not in nuisances.parameters)
     free = tuple(name for name in free if described_parts(actuator, name) is not None)
-    unit = nuisances.unit.combined_with(ParameterVariation.suspected(actuator, free))
-    return replace(
-        objective,
-        problem=replace(problem, actuator=actuator),
-        space=ParameterSpace.of(actuator, nuisances.with_unit(unit)),
-    )
+    return with_open(objective, actuator, ParameterVariation.suspected(actuator, free))
+
+
+def with_open(objective: MapObjective, actuator: Actuator, opened: ParameterVariation) -> MapObjective:
+    """Return the objective of `actuator`, with what is `opened` of its parameters free too."""
+    nuisances = objective.space.nuisances
+    nuisances = nuisances.with_unit(nuisances.unit.combined_with(opened))
+    problem = replace(objective.problem, actuator=actuator)
+    return replace(objective, problem=problem, space=ParameterSpace.of(actuator, nuisances))
