@@ -186,7 +186,7 @@ def test_first_compilation(benchmark: Any, report: Report, tmp_path_factory: pyt
     )
 
     def first_run() -> None:
-        cache = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path_factory.mktemp("cache"))}
+        cache = {**os.environ, "EMAPHM_CACHE_DIR": str(tmp_path_factory.mktemp("cache"))}
         subprocess.run([sys.executable, "-c", script], check=True, env=cache)  # noqa: S603 - our own script
 
     benchmark.pedantic(first_run, rounds=3)

@@ -32,12 +32,12 @@ def test_missing_extra_says_how_to_install(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_folder_without_permission_is_remarked(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels"))
+    monkeypatch.setenv("EMAPHM_CACHE_DIR", str(tmp_path / "kernels"))
     monkeypatch.setattr("os.access", lambda *_: False)
     from emaphm.simulation.engine.kernel_cache import kernel_folder
 
     kernel_folder.cache_clear()
     try:
-        assert "NUMBA_CACHE_DIR" in str(environment.environment())
+        assert "EMAPHM_CACHE_DIR" in str(environment.environment())
     finally:
         kernel_folder.cache_clear()

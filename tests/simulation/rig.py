@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from emaphm.actuator import Actuator, Command, Faults, Load, Step
 from emaphm.arrays import Array
 from emaphm.simulation import AVERAGED, Initial, Inputs, Model, Plant, run
-from emaphm.simulation.engine.lane_step import StepInputs
+from emaphm.simulation.engine.step_tracing import StepInputs
 from emaphm.simulation.engine.structure import Structure
 from emaphm.simulation.models import motion
 

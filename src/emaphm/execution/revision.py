@@ -10,7 +10,7 @@ from pathlib import Path
 
 import emaphm
 
-LIBRARIES = ("numpy", "scipy", "numba", "cma", "minionpy", "pymoo")
+LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "cma", "minionpy", "pymoo")
 """Libraries whose numbers are part of a result."""
 
 

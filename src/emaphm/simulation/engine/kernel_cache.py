@@ -1,7 +1,4 @@
-"""Kernels ready to be called: loaded from disk, or compiled and then kept there.
-
-Numba's own cache would do, were it not that using it takes Numba's import and set-up, 0.25 s in each process.
-"""
+"""Kernels ready to be called: loaded from disk, or compiled and then kept there."""
 
 import ctypes
 import hashlib
@@ -13,7 +10,6 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, cast
 
@@ -79,13 +75,11 @@ def _machine() -> str:
 
 
 def _digest_of_sources() -> bytes:
-    """Return a digest of what every kernel is made of and by: the simulation's source, Numba and LLVM."""
+    """Return a digest of what every kernel is made of and by: the simulation's source, and LLVM."""
     import llvmlite
 
-    digest = hashlib.sha256(f"{llvmlite.__version__} {sys.version_info[:2]}".encode())
-    numba = find_spec("numba")
-    version = [Path(numba.origin).with_name("_version.py")] if numba and numba.origin else []
-    for source in (*version, *sorted(Path(__file__).parents[1].glob("*/*.py"))):
+    digest = hashlib.sha256(llvmlite.__version__.encode())
+    for source in sorted(Path(__file__).parents[1].glob("*/*.py")):
         digest.update(source.read_bytes())
     return digest.digest()
 
@@ -107,9 +101,9 @@ def _revision(model: Model, layout: Layout) -> bytes:
 
 @cache
 def kernel_folder() -> Path:
-    """Return where kernels are kept: Numba's folder if set, else by the source, else the user's cache."""
-    if "NUMBA_CACHE_DIR" in os.environ:
-        return Path(os.environ["NUMBA_CACHE_DIR"])
+    """Return where kernels are kept: `EMAPHM_CACHE_DIR` if set, else by the source or in the user's cache."""
+    if "EMAPHM_CACHE_DIR" in os.environ:
+        return Path(os.environ["EMAPHM_CACHE_DIR"])
     local = Path(__file__).parent / "__pycache__"
     if os.access(local if local.exists() else local.parent, os.W_OK):
         return local

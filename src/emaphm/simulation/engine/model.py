@@ -67,7 +67,7 @@ class Form:
     state_names, parameter_names
         From a structure to the kernel's rows, in their order.
     advance
-        From a structure to the step of one actuator, as `lane_step` takes it.
+        From a structure to the step of one actuator, as `step_tracing` takes it.
     longest_step
         Longest integration step [s], that of the model where left out.
     """

@@ -1,22 +1,19 @@
-"""The loops of a kernel about a model's step, over rows, steps and lanes: instructions of LLVM's own.
+"""A kernel about a model's step: the loops over rows, steps and lanes, in instructions of LLVM's own.
 
-Loops in Python would have been through Numba's translation to machine code before LLVM can make vector
-instructions of the innermost one, over lanes, and whether that is still possible would be chance. Numba also
-takes ten times as long for them; a step it translates once, for all layouts.
+Whether LLVM makes vector instructions of the innermost loop, over lanes, depends on what it is given: all
+lanes in one flat array, their number known, no branches.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
 from llvmlite import ir
 
-from emaphm.simulation.engine.lane_step import ARRAYS, INTEGERS, REALS, place
+from emaphm.simulation.engine.step_tracing import FAST, REAL, StepInputs, traced
 
-REAL, INTEGER = ir.DoubleType(), ir.IntType(64)
+INTEGER = ir.IntType(64)
 ARRAY = ir.PointerType(REAL)
-NOTHING = ir.IntType(8).as_pointer()
-"""What Numba returns for None."""
 
 ARGUMENTS = {
     "x": ARRAY,
@@ -40,44 +37,70 @@ ARGUMENTS = {
 """Of a kernel, as `compilation` describes them."""
 
 
-def loop_about(step_name: str, name: str, rows: int, lanes: int, channels: int) -> str:
-    """Return the LLVM module of the kernel `name`, which calls the function `step_name` of `lane_step`.
+def kernel_of(
+    name: str,
+    advance: Callable[..., Any],
+    state: tuple[str, ...],
+    parameters: tuple[str, ...],
+    lanes: int,
+    channels: int,
+) -> str:
+    """Return the LLVM module of the kernel `name`: steps of `advance`, a function as `traced` takes it.
 
-    The state has `rows` rows, followed by those of the sums of `channels` channels.
+    The arrays of a kernel have a row for each field of `state` and `parameters`, and a column for each lane.
+    The state's rows are followed by those of the sums of the first `channels` channels.
     """
     module = ir.Module()
-    of_step = ir.FunctionType(NOTHING, [ARRAY] * ARRAYS + [INTEGER] * INTEGERS + [REAL] * REALS)
-    advance = ir.Function(module, of_step, step_name)
     kernel = ir.Function(module, ir.FunctionType(ir.VoidType(), list(ARGUMENTS.values())), name)
     a = dict(zip(ARGUMENTS, kernel.args, strict=True))
     for argument in a.values():
         if argument.type == ARRAY:
             argument.add_attribute("noalias")
     builder = ir.IRBuilder(kernel.append_basic_block())
-    width, zero, one = INTEGER(lanes), REAL(0.0), REAL(1.0)
+    width, zero, one, rows = INTEGER(lanes), REAL(0.0), REAL(1.0), len(state)
+
+    def at(array: str, row: Any, lane: Any) -> Any:
+        return _place(builder, a[array], row, width, lane)
+
     with _loop(builder, a["samples"]) as sample:
         with _loop(builder, INTEGER(channels)) as i, _loop(builder, width) as lane:
-            builder.store(zero, place(builder, a["x"], builder.add(i, INTEGER(rows)), width, lane))
+            builder.store(zero, at("x", builder.add(i, INTEGER(rows)), lane))
         with _loop(builder, a["substeps"]) as substep:
             now = builder.add(builder.mul(sample, a["substeps"], flags=["nsw"]), substep, flags=["nsw"])
-            within = builder.icmp_signed("<", substep, a["window"])
-            driving = [
-                *(_at_step(builder, a, signal, now) for signal in ("command", "load", "noise", "enabled")),
-                builder.fmul(builder.sitofp(now, REAL), a["step"], flags=["fast"]),
-                a["step"],
-                a["carried"],
-                builder.select(within, one, zero),
-            ]
+            weight = builder.select(builder.icmp_signed("<", substep, a["window"]), one, zero)
+            driving = StepInputs(
+                command=_at_step(builder, a, "command", now),
+                load=_at_step(builder, a, "load", now),
+                noise=_at_step(builder, a, "noise", now),
+                enabled=_at_step(builder, a, "enabled", now),
+                time=builder.fmul(builder.sitofp(now, REAL), a["step"], flags=FAST),
+                step=a["step"],
+                carried=a["carried"],
+            )
             with _loop(builder, width) as lane:
-                builder.call(advance, [a["x"], a["p"], lane, width, INTEGER(channels), *driving])
+                before = {name: builder.load(at("x", INTEGER(i), lane)) for i, name in enumerate(state)}
+                of_lane = {name: builder.load(at("p", INTEGER(i), lane)) for i, name in enumerate(parameters)}
+                following, outputs = traced(advance, builder, before, of_lane, driving)
+                for row, value in enumerate(following):
+                    builder.store(value, at("x", INTEGER(row), lane))
+                for i, value in enumerate(outputs[:channels]):
+                    total = at("x", INTEGER(rows + i), lane)
+                    added = builder.fmul(weight, value, flags=FAST)
+                    builder.store(builder.fadd(builder.load(total), added, flags=FAST), total)
         share = builder.fdiv(one, builder.sitofp(a["window"], REAL))
         with _loop(builder, a["recorded"]) as i, _loop(builder, width) as lane:
-            total = builder.load(place(builder, a["x"], builder.add(i, INTEGER(rows)), width, lane))
+            total = builder.load(at("x", builder.add(i, INTEGER(rows)), lane))
             row = builder.add(builder.mul(lane, a["recorded"]), i)
-            mean = place(builder, a["out"], row, a["row"], sample)
+            mean = _place(builder, a["out"], row, a["row"], sample)
             builder.store(builder.fmul(total, share), mean)
     builder.ret_void()
     return str(module)
+
+
+def _place(builder: Any, array: Any, row: Any, width: Any, column: Any) -> Any:
+    """Return the address of an element of an array of rows of `width`."""
+    index = builder.add(builder.mul(row, width, flags=["nsw"]), column, flags=["nsw"])
+    return builder.gep(array, [index], inbounds=True)
 
 
 @contextmanager
@@ -100,4 +123,4 @@ def _loop(builder: Any, count: Any) -> Iterator[Any]:
 def _at_step(builder: Any, arguments: dict[str, Any], signal: str, now: Any) -> Any:
     """Return a signal's value at step `now`, or the only one that it has."""
     stride = arguments.get(f"{signal}_stride", INTEGER(1))
-    return builder.load(place(builder, arguments[signal], now, stride, INTEGER(0)))
+    return builder.load(_place(builder, arguments[signal], now, stride, INTEGER(0)))

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from emaphm.simulation.laws.inline import law, select
+from emaphm.simulation.laws.select import select
 
 PHASE_SHIFT = 2 * np.pi / 3
 """Electrical angle by which phase b lags phase a, and c lags b [rad]."""
@@ -18,7 +18,6 @@ def wrap(angle: Any) -> Any:
     return np.mod(np.asarray(angle, float) + np.pi, 2 * np.pi) - np.pi
 
 
-@law
 def wrap_once(angle: Any) -> Any:
     """Turn an angle that has left [-π, π) by less than one turn back into it.
 
@@ -38,7 +37,6 @@ def wrap_once(angle: Any) -> Any:
     return select(angle < -np.pi, angle + 2 * np.pi, angle)
 
 
-@law
 def phase_angles(angle: Any) -> Any:
     """Return the electrical angle as each phase sees it.
 
@@ -60,7 +58,6 @@ def phase_angles(angle: Any) -> Any:
     )
 
 
-@law
 def turn(cos: Any, sin: Any, angle: Any) -> Any:
     """Turn a direction by a small angle, without a trigonometric function.
 

@@ -4,10 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from emaphm.simulation.laws.inline import law
 
-
-@law
 def follow(output: Any, angle: Any, half_width: Any) -> Any:
     """Return where a gap's output side is after its input side has moved.
 

@@ -4,8 +4,6 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-from emaphm.simulation.laws.inline import law
-
 
 @cache
 def harmonic(order: int) -> Callable[..., Any]:
@@ -19,7 +17,6 @@ def harmonic(order: int) -> Callable[..., Any]:
     if order % 2:
         before = harmonic(order - 1)
 
-        @law
         def one_more(cos: Any, sin: Any) -> Any:
             c, s = before(cos, sin)
             return c * cos - s * sin, s * cos + c * sin
@@ -27,7 +24,6 @@ def harmonic(order: int) -> Callable[..., Any]:
         return one_more
     half = harmonic(order // 2)
 
-    @law
     def doubled(cos: Any, sin: Any) -> Any:
         c, s = half(cos, sin)
         return c * c - s * s, 2.0 * s * c
@@ -35,12 +31,10 @@ def harmonic(order: int) -> Callable[..., Any]:
     return doubled
 
 
-@law
 def _itself(cos: Any, sin: Any) -> Any:
     return cos, sin
 
 
-@law
 def ripple_torque(cos: Any, sin: Any, along: Any, across: Any) -> Any:
     """Return one harmonic of the torque ripple.
 

@@ -4,13 +4,12 @@ from typing import Any
 
 import numpy as np
 
-from emaphm.simulation.laws.inline import law, select
+from emaphm.simulation.laws.select import select
 
 RAMP = np.pi / 6
 """Half the width of a trapezoid's ramp: 30 degrees electrical [rad]."""
 
 
-@law
 def trapezoid(angle: Any) -> Any:
     """Return the unit trapezoid: the shape of a phase's back-EMF, and of its torque per ampere.
 
@@ -35,7 +34,6 @@ def trapezoid(angle: Any) -> Any:
     return np.copysign(np.minimum(from_zero / RAMP, 1.0), angle)
 
 
-@law
 def demand_sign(angle: Any) -> Any:
     """Return what share of the reference current a phase is asked for.
 
@@ -59,7 +57,6 @@ def demand_sign(angle: Any) -> Any:
     return select(from_zero >= RAMP, np.copysign(1.0, angle), 0.0)
 
 
-@law
 def of_idle_phase(angle: Any, of_a: Any, of_b: Any, of_c: Any) -> Any:
     """Return the one of three values that belongs to the phase that idles.
 

@@ -4,10 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from emaphm.simulation.laws.inline import clip, law, select
+from emaphm.simulation.laws.select import clip, select
 
 
-@law
 def shaft_torque(twist: Any, rate: Any, half_gap: Any, stiffness: Any, damping: Any) -> Any:
     """Return the torque that the motor passes to the user.
 

@@ -4,10 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from emaphm.simulation.laws.inline import clip, law, select
+from emaphm.simulation.laws.select import clip, select
 
 
-@law
 def limited_pi(error: Any, integral: Any, proportional: Any, integrating: Any, limit: Any, step: Any) -> Any:
     """Return the voltage that a current controller demands, and its integral after the step.
 
@@ -39,7 +38,6 @@ def limited_pi(error: Any, integral: Any, proportional: Any, integrating: Any, l
     return voltage, select(held, integral, integral + integrating * error * step)
 
 
-@law
 def limited_pi_pair(
     error_d: Any,
     error_q: Any,

@@ -4,12 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from emaphm.simulation.laws.inline import law, select
+from emaphm.simulation.laws.select import select
 
 SQRT3_2 = float(np.sqrt(3) / 2)
 
 
-@law
 def gap_factors(cos: Any, sin: Any, z_cos: Any, z_sin: Any) -> Any:
     """Return by what factor eccentricity multiplies each phase's torque and back-EMF constant.
 
@@ -44,7 +43,6 @@ def gap_factors(cos: Any, sin: Any, z_cos: Any, z_sin: Any) -> Any:
     )
 
 
-@law
 def printed_factor(cos: Any, sin: Any, z_cos: Any, z_sin: Any) -> Any:
     """Return the factor that the thesis prints for its monitor model: one period per electrical turn.
 

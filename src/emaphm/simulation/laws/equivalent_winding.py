@@ -2,10 +2,7 @@
 
 from typing import Any
 
-from emaphm.simulation.laws.inline import law
 
-
-@law
 def winding_current(current: Any, voltage: Any, conductance: Any, decay: Any) -> Any:
     """Return the current in a winding after a step under constant voltage.
 

@@ -4,13 +4,10 @@ from typing import Any
 
 import numpy as np
 
-from emaphm.simulation.laws.inline import law
-
 LARGEST = 25.0
 """Exponent beyond which the function stays as it is: the polynomial falls up to there, to 1e-9."""
 
 
-@law
 def decaying_exponential(exponent: Any) -> Any:
     """Return exp(-y) for y ≥ 0, by products alone.
 

@@ -4,10 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from emaphm.simulation.laws.inline import law, select
+from emaphm.simulation.laws.select import select
 
 
-@law
 def speed_after(speed: Any, active: Any, static: Any, dynamic: Any, step_per_inertia: Any) -> Any:
     """Advance the shaft's speed by one step under dry friction with sticking.
 
@@ -48,7 +47,6 @@ def speed_after(speed: Any, active: Any, static: Any, dynamic: Any, step_per_ine
     return select(speed * following < 0.0, 0.0, following)
 
 
-@law
 def dry_level(static: Any, dynamic: Any, transmitted: Any, at_low_speed: Any, stribeck: Any) -> Any:
     """Return the level of dry friction, which the friction torque has in motion.
 
@@ -73,7 +71,6 @@ def dry_level(static: Any, dynamic: Any, transmitted: Any, at_low_speed: Any, st
     return dynamic + transmitted + stribeck * (static - dynamic + at_low_speed)
 
 
-@law
 def directional(speed: Any, asymmetry: Any) -> Any:
     """Return by what factor friction is larger in one direction than on average.
 

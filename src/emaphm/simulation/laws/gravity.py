@@ -2,10 +2,7 @@
 
 from typing import Any
 
-from emaphm.simulation.laws.inline import law
 
-
-@law
 def gravity_load(cos: Any, sin: Any, along: Any, across: Any) -> Any:
     """Return the load torque of a weight that turns with the user.
 

@@ -4,10 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from emaphm.simulation.laws.inline import clip, law, select
+from emaphm.simulation.laws.select import clip, select
 
 
-@law
 def diode_voltage(current: Any, open_voltage: Any, half_supply: Any) -> Any:
     """Return the voltage of a leg whose switches are off.
 
@@ -33,7 +32,6 @@ def diode_voltage(current: Any, open_voltage: Any, half_supply: Any) -> Any:
     return select(current > 0.0, -half_supply, select(current < 0.0, half_supply, floating))
 
 
-@law
 def diode_current(before: Any, after: Any, open_voltage: Any, half_supply: Any) -> Any:
     """Return the current of a leg whose switches are off after a step: a diode ends it at 0.
 
@@ -54,7 +52,6 @@ def diode_current(before: Any, after: Any, open_voltage: Any, half_supply: Any) 
     return select(before == 0.0, blocking, ended)
 
 
-@law
 def outgoing_after(current: Any, half_supply: Any, back_emf: Any, resistance: Any, fall: Any) -> Any:
     """Return the current of a phase that has stopped to conduct, after a step, for an averaged model.
 

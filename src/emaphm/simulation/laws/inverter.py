@@ -2,10 +2,9 @@
 
 from typing import Any
 
-from emaphm.simulation.laws.inline import law, select
+from emaphm.simulation.laws.select import select
 
 
-@law
 def switch(state: Any, error: Any, band: Any) -> Any:
     """Return the state of a leg after its comparator has seen the current error.
 

@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.simulation.laws.inline import law
 
 
 def share_of_step(lag: Array, step: float) -> Array:
@@ -25,7 +24,6 @@ def share_of_step(lag: Array, step: float) -> Array:
     return np.asarray(-np.expm1(-step / np.maximum(lag, 1e-6 * step)))
 
 
-@law
 def approach(before: Any, target: Any, share: Any) -> Any:
     """Return a lagging value after a step: the exact solution of T dy/dt = x - y with constant x.
 

@@ -4,10 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from emaphm.simulation.laws.inline import law
 
-
-@law
 def transmitted_friction(motor: Any, external: Any, by_motor: Any, by_external: Any) -> Any:
     """Return the friction torque that the transmitted torque causes.
 

@@ -2,10 +2,9 @@
 
 from typing import Any
 
-from emaphm.simulation.laws.inline import clip, law
+from emaphm.simulation.laws.select import clip
 
 
-@law
 def speed_error(command: Any, position: Any, measured: Any, gain: Any, limit: Any) -> Any:
     """Return the speed that the drive demands, less the speed that it measures.
 
@@ -34,7 +33,6 @@ def speed_error(command: Any, position: Any, measured: Any, gain: Any, limit: An
     return clip(gain * (command - position), -limit, limit) - measured
 
 
-@law
 def pid_speed_error(
     error: Any,
     integral: Any,

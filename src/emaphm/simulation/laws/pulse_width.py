@@ -5,13 +5,12 @@ from typing import Any
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.simulation.laws.inline import clip, law, select
+from emaphm.simulation.laws.select import clip, select
 
 CONTROL_DELAY = 1.5
 """Periods from sampling the currents to the middle of the period in which the answer is applied."""
 
 
-@law
 def carrier_after(phase: Any, step_per_period: Any) -> Any:
     """Return how far the carrier is in its period after a step.
 
@@ -34,7 +33,6 @@ def carrier_after(phase: Any, step_per_period: Any) -> Any:
     return select(following > 1.0 - 0.5 * step_per_period, following - 1.0, following)
 
 
-@law
 def triangle(phase: Any, step_per_period: Any) -> Any:
     """Return the carrier in the middle of a step: from +1 down to -1 halfway through the period, and back.
 
@@ -52,7 +50,6 @@ def triangle(phase: Any, step_per_period: Any) -> Any:
     return 4.0 * np.abs(phase + 0.5 * step_per_period - 0.5) - 1.0
 
 
-@law
 def leg_mean(duty: Any, carrier: Any, step_per_period: Any) -> Any:
     """Return the mean state of a leg over a step: +1 while its duty is above the carrier, else -1.
 
@@ -76,7 +73,6 @@ def leg_mean(duty: Any, carrier: Any, step_per_period: Any) -> Any:
     return clip((duty - carrier) / (2.0 * step_per_period), -1.0, 1.0)
 
 
-@law
 def centred(duty_a: Any, duty_b: Any, duty_c: Any) -> Any:
     """Return three duties moved so that the largest and the smallest are as far from 0.
 
@@ -129,7 +125,6 @@ def delay_shares(frequency: Array, step: float) -> tuple[Array, Array]:
     )
 
 
-@law
 def delayed(before: Any, demanded: Any, share: Any, at_once: Any) -> Any:
     """Return the voltage that is applied over a step, and the lagging one after it; see `delay_shares`.
 

@@ -4,13 +4,10 @@ from typing import Any
 
 import numpy as np
 
-from emaphm.simulation.laws.inline import law
-
 LEAST = 0.1
 """Least share of the flux that is left, so that a motor stays a motor at any current."""
 
 
-@law
 def flux_left(saturation: Any, current: Any) -> Any:
     """Return the share of the magnets' flux that a current leaves.
 

@@ -17,13 +17,11 @@ line per speed, and with the resistance R_s and inductance L_s line to line
 from typing import Any
 
 from emaphm.simulation.laws.eccentricity import SQRT3_2
-from emaphm.simulation.laws.inline import law
 
 INVERSE_SQRT3 = 1 / 3**0.5
 """Amplitude of a phase's back-EMF per speed, for a line-to-line constant of 1."""
 
 
-@law
 def phase_sines(cos: Any, sin: Any) -> Any:
     """Return the unit shape of each phase's back-EMF: sin(θ_e - 2π (i - 1) / 3), i = 1, 2, 3.
 
@@ -42,7 +40,6 @@ def phase_sines(cos: Any, sin: Any) -> Any:
     return sin, -0.5 * sin - SQRT3_2 * cos, -0.5 * sin + SQRT3_2 * cos
 
 
-@law
 def line_currents(of_a: Any, of_b: Any, of_c: Any, cos: Any, sin: Any) -> Any:
     """Return the currents in d and q of three phase currents, as line values.
 
@@ -66,7 +63,6 @@ def line_currents(of_a: Any, of_b: Any, of_c: Any, cos: Any, sin: Any) -> Any:
     return -(cos * along + sin * across), sin * along - cos * across
 
 
-@law
 def line_voltages(of_a: Any, of_b: Any, of_c: Any, cos: Any, sin: Any) -> Any:
     """Return the voltages in d and q of three leg voltages, as line values; what all legs share drops out.
 
@@ -85,7 +81,6 @@ def line_voltages(of_a: Any, of_b: Any, of_c: Any, cos: Any, sin: Any) -> Any:
     return 2.0 * in_d, 2.0 * in_q
 
 
-@law
 def phase_voltages(in_d: Any, in_q: Any, cos: Any, sin: Any) -> Any:
     """Return the phase voltages of line values in d and q: the inverse of `line_voltages`.
 

@@ -2,10 +2,9 @@
 
 from typing import Any
 
-from emaphm.simulation.laws.inline import clip, law
+from emaphm.simulation.laws.select import clip
 
 
-@law
 def current_demand(
     error: Any,
     integral: Any,

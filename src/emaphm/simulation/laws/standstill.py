@@ -4,10 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from emaphm.simulation.laws.inline import law, select
+from emaphm.simulation.laws.select import select
 
 
-@law
 def speed_against(free: Any, braking: Any) -> Any:
     """Return the speed after a step against dry friction that sticks.
 
@@ -36,7 +35,6 @@ CURVATURE = 0.0133
 """λ of `saturation`; with `SATURATED` it brings the curve closest to tanh [-]."""
 
 
-@law
 def saturation(ratio: Any, braking: Any) -> Any:
     """Return the smooth sign σ at the speed that a step against it leads to, in closed form.
 
@@ -76,7 +74,6 @@ def saturation(ratio: Any, braking: Any) -> Any:
     return select(ratio < sum_of_both, numerator / denominator, 1.0)
 
 
-@law
 def speed_through_standstill(free: Any, braking: Any, inverse_transition: Any) -> Any:
     """Return the speed after a step against dry friction that passes smoothly through standstill.
 

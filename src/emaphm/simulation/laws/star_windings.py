@@ -5,10 +5,8 @@ from typing import Any
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.simulation.laws.inline import law
 
 
-@law
 def star_slopes(
     drive_a: Any,
     drive_b: Any,
@@ -95,7 +93,6 @@ def star_response(resistance: Array, inductance: Array, step: float) -> dict[str
     }
 
 
-@law
 def star_currents_after(
     current_a: Any,
     current_b: Any,

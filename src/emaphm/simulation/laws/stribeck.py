@@ -3,10 +3,8 @@
 from typing import Any
 
 from emaphm.simulation.laws.exponential import decaying_exponential
-from emaphm.simulation.laws.inline import law
 
 
-@law
 def stribeck_factor(speed: Any, inverse_speed: Any) -> Any:
     """Return the share of the static friction's excess that is left at a speed.
 

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from emaphm.simulation.laws.inline import clip, law
+from emaphm.simulation.laws.select import clip
 
 LOWEST = 0.02
 """Least share of the open-circuit voltage that is left under current."""
@@ -11,7 +11,6 @@ HIGHEST = 2.0
 """Largest multiple of it that current fed back raises the voltage to: beyond, a drive's chopper burns it."""
 
 
-@law
 def sagging_supply(open_circuit: Any, resistance: Any, current: Any) -> Any:
     """Return the voltage of a supply with a source resistance.
 
@@ -34,7 +33,6 @@ def sagging_supply(open_circuit: Any, resistance: Any, current: Any) -> Any:
     return clip(open_circuit - resistance * current, LOWEST * open_circuit, HIGHEST * open_circuit)
 
 
-@law
 def supply_under_duty(
     open_circuit: Any, resistance: Any, duty: Any, current: Any, back_emf: Any, conductance: Any, decay: Any
 ) -> Any:

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.simulation.laws.inline import clip, law
+from emaphm.simulation.laws.select import clip
 
 KNEE = 0.02
 """Current up to which the drop rises, relative to the drive's current limit [-]."""
@@ -16,7 +16,6 @@ def knees_per_ampere(current_limit: Array) -> Array:
     return np.asarray(1 / (KNEE * current_limit))
 
 
-@law
 def voltage_drop(current: Any, full: Any, per_knee: Any) -> Any:
     """Return the voltage that switches and diodes take, against the current that they carry.
 

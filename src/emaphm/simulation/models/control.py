@@ -10,7 +10,6 @@ from emaphm.simulation.engine.inputs import Inputs
 from emaphm.simulation.engine.model import Initial
 from emaphm.simulation.engine.plant import NO_LIMIT, Plant
 from emaphm.simulation.engine.structure import Structure
-from emaphm.simulation.laws.inline import law
 from emaphm.simulation.laws.lag import approach, share_of_step
 from emaphm.simulation.laws.position_loop import pid_speed_error, speed_error
 from emaphm.simulation.laws.speed_loop import current_demand
@@ -84,7 +83,6 @@ def control(structure: Structure) -> Callable[..., Any]:
     return _pid if structure.position_pid else _proportional
 
 
-@law
 def _proportional(s: Any, p: Any, u: Any) -> Any:
     measured = approach(s.feedback, s.speed, p.feedback_share)
     error = speed_error(u.command, p.gear_ratio * s.output, measured, p.position_gain, p.speed_limit)
@@ -100,7 +98,6 @@ def _proportional(s: Any, p: Any, u: Any) -> Any:
     return demand, (measured, u.enabled * (s.integral + error * u.step), error)
 
 
-@law
 def _pid(s: Any, p: Any, u: Any) -> Any:
     measured = approach(s.feedback, s.speed, p.feedback_share)
     commanded = approach(s.commanded, u.command, p.command_share)

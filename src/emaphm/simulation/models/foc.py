@@ -19,9 +19,9 @@ from emaphm.simulation.engine.structure import Structure
 from emaphm.simulation.laws.angles import turn
 from emaphm.simulation.laws.current_control import limited_pi_pair
 from emaphm.simulation.laws.eccentricity import gap_factors
-from emaphm.simulation.laws.inline import clip, law, select
 from emaphm.simulation.laws.lag import approach
 from emaphm.simulation.laws.pulse_width import CONTROL_DELAY, carrier_after, centred, leg_mean, triangle
+from emaphm.simulation.laws.select import clip, select
 from emaphm.simulation.laws.sine_motor import (
     INVERSE_SQRT3,
     line_currents,
@@ -86,7 +86,6 @@ def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Arr
     return mechanical | three_phases.initial_state(plant) | own
 
 
-@law
 def turn_unit(cos: Any, sin: Any, angle: Any) -> Any:
     """Turn the electrical direction by a small angle, and keep its length at 1.
 

@@ -20,9 +20,9 @@ from emaphm.simulation.engine.structure import Structure
 from emaphm.simulation.laws.angles import turn
 from emaphm.simulation.laws.current_control import limited_pi_pair
 from emaphm.simulation.laws.eccentricity import gap_factors
-from emaphm.simulation.laws.inline import clip
 from emaphm.simulation.laws.lag import approach
 from emaphm.simulation.laws.pulse_width import delay_shares, delayed
+from emaphm.simulation.laws.select import clip
 from emaphm.simulation.laws.sine_motor import INVERSE_SQRT3, line_currents, phase_sines, phase_voltages
 from emaphm.simulation.laws.star_windings import star_currents_after, star_response
 from emaphm.simulation.models import control, foc, motion, three_phases

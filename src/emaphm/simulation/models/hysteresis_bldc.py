@@ -14,9 +14,9 @@ from emaphm.simulation.engine.structure import Structure
 from emaphm.simulation.laws.angles import phase_angles
 from emaphm.simulation.laws.commutation import demand_sign, trapezoid
 from emaphm.simulation.laws.eccentricity import gap_factors
-from emaphm.simulation.laws.inline import clip
 from emaphm.simulation.laws.inverter import switch
 from emaphm.simulation.laws.lag import approach
+from emaphm.simulation.laws.select import clip
 from emaphm.simulation.models import control, motion, three_phases
 
 CHANNELS = (

@@ -16,9 +16,9 @@ from emaphm.simulation.laws.cogging import harmonic, ripple_torque
 from emaphm.simulation.laws.compliant_shaft import shaft_torque
 from emaphm.simulation.laws.friction import directional, dry_level, speed_after
 from emaphm.simulation.laws.gravity import gravity_load
-from emaphm.simulation.laws.inline import clip, law, select
 from emaphm.simulation.laws.lag import share_of_step
 from emaphm.simulation.laws.load_friction import transmitted_friction
+from emaphm.simulation.laws.select import clip, select
 from emaphm.simulation.laws.standstill import speed_against, speed_through_standstill
 from emaphm.simulation.laws.stribeck import stribeck_factor
 
@@ -187,7 +187,6 @@ def motion(structure: Structure) -> Callable[..., Any]:
     weight, turn_user = (_weight, _turn_user) if structure.gravity else (_no_weight, _nothing)
     turn_screw = _turn_screw if any(one.screw for one in structure.ripples) else _nothing
 
-    @law
     def moved(s: Any, p: Any, u: Any, torque: Any) -> Any:
         external = u.load + p.offset + p.load_stiffness * s.output + weight(s, p)
         speed, angle, output, user = move(s, p, u.step, torque + ripple(s, p), external)
@@ -200,7 +199,6 @@ def motion(structure: Structure) -> Callable[..., Any]:
     return moved
 
 
-@law
 def recorded_motion(s: Any, p: Any, u: Any, following: Any) -> Any:
     """Return position of the user, speed and angle of the motor as they are recorded."""
     return (
@@ -210,27 +208,22 @@ def recorded_motion(s: Any, p: Any, u: Any, following: Any) -> Any:
     )
 
 
-@law
 def _nothing(s: Any, p: Any, turned: Any) -> Any:  # noqa: ARG001
     return ()
 
 
-@law
 def _no_weight(s: Any, p: Any) -> Any:  # noqa: ARG001
     return 0.0
 
 
-@law
 def _weight(s: Any, p: Any) -> Any:
     return gravity_load(s.user_cos, s.user_sin, p.gravity_along, p.gravity_across)
 
 
-@law
 def _turn_user(s: Any, p: Any, turned: Any) -> Any:
     return turn(s.user_cos, s.user_sin, p.gear_ratio * turned)
 
 
-@law
 def _turn_screw(s: Any, p: Any, turned: Any) -> Any:
     return turn(s.screw_cos, s.screw_sin, p.screw_ratio * turned)
 
@@ -248,7 +241,6 @@ def _with_harmonic(
 ) -> Callable[..., Any]:
     along, across = f"ripple{i}_cos", f"ripple{i}_sin"
 
-    @law
     def total(s: Any, p: Any) -> Any:
         cos, sin = of_order(s.screw_cos, s.screw_sin) if screw else of_order(s.cos, s.sin)
         return before(s, p) + ripple_torque(cos, sin, getattr(p, along), getattr(p, across))
@@ -266,7 +258,6 @@ def _rigid(structure: Structure) -> Callable[..., Any]:
     """
     speed_of = _friction(structure)
 
-    @law
     def rigid(s: Any, p: Any, step: Any, torque: Any, external: Any) -> Any:
         free = speed_of(p, s.speed, torque, external, p.viscous, p.static, p.coulomb, p.step_per_inertia)
         reached = s.angle + free * step
@@ -287,7 +278,6 @@ def _compliant(structure: Structure) -> Callable[..., Any]:
     user_friction = structure._replace(load_dependent=False, directional=False, quadratic=False)
     user_speed_of = _friction(user_friction)
 
-    @law
     def compliant(s: Any, p: Any, step: Any, torque: Any, external: Any) -> Any:
         passed = shaft_torque(s.angle - s.output, s.speed - s.user_speed, p.half_gap, p.stiffness, p.damping)
         speed = speed_of(
@@ -328,7 +318,6 @@ def _friction(structure: Structure) -> Callable[..., Any]:
     load, stribeck, transition = structure.load_dependent, structure.stribeck, structure.transition
     unequal, quadratic = structure.directional, structure.quadratic
 
-    @law
     def speed_of(
         p: Any,
         speed: Any,
@@ -366,7 +355,6 @@ def _friction(structure: Structure) -> Callable[..., Any]:
     return speed_of
 
 
-@law
 def _borello(
     p: Any,  # noqa: ARG001
     speed: Any,

@@ -19,10 +19,10 @@ from emaphm.simulation.laws.current_control import limited_pi
 from emaphm.simulation.laws.eccentricity import gap_factors, printed_factor
 from emaphm.simulation.laws.equivalent_winding import winding_current
 from emaphm.simulation.laws.idle_leg import outgoing_after
-from emaphm.simulation.laws.inline import clip, law, select
 from emaphm.simulation.laws.lag import approach, share_of_step
 from emaphm.simulation.laws.pulse_width import delay_shares, delayed
 from emaphm.simulation.laws.saturation import flux_left
+from emaphm.simulation.laws.select import clip, select
 from emaphm.simulation.laws.supply_source import sagging_supply, supply_under_duty
 from emaphm.simulation.laws.voltage_drop import knees_per_ampere, voltage_drop
 from emaphm.simulation.models import control, motion
@@ -247,65 +247,53 @@ def _losses(structure: Structure) -> tuple[Callable[..., Any], Callable[..., Any
     )
 
 
-@law
 def _unsaturated(s: Any, p: Any, flux: Any) -> Any:  # noqa: ARG001
     return flux
 
 
-@law
 def _saturated(s: Any, p: Any, flux: Any) -> Any:
     return flux_left(p.saturation, s.current) * flux
 
 
-@law
 def _back_emf(s: Any, p: Any, back_emf: Any) -> Any:  # noqa: ARG001
     return back_emf
 
 
-@law
 def _with_drop(s: Any, p: Any, back_emf: Any) -> Any:
     return back_emf + voltage_drop(s.current, p.drop, p.per_knee)
 
 
-@law
 def _stiff_under_duty(s: Any, p: Any, duty: Any, back_emf: Any) -> Any:  # noqa: ARG001
     return p.supply
 
 
-@law
 def _under_duty(s: Any, p: Any, duty: Any, back_emf: Any) -> Any:
     return supply_under_duty(
         p.supply, p.source_resistance, duty, s.current, back_emf, p.conductance_a, p.decay_a
     )
 
 
-@law
 def _gaps(s: Any, p: Any) -> Any:
     return gap_factors(s.cos, s.sin, p.z_cos, p.z_sin)
 
 
-@law
 def _printed_gaps(s: Any, p: Any) -> Any:
     gap = printed_factor(np.cos(s.electrical), np.sin(s.electrical), p.z_cos, p.z_sin)
     return gap, gap, gap
 
 
-@law
 def _stiff(s: Any, p: Any) -> Any:  # noqa: ARG001
     return p.supply
 
 
-@law
 def _sagging(s: Any, p: Any) -> Any:
     return sagging_supply(p.supply, p.source_resistance, s.bus_current)
 
 
-@law
 def _nothing_drawn(voltage: Any, current: Any, supply: Any) -> Any:  # noqa: ARG001
     return ()
 
 
-@law
 def _drawn(voltage: Any, current: Any, supply: Any) -> Any:
     # The inverter passes on the winding's power without loss.
     return (voltage * current / supply,)
@@ -320,13 +308,11 @@ def _current(structure: Structure, *, averaged: bool) -> Callable[..., Any]:
     return _following_lagging if structure.current_lag else _following
 
 
-@law
 def _mean_voltage(before: Any, after: Any, back_emf: Any, conductance: Any, decay: Any) -> Any:
     """Return the constant voltage that takes the winding from its current before a step to that after."""
     return back_emf + (after - decay * before) / ((1.0 - decay) * conductance)
 
 
-@law
 def _switched(
     s: Any,
     p: Any,  # noqa: ARG001
@@ -342,7 +328,6 @@ def _switched(
     return current, current, _mean_voltage(s.current, current, back_emf, conductance, decay), ()
 
 
-@law
 def _switched_lagging(
     s: Any, p: Any, u: Any, reference: Any, supply: Any, back_emf: Any, conductance: Any, decay: Any
 ) -> Any:
@@ -352,13 +337,11 @@ def _switched_lagging(
     return current, sensed, _mean_voltage(s.current, current, back_emf, conductance, decay), (sensed,)
 
 
-@law
 def _side(reference: Any, shown: Any) -> Any:
     """Return the side of the supply that is switched on, 1, -1 or 0, by the current that the sensor shows."""
     return select(reference > shown, 1.0, select(reference < shown, -1.0, 0.0))
 
 
-@law
 def _following(
     s: Any,
     p: Any,  # noqa: ARG001
@@ -375,7 +358,6 @@ def _following(
     return current, current, _mean_voltage(s.current, current, back_emf, conductance, decay), ()
 
 
-@law
 def _following_lagging(
     s: Any, p: Any, u: Any, reference: Any, supply: Any, back_emf: Any, conductance: Any, decay: Any
 ) -> Any:
@@ -389,7 +371,6 @@ def _following_lagging(
     return current, sensed, _mean_voltage(s.current, current, back_emf, conductance, decay), (sensed,)
 
 
-@law
 def _controlled(
     s: Any, p: Any, u: Any, reference: Any, supply: Any, back_emf: Any, conductance: Any, decay: Any
 ) -> Any:
@@ -398,7 +379,6 @@ def _controlled(
     return current, current, voltage, own
 
 
-@law
 def _controlled_lagging(
     s: Any, p: Any, u: Any, reference: Any, supply: Any, back_emf: Any, conductance: Any, decay: Any
 ) -> Any:
@@ -408,7 +388,6 @@ def _controlled_lagging(
     return current, sensed, voltage, (sensed,) + own  # noqa: RUF005 - Numba unpacks no tuple
 
 
-@law
 def _driven(
     s: Any, p: Any, u: Any, error: Any, supply: Any, back_emf: Any, conductance: Any, decay: Any
 ) -> Any:

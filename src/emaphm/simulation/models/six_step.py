@@ -22,9 +22,9 @@ from emaphm.simulation.laws.commutation import demand_sign, trapezoid
 from emaphm.simulation.laws.current_control import limited_pi
 from emaphm.simulation.laws.eccentricity import gap_factors
 from emaphm.simulation.laws.idle_leg import diode_current, diode_voltage
-from emaphm.simulation.laws.inline import clip, law, select
 from emaphm.simulation.laws.lag import approach
 from emaphm.simulation.laws.pulse_width import carrier_after, leg_mean, triangle
+from emaphm.simulation.laws.select import clip, select
 from emaphm.simulation.models import control, motion, three_phases
 from emaphm.simulation.models.hysteresis_bldc import CHANNELS
 
@@ -52,7 +52,6 @@ def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Arr
     return mechanical | three_phases.initial_state(plant) | own
 
 
-@law
 def _centre(
     p: Any, active_a: Any, active_b: Any, active_c: Any, drive_a: Any, drive_b: Any, drive_c: Any
 ) -> Any:
@@ -64,13 +63,11 @@ def _centre(
     return (inverse_a * drive_a + inverse_b * drive_b + inverse_c * drive_c) / share
 
 
-@law
 def _leg_voltage(active: Any, rail: Any, current: Any, open_voltage: Any, half_supply: Any) -> Any:
     """Return the voltage of a leg that conducts in the direction `active`, or idles where that is 0."""
     return select(active == 0.0, diode_voltage(current, open_voltage, half_supply), active * rail)
 
 
-@law
 def _leg_current(active: Any, before: Any, after: Any, open_voltage: Any, half_supply: Any) -> Any:
     return select(active == 0.0, diode_current(before, after, open_voltage, half_supply), after)
 

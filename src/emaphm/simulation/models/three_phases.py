@@ -8,7 +8,6 @@ import numpy as np
 from emaphm.arrays import Array
 from emaphm.simulation.engine.plant import Plant
 from emaphm.simulation.engine.structure import Structure
-from emaphm.simulation.laws.inline import law
 from emaphm.simulation.laws.lag import approach, share_of_step
 from emaphm.simulation.laws.saturation import flux_left
 from emaphm.simulation.laws.star_windings import star_slopes
@@ -123,7 +122,6 @@ def sensors(structure: Structure) -> tuple[Callable[..., Any], Callable[..., Any
     return (_lagging, _lag, _kept) if structure.current_lag else (_exact, _no_lag, _none_kept)
 
 
-@law
 def currents_after(
     s: Any,
     p: Any,
@@ -147,7 +145,6 @@ def currents_after(
     return s.current_a + rise_a, s.current_b + rise_b, s.current_c + rise_c
 
 
-@law
 def _unsaturated(
     s: Any,  # noqa: ARG001
     p: Any,
@@ -161,7 +158,6 @@ def _unsaturated(
     return p.flux_a * gap_a * shape_a, p.flux_b * gap_b * shape_b, p.flux_c * gap_c * shape_c
 
 
-@law
 def _saturated(
     s: Any, p: Any, gap_a: Any, gap_b: Any, gap_c: Any, shape_a: Any, shape_b: Any, shape_c: Any
 ) -> Any:
@@ -172,12 +168,10 @@ def _saturated(
     return left * flux_a, left * flux_b, left * flux_c
 
 
-@law
 def _back_emf(s: Any, p: Any, a: Any, b: Any, c: Any) -> Any:  # noqa: ARG001
     return a, b, c
 
 
-@law
 def _with_drop(s: Any, p: Any, a: Any, b: Any, c: Any) -> Any:
     return (
         a + voltage_drop(s.current_a, p.leg_drop, p.per_knee),
@@ -186,53 +180,43 @@ def _with_drop(s: Any, p: Any, a: Any, b: Any, c: Any) -> Any:
     )
 
 
-@law
 def _stiff(s: Any, p: Any) -> Any:  # noqa: ARG001
     return p.half_supply
 
 
-@law
 def _sagging(s: Any, p: Any) -> Any:
     return sagging_supply(p.half_supply, 0.5 * p.source_resistance, s.bus_current)
 
 
-@law
 def _nothing_drawn(switched: Any) -> Any:  # noqa: ARG001
     return ()
 
 
-@law
 def _drawn(switched: Any) -> Any:
     # A leg that is high draws its phase's current from the supply; the currents add up to 0.
     return (0.5 * switched,)
 
 
-@law
 def _exact(s: Any) -> Any:
     return s.current_a, s.current_b, s.current_c
 
 
-@law
 def _lagging(s: Any) -> Any:
     return s.sensed_a, s.sensed_b, s.sensed_c
 
 
-@law
 def _no_lag(s: Any, p: Any, a: Any, b: Any, c: Any) -> Any:  # noqa: ARG001
     return a, b, c
 
 
-@law
 def _lag(s: Any, p: Any, a: Any, b: Any, c: Any) -> Any:
     share = p.sensed_share
     return approach(s.sensed_a, a, share), approach(s.sensed_b, b, share), approach(s.sensed_c, c, share)
 
 
-@law
 def _none_kept(sensed: Any) -> Any:  # noqa: ARG001
     return ()
 
 
-@law
 def _kept(sensed: Any) -> Any:
     return sensed

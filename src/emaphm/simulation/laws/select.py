@@ -1,0 +1,19 @@
+"""What a law of physics is written with, once: for NumPy arrays in Python, and for scalars inside a kernel.
+
+A law uses only arithmetic and the NumPy functions that are single instructions (`engine.step_tracing`).
+Choices are made by `select`: a branch would keep LLVM from advancing several actuators per instruction.
+"""
+
+from typing import Any
+
+import numpy as np
+
+
+def select(condition: Any, chosen: Any, other: Any) -> Any:
+    """Return `chosen` where `condition` holds, else `other`; scalars or arrays."""
+    return np.where(condition, chosen, other)
+
+
+def clip(value: Any, low: Any, high: Any) -> Any:
+    """Return `value` limited to [low, high], low ≤ high."""
+    return np.minimum(np.maximum(value, low), high)
