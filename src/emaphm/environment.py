@@ -64,7 +64,7 @@ class Environment:
         if not self.writable:
             found.append(
                 f"compiled kernels cannot be kept in {self.kernel_folder}: every start compiles anew, some "
-                "10 s; set EMAPHM_CACHE_DIR to a folder that you may write"
+                "seconds; set EMAPHM_CACHE_DIR to a folder that you may write"
             )
         return found
 
