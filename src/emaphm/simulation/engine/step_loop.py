@@ -36,6 +36,14 @@ ARGUMENTS = {
 }
 """Of a kernel, as `compilation` describes them."""
 
+STACK_ALIGNMENT = 64
+"""Bytes of a cache line, and of the widest vector.
+
+Registers do not suffice for a step. LLVM would leave vectors where the caller's stack happens to end, most of
+them across two cache lines: in six processes a run of the reference model took 2.3 to 3.2 ms, aligned 2.3 to
+2.4; one of the averaged model 0.043 to 0.056, and 0.042 to 0.044 (AVX-512, four channels).
+"""
+
 
 def kernel_of(
     name: str,
@@ -52,6 +60,8 @@ def kernel_of(
     """
     module = ir.Module()
     kernel = ir.Function(module, ir.FunctionType(ir.VoidType(), list(ARGUMENTS.values())), name)
+    kernel.attributes.add("nounwind")  # llvmlite writes the alignment only next to another attribute
+    kernel.attributes.alignstack = STACK_ALIGNMENT
     a = dict(zip(ARGUMENTS, kernel.args, strict=True))
     for argument in a.values():
         if argument.type == ARRAY:
