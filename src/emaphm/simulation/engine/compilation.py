@@ -11,8 +11,7 @@ samples : rows of the output
 substeps : steps in a sample interval
 window : steps at the start of each interval that its mean is taken over
 carried : 0 or 1, whether motion is recorded as at the start of a step or as it has led to
-out : float64 (lanes, recorded, row), its first `samples` columns filled with the means
-recorded : channels that are recorded, from the first on; at most those that the kernel is compiled for
+out : float64 (lanes, channels, row), its first `samples` columns filled with the means
 
 LLVM turns the innermost loop, over lanes, into vector instructions where the number of lanes is known
 when compiling, all lanes are in one flat array, and the loop has neither branches nor calls left.

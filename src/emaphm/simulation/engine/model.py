@@ -31,7 +31,7 @@ class Layout(NamedTuple):
     lanes: int
     """Actuators that it advances together."""
     channels: int
-    """How many of the model's channels can be recorded, from the first on: 1, the observable ones, or all."""
+    """How many of the model's channels are recorded, from the first on: the others take no time."""
     structure: Structure = Structure()
     """Drive and optional laws."""
 

@@ -88,13 +88,11 @@ def _batch(
 ) -> Array:
     observable = model.form(plant.structure).observable
     rows = [observable.index(name) for name in names]
-    # Those up to the last one asked for are recorded: what is not written takes no time.
-    channels = max(rows) + 1
-    layout = Layout(LANES, 1 if channels == 1 else len(observable), plant.structure)
+    layout = Layout(LANES, max(rows) + 1, plant.structure)
     advance = kernel(model, layout)  # compile once, before the threads
     blocks = _blocks(model, plant, inputs, start, layout)
     groups = len(blocks)
-    out = _output(groups, LANES, channels, inputs.samples)
+    out = _output(groups, LANES, layout.channels, inputs.samples)
     if groups * inputs.command.size < WORTH_A_THREAD:
         workers = 1
     workers = min(workers or os.cpu_count() or 1, groups)
@@ -104,8 +102,8 @@ def _batch(
     else:
         with ThreadPoolExecutor(workers) as pool:
             list(pool.map(partial(_advance, advance, inputs=inputs), blocks, out))
-    by_actuator = out.reshape(groups * LANES, channels, inputs.samples)[: plant.count]
-    chosen = by_actuator if rows == list(range(channels)) else by_actuator[:, rows]
+    by_actuator = out.reshape(groups * LANES, layout.channels, inputs.samples)[: plant.count]
+    chosen = by_actuator if rows == list(range(layout.channels)) else by_actuator[:, rows]
     _check_finite(model, chosen)
     return chosen
 
@@ -189,7 +187,6 @@ def _advance(advance: Kernel, block: _Block, out: Array, inputs: Inputs) -> None
         inputs.window,
         float(inputs.sampling == "mean"),
         out.ctypes.data,
-        out.shape[-2],
         out.strides[-2] // out.itemsize,
     )
 

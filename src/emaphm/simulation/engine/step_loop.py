@@ -31,7 +31,6 @@ ARGUMENTS = {
     "window": INTEGER,
     "carried": REAL,
     "out": ARRAY,
-    "recorded": INTEGER,
     "row": INTEGER,
 }
 """Of a kernel, as `compilation` describes them."""
@@ -98,9 +97,9 @@ def kernel_of(
                     added = builder.fmul(weight, value, flags=FAST)
                     builder.store(builder.fadd(builder.load(total), added, flags=FAST), total)
         share = builder.fdiv(one, builder.sitofp(a["window"], REAL))
-        with _loop(builder, a["recorded"]) as i, _loop(builder, width) as lane:
+        with _loop(builder, INTEGER(channels)) as i, _loop(builder, width) as lane:
             total = builder.load(at("x", builder.add(i, INTEGER(rows)), lane))
-            row = builder.add(builder.mul(lane, a["recorded"]), i)
+            row = builder.add(builder.mul(lane, INTEGER(channels)), i)
             mean = _place(builder, a["out"], row, a["row"], sample)
             builder.store(builder.fmul(total, share), mean)
     builder.ret_void()
