@@ -50,6 +50,17 @@ def test_any_number_of_rows_gives_the_same_bits(model: Model, rows: int) -> None
     assert np.array_equal(some, every[:rows])
 
 
+@pytest.mark.parametrize("name", ["integral_gain", "derivative_gain", "speed_lag", "torque_lag", "hinge"])
+def test_what_vanishes_for_all_is_what_is_there_for_none(name: str) -> None:
+    driven = inputs(AVERAGED, 100)
+    three = Plant.of(THESIS, DRAWN[:3])
+    four = Plant.of(THESIS, DRAWN[:4], {name: [0.0, 0.0, 0.0, 1e-3]})
+    without, found = run_batch(AVERAGED, three, driven), run_batch(AVERAGED, four, driven)
+    # Compiled without the term, and with it at 0.
+    np.testing.assert_allclose(found[:3], without, rtol=1e-9, atol=1e-9)
+    assert rms(found[3] - run_batch(AVERAGED, Plant.of(THESIS, DRAWN[3:4]), driven)[0]) > 1e-6
+
+
 @EACH_MODEL
 def test_permuted_rows_give_permuted_bits(model: Model) -> None:
     order = np.random.default_rng(1).permutation(33)

@@ -26,7 +26,7 @@ def test_lanes_advance_together(model: Model, channels: int, monkeypatch: pytest
         return module
 
     monkeypatch.setattr(compilation, "_optimized", kept)
-    compilation.compiled(model, Layout(16, channels, STRUCTURE))
+    compilation.compiled(model, Layout(16, channels, STRUCTURE, (("carried", 1.0),)))
     (text,) = modules
     # Nothing is computed for one lane alone: the time of a step is all that is the same for all.
     assert len(re.findall(r"f(?:add|sub|mul|div) fast <\d+ x double>", text)) > 50

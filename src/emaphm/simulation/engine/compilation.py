@@ -10,7 +10,6 @@ step : integration step [s]
 samples : rows of the output
 substeps : steps in a sample interval
 window : steps at the start of each interval that its mean is taken over
-carried : 0 or 1, whether motion is recorded as at the start of a step or as it has led to
 out : float64 (lanes, channels, row), its first `samples` columns filled with the means
 
 LLVM turns the innermost loop, over lanes, into vector instructions where the number of lanes is known
@@ -54,12 +53,12 @@ def compiled(model: Model, layout: Layout) -> bytes:
 
     It has the C arguments of `step_loop.ARGUMENTS`: pointers are to float64, integers have 64 bits.
     """
-    lanes, channels, structure = layout
+    structure = layout.structure
     form = model.form(structure)
     state, parameters = form.state_names(structure), form.parameter_names(structure)
     with COMPILING:
         _let_llvm_interleave()
-        kernel = kernel_of(ENTRY, form.advance(structure), state, parameters, lanes, channels)
+        kernel = kernel_of(ENTRY, form.advance(structure), state, parameters, layout)
         llvm.initialize_native_target()
         llvm.initialize_native_asmprinter()
         target = _this_machine()

@@ -28,7 +28,7 @@ ARRAY, INTEGER, REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 FUNCTION = ctypes.CFUNCTYPE(
     None,
     *(ARRAY, ARRAY, ARRAY, ARRAY, INTEGER, ARRAY, INTEGER, ARRAY, INTEGER, REAL),
-    *(INTEGER, INTEGER, INTEGER, REAL, ARRAY, INTEGER),
+    *(INTEGER, INTEGER, INTEGER, ARRAY, INTEGER),
 )
 
 
@@ -61,8 +61,8 @@ def _loaded(code: bytes) -> Kernel:
 
 def _file_name(model: Model, layout: Layout) -> str:
     name = re.sub(r"\W+", "-", model.name).strip("-")
-    structure = hashlib.sha256(repr(layout.structure).encode()).hexdigest()[:8]
-    return f"{name}-{layout.structure.drive}-{structure}-{layout.lanes}-{layout.channels}"
+    of_structure = hashlib.sha256(repr((layout.structure, layout.known)).encode()).hexdigest()[:8]
+    return f"{name}-{layout.structure.drive}-{of_structure}-{layout.lanes}-{layout.channels}"
 
 
 @cache

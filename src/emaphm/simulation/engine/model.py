@@ -34,6 +34,8 @@ class Layout(NamedTuple):
     """How many of the model's channels are recorded, from the first on: the others take no time."""
     structure: Structure = Structure()
     """Drive and optional laws."""
+    known: tuple[tuple[str, float], ...] = ()
+    """Parameters, and inputs of every step, that have one value throughout, and what it is."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +70,9 @@ class Form:
         From a structure to the kernel's rows, in their order.
     advance
         From a structure to the step of one actuator, as `step_tracing` takes it.
+    neutral
+        Values of parameters at which a term vanishes, by name: in a kernel it does, where all actuators have
+        them.
     longest_step
         Longest integration step [s], that of the model where left out.
     """
@@ -79,6 +84,7 @@ class Form:
     state_names: Callable[[Structure], tuple[str, ...]]
     parameter_names: Callable[[Structure], tuple[str, ...]]
     advance: Callable[[Structure], Callable[..., Any]]
+    neutral: Mapping[str, float]
     longest_step: float | None = None
 
 

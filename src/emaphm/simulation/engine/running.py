@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
@@ -15,7 +15,7 @@ from emaphm.arrays import Array
 from emaphm.errors import MethodError
 from emaphm.simulation.engine.inputs import Inputs
 from emaphm.simulation.engine.kernel_cache import Kernel, kernel
-from emaphm.simulation.engine.model import OBSERVABLE, Initial, Layout, Model
+from emaphm.simulation.engine.model import OBSERVABLE, Form, Initial, Layout, Model
 from emaphm.simulation.engine.plant import Plant
 
 LANES = 16
@@ -40,10 +40,9 @@ def run(model: Model, plant: Plant, inputs: Inputs, start: Initial = Initial()) 
     if plant.count != 1:
         raise MethodError(f"a single run takes one actuator, got {plant.count}; use run_batch")
     names = model.form(plant.structure).channels
-    layout = Layout(1, len(names), plant.structure)
+    advance, (block,) = _prepared(model, plant, inputs, start, 1, len(names))
     out = _output(1, 1, len(names), inputs.samples)[0]
-    for block in _blocks(model, plant, inputs, start, layout):
-        _advance(kernel(model, layout), block, out, inputs)
+    _advance(advance, block, out, inputs)
     _check_finite(model, out)
     return {name: out[0, i] for i, name in enumerate(names)}
 
@@ -88,11 +87,10 @@ def _batch(
 ) -> Array:
     observable = model.form(plant.structure).observable
     rows = [observable.index(name) for name in names]
-    layout = Layout(LANES, max(rows) + 1, plant.structure)
-    advance = kernel(model, layout)  # compile once, before the threads
-    blocks = _blocks(model, plant, inputs, start, layout)
+    channels = max(rows) + 1
+    advance, blocks = _prepared(model, plant, inputs, start, LANES, channels)
     groups = len(blocks)
-    out = _output(groups, LANES, layout.channels, inputs.samples)
+    out = _output(groups, LANES, channels, inputs.samples)
     if groups * inputs.command.size < WORTH_A_THREAD:
         workers = 1
     workers = min(workers or os.cpu_count() or 1, groups)
@@ -102,8 +100,8 @@ def _batch(
     else:
         with ThreadPoolExecutor(workers) as pool:
             list(pool.map(partial(_advance, advance, inputs=inputs), blocks, out))
-    by_actuator = out.reshape(groups * LANES, layout.channels, inputs.samples)[: plant.count]
-    chosen = by_actuator if rows == list(range(layout.channels)) else by_actuator[:, rows]
+    by_actuator = out.reshape(groups * LANES, channels, inputs.samples)[: plant.count]
+    chosen = by_actuator if rows == list(range(channels)) else by_actuator[:, rows]
     _check_finite(model, chosen)
     return chosen
 
@@ -129,22 +127,39 @@ class _Block:
     parameters: Array
 
 
-def _blocks(model: Model, plant: Plant, inputs: Inputs, start: Initial, layout: Layout) -> list[_Block]:
-    """Return the plants in groups of lanes, the last one filled up with copies of the last plant."""
-    form = model.form(layout.structure)
+def _prepared(
+    model: Model, plant: Plant, inputs: Inputs, start: Initial, lanes: int, channels: int
+) -> tuple[Kernel, list[_Block]]:
+    """Return the kernel for the plants, and these in groups of lanes.
+
+    The last group is filled up with copies of the last plant.
+    """
+    structure, form = plant.structure, model.form(plant.structure)
     state = form.initial_state(plant, inputs, start)
     parameters = form.parameters(plant, inputs.step)
-    of_state, of_parameters = form.state_names(layout.structure), form.parameter_names(layout.structure)
-    variables = len(of_state) + layout.channels
+    of_state, of_parameters = form.state_names(structure), form.parameter_names(structure)
+    variables = len(of_state) + channels
     rows = np.zeros((variables + len(of_parameters), plant.count))
     rows[: len(of_state)] = [state[name] for name in of_state]
     rows[variables:] = [parameters[name] for name in of_parameters]
-    lanes = layout.lanes
     groups = -(-plant.count // lanes)
     padded = rows[:, np.minimum(np.arange(groups * lanes), plant.count - 1)]
     blocks = _aligned((groups, len(rows), lanes))
     blocks[:] = padded.reshape(len(rows), groups, lanes).transpose(1, 0, 2)
-    return [_Block(block[:variables].reshape(-1), block[variables:].reshape(-1)) for block in blocks]
+    layout = Layout(lanes, channels, structure, _known(form, parameters, inputs))
+    return kernel(model, layout), [
+        _Block(block[:variables].reshape(-1), block[variables:].reshape(-1)) for block in blocks
+    ]
+
+
+def _known(form: Form, parameters: Mapping[str, Array], inputs: Inputs) -> tuple[tuple[str, float], ...]:
+    """Return what has one value throughout, and is compiled into a kernel."""
+    known = {name: value for name, value in form.neutral.items() if np.all(parameters[name] == value)}
+    if inputs.enabled.strides == (0,) and inputs.enabled[0] == 1.0:
+        known["enabled"] = 1.0
+    # Motion is recorded as a step has led to, or at an instant as at the step's start.
+    known["carried"] = float(inputs.sampling == "mean")
+    return tuple(known.items())
 
 
 def _aligned(shape: tuple[int, ...]) -> Array:
@@ -185,7 +200,6 @@ def _advance(advance: Kernel, block: _Block, out: Array, inputs: Inputs) -> None
         inputs.samples,
         inputs.substeps,
         inputs.window,
-        float(inputs.sampling == "mean"),
         out.ctypes.data,
         out.strides[-2] // out.itemsize,
     )

@@ -10,6 +10,7 @@ from typing import Any
 
 from llvmlite import ir
 
+from emaphm.simulation.engine.model import Layout
 from emaphm.simulation.engine.step_tracing import FAST, REAL, StepInputs, traced
 
 INTEGER = ir.IntType(64)
@@ -29,7 +30,6 @@ ARGUMENTS = {
     "samples": INTEGER,
     "substeps": INTEGER,
     "window": INTEGER,
-    "carried": REAL,
     "out": ARRAY,
     "row": INTEGER,
 }
@@ -49,14 +49,14 @@ def kernel_of(
     advance: Callable[..., Any],
     state: tuple[str, ...],
     parameters: tuple[str, ...],
-    lanes: int,
-    channels: int,
+    layout: Layout,
 ) -> str:
     """Return the LLVM module of the kernel `name`: steps of `advance`, a function as `traced` takes it.
 
     The arrays of a kernel have a row for each field of `state` and `parameters`, and a column for each lane.
-    The state's rows are followed by those of the sums of the first `channels` channels.
+    The state's rows are followed by those of the sums of the channels that `layout` has.
     """
+    channels, known = layout.channels, dict(layout.known)
     module = ir.Module()
     kernel = ir.Function(module, ir.FunctionType(ir.VoidType(), list(ARGUMENTS.values())), name)
     kernel.attributes.add("nounwind")  # llvmlite writes the alignment only next to another attribute
@@ -66,7 +66,7 @@ def kernel_of(
         if argument.type == ARRAY:
             argument.add_attribute("noalias")
     builder = ir.IRBuilder(kernel.append_basic_block())
-    width, zero, one, rows = INTEGER(lanes), REAL(0.0), REAL(1.0), len(state)
+    width, zero, one, rows = INTEGER(layout.lanes), REAL(0.0), REAL(1.0), len(state)
 
     def at(array: str, row: Any, lane: Any) -> Any:
         return _place(builder, a[array], row, width, lane)
@@ -81,14 +81,17 @@ def kernel_of(
                 command=_at_step(builder, a, "command", now),
                 load=_at_step(builder, a, "load", now),
                 noise=_at_step(builder, a, "noise", now),
-                enabled=_at_step(builder, a, "enabled", now),
+                enabled=known.get("enabled") or _at_step(builder, a, "enabled", now),
                 time=builder.fmul(builder.sitofp(now, REAL), a["step"], flags=FAST),
                 step=a["step"],
-                carried=a["carried"],
+                carried=known["carried"],
             )
             with _loop(builder, width) as lane:
                 before = {name: builder.load(at("x", INTEGER(i), lane)) for i, name in enumerate(state)}
-                of_lane = {name: builder.load(at("p", INTEGER(i), lane)) for i, name in enumerate(parameters)}
+                of_lane = {
+                    name: known[name] if name in known else builder.load(at("p", INTEGER(i), lane))
+                    for i, name in enumerate(parameters)
+                }
                 following, outputs = traced(advance, builder, before, of_lane, driving)
                 for row, value in enumerate(following):
                     builder.store(value, at("x", INTEGER(row), lane))

@@ -7,7 +7,7 @@ no time in a kernel; what depends on a number is `laws.select`ed.
 """
 
 from collections import namedtuple
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from typing import Any
 
@@ -129,12 +129,17 @@ def traced(
 
     `advance` takes (state, parameters, inputs), named tuples of scalars, and returns the state after the
     step, a tuple in the order of its names, and the values of the model's channels. Here all are LLVM's
-    values: `state` and `parameters` by name, `driving` those of the inputs.
+    values, or numbers that are known: `state` and `parameters` by name, `driving` those of the inputs.
     """
-    kinds = _named_tuple("State", tuple(state)), _named_tuple("Parameters", tuple(parameters)), StepInputs
-    values = state.values(), parameters.values(), driving
-    arguments = (kind(*(Scalar(builder, one) for one in of)) for kind, of in zip(kinds, values, strict=True))
-    following, outputs = advance(*arguments)
+
+    def tuple_of(kind: Any, values: Iterable[Any]) -> Any:
+        return kind(*(one if isinstance(one, float) else Scalar(builder, one) for one in values))
+
+    following, outputs = advance(
+        tuple_of(_named_tuple("State", tuple(state)), state.values()),
+        tuple_of(_named_tuple("Parameters", tuple(parameters)), parameters.values()),
+        tuple_of(StepInputs, driving),
+    )
     return [constant(one) for one in following], [constant(one) for one in outputs]
 
 

@@ -30,6 +30,10 @@ PARAMETERS = (
 )
 
 
+NEUTRAL = {"integrating": 0.0, "derivative": 0.0, "feedback_share": 1.0}
+"""A speed loop without integral or derivative, and a feedback without lag, as the thesis's actuator has."""
+
+
 def state_names(structure: Structure) -> tuple[str, ...]:
     """Return the state of the controller."""
     of_position = ("position_integral", "position_error", "commanded") if structure.position_pid else ()

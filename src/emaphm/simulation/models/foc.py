@@ -203,5 +203,6 @@ FOC = Form(
     partial(three_phases.state_names, own=OWN_STATE),
     partial(three_phases.parameter_names, own=OWN_PARAMETERS),
     advance,
+    control.NEUTRAL | motion.NEUTRAL,
 )
 """A PMSM with field-oriented control and PWM."""

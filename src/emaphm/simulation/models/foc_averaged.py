@@ -176,5 +176,6 @@ FOC_AVERAGED = Form(
     partial(three_phases.state_names, own=OWN_STATE),
     partial(three_phases.parameter_names, own=OWN_PARAMETERS),
     advance,
+    control.NEUTRAL | motion.NEUTRAL,
 )
 """A PMSM with field-oriented control, its PWM averaged."""

@@ -130,5 +130,6 @@ HYSTERESIS_BLDC = Form(
     partial(three_phases.state_names, own=LEGS),
     partial(three_phases.parameter_names, own=OWN_PARAMETERS),
     advance,
+    control.NEUTRAL | motion.NEUTRAL,
 )
 """The thesis's motor and drive."""

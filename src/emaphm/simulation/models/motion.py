@@ -94,6 +94,10 @@ PARAMETERS = (
 )
 
 
+NEUTRAL = {"torque_share": 1.0, "load_stiffness": 0.0}
+"""No lag from current to torque, and no load that rises with the position."""
+
+
 def parameters(plant: Plant, step: float) -> dict[str, Array]:
     """Return the parameters of the motion, (n,) each."""
     structure = plant.structure

@@ -162,6 +162,7 @@ def form(
         state_names,
         parameter_names,
         advance,
+        control.NEUTRAL | motion.NEUTRAL,
     )
 
 

@@ -181,5 +181,6 @@ SIX_STEP = Form(
     partial(three_phases.state_names, own=OWN_STATE),
     partial(three_phases.parameter_names, own=OWN_PARAMETERS),
     advance,
+    control.NEUTRAL | motion.NEUTRAL,
 )
 """A BLDC motor with PI current control and PWM."""
