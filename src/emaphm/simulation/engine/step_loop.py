@@ -77,15 +77,7 @@ def kernel_of(
         with _loop(builder, a["substeps"]) as substep:
             now = builder.add(builder.mul(sample, a["substeps"], flags=["nsw"]), substep, flags=["nsw"])
             weight = builder.select(builder.icmp_signed("<", substep, a["window"]), one, zero)
-            driving = StepInputs(
-                command=_at_step(builder, a, "command", now),
-                load=_at_step(builder, a, "load", now),
-                noise=_at_step(builder, a, "noise", now),
-                enabled=known.get("enabled") or _at_step(builder, a, "enabled", now),
-                time=builder.fmul(builder.sitofp(now, REAL), a["step"], flags=FAST),
-                step=a["step"],
-                carried=known["carried"],
-            )
+            driving = _driving(builder, a, known, now)
             with _loop(builder, width) as lane:
                 before = {name: builder.load(at("x", INTEGER(i), lane)) for i, name in enumerate(state)}
                 of_lane = {
@@ -130,6 +122,20 @@ def _loop(builder: Any, count: Any) -> Iterator[Any]:
     number.add_incoming(builder.add(number, INTEGER(1), flags=["nsw"]), builder.block)
     builder.branch(head)
     builder.position_at_end(after)
+
+
+def _driving(builder: Any, arguments: dict[str, Any], known: dict[str, float], now: Any) -> StepInputs:
+    """Return what drives all lanes at step `now`; some of it is `known`."""
+    step = arguments["step"]
+    return StepInputs(
+        command=_at_step(builder, arguments, "command", now),
+        load=_at_step(builder, arguments, "load", now),
+        noise=_at_step(builder, arguments, "noise", now),
+        enabled=known.get("enabled") or _at_step(builder, arguments, "enabled", now),
+        time=builder.fmul(builder.sitofp(now, REAL), step, flags=FAST),
+        step=step,
+        carried=known["carried"],
+    )
 
 
 def _at_step(builder: Any, arguments: dict[str, Any], signal: str, now: Any) -> Any:

@@ -37,8 +37,8 @@ class Scalar(NDArrayOperatorsMixin):
     def __array_ufunc__(self, ufunc: Any, method: str, *operands: Any, **options: Any) -> "Scalar":
         """Append the instruction that NumPy's `ufunc` is."""
         if method != "__call__" or options or ufunc not in INSTRUCTIONS:
-            raise TypeError(f"a kernel has no {ufunc.__name__}; it has {', '.join(sorted(named()))}")
-        values = (constant(one) for one in operands)
+            raise TypeError(f"a kernel has no {ufunc.__name__}; it has {', '.join(sorted(_names()))}")
+        values = (_value(one) for one in operands)
         return Scalar(self.builder, INSTRUCTIONS[ufunc](self.builder, *values))
 
     def __array_function__(
@@ -46,8 +46,8 @@ class Scalar(NDArrayOperatorsMixin):
     ) -> "Scalar":
         """Append the instruction that `numpy.where` is."""
         if function is not np.where or options or len(operands) != 3:
-            raise TypeError(f"a kernel has no {function.__name__}; it has {', '.join(sorted(named()))}")
-        return Scalar(self.builder, self.builder.select(*(constant(one) for one in operands), flags=FAST))
+            raise TypeError(f"a kernel has no {function.__name__}; it has {', '.join(sorted(_names()))}")
+        return Scalar(self.builder, self.builder.select(*(_value(one) for one in operands), flags=FAST))
 
     def __bool__(self) -> bool:
         """Refuse: what is built once cannot branch on a number of every step."""
@@ -58,14 +58,14 @@ class Scalar(NDArrayOperatorsMixin):
         raise TypeError("a kernel's numbers have no value before it runs; use NumPy's functions, not math's")
 
 
-def constant(number: Any) -> Any:
+def _value(number: Any) -> Any:
     """Return LLVM's value of a `Scalar`, or of a number that is known."""
     if isinstance(number, Scalar):
         return number.value
     return ir.Constant(REAL, float(number))
 
 
-def named() -> list[str]:
+def _names() -> list[str]:
     """Return the names of NumPy's functions that a kernel has."""
     return ["where", *(one.__name__ for one in INSTRUCTIONS)]
 
@@ -140,7 +140,7 @@ def traced(
         tuple_of(_named_tuple("Parameters", tuple(parameters)), parameters.values()),
         tuple_of(StepInputs, driving),
     )
-    return [constant(one) for one in following], [constant(one) for one in outputs]
+    return [_value(one) for one in following], [_value(one) for one in outputs]
 
 
 @cache
