@@ -22,7 +22,7 @@ from typing import Any
 
 import llvmlite.binding as llvm
 
-from emaphm.simulation.engine.model import ENTRY, Layout, Model
+from emaphm.simulation.engine.model import Layout, Model
 from emaphm.simulation.engine.step_loop import kernel_of
 
 WIDEST = "avx512f", ",-prefer-256-bit"
@@ -49,16 +49,13 @@ COMPILING = threading.Lock()
 
 
 def compiled(model: Model, layout: Layout) -> bytes:
-    """Return the kernel of `model` as an object file for this machine, its function named `ENTRY`.
+    """Return the kernel of `model` as an object file for this machine, as `kernel_of` makes it.
 
     It has the C arguments of `step_loop.ARGUMENTS`: pointers are to float64, integers have 64 bits.
     """
-    structure = layout.structure
-    form = model.form(structure)
-    state, parameters = form.state_names(structure), form.parameter_names(structure)
     with COMPILING:
         _let_llvm_interleave()
-        kernel = kernel_of(ENTRY, form.advance(structure), state, parameters, layout)
+        kernel = kernel_of(model.form(layout.structure), layout)
         llvm.initialize_native_target()
         llvm.initialize_native_asmprinter()
         target = _this_machine()

@@ -24,6 +24,9 @@ SHORTEST_SHARE = 0.25
 ENTRY = "advance"
 """Name of the function in the object file of every kernel."""
 
+CACHE_LINE = 64
+"""Bytes; also those of the widest vector."""
+
 
 class Layout(NamedTuple):
     """What a kernel is compiled for."""

@@ -15,14 +15,11 @@ from emaphm.arrays import Array
 from emaphm.errors import MethodError
 from emaphm.simulation.engine.inputs import Inputs
 from emaphm.simulation.engine.kernel_cache import Kernel, kernel
-from emaphm.simulation.engine.model import OBSERVABLE, Form, Initial, Layout, Model
+from emaphm.simulation.engine.model import CACHE_LINE, OBSERVABLE, Form, Initial, Layout, Model
 from emaphm.simulation.engine.plant import Plant
 
 LANES = 16
 """Actuators that a batch kernel advances together: two AVX-512 registers, four of AVX2."""
-
-CACHE_LINE = 64
-"""Bytes; also those of the widest vector."""
 
 WORTH_A_THREAD = 200_000
 """Group-steps (about 10 ms) below which starting threads costs more than it gains."""

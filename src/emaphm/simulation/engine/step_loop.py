@@ -4,13 +4,13 @@ Whether LLVM makes vector instructions of the innermost loop, over lanes, depend
 lanes in one flat array, their number known, no branches.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
 from llvmlite import ir
 
-from emaphm.simulation.engine.model import Layout
+from emaphm.simulation.engine.model import CACHE_LINE, ENTRY, Form, Layout
 from emaphm.simulation.engine.step_tracing import FAST, REAL, StepInputs, traced
 
 INTEGER = ir.IntType(64)
@@ -35,8 +35,8 @@ ARGUMENTS = {
 }
 """Of a kernel, as `compilation` describes them."""
 
-STACK_ALIGNMENT = 64
-"""Bytes of a cache line, and of the widest vector.
+STACK_ALIGNMENT = CACHE_LINE
+"""Of a kernel's own stack.
 
 Registers do not suffice for a step. LLVM would leave vectors where the caller's stack happens to end, most of
 them across two cache lines: in six processes a run of the reference model took 2.3 to 3.2 ms, aligned 2.3 to
@@ -44,21 +44,17 @@ them across two cache lines: in six processes a run of the reference model took 
 """
 
 
-def kernel_of(
-    name: str,
-    advance: Callable[..., Any],
-    state: tuple[str, ...],
-    parameters: tuple[str, ...],
-    layout: Layout,
-) -> str:
-    """Return the LLVM module of the kernel `name`: steps of `advance`, a function as `traced` takes it.
+def kernel_of(form: Form, layout: Layout) -> str:
+    """Return the LLVM module of a kernel, its function named `ENTRY`.
 
-    The arrays of a kernel have a row for each field of `state` and `parameters`, and a column for each lane.
+    The arrays of a kernel have a row for each name of state and parameters, and a column for each lane.
     The state's rows are followed by those of the sums of the channels that `layout` has.
     """
-    channels, known = layout.channels, dict(layout.known)
+    structure, channels, known = layout.structure, layout.channels, dict(layout.known)
+    state, parameters = form.state_names(structure), form.parameter_names(structure)
+    advance = form.advance(structure)
     module = ir.Module()
-    kernel = ir.Function(module, ir.FunctionType(ir.VoidType(), list(ARGUMENTS.values())), name)
+    kernel = ir.Function(module, ir.FunctionType(ir.VoidType(), list(ARGUMENTS.values())), ENTRY)
     kernel.attributes.add("nounwind")  # llvmlite writes the alignment only next to another attribute
     kernel.attributes.alignstack = STACK_ALIGNMENT
     a = dict(zip(ARGUMENTS, kernel.args, strict=True))
