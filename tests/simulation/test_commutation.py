@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from emaphm.simulation.laws.angles import PHASE_SHIFT, phase_angles, wrap, wrap_once
 from emaphm.simulation.laws.commutation import demand_sign, of_idle_phase, trapezoid
+from emaphm.simulation.laws.phases import Phases
 from simulation import scalar_reference
 
 ANGLES = st.floats(-1e3, 1e3)
@@ -21,7 +22,7 @@ def phases(angle: float) -> list[float]:
 
 def idle_phase(angle: float) -> list[float]:
     """Return three weights, 1 for the phase that idles and 0 for the others."""
-    return [float(of_idle_phase(angle, *np.eye(3)[i])) for i in range(3)]
+    return [float(of_idle_phase(angle, Phases(*np.eye(3)[i]))) for i in range(3)]
 
 
 def near_boundary(angle: float) -> bool:
@@ -85,7 +86,7 @@ def test_wrap_once_suffices_for_three_turns(angle: float) -> None:
 
 @given(angle=st.floats(-np.pi, np.pi, exclude_max=True))
 def test_phases_see_the_angle_a_third_of_a_turn_apart(angle: float) -> None:
-    seen = np.array(phase_angles(angle), float)
+    seen = np.array([*phase_angles(angle)], float)
     assert np.all((seen >= -np.pi) & (seen <= np.pi))
     np.testing.assert_allclose(np.exp(1j * seen), np.exp(1j * np.array(phases(angle))), atol=1e-14)
 

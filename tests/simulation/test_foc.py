@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 from emaphm.actuator import Actuator, Chirp, Faults, Sine, Step
 from emaphm.arrays import Array
 from emaphm.simulation import AVERAGED, REFERENCE, Initial, Inputs, Model, Plant, observe_batch
+from emaphm.simulation.laws.phases import Phases
 from emaphm.simulation.laws.star_windings import star_currents_after, star_response
 from simulation.rig import FREE, LOCKED, altered, record, rms
 
@@ -185,8 +186,8 @@ def test_star_response_is_exact_for_a_constant_voltage(turns: tuple[float, ...])
 
     expected = solve_ivp(slopes, (0, step), before, rtol=1e-11, atol=1e-12, method="LSODA").y[:, -1]
     rows = {name: float(x[0]) for name, x in star_response(R[:, None], L[:, None], step).items()}
-    found = star_currents_after(before[0], before[1], *drive, *rows.values())
-    np.testing.assert_allclose(found, expected[:2], rtol=1e-8)
+    found = star_currents_after(Phases(*before), Phases(*drive), *rows.values())
+    np.testing.assert_allclose([*found], expected, rtol=1e-8)
 
 
 @pytest.mark.parametrize("faults", [Faults(), FAULTY], ids=["healthy", "faulty"])

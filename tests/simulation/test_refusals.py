@@ -1,6 +1,7 @@
 """What the user can mend is refused in one line that says what to mend."""
 
 import importlib
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from emaphm.actuator.actuator import described_parts
 from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import OPTIONAL
 from emaphm.actuator.unit.baseline import PARTS, SECTIONS
+from emaphm.arrays import Array
 from emaphm.errors import EmaphmError, FaultError, MethodError, SignalError
 from emaphm.simulation import AVERAGED, MODELS, REFERENCE, Inputs, Plant, model_named, monitor, run, run_batch
 from simulation.rig import INTERVAL, THESIS, altered, record
@@ -152,6 +154,16 @@ def test_an_impossible_step_or_noise_is_refused(changes: dict[str, Any]) -> None
 def test_a_command_of_another_length_is_refused() -> None:
     with pytest.raises(SignalError, match="command"):
         inputs(command=lambda t: t[:3])
+
+
+@pytest.mark.parametrize("name", ["command", "load", "noise", "enabled"])
+@pytest.mark.parametrize("signal", [np.zeros(1), np.zeros(49), np.zeros((50, 1)), np.zeros(50, int)])
+def test_a_signal_that_a_kernel_would_misread_is_refused(name: str, signal: Array) -> None:
+    # Were it to get as far as the kernel, that would read beyond its end.
+    given = Inputs.of(lambda t: 0 * t, samples=10, interval=2e-4, step=4e-5)
+    changed: dict[str, Any] = {name: signal}
+    with pytest.raises(SignalError, match=f"the {name} of a run is .* of shape .*; give 50 floats"):
+        replace(given, **changed)
 
 
 @pytest.mark.parametrize("count", [0, 2, 5])

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from emaphm.simulation.laws.phases import Phases
 from emaphm.simulation.laws.sine_motor import (
     INVERSE_SQRT3,
     line_currents,
@@ -20,7 +21,7 @@ SHIFTS = 2 * np.pi / 3 * np.arange(3)
 
 @given(angle=ANGLES)
 def test_back_emf_between_two_lines_has_the_amplitude_of_the_constant(angle: float) -> None:
-    shapes = np.array(phase_sines(np.cos(angle), np.sin(angle)))
+    shapes = np.array([*phase_sines(np.cos(angle), np.sin(angle))])
     np.testing.assert_allclose(shapes, np.sin(angle - SHIFTS), atol=1e-14)
     a_to_b = INVERSE_SQRT3 * (shapes[0] - shapes[1])
     assert a_to_b == pytest.approx(np.sin(angle + np.pi / 6), abs=1e-14)
@@ -31,9 +32,9 @@ def test_voltages_in_d_and_q_are_made_by_phases_and_found_from_them(
     angle: float, in_d: float, in_q: float
 ) -> None:
     cos, sin = np.cos(angle), np.sin(angle)
-    phases = np.array(phase_voltages(in_d, in_q, cos, sin))
-    of_a, of_b, of_c = phases + 17.0
-    found = np.array(line_voltages(of_a, of_b, of_c, cos, sin))
+    legs = phase_voltages(in_d, in_q, cos, sin)
+    phases = np.array([*legs])
+    found = np.array(line_voltages(legs + 17.0, cos, sin))
     np.testing.assert_allclose(found, np.array([in_d, in_q]), atol=1e-12)
     lines = phases - np.roll(phases, -1)
     # √(3/2) times the rms of any three balanced values is their amplitude.
@@ -46,15 +47,14 @@ def test_line_values_conserve_power(
 ) -> None:
     phases = (currents[0], currents[1], -sum(currents))
     cos, sin = np.cos(angle), np.sin(angle)
-    (v_a, v_b, v_c), (i_a, i_b, i_c) = voltages, phases
-    in_lines = np.dot(line_voltages(v_a, v_b, v_c, cos, sin), line_currents(i_a, i_b, i_c, cos, sin))
+    in_lines = np.dot(line_voltages(Phases(*voltages), cos, sin), line_currents(Phases(*phases), cos, sin))
     assert in_lines == pytest.approx(np.dot(voltages, phases), abs=1e-9)
 
 
 @given(angle=ANGLES, currents=st.tuples(AMPERES, AMPERES))
 def test_torque_is_the_constant_times_the_current_in_q(angle: float, currents: tuple[float, float]) -> None:
-    of_a, of_b, of_c = phases = (currents[0], currents[1], -sum(currents))
+    phases = (currents[0], currents[1], -sum(currents))
     per_constant = np.sum(INVERSE_SQRT3 * np.sin(angle - SHIFTS) * phases)
-    assert line_currents(of_a, of_b, of_c, np.cos(angle), np.sin(angle))[1] == pytest.approx(
+    assert line_currents(Phases(*phases), np.cos(angle), np.sin(angle))[1] == pytest.approx(
         per_constant, abs=1e-12
     )

@@ -67,7 +67,7 @@ def shown_by(laws: list[Law], monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     """Return the channels (ROWS,) that a kernel records of `laws` of X and Y."""
     monkeypatch.setattr(kernel_cache, "_read", lambda *_: None)
     monkeypatch.setattr(kernel_cache, "_write", lambda *_: None)
-    inputs = Inputs(X, Y, np.zeros(1), ROWS, 1, STEP, np.ones(1))
+    inputs = Inputs(X, Y, np.zeros(ROWS), ROWS, 1, STEP, np.ones(ROWS))
     return list(run(showing(laws), PLANT, inputs).values())[: len(laws)]
 
 

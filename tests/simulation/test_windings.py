@@ -10,6 +10,7 @@ from emaphm.actuator import Faults, Sine, Step
 from emaphm.arrays import Array
 from emaphm.simulation import AVERAGED, MODELS, REFERENCE, Initial, Model, monitor
 from emaphm.simulation.laws.equivalent_winding import winding_current
+from emaphm.simulation.laws.phases import Phases
 from emaphm.simulation.laws.star_windings import star_slopes
 from simulation.rig import FREE, LOCKED, altered, record
 from simulation.scalar_reference import trapezoid
@@ -220,8 +221,7 @@ def test_currents_between_switchings_are_those_of_another_integrator(rotor: floa
 def test_star_takes_no_current_out_of_its_centre() -> None:
     rng = np.random.default_rng(5)
     drive, inverse = rng.normal(0, 30, (3, 50)), rng.uniform(1e3, 1e5, (3, 50))
-    arguments = (*drive, *inverse, 1 / inverse.sum(axis=0))
-    slopes = np.array(star_slopes(*arguments))
+    slopes = np.array([*star_slopes(Phases(*drive), Phases(*inverse), 1 / inverse.sum(axis=0))])
     np.testing.assert_allclose(slopes.sum(axis=0), 0, atol=1e-9 * np.abs(slopes).max())
     # What is left of each leg's voltage after its winding is the centre's voltage, the same for all.
     centre = drive - slopes / inverse

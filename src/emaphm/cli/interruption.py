@@ -1,8 +1,7 @@
 """Interruptions of the command, remembered: not every `KeyboardInterrupt` arrives where it is dealt with.
 
 One that comes while NumPy is imported becomes an ImportError (3 of 300, at random times of the first 0.8 s),
-Python drops one that it raises in a destructor, and a library in C prints one and goes on (1 of 105, as
-Numba is imported and compiles).
+Python drops one that it raises in a destructor, and a library in C prints one and goes on (1 of 105).
 """
 
 import signal

@@ -97,12 +97,12 @@ def sinusoidal_equivalent_current(
     RecordingError
         Shapes do not fit each other.
     """
+    from emaphm.simulation.laws.phases import Phases
     from emaphm.simulation.laws.sine_motor import line_currents
 
     currents, motor_angle = _fitting(phases, angle)
     electrical = pole_pairs * motor_angle
-    of_a, of_b, of_c = currents
-    current = line_currents(of_a, of_b, of_c, np.cos(electrical), np.sin(electrical))[1]
+    current = line_currents(Phases(*currents), np.cos(electrical), np.sin(electrical))[1]
     return np.asarray(current, float)
 
 

@@ -24,8 +24,13 @@ LARGEST_SIGNAL = 1e15
 class Inputs:
     """Command [rad], load [N·m], noise on the reference current [A], and the drive on or off, a value a step.
 
-    Each has shape (samples × substeps,); `interval` [s] is a sample's; `sampling` says whether a row of
-    output is the mean over its interval or the value at its start.
+    Each has shape (samples × substeps,) and is of floats; `interval` [s] is a sample's; `sampling` says
+    whether a row of output is the mean over its interval or the value at its start.
+
+    Raises
+    ------
+    SignalError
+        One of the four has another shape, or is not of floats.
     """
 
     command: Array
@@ -36,6 +41,16 @@ class Inputs:
     interval: float
     enabled: Array
     sampling: Sampling = "mean"
+
+    def __post_init__(self) -> None:
+        """Refuse signals of another length: a kernel reads them without looking where they end."""
+        steps = self.samples * self.substeps
+        for name in ("command", "load", "noise", "enabled"):
+            signal = getattr(self, name)
+            if signal.shape != (steps,) or signal.dtype != np.float64:
+                raise SignalError(
+                    f"the {name} of a run is {signal.dtype} of shape {signal.shape}; give {steps} floats"
+                )
 
     @classmethod
     def of(

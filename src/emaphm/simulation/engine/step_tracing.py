@@ -9,6 +9,7 @@ no time in a kernel; what depends on a number is `laws.select`ed.
 from collections import namedtuple
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -34,8 +35,10 @@ class Scalar(NDArrayOperatorsMixin):
     def __init__(self, builder: Any, value: Any) -> None:
         self.builder, self.value = builder, value
 
-    def __array_ufunc__(self, ufunc: Any, method: str, *operands: Any, **options: Any) -> "Scalar":
+    def __array_ufunc__(self, ufunc: Any, method: str, *operands: Any, **options: Any) -> Any:
         """Append the instruction that NumPy's `ufunc` is."""
+        if not _all_numbers(operands):
+            return NotImplemented
         if method != "__call__" or options or ufunc not in INSTRUCTIONS:
             raise TypeError(f"a kernel has no {ufunc.__name__}; it has {', '.join(sorted(_names()))}")
         values = (_value(one) for one in operands)
@@ -43,8 +46,10 @@ class Scalar(NDArrayOperatorsMixin):
 
     def __array_function__(
         self, function: Any, _types: Any, operands: tuple[Any, ...], options: Mapping[str, Any]
-    ) -> "Scalar":
+    ) -> Any:
         """Append the instruction that `numpy.where` is."""
+        if not _all_numbers(operands):
+            return NotImplemented
         if function is not np.where or options or len(operands) != 3:
             raise TypeError(f"a kernel has no {function.__name__}; it has {', '.join(sorted(_names()))}")
         return Scalar(self.builder, self.builder.select(*(_value(one) for one in operands), flags=FAST))
@@ -56,6 +61,11 @@ class Scalar(NDArrayOperatorsMixin):
     def __float__(self) -> float:
         """Refuse: nothing is known of it yet."""
         raise TypeError("a kernel's numbers have no value before it runs; use NumPy's functions, not math's")
+
+
+def _all_numbers(operands: Iterable[Any]) -> bool:
+    """Return whether all are single numbers; `Phases` do themselves what is done to them."""
+    return all(isinstance(one, (Scalar, Real)) for one in operands)
 
 
 def _value(number: Any) -> Any:

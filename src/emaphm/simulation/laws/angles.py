@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from emaphm.simulation.laws.phases import Phases
 from emaphm.simulation.laws.select import select
 
 PHASE_SHIFT = 2 * np.pi / 3
@@ -37,7 +38,7 @@ def wrap_once(angle: Any) -> Any:
     return select(angle < -np.pi, angle + 2 * np.pi, angle)
 
 
-def phase_angles(angle: Any) -> Any:
+def phase_angles(angle: Any) -> Phases:
     """Return the electrical angle as each phase sees it.
 
         u_i = θ_e - 2π (i - 1) / 3,   i = 1, 2, 3 for the phases a, b, c, turned into [-π, π)
@@ -48,10 +49,10 @@ def phase_angles(angle: Any) -> Any:
 
     Returns
     -------
-    u_1, u_2, u_3, each in [-π, π) up to a rounding [rad].
+    u_i, each in [-π, π) up to a rounding [rad].
     """
     behind, ahead = angle - PHASE_SHIFT, angle + PHASE_SHIFT
-    return (
+    return Phases(
         angle,
         select(behind < -np.pi, behind + 2 * np.pi, behind),
         select(ahead >= np.pi, ahead - 2 * np.pi, ahead),

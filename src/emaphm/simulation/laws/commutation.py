@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from emaphm.simulation.laws.phases import Phases
 from emaphm.simulation.laws.select import select
 
 RAMP = np.pi / 6
@@ -57,7 +58,7 @@ def demand_sign(angle: Any) -> Any:
     return select(from_zero >= RAMP, np.copysign(1.0, angle), 0.0)
 
 
-def of_idle_phase(angle: Any, of_a: Any, of_b: Any, of_c: Any) -> Any:
+def of_idle_phase(angle: Any, values: Phases) -> Any:
     """Return the one of three values that belongs to the phase that idles.
 
     The idle phase is the one whose trapezoid is nearest to a zero. With v = θ_e modulo π, in [0, π):
@@ -69,7 +70,7 @@ def of_idle_phase(angle: Any, of_a: Any, of_b: Any, of_c: Any) -> Any:
     Parameters
     ----------
     angle : θ_e, electrical angle, in [-π, π) [rad]
-    of_a, of_b, of_c : what is returned while a, b or c idles, that is while the other two conduct
+    values : what is returned while a phase idles, that is while the other two conduct
 
     Returns
     -------
@@ -82,4 +83,4 @@ def of_idle_phase(angle: Any, of_a: Any, of_b: Any, of_c: Any) -> Any:
     magnitude = np.abs(angle)
     from_zero = np.minimum(magnitude, np.pi - magnitude)
     half_turn = select(angle < 0.0, angle + np.pi, angle)
-    return select(from_zero <= RAMP, of_a, select(half_turn > np.pi / 2, of_b, of_c))
+    return select(from_zero <= RAMP, values.a, select(half_turn > np.pi / 2, values.b, values.c))

@@ -4,12 +4,13 @@ from typing import Any
 
 import numpy as np
 
+from emaphm.simulation.laws.phases import Phases
 from emaphm.simulation.laws.select import select
 
 SQRT3_2 = float(np.sqrt(3) / 2)
 
 
-def gap_factors(cos: Any, sin: Any, z_cos: Any, z_sin: Any) -> Any:
+def gap_factors(cos: Any, sin: Any, z_cos: Any, z_sin: Any) -> Phases:
     """Return by what factor eccentricity multiplies each phase's torque and back-EMF constant.
 
     The air gap varies once per mechanical turn, g = g₀ (1 + ζ cos θ), and each phase sees it a third of a
@@ -24,7 +25,7 @@ def gap_factors(cos: Any, sin: Any, z_cos: Any, z_sin: Any) -> Any:
 
     Returns
     -------
-    g_1, g_2, g_3, factors on k_i [-]. Their mean is 1.
+    g_i, factors on k_i [-]. Their mean is 1.
 
     Notes
     -----
@@ -36,7 +37,7 @@ def gap_factors(cos: Any, sin: Any, z_cos: Any, z_sin: Any) -> Any:
     """
     along = cos * z_cos - sin * z_sin
     across = sin * z_cos + cos * z_sin
-    return (
+    return Phases(
         1.0 + along,
         1.0 - 0.5 * along - SQRT3_2 * across,
         1.0 - 0.5 * along + SQRT3_2 * across,

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from emaphm.arrays import Array
+from emaphm.simulation.laws.phases import Phases
 from emaphm.simulation.laws.select import clip, select
 
 CONTROL_DELAY = 1.5
@@ -73,18 +74,18 @@ def leg_mean(duty: Any, carrier: Any, step_per_period: Any) -> Any:
     return clip((duty - carrier) / (2.0 * step_per_period), -1.0, 1.0)
 
 
-def centred(duty_a: Any, duty_b: Any, duty_c: Any) -> Any:
+def centred(duty: Phases) -> Any:
     """Return three duties moved so that the largest and the smallest are as far from 0.
 
         m_i' = m_i - (max m + min m) / 2
 
     Parameters
     ----------
-    duty_a, duty_b, duty_c : m_i = 2 v_i / V_dc, v_i the phase voltages to be made [-]
+    duty : m_i = 2 v_i / V_dc, v_i the phase voltages to be made [-]
 
     Returns
     -------
-    m_a', m_b', m_c', within [-1, 1] for balanced voltages of an amplitude up to V_dc / √3 [-].
+    m_i', within [-1, 1] for balanced voltages of an amplitude up to V_dc / √3 [-].
 
     Notes
     -----
@@ -95,10 +96,8 @@ def centred(duty_a: Any, duty_b: Any, duty_c: Any) -> Any:
     ----------
     [1] D. G. Holmes, T. A. Lipo: Pulse width modulation for power converters, 2003, section 6.1.
     """
-    middle = 0.5 * (
-        np.maximum(np.maximum(duty_a, duty_b), duty_c) + np.minimum(np.minimum(duty_a, duty_b), duty_c)
-    )
-    return duty_a - middle, duty_b - middle, duty_c - middle
+    a, b, c = duty
+    return duty - 0.5 * (np.maximum(np.maximum(a, b), c) + np.minimum(np.minimum(a, b), c))
 
 
 def delay_shares(frequency: Array, step: float) -> tuple[Array, Array]:

@@ -17,12 +17,13 @@ line per speed, and with the resistance R_s and inductance L_s line to line
 from typing import Any
 
 from emaphm.simulation.laws.eccentricity import SQRT3_2
+from emaphm.simulation.laws.phases import Phases
 
 INVERSE_SQRT3 = 1 / 3**0.5
 """Amplitude of a phase's back-EMF per speed, for a line-to-line constant of 1."""
 
 
-def phase_sines(cos: Any, sin: Any) -> Any:
+def phase_sines(cos: Any, sin: Any) -> Phases:
     """Return the unit shape of each phase's back-EMF: sin(θ_e - 2π (i - 1) / 3), i = 1, 2, 3.
 
     Parameters
@@ -31,23 +32,23 @@ def phase_sines(cos: Any, sin: Any) -> Any:
 
     Returns
     -------
-    s_a, s_b, s_c, in [-1, 1] [-].
+    s_i, in [-1, 1] [-].
 
     References
     ----------
     [1] S.-K. Sul: Control of electric machine drive systems, 2011, chapter 3.
     """
-    return sin, -0.5 * sin - SQRT3_2 * cos, -0.5 * sin + SQRT3_2 * cos
+    return Phases(sin, -0.5 * sin - SQRT3_2 * cos, -0.5 * sin + SQRT3_2 * cos)
 
 
-def line_currents(of_a: Any, of_b: Any, of_c: Any, cos: Any, sin: Any) -> Any:
+def line_currents(current: Phases, cos: Any, sin: Any) -> Any:
     """Return the currents in d and q of three phase currents, as line values.
 
         i_d = -(1/√3) Σ i_i cos(θ_e - α_i),   i_q = (1/√3) Σ i_i sin(θ_e - α_i)
 
     Parameters
     ----------
-    of_a, of_b, of_c : i_i, phase currents [A]
+    current : i_i, of the phases [A]
     cos, sin : of θ_e, the electrical angle [-]
 
     Returns
@@ -58,30 +59,30 @@ def line_currents(of_a: Any, of_b: Any, of_c: Any, cos: Any, sin: Any) -> Any:
     ----------
     [1] R. H. Park: Two-reaction theory of synchronous machines. Trans. AIEE 48, 1929.
     """
-    along = INVERSE_SQRT3 * (of_a - 0.5 * (of_b + of_c))
-    across = 0.5 * (of_b - of_c)
+    along = INVERSE_SQRT3 * (current.a - 0.5 * (current.b + current.c))
+    across = 0.5 * (current.b - current.c)
     return -(cos * along + sin * across), sin * along - cos * across
 
 
-def line_voltages(of_a: Any, of_b: Any, of_c: Any, cos: Any, sin: Any) -> Any:
+def line_voltages(voltage: Phases, cos: Any, sin: Any) -> Any:
     """Return the voltages in d and q of three leg voltages, as line values; what all legs share drops out.
 
         v_d = -(2/√3) Σ v_i cos(θ_e - α_i),   v_q = (2/√3) Σ v_i sin(θ_e - α_i)
 
     Parameters
     ----------
-    of_a, of_b, of_c : v_i, leg voltages [V]
+    voltage : v_i, of the legs [V]
     cos, sin : of θ_e, the electrical angle [-]
 
     Returns
     -------
     v_d, v_q; the amplitude of the phase voltages is 1/√3 of theirs [V].
     """
-    in_d, in_q = line_currents(of_a, of_b, of_c, cos, sin)
+    in_d, in_q = line_currents(voltage, cos, sin)
     return 2.0 * in_d, 2.0 * in_q
 
 
-def phase_voltages(in_d: Any, in_q: Any, cos: Any, sin: Any) -> Any:
+def phase_voltages(in_d: Any, in_q: Any, cos: Any, sin: Any) -> Phases:
     """Return the phase voltages of line values in d and q: the inverse of `line_voltages`.
 
         v_i = (v_q sin(θ_e - α_i) - v_d cos(θ_e - α_i)) / √3
@@ -93,8 +94,8 @@ def phase_voltages(in_d: Any, in_q: Any, cos: Any, sin: Any) -> Any:
 
     Returns
     -------
-    v_a, v_b, v_c, which sum to 0 [V].
+    v_i, which sum to 0 [V].
     """
     along = INVERSE_SQRT3 * (in_q * sin - in_d * cos)
     across = -0.5 * (in_q * cos + in_d * sin)
-    return along, -0.5 * along + across, -0.5 * along - across
+    return Phases(along, -0.5 * along + across, -0.5 * along - across)

@@ -5,17 +5,10 @@ from typing import Any
 import numpy as np
 
 from emaphm.arrays import Array
+from emaphm.simulation.laws.phases import Phases
 
 
-def star_slopes(
-    drive_a: Any,
-    drive_b: Any,
-    drive_c: Any,
-    inverse_a: Any,
-    inverse_b: Any,
-    inverse_c: Any,
-    parallel: Any,
-) -> Any:
+def star_slopes(drive: Phases, inverse: Phases, parallel: Any) -> Any:
     """Return how fast the three phase currents change.
 
     Each winding takes what its leg's voltage leaves over the centre's, and the centre takes the voltage
@@ -26,13 +19,13 @@ def star_slopes(
 
     Parameters
     ----------
-    drive_a, drive_b, drive_c : d_i, leg voltage less resistive drop and back-EMF [V]
-    inverse_a, inverse_b, inverse_c : 1 / L_i [1/H]
+    drive : d_i, leg voltage less resistive drop and back-EMF [V]
+    inverse : 1 / L_i [1/H]
     parallel : L_p, inductance of the three windings in parallel [H]
 
     Returns
     -------
-    di_a/dt, di_b/dt, di_c/dt [A/s]; with Δt / L_i and L_p / Δt for 1 / L_i and L_p, the changes over an
+    di_i/dt [A/s]; with Δt / L_i and L_p / Δt for 1 / L_i and L_p, the changes over an
     explicit Euler step Δt [A].
 
     Notes
@@ -43,8 +36,8 @@ def star_slopes(
     ----------
     [1] Thesis, section 3.1.3, Fig. 3.9; R_i, L_i and e_i under short circuits: section 4.4.
     """
-    centre = (drive_a * inverse_a + drive_b * inverse_b + drive_c * inverse_c) * parallel
-    return (drive_a - centre) * inverse_a, (drive_b - centre) * inverse_b, (drive_c - centre) * inverse_c
+    centre = (drive * inverse).sum() * parallel
+    return (drive - centre) * inverse
 
 
 def star_response(resistance: Array, inductance: Array, step: float) -> dict[str, Array]:
@@ -94,11 +87,8 @@ def star_response(resistance: Array, inductance: Array, step: float) -> dict[str
 
 
 def star_currents_after(
-    current_a: Any,
-    current_b: Any,
-    drive_a: Any,
-    drive_b: Any,
-    drive_c: Any,
+    current: Phases,
+    drive: Phases,
     remaining_aa: Any,
     remaining_ab: Any,
     remaining_ba: Any,
@@ -106,8 +96,8 @@ def star_currents_after(
     conductance_aa: Any,
     conductance_ab: Any,
     conductance_bb: Any,
-) -> Any:
-    """Return the currents of phases a and b after a step under constant voltages.
+) -> Phases:
+    """Return the three phase currents after a step under constant voltages.
 
     The exact solution of the star's equations, the centre's voltage eliminated:
 
@@ -115,24 +105,23 @@ def star_currents_after(
 
     Parameters
     ----------
-    current_a, current_b : i_a, i_b, before the step [A]
-    drive_a, drive_b, drive_c : d_i, leg voltage less back-EMF, constant over the step [V]
+    current : i_i, before the step [A]
+    drive : d_i, leg voltage less back-EMF, constant over the step [V]
     remaining_aa, remaining_ab, remaining_ba, remaining_bb : Φ, of `star_response` [-]
     conductance_aa, conductance_ab, conductance_bb : Q⁻¹, of `star_response` [S]
 
     Returns
     -------
-    i_a⁺, i_b⁺ [A]; i_c⁺ = -i_a⁺ - i_b⁺.
+    i_i⁺ [A]; i_c⁺ = -i_a⁺ - i_b⁺.
 
     Notes
     -----
     Stable for any step and any windings. No mutual inductance, no saturation.
     """
-    over_a, over_b = drive_a - drive_c, drive_b - drive_c
+    over_a, over_b = drive.a - drive.c, drive.b - drive.c
     final_a = conductance_aa * over_a + conductance_ab * over_b
     final_b = conductance_ab * over_a + conductance_bb * over_b
-    off_a, off_b = current_a - final_a, current_b - final_b
-    return (
-        final_a + remaining_aa * off_a + remaining_ab * off_b,
-        final_b + remaining_ba * off_a + remaining_bb * off_b,
-    )
+    off_a, off_b = current.a - final_a, current.b - final_b
+    after_a = final_a + remaining_aa * off_a + remaining_ab * off_b
+    after_b = final_b + remaining_ba * off_a + remaining_bb * off_b
+    return Phases(after_a, after_b, -after_a - after_b)

@@ -1,7 +1,5 @@
 """The averaged model, which identification runs: no ripple, so its step may be 50 µs."""
 
-import numpy as np
-
 from emaphm.arrays import Array
 from emaphm.simulation.engine.model import Model
 from emaphm.simulation.engine.plant import Plant
@@ -15,12 +13,8 @@ def parameters(plant: Plant, step: float) -> dict[str, Array]:
     R = (R_s / 2)(N_i + N_j), L = (L_s / 2)(N_i² + N_j²), k = (k_e / 2)(N_i g_i + N_j g_j) for the
     conducting phases i, j.
     """
-    turns = plant.turns
-    pairs = np.stack([turns[1] + turns[2], turns[2] + turns[0], turns[0] + turns[1]]) / 2
-    squares = np.stack(
-        [turns[1] ** 2 + turns[2] ** 2, turns[2] ** 2 + turns[0] ** 2, turns[0] ** 2 + turns[1] ** 2]
-    )
-    return single_winding.parameters(plant, step, pairs, squares / 2, turns)
+    pairs, squares = single_winding.of_pairs(plant.turns) / 2, single_winding.of_pairs(plant.turns**2) / 2
+    return single_winding.parameters(plant, step, pairs, squares, plant.turns)
 
 
 SINGLE_WINDING = {

@@ -20,6 +20,7 @@ from emaphm.simulation.laws.angles import turn
 from emaphm.simulation.laws.current_control import limited_pi_pair
 from emaphm.simulation.laws.eccentricity import gap_factors
 from emaphm.simulation.laws.lag import approach
+from emaphm.simulation.laws.phases import Phases, phase_names
 from emaphm.simulation.laws.pulse_width import CONTROL_DELAY, carrier_after, centred, leg_mean, triangle
 from emaphm.simulation.laws.select import clip, select
 from emaphm.simulation.laws.sine_motor import (
@@ -54,12 +55,8 @@ OWN_STATE = (
     "integral_d",
     "integral_q",
     "carrier",
-    "duty_a",
-    "duty_b",
-    "duty_c",
-    "next_a",
-    "next_b",
-    "next_c",
+    *phase_names("duty"),
+    *phase_names("next"),
 )
 
 
@@ -113,8 +110,7 @@ def advance(structure: Structure) -> Callable[..., Any]:
         half_supply, speed = half_supply_of(s, p), s.speed
         cos, sin = s.electrical_cos, s.electrical_sin
 
-        seen_a, seen_b, seen_c = sensed_before(s)
-        in_d, in_q = line_currents(seen_a, seen_b, seen_c, cos, sin)
+        in_d, in_q = line_currents(sensed_before(s), cos, sin)
         asked_d, asked_q, integral_d, integral_q = limited_pi_pair(
             -in_d,
             reference - in_q,
@@ -126,36 +122,24 @@ def advance(structure: Structure) -> Callable[..., Any]:
             p.period,
         )
         ahead_cos, ahead_sin = turn(cos, sin, p.angle_ahead * speed)
-        asked_a, asked_b, asked_c = phase_voltages(asked_d, asked_q, ahead_cos, ahead_sin)
-        asked_a, asked_b, asked_c = centred(
-            asked_a / half_supply, asked_b / half_supply, asked_c / half_supply
-        )
+        asked = centred(phase_voltages(asked_d, asked_q, ahead_cos, ahead_sin) / half_supply)
         begins = s.carrier < 0.5 * p.step_per_period
-        duty_a = select(begins, s.next_a, s.duty_a)
-        duty_b = select(begins, s.next_b, s.duty_b)
-        duty_c = select(begins, s.next_c, s.duty_c)
-        carrier = triangle(s.carrier, p.step_per_period)
-        leg_a = leg_mean(duty_a, carrier, p.step_per_period)
-        leg_b = leg_mean(duty_b, carrier, p.step_per_period)
-        leg_c = leg_mean(duty_c, carrier, p.step_per_period)
+        duty = select(begins, Phases.of(s, "next"), Phases.of(s, "duty"))
+        leg = leg_mean(duty, triangle(s.carrier, p.step_per_period), p.step_per_period)
 
-        gap_a, gap_b, gap_c = gap_factors(s.cos, s.sin, p.z_cos, p.z_sin)
-        shape_a, shape_b, shape_c = phase_sines(cos, sin)
-        flux_a, flux_b, flux_c = flux_of(s, p, gap_a, gap_b, gap_c, shape_a, shape_b, shape_c)
-        voltage_a, voltage_b, voltage_c = leg_a * half_supply, leg_b * half_supply, leg_c * half_supply
-        back_emf_a, back_emf_b, back_emf_c = against(s, p, flux_a * speed, flux_b * speed, flux_c * speed)
-        current_a, current_b, current_c = three_phases.currents_after(
-            s, p, voltage_a, voltage_b, voltage_c, back_emf_a, back_emf_b, back_emf_c
-        )
-        current_a, current_b, current_c = u.enabled * current_a, u.enabled * current_b, u.enabled * current_c
-        produced = flux_a * current_a + flux_b * current_b + flux_c * current_c
+        current = Phases.of(s, "current")
+        gap = gap_factors(s.cos, s.sin, p.z_cos, p.z_sin)
+        flux = flux_of(current, p, gap, phase_sines(cos, sin))
+        voltage = leg * half_supply
+        back_emf = against(current, p, flux * speed)
+        current = u.enabled * three_phases.currents_after(current, p, voltage, back_emf)
+        produced = (flux * current).sum()
         torque = approach(s.torque, clip(produced, -p.torque_limit, p.torque_limit), p.torque_share)
         following = moved(s, p, u, torque)
 
-        sensed = sensed_after(s, p, current_a, current_b, current_c)
-        sensed_a, sensed_b, sensed_c = sensed
-        sensed_d, sensed_q = line_currents(sensed_a, sensed_b, sensed_c, cos, sin)
-        voltage_d, voltage_q = line_voltages(voltage_a, voltage_b, voltage_c, cos, sin)
+        sensed = sensed_after(s, p, current)
+        sensed_d, sensed_q = line_currents(sensed, cos, sin)
+        voltage_d, voltage_q = line_voltages(voltage, cos, sin)
         position, speed_after, angle = motion.recorded_motion(s, p, u, following)
         outputs = (
             sensed_q,
@@ -169,28 +153,20 @@ def advance(structure: Structure) -> Callable[..., Any]:
             angle,
             torque,
             reference,
-            sensed_a,
-            sensed_b,
-            sensed_c,
-            u.enabled * voltage_a,
-            u.enabled * voltage_b,
-            u.enabled * voltage_c,
+            *sensed,
+            *(u.enabled * voltage),
         )
-        windings = (torque, current_a, current_b, current_c)
         direction = turn_unit(cos, sin, p.pole_pairs * (following[1] - s.angle))
         drive = (
             u.enabled * select(begins, integral_d, s.integral_d),
             u.enabled * select(begins, integral_q, s.integral_q),
             carrier_after(s.carrier, p.step_per_period),
-            duty_a,
-            duty_b,
-            duty_c,
-            u.enabled * select(begins, asked_a, s.next_a),
-            u.enabled * select(begins, asked_b, s.next_b),
-            u.enabled * select(begins, asked_c, s.next_c),
+            *duty,
+            *(u.enabled * select(begins, asked, Phases.of(s, "next"))),
         )
-        drawn = bus_after(leg_a * current_a + leg_b * current_b + leg_c * current_c)
-        return controlled + following + windings + direction + drive + drawn + sensor_state(sensed), outputs
+        drawn = bus_after((leg * current).sum())
+        own = (torque, *current, *direction, *drive, *drawn, *sensor_state(sensed))
+        return controlled + following + own, outputs
 
     return advance_one
 

@@ -21,6 +21,7 @@ from emaphm.simulation.laws.angles import turn
 from emaphm.simulation.laws.current_control import limited_pi_pair
 from emaphm.simulation.laws.eccentricity import gap_factors
 from emaphm.simulation.laws.lag import approach
+from emaphm.simulation.laws.phases import Phases
 from emaphm.simulation.laws.pulse_width import delay_shares, delayed
 from emaphm.simulation.laws.select import clip
 from emaphm.simulation.laws.sine_motor import INVERSE_SQRT3, line_currents, phase_sines, phase_voltages
@@ -88,8 +89,8 @@ def advance(structure: Structure) -> Callable[..., Any]:
         reference, controlled = demand_of(s, p, u)
         supply, speed = 2.0 * half_supply_of(s, p), s.speed
 
-        seen_a, seen_b, seen_c = sensed_before(s)
-        in_d, in_q = line_currents(seen_a, seen_b, seen_c, s.electrical_cos, s.electrical_sin)
+        seen = sensed_before(s)
+        in_d, in_q = line_currents(seen, s.electrical_cos, s.electrical_sin)
         asked_d, asked_q, integral_d, integral_q = limited_pi_pair(
             -in_d,
             reference - in_q,
@@ -106,17 +107,13 @@ def advance(structure: Structure) -> Callable[..., Any]:
         half = 0.5 * u.step * speed
         rotor_cos, rotor_sin = turn(s.cos, s.sin, half)
         cos, sin = turn(s.electrical_cos, s.electrical_sin, p.pole_pairs * half)
-        gap_a, gap_b, gap_c = gap_factors(rotor_cos, rotor_sin, p.z_cos, p.z_sin)
-        shape_a, shape_b, shape_c = phase_sines(cos, sin)
-        flux_a, flux_b, flux_c = flux_of(s, p, gap_a, gap_b, gap_c, shape_a, shape_b, shape_c)
-        voltage_a, voltage_b, voltage_c = phase_voltages(voltage_d, voltage_q, cos, sin)
-        back_emf_a, back_emf_b, back_emf_c = against(s, p, flux_a * speed, flux_b * speed, flux_c * speed)
-        current_a, current_b = star_currents_after(
-            s.current_a,
-            s.current_b,
-            voltage_a - back_emf_a,
-            voltage_b - back_emf_b,
-            voltage_c - back_emf_c,
+        gap = gap_factors(rotor_cos, rotor_sin, p.z_cos, p.z_sin)
+        before = Phases.of(s, "current")
+        flux = flux_of(before, p, gap, phase_sines(cos, sin))
+        voltage = phase_voltages(voltage_d, voltage_q, cos, sin)
+        current = u.enabled * star_currents_after(
+            before,
+            voltage - against(before, p, flux * speed),
             p.remaining_aa,
             p.remaining_ab,
             p.remaining_ba,
@@ -125,19 +122,14 @@ def advance(structure: Structure) -> Callable[..., Any]:
             p.conductance_ab,
             p.conductance_bb,
         )
-        current_a, current_b = u.enabled * current_a, u.enabled * current_b
-        current_c = -current_a - current_b
-        mean_a = 0.5 * (s.current_a + current_a)
-        mean_b = 0.5 * (s.current_b + current_b)
-        mean_c = 0.5 * (s.current_c + current_c)
-        produced = u.enabled * (flux_a * mean_a + flux_b * mean_b + flux_c * mean_c)
+        mean = 0.5 * (before + current)
+        produced = u.enabled * (flux * mean).sum()
         torque = approach(s.torque, clip(produced, -p.torque_limit, p.torque_limit), p.torque_share)
         following = moved(s, p, u, torque)
 
-        sensed = sensed_after(s, p, current_a, current_b, current_c)
-        shown_a, shown_b = 0.5 * (seen_a + sensed[0]), 0.5 * (seen_b + sensed[1])
-        shown_c = 0.5 * (seen_c + sensed[2])
-        shown_d, shown_q = line_currents(shown_a, shown_b, shown_c, cos, sin)
+        sensed = sensed_after(s, p, current)
+        shown = 0.5 * (seen + sensed)
+        shown_d, shown_q = line_currents(shown, cos, sin)
         voltage_d, voltage_q = u.enabled * voltage_d, u.enabled * voltage_q
         position, speed_after, angle = motion.recorded_motion(s, p, u, following)
         outputs = (
@@ -152,18 +144,15 @@ def advance(structure: Structure) -> Callable[..., Any]:
             angle,
             torque,
             reference,
-            shown_a,
-            shown_b,
-            shown_c,
+            *shown,
         )
-        windings = (torque, current_a, current_b, current_c)
         direction = foc.turn_unit(s.electrical_cos, s.electrical_sin, p.pole_pairs * (following[1] - s.angle))
-        integrals = (u.enabled * integral_d, u.enabled * integral_q)
-        voltages = (u.enabled * lagging_d, u.enabled * lagging_q)
+        lagging = (integral_d, integral_q, lagging_d, lagging_q)
         # Leg states, less what all legs share, that make the voltages of the supply.
-        drawn = bus_after(2.0 * (voltage_a * mean_a + voltage_b * mean_b + voltage_c * mean_c) / supply)
-        own = direction + integrals + voltages + drawn + sensor_state(sensed)
-        return controlled + following + windings + own, outputs
+        drawn = bus_after(2.0 * (voltage * mean).sum() / supply)
+        kept = (u.enabled * one for one in lagging)
+        own = (torque, *current, *direction, *kept, *drawn, *sensor_state(sensed))
+        return controlled + following + own, outputs
 
     return advance_one
 

@@ -16,6 +16,7 @@ from emaphm.simulation.laws.commutation import demand_sign, trapezoid
 from emaphm.simulation.laws.eccentricity import gap_factors
 from emaphm.simulation.laws.inverter import switch
 from emaphm.simulation.laws.lag import approach
+from emaphm.simulation.laws.phases import Phases, phase_names
 from emaphm.simulation.laws.select import clip
 from emaphm.simulation.models import control, motion, three_phases
 
@@ -38,7 +39,7 @@ CHANNELS = (
 )
 
 OWN_PARAMETERS = ("hysteresis",)
-LEGS = ("leg_a", "leg_b", "leg_c")
+LEGS = phase_names("leg")
 
 
 def parameters(plant: Plant, step: float) -> dict[str, Array]:
@@ -68,56 +69,33 @@ def advance(structure: Structure) -> Callable[..., Any]:
     def advance_one(s: Any, p: Any, u: Any) -> Any:
         demand, controlled = demand_of(s, p, u)
         reference = u.noise + demand
-        angle_a, angle_b, angle_c = phase_angles(s.electrical)
-        active_a, active_b, active_c = demand_sign(angle_a), demand_sign(angle_b), demand_sign(angle_c)
-        shape_a, shape_b, shape_c = trapezoid(angle_a), trapezoid(angle_b), trapezoid(angle_c)
-        seen_a, seen_b, seen_c = sensed_before(s)
-        leg_a = switch(s.leg_a, reference * active_a - seen_a, p.hysteresis)
-        leg_b = switch(s.leg_b, reference * active_b - seen_b, p.hysteresis)
-        leg_c = switch(s.leg_c, reference * active_c - seen_c, p.hysteresis)
+        angle = phase_angles(s.electrical)
+        active, shape = demand_sign(angle), trapezoid(angle)
+        leg = switch(Phases.of(s, "leg"), reference * active - sensed_before(s), p.hysteresis)
 
-        gap_a, gap_b, gap_c = gap_factors(s.cos, s.sin, p.z_cos, p.z_sin)
-        flux_a, flux_b, flux_c = flux_of(s, p, gap_a, gap_b, gap_c, shape_a, shape_b, shape_c)
-        half_supply, speed = half_supply_of(s, p), s.speed
-        back_emf_a, back_emf_b, back_emf_c = against(s, p, flux_a * speed, flux_b * speed, flux_c * speed)
-        current_a, current_b, current_c = three_phases.currents_after(
-            s,
-            p,
-            leg_a * half_supply,
-            leg_b * half_supply,
-            leg_c * half_supply,
-            back_emf_a,
-            back_emf_b,
-            back_emf_c,
-        )
-        current_a, current_b, current_c = u.enabled * current_a, u.enabled * current_b, u.enabled * current_c
-        produced = flux_a * current_a + flux_b * current_b + flux_c * current_c
+        current = Phases.of(s, "current")
+        flux = flux_of(current, p, gap_factors(s.cos, s.sin, p.z_cos, p.z_sin), shape)
+        voltage = leg * half_supply_of(s, p)
+        back_emf = against(current, p, flux * s.speed)
+        current = u.enabled * three_phases.currents_after(current, p, voltage, back_emf)
+        produced = (flux * current).sum()
         torque = approach(s.torque, clip(produced, -p.torque_limit, p.torque_limit), p.torque_share)
         following = moved(s, p, u, torque)
-        sensed = sensed_after(s, p, current_a, current_b, current_c)
-        sensed_a, sensed_b, sensed_c = sensed
-        position, speed_after, angle = motion.recorded_motion(s, p, u, following)
-        size = np.abs(sensed_a) + np.abs(sensed_b) + np.abs(sensed_c)
+        sensed = sensed_after(s, p, current)
         outputs = (
-            0.5 * (shape_a * sensed_a + shape_b * sensed_b + shape_c * sensed_c),
-            (active_a * leg_a + active_b * leg_b + active_c * leg_c) * half_supply,
-            position,
-            speed_after,
-            angle,
+            0.5 * (shape * sensed).sum(),
+            (active * voltage).sum(),
+            *motion.recorded_motion(s, p, u, following),
             torque,
             reference,
-            sensed_a,
-            sensed_b,
-            sensed_c,
-            0.5 * (active_a * sensed_a + active_b * sensed_b + active_c * sensed_c),
-            0.5 * np.copysign(size, torque),
-            leg_a * half_supply,
-            leg_b * half_supply,
-            leg_c * half_supply,
+            *sensed,
+            0.5 * (active * sensed).sum(),
+            0.5 * np.copysign(np.abs(sensed).sum(), torque),
+            *voltage,
         )
-        drive = (torque, current_a, current_b, current_c, leg_a, leg_b, leg_c)
-        drawn = bus_after(leg_a * current_a + leg_b * current_b + leg_c * current_c)
-        return controlled + following + drive + drawn + sensor_state(sensed), outputs
+        drawn = bus_after((leg * current).sum())
+        own = (torque, *current, *leg, *drawn, *sensor_state(sensed))
+        return controlled + following + own, outputs
 
     return advance_one
 

@@ -20,9 +20,8 @@ def printed_shorts(plant: Plant, step: float) -> dict[str, Array]:
 
 def modulated_shorts(plant: Plant, step: float) -> dict[str, Array]:
     """Return the kernel's parameters with N the mean of the two conducting phases: f(theta) of thesis 4.4."""
-    turns = plant.turns
-    pairs = np.stack([turns[1] + turns[2], turns[2] + turns[0], turns[0] + turns[1]]) / 2
-    return single_winding.parameters(plant, step, pairs, pairs**2, turns)
+    pairs = single_winding.of_pairs(plant.turns) / 2
+    return single_winding.parameters(plant, step, pairs, pairs**2, plant.turns)
 
 
 SHORTS = {"printed": printed_shorts, "modulated": modulated_shorts}

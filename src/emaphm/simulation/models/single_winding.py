@@ -20,6 +20,7 @@ from emaphm.simulation.laws.eccentricity import gap_factors, printed_factor
 from emaphm.simulation.laws.equivalent_winding import winding_current
 from emaphm.simulation.laws.idle_leg import outgoing_after
 from emaphm.simulation.laws.lag import approach, share_of_step
+from emaphm.simulation.laws.phases import Phases, by_phase, phase_names
 from emaphm.simulation.laws.pulse_width import delay_shares, delayed
 from emaphm.simulation.laws.saturation import flux_left
 from emaphm.simulation.laws.select import clip, select
@@ -32,15 +33,9 @@ BY_VOLTAGE = (*OBSERVABLE, "duty", "angle_rad", "torque_Nm")
 
 PARAMETERS = (
     "supply",
-    "conductance_a",
-    "conductance_b",
-    "conductance_c",
-    "decay_a",
-    "decay_b",
-    "decay_c",
-    "flux_a",
-    "flux_b",
-    "flux_c",
+    *phase_names("conductance"),
+    *phase_names("decay"),
+    *phase_names("flux"),
     "z_cos",
     "z_sin",
     "source_resistance",
@@ -53,13 +48,14 @@ PARAMETERS = (
     "current_integral_gain",
     "voltage_share",
     "voltage_at_once",
-    "winding_a",
-    "winding_b",
-    "winding_c",
-    "fall_a",
-    "fall_b",
-    "fall_c",
+    *phase_names("winding"),
+    *phase_names("fall"),
 )
+
+
+def of_pairs(turns: Array) -> Array:
+    """Return for each phase, (3, n), the sum of the other two, which conduct while it idles."""
+    return turns[[1, 2, 0]] + turns[[2, 0, 1]]
 
 
 def parameters(
@@ -71,21 +67,19 @@ def parameters(
     `phase_turns` (3, n) each phase's share of the torque constant, all 1 when healthy.
     """
     resistance, inductance = plant.resistance * pair_turns, plant.inductance * pair_squares
-    decay = np.exp(-step * resistance / inductance)
-    rows = {"supply": plant.supply, "z_cos": plant.z[0], "z_sin": plant.z[1]}
-    for i, phase in enumerate("abc"):
-        rows |= {
-            f"conductance_{phase}": 1 / resistance[i],
-            f"decay_{phase}": decay[i],
-            f"flux_{phase}": plant.torque_constant / 2 * phase_turns[i],
-        }
     sensed_share = share_of_step(plant.current_lag, step)
     windings = plant.inductance / 2 * plant.turns**2
-    for i, phase in enumerate("abc"):
-        rows[f"winding_{phase}"] = windings[i]
-        rows[f"fall_{phase}"] = step * (1 - 1 / (windings[i] * (1 / windings).sum(axis=0))) / windings[i]
+    falls = step * (1 - 1 / (windings * (1 / windings).sum(axis=0))) / windings
     share, at_once = delay_shares(plant.pwm_frequency, step)
-    rows |= {
+    rows = {
+        "supply": plant.supply,
+        **by_phase("conductance", 1 / resistance),
+        **by_phase("decay", np.exp(-step * resistance / inductance)),
+        **by_phase("flux", plant.torque_constant / 2 * phase_turns),
+        "z_cos": plant.z[0],
+        "z_sin": plant.z[1],
+        **by_phase("winding", windings),
+        **by_phase("fall", falls),
         "voltage_share": share,
         "voltage_at_once": at_once,
         "source_resistance": plant.source_resistance,
@@ -104,7 +98,7 @@ def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Arr
     """Return the kernel's state at `start`, (n,) each, without current."""
     own = dict.fromkeys((*OWN_STATE, *SIX_STEP_STATE), np.zeros(plant.count))
     moving = motion.initial_state(plant, start)
-    own["idle"] = of_idle_phase(moving["electrical"], 0.0, 1.0, 2.0)
+    own["idle"] = of_idle_phase(moving["electrical"], NUMBERS)
     return control.initial_state(plant, inputs, start) | moving | own
 
 
@@ -114,6 +108,9 @@ OWN_STATE = ("torque", "current", "bus_current", "sensed")
 SIX_STEP_STATE = ("current_integral", "voltage", "outgoing", "incoming_share", "idle")
 """What a six-step drive adds: its controller's integral and lagging voltage, the current that the outgoing
 phase still carries, the incoming phase's share of the pair's inductance, and which phase idles."""
+
+NUMBERS = Phases(0.0, 1.0, 2.0)
+"""By which a six-step drive's state names the phase that idles."""
 
 
 def state_names(structure: Structure) -> tuple[str, ...]:
@@ -177,12 +174,10 @@ def _advance(
 
     def advance(s: Any, p: Any, u: Any) -> Any:
         reference, controlled = demand_of(s, p, u)
-        gap_a, gap_b, gap_c = gaps(s, p)
-        flux_a, flux_b, flux_c = gap_a * p.flux_a, gap_b * p.flux_b, gap_c * p.flux_c
-        electrical = s.electrical
-        flux = flux_of(s, p, of_idle_phase(electrical, flux_b + flux_c, flux_c + flux_a, flux_a + flux_b))
-        conductance = of_idle_phase(electrical, p.conductance_a, p.conductance_b, p.conductance_c)
-        decay = of_idle_phase(electrical, p.decay_a, p.decay_b, p.decay_c)
+        fluxes = gaps(s, p) * Phases.of(p, "flux")
+        flux = flux_of(s, p, of_idle_phase(s.electrical, fluxes.of_pairs()))
+        conductance = of_idle_phase(s.electrical, Phases.of(p, "conductance"))
+        decay = of_idle_phase(s.electrical, Phases.of(p, "decay"))
         supply, back_emf = supply_of(s, p), against(s, p, flux * s.speed)
         current, sensed, voltage, own = current_after(
             s, p, u, reference, supply, back_emf, conductance, decay
@@ -279,8 +274,7 @@ def _gaps(s: Any, p: Any) -> Any:
 
 
 def _printed_gaps(s: Any, p: Any) -> Any:
-    gap = printed_factor(np.cos(s.electrical), np.sin(s.electrical), p.z_cos, p.z_sin)
-    return gap, gap, gap
+    return printed_factor(np.cos(s.electrical), np.sin(s.electrical), p.z_cos, p.z_sin)
 
 
 def _stiff(s: Any, p: Any) -> Any:  # noqa: ARG001
@@ -386,7 +380,7 @@ def _controlled_lagging(
     error = reference - s.sensed
     current, voltage, own = _driven(s, p, u, error, supply, back_emf, conductance, decay)
     sensed = approach(s.sensed, current, p.sensed_share)
-    return current, sensed, voltage, (sensed,) + own  # noqa: RUF005 - Numba unpacks no tuple
+    return current, sensed, voltage, (sensed, *own)
 
 
 def _driven(
@@ -396,12 +390,10 @@ def _driven(
         error, s.current_integral, p.current_gain, p.current_integral_gain, supply, u.step
     )
     voltage, lagging = delayed(s.voltage, demanded, p.voltage_share, p.voltage_at_once)
-    idle = of_idle_phase(s.electrical, 0.0, 1.0, 2.0)
-    pair = of_idle_phase(
-        s.electrical, p.winding_b + p.winding_c, p.winding_c + p.winding_a, p.winding_a + p.winding_b
-    )
-    fall = of_idle_phase(s.electrical, p.fall_a, p.fall_b, p.fall_c)
-    incoming = select(s.idle == 0.0, p.winding_a, select(s.idle == 1.0, p.winding_b, p.winding_c))
+    idle, winding = of_idle_phase(s.electrical, NUMBERS), Phases.of(p, "winding")
+    pair = of_idle_phase(s.electrical, winding.of_pairs())
+    fall = of_idle_phase(s.electrical, Phases.of(p, "fall"))
+    incoming = select(s.idle == NUMBERS.a, winding.a, select(s.idle == NUMBERS.b, winding.b, winding.c))
     share = select(idle == s.idle, s.incoming_share, incoming / pair)
     before = select(idle == s.idle, s.outgoing, s.current)
     outgoing, taken = outgoing_after(before, 0.5 * supply, 0.5 * back_emf, 0.5 / conductance, fall)

@@ -23,6 +23,7 @@ from emaphm.simulation.laws.current_control import limited_pi
 from emaphm.simulation.laws.eccentricity import gap_factors
 from emaphm.simulation.laws.idle_leg import diode_current, diode_voltage
 from emaphm.simulation.laws.lag import approach
+from emaphm.simulation.laws.phases import Phases
 from emaphm.simulation.laws.pulse_width import carrier_after, leg_mean, triangle
 from emaphm.simulation.laws.select import clip, select
 from emaphm.simulation.models import control, motion, three_phases
@@ -52,24 +53,10 @@ def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Arr
     return mechanical | three_phases.initial_state(plant) | own
 
 
-def _centre(
-    p: Any, active_a: Any, active_b: Any, active_c: Any, drive_a: Any, drive_b: Any, drive_c: Any
-) -> Any:
+def _centre(p: Any, active: Phases, drive: Phases) -> Any:
     """Return the voltage of the star's centre while only the two conducting phases carry current."""
-    inverse_a = np.abs(active_a) * p.step_per_henry_a
-    inverse_b = np.abs(active_b) * p.step_per_henry_b
-    inverse_c = np.abs(active_c) * p.step_per_henry_c
-    share = inverse_a + inverse_b + inverse_c
-    return (inverse_a * drive_a + inverse_b * drive_b + inverse_c * drive_c) / share
-
-
-def _leg_voltage(active: Any, rail: Any, current: Any, open_voltage: Any, half_supply: Any) -> Any:
-    """Return the voltage of a leg that conducts in the direction `active`, or idles where that is 0."""
-    return select(active == 0.0, diode_voltage(current, open_voltage, half_supply), active * rail)
-
-
-def _leg_current(active: Any, before: Any, after: Any, open_voltage: Any, half_supply: Any) -> Any:
-    return select(active == 0.0, diode_current(before, after, open_voltage, half_supply), after)
+    inverse = np.abs(active) * Phases.of(p, "step_per_henry")
+    return (inverse * drive).sum() / inverse.sum()
 
 
 def advance(structure: Structure) -> Callable[..., Any]:
@@ -87,14 +74,11 @@ def advance(structure: Structure) -> Callable[..., Any]:
         demand, controlled = demand_of(s, p, u)
         reference = u.noise + demand
         half_supply, speed = half_supply_of(s, p), s.speed
-        angle_a, angle_b, angle_c = phase_angles(s.electrical)
-        active_a, active_b, active_c = demand_sign(angle_a), demand_sign(angle_b), demand_sign(angle_c)
-        shape_a, shape_b, shape_c = trapezoid(angle_a), trapezoid(angle_b), trapezoid(angle_c)
+        angle = phase_angles(s.electrical)
+        active, shape = demand_sign(angle), trapezoid(angle)
 
-        seen_a, seen_b, seen_c = sensed_before(s)
-        measured = 0.5 * (shape_a * seen_a + shape_b * seen_b + shape_c * seen_c)
         asked, integral = limited_pi(
-            reference - measured,
+            reference - 0.5 * (shape * sensed_before(s)).sum(),
             s.current_integral,
             p.current_gain,
             p.current_integral_gain,
@@ -103,71 +87,43 @@ def advance(structure: Structure) -> Callable[..., Any]:
         )
         begins = s.carrier < 0.5 * p.step_per_period
         duty = select(begins, s.next_duty, s.duty)
-        switched = leg_mean(duty, triangle(s.carrier, p.step_per_period), p.step_per_period)
+        rail = leg_mean(duty, triangle(s.carrier, p.step_per_period), p.step_per_period) * half_supply
 
-        gap_a, gap_b, gap_c = gap_factors(s.cos, s.sin, p.z_cos, p.z_sin)
-        flux_a, flux_b, flux_c = flux_of(s, p, gap_a, gap_b, gap_c, shape_a, shape_b, shape_c)
-        back_emf_a, back_emf_b, back_emf_c = against(s, p, flux_a * speed, flux_b * speed, flux_c * speed)
-        rail = switched * half_supply
-        centre = _centre(
-            p,
-            active_a,
-            active_b,
-            active_c,
-            active_a * rail - p.resistance_a * s.current_a - back_emf_a,
-            active_b * rail - p.resistance_b * s.current_b - back_emf_b,
-            active_c * rail - p.resistance_c * s.current_c - back_emf_c,
-        )
-        open_a, open_b, open_c = centre + back_emf_a, centre + back_emf_b, centre + back_emf_c
-        voltage_a = _leg_voltage(active_a, rail, s.current_a, open_a, half_supply)
-        voltage_b = _leg_voltage(active_b, rail, s.current_b, open_b, half_supply)
-        voltage_c = _leg_voltage(active_c, rail, s.current_c, open_c, half_supply)
-
-        free_a, free_b, free_c = three_phases.currents_after(
-            s, p, voltage_a, voltage_b, voltage_c, back_emf_a, back_emf_b, back_emf_c
-        )
-        kept_a = _leg_current(active_a, s.current_a, free_a, open_a, half_supply)
-        kept_b = _leg_current(active_b, s.current_b, free_b, open_b, half_supply)
-        kept_c = _leg_current(active_c, s.current_c, free_c, open_c, half_supply)
+        before = Phases.of(s, "current")
+        flux = flux_of(before, p, gap_factors(s.cos, s.sin, p.z_cos, p.z_sin), shape)
+        back_emf = against(before, p, flux * speed)
+        resistive = Phases.of(p, "resistance") * before
+        floating = _centre(p, active, active * rail - resistive - back_emf) + back_emf
+        idle = active == 0.0
+        voltage = select(idle, diode_voltage(before, floating, half_supply), active * rail)
+        free = three_phases.currents_after(before, p, voltage, back_emf)
+        kept = select(idle, diode_current(before, free, floating, half_supply), free)
         # What a diode has ended goes on through the two conducting phases, whose sum it kept.
-        ended = 0.5 * (kept_a + kept_b + kept_c)
-        current_a = u.enabled * (kept_a - np.abs(active_a) * ended)
-        current_b = u.enabled * (kept_b - np.abs(active_b) * ended)
-        current_c = u.enabled * (kept_c - np.abs(active_c) * ended)
-        produced = flux_a * current_a + flux_b * current_b + flux_c * current_c
+        current = u.enabled * (kept - np.abs(active) * (0.5 * kept.sum()))
+        produced = (flux * current).sum()
         torque = approach(s.torque, clip(produced, -p.torque_limit, p.torque_limit), p.torque_share)
         following = moved(s, p, u, torque)
 
-        sensed = sensed_after(s, p, current_a, current_b, current_c)
-        sensed_a, sensed_b, sensed_c = sensed
-        size = np.abs(sensed_a) + np.abs(sensed_b) + np.abs(sensed_c)
-        position, speed_after, angle = motion.recorded_motion(s, p, u, following)
+        sensed = sensed_after(s, p, current)
         outputs = (
-            0.5 * (shape_a * sensed_a + shape_b * sensed_b + shape_c * sensed_c),
-            u.enabled * (active_a * voltage_a + active_b * voltage_b + active_c * voltage_c),
-            position,
-            speed_after,
-            angle,
+            0.5 * (shape * sensed).sum(),
+            u.enabled * (active * voltage).sum(),
+            *motion.recorded_motion(s, p, u, following),
             torque,
             reference,
-            sensed_a,
-            sensed_b,
-            sensed_c,
-            0.5 * (active_a * sensed_a + active_b * sensed_b + active_c * sensed_c),
-            0.5 * np.copysign(size, torque),
-            u.enabled * voltage_a,
-            u.enabled * voltage_b,
-            u.enabled * voltage_c,
+            *sensed,
+            0.5 * (active * sensed).sum(),
+            0.5 * np.copysign(np.abs(sensed).sum(), torque),
+            *(u.enabled * voltage),
         )
-        windings = (torque, current_a, current_b, current_c)
         drive = (
             u.enabled * select(begins, integral, s.current_integral),
             carrier_after(s.carrier, p.step_per_period),
             duty,
             u.enabled * select(begins, asked / (2.0 * half_supply), s.next_duty),
         )
-        power = voltage_a * current_a + voltage_b * current_b + voltage_c * current_c
-        own = windings + drive + bus_after(power / half_supply) + sensor_state(sensed)
+        drawn = bus_after((voltage * current).sum() / half_supply)
+        own = (torque, *current, *drive, *drawn, *sensor_state(sensed))
         return controlled + following + own, outputs
 
     return advance_one

@@ -9,6 +9,7 @@ from emaphm.arrays import Array
 from emaphm.simulation.engine.plant import Plant
 from emaphm.simulation.engine.structure import Structure
 from emaphm.simulation.laws.lag import approach, share_of_step
+from emaphm.simulation.laws.phases import Phases, by_phase, phase_names
 from emaphm.simulation.laws.saturation import flux_left
 from emaphm.simulation.laws.star_windings import star_slopes
 from emaphm.simulation.laws.supply_source import sagging_supply
@@ -17,16 +18,10 @@ from emaphm.simulation.models import control, motion
 
 PARAMETERS = (
     "half_supply",
-    "resistance_a",
-    "resistance_b",
-    "resistance_c",
-    "step_per_henry_a",
-    "step_per_henry_b",
-    "step_per_henry_c",
+    *phase_names("resistance"),
+    *phase_names("step_per_henry"),
     "henries_per_step",
-    "flux_a",
-    "flux_b",
-    "flux_c",
+    *phase_names("flux"),
     "z_cos",
     "z_sin",
     "source_resistance",
@@ -36,7 +31,7 @@ PARAMETERS = (
     "per_knee",
 )
 
-CURRENTS = ("current_a", "current_b", "current_c")
+CURRENTS, SENSED = phase_names("current"), phase_names("sensed")
 
 
 def parameters(plant: Plant, step: float, peak: float) -> dict[str, Array]:
@@ -45,7 +40,7 @@ def parameters(plant: Plant, step: float, peak: float) -> dict[str, Array]:
     `peak` is the amplitude of a phase's back-EMF per speed for a torque constant of 1, line to line.
     """
     per_henry = step / (plant.inductance / 2 * plant.turns**2)
-    rows = {
+    return {
         "half_supply": plant.supply / 2,
         "henries_per_step": 1 / per_henry.sum(axis=0),
         "z_cos": plant.z[0],
@@ -55,27 +50,22 @@ def parameters(plant: Plant, step: float, peak: float) -> dict[str, Array]:
         "saturation": plant.saturation,
         "leg_drop": plant.voltage_drop / 2,
         "per_knee": knees_per_ampere(plant.current_limit),
+        **by_phase("resistance", plant.resistance / 2 * plant.turns),
+        **by_phase("step_per_henry", per_henry),
+        **by_phase("flux", peak * plant.torque_constant * plant.turns),
     }
-    for i, phase in enumerate("abc"):
-        rows |= {
-            f"resistance_{phase}": plant.resistance / 2 * plant.turns[i],
-            f"step_per_henry_{phase}": per_henry[i],
-            f"flux_{phase}": peak * plant.torque_constant * plant.turns[i],
-        }
-    return rows
 
 
 def initial_state(plant: Plant) -> dict[str, Array]:
     """Return the state of torque, windings, supply and sensors, (n,) each: no current."""
-    sensed = ("sensed_a", "sensed_b", "sensed_c")
-    return dict.fromkeys(("torque", *CURRENTS, "bus_current", *sensed), np.zeros(plant.count))
+    return dict.fromkeys(("torque", *CURRENTS, "bus_current", *SENSED), np.zeros(plant.count))
 
 
 def optional_state_names(structure: Structure) -> tuple[str, ...]:
     """Return the state of supply and sensors, where the actuator has their laws."""
     return (
         *(("bus_current",) if structure.source else ()),
-        *(("sensed_a", "sensed_b", "sensed_c") if structure.current_lag else ()),
+        *(SENSED if structure.current_lag else ()),
     )
 
 
@@ -104,7 +94,7 @@ def supply(structure: Structure) -> tuple[Callable[..., Any], Callable[..., Any]
 def flux(structure: Structure) -> Callable[..., Any]:
     """Return the flux of each phase: its back-EMF per speed, and its torque per current.
 
-    Of (state, parameters, factors of the gap at a, b and c, shapes of a, b and c).
+    Of (current, parameters, factors of the gap, shapes of the back-EMF), `Phases` but for the parameters.
     """
     return _saturated if structure.saturation else _unsaturated
 
@@ -112,7 +102,7 @@ def flux(structure: Structure) -> Callable[..., Any]:
 def counter_voltage(structure: Structure) -> Callable[..., Any]:
     """Return what the windings of each phase have against them: back-EMF, and what the inverter takes.
 
-    Of (state, parameters, back-EMF of a, b and c).
+    Of (current, parameters, back-EMF), `Phases` but for the parameters.
     """
     return _with_drop if structure.voltage_drop else _back_emf
 
@@ -122,62 +112,28 @@ def sensors(structure: Structure) -> tuple[Callable[..., Any], Callable[..., Any
     return (_lagging, _lag, _kept) if structure.current_lag else (_exact, _no_lag, _none_kept)
 
 
-def currents_after(
-    s: Any,
-    p: Any,
-    voltage_a: Any,
-    voltage_b: Any,
-    voltage_c: Any,
-    back_emf_a: Any,
-    back_emf_b: Any,
-    back_emf_c: Any,
-) -> Any:
+def currents_after(current: Phases, p: Any, voltage: Phases, back_emf: Phases) -> Any:
     """Return the three phase currents after an explicit Euler step [A]."""
-    rise_a, rise_b, rise_c = star_slopes(
-        voltage_a - p.resistance_a * s.current_a - back_emf_a,
-        voltage_b - p.resistance_b * s.current_b - back_emf_b,
-        voltage_c - p.resistance_c * s.current_c - back_emf_c,
-        p.step_per_henry_a,
-        p.step_per_henry_b,
-        p.step_per_henry_c,
-        p.henries_per_step,
-    )
-    return s.current_a + rise_a, s.current_b + rise_b, s.current_c + rise_c
+    drive = voltage - Phases.of(p, "resistance") * current - back_emf
+    return current + star_slopes(drive, Phases.of(p, "step_per_henry"), p.henries_per_step)
 
 
-def _unsaturated(
-    s: Any,  # noqa: ARG001
-    p: Any,
-    gap_a: Any,
-    gap_b: Any,
-    gap_c: Any,
-    shape_a: Any,
-    shape_b: Any,
-    shape_c: Any,
-) -> Any:
-    return p.flux_a * gap_a * shape_a, p.flux_b * gap_b * shape_b, p.flux_c * gap_c * shape_c
+def _unsaturated(current: Phases, p: Any, gap: Phases, shape: Phases) -> Any:  # noqa: ARG001
+    return Phases.of(p, "flux") * gap * shape
 
 
-def _saturated(
-    s: Any, p: Any, gap_a: Any, gap_b: Any, gap_c: Any, shape_a: Any, shape_b: Any, shape_c: Any
-) -> Any:
+def _saturated(current: Phases, p: Any, gap: Phases, shape: Phases) -> Any:
     # Two conducting phases have i and -i; of three sines it is the length of their vector, line to line.
-    squares = s.current_a * s.current_a + s.current_b * s.current_b + s.current_c * s.current_c
-    left = flux_left(p.saturation, np.sqrt(0.5 * squares))
-    flux_a, flux_b, flux_c = _unsaturated(s, p, gap_a, gap_b, gap_c, shape_a, shape_b, shape_c)
-    return left * flux_a, left * flux_b, left * flux_c
+    left = flux_left(p.saturation, np.sqrt(0.5 * (current * current).sum()))
+    return left * _unsaturated(current, p, gap, shape)
 
 
-def _back_emf(s: Any, p: Any, a: Any, b: Any, c: Any) -> Any:  # noqa: ARG001
-    return a, b, c
+def _back_emf(current: Phases, p: Any, back_emf: Phases) -> Any:  # noqa: ARG001
+    return back_emf
 
 
-def _with_drop(s: Any, p: Any, a: Any, b: Any, c: Any) -> Any:
-    return (
-        a + voltage_drop(s.current_a, p.leg_drop, p.per_knee),
-        b + voltage_drop(s.current_b, p.leg_drop, p.per_knee),
-        c + voltage_drop(s.current_c, p.leg_drop, p.per_knee),
-    )
+def _with_drop(current: Phases, p: Any, back_emf: Phases) -> Any:
+    return back_emf + voltage_drop(current, p.leg_drop, p.per_knee)
 
 
 def _stiff(s: Any, p: Any) -> Any:  # noqa: ARG001
@@ -197,26 +153,25 @@ def _drawn(switched: Any) -> Any:
     return (0.5 * switched,)
 
 
-def _exact(s: Any) -> Any:
-    return s.current_a, s.current_b, s.current_c
+def _exact(s: Any) -> Phases:
+    return Phases.of(s, "current")
 
 
-def _lagging(s: Any) -> Any:
-    return s.sensed_a, s.sensed_b, s.sensed_c
+def _lagging(s: Any) -> Phases:
+    return Phases.of(s, "sensed")
 
 
-def _no_lag(s: Any, p: Any, a: Any, b: Any, c: Any) -> Any:  # noqa: ARG001
-    return a, b, c
+def _no_lag(s: Any, p: Any, current: Phases) -> Any:  # noqa: ARG001
+    return current
 
 
-def _lag(s: Any, p: Any, a: Any, b: Any, c: Any) -> Any:
-    share = p.sensed_share
-    return approach(s.sensed_a, a, share), approach(s.sensed_b, b, share), approach(s.sensed_c, c, share)
+def _lag(s: Any, p: Any, current: Phases) -> Any:
+    return approach(Phases.of(s, "sensed"), current, p.sensed_share)
 
 
-def _none_kept(sensed: Any) -> Any:  # noqa: ARG001
+def _none_kept(sensed: Phases) -> tuple[Any, ...]:  # noqa: ARG001
     return ()
 
 
-def _kept(sensed: Any) -> Any:
-    return sensed
+def _kept(sensed: Phases) -> tuple[Any, ...]:
+    return tuple(sensed)
