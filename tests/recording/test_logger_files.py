@@ -148,7 +148,7 @@ def test_what_a_file_does_not_hold_is_refused(
     name: str,
     expected: list[str],
 ) -> None:
-    path, here = saved(ending), ReadLimits(isolated=False)  # each process would load the library anew
+    path, here = saved(ending), ReadLimits(isolated=False)  # a process that refused is not kept
     text = refusal(lambda: read_recording(path, rig(thesis, current_A=name), limits=here))
     for part in (str(path), *expected):
         assert part in text

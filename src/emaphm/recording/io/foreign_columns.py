@@ -1,16 +1,18 @@
 """Columns of Parquet, HDF5, TDMS and MDF files, whose libraries can crash on damaged ones.
 
-Runs as a process of its own (`emaphm.recording.io.isolation`), and imports nothing of emaphm to start fast.
-It answers on stdout with one line of JSON, then the columns' numbers as bytes.
+Runs as a process of its own (`emaphm.recording.io.reader_process`), and imports nothing of emaphm to start
+fast. It answers on stdout with one line of JSON for each file, then the columns' numbers as bytes.
 """
 
 import json
 import math
+import os
 import sys
+import time
 from collections.abc import Collection
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -281,12 +283,13 @@ def shape_complaint(shape: tuple[int, ...]) -> str | None:
 
 
 def _guard(memory_bytes: int, seconds: float) -> None:
-    """Limit this process's memory [bytes] and time [s], where the system can."""
+    """Limit this process's memory [bytes] and its further time [s], where the system can."""
     try:
         import resource
     except ImportError:  # not on Windows
         return
-    for kind, most in ((resource.RLIMIT_AS, memory_bytes), (resource.RLIMIT_CPU, int(seconds) + 1)):
+    ends = int(time.process_time() + seconds) + 1
+    for kind, most in ((resource.RLIMIT_AS, memory_bytes), (resource.RLIMIT_CPU, ends)):
         hard = resource.getrlimit(kind)[1]
         soft = most if hard == resource.RLIM_INFINITY else min(most, hard)
         resource.setrlimit(kind, (soft, hard))
@@ -294,16 +297,24 @@ def _guard(memory_bytes: int, seconds: float) -> None:
 
 
 def main() -> None:
-    """Answer on stdout."""
-    kind, path, rows, columns, numbers, memory_bytes, seconds = sys.argv[1:]
-    _guard(int(memory_bytes), float(seconds))
+    """Answer each request, a line of JSON on stdin, on stdout, until there are no more."""
+    answer = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     # Libraries print; what is meant for the answer must stay clean.
-    answer, sys.stdout = sys.stdout.buffer, sys.stderr
-    try:
-        held = read(kind, path, Most(int(rows), int(columns), int(numbers)), json.load(sys.stdin))
-    except UnreadableError as error:
-        answer.write(json.dumps({"error": str(error)}).encode() + b"\n")
-        return
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+    for line in sys.stdin.buffer:
+        request = json.loads(line)
+        _guard(request["memory_bytes"], request["seconds"])
+        try:
+            held = read(request["kind"], request["path"], Most(*request["most"]), request["wanted"])
+        except UnreadableError as error:
+            answer.write(json.dumps({"error": str(error)}).encode() + b"\n")
+        else:
+            _write(held, answer)
+        answer.flush()
+
+
+def _write(held: Held, answer: BinaryIO) -> None:
+    """Write a line of JSON, then the columns' numbers as bytes."""
     # Several columns often have the same times: each array is sent once.
     arrays: dict[int, Any] = {}
 
@@ -321,9 +332,7 @@ def main() -> None:
         "lengths": [values.size for values in arrays.values()],
     }
     answer.write(json.dumps(header).encode() + b"\n")
-    for values in arrays.values():
-        answer.write(np.ascontiguousarray(values, float).tobytes())
-    answer.flush()
+    answer.writelines(np.ascontiguousarray(values, float).tobytes() for values in arrays.values())
 
 
 if __name__ == "__main__":

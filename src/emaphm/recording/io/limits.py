@@ -29,9 +29,9 @@ class ReadLimits:
     """Rows times columns [-]: 400 MB in double precision, ten times as much while a CSV is parsed."""
 
     isolated: bool = True
-    """Whether Parquet and MATLAB 7.3 files are read by a process of their own: on a damaged file their
-    libraries can abort the process that calls them. It takes 0.2 s a file; switch it off for many files that
-    emaphm wrote itself."""
+    """Whether Parquet, MDF 4, TDMS and HDF5 files, MATLAB 7.3 among them, are read by another process: on a
+    damaged file their libraries can abort the process that calls them. The first file takes 0.3 s, each
+    further one some milliseconds."""
 
     memory_bytes: int = 8 * 2**30
     """Address space of that process [bytes]: libraries reserve more than they use."""
