@@ -19,10 +19,9 @@ from emaphm.simulation.engine.structure import Structure
 from emaphm.simulation.laws.angles import turn
 from emaphm.simulation.laws.current_control import limited_pi_pair
 from emaphm.simulation.laws.eccentricity import gap_factors
-from emaphm.simulation.laws.lag import approach
 from emaphm.simulation.laws.phases import Phases, phase_names
 from emaphm.simulation.laws.pulse_width import CONTROL_DELAY, carrier_after, centred, leg_mean, triangle
-from emaphm.simulation.laws.select import clip, select
+from emaphm.simulation.laws.select import select
 from emaphm.simulation.laws.sine_motor import (
     INVERSE_SQRT3,
     line_currents,
@@ -99,18 +98,16 @@ def advance(structure: Structure) -> Callable[..., Any]:
     The order within a step is the thesis drive's: control, switching and back-EMF from the state at the
     step's start, currents by explicit Euler, torque from the new currents, then the motion.
     """
-    demand_of, moved = control.control(structure), motion.motion(structure)
-    flux_of, against = three_phases.flux(structure), three_phases.counter_voltage(structure)
-    half_supply_of, bus_after = three_phases.supply(structure)
-    sensed_before, sensed_after, sensor_state = three_phases.sensors(structure)
+    demand_of, driven = control.control(structure), motion.driven_motion(structure)
+    laws = three_phases.laws(structure)
 
     def advance_one(s: Any, p: Any, u: Any) -> Any:
         demand, controlled = demand_of(s, p, u)
         reference = u.noise + demand
-        half_supply, speed = half_supply_of(s, p), s.speed
+        half_supply, speed = laws.half_supply(s, p), s.speed
         cos, sin = s.electrical_cos, s.electrical_sin
 
-        in_d, in_q = line_currents(sensed_before(s), cos, sin)
+        in_d, in_q = line_currents(laws.sensed_before(s), cos, sin)
         asked_d, asked_q, integral_d, integral_q = limited_pi_pair(
             -in_d,
             reference - in_q,
@@ -129,15 +126,13 @@ def advance(structure: Structure) -> Callable[..., Any]:
 
         current = Phases.of(s, "current")
         gap = gap_factors(s.cos, s.sin, p.z_cos, p.z_sin)
-        flux = flux_of(current, p, gap, phase_sines(cos, sin))
+        flux = laws.flux(current, p, gap, phase_sines(cos, sin))
         voltage = leg * half_supply
-        back_emf = against(current, p, flux * speed)
+        back_emf = laws.against(current, p, flux * speed)
         current = u.enabled * three_phases.currents_after(current, p, voltage, back_emf)
-        produced = (flux * current).sum()
-        torque = approach(s.torque, clip(produced, -p.torque_limit, p.torque_limit), p.torque_share)
-        following = moved(s, p, u, torque)
+        torque, following = driven(s, p, u, (flux * current).sum())
 
-        sensed = sensed_after(s, p, current)
+        sensed = laws.sensed_after(s, p, current)
         sensed_d, sensed_q = line_currents(sensed, cos, sin)
         voltage_d, voltage_q = line_voltages(voltage, cos, sin)
         position, speed_after, angle = motion.recorded_motion(s, p, u, following)
@@ -164,8 +159,8 @@ def advance(structure: Structure) -> Callable[..., Any]:
             *duty,
             *(u.enabled * select(begins, asked, Phases.of(s, "next"))),
         )
-        drawn = bus_after((leg * current).sum())
-        own = (torque, *current, *direction, *drive, *drawn, *sensor_state(sensed))
+        drawn = laws.bus_after((leg * current).sum())
+        own = (torque, *current, *direction, *drive, *drawn, *laws.sensor_state(sensed))
         return controlled + following + own, outputs
 
     return advance_one

@@ -20,10 +20,8 @@ from emaphm.simulation.engine.structure import Structure
 from emaphm.simulation.laws.angles import turn
 from emaphm.simulation.laws.current_control import limited_pi_pair
 from emaphm.simulation.laws.eccentricity import gap_factors
-from emaphm.simulation.laws.lag import approach
 from emaphm.simulation.laws.phases import Phases
 from emaphm.simulation.laws.pulse_width import delay_shares, delayed
-from emaphm.simulation.laws.select import clip
 from emaphm.simulation.laws.sine_motor import INVERSE_SQRT3, line_currents, phase_sines, phase_voltages
 from emaphm.simulation.laws.star_windings import star_currents_after, star_response
 from emaphm.simulation.models import control, foc, motion, three_phases
@@ -80,16 +78,14 @@ def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Arr
 
 def advance(structure: Structure) -> Callable[..., Any]:
     """Return the step of one actuator."""
-    demand_of, moved = control.control(structure), motion.motion(structure)
-    flux_of, against = three_phases.flux(structure), three_phases.counter_voltage(structure)
-    half_supply_of, bus_after = three_phases.supply(structure)
-    sensed_before, sensed_after, sensor_state = three_phases.sensors(structure)
+    demand_of, driven = control.control(structure), motion.driven_motion(structure)
+    laws = three_phases.laws(structure)
 
     def advance_one(s: Any, p: Any, u: Any) -> Any:
         reference, controlled = demand_of(s, p, u)
-        supply, speed = 2.0 * half_supply_of(s, p), s.speed
+        supply, speed = 2.0 * laws.half_supply(s, p), s.speed
 
-        seen = sensed_before(s)
+        seen = laws.sensed_before(s)
         in_d, in_q = line_currents(seen, s.electrical_cos, s.electrical_sin)
         asked_d, asked_q, integral_d, integral_q = limited_pi_pair(
             -in_d,
@@ -109,11 +105,11 @@ def advance(structure: Structure) -> Callable[..., Any]:
         cos, sin = turn(s.electrical_cos, s.electrical_sin, p.pole_pairs * half)
         gap = gap_factors(rotor_cos, rotor_sin, p.z_cos, p.z_sin)
         before = Phases.of(s, "current")
-        flux = flux_of(before, p, gap, phase_sines(cos, sin))
+        flux = laws.flux(before, p, gap, phase_sines(cos, sin))
         voltage = phase_voltages(voltage_d, voltage_q, cos, sin)
         current = u.enabled * star_currents_after(
             before,
-            voltage - against(before, p, flux * speed),
+            voltage - laws.against(before, p, flux * speed),
             p.remaining_aa,
             p.remaining_ab,
             p.remaining_ba,
@@ -123,11 +119,9 @@ def advance(structure: Structure) -> Callable[..., Any]:
             p.conductance_bb,
         )
         mean = 0.5 * (before + current)
-        produced = u.enabled * (flux * mean).sum()
-        torque = approach(s.torque, clip(produced, -p.torque_limit, p.torque_limit), p.torque_share)
-        following = moved(s, p, u, torque)
+        torque, following = driven(s, p, u, u.enabled * (flux * mean).sum())
 
-        sensed = sensed_after(s, p, current)
+        sensed = laws.sensed_after(s, p, current)
         shown = 0.5 * (seen + sensed)
         shown_d, shown_q = line_currents(shown, cos, sin)
         voltage_d, voltage_q = u.enabled * voltage_d, u.enabled * voltage_q
@@ -149,9 +143,9 @@ def advance(structure: Structure) -> Callable[..., Any]:
         direction = foc.turn_unit(s.electrical_cos, s.electrical_sin, p.pole_pairs * (following[1] - s.angle))
         lagging = (integral_d, integral_q, lagging_d, lagging_q)
         # Leg states, less what all legs share, that make the voltages of the supply.
-        drawn = bus_after(2.0 * (voltage * mean).sum() / supply)
+        drawn = laws.bus_after(2.0 * (voltage * mean).sum() / supply)
         kept = (u.enabled * one for one in lagging)
-        own = (torque, *current, *direction, *kept, *drawn, *sensor_state(sensed))
+        own = (torque, *current, *direction, *kept, *drawn, *laws.sensor_state(sensed))
         return controlled + following + own, outputs
 
     return advance_one

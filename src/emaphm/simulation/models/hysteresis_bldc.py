@@ -15,9 +15,7 @@ from emaphm.simulation.laws.angles import phase_angles
 from emaphm.simulation.laws.commutation import demand_sign, trapezoid
 from emaphm.simulation.laws.eccentricity import gap_factors
 from emaphm.simulation.laws.inverter import switch
-from emaphm.simulation.laws.lag import approach
 from emaphm.simulation.laws.phases import Phases, phase_names
-from emaphm.simulation.laws.select import clip
 from emaphm.simulation.models import control, motion, three_phases
 
 CHANNELS = (
@@ -55,46 +53,50 @@ def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Arr
     return mechanical | three_phases.initial_state(plant) | dict.fromkeys(LEGS, np.full(plant.count, -1.0))
 
 
+def outputs_of(
+    active: Phases, shape: Phases, sensed: Phases, voltage: Phases, recorded: Any, torque: Any, reference: Any
+) -> tuple[Any, ...]:
+    """Return the `CHANNELS` of a motor with trapezoidal back-EMF; `recorded` is its motion."""
+    return (
+        0.5 * (shape * sensed).sum(),
+        (active * voltage).sum(),
+        *recorded,
+        torque,
+        reference,
+        *sensed,
+        0.5 * (active * sensed).sum(),
+        0.5 * np.copysign(np.abs(sensed).sum(), torque),
+        *voltage,
+    )
+
+
 def advance(structure: Structure) -> Callable[..., Any]:
     """Return the step of one actuator.
 
     The order within a step is that of docs/physics.md, section 3: commutation, switching and back-EMF from
     the state at the step's start, currents by explicit Euler, torque from the new currents, then the motion.
     """
-    demand_of, moved = control.control(structure), motion.motion(structure)
-    flux_of, against = three_phases.flux(structure), three_phases.counter_voltage(structure)
-    half_supply_of, bus_after = three_phases.supply(structure)
-    sensed_before, sensed_after, sensor_state = three_phases.sensors(structure)
+    demand_of, driven = control.control(structure), motion.driven_motion(structure)
+    laws = three_phases.laws(structure)
 
     def advance_one(s: Any, p: Any, u: Any) -> Any:
         demand, controlled = demand_of(s, p, u)
         reference = u.noise + demand
         angle = phase_angles(s.electrical)
         active, shape = demand_sign(angle), trapezoid(angle)
-        leg = switch(Phases.of(s, "leg"), reference * active - sensed_before(s), p.hysteresis)
+        leg = switch(Phases.of(s, "leg"), reference * active - laws.sensed_before(s), p.hysteresis)
 
         current = Phases.of(s, "current")
-        flux = flux_of(current, p, gap_factors(s.cos, s.sin, p.z_cos, p.z_sin), shape)
-        voltage = leg * half_supply_of(s, p)
-        back_emf = against(current, p, flux * s.speed)
+        flux = laws.flux(current, p, gap_factors(s.cos, s.sin, p.z_cos, p.z_sin), shape)
+        voltage = leg * laws.half_supply(s, p)
+        back_emf = laws.against(current, p, flux * s.speed)
         current = u.enabled * three_phases.currents_after(current, p, voltage, back_emf)
-        produced = (flux * current).sum()
-        torque = approach(s.torque, clip(produced, -p.torque_limit, p.torque_limit), p.torque_share)
-        following = moved(s, p, u, torque)
-        sensed = sensed_after(s, p, current)
-        outputs = (
-            0.5 * (shape * sensed).sum(),
-            (active * voltage).sum(),
-            *motion.recorded_motion(s, p, u, following),
-            torque,
-            reference,
-            *sensed,
-            0.5 * (active * sensed).sum(),
-            0.5 * np.copysign(np.abs(sensed).sum(), torque),
-            *voltage,
-        )
-        drawn = bus_after((leg * current).sum())
-        own = (torque, *current, *leg, *drawn, *sensor_state(sensed))
+        torque, following = driven(s, p, u, (flux * current).sum())
+        sensed = laws.sensed_after(s, p, current)
+        recorded = motion.recorded_motion(s, p, u, following)
+        outputs = outputs_of(active, shape, sensed, voltage, recorded, torque, reference)
+        drawn = laws.bus_after((leg * current).sum())
+        own = (torque, *current, *leg, *drawn, *laws.sensor_state(sensed))
         return controlled + following + own, outputs
 
     return advance_one

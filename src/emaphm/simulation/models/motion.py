@@ -16,7 +16,7 @@ from emaphm.simulation.laws.cogging import harmonic, ripple_torque
 from emaphm.simulation.laws.compliant_shaft import shaft_torque
 from emaphm.simulation.laws.friction import directional, dry_level, speed_after
 from emaphm.simulation.laws.gravity import gravity_load
-from emaphm.simulation.laws.lag import share_of_step
+from emaphm.simulation.laws.lag import approach, share_of_step
 from emaphm.simulation.laws.load_friction import transmitted_friction
 from emaphm.simulation.laws.select import clip, select
 from emaphm.simulation.laws.standstill import speed_against, speed_through_standstill
@@ -201,6 +201,20 @@ def motion(structure: Structure) -> Callable[..., Any]:
         return rotor + user + turn_user(s, p, output - s.output) + turn_screw(s, p, turned)
 
     return moved
+
+
+def driven_motion(structure: Structure) -> Callable[..., Any]:
+    """Return the law of the motion that currents make: from (state, parameters, inputs, their torque).
+
+    It gives the motor's torque after the step, limited and with its lag, and the next state of the motion.
+    """
+    moved = motion(structure)
+
+    def driven(s: Any, p: Any, u: Any, made: Any) -> Any:
+        torque = approach(s.torque, clip(made, -p.torque_limit, p.torque_limit), p.torque_share)
+        return torque, moved(s, p, u, torque)
+
+    return driven
 
 
 def recorded_motion(s: Any, p: Any, u: Any, following: Any) -> Any:

@@ -167,7 +167,7 @@ def _advance(
     structure: Structure, current_after: Callable[..., Any], printed_eccentricity: bool
 ) -> Callable[..., Any]:
     """Return the step of an actuator whose drive controls the current of the conducting pair."""
-    demand_of, moved = control.control(structure), motion.motion(structure)
+    demand_of, driven = control.control(structure), motion.driven_motion(structure)
     flux_of, against = _losses(structure)
     gaps = _printed_gaps if printed_eccentricity else _gaps
     supply_of, bus_after = (_sagging, _drawn) if structure.source else (_stiff, _nothing_drawn)
@@ -182,16 +182,11 @@ def _advance(
         current, sensed, voltage, own = current_after(
             s, p, u, reference, supply, back_emf, conductance, decay
         )
-        produced = clip(flux * current, -p.torque_limit, p.torque_limit)
-        torque = approach(s.torque, produced, p.torque_share)
-        following = moved(s, p, u, torque)
-        position, speed, angle = motion.recorded_motion(s, p, u, following)
+        torque, following = driven(s, p, u, flux * current)
         outputs = (
             sensed,
             voltage,
-            position,
-            speed,
-            angle,
+            *motion.recorded_motion(s, p, u, following),
             torque,
             reference,
         )
@@ -203,7 +198,7 @@ def _advance(
 
 def _advance_by_voltage(structure: Structure) -> Callable[..., Any]:
     """Return the step of a DC motor whose drive sets the duty cycle; without current where it is off."""
-    demand_of, moved = control.control(structure), motion.motion(structure)
+    demand_of, driven = control.control(structure), motion.driven_motion(structure)
     flux_of, against = _losses(structure)
     supply_of = _under_duty if structure.source else _stiff_under_duty
 
@@ -214,19 +209,9 @@ def _advance_by_voltage(structure: Structure) -> Callable[..., Any]:
         back_emf = against(s, p, flux * s.speed)
         voltage = duty * supply_of(s, p, duty, back_emf)
         current = u.enabled * winding_current(s.current, voltage - back_emf, p.conductance_a, p.decay_a)
-        produced = clip(flux * current, -p.torque_limit, p.torque_limit)
-        torque = approach(s.torque, produced, p.torque_share)
-        following = moved(s, p, u, torque)
+        torque, following = driven(s, p, u, flux * current)
         position, speed, angle = motion.recorded_motion(s, p, u, following)
-        outputs = (
-            current,
-            voltage,
-            position,
-            speed,
-            duty,
-            angle,
-            torque,
-        )
+        outputs = (current, voltage, position, speed, duty, angle, torque)
         return controlled + following + (torque, current), outputs
 
     return advance

@@ -22,12 +22,11 @@ from emaphm.simulation.laws.commutation import demand_sign, trapezoid
 from emaphm.simulation.laws.current_control import limited_pi
 from emaphm.simulation.laws.eccentricity import gap_factors
 from emaphm.simulation.laws.idle_leg import diode_current, diode_voltage
-from emaphm.simulation.laws.lag import approach
 from emaphm.simulation.laws.phases import Phases
 from emaphm.simulation.laws.pulse_width import carrier_after, leg_mean, triangle
-from emaphm.simulation.laws.select import clip, select
+from emaphm.simulation.laws.select import select
 from emaphm.simulation.models import control, motion, three_phases
-from emaphm.simulation.models.hysteresis_bldc import CHANNELS
+from emaphm.simulation.models.hysteresis_bldc import CHANNELS, outputs_of
 
 OWN_PARAMETERS = ("current_gain", "current_integral_gain", "period", "step_per_period")
 OWN_STATE = ("current_integral", "carrier", "duty", "next_duty")
@@ -65,20 +64,18 @@ def advance(structure: Structure) -> Callable[..., Any]:
     The order within a step is the thesis drive's: control, switching and back-EMF from the state at the
     step's start, currents by explicit Euler, torque from the new currents, then the motion.
     """
-    demand_of, moved = control.control(structure), motion.motion(structure)
-    flux_of, against = three_phases.flux(structure), three_phases.counter_voltage(structure)
-    half_supply_of, bus_after = three_phases.supply(structure)
-    sensed_before, sensed_after, sensor_state = three_phases.sensors(structure)
+    demand_of, driven = control.control(structure), motion.driven_motion(structure)
+    laws = three_phases.laws(structure)
 
     def advance_one(s: Any, p: Any, u: Any) -> Any:
         demand, controlled = demand_of(s, p, u)
         reference = u.noise + demand
-        half_supply, speed = half_supply_of(s, p), s.speed
+        half_supply, speed = laws.half_supply(s, p), s.speed
         angle = phase_angles(s.electrical)
         active, shape = demand_sign(angle), trapezoid(angle)
 
         asked, integral = limited_pi(
-            reference - 0.5 * (shape * sensed_before(s)).sum(),
+            reference - 0.5 * (shape * laws.sensed_before(s)).sum(),
             s.current_integral,
             p.current_gain,
             p.current_integral_gain,
@@ -90,8 +87,8 @@ def advance(structure: Structure) -> Callable[..., Any]:
         rail = leg_mean(duty, triangle(s.carrier, p.step_per_period), p.step_per_period) * half_supply
 
         before = Phases.of(s, "current")
-        flux = flux_of(before, p, gap_factors(s.cos, s.sin, p.z_cos, p.z_sin), shape)
-        back_emf = against(before, p, flux * speed)
+        flux = laws.flux(before, p, gap_factors(s.cos, s.sin, p.z_cos, p.z_sin), shape)
+        back_emf = laws.against(before, p, flux * speed)
         resistive = Phases.of(p, "resistance") * before
         floating = _centre(p, active, active * rail - resistive - back_emf) + back_emf
         idle = active == 0.0
@@ -100,30 +97,19 @@ def advance(structure: Structure) -> Callable[..., Any]:
         kept = select(idle, diode_current(before, free, floating, half_supply), free)
         # What a diode has ended goes on through the two conducting phases, whose sum it kept.
         current = u.enabled * (kept - np.abs(active) * (0.5 * kept.sum()))
-        produced = (flux * current).sum()
-        torque = approach(s.torque, clip(produced, -p.torque_limit, p.torque_limit), p.torque_share)
-        following = moved(s, p, u, torque)
+        torque, following = driven(s, p, u, (flux * current).sum())
 
-        sensed = sensed_after(s, p, current)
-        outputs = (
-            0.5 * (shape * sensed).sum(),
-            u.enabled * (active * voltage).sum(),
-            *motion.recorded_motion(s, p, u, following),
-            torque,
-            reference,
-            *sensed,
-            0.5 * (active * sensed).sum(),
-            0.5 * np.copysign(np.abs(sensed).sum(), torque),
-            *(u.enabled * voltage),
-        )
+        sensed = laws.sensed_after(s, p, current)
+        recorded = motion.recorded_motion(s, p, u, following)
+        outputs = outputs_of(active, shape, sensed, u.enabled * voltage, recorded, torque, reference)
         drive = (
             u.enabled * select(begins, integral, s.current_integral),
             carrier_after(s.carrier, p.step_per_period),
             duty,
             u.enabled * select(begins, asked / (2.0 * half_supply), s.next_duty),
         )
-        drawn = bus_after((voltage * current).sum() / half_supply)
-        own = (torque, *current, *drive, *drawn, *sensor_state(sensed))
+        drawn = laws.bus_after((voltage * current).sum() / half_supply)
+        own = (torque, *current, *drive, *drawn, *laws.sensor_state(sensed))
         return controlled + following + own, outputs
 
     return advance_one

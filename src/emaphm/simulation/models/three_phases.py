@@ -1,7 +1,7 @@
 """What all models of three switched phases share: windings, supply, current sensors, recorded motion."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -86,30 +86,36 @@ def parameter_names(structure: Structure, own: tuple[str, ...]) -> tuple[str, ..
     return (*control.PARAMETERS, *motion.parameter_names(structure), *PARAMETERS, *own)
 
 
-def supply(structure: Structure) -> tuple[Callable[..., Any], Callable[..., Any]]:
-    """Return half the supply voltage, of (state, parameters), and its next state, of Σ s_i i_i."""
-    return (_sagging, _drawn) if structure.source else (_stiff, _nothing_drawn)
+class Laws(NamedTuple):
+    """What windings, supply and current sensors do, by the laws that an actuator has.
 
-
-def flux(structure: Structure) -> Callable[..., Any]:
-    """Return the flux of each phase: its back-EMF per speed, and its torque per current.
-
-    Of (current, parameters, factors of the gap, shapes of the back-EMF), `Phases` but for the parameters.
+    Currents, voltages, fluxes and back-EMFs are `Phases`; s and p are state and parameters.
     """
-    return _saturated if structure.saturation else _unsaturated
+
+    flux: Callable[..., Any]
+    """Of (current, p, factors of the gap, shapes of the back-EMF): back-EMF per speed, torque per current."""
+    against: Callable[..., Any]
+    """Of (current, p, back-EMF): what the windings have against them, with what the inverter takes."""
+    half_supply: Callable[..., Any]
+    """Of (s, p): half the supply voltage."""
+    bus_after: Callable[..., Any]
+    """Of the sum of leg state times current: the supply's next state."""
+    sensed_before: Callable[..., Any]
+    """Of s: what the current sensors show before a step."""
+    sensed_after: Callable[..., Any]
+    """Of (s, p, current): what they show after it."""
+    sensor_state: Callable[..., Any]
+    """Of what they show after it: their next state."""
 
 
-def counter_voltage(structure: Structure) -> Callable[..., Any]:
-    """Return what the windings of each phase have against them: back-EMF, and what the inverter takes.
-
-    Of (current, parameters, back-EMF), `Phases` but for the parameters.
-    """
-    return _with_drop if structure.voltage_drop else _back_emf
-
-
-def sensors(structure: Structure) -> tuple[Callable[..., Any], Callable[..., Any], Callable[..., Any]]:
-    """Return what the current sensors show before a step and after it, and their next state."""
-    return (_lagging, _lag, _kept) if structure.current_lag else (_exact, _no_lag, _none_kept)
+def laws(structure: Structure) -> Laws:
+    """Return what windings, supply and current sensors do."""
+    return Laws(
+        _saturated if structure.saturation else _unsaturated,
+        _with_drop if structure.voltage_drop else _back_emf,
+        *((_sagging, _drawn) if structure.source else (_stiff, _nothing_drawn)),
+        *((_lagging, _lag, _kept) if structure.current_lag else (_exact, _no_lag, _none_kept)),
+    )
 
 
 def currents_after(current: Phases, p: Any, voltage: Phases, back_emf: Phases) -> Any:
