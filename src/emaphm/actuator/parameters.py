@@ -124,6 +124,14 @@ class Electrical(Section):
     resistance: float = quantity("resistance line to line, R_s", "ohm", THESIS, gt=0)
     inductance: float = quantity("inductance line to line, L_s", "H", THESIS, gt=0)
     pole_pairs: int = quantity("pole pairs, P", "-", THESIS, default=1, ge=1, le=1000)
+    rotor_zero: float = quantity(
+        "electrical angle of the rotor where its angle, or without one the position, is recorded as 0",
+        "rad",
+        CHOSEN,
+        default=0.0,
+        ge=-6.3,
+        le=6.3,
+    )
     hysteresis: float | None = quantity(
         "current hysteresis: comparators switch at plus and minus, hb; none where the drive has none",
         "A",

@@ -16,6 +16,7 @@ from emaphm.diagnosis.explanation.without_fault import tested_by_refits
 from emaphm.diagnosis.identifiability import identifiability
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.diagnosis.result import Diagnosis
+from emaphm.diagnosis.rotor_zero import undecided_between_phases
 from emaphm.diagnosis.selection.description_errors import suspected_parameters
 from emaphm.diagnosis.selection.deviations import select_deviations
 from emaphm.diagnosis.selection.supply_scan import with_asked_supply
@@ -247,6 +248,7 @@ def conclude(
         components = with_alternatives(components, result, jacobians, seed)
         components = tested_by_refits(components, result, jacobians, seed)
         components = undecided_where_one_way(components, result)
+        components = undecided_between_phases(components, result)
     return Diagnosis(
         components=components,
         coordinates=space.coordinates,

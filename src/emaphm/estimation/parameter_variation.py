@@ -140,6 +140,7 @@ def sizes(actuator: Actuator, names: tuple[str, ...]) -> Array:
         "coulomb_asymmetry": 0.25,
         "viscous_asymmetry": 0.25,
         "gravity_angle": 0.25,
+        "rotor_zero": 0.25,
         "saturation": 0.25 / actuator.controller.current_limit,
     }
     return np.array([others.get(name, friction) if name in SIGNED else 1.0 for name in names])

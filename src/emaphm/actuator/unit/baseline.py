@@ -35,6 +35,7 @@ LUMPED_PARAMETERS = {
     "torque_lag": "s",
     "resistance": "ohm",
     "inductance": "H",
+    "rotor_zero": "rad",
     "supply": "V",
     "temperature_gain": "-",
     "current_gain": "V/A",
@@ -83,7 +84,7 @@ SECTIONS = {
         "speed_lag",
     ),
     "motor": ("torque_constant", "saturation", "torque_lag"),
-    "electrical": ("resistance", "inductance", "supply", "temperature_gain"),
+    "electrical": ("resistance", "inductance", "rotor_zero", "supply", "temperature_gain"),
     "drive": ("current_gain", "current_integral_gain", "source_resistance", "voltage_drop", "current_lag"),
     "friction": (
         "stribeck_speed",
@@ -119,6 +120,7 @@ SIGNED = (
     "coulomb_asymmetry",
     "viscous_asymmetry",
     "gravity_angle",
+    "rotor_zero",
     "saturation",
     *(name for name in LUMPED_PARAMETERS if name.startswith("ripple")),
 )

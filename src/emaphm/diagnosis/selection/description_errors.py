@@ -38,7 +38,7 @@ SPEED_LOOP = ("speed_gain",)
 MOTOR = ("torque_constant", "inductance", "resistance")
 """Parameters that are asked for together."""
 
-INDUCTANCE = "inductance"
+INDUCTANCE, ROTOR_ZERO = "inductance", "rotor_zero"
 
 MADE_UP_BY, OF_THE_CLOCK = (INERTIA, "current_scale", "voltage_scale"), ("position_scale", "speed_scale")
 """Nuisances of which two together may be a speed gain; and those that say rather that times are wrong."""
@@ -119,7 +119,7 @@ def suspected_parameters(result: SearchResult) -> tuple[str, ...]:
     """Return the names, among the quantities of `result`, of parameters that were estimated unasked."""
     actuator, parameters = result.objective.problem.actuator, result.objective.space.nuisances.parameters
     asked = ParameterVariation.of_unit(actuator).parameters
-    suspects = (*SPEED_LOOP, *MOTOR)
+    suspects = (*SPEED_LOOP, *MOTOR, ROTOR_ZERO)
     return tuple(BASELINE + name for name in suspects if name in parameters and name not in asked)
 
 

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from emaphm.actuator.laws import LAWS
+from emaphm.diagnosis.rotor_zero import with_rotor_zero
 from emaphm.diagnosis.selection.description_errors import possible_errors, with_free
 from emaphm.diagnosis.selection.hidden_laws import suspected_laws, with_hidden_law
 from emaphm.diagnosis.selection.law_selection import acts, select_laws, without_law
@@ -32,6 +33,8 @@ def select_deviations(
     if not searched.explained:
         of_all_phases = over_all_phases(searched, seed)
         searched = of_all_phases if of_all_phases.explained else searched
+    if moves and resolves_switching(searched.objective.problem):
+        searched = with_rotor_zero(searched, method, max_corrections, seed)
     found = select_nuisances(searched, max_corrections, seed)
     result, without = found.result, (found.result, found.names, ())
     if not (moves and resolves_switching(result.objective.problem)):

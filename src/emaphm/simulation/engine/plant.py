@@ -82,6 +82,7 @@ class Plant:
     inductance: Array
     hysteresis: Array
     pole_pairs: Array
+    rotor_zero: Array
     turns: Array
     z: Array
     structure: Structure
@@ -190,6 +191,7 @@ def _healthy(actuator: Actuator, n: int) -> dict[str, Array]:
         "hysteresis": (e.hysteresis or 0.0) if e else 0.0,
         "temperature_gain": (e.temperature_gain or 0.0) if e else 0.0,
         "pole_pairs": e.pole_pairs if e else 1,
+        "rotor_zero": e.rotor_zero if e else 0.0,
         "position_integral_gain": c.position_integral_gain,
         "position_derivative_gain": c.position_derivative_gain,
         "command_lag": c.command_lag,

@@ -76,7 +76,7 @@ def parameters(plant: Plant, step: float) -> dict[str, Array]:
 def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Array]:
     """Return the kernel's state at `start`, (n,) each: no current, no voltage for two periods."""
     mechanical = control.initial_state(plant, inputs, start) | motion.initial_state(plant, start)
-    angle = plant.pole_pairs * (start.angle + start.rotor_offset)
+    angle = plant.pole_pairs * motion.rotor_angle(plant, start)
     own = dict.fromkeys(OWN_STATE, np.zeros(plant.count))
     own |= {"electrical_cos": np.cos(angle), "electrical_sin": np.sin(angle)}
     return mechanical | three_phases.initial_state(plant) | own

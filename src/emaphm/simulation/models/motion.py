@@ -152,6 +152,11 @@ def parameters(plant: Plant, step: float) -> dict[str, Array]:
     return dict.fromkeys(parameter_names(structure), zero) | rows
 
 
+def rotor_angle(plant: Plant, start: Initial) -> Array:
+    """Return the rotor's mechanical angle at `start`, (n,) [rad], from where its electrical angle is 0."""
+    return start.angle + start.rotor_offset + plant.rotor_zero / plant.pole_pairs
+
+
 def initial_state(plant: Plant, start: Initial) -> dict[str, Array]:
     """Return the state of the motion at `start`, (n,) each.
 
@@ -166,7 +171,7 @@ def initial_state(plant: Plant, start: Initial) -> dict[str, Array]:
             f"the run starts at {start.angle * plant.gear_ratio[0]:.4g}, beyond the actuator's end stops; "
             "correct end_stops or the position"
         )
-    rotor = start.angle + start.rotor_offset
+    rotor = rotor_angle(plant, start)
     one = np.ones(plant.count)
     user, screw = plant.gear_ratio * start.angle, plant.screw_ratio * rotor
     return {
@@ -174,8 +179,8 @@ def initial_state(plant: Plant, start: Initial) -> dict[str, Array]:
         "angle": one * start.angle,
         "output": one * start.angle,
         "electrical": wrap(plant.pole_pairs * rotor),
-        "cos": one * np.cos(rotor),
-        "sin": one * np.sin(rotor),
+        "cos": np.cos(rotor),
+        "sin": np.sin(rotor),
         "user_speed": one * start.speed,
         "user_cos": np.cos(user),
         "user_sin": np.sin(user),
