@@ -45,6 +45,7 @@ def test_lumped_parameters_of_the_thesis() -> None:
             "torque_constant": 0.0752,
             "resistance": 2.13,
             "inductance": 7.2e-4,
+            "rotor_zero": 0.0,
             "supply": 48.0,
         },
         rel=1e-6,  # the digits written here

@@ -1,21 +1,42 @@
-"""A rotor whose electrical zero is not where the position's zero puts it contradicts what is estimated."""
+"""A rotor whose electrical zero is not where the position's zero puts it: estimated, and phases left open."""
 
 import re
+from functools import cache
 
 import numpy as np
 import pytest
 
 from cases import THESIS, on_a_rig
-from emaphm.actuator import Faults
+from emaphm.actuator import Actuator, Faults
+from emaphm.actuator.lumped_parameters import with_lumped_parameters
+from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.diagnosis.explanation.rotor_zero import contradicted_zero
+from emaphm.diagnosis.rotor_zero import is_taken_from_position
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.objective import faults_objective
+from emaphm.estimation.parameter_space import SHORTS
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at
 from emaphm.recording import Recording
 
 TURNED_RAD = 0.12
 """Electrical."""
+
+
+ZERO_RAD = 0.4
+"""Electrical, of another rig."""
+
+FAULTY = Faults(
+    friction=0.1, backlash=0.3, short_a=0.1, short_b=0.4, eccentricity=0.2, eccentricity_phase=0.7
+)
+
+TURNED = with_lumped_parameters(THESIS, {"rotor_zero": ZERO_RAD})
+
+
+@cache
+def diagnosed(described: Actuator = THESIS) -> Diagnosis:
+    """Return the diagnosis of the turned rig, with a healthy phase and two that are shorted."""
+    return diagnose(on_a_rig(TURNED, FAULTY, 0.4), described)
 
 
 def contradicted(recording: Recording, faults: Faults) -> tuple[str, ...]:
@@ -46,3 +67,46 @@ def test_healthy_phases_do_not_show_it() -> None:
     recording = on_a_rig(THESIS, Faults(friction=0.2), 0.3)
     moved = Recording({**recording.channels, "command_rad": recording["command_rad"] + 1e-3})
     assert contradicted(moved, Faults(friction=0.2)) == ()
+
+
+def test_a_zero_that_nobody_stated_is_estimated_with_the_faults() -> None:
+    found = diagnosed()
+    assert found.explained
+    assert found.selected == ("baseline rotor_zero",)
+    zero = found.nuisances["baseline rotor_zero"]
+    # A sixth of a turn more is another name of the phases.
+    away = (zero.value - ZERO_RAD + np.pi / 6) % (np.pi / 3) - np.pi / 6
+    assert abs(away) < 4 * zero.standard_error < 0.04
+    for name in ("friction", "backlash", "eccentricity", "gain"):
+        assert found.components[name].value == pytest.approx(getattr(FAULTY, name), abs=0.02)
+
+
+def test_which_phase_is_which_stays_open_then() -> None:
+    found = diagnosed()
+    shorts = [found.components[name] for name in SHORTS]
+    assert sorted(one.value for one in shorts) == pytest.approx([0.0, 0.1, 0.4], abs=0.02)
+    for name, one in zip(SHORTS, shorts, strict=True):
+        low, high = one.interval95
+        assert low <= getattr(FAULTY, name) <= high
+        assert one.verdict == "cannot tell"
+        assert re.search(
+            r"one short is 0\.\d+, one 0\.\d+, one 0\.\d+; record angle_rad, or give rotor_zero", one.reason
+        )
+    phase = found.components["eccentricity_phase"]
+    assert phase.verdict == "cannot tell"
+    assert phase.interval95 == (0.0, 1.0)
+
+
+def test_a_zero_that_is_stated_says_which_phase() -> None:
+    found = diagnosed(TURNED)
+    assert found.explained
+    assert found.selected == ()
+    assert [found.components[name].verdict for name in SHORTS] == ["degraded", "degraded", "healthy"]
+
+
+def test_a_recorded_angle_makes_the_zero_known() -> None:
+    recording = on_a_rig(TURNED, FAULTY, 0.1)
+    angle = recording["command_rad"] / THESIS.mechanics.gear_ratio
+    with_angle = Recording({**recording.channels, "angle_rad": angle})
+    for one, taken in ((recording, True), (with_angle, False)):
+        assert is_taken_from_position(faults_objective(Problem.of(one, THESIS), ())) is taken
