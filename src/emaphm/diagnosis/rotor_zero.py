@@ -149,10 +149,7 @@ def undecided_between_phases(components: Mapping[str, Estimate], result: SearchR
     share_a_verdict = len({one.verdict for one in shorts}) == 1
     interval = min(one.interval95[0] for one in shorts), max(one.interval95[1] for one in shorts)
     values = ", one ".join(f"{one.value:.3f}" for one in sorted(shorts, key=lambda one: -one.value))
-    reason = (
-        "the rotor's electrical zero was estimated, and a sixth of a turn more explains the recording as "
-        f"well, so which phase is which is not known: one short is {values}; {WAY_OUT}"
-    )
+    reason = f"one is {values}: which phase's is open, as the rotor's electrical zero was estimated"
     open_phases = {
         name: replace(components[name], interval95=interval)
         if share_a_verdict
@@ -164,6 +161,6 @@ def undecided_between_phases(components: Mapping[str, Estimate], result: SearchR
         interval95=(0.0, 1.0),
         identifiable=False,
         verdict="cannot tell",
-        reason="it counts from the rotor's electrical zero, which was estimated up to a sixth of a turn",
+        reason="it counts from the rotor's electrical zero, which was estimated",
     )
     return {**components, **open_phases, "eccentricity_phase": direction}

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from emaphm.actuator import Actuator, Faults
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
+from emaphm.diagnosis.selection.description_errors import ROTOR_ZERO
 from emaphm.diagnosis.verdict import Estimate
 from emaphm.diagnosis.wording import physical_text
 from emaphm.estimation.nuisances import BASELINE
@@ -82,7 +83,15 @@ def notes(
             f"{', '.join(of_recording)}. "
             "If this persists, correct the actuator's file; taken as known, it would read as faults."
         )
-    if parameters := [name.removeprefix(BASELINE) for name in selected if name.startswith(BASELINE)]:
+    of_description = [name.removeprefix(BASELINE) for name in selected if name.startswith(BASELINE)]
+    if ROTOR_ZERO in of_description:
+        lines.append(
+            "The rotor's electrical zero is not where the description puts it, and was estimated; a sixth of "
+            "a turn more explains the recording as well, so which phase is which stays open. Record "
+            "angle_rad, or give rotor_zero in [electrical] of the actuator's file: the estimate names the "
+            "phases of later recordings alike."
+        )
+    if parameters := [name for name in of_description if name != ROTOR_ZERO]:
         one_of = ", one of which at least is off" if len(parameters) > 1 else ""
         lines.append(
             f"Also estimated, because the recording contradicts the description: {', '.join(parameters)}"
