@@ -90,7 +90,7 @@ def test_which_phase_is_which_stays_open_then() -> None:
         assert low <= getattr(FAULTY, name) <= high
         assert one.verdict == "cannot tell"
         assert "one is 0.400, one 0.099, one 0.001: which phase's is open" in one.reason
-    assert "give rotor_zero in [electrical]" in found.table()
+    assert "give rotor_zero in [electrical]" in str(found)
     phase = found.components["eccentricity_phase"]
     assert phase.verdict == "cannot tell"
     assert phase.interval95 == (0.0, 1.0)
