@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from emaphm.actuator import Actuator
+from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.actuator.unit.tolerances import Tolerances
 from emaphm.arrays import Array
 
@@ -176,6 +177,11 @@ def described_with(section: str, **factors: float) -> WrongActuator:
         return actuator.model_copy(update={section: part.model_copy(update=values)})
 
     return change
+
+
+def described_at(**values: float) -> WrongActuator:
+    """Return what sets lumped parameters of the description to `values`."""
+    return lambda actuator: with_lumped_parameters(actuator, values)
 
 
 def with_tolerances(described: WrongActuator, **tolerances: float) -> WrongActuator:

@@ -158,6 +158,9 @@ def _descriptions() -> list[SpoiltClass]:
         SpoiltClass("pole pairs × 2", "description", TOTAL, described=wrong("electrical", pole_pairs=2.0)),
         SpoiltClass("supply × 0.5", "description", TOTAL, described=wrong("electrical", supply=0.5)),
         SpoiltClass("gear ratio × 2", "description", TOTAL, described=wrong("mechanics", gear_ratio=2.0)),
+        SpoiltClass(
+            "rotor's zero + 0.4 rad", "description", TOTAL, described=changes.described_at(rotor_zero=0.4)
+        ),
         *_toleranced("torque constant × 1.3", 0.3, "motor", torque_constant=1.3),
         *_toleranced("torque constant × 1.1", 0.1, "motor", torque_constant=1.1),
         *_toleranced("resistance × 1.1", 0.1, "electrical", resistance=1.1),
