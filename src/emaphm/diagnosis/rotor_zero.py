@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from emaphm.actuator import NAMES
+from emaphm.actuator import NAMES, Actuator
 from emaphm.actuator.law_sections import DriveKind
 from emaphm.arrays import Array
 from emaphm.diagnosis.selection.description_errors import ROTOR_ZERO, suspected_parameters
@@ -23,7 +23,7 @@ from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.methods import Method
 from emaphm.estimation.nuisances import BASELINE
 from emaphm.estimation.objective import MapObjective
-from emaphm.estimation.parameter_space import ECCENTRICITY, SHORTS
+from emaphm.estimation.parameter_space import ECCENTRICITY, SHORTS, ParameterSpace
 from emaphm.estimation.parameter_variation import ParameterVariation
 from emaphm.estimation.search import search
 from emaphm.estimation.search_result import SearchResult
@@ -56,6 +56,9 @@ ROTOR_ZERO_SETTINGS = RotorZeroSettings()
 COMMUTATING: tuple[DriveKind, ...] = ("hysteresis", "six-step")
 """Drives whose conducting phases change by the rotor's angle; other currents know no sixth of a turn."""
 
+SIXTH = np.pi / 3
+"""Of a turn [rad, electrical]."""
+
 WAY_OUT = "record angle_rad, or give rotor_zero in [electrical] of the actuator's TOML"
 
 
@@ -86,9 +89,8 @@ def zero_shown(result: SearchResult, jacobians: Array) -> float:
 def with_rotor_at(objective: MapObjective, electrical_rad: float) -> MapObjective:
     """Return the objective whose rotor is `electrical_rad` farther from the position's zero."""
     problem = objective.problem
-    electrical = problem.actuator.electrical
-    poles = 1 if electrical is None else electrical.pole_pairs
-    start = replace(problem.start, rotor_offset=problem.start.rotor_offset + electrical_rad / poles)
+    offset = problem.start.rotor_offset + electrical_rad / _poles(problem.actuator)
+    start = replace(problem.start, rotor_offset=offset)
     return replace(objective, problem=replace(problem, start=start))
 
 
@@ -98,33 +100,81 @@ def with_rotor_zero(searched: SearchResult, method: Method, max_corrections: int
     That is where only another one explains it, or one leaves clearly less; elsewhere `searched` as it is, or
     what it would have been where the new search has only found its way better.
     """
-    objective = searched.objective
-    if objective.problem.actuator.drive_kind not in COMMUTATING or not is_taken_from_position(objective):
+    if not is_sought(searched.objective):
         return searched
     if searched.explained and not (_phases_differ(searched) and _shows_zero(searched, seed)):
         return searched
-    child = child_seed(seed, "the rotor's zero")
-    actuator = objective.problem.actuator
+    found = with_zero_near(searched, 0.0, method, max_corrections, seed)
+    if not found.explained:
+        return searched
+    if searched.explained and share_of_residual(found, searched) >= ROTOR_ZERO_SETTINGS.share:
+        return searched
+    if abs(zero_of(found)) > ROTOR_ZERO_SETTINGS.least:
+        return found
+    start = searched.objective.space.carried_over(found.point, found.objective.space)
+    child = child_seed(seed, "the rotor's zero, as described")
+    as_described = correct_bias(searched.objective, start[np.newaxis], max_corrections, child)
+    return as_described if as_described.explained else searched
+
+
+def is_sought(objective: MapObjective) -> bool:
+    """Return whether a recording may show another zero of the rotor, and which."""
+    return objective.problem.actuator.drive_kind in COMMUTATING and is_taken_from_position(objective)
+
+
+def with_zero_near(
+    searched: SearchResult, near: float, method: Method, max_corrections: int, seed: int
+) -> SearchResult:
+    """Return the estimate with the rotor's zero free: the one that is nearest to `near` [rad, electrical].
+
+    Of all that are a sixth of a turn apart, so that the phases of several recordings have the same names.
+    """
+    actuator, child = searched.objective.problem.actuator, child_seed(seed, "the rotor's zero")
     opened = ParameterVariation.free(actuator, (ROTOR_ZERO,)).known_to(
         {ROTOR_ZERO: ROTOR_ZERO_SETTINGS.prior}
     )
     found = search(
-        with_open(objective, actuator, opened),
+        with_open(searched.objective, actuator, opened),
         method,
         fitness="least_squares",
         max_corrections=max_corrections,
         seed=child,
     )
-    if not found.explained:
-        return searched
-    if searched.explained and share_of_residual(found, searched) >= ROTOR_ZERO_SETTINGS.share:
-        return searched
-    zero = found.objective.space.nuisance_values(found.point[np.newaxis])[BASELINE + ROTOR_ZERO]
-    if abs(float(zero[0])) > ROTOR_ZERO_SETTINGS.least:
+    sixths = round((zero_of(found) - near) / SIXTH)
+    if not sixths:
         return found
-    start = objective.space.carried_over(found.point, found.objective.space)
-    as_described = correct_bias(objective, start[np.newaxis], max_corrections, child)
-    return as_described if as_described.explained else searched
+    start = with_phases_renamed(found.objective.space, found.point, actuator, sixths)
+    return correct_bias(found.objective, start[np.newaxis], max_corrections, child)
+
+
+def zero_of(result: SearchResult) -> float:
+    """Return the rotor's zero that was estimated, from the described one [rad, electrical]."""
+    return float(result.objective.space.nuisance_values(result.point[np.newaxis])[BASELINE + ROTOR_ZERO][0])
+
+
+def with_phases_renamed(space: ParameterSpace, point: Array, actuator: Actuator, sixths: int) -> Array:
+    """Return the point (d,) of the same motor by other names of its phases: its zero `sixths` of a turn less.
+
+    A sixth less, and a is what c was, b what a was, c what b was. The eccentricity keeps its place in the
+    machine.
+    """
+    faults = space.faults(point)
+    shorts = [NAMES.index(name) for name in SHORTS]
+    faults[shorts] = np.roll(faults[shorts], sixths)
+    turned = sixths * (SIXTH / _poles(actuator) - 2 * SIXTH)
+    direction = NAMES.index("eccentricity_phase")
+    faults[direction] = (faults[direction] + turned / (2 * np.pi)) % 1.0
+    nuisances, first = space.nuisances, len(space.columns)
+    renamed = space.points(faults)
+    renamed[first:] = point[first:]
+    column = nuisances.names.index(BASELINE + ROTOR_ZERO)
+    row = nuisances.quantities.index(BASELINE + ROTOR_ZERO)
+    renamed[first + column] -= sixths * SIXTH / nuisances.meaning[row, column]
+    return space.project(renamed)
+
+
+def _poles(actuator: Actuator) -> int:
+    return actuator.electrical.pole_pairs if actuator.electrical else 1
 
 
 def _phases_differ(result: SearchResult) -> bool:

@@ -14,6 +14,7 @@ import numpy as np
 from emaphm.actuator import Actuator
 from emaphm.diagnosis.diagnose import moves_at, objective_for
 from emaphm.diagnosis.identifiability import identifiability
+from emaphm.diagnosis.rotor_zero import is_sought, with_rotor_zero, with_zero_near, zero_of
 from emaphm.diagnosis.selection.description_errors import suspected_parameters, with_free
 from emaphm.diagnosis.selection.deviations import with_description_error
 from emaphm.diagnosis.selection.extension import with_nuisances
@@ -103,10 +104,32 @@ def search_alone(
         if on_progress:
             on_progress((r + 1) / len(recordings))
     if nuisances is None:
+        found = _with_common_zero(found, method, max_corrections)
         found = _with_description_errors(found, method, max_corrections)
     selected = tuple(dict.fromkeys(name for one in found for name in one.names))
     alone = [_with_all(one.result, one.names, selected, max_corrections, seed) for one in found]
     return alone, (*selected, *suspected_parameters(alone[0]))
+
+
+def _with_common_zero(found: list[_Alone], method: Method, max_corrections: int) -> list[_Alone]:
+    """Return the estimates with the rotor's zero, common to all, where a recording shows that it is off."""
+    possible = all(one.is_corrected and is_sought(one.searched.objective) for one in found)
+    for one in found if possible else ():
+        if not moves_at(one.searched.objective, one.searched.point):
+            continue
+        shown = with_rotor_zero(one.searched, method, max_corrections, one.seed)
+        if not is_sought(shown.objective):  # it is free now
+            near = zero_of(shown)
+            return [
+                each.selecting(
+                    shown
+                    if each is one
+                    else with_zero_near(each.searched, near, method, max_corrections, each.seed),
+                    max_corrections,
+                )
+                for each in found
+            ]
+    return found
 
 
 def _with_description_errors(found: list[_Alone], method: Method, max_corrections: int) -> list[_Alone]:
@@ -117,13 +140,14 @@ def _with_description_errors(found: list[_Alone], method: Method, max_correction
     if not all(one.is_corrected for one in found):
         return found
     asked = [one.with_description_error(method, max_corrections) for one in found]
-    counts = Counter(name for one in asked for name in one.parameters)
+    open_before = found[0].parameters
+    counts = Counter(name for one in asked for name in one.parameters if name not in open_before)
     free = tuple(name for name, count in counts.items() if count >= LEAST_SHARE * len(found))
     if not free:
         return found
     return [
         one
-        if one.parameters == free
+        if set(one.parameters) == {*open_before, *free}
         else one.selecting(with_free(one.searched, free, method, max_corrections, one.seed), max_corrections)
         for one in asked
     ]

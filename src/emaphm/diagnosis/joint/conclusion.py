@@ -11,6 +11,7 @@ from emaphm.arrays import Array
 from emaphm.diagnosis.identifiability import collinear_sets
 from emaphm.diagnosis.joint.result import JointDiagnosis, JointRecording
 from emaphm.diagnosis.result import Diagnosis
+from emaphm.diagnosis.rotor_zero import undecided_between_phases
 from emaphm.diagnosis.verdict import Estimate, estimates, unexplained
 from emaphm.estimation.joint.contradictions import contradictions, dissenting
 from emaphm.estimation.joint.correction import JointEstimate
@@ -58,6 +59,8 @@ def conclusion(
         components = unexplained(components, space.fixed)
     elif not between.agree:
         components = {name: _undecided(one) for name, one in components.items()}
+    else:
+        components = undecided_between_phases(components, results[0])
     parts = [
         _recording(one, *pair, contradicts=bool(flag))
         for one, pair, flag in zip(single, zip(alone, results, strict=True), between.named, strict=True)
