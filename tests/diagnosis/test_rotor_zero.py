@@ -10,12 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cases import THESIS, on_a_rig
-from emaphm.actuator import Actuator, Faults
+from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.diagnosis.explanation.rotor_zero import contradicted_zero
 from emaphm.diagnosis.joint.diagnose import diagnose_joint
-from emaphm.diagnosis.rotor_zero import is_taken_from_position, with_phases_renamed
+from emaphm.diagnosis.rotor_zero import is_as_described, with_phases_renamed
 from emaphm.diagnosis.selection.law_selection import with_open
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.objective import MapObjective, faults_objective
@@ -24,6 +24,8 @@ from emaphm.estimation.parameter_variation import ParameterVariation
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at
 from emaphm.recording import Recording
+from emaphm.recording.schema import PHASES
+from emaphm.simulated_recording import simulate
 from simulation.rig import altered
 
 TURNED_RAD = 0.12
@@ -96,7 +98,7 @@ def test_which_phase_is_which_stays_open_then() -> None:
         assert low <= getattr(FAULTY, name) <= high
         assert one.verdict == "cannot tell"
         assert "one is 0.400, one 0.099, one 0.001: which phase's is open" in one.reason
-    assert "give rotor_zero in [electrical]" in str(found)
+    assert "Give rotor_zero in [electrical]" in str(found)
     phase = found.components["eccentricity_phase"]
     assert phase.verdict == "cannot tell"
     assert phase.interval95 == (0.0, 1.0)
@@ -148,9 +150,9 @@ def turned_objective() -> MapObjective:
     return with_open(objective, THESIS, wide)
 
 
-def test_a_recorded_angle_makes_the_zero_known() -> None:
-    recording = on_a_rig(TURNED, FAULTY, 0.1)
-    angle = recording["command_rad"] / THESIS.mechanics.gear_ratio
-    with_angle = Recording({**recording.channels, "angle_rad": angle})
-    for one, taken in ((recording, True), (with_angle, False)):
-        assert is_taken_from_position(faults_objective(Problem.of(one, THESIS), ())) is taken
+def test_a_current_that_the_angle_has_made_takes_the_zero_as_described() -> None:
+    whole = simulate(THESIS, Chirp(duration=0.1), duration=0.1)
+    own = ("time_s", "command_rad", "angle_rad")
+    for names, as_described in ((("current_A",), True), ((*PHASES, "current_A"), False)):
+        recording = Recording({name: whole[name] for name in (*own, *names)})
+        assert is_as_described(faults_objective(Problem.of(recording, THESIS), ())) is as_described

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from emaphm.actuator import Actuator, Chirp
+from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.errors import RecordingError
 from emaphm.recording import (
     Recording,
@@ -167,6 +168,19 @@ def test_the_drive_decides_how_phases_become_one_current() -> None:
     np.testing.assert_allclose(made, whole["current_A"], rtol=0, atol=2e-3 * scale)
     trapezoidal = with_equivalent_current(phases, Actuator.thesis())["current_A"]
     assert np.abs(trapezoidal - made).max() > 0.02 * scale
+
+
+@pytest.mark.parametrize("kind", ["thesis", "pmsm"])
+def test_a_zero_of_the_rotor_turns_the_recorded_angle(kind: str) -> None:
+    described = Actuator.thesis() if kind == "thesis" else Actuator.pmsm()
+    assert described.electrical is not None
+    turned = with_lumped_parameters(described, {"rotor_zero": 0.6})
+    angle = np.linspace(0.0, 9.0, 300)
+    currents = {f"current_{phase}_A": np.cos(angle + i) for i, phase in enumerate("abc")}
+    rows = {"time_s": np.arange(300) * 1e-3, "command_rad": angle, **currents}
+    before = Recording({**rows, "angle_rad": angle + 0.6 / described.electrical.pole_pairs})
+    after = with_equivalent_current(Recording({**rows, "angle_rad": angle}), turned)["current_A"]
+    np.testing.assert_allclose(after, with_equivalent_current(before, described)["current_A"], atol=1e-12)
 
 
 def test_phases_that_do_not_fit_the_angle_are_refused() -> None:

@@ -1,10 +1,9 @@
-"""A rotor whose electrical zero is not where the zero of the position, or of the command, puts it.
+"""A rotor whose electrical zero is not where the recorded angle, or without one the position, puts it.
 
-Commutation follows the rotor. Where its angle is not recorded, the model takes it from the position, and a
-zero that is not as described turns the field against the windings. The residual shows that: by its direction
-where the error is small (Rao 1948: a score test), by its size where it is not. A motor with trapezoidal
-back-EMF is the same six times a turn but for the names of its phases and the signs of their currents, so the
-zero is found up to a sixth of a turn, and which phase is which stays open.
+Commutation follows the rotor, and a zero that is not as described turns the field against the windings. The
+residual shows that: by its direction where the error is small (Rao 1948: a score test), by its size where it
+is not. A motor with trapezoidal back-EMF is the same six times a turn but for the names of its phases and the
+signs of their currents, so the zero is found up to a sixth of a turn, and which phase is which stays open.
 """
 
 from collections.abc import Mapping
@@ -30,6 +29,7 @@ from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.uncertainty.local_covariance import jacobians_of
 from emaphm.estimation.uncertainty.partial_regression import size_of_one
 from emaphm.random_streams import child_seed, stream
+from emaphm.recording.schema import PHASES
 
 
 @dataclass(frozen=True)
@@ -59,15 +59,18 @@ COMMUTATING: tuple[DriveKind, ...] = ("hysteresis", "six-step")
 SIXTH = np.pi / 3
 """Of a turn [rad, electrical]."""
 
-WAY_OUT = "record angle_rad, or give rotor_zero in [electrical] of the actuator's TOML"
+WAY_OUT = "give rotor_zero in [electrical] of the actuator's TOML"
 
 
-def is_taken_from_position(objective: MapObjective) -> bool:
-    """Return whether the rotor's angle is the position's, by a zero that is as described."""
-    actuator = objective.problem.actuator
+def is_as_described(objective: MapObjective) -> bool:
+    """Return whether the rotor's zero rests on the description alone, and could be another.
+
+    Where the current was made of three phases by the recorded angle, that would be another current too.
+    """
+    actuator, measured = objective.problem.actuator, objective.problem.measured
     found = (*objective.space.nuisances.parameters, *(actuator.baseline.names if actuator.baseline else ()))
-    recorded = "angle_rad" in objective.problem.measured
-    return actuator.electrical is not None and ROTOR_ZERO not in found and not recorded
+    made_of_phases = all(name in measured for name in (*PHASES, "angle_rad"))
+    return actuator.electrical is not None and ROTOR_ZERO not in found and not made_of_phases
 
 
 def zero_shown(result: SearchResult, jacobians: Array) -> float:
@@ -76,7 +79,7 @@ def zero_shown(result: SearchResult, jacobians: Array) -> float:
     `jacobians`, (n, d, channel rows), are the estimate's.
     """
     objective, settings = result.objective, ROTOR_ZERO_SETTINGS
-    if not is_taken_from_position(objective):
+    if not is_as_described(objective):
         return 0.0
     low, high = (
         with_rotor_at(objective, end).outputs(result.point[np.newaxis])[0, : objective.channel_rows]
@@ -119,7 +122,7 @@ def with_rotor_zero(searched: SearchResult, method: Method, max_corrections: int
 
 def is_sought(objective: MapObjective) -> bool:
     """Return whether a recording may show another zero of the rotor, and which."""
-    return objective.problem.actuator.drive_kind in COMMUTATING and is_taken_from_position(objective)
+    return objective.problem.actuator.drive_kind in COMMUTATING and is_as_described(objective)
 
 
 def with_zero_near(

@@ -87,9 +87,9 @@ def notes(
     if ROTOR_ZERO in of_description:
         lines.append(
             "The rotor's electrical zero is not where the description puts it, and was estimated; a sixth of "
-            "a turn more explains the recording as well, so which phase is which stays open. Record "
-            "angle_rad, or give rotor_zero in [electrical] of the actuator's file: the estimate names the "
-            "phases of later recordings alike."
+            "a turn more explains the recording as well, so which phase is which stays open. Give "
+            "rotor_zero in [electrical] of the actuator's file: the estimate names the phases of later "
+            "recordings alike."
         )
     if parameters := [name for name in of_description if name != ROTOR_ZERO]:
         one_of = ", one of which at least is off" if len(parameters) > 1 else ""

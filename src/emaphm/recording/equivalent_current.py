@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from emaphm.actuator import Actuator
+from emaphm.actuator.parameters import Electrical
+from emaphm.arrays import Array
 from emaphm.errors import RecordingError, nearest
 from emaphm.recording.recording import Recording
 from emaphm.recording.schema import PHASES, RESPONSES
@@ -116,6 +118,11 @@ def _fitting(phases: ArrayLike, angle: ArrayLike) -> tuple[NDArray[np.float64], 
     return currents, motor_angle
 
 
+def rotor_angle(recording: Recording, electrical: Electrical) -> Array:
+    """Return the recorded `angle_rad` (n,) [rad] from where the electrical angle is 0."""
+    return recording["angle_rad"] + electrical.rotor_zero / electrical.pole_pairs
+
+
 def with_equivalent_current(recording: Recording, actuator: Actuator) -> Recording:
     """Return `recording` with `current_A`, made from its phase currents and `angle_rad` where it is absent.
 
@@ -148,5 +155,5 @@ def with_equivalent_current(recording: Recording, actuator: Actuator) -> Recordi
         )
     phases = np.stack([recording[name] for name in PHASES])
     of_motor = sinusoidal_equivalent_current if actuator.drive_kind == "foc" else equivalent_current
-    current = of_motor(phases, recording["angle_rad"], actuator.electrical.pole_pairs)
+    current = of_motor(phases, rotor_angle(recording, actuator.electrical), actuator.electrical.pole_pairs)
     return recording.with_channels({**recording.channels, "current_A": current})

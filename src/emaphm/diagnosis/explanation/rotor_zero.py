@@ -34,8 +34,8 @@ def contradicted_zero(result: SearchResult, jacobians: Array, seed: int) -> tupl
     if elsewhere >= ROTOR_ZERO_SETTINGS.share * as_described:
         return ()
     sentence = (
-        f"the rotor's electrical zero seems to be {size:+.2g} rad from where the position's zero puts it, "
+        f"the rotor's electrical zero seems to be {size:+.2g} rad from where the description puts it, "
         "or that and a sixth of a turn; the faults, of one phase or another, would otherwise take it up: "
-        f"{WAY_OUT}, or correct the zero of command and position"
+        f"{WAY_OUT}, or correct the zero of command, position and angle"
     )
     return (sentence,)

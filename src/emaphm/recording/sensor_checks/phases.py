@@ -8,7 +8,11 @@ import numpy as np
 
 from emaphm.actuator import Actuator
 from emaphm.arrays import Array
-from emaphm.recording.equivalent_current import equivalent_current, sinusoidal_equivalent_current
+from emaphm.recording.equivalent_current import (
+    equivalent_current,
+    rotor_angle,
+    sinusoidal_equivalent_current,
+)
 from emaphm.recording.recording import Recording
 from emaphm.recording.schema import PHASES
 from emaphm.recording.sensor_checks.finding import SensorFinding
@@ -86,7 +90,7 @@ def _ordered(
     """Return the phases in the order that makes torque of their currents, where the recorded one does not."""
     if "angle_rad" not in recording or actuator.electrical is None:
         return {}, []
-    angle, pairs = recording["angle_rad"], actuator.electrical.pole_pairs
+    angle, pairs = rotor_angle(recording, actuator.electrical), actuator.electrical.pole_pairs
     if np.ptp(np.unwrap(angle)) * pairs < 2 * np.pi:
         return {}, []
     of_motor = sinusoidal_equivalent_current if actuator.drive_kind == "foc" else equivalent_current
