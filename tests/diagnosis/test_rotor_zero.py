@@ -25,6 +25,7 @@ from emaphm.estimation.problem import Problem
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at
 from emaphm.recording import Recording
 from emaphm.recording.schema import PHASES
+from emaphm.report.wording import headline
 from emaphm.simulated_recording import simulate
 from simulation.rig import altered
 
@@ -99,6 +100,12 @@ def test_which_phase_is_which_stays_open_then() -> None:
         assert one.verdict == "cannot tell"
         assert "one is 0.400, one 0.099, one 0.001: which phase's is open" in one.reason
     assert "Give rotor_zero in [electrical]" in str(found)
+    assert found.shorts_of_open_phases == pytest.approx((0.4, 0.1), abs=0.02)
+    assert diagnosed(TURNED).shorts_of_open_phases == ()
+    assert headline(found).words == (
+        "Degraded: friction, backlash, rotor eccentricity, windings (phases open)."
+    )
+    assert "40.0 % of one winding" in headline(found).sentences[1]
     phase = found.components["eccentricity_phase"]
     assert phase.verdict == "cannot tell"
     assert phase.interval95 == (0.0, 1.0)

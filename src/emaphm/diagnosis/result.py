@@ -11,11 +11,12 @@ import numpy as np
 from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.arrays import Array
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
-from emaphm.diagnosis.selection.settings import DESCRIPTION_ERRORS
+from emaphm.diagnosis.selection.settings import DESCRIPTION_ERRORS, ROTOR_ZERO
 from emaphm.diagnosis.sensor_faults import SensorFault, sensor_faults
 from emaphm.diagnosis.text import fault_rows, notes
-from emaphm.diagnosis.verdict import Estimate
+from emaphm.diagnosis.verdict import VERDICT, Z95, Estimate
 from emaphm.estimation.nuisances import BASELINE
+from emaphm.estimation.parameter_space import SHORTS
 from emaphm.estimation.uncertainty.collinearity import CollinearSet
 from emaphm.estimation.uncertainty.model_error import HealthyComparison
 from emaphm.estimation.uncertainty.shared_error import shared_covariance
@@ -149,8 +150,24 @@ class Diagnosis:
         Of the first f `coordinates`. How a unit's parameters deviate, within tolerances or a baseline, is the
         same in each of its recordings. None where they are known.
         """
-        suspected = {name: DESCRIPTION_ERRORS.prior for name in self.selected if name.startswith(BASELINE)}
+        parameters = [name for name in self.selected if name.startswith(BASELINE)]
+        suspected = {name: DESCRIPTION_ERRORS.prior_of(name.removeprefix(BASELINE)) for name in parameters}
         return shared_covariance(self.actuator, self.coordinates, self.covariance, suspected)
+
+    @property
+    def shorts_of_open_phases(self) -> tuple[float, ...]:
+        """The shorts that are there, the largest first, where it is open which phase has which.
+
+        That is where the rotor's electrical zero was estimated (`emaphm.diagnosis.rotor_zero`); empty
+        elsewhere.
+        """
+        if BASELINE + ROTOR_ZERO not in self.selected or not self.explained:
+            return ()
+        shorts = [self.components[name] for name in SHORTS]
+        present = [
+            one.value for one in shorts if one.value - Z95 * one.standard_error > VERDICT.healthy_margin
+        ]
+        return tuple(sorted(present, reverse=True)) if shorts[0].verdict == "cannot tell" else ()
 
     @property
     def relative_residual(self) -> float:

@@ -14,9 +14,10 @@ import numpy as np
 from emaphm.actuator import NAMES, Actuator
 from emaphm.actuator.law_sections import DriveKind
 from emaphm.arrays import Array
-from emaphm.diagnosis.selection.description_errors import ROTOR_ZERO, suspected_parameters
+from emaphm.diagnosis.selection.description_errors import suspected_parameters
 from emaphm.diagnosis.selection.law_selection import with_open
 from emaphm.diagnosis.selection.nuisance_selection import share_of_residual
+from emaphm.diagnosis.selection.settings import DESCRIPTION_ERRORS, ROTOR_ZERO
 from emaphm.diagnosis.verdict import VERDICT, Estimate
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.methods import Method
@@ -39,16 +40,13 @@ class RotorZeroSettings:
     An error above `least` [rad, electrical] and `score` standard errors, with which less than `share` of the
     mean squared residual is left. Ten recordings whose zero was right had 0.002 rad and 1.5 standard errors
     at most, but for healthy windings, where none shows; six with one 2 rad off, which is 0.09 rad off for
-    another phase, 0.05 to 0.08 rad and 5 to 31. `step` is that of the derivative, `prior` the standard
-    deviation with which a zero is sought, in units of `parameter_variation.sizes`: 0.3 rad, that of one which
-    is anywhere within a sixth of a turn.
+    another phase, 0.05 to 0.08 rad and 5 to 31. `step` is that of the derivative.
     """
 
     least: float = 0.02
     score: float = 3.0
     share: float = 0.985
     step: float = 0.05
-    prior: float = 1.2
 
 
 ROTOR_ZERO_SETTINGS = RotorZeroSettings()
@@ -133,9 +131,8 @@ def with_zero_near(
     Of all that are a sixth of a turn apart, so that the phases of several recordings have the same names.
     """
     actuator, child = searched.objective.problem.actuator, child_seed(seed, "the rotor's zero")
-    opened = ParameterVariation.free(actuator, (ROTOR_ZERO,)).known_to(
-        {ROTOR_ZERO: ROTOR_ZERO_SETTINGS.prior}
-    )
+    prior = {ROTOR_ZERO: DESCRIPTION_ERRORS.prior_of(ROTOR_ZERO)}
+    opened = ParameterVariation.free(actuator, (ROTOR_ZERO,)).known_to(prior)
     found = search(
         with_open(searched.objective, actuator, opened),
         method,

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from emaphm.actuator import Actuator, Faults
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
-from emaphm.diagnosis.selection.description_errors import ROTOR_ZERO
+from emaphm.diagnosis.selection.settings import ROTOR_ZERO
 from emaphm.diagnosis.verdict import Estimate
 from emaphm.diagnosis.wording import physical_text
 from emaphm.estimation.nuisances import BASELINE

@@ -37,8 +37,10 @@ def headline(diagnosis: Diagnosis) -> Headline:
     degraded, healthy, undecided = (
         _of_verdict(name, diagnosis) for name in ("degraded", "healthy", "cannot tell")
     )
+    shorts = [f"{100 * share:.1f} % of one winding" for share in diagnosis.shorts_of_open_phases]
     findings = (
         _sentence("Size of the faults", [_size(name, diagnosis) for name in degraded]),
+        _sentence("Shorted, and which phase it is is open", shorts),
         _sentence("Healthy", [LABELS[name] for name in healthy]),
         _sentence("Inconclusive", [LABELS[name] for name in undecided]),
     )
@@ -47,8 +49,9 @@ def headline(diagnosis: Diagnosis) -> Headline:
     if not diagnosis.explained:
         words = "Not reliable: the model does not explain this recording."
         return Headline(words, (explanation, *sentences), "doubtful")
-    if degraded:
-        words = _sentence("Degraded", [LABELS[name] for name in degraded])
+    if degraded or shorts:
+        open_phases = ["windings (phases open)"] if shorts else []
+        words = _sentence("Degraded", [LABELS[name] for name in degraded] + open_phases)
         return Headline(words, (*sentences, explanation), "degraded")
     words = (
         "No fault found, but some components are inconclusive." if undecided else "Healthy: no fault found."

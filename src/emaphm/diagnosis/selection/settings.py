@@ -4,6 +4,9 @@ from dataclasses import dataclass
 
 from emaphm.estimation.sensors.sensor_model import sensor_error
 
+ROTOR_ZERO = "rotor_zero"
+"""The parameter of the description, as `emaphm.actuator.unit.baseline` names it."""
+
 
 @dataclass(frozen=True)
 class NuisanceSelectionSettings:
@@ -99,7 +102,8 @@ class DescriptionErrorSettings:
     than `certain` ones decide by themselves, where the residual does not become larger. Of 40 recordings of
     an actuator as described, with current and line voltage, one had more than 1.5 (2.3); of 16 with random
     faults whose torque constant was a tenth off, 12 had. `prior` is the standard deviation of a parameter's
-    logarithm, `step` the change of the inductance's for its derivative.
+    logarithm, `step` the change of the inductance's for its derivative. `zero_prior` is that of the rotor's
+    zero, in units of `parameter_variation.sizes`: 0.3 rad, of one that is anywhere within a sixth of a turn.
     """
 
     least: float = 0.03
@@ -107,6 +111,11 @@ class DescriptionErrorSettings:
     certain: float = 2.5
     prior: float = 0.1
     step: float = 0.02
+    zero_prior: float = 1.2
+
+    def prior_of(self, parameter: str) -> float:
+        """Return the standard deviation of a parameter's coordinate, where it is estimated unasked."""
+        return self.zero_prior if parameter == ROTOR_ZERO else self.prior
 
 
 DESCRIPTION_ERRORS = DescriptionErrorSettings()
