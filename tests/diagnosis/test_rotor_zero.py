@@ -98,14 +98,17 @@ def test_which_phase_is_which_stays_open_then() -> None:
         low, high = one.interval95
         assert low <= getattr(FAULTY, name) <= high
         assert one.verdict == "cannot tell"
-        assert "one is 0.400, one 0.099, one 0.001: which phase's is open" in one.reason
+        assert "one phase has 0.400, one 0.099, one 0.001: which has which is open" in one.reason
     assert "Give rotor_zero in [electrical]" in str(found)
     assert found.shorts_of_open_phases == pytest.approx((0.4, 0.1), abs=0.02)
     assert diagnosed(TURNED).shorts_of_open_phases == ()
     assert headline(found).words == (
         "Degraded: friction, backlash, rotor eccentricity, windings (phases open)."
     )
-    assert "40.0 % of one winding" in headline(found).sentences[1]
+    assert (
+        headline(found).sentences[1]
+        == "Shorted turns, their phases open: 40.0 % of one winding, 9.9 % of another."
+    )
     phase = found.components["eccentricity_phase"]
     assert phase.verdict == "cannot tell"
     assert phase.interval95 == (0.0, 1.0)

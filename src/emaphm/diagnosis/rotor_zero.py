@@ -199,7 +199,7 @@ def undecided_between_phases(components: Mapping[str, Estimate], result: SearchR
     share_a_verdict = len({one.verdict for one in shorts}) == 1
     interval = min(one.interval95[0] for one in shorts), max(one.interval95[1] for one in shorts)
     values = ", one ".join(f"{one.value:.3f}" for one in sorted(shorts, key=lambda one: -one.value))
-    reason = f"one is {values}: which phase's is open, as the rotor's electrical zero was estimated"
+    reason = f"one phase has {values}: which has which is open, as the rotor's zero was estimated"
     open_phases = {
         name: replace(components[name], interval95=interval)
         if share_a_verdict

@@ -37,10 +37,13 @@ def headline(diagnosis: Diagnosis) -> Headline:
     degraded, healthy, undecided = (
         _of_verdict(name, diagnosis) for name in ("degraded", "healthy", "cannot tell")
     )
-    shorts = [f"{100 * share:.1f} % of one winding" for share in diagnosis.shorts_of_open_phases]
+    shorts = [
+        f"{100 * share:.1f} % of {'another' if i else 'one winding'}"
+        for i, share in enumerate(diagnosis.shorts_of_open_phases)
+    ]
     findings = (
         _sentence("Size of the faults", [_size(name, diagnosis) for name in degraded]),
-        _sentence("Shorted, and which phase it is is open", shorts),
+        _sentence("Shorted turns, their phases open", shorts),
         _sentence("Healthy", [LABELS[name] for name in healthy]),
         _sentence("Inconclusive", [LABELS[name] for name in undecided]),
     )
