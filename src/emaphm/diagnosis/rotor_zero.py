@@ -63,12 +63,14 @@ WAY_OUT = "give rotor_zero in [electrical] of the actuator's TOML"
 def is_as_described(objective: MapObjective) -> bool:
     """Return whether the rotor's zero rests on the description alone, and could be another.
 
-    Where the current was made of three phases by the recorded angle, that would be another current too.
+    Where the current was made of three phases by the recorded angle, that would be another current too; and
+    a drive without commutation needs the angle's zero itself.
     """
     actuator, measured = objective.problem.actuator, objective.problem.measured
     found = (*objective.space.nuisances.parameters, *(actuator.baseline.names if actuator.baseline else ()))
-    made_of_phases = all(name in measured for name in (*PHASES, "angle_rad"))
-    return actuator.electrical is not None and ROTOR_ZERO not in found and not made_of_phases
+    of_phases = all(name in measured for name in PHASES)
+    known = "angle_rad" in measured and (of_phases or actuator.drive_kind not in COMMUTATING)
+    return actuator.electrical is not None and ROTOR_ZERO not in found and not known
 
 
 def zero_shown(result: SearchResult, jacobians: Array) -> float:
