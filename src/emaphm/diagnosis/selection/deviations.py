@@ -7,7 +7,11 @@ from emaphm.diagnosis.rotor_zero import with_rotor_zero
 from emaphm.diagnosis.selection.description_errors import possible_errors, with_free
 from emaphm.diagnosis.selection.hidden_laws import suspected_laws, with_hidden_law
 from emaphm.diagnosis.selection.law_selection import acts, select_laws, without_law
-from emaphm.diagnosis.selection.nuisance_selection import select_nuisances, share_of_residual
+from emaphm.diagnosis.selection.nuisance_selection import (
+    SelectedNuisances,
+    select_nuisances,
+    share_of_residual,
+)
 from emaphm.diagnosis.selection.ripple import ripple_share
 from emaphm.diagnosis.selection.sensor_lag import SENSOR_LAG, is_lag_suspected, with_sensor_lag
 from emaphm.diagnosis.selection.settings import SELECTION
@@ -33,12 +37,11 @@ def select_deviations(
     if not searched.explained:
         of_all_phases = over_all_phases(searched, seed)
         searched = of_all_phases if of_all_phases.explained else searched
-    if moves and resolves_switching(searched.objective.problem):
-        searched = with_rotor_zero(searched, method, max_corrections, seed)
-    found = select_nuisances(searched, max_corrections, seed)
+    if not (moves and resolves_switching(searched.objective.problem)):
+        found = select_nuisances(searched, max_corrections, seed)
+        return found.result, found.names, ()
+    searched, found = _with_rotor_zero(searched, method, max_corrections, seed)
     result, without = found.result, (found.result, found.names, ())
-    if not (moves and resolves_switching(result.objective.problem)):
-        return without
     if not result.explained:
         with_laws, laws = select_laws(searched, method, max_corrections, seed)
         if laws or with_laws.explained:
@@ -52,6 +55,23 @@ def select_deviations(
     if selection[2]:
         return selection
     return with_description_error(searched, selection, method, max_corrections, seed)
+
+
+def _with_rotor_zero(
+    searched: SearchResult, method: Method, max_corrections: int, seed: int
+) -> tuple[SearchResult, SelectedNuisances]:
+    """Return the estimate, with the rotor's zero where the recording shows another, and its nuisances.
+
+    A zero that needs nuisances too is kept only if it leaves clearly less than they do without it.
+    """
+    turned = with_rotor_zero(searched, method, max_corrections, seed)
+    found = select_nuisances(turned, max_corrections, seed)
+    if turned is searched or not found.names:
+        return turned, found
+    without_zero = select_nuisances(searched, max_corrections, seed)
+    if share_of_residual(found.result, without_zero.result) < SELECTION.likely_share:
+        return turned, found
+    return searched, without_zero
 
 
 def _with_lag(
