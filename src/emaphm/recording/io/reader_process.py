@@ -114,9 +114,12 @@ class ReaderProcess:
         self._process.kill()
 
     def end(self) -> None:
-        """End the process."""
-        with self._process:  # waits for it
-            self._process.kill()
+        """End the process, and wait until it has."""
+        self._process.kill()
+        self._answers.close()
+        with suppress(OSError):  # of a request that found no reader any more
+            self._requests.close()
+        self._process.wait()
 
 
 _idle: dict[int, list[ReaderProcess]] = {}
