@@ -123,7 +123,7 @@ def test_a_zero_that_is_stated_says_which_phase() -> None:
 
 def test_two_recordings_have_one_zero() -> None:
     heavier = altered(TURNED, mechanics={"offset": 0.05})
-    recordings = [on_a_rig(TURNED, FAULTY, 0.3), on_a_rig(heavier, FAULTY, 0.35)]
+    recordings = [on_a_rig(TURNED, FAULTY, 0.2), on_a_rig(heavier, FAULTY, 0.2)]
     found = diagnose_joint(recordings, THESIS)
     assert found.explained
     assert found.selected == ("baseline rotor_zero",)
