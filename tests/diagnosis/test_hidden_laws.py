@@ -45,7 +45,7 @@ def test_none_is_suspected_where_there_is_none_or_it_is_described() -> None:
 
 
 def test_a_saturation_that_nobody_described_is_no_fault() -> None:
-    found = diagnose(on_a_rig(with_law("saturation", 0.01), Faults(), 0.5), THESIS)
+    found = diagnose(on_a_rig(with_law("saturation", 0.01), Faults(), 0.35), THESIS)
     assert found.explained
     assert found.laws == ("saturation",)
     components = {name: one for name, one in found.components.items() if name != "eccentricity_phase"}
