@@ -11,12 +11,12 @@ from emaphm.arrays import Array
 from emaphm.blas_threads import one_blas_thread
 from emaphm.diagnosis.explanation.alternatives import with_alternatives
 from emaphm.diagnosis.explanation.one_way import modelled_position, undecided_where_one_way
+from emaphm.diagnosis.explanation.open_phases import undecided_between_phases
 from emaphm.diagnosis.explanation.reasons import idle_channels, reasons_against, unseen_inertia
 from emaphm.diagnosis.explanation.without_fault import tested_by_refits
 from emaphm.diagnosis.identifiability import identifiability
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.diagnosis.result import Diagnosis
-from emaphm.diagnosis.rotor_zero import undecided_between_phases
 from emaphm.diagnosis.selection.description_errors import suspected_parameters
 from emaphm.diagnosis.selection.deviations import select_deviations
 from emaphm.diagnosis.selection.supply_scan import with_asked_supply

@@ -158,8 +158,8 @@ class Diagnosis:
     def shorts_of_open_phases(self) -> tuple[float, ...]:
         """The shorts that are there, the largest first, where it is open which phase has which.
 
-        That is where the rotor's electrical zero was estimated (`emaphm.diagnosis.rotor_zero`); empty
-        elsewhere.
+        That is where the rotor's electrical zero was estimated; empty elsewhere
+        (`emaphm.diagnosis.explanation.open_phases`).
         """
         if BASELINE + ROTOR_ZERO not in self.selected or not self.explained:
             return ()

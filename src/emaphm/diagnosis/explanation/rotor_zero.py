@@ -1,11 +1,12 @@
-"""A rotor whose electrical zero is not as described contradicts an estimate (`emaphm.diagnosis.rotor_zero`).
+"""A rotor whose electrical zero is not as described contradicts an estimate that has not freed it.
 
-A short of one phase is then read as shorts of others, with a small residual.
+A short of one phase is then read as shorts of others, with a small residual
+(`emaphm.diagnosis.selection.rotor_zero`).
 """
 
 from emaphm.arrays import Array
 from emaphm.diagnosis.explanation.refits import left_by_descents
-from emaphm.diagnosis.rotor_zero import ROTOR_ZERO_SETTINGS, WAY_OUT, with_rotor_at, zero_shown
+from emaphm.diagnosis.selection.rotor_zero import ROTOR_ZERO_SETTINGS, WAY_OUT, with_rotor_at, zero_shown
 from emaphm.estimation.search_result import SearchResult
 from emaphm.random_streams import stream
 

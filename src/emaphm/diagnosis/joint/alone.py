@@ -14,11 +14,11 @@ import numpy as np
 from emaphm.actuator import Actuator
 from emaphm.diagnosis.diagnose import moves_at, objective_for
 from emaphm.diagnosis.identifiability import identifiability
-from emaphm.diagnosis.rotor_zero import is_sought, with_rotor_zero, with_zero_near, zero_of
 from emaphm.diagnosis.selection.description_errors import suspected_parameters, with_free
 from emaphm.diagnosis.selection.deviations import with_description_error
 from emaphm.diagnosis.selection.extension import with_nuisances
 from emaphm.diagnosis.selection.nuisance_selection import select_nuisances
+from emaphm.diagnosis.selection.rotor_zero import is_sought, with_rotor_zero, with_zero_near, zero_of
 from emaphm.diagnosis.selection.supply_scan import with_asked_supply
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.discrepancy import resolves_switching

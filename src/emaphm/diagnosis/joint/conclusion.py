@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from emaphm.actuator import NAMES
 from emaphm.arrays import Array
+from emaphm.diagnosis.explanation.open_phases import undecided_between_phases
 from emaphm.diagnosis.identifiability import collinear_sets
 from emaphm.diagnosis.joint.result import JointDiagnosis, JointRecording
 from emaphm.diagnosis.result import Diagnosis
-from emaphm.diagnosis.rotor_zero import undecided_between_phases
 from emaphm.diagnosis.verdict import Estimate, estimates, unexplained
 from emaphm.estimation.joint.contradictions import contradictions, dissenting
 from emaphm.estimation.joint.correction import JointEstimate

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 from emaphm.actuator.laws import LAWS
-from emaphm.diagnosis.rotor_zero import with_rotor_zero
 from emaphm.diagnosis.selection.description_errors import possible_errors, with_free
 from emaphm.diagnosis.selection.hidden_laws import suspected_laws, with_hidden_law
 from emaphm.diagnosis.selection.law_selection import acts, select_laws, without_law
@@ -13,6 +12,7 @@ from emaphm.diagnosis.selection.nuisance_selection import (
     share_of_residual,
 )
 from emaphm.diagnosis.selection.ripple import ripple_share
+from emaphm.diagnosis.selection.rotor_zero import with_rotor_zero
 from emaphm.diagnosis.selection.sensor_lag import SENSOR_LAG, is_lag_suspected, with_sensor_lag
 from emaphm.diagnosis.selection.settings import SELECTION
 from emaphm.estimation.bias_correction import over_all_phases

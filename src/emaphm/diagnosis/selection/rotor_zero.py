@@ -6,7 +6,6 @@ is not. A motor with trapezoidal back-EMF is the same six times a turn but for t
 signs of their currents, so the zero is found up to a sixth of a turn, and which phase is which stays open.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,11 +13,10 @@ import numpy as np
 from emaphm.actuator import NAMES, Actuator
 from emaphm.actuator.law_sections import DriveKind
 from emaphm.arrays import Array
-from emaphm.diagnosis.selection.description_errors import suspected_parameters
 from emaphm.diagnosis.selection.law_selection import with_open
 from emaphm.diagnosis.selection.nuisance_selection import share_of_residual
 from emaphm.diagnosis.selection.settings import DESCRIPTION_ERRORS, ROTOR_ZERO
-from emaphm.diagnosis.verdict import VERDICT, Estimate
+from emaphm.diagnosis.verdict import VERDICT
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.methods import Method
 from emaphm.estimation.nuisances import BASELINE
@@ -187,32 +185,3 @@ def _phases_differ(result: SearchResult) -> bool:
 
 def _shows_zero(result: SearchResult, seed: int) -> bool:
     return zero_shown(result, jacobians_of(result, stream(seed, "Jacobians of the rotor's zero"))) != 0.0
-
-
-def undecided_between_phases(components: Mapping[str, Estimate], result: SearchResult) -> dict[str, Estimate]:
-    """Return the `components` of `result`; where the rotor's zero was estimated, no short is any one phase's.
-
-    A sixth of a turn more, and a is what b was, b what c was, c what a was: all three explain the recording.
-    A verdict that they share is kept.
-    """
-    if BASELINE + ROTOR_ZERO not in suspected_parameters(result):
-        return dict(components)
-    shorts = [components[name] for name in SHORTS]
-    share_a_verdict = len({one.verdict for one in shorts}) == 1
-    interval = min(one.interval95[0] for one in shorts), max(one.interval95[1] for one in shorts)
-    values = ", one ".join(f"{one.value:.3f}" for one in sorted(shorts, key=lambda one: -one.value))
-    reason = f"one phase has {values}: which has which is open, as the rotor's zero was estimated"
-    open_phases = {
-        name: replace(components[name], interval95=interval)
-        if share_a_verdict
-        else replace(components[name], interval95=interval, verdict="cannot tell", reason=reason)
-        for name in SHORTS
-    }
-    direction = replace(
-        components["eccentricity_phase"],
-        interval95=(0.0, 1.0),
-        identifiable=False,
-        verdict="cannot tell",
-        reason="it counts from the rotor's electrical zero, which was estimated",
-    )
-    return {**components, **open_phases, "eccentricity_phase": direction}

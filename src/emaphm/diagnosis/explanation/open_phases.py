@@ -1,0 +1,40 @@
+"""Which phase has which short, where the rotor's electrical zero was estimated."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from emaphm.diagnosis.selection.description_errors import suspected_parameters
+from emaphm.diagnosis.selection.settings import ROTOR_ZERO
+from emaphm.diagnosis.verdict import Estimate
+from emaphm.estimation.nuisances import BASELINE
+from emaphm.estimation.parameter_space import SHORTS
+from emaphm.estimation.search_result import SearchResult
+
+
+def undecided_between_phases(components: Mapping[str, Estimate], result: SearchResult) -> dict[str, Estimate]:
+    """Return the `components` of `result`; where the rotor's zero was estimated, no short is any one phase's.
+
+    A sixth of a turn more, and a is what b was, b what c was, c what a was: all three explain the recording.
+    A verdict that they share is kept.
+    """
+    if BASELINE + ROTOR_ZERO not in suspected_parameters(result):
+        return dict(components)
+    shorts = [components[name] for name in SHORTS]
+    share_a_verdict = len({one.verdict for one in shorts}) == 1
+    interval = min(one.interval95[0] for one in shorts), max(one.interval95[1] for one in shorts)
+    values = ", one ".join(f"{one.value:.3f}" for one in sorted(shorts, key=lambda one: -one.value))
+    reason = f"one phase has {values}: which has which is open, as the rotor's zero was estimated"
+    open_phases = {
+        name: replace(components[name], interval95=interval)
+        if share_a_verdict
+        else replace(components[name], interval95=interval, verdict="cannot tell", reason=reason)
+        for name in SHORTS
+    }
+    direction = replace(
+        components["eccentricity_phase"],
+        interval95=(0.0, 1.0),
+        identifiable=False,
+        verdict="cannot tell",
+        reason="it counts from the rotor's electrical zero, which was estimated",
+    )
+    return {**components, **open_phases, "eccentricity_phase": direction}
