@@ -76,11 +76,16 @@ def test_a_process_that_aborts_is_said_once_a_new_one_did(
     assert read(path).tolist() == [1] * 5
 
 
-def test_a_process_that_takes_too_long_is_ended(tmp_path: Path, idle: Idle) -> None:
-    path = saved(tmp_path, 1)
-    read(path)
-    with pytest.raises(ReaderTookTooLongError):
-        read(path, ReadLimits(seconds=1e-6))
+def test_a_process_that_takes_too_long_is_ended(
+    tmp_path: Path, idle: Idle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, script = saved(tmp_path, 1), tmp_path / "hanging.py"
+    script.write_text("import time\ntime.sleep(600)\n")
+    with monkeypatch.context() as changed:
+        changed.setattr(foreign_columns, "__file__", str(script))
+        idle.append(ReaderProcess())
+        with pytest.raises(ReaderTookTooLongError):
+            read(path, ReadLimits(seconds=0.05))
     assert not idle
     assert read(path).tolist() == [1] * 5
 

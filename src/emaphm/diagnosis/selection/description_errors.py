@@ -95,7 +95,7 @@ def inductance_score(result: SearchResult, seed: int) -> float:
     """
     objective = result.objective
     jacobians = jacobians_of(result, stream(seed, "Jacobians of the description"))
-    extended = _objective_with(objective, (INDUCTANCE,))
+    extended = objective_with(objective, (INDUCTANCE,))
     point = extended.space.carried_over(result.point, objective.space)
     ends = np.tile(point, (2, 1))
     ends[:, -1] = -DESCRIPTION_ERRORS.step, DESCRIPTION_ERRORS.step
@@ -110,7 +110,7 @@ def with_free(
 ) -> SearchResult:
     """Return the estimate with `parameters` of the description free, from that `searched` without them."""
     child = child_seed(seed, "error of the description", *parameters)
-    objective = _objective_with(searched.objective, parameters)
+    objective = objective_with(searched.objective, parameters)
     fit = fit_of(searched, objective, parameters[0], method, child)
     return correct_bias(fit.objective, fit.points, max_corrections, child)
 
@@ -123,7 +123,8 @@ def suspected_parameters(result: SearchResult) -> tuple[str, ...]:
     return tuple(BASELINE + name for name in suspects if name in parameters and name not in asked)
 
 
-def _objective_with(objective: MapObjective, parameters: tuple[str, ...]) -> MapObjective:
+def objective_with(objective: MapObjective, parameters: tuple[str, ...]) -> MapObjective:
     """Return the objective with parameters of its actuator free."""
-    actuator, priors = objective.problem.actuator, dict.fromkeys(parameters, DESCRIPTION_ERRORS.prior)
+    actuator = objective.problem.actuator
+    priors = {name: DESCRIPTION_ERRORS.prior_of(name) for name in parameters}
     return with_open(objective, actuator, ParameterVariation.free(actuator, parameters).known_to(priors))

@@ -13,16 +13,15 @@ import numpy as np
 from emaphm.actuator import NAMES, Actuator
 from emaphm.actuator.law_sections import DriveKind
 from emaphm.arrays import Array
-from emaphm.diagnosis.selection.law_selection import with_open
+from emaphm.diagnosis.selection.description_errors import objective_with
 from emaphm.diagnosis.selection.nuisance_selection import share_of_residual
-from emaphm.diagnosis.selection.settings import DESCRIPTION_ERRORS, ROTOR_ZERO
+from emaphm.diagnosis.selection.settings import ROTOR_ZERO
 from emaphm.diagnosis.verdict import VERDICT
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.methods import Method
 from emaphm.estimation.nuisances import BASELINE
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.parameter_space import ECCENTRICITY, SHORTS, ParameterSpace
-from emaphm.estimation.parameter_variation import ParameterVariation
 from emaphm.estimation.search import search
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.uncertainty.local_covariance import jacobians_of
@@ -131,10 +130,8 @@ def with_zero_near(
     Of all that are a sixth of a turn apart, so that the phases of several recordings have the same names.
     """
     actuator, child = searched.objective.problem.actuator, child_seed(seed, "the rotor's zero")
-    prior = {ROTOR_ZERO: DESCRIPTION_ERRORS.prior_of(ROTOR_ZERO)}
-    opened = ParameterVariation.free(actuator, (ROTOR_ZERO,)).known_to(prior)
     found = search(
-        with_open(searched.objective, actuator, opened),
+        objective_with(searched.objective, (ROTOR_ZERO,)),
         method,
         fitness="least_squares",
         max_corrections=max_corrections,

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Collection
 from contextlib import suppress
 from pathlib import Path
-from threading import Timer
+from threading import Event, Timer
 from typing import Any
 
 import numpy as np
@@ -50,7 +50,6 @@ class ReaderProcess:
         )  # fmt: skip
         self._requests: Any = self._process.stdin
         self._answers: Any = self._process.stdout
-        self._late = False
 
     def read(self, kind: str, path: Path, limits: ReadLimits, wanted: Collection[str]) -> Held:
         """Return what `foreign_columns.read` does; the process is of no more use after the last two errors.
@@ -70,12 +69,13 @@ class ReaderProcess:
             "seconds": limits.seconds,
             "wanted": sorted(wanted),
         }
-        clock = Timer(limits.seconds, self._stop_late)
+        late = Event()  # this request's: one that came with the answer to the last says nothing of this
+        clock = Timer(limits.seconds, self._stop, (late,))
         clock.start()
         try:
             answer, numbers = self._answered(request)
         except ReaderEndedError:
-            if self._late:
+            if late.is_set():
                 raise ReaderTookTooLongError from None
             raise
         finally:
@@ -109,8 +109,8 @@ class ReaderProcess:
             raise ReaderEndedError
         return answer, numbers
 
-    def _stop_late(self) -> None:
-        self._late = True
+    def _stop(self, late: Event) -> None:
+        late.set()
         self._process.kill()
 
     def end(self) -> None:

@@ -55,7 +55,7 @@ PARAMETERS = (
 
 def of_pairs(turns: Array) -> Array:
     """Return for each phase, (3, n), the sum of the other two, which conduct while it idles."""
-    return turns[[1, 2, 0]] + turns[[2, 0, 1]]
+    return np.stack([*Phases(*turns).of_pairs()])
 
 
 def parameters(
