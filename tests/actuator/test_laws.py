@@ -87,6 +87,8 @@ IN_ITS_KERNEL = {
     "speed-lag": set[str](),  # every speed loop has it, of a time constant of 0
     "winding-temperature": set[str](),  # likewise of its resistance and torque constant
     "saturation": {"saturation"},
+    "emf-flats": {"emf_shape"},
+    "emf-sine": {"emf_shape"},
     "sensor-lag": {"current_lag"},
     "source-resistance": {"source"},
     "inverter-drop": {"voltage_drop"},
@@ -107,6 +109,8 @@ def test_a_kernel_has_the_laws_that_are_described_and_no_other(name: str) -> Non
         ("gravity", LINEAR, "a weight turns with a rotary actuator"),
         ("sensor-lag", changed(drive={"kind": "voltage"}), "its drive senses no current"),
         ("sensor-lag", changed(electrical=None), "its drive senses no current"),
+        ("emf-flats", changed(drive={"kind": "voltage"}), "has a trapezoidal back-EMF"),
+        ("emf-sine", changed(electrical=None), "has a trapezoidal back-EMF"),
         ("winding-temperature", changed(electrical=None), r"it has no \[electrical\] section"),
         ("source-resistance", changed(electrical=None), r"it has no \[electrical\] section"),
         ("inverter-drop", changed(electrical=None), r"it has no \[electrical\] section"),

@@ -11,12 +11,8 @@ from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_par
 from emaphm.actuator.unit.tolerances import Tolerances
 from emaphm.diagnosis import diagnose
 from emaphm.diagnosis.joint import diagnose_joint
-from emaphm.diagnosis.selection.description_errors import (
-    MOTOR,
-    SPEED_LOOP,
-    PossibleError,
-    possible_errors,
-)
+from emaphm.diagnosis.selection.description_errors import SPEED_LOOP, PossibleError, possible_errors
+from emaphm.diagnosis.selection.settings import MOTOR
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.objective import faults_objective
 from emaphm.estimation.problem import Problem

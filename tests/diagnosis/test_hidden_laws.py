@@ -39,9 +39,9 @@ def test_a_saturation_is_suspected_where_there_is_one(value: float) -> None:
 
 
 def test_none_is_suspected_where_there_is_none_or_it_is_described() -> None:
-    assert suspected_laws(near_the_truth(on_a_rig(THESIS, FAULTS, 0.2)), seed=0) == []
+    assert suspected_laws(near_the_truth(on_a_rig(THESIS, FAULTS, 0.2)), seed=0) == {}
     described = with_law("saturation", 0.01)
-    assert suspected_laws(near_the_truth(on_a_rig(described, FAULTS, 0.2), described), seed=0) == []
+    assert suspected_laws(near_the_truth(on_a_rig(described, FAULTS, 0.2), described), seed=0) == {}
 
 
 def test_a_saturation_that_nobody_described_is_no_fault() -> None:
@@ -53,6 +53,25 @@ def test_a_saturation_that_nobody_described_is_no_fault() -> None:
     value = found.nuisances["baseline saturation"]
     assert value.value == pytest.approx(0.01, abs=4 * value.standard_error)
     assert value.standard_error < 0.001
+
+
+@pytest.mark.parametrize("value", [0.2, -0.1])
+def test_a_sine_in_the_back_emf_is_suspected_and_sized(value: float) -> None:
+    result = near_the_truth(on_a_rig(with_law("emf-sine", value), FAULTS, 0.3))
+    assert "emf-sine" in suspected_laws(result, seed=0)
+    assert hidden_scores(result, seed=0)["emf-sine"].values == pytest.approx([value], rel=0.4)
+
+
+def test_narrow_flats_of_the_back_emf_are_no_short() -> None:
+    found = diagnose(on_a_rig(with_law("emf-flats", 0.35), Faults(0.2, short_b=0.1), 0.3), THESIS)
+    assert found.explained
+    assert found.laws == ("emf-flats",)
+    loss = found.nuisances["baseline flat_loss"]
+    assert abs(loss.value - np.log(0.35 / 0.2)) <= 4 * loss.standard_error
+    assert loss.standard_error < 0.05
+    assert found.components["friction"].value == pytest.approx(0.2, abs=0.01)
+    low, high = found.components["short_b"].interval95
+    assert low <= 0.1 <= high
 
 
 def test_voltage_that_the_inverter_takes_is_no_other_inertia() -> None:

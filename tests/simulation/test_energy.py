@@ -43,6 +43,7 @@ RIPPLE: list[dict[str, Any]] = [
     {"order": 1, "of": "screw", "cos": 3e-3, "sin": 1e-3},
 ]
 SCREW = 0.5
+SHAPE = {"flat_loss": 0.1, "sine_share": 0.1}
 DROP, KNEE = 0.5, 0.02 * 22.5
 
 
@@ -50,7 +51,7 @@ def with_every_law(drive: str, *, compliant: bool) -> Actuator:
     """Return the thesis's actuator with every law but the sensors' lag, which would hide the current."""
     base = altered(
         mechanics=MECHANICS | {"screw_ratio": SCREW} | ({} if compliant else {"backlash": 0.0}),
-        motor={"torque_limit": None, "saturation": 0.003},
+        motor={"torque_limit": None, "saturation": 0.003} | (SHAPE if drive == "hysteresis" else {}),
         friction=FRICTION,
         weight={"gravity": GRAVITY, "gravity_angle": TILT},
         drive={"kind": drive, "source_resistance": 0.2, "voltage_drop": DROP},

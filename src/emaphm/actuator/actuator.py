@@ -95,6 +95,16 @@ class Actuator(Section):
         return self
 
     @model_validator(mode="after")
+    def _back_emf_with_a_shape(self) -> Self:
+        for name in ("flat_loss", "sine_share"):
+            if getattr(self.motor, name) is not None and not self.commutates:
+                raise ValueError(
+                    f"'motor.{name}': the motor of a drive of kind \"{self.drive_kind}\" has no trapezoidal "
+                    "back-EMF; take it out"
+                )
+        return self
+
+    @model_validator(mode="after")
     def _deviations_of_what_is_described(self) -> Self:
         deviating = [("baseline.names", name) for name in self.baseline.names] if self.baseline else []
         deviating += [("tolerances", name) for name in self.tolerances.names] if self.tolerances else []
@@ -125,6 +135,11 @@ class Actuator(Section):
     def three_phases(self) -> bool:
         """Whether the motor has three phases, which can be shorted, and a rotor between them."""
         return self.drive_kind in ("hysteresis", "six-step", "foc")
+
+    @property
+    def commutates(self) -> bool:
+        """Whether two phases conduct at a time, by the rotor's angle: a motor with trapezoidal back-EMF."""
+        return self.drive_kind in ("hysteresis", "six-step")
 
     @property
     def drive_constant(self) -> float:

@@ -235,6 +235,20 @@ _ALL = (
         lambda actuator, speed: {"motor": {"saturation": 0.0}},  # noqa: ARG005
     ),
     Law(
+        "emf-flats",
+        ("flat_loss",),
+        "fast motion with the current and the voltage recorded",
+        lambda actuator, speed: {"motor": {"flat_loss": 0.2}},  # noqa: ARG005
+        also_free=("torque_constant",),
+    ),
+    Law(
+        "emf-sine",
+        ("sine_share",),
+        "fast motion with the current and the voltage recorded",
+        lambda actuator, speed: {"motor": {"sine_share": 0.0}},  # noqa: ARG005
+        also_free=("torque_constant",),
+    ),
+    Law(
         "winding-temperature",
         ("temperature_gain",),
         "recordings at temperatures at least 10 K apart, with the temperature recorded",
@@ -288,6 +302,12 @@ def _without_windings(actuator: Actuator) -> str:
     return "" if actuator.electrical is not None else "it has no [electrical] section"
 
 
+def _without_trapezoid(actuator: Actuator) -> str:
+    return (
+        "" if actuator.commutates else "only the motor of a drive that commutates has a trapezoidal back-EMF"
+    )
+
+
 _REASONS: Mapping[str, Callable[[Actuator], str]] = {
     "compliance": lambda actuator: (
         ""
@@ -297,6 +317,8 @@ _REASONS: Mapping[str, Callable[[Actuator], str]] = {
     "gravity": lambda actuator: (
         "a weight turns with a rotary actuator" if actuator.coordinates == "linear" else ""
     ),
+    "emf-flats": _without_trapezoid,
+    "emf-sine": _without_trapezoid,
     "sensor-lag": lambda actuator: "" if actuator.three_phases else "its drive senses no current",
     "viscous-temperature": lambda actuator: (
         ""

@@ -19,7 +19,17 @@ __all__ = [
 ]
 
 
-OPTIONAL = ("drive", "friction", "transmission", "weight", "ripple", "temperature_gain", "saturation")
+OPTIONAL = (
+    "drive",
+    "friction",
+    "transmission",
+    "weight",
+    "ripple",
+    "temperature_gain",
+    "saturation",
+    "flat_loss",
+    "sine_share",
+)
 """Sections, and parameters, whose values are laws of their own: one that is not described is not there."""
 
 

@@ -105,6 +105,22 @@ class Motor(Section):
         ge=-1,
         le=1,
     )
+    flat_loss: float | None = quantity(
+        "by how much the flats of the back-EMF's trapezoid are narrower than 120 degrees, electrical",
+        "rad",
+        CHOSEN,
+        default=None,
+        ge=0,
+        le=2,
+    )
+    sine_share: float | None = quantity(
+        "share of a sine in the shape of the back-EMF, the rest a trapezoid; below 0 where it has a hollow",
+        "-",
+        CHOSEN,
+        default=None,
+        ge=-1,
+        le=1,
+    )
     torque_limit: float | None = quantity(
         "largest torque, T_max; no limit where left out", "N·m", THESIS, default=None, gt=0
     )

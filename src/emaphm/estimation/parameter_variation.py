@@ -142,6 +142,7 @@ def sizes(actuator: Actuator, names: tuple[str, ...]) -> Array:
         "gravity_angle": 0.25,
         "rotor_zero": 0.25,
         "saturation": 0.25 / actuator.controller.current_limit,
+        "sine_share": 0.3,
     }
     return np.array([others.get(name, friction) if name in SIGNED else 1.0 for name in names])
 

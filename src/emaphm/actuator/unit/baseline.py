@@ -32,6 +32,8 @@ LUMPED_PARAMETERS = {
     "speed_lag": "s",
     "torque_constant": "N·m/A",
     "saturation": "1/A",
+    "flat_loss": "rad",
+    "sine_share": "-",
     "torque_lag": "s",
     "resistance": "ohm",
     "inductance": "H",
@@ -83,7 +85,7 @@ SECTIONS = {
         "speed_feedback",
         "speed_lag",
     ),
-    "motor": ("torque_constant", "saturation", "torque_lag"),
+    "motor": ("torque_constant", "saturation", "flat_loss", "sine_share", "torque_lag"),
     "electrical": ("resistance", "inductance", "rotor_zero", "supply", "temperature_gain"),
     "drive": ("current_gain", "current_integral_gain", "source_resistance", "voltage_drop", "current_lag"),
     "friction": (
@@ -122,6 +124,7 @@ SIGNED = (
     "gravity_angle",
     "rotor_zero",
     "saturation",
+    "sine_share",
     *(name for name in LUMPED_PARAMETERS if name.startswith("ripple")),
 )
 """Parameters of either sign: their covariance is in their own unit, that of the others relative."""

@@ -21,7 +21,7 @@ from emaphm.actuator import NAMES
 from emaphm.actuator.actuator import described_parts
 from emaphm.diagnosis.selection.law_selection import fit_of, with_open
 from emaphm.diagnosis.selection.profile import INERTIA
-from emaphm.diagnosis.selection.settings import DESCRIPTION_ERRORS, ROTOR_ZERO
+from emaphm.diagnosis.selection.settings import DESCRIPTION_ERRORS, MOTOR, ROTOR_ZERO
 from emaphm.diagnosis.verdict import VERDICT
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.methods import Method
@@ -35,9 +35,6 @@ from emaphm.estimation.uncertainty.partial_regression import size_of_one
 from emaphm.random_streams import child_seed, stream
 
 SPEED_LOOP = ("speed_gain",)
-MOTOR = ("torque_constant", "inductance", "resistance")
-"""Parameters that are asked for together."""
-
 INDUCTANCE = "inductance"
 
 MADE_UP_BY, OF_THE_CLOCK = (INERTIA, "current_scale", "voltage_scale"), ("position_scale", "speed_scale")

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from emaphm.actuator.laws import LAWS
 from emaphm.diagnosis.selection.description_errors import possible_errors, with_free
-from emaphm.diagnosis.selection.hidden_laws import suspected_laws, with_hidden_law
+from emaphm.diagnosis.selection.hidden_laws import HIDDEN_LAWS, suspected_laws, with_hidden_law
 from emaphm.diagnosis.selection.law_selection import acts, select_laws, without_law
 from emaphm.diagnosis.selection.nuisance_selection import (
     SelectedNuisances,
@@ -96,7 +96,7 @@ def _with_hidden_laws(
     best, base = before, searched
     while True:
         rivals = []
-        for name in suspected_laws(best[0], seed):
+        for name, score in suspected_laws(best[0], seed).items():
             with_law = with_hidden_law(base, name, method, max_corrections, seed)
             back = without_law(with_law, base, max_corrections, seed)
             if share_of_residual(back, best[0]) < SELECTION.likely_share:
@@ -104,7 +104,8 @@ def _with_hidden_laws(
                 base, best = back, _with_nuisances(back, best[2], max_corrections, seed)
             rival = _with_nuisances(with_law, (*best[2], name), max_corrections, seed)
             share = share_of_residual(rival[0], best[0])
-            least = 1.0 if len(rival[1]) < len(best[1]) else SELECTION.likely_share
+            as_little = score.is_beyond(HIDDEN_LAWS.certain) or len(rival[1]) < len(best[1])
+            least = 1.0 if as_little else SELECTION.likely_share
             if share < least and acts(rival[0], LAWS[name], seed):
                 rivals.append((share, rival, with_law))
         if not rivals:

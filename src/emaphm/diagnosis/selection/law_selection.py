@@ -15,6 +15,7 @@ from emaphm.actuator.actuator import described_parts
 from emaphm.actuator.laws import LAWS, Law
 from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
 from emaphm.arrays import Array
+from emaphm.diagnosis.selection.settings import DESCRIPTION_ERRORS, MOTOR
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.global_search.multistart import local_search, multistart
 from emaphm.estimation.methods import Method
@@ -41,6 +42,8 @@ SUSPECTS = (
     "speed-lag",
     "saturation",
     "inverter-drop",
+    "emf-flats",
+    "emf-sine",
 )
 """The laws that are tried, in this order."""
 
@@ -256,17 +259,18 @@ def with_law(objective: MapObjective, law: Law) -> MapObjective:
 
     But for what acts on the switching only, which no search finds.
     """
-    return with_free_law(objective, law, () if law.name in ONLY_WHILE_SWITCHING else law.parameters)
+    own = () if law.name in ONLY_WHILE_SWITCHING else law.parameters
+    return with_free_law(objective, law, (*own, *law.also_free))
 
 
-def with_free_law(objective: MapObjective, law: Law, parameters: tuple[str, ...]) -> MapObjective:
-    """Return the objective of the actuator with `law`, of whose own `parameters` these are free."""
+def with_free_law(objective: MapObjective, law: Law, names: tuple[str, ...]) -> MapObjective:
+    """Return the objective of the actuator with `law`, and the parameters `names` free."""
     problem, nuisances = objective.problem, objective.space.nuisances
     actuator = law.added_to(problem.actuator)
-    names = (*parameters, *law.also_free)
     free = tuple(name for name in names if name not in nuisances.parameters)
     free = tuple(name for name in free if described_parts(actuator, name) is not None)
-    return with_open(objective, actuator, ParameterVariation.suspected(actuator, free))
+    motor = dict.fromkeys(MOTOR, DESCRIPTION_ERRORS.prior)
+    return with_open(objective, actuator, ParameterVariation.suspected(actuator, free).known_to(motor))
 
 
 def with_open(objective: MapObjective, actuator: Actuator, opened: ParameterVariation) -> MapObjective:

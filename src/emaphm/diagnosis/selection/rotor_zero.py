@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from emaphm.actuator import NAMES, Actuator
-from emaphm.actuator.law_sections import DriveKind
 from emaphm.arrays import Array
 from emaphm.diagnosis.selection.description_errors import objective_with
 from emaphm.diagnosis.selection.nuisance_selection import share_of_residual
@@ -48,9 +47,6 @@ class RotorZeroSettings:
 
 ROTOR_ZERO_SETTINGS = RotorZeroSettings()
 
-COMMUTATING: tuple[DriveKind, ...] = ("hysteresis", "six-step")
-"""Drives whose conducting phases change by the rotor's angle; other currents know no sixth of a turn."""
-
 SIXTH = np.pi / 3
 """Of a turn [rad, electrical]."""
 
@@ -66,7 +62,7 @@ def is_as_described(objective: MapObjective) -> bool:
     actuator, measured = objective.problem.actuator, objective.problem.measured
     found = (*objective.space.nuisances.parameters, *(actuator.baseline.names if actuator.baseline else ()))
     of_phases = all(name in measured for name in PHASES)
-    known = "angle_rad" in measured and (of_phases or actuator.drive_kind not in COMMUTATING)
+    known = "angle_rad" in measured and (of_phases or not actuator.commutates)
     return actuator.electrical is not None and ROTOR_ZERO not in found and not known
 
 
@@ -119,7 +115,7 @@ def with_rotor_zero(searched: SearchResult, method: Method, max_corrections: int
 
 def is_sought(objective: MapObjective) -> bool:
     """Return whether a recording may show another zero of the rotor, and which."""
-    return objective.problem.actuator.drive_kind in COMMUTATING and is_as_described(objective)
+    return objective.problem.actuator.commutates and is_as_described(objective)
 
 
 def with_zero_near(

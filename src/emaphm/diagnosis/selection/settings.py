@@ -7,6 +7,9 @@ from emaphm.estimation.sensors.sensor_model import sensor_error
 ROTOR_ZERO = "rotor_zero"
 """The parameter of the description, as `emaphm.actuator.unit.baseline` names it."""
 
+MOTOR = ("torque_constant", "inductance", "resistance")
+"""Parameters of the windings, which are asked for together."""
+
 
 @dataclass(frozen=True)
 class NuisanceSelectionSettings:

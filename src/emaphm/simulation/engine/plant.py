@@ -75,6 +75,8 @@ class Plant:
     speed_lag: Array
     torque_constant: Array
     saturation: Array
+    flat_loss: Array
+    sine_share: Array
     torque_limit: Array
     torque_lag: Array
     supply: Array
@@ -182,6 +184,8 @@ def _healthy(actuator: Actuator, n: int) -> dict[str, Array]:
         "speed_lag": c.speed_lag,
         "torque_constant": motor.torque_constant,
         "saturation": motor.saturation or 0.0,
+        "flat_loss": motor.flat_loss or 0.0,
+        "sine_share": motor.sine_share or 0.0,
         "torque_limit": motor.torque_limit or NO_LIMIT,
         "torque_lag": motor.torque_lag,
         # An ideal current loop is one whose supply can force any current within a step.
@@ -251,6 +255,7 @@ def structure_of(actuator: Actuator) -> Structure:
         current_lag=drive is not None and drive.current_lag is not None,
         voltage_drop=drive is not None and drive.voltage_drop is not None,
         saturation=actuator.motor.saturation is not None,
+        emf_shape=actuator.motor.flat_loss is not None or actuator.motor.sine_share is not None,
         ripples=tuple(Ripple(one.order, one.of == "screw") for one in actuator.ripple),
     )
 

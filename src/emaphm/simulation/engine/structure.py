@@ -26,6 +26,7 @@ class Structure(NamedTuple):
     current_lag: bool = False
     voltage_drop: bool = False
     saturation: bool = False
+    emf_shape: bool = False
     ripples: tuple[Ripple, ...] = ()
 
     @property

@@ -87,7 +87,8 @@ def advance(structure: Structure) -> Callable[..., Any]:
         leg = switch(Phases.of(s, "leg"), reference * active - laws.sensed_before(s), p.hysteresis)
 
         current = Phases.of(s, "current")
-        flux = laws.flux(current, p, gap_factors(s.cos, s.sin, p.z_cos, p.z_sin), shape)
+        gap, emf = gap_factors(s.cos, s.sin, p.z_cos, p.z_sin), laws.emf_shape(s, p, angle, shape)
+        flux = laws.flux(current, p, gap, emf)
         voltage = leg * laws.half_supply(s, p)
         back_emf = laws.against(current, p, flux * s.speed)
         current = u.enabled * three_phases.currents_after(current, p, voltage, back_emf)

@@ -14,9 +14,11 @@ from emaphm.simulation.engine.inputs import Inputs
 from emaphm.simulation.engine.model import OBSERVABLE, Form, Initial
 from emaphm.simulation.engine.plant import Plant
 from emaphm.simulation.engine.structure import Structure
+from emaphm.simulation.laws.angles import phase_angles
 from emaphm.simulation.laws.commutation import of_idle_phase
 from emaphm.simulation.laws.current_control import limited_pi
 from emaphm.simulation.laws.eccentricity import gap_factors, printed_factor
+from emaphm.simulation.laws.emf_shape import emf_shape
 from emaphm.simulation.laws.equivalent_winding import winding_current
 from emaphm.simulation.laws.idle_leg import outgoing_after
 from emaphm.simulation.laws.lag import approach, share_of_step
@@ -24,6 +26,7 @@ from emaphm.simulation.laws.phases import Phases, by_phase, phase_names
 from emaphm.simulation.laws.pulse_width import delay_shares, delayed
 from emaphm.simulation.laws.saturation import flux_left
 from emaphm.simulation.laws.select import clip, select
+from emaphm.simulation.laws.sine_motor import phase_sines
 from emaphm.simulation.laws.supply_source import sagging_supply, supply_under_duty
 from emaphm.simulation.laws.voltage_drop import knees_per_ampere, voltage_drop
 from emaphm.simulation.models import control, motion
@@ -42,6 +45,8 @@ PARAMETERS = (
     "sensed_share",
     "sensed_lead",
     "saturation",
+    "flat_loss",
+    "sine_share",
     "drop",
     "per_knee",
     "current_gain",
@@ -85,6 +90,8 @@ def parameters(
         "source_resistance": plant.source_resistance,
         "sensed_share": sensed_share,
         "saturation": plant.saturation,
+        "flat_loss": plant.flat_loss,
+        "sine_share": plant.sine_share,
         "drop": plant.voltage_drop,
         "per_knee": knees_per_ampere(plant.current_limit),
         "sensed_lead": 1 / sensed_share - 1,
@@ -170,11 +177,12 @@ def _advance(
     demand_of, driven = control.control(structure), motion.driven_motion(structure)
     flux_of, against = _losses(structure)
     gaps = _printed_gaps if printed_eccentricity else _gaps
+    shaped = _shaped if structure.emf_shape else _trapezoidal
     supply_of, bus_after = (_sagging, _drawn) if structure.source else (_stiff, _nothing_drawn)
 
     def advance(s: Any, p: Any, u: Any) -> Any:
         reference, controlled = demand_of(s, p, u)
-        fluxes = gaps(s, p) * Phases.of(p, "flux")
+        fluxes = shaped(s, p, gaps(s, p) * Phases.of(p, "flux"))
         flux = flux_of(s, p, of_idle_phase(s.electrical, fluxes.of_pairs()))
         conductance = of_idle_phase(s.electrical, Phases.of(p, "conductance"))
         decay = of_idle_phase(s.electrical, Phases.of(p, "decay"))
@@ -226,6 +234,16 @@ def _losses(structure: Structure) -> tuple[Callable[..., Any], Callable[..., Any
         _saturated if structure.saturation else _unsaturated,
         _with_drop if structure.voltage_drop else _back_emf,
     )
+
+
+def _trapezoidal(s: Any, p: Any, fluxes: Any) -> Any:  # noqa: ARG001
+    return fluxes
+
+
+def _shaped(s: Any, p: Any, fluxes: Any) -> Any:
+    # Of either sign is the current that flows: what counts is their size.
+    sine = phase_sines(np.cos(s.electrical), np.sin(s.electrical))
+    return np.abs(emf_shape(phase_angles(s.electrical), sine, p.flat_loss, p.sine_share)) * fluxes
 
 
 def _unsaturated(s: Any, p: Any, flux: Any) -> Any:  # noqa: ARG001

@@ -87,7 +87,8 @@ def advance(structure: Structure) -> Callable[..., Any]:
         rail = leg_mean(duty, triangle(s.carrier, p.step_per_period), p.step_per_period) * half_supply
 
         before = Phases.of(s, "current")
-        flux = laws.flux(before, p, gap_factors(s.cos, s.sin, p.z_cos, p.z_sin), shape)
+        gap, emf = gap_factors(s.cos, s.sin, p.z_cos, p.z_sin), laws.emf_shape(s, p, angle, shape)
+        flux = laws.flux(before, p, gap, emf)
         back_emf = laws.against(before, p, flux * speed)
         resistive = Phases.of(p, "resistance") * before
         floating = _centre(p, active, active * rail - resistive - back_emf) + back_emf

@@ -8,9 +8,11 @@ import numpy as np
 from emaphm.arrays import Array
 from emaphm.simulation.engine.plant import Plant
 from emaphm.simulation.engine.structure import Structure
+from emaphm.simulation.laws.emf_shape import emf_shape
 from emaphm.simulation.laws.lag import approach, share_of_step
 from emaphm.simulation.laws.phases import Phases, by_phase, phase_names
 from emaphm.simulation.laws.saturation import flux_left
+from emaphm.simulation.laws.sine_motor import phase_sines
 from emaphm.simulation.laws.star_windings import star_slopes
 from emaphm.simulation.laws.supply_source import sagging_supply
 from emaphm.simulation.laws.voltage_drop import knees_per_ampere, voltage_drop
@@ -27,6 +29,8 @@ PARAMETERS = (
     "source_resistance",
     "sensed_share",
     "saturation",
+    "flat_loss",
+    "sine_share",
     "leg_drop",
     "per_knee",
 )
@@ -48,6 +52,8 @@ def parameters(plant: Plant, step: float, peak: float) -> dict[str, Array]:
         "source_resistance": plant.source_resistance,
         "sensed_share": share_of_step(plant.current_lag, step),
         "saturation": plant.saturation,
+        "flat_loss": plant.flat_loss,
+        "sine_share": plant.sine_share,
         "leg_drop": plant.voltage_drop / 2,
         "per_knee": knees_per_ampere(plant.current_limit),
         **by_phase("resistance", plant.resistance / 2 * plant.turns),
@@ -92,6 +98,8 @@ class Laws(NamedTuple):
     Currents, voltages, fluxes and back-EMFs are `Phases`; s and p are state and parameters.
     """
 
+    emf_shape: Callable[..., Any]
+    """Of (s, p, angles of the phases, unit trapezoids there): the shapes of a back-EMF that is no sine."""
     flux: Callable[..., Any]
     """Of (current, p, factors of the gap, shapes of the back-EMF): back-EMF per speed, torque per current."""
     against: Callable[..., Any]
@@ -111,6 +119,7 @@ class Laws(NamedTuple):
 def laws(structure: Structure) -> Laws:
     """Return what windings, supply and current sensors do."""
     return Laws(
+        _shaped if structure.emf_shape else _trapezoidal,
         _saturated if structure.saturation else _unsaturated,
         _with_drop if structure.voltage_drop else _back_emf,
         *((_sagging, _drawn) if structure.source else (_stiff, _nothing_drawn)),
@@ -122,6 +131,15 @@ def currents_after(current: Phases, p: Any, voltage: Phases, back_emf: Phases) -
     """Return the three phase currents after an explicit Euler step [A]."""
     drive = voltage - Phases.of(p, "resistance") * current - back_emf
     return current + star_slopes(drive, Phases.of(p, "step_per_henry"), p.henries_per_step)
+
+
+def _trapezoidal(s: Any, p: Any, angle: Phases, shape: Phases) -> Phases:  # noqa: ARG001
+    return shape
+
+
+def _shaped(s: Any, p: Any, angle: Phases, shape: Phases) -> Any:  # noqa: ARG001
+    sine = phase_sines(np.cos(s.electrical), np.sin(s.electrical))
+    return emf_shape(angle, sine, p.flat_loss, p.sine_share)
 
 
 def _unsaturated(current: Phases, p: Any, gap: Phases, shape: Phases) -> Any:  # noqa: ARG001

@@ -1,0 +1,96 @@
+"""A back-EMF that is no trapezoid with flats of 120 degrees: closed forms, and both models alike."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from emaphm.actuator import Actuator, Chirp, Step
+from emaphm.arrays import Array
+from emaphm.errors import ActuatorError
+from emaphm.simulation import AVERAGED, REFERENCE, Initial, Model
+from emaphm.simulation.laws.commutation import trapezoid
+from emaphm.simulation.laws.emf_shape import emf_shape
+from simulation.rig import LOCKED, THESIS, altered, record, rms
+
+K = 0.0752
+NARROW = {"flat_loss": math.radians(30)}
+SINE = {"sine_share": 1.0}
+ANGLES = np.radians(np.arange(-180.0, 180.0, 0.5))
+
+
+def shaped(angle: Array, flat_loss: float, sine_share: float) -> Array:
+    return np.asarray(emf_shape(angle, np.sin(angle), flat_loss, sine_share))
+
+
+@given(flat_loss=st.floats(0.0, math.pi / 3), sine_share=st.floats(0.0, 1.0))
+def test_the_torque_constant_is_the_amplitude_line_to_line(flat_loss: float, sine_share: float) -> None:
+    shape = shaped(ANGLES, flat_loss, sine_share)
+    between = shape - np.roll(shape, 240)  # phase b is 120 degrees behind
+    assert between.max() == pytest.approx(2.0, abs=1e-12)
+    assert between[np.radians(60.0) == ANGLES] == pytest.approx([2.0], abs=1e-12)
+    # Of half-wave symmetry: what repeats in the other half has the other sign.
+    assert shape == pytest.approx(-np.roll(shape, 360), abs=1e-12)
+
+
+def test_without_loss_and_sine_it_is_the_trapezoid() -> None:
+    assert np.array_equal(shaped(ANGLES, 0.0, 0.0), trapezoid(ANGLES))
+
+
+@pytest.mark.parametrize(
+    ("model", "bound"), [(AVERAGED, 1e-4), (REFERENCE, 0.01)], ids=["averaged", "reference"]
+)
+@pytest.mark.parametrize(
+    ("motor", "beyond_centre", "factor"),
+    [
+        (SINE, 0.0, 1.0),
+        (SINE, 20.0, math.cos(math.radians(20))),
+        (SINE, -25.0, math.cos(math.radians(25))),
+        (NARROW, 10.0, 1.0),
+        # 5 degrees from where the other phase took over, which is at 35 of the 45 degrees of its ramp.
+        (NARROW, 25.0, (1 + 35 / 45) / 2),
+        (NARROW | {"sine_share": 0.5}, 25.0, (1 + 35 / 45) / 4 + math.cos(math.radians(25)) / 2),
+    ],
+)
+def test_a_stalled_motor_has_the_torque_of_the_shapes_there(
+    model: Model, bound: float, motor: dict[str, float], beyond_centre: float, factor: float
+) -> None:
+    electrical = 60.0 + beyond_centre  # a and b conduct from 30 to 90 degrees
+    start = Initial(rotor_offset=math.radians(electrical) / 2)
+    actuator = altered(
+        motor=motor | {"torque_limit": None}, mechanics=LOCKED, controller={"current_limit": 10.0}
+    )
+    got = record(model, Step(0.1), actuator, duration=0.02, start=start, interval=1e-3)
+    assert got["torque_Nm"][-1] == pytest.approx(K * factor * got["current_A"][-1], rel=bound)
+    assert abs(got["current_A"][-1]) == pytest.approx(10.0, abs=0.6)
+
+
+@pytest.mark.parametrize("drive", [{}, {"drive": {"kind": "six-step"}}], ids=["hysteresis", "six-step"])
+@pytest.mark.parametrize("motor", [SINE, NARROW], ids=["sine", "narrow"])
+def test_the_averaged_model_answers_as_the_reference_model_does(
+    motor: dict[str, float], drive: dict[str, Any]
+) -> None:
+    base = Actuator.pmsm() if drive else THESIS
+
+    def currents(actuator: Actuator) -> Array:
+        runs = [record(model, Chirp(), actuator, duration=0.3) for model in (AVERAGED, REFERENCE)]
+        return np.array([one["current_A"] for one in runs])
+
+    without = currents(altered(base, **drive))
+    with_shape = currents(altered(base, motor=motor, **drive))
+    of_averaged, of_reference = with_shape - without
+    assert rms(of_averaged) > 0.02 * rms(without[1])
+    assert rms(of_averaged - of_reference) < 0.3 * rms(of_reference) + rms(without[0] - without[1])
+    assert rms(with_shape[0] - with_shape[1]) < 1.2 * rms(without[0] - without[1])
+
+
+@pytest.mark.parametrize("key", ["flat_loss", "sine_share"])
+def test_a_motor_without_trapezoids_has_no_such_shape(key: str) -> None:
+    with pytest.raises(
+        ActuatorError,
+        match=f"'motor.{key}': the motor of a drive of kind \"foc\" has no trapezoidal back-EMF",
+    ):
+        altered(Actuator.pmsm(), motor={key: 0.2})
