@@ -45,10 +45,12 @@ def reference_recordings(faults: ArrayLike, *, noise: float = 0.0, duration: flo
     return [acquire(r, noise={"current_A": noise}, seed=i) for i, r in enumerate(recordings)]
 
 
-def on_a_rig(actuator: Actuator, faults: Faults, duration: float, noise: float = 0.05) -> Recording:
+def on_a_rig(
+    actuator: Actuator, faults: Faults, duration: float, noise: float = 0.05, seed: int = 0
+) -> Recording:
     """Return current and line voltage of `actuator` on a chirp, with `noise` [A] and 12-bit converters."""
     command = Chirp(duration=duration)
-    whole = simulate(actuator, command, faults=faults, duration=duration, noise=noise, adc_bits=12)
+    whole = simulate(actuator, command, faults=faults, duration=duration, noise=noise, adc_bits=12, seed=seed)
     return Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")})
 
 

@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cases import THESIS, USUAL, covered
+from cases import THESIS, USUAL, covered, on_a_rig
 from emaphm.actuator import NAMES, Actuator, Chirp, Faults
+from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.cli import main
 from emaphm.diagnosis import diagnose
@@ -152,6 +153,16 @@ def test_of_two_that_contradict_each_other_neither_is_believed() -> None:
     found = joint([recorded(FAULTS, 1), recorded(Faults(friction=0.6), 2)])
     assert found.contradicting == ("day 1", "day 2")
     assert {one.verdict for one in found.components.values()} == {"cannot tell"}
+
+
+def test_a_law_that_the_description_lacks_is_common_to_all() -> None:
+    unit = with_lumped_parameters(LAWS["saturation"].added_to(THESIS), {"saturation": 0.01})
+    found = diagnose_joint([on_a_rig(unit, FAULTS, 0.2, seed=seed) for seed in range(2)], THESIS)
+    assert found.explained
+    assert found.laws == ("saturation",)
+    # Without the law the shorts are 0.02 to 0.05.
+    off = np.abs(found.faults.vector - FAULTS.vector)
+    assert max(np.delete(off, NAMES.index("eccentricity_phase"))) < 0.01
 
 
 def test_recordings_of_different_units_are_refused() -> None:

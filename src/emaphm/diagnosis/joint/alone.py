@@ -15,9 +15,12 @@ from emaphm.actuator import Actuator
 from emaphm.diagnosis.diagnose import moves_at, objective_for
 from emaphm.diagnosis.identifiability import identifiability
 from emaphm.diagnosis.selection.description_errors import suspected_parameters, with_free
-from emaphm.diagnosis.selection.deviations import with_description_error
+from emaphm.diagnosis.selection.deviations import with_description_error, with_laws
 from emaphm.diagnosis.selection.extension import with_nuisances
-from emaphm.diagnosis.selection.nuisance_selection import select_nuisances
+from emaphm.diagnosis.selection.first_look import FirstLook
+from emaphm.diagnosis.selection.hidden_laws import with_hidden_law
+from emaphm.diagnosis.selection.law_selection import ONLY_WHILE_SWITCHING
+from emaphm.diagnosis.selection.nuisance_selection import SelectedNuisances, select_nuisances
 from emaphm.diagnosis.selection.rotor_zero import is_sought, with_rotor_zero, with_zero_near, zero_of
 from emaphm.diagnosis.selection.supply_scan import with_asked_supply
 from emaphm.estimation.bias_correction import correct_bias
@@ -44,12 +47,16 @@ hundred by chance."""
 
 @dataclass(frozen=True, eq=False)
 class _Alone:
-    """One recording's estimate: as `searched`, and the `result` with the nuisances `names` selected."""
+    """One recording's estimate: as `searched`, and as `found`, with the nuisances that deviate."""
 
     searched: SearchResult
-    result: SearchResult
-    names: tuple[str, ...]
+    found: SelectedNuisances
     seed: int
+
+    @property
+    def result(self) -> SearchResult:
+        """The estimate with what was found."""
+        return self.found.result
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -61,18 +68,49 @@ class _Alone:
         """Whether the reference model, which switches, was asked."""
         return self.searched.discrepancy is not None and resolves_switching(self.searched.objective.problem)
 
+    @property
+    def moves(self) -> bool:
+        """Whether the actuator moved."""
+        return moves_at(self.result.objective, self.result.point)
+
+    def laws(self, method: Method, max_corrections: int) -> tuple[str, ...]:
+        """Return the laws that the recording alone shows, but for one that no search finds."""
+        if not self.moves:
+            return ()
+        _, _, laws = with_laws(self.searched, self.found, method, max_corrections, self.seed)
+        return tuple(name for name in laws if name not in ONLY_WHILE_SWITCHING)
+
+    def with_laws(self, laws: Sequence[str], method: Method, max_corrections: int) -> Self:
+        """Return the estimate with `laws`."""
+        searched = self.searched
+        for name in laws:
+            searched = with_hidden_law(searched, name, method, max_corrections, self.seed)
+        return self.selecting(searched, max_corrections)
+
     def with_description_error(self, method: Method, max_corrections: int) -> Self:
         """Return the estimate with parameters free that are off, where it moves and passes for explained."""
-        if not (self.result.explained and moves_at(self.result.objective, self.result.point)):
+        if not (self.result.explained and self.moves):
             return self
-        before = self.result, self.names, ()
+        before = self.result, self.found.names, ()
         result, names, _ = with_description_error(self.searched, before, method, max_corrections, self.seed)
-        return replace(self, result=result, names=names)
+        return replace(self, found=replace(self.found, result=result, names=names))
 
     def selecting(self, searched: SearchResult, max_corrections: int) -> Self:
         """Return the estimate as `searched`, with the nuisances that deviate significantly from there."""
-        selection = select_nuisances(searched, max_corrections, self.seed)
-        return replace(self, searched=searched, result=selection.result, names=selection.names)
+        return replace(self, searched=searched, found=select_nuisances(searched, max_corrections, self.seed))
+
+
+@dataclass(frozen=True, eq=False)
+class AloneSearches:
+    """Where the search of each recording alone ends, and what was selected.
+
+    `selected` are the quantities that were selected in any of them and are estimated of all, `laws` those
+    that the description lacks.
+    """
+
+    results: list[SearchResult]
+    selected: tuple[str, ...]
+    laws: tuple[str, ...]
 
 
 def search_alone(
@@ -83,13 +121,13 @@ def search_alone(
     seed: int,
     workers: int | None,
     on_progress: Progress | None,
-) -> tuple[list[SearchResult], tuple[str, ...]]:
+) -> AloneSearches:
     """Return where the search of each recording alone ends, and what was selected in any of them.
 
-    Nuisances that deviate significantly, and parameters that are not as described: what is selected for one
-    is estimated of all. Arguments as of `emaphm.diagnosis.joint.diagnose_joint`.
+    Nuisances that deviate significantly, laws, and parameters that are not as described: what is selected for
+    one is estimated of all. Arguments as of `emaphm.diagnosis.joint.diagnose_joint`.
     """
-    method, found = method_named(METHOD), list[_Alone]()
+    method, found, laws = method_named(METHOD), list[_Alone](), tuple[str, ...]()
     for r, recording in enumerate(recordings):
         objective = objective_for(recording, actuator, method, AVERAGED, nuisances, workers)
         # The first one's streams are those of a diagnosis of it alone.
@@ -97,23 +135,24 @@ def search_alone(
         result = search(objective, method, fitness="least_squares", max_corrections=max_corrections, seed=own)
         if result.discrepancy is not None:
             result = with_asked_supply(result, max_corrections, own)
-        one = _Alone(result, result, (), own)
+        one = _Alone(result, SelectedNuisances(result, (), FirstLook()), own)
         if nuisances is None and result.discrepancy is not None:
             one = one.selecting(result, max_corrections)
         found.append(one)
         if on_progress:
             on_progress((r + 1) / len(recordings))
-    if nuisances is None:
+    if nuisances is None and all(one.is_corrected for one in found):
         found = _with_common_zero(found, method, max_corrections)
-        found = _with_description_errors(found, method, max_corrections)
-    selected = tuple(dict.fromkeys(name for one in found for name in one.names))
-    alone = [_with_all(one.result, one.names, selected, max_corrections, seed) for one in found]
-    return alone, (*selected, *suspected_parameters(alone[0]))
+        found, laws = _with_common_laws(found, method, max_corrections)
+        found = found if laws else _with_description_errors(found, method, max_corrections)
+    selected = tuple(dict.fromkeys(name for one in found for name in one.found.names))
+    alone = [_with_all(one.result, one.found.names, selected, max_corrections, seed) for one in found]
+    return AloneSearches(alone, (*selected, *suspected_parameters(alone[0])), laws)
 
 
 def _with_common_zero(found: list[_Alone], method: Method, max_corrections: int) -> list[_Alone]:
     """Return the estimates with the rotor's zero, common to all, where a recording shows that it is off."""
-    possible = all(one.is_corrected and is_sought(one.searched.objective) for one in found)
+    possible = all(is_sought(one.searched.objective) for one in found)
     for one in found if possible else ():
         if not moves_at(one.searched.objective, one.searched.point):
             continue
@@ -132,13 +171,27 @@ def _with_common_zero(found: list[_Alone], method: Method, max_corrections: int)
     return found
 
 
-def _with_description_errors(found: list[_Alone], method: Method, max_corrections: int) -> list[_Alone]:
-    """Return the estimates with parameters free, in all, that are off in `LEAST_SHARE` of them at least.
+def _with_common_laws(
+    found: list[_Alone], method: Method, max_corrections: int
+) -> tuple[list[_Alone], tuple[str, ...]]:
+    """Return the estimates with laws that the description lacks, common to all, and the names of these.
 
-    As they are where the reference model has not corrected each of them.
+    What explains the first that is not explained, if it explains more of them; where all are explained, what
+    a share of `LEAST_SHARE` shows.
     """
-    if not all(one.is_corrected for one in found):
-        return found
+    unexplained = [one for one in found if not one.result.explained and one.moves]
+    asked = [one.laws(method, max_corrections) for one in unexplained[:1] or found]
+    counts = Counter(name for laws in asked for name in laws)
+    laws = tuple(name for name, count in counts.items() if count >= LEAST_SHARE * len(asked))
+    if not laws:
+        return found, ()
+    with_them = [one.with_laws(laws, method, max_corrections) for one in found]
+    explained, before = (sum(one.result.explained for one in each) for each in (with_them, found))
+    return (with_them, laws) if explained > before or not unexplained else (found, ())
+
+
+def _with_description_errors(found: list[_Alone], method: Method, max_corrections: int) -> list[_Alone]:
+    """Return the estimates with parameters free, in all, that are off in `LEAST_SHARE` of them at least."""
     asked = [one.with_description_error(method, max_corrections) for one in found]
     open_before = found[0].parameters
     counts = Counter(name for one in asked for name in one.parameters if name not in open_before)

@@ -54,7 +54,8 @@ def diagnose_joint(
     ----------
     nuisances, max_corrections, seed, workers, on_progress
         As for `emaphm.diagnose`. What deviates significantly from the description in one recording is
-        estimated of all. Laws that the description lacks are not looked for.
+        estimated of all; so is a law that the description lacks, but for a lag of the current sensors, which
+        is not looked for.
 
     Raises
     ------
@@ -65,7 +66,7 @@ def diagnose_joint(
     """
     began = time.perf_counter()
     _check(recordings, actuator)
-    alone, selected = search_alone(
+    searches = search_alone(
         recordings,
         actuator,
         nuisances,
@@ -74,6 +75,7 @@ def diagnose_joint(
         workers,
         subprogress(on_progress, 0.0, ALONE_SHARE),
     )
+    alone = searches.results
     joint, point = _fitted(alone, workers)
     if max_corrections:
         joint = joint.corrected([np.zeros_like(term.correction) for term in joint.terms])
@@ -92,7 +94,8 @@ def diagnose_joint(
     models = [one.objective.problem.runs.of(AVERAGED) for one in results]
     return replace(
         whole,
-        selected=selected,
+        selected=searches.selected,
+        laws=searches.laws,
         evaluations=sum(run for run, _ in models),
         reference_runs=sum(run for _, run in models),
         seconds=time.perf_counter() - began,

@@ -41,6 +41,19 @@ def select_deviations(
         found = select_nuisances(searched, max_corrections, seed)
         return found.result, found.names, ()
     searched, found = _with_rotor_zero(searched, method, max_corrections, seed)
+    selection = with_laws(searched, found, method, max_corrections, seed)
+    if selection[2] or not found.result.explained:
+        return selection
+    return with_description_error(searched, selection, method, max_corrections, seed)
+
+
+def with_laws(
+    searched: SearchResult, found: SelectedNuisances, method: Method, max_corrections: int, seed: int
+) -> Selection:
+    """Return the estimate with the laws that an actuator in motion shows, from that `searched` without them.
+
+    And its nuisances; `found` has those that were selected without laws.
+    """
     result, without = found.result, (found.result, found.names, ())
     if not result.explained:
         with_laws, laws = select_laws(searched, method, max_corrections, seed)
@@ -51,10 +64,7 @@ def select_deviations(
         lagging = _with_lag(searched, result, method, max_corrections, seed)
         if lagging is not None and lagging[0].explained:
             return lagging
-    selection = _with_hidden_laws(searched, without, method, max_corrections, seed)
-    if selection[2]:
-        return selection
-    return with_description_error(searched, selection, method, max_corrections, seed)
+    return _with_hidden_laws(searched, without, method, max_corrections, seed)
 
 
 def _with_rotor_zero(
