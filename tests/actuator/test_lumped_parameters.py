@@ -14,8 +14,12 @@ from strategies import actuators
 
 THESIS = Actuator.thesis()
 OF_THE_THESIS = tuple(name for name in LUMPED_PARAMETERS if described_parts(THESIS, name) is not None)
-EVERYTHING = reduce(lambda actuator, law: law.added_to(actuator), LAWS.values(), THESIS)
-"""The thesis's actuator with every optional law."""
+EVERYTHING = reduce(
+    lambda actuator, law: law.added_to(actuator),
+    (law for name, law in LAWS.items() if name != "transition"),  # it and presliding exclude each other
+    THESIS,
+)
+"""The thesis's actuator with every optional law that it can have at once."""
 
 DESCRIBED = tuple(name for name in LUMPED_PARAMETERS if described_parts(EVERYTHING, name) is not None)
 

@@ -113,6 +113,17 @@ def test_a_lag_of_the_speed_feedback_is_no_backlash(monkeypatch: pytest.MonkeyPa
     assert abs(ratio.value - np.log(6e-4 / 5e-4)) <= 4 * ratio.standard_error
 
 
+def test_bristles_that_nobody_described_are_no_backlash(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(law_selection, "SUSPECTS", ("transition", "presliding"))
+    values = {"presliding_stiffness": 3.0, "presliding_damping": 5e-3}
+    bristles = with_lumped_parameters(LAWS["presliding"].added_to(THESIS), values)
+    found = diagnose(on_a_rig(bristles, Faults(0.2), 0.3), THESIS)
+    assert found.explained
+    assert found.laws == ("presliding",)
+    assert found.components["friction"].value == pytest.approx(0.2, abs=0.02)
+    assert found.components["backlash"].verdict == "healthy"
+
+
 def test_a_law_that_is_not_there_leads_back_to_the_description(at_the_truth: SearchResult) -> None:
     objective, truth = at_the_truth.objective, at_the_truth.point
     held = with_discrepancy(SearchResult.at(objective, objective.space.project(truth + 0.1)), seed=0)

@@ -14,9 +14,21 @@ from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.parameter_variation import ParameterVariation, start_widths, varied
 
 THESIS = Actuator.thesis()
-EVERYTHING = reduce(lambda actuator, law: law.added_to(actuator), LAWS.values(), THESIS)
+EVERYTHING = reduce(
+    lambda actuator, law: law.added_to(actuator),
+    (law for name, law in LAWS.items() if name != "transition"),  # it and presliding exclude each other
+    THESIS,
+)
 
-WIDE = ("stiffness", "stribeck_speed", "transition_speed", "current_lag", "source_resistance", "voltage_drop")
+WIDE = (
+    "stiffness",
+    "stribeck_speed",
+    "presliding_stiffness",
+    "presliding_damping",
+    "current_lag",
+    "source_resistance",
+    "voltage_drop",
+)
 NARROW = ("inertia", "static", "damping", "quadratic", "load_friction")
 
 

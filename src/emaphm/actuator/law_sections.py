@@ -68,6 +68,20 @@ class Friction(Section):
         default=None,
         gt=0,
     )
+    presliding_stiffness: float | None = quantity(
+        "stiffness of dry friction before it slides; it sticks where left out",
+        "N·m/rad",
+        "Canudas de Wit 1995",
+        default=None,
+        gt=0,
+    )
+    presliding_damping: float | None = quantity(
+        "damping of its give before it slides",
+        "N·m·s/rad",
+        "Canudas de Wit 1995",
+        default=None,
+        ge=0,
+    )
     viscous_temperature: float | None = quantity(
         "fall of viscous friction with temperature, exp(-β ΔT)", "1/K", CHOSEN, default=None, ge=0, le=1
     )
@@ -79,6 +93,12 @@ class Friction(Section):
             raise ValueError(
                 "stribeck_load_motor and stribeck_load_external act at low speed: give stribeck_speed too"
             )
+        if self.transition_speed is not None and self.presliding_stiffness is not None:
+            raise ValueError(
+                "transition_speed and presliding_stiffness both say how friction acts at standstill: give one"
+            )
+        if self.presliding_damping is not None and self.presliding_stiffness is None:
+            raise ValueError("presliding_damping is that of a stiffness: give presliding_stiffness too")
         return self
 
 

@@ -126,6 +126,13 @@ def _stribeck(actuator: Actuator, speed: float) -> Sections:
     return sections
 
 
+def _presliding(actuator: Actuator, speed: float) -> Sections:
+    # Bristles that slide after what the motor turns in a tenth of a millisecond.
+    stiffness = typical_dry_friction(actuator) / (1e-4 * speed)
+    damping = 0.5 * math.sqrt(stiffness * actuator.mechanics.inertia)
+    return {"friction": {"presliding_stiffness": stiffness, "presliding_damping": damping}}
+
+
 def _compliance(actuator: Actuator, speed: float) -> Sections:  # noqa: ARG001
     m = actuator.mechanics
     # Motor and user swing at 500 Hz, damped to a twentieth of the critical.
@@ -191,6 +198,12 @@ _ALL = (
         ("transition_speed",),
         "slow reversals and starts from rest",
         lambda actuator, speed: {"friction": {"transition_speed": 0.005 * speed}},  # noqa: ARG005
+    ),
+    Law(
+        "presliding",
+        ("presliding_stiffness", "presliding_damping"),
+        "slow reversals and small motion about rest",
+        _presliding,
     ),
     Law(
         "viscous-temperature",
@@ -308,7 +321,18 @@ def _without_trapezoid(actuator: Actuator) -> str:
     )
 
 
+def _passes_standstill_otherwise(name: str) -> Callable[[Actuator], str]:
+    def reason(actuator: Actuator) -> str:
+        friction = actuator.friction
+        otherwise = friction is not None and getattr(friction, name) is not None
+        return f"{name} says how its friction passes standstill" if otherwise else ""
+
+    return reason
+
+
 _REASONS: Mapping[str, Callable[[Actuator], str]] = {
+    "transition": _passes_standstill_otherwise("presliding_stiffness"),
+    "presliding": _passes_standstill_otherwise("transition_speed"),
     "compliance": lambda actuator: (
         ""
         if actuator.mechanics.inertia_motor > 0 and actuator.mechanics.inertia_user > 0

@@ -23,7 +23,9 @@ WIDEST_FACTOR = 30.0
 START_FACTOR = 3.0
 """A description's values are right within this factor, or so."""
 
-WIDE = ("stiffness", "stribeck_speed", "transition_speed", "current_lag", "source_resistance", "voltage_drop")
+PRESLIDING = ("presliding_stiffness", "presliding_damping")
+SPEEDS = ("stribeck_speed", "transition_speed")
+WIDE = (*SPEEDS, *PRESLIDING, "stiffness", "current_lag", "source_resistance", "voltage_drop")
 """Parameters of optional laws whose size a description does not imply."""
 
 WIDE_START_FACTOR = 20.0

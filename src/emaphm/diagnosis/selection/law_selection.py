@@ -32,6 +32,7 @@ from emaphm.random_streams import child_seed, stream
 SUSPECTS = (
     "stribeck",
     "transition",
+    "presliding",
     "sensor-lag",
     "compliance",
     "load-dependent",
@@ -48,7 +49,7 @@ SUSPECTS = (
 """The laws that are tried, in this order."""
 
 
-FRICTION_CURVES = ("stribeck", "transition", "load-dependent", "directional", "quadratic")
+FRICTION_CURVES = ("stribeck", "transition", "presliding", "load-dependent", "directional", "quadratic")
 """Those that together make a friction curve: where one explains a recording, another may be there too."""
 
 

@@ -29,6 +29,7 @@ NEVER_ZERO = (
     "stiffness",
     "stribeck_speed",
     "transition_speed",
+    "presliding_stiffness",
 )
 
 SIGNED = (*OF_EITHER_SIGN, "hinge")
@@ -109,6 +110,8 @@ class Plant:
     viscous_asymmetry: Array
     quadratic: Array
     transition_speed: Array
+    presliding_stiffness: Array
+    presliding_damping: Array
     viscous_temperature: Array
     temperature_gain: Array
     stiffness: Array
@@ -249,6 +252,7 @@ def structure_of(actuator: Actuator) -> Structure:
         directional=described("coulomb_asymmetry", "viscous_asymmetry"),
         quadratic=described("quadratic"),
         transition=described("transition_speed"),
+        presliding=described("presliding_stiffness"),
         compliance=actuator.transmission is not None,
         gravity=actuator.weight is not None,
         source=drive is not None and drive.source_resistance is not None,

@@ -20,6 +20,7 @@ class Structure(NamedTuple):
     directional: bool = False
     quadratic: bool = False
     transition: bool = False
+    presliding: bool = False
     compliance: bool = False
     gravity: bool = False
     source: bool = False
@@ -32,4 +33,13 @@ class Structure(NamedTuple):
     @property
     def smooth_friction(self) -> bool:
         """Whether friction has more to it than a static and a dynamic level."""
-        return self.stribeck or self.load_dependent or self.directional or self.quadratic or self.transition
+        return any(
+            (
+                self.stribeck,
+                self.load_dependent,
+                self.directional,
+                self.quadratic,
+                self.transition,
+                self.presliding,
+            )
+        )

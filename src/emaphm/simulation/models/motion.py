@@ -18,6 +18,7 @@ from emaphm.simulation.laws.friction import directional, dry_level, speed_after
 from emaphm.simulation.laws.gravity import gravity_load
 from emaphm.simulation.laws.lag import approach, share_of_step
 from emaphm.simulation.laws.load_friction import transmitted_friction
+from emaphm.simulation.laws.presliding import speed_against_bristles
 from emaphm.simulation.laws.select import clip, select
 from emaphm.simulation.laws.standstill import speed_against, speed_through_standstill
 from emaphm.simulation.laws.stribeck import stribeck_factor
@@ -47,6 +48,7 @@ def state_names(structure: Structure) -> tuple[str, ...]:
         "cos",
         "sin",
         *(("user_speed",) if structure.compliance else ()),
+        *(("bristles",) if structure.presliding else ()),
         *(("user_cos", "user_sin") if structure.gravity else ()),
         *(("screw_cos", "screw_sin") if any(one.screw for one in structure.ripples) else ()),
     )
@@ -74,6 +76,8 @@ PARAMETERS = (
     "pole_pairs",
     "inverse_stribeck",
     "inverse_transition",
+    "bristle_stiffness",
+    "bristle_damping",
     "load_motor",
     "load_external",
     "stribeck_load_motor",
@@ -120,6 +124,8 @@ def parameters(plant: Plant, step: float) -> dict[str, Array]:
     if structure.smooth_friction:
         rows |= {
             "inverse_stribeck": 1 / np.maximum(plant.stribeck_speed, SLOWEST_STRIBECK),
+            "bristle_stiffness": plant.presliding_stiffness * step,
+            "bristle_damping": plant.presliding_damping,
             "inverse_transition": 1 / np.maximum(plant.transition_speed, SLOWEST_STRIBECK),
             "load_motor": plant.load_friction + plant.load_motor,
             "load_external": plant.load_friction + plant.load_external,
@@ -182,6 +188,7 @@ def initial_state(plant: Plant, start: Initial) -> dict[str, Array]:
         "cos": np.cos(rotor),
         "sin": np.sin(rotor),
         "user_speed": one * start.speed,
+        "bristles": np.zeros(plant.count),
         "user_cos": np.cos(user),
         "user_sin": np.sin(user),
         "screw_cos": np.cos(screw),
@@ -279,13 +286,15 @@ def _rigid(structure: Structure) -> Callable[..., Any]:
 
     The stops hold the user's side. A shaft at a stop has speed 0 for as long as the torque pushes outward.
     """
-    speed_of = _friction(structure)
+    speed_of, bent = _friction(structure), _bent if structure.presliding else _none_bent
 
     def rigid(s: Any, p: Any, step: Any, torque: Any, external: Any) -> Any:
-        free = speed_of(p, s.speed, torque, external, p.viscous, p.static, p.coulomb, p.step_per_inertia)
+        free, bristles = speed_of(
+            p, s.speed, bent(s), torque, external, p.viscous, p.static, p.coulomb, p.step_per_inertia
+        )
         reached = s.angle + free * step
         held = clip(reached, p.low_stop - p.half_gap, p.high_stop + p.half_gap)
-        return select(held == reached, free, 0.0), held, follow(s.output, held, p.half_gap), ()
+        return select(held == reached, free, 0.0), held, follow(s.output, held, p.half_gap), bristles
 
     return rigid
 
@@ -295,17 +304,20 @@ def _compliant(structure: Structure) -> Callable[..., Any]:
 
     Speeds first, by the shaft's torque at the step's start, then the angles by the new speeds (semi-implicit
     Euler): without numerical damping, the natural frequency ω too high by (ω Δt)²/24. What depends on the
-    transmitted torque, direction or speed squared is the motor's friction.
+    transmitted torque, direction or speed squared is the motor's friction, and so are the bristles.
     """
-    speed_of = _friction(structure)
-    user_friction = structure._replace(load_dependent=False, directional=False, quadratic=False)
+    speed_of, bent = _friction(structure), _bent if structure.presliding else _none_bent
+    user_friction = structure._replace(
+        load_dependent=False, directional=False, quadratic=False, presliding=False
+    )
     user_speed_of = _friction(user_friction)
 
     def compliant(s: Any, p: Any, step: Any, torque: Any, external: Any) -> Any:
         passed = shaft_torque(s.angle - s.output, s.speed - s.user_speed, p.half_gap, p.stiffness, p.damping)
-        speed = speed_of(
+        speed, bristles = speed_of(
             p,
             s.speed,
+            bent(s),
             torque,
             passed,
             p.viscous - p.user_viscous,
@@ -313,9 +325,10 @@ def _compliant(structure: Structure) -> Callable[..., Any]:
             p.coulomb - p.user_coulomb,
             p.motor_step_per_inertia,
         )
-        free = user_speed_of(
+        free, _ = user_speed_of(
             p,
             s.user_speed,
+            (),
             passed,
             external,
             p.user_viscous,
@@ -325,25 +338,28 @@ def _compliant(structure: Structure) -> Callable[..., Any]:
         )
         reached = s.output + free * step
         held = clip(reached, p.low_stop, p.high_stop)
-        return speed, s.angle + speed * step, held, (select(held == reached, free, 0.0),)
+        return speed, s.angle + speed * step, held, (select(held == reached, free, 0.0), *bristles)
 
     return compliant
 
 
 def _friction(structure: Structure) -> Callable[..., Any]:
-    """Return the friction law, Borello's where the actuator has no optional one: the speed after a step.
+    """Return the friction law, Borello's where the actuator has no optional one.
 
-    A function of parameters, speed, motor torque, external torque (which opposes positive motion), viscous
-    coefficient, static and dynamic friction, and step per inertia.
+    A function of parameters, speed, what bristles hold, motor torque, external torque (which opposes positive
+    motion), viscous coefficient, static and dynamic friction, and step per inertia. It gives the speed after
+    a step, and what bristles hold then; `()` where there are none.
     """
     if not structure.smooth_friction:
         return _borello
-    load, stribeck, transition = structure.load_dependent, structure.stribeck, structure.transition
+    load, stribeck = structure.load_dependent, structure.stribeck
     unequal, quadratic = structure.directional, structure.quadratic
+    through = _through_standstill(structure)
 
     def speed_of(
         p: Any,
         speed: Any,
+        bristles: Any,
         torque: Any,
         external: Any,
         viscous: Any,
@@ -363,24 +379,58 @@ def _friction(structure: Structure) -> Callable[..., Any]:
             at_low_speed = transmitted_friction(
                 torque, -external, p.stribeck_load_motor, p.stribeck_load_external
             )
-        factor = select(speed == 0.0, 1.0, 0.0)
+        factor = 0.0 if structure.presliding else select(speed == 0.0, 1.0, 0.0)
         if stribeck:
             factor = stribeck_factor(speed, p.inverse_stribeck)
-        # A shaft that turns back passes standstill, where friction is static.
-        factor = select(speed * free < 0.0, 1.0, factor)
+        # A shaft that turns back passes standstill, where friction is static; bristles are slow to.
+        if stribeck or not structure.presliding:
+            factor = select(speed * free < 0.0, 1.0, factor)
         level = dry_level(static, dynamic, transmitted, at_low_speed, factor)
         if unequal:
             level = level * directional(free, p.coulomb_asymmetry)
-        if transition:
-            return speed_through_standstill(free, level * step_per_inertia, p.inverse_transition)
-        return speed_against(free, level * step_per_inertia)
+        return through(p, free, level * step_per_inertia, bristles, step_per_inertia)
 
     return speed_of
+
+
+def _through_standstill(structure: Structure) -> Callable[..., Any]:
+    """Return how dry friction passes standstill.
+
+    A function of parameters, the speed without it, what its full level takes of that in the step, what
+    bristles hold, and step per inertia.
+    """
+    if structure.presliding:
+        return _against_bristles
+    return _smoothly if structure.transition else _sticking
+
+
+def _sticking(p: Any, free: Any, braking: Any, bristles: Any, step_per_inertia: Any) -> Any:  # noqa: ARG001
+    return speed_against(free, braking), ()
+
+
+def _smoothly(p: Any, free: Any, braking: Any, bristles: Any, step_per_inertia: Any) -> Any:  # noqa: ARG001
+    return speed_through_standstill(free, braking, p.inverse_transition), ()
+
+
+def _against_bristles(p: Any, free: Any, braking: Any, bristles: Any, step_per_inertia: Any) -> Any:
+    (torque,) = bristles
+    held, give = torque * step_per_inertia, p.bristle_stiffness * step_per_inertia
+    after, holding = speed_against_bristles(free, braking, held, give, p.bristle_damping * step_per_inertia)
+    return after, (holding / step_per_inertia,)
+
+
+def _bent(s: Any) -> Any:
+    return (s.bristles,)
+
+
+def _none_bent(s: Any) -> Any:  # noqa: ARG001
+    return ()
 
 
 def _borello(
     p: Any,  # noqa: ARG001
     speed: Any,
+    bristles: Any,  # noqa: ARG001
     torque: Any,
     external: Any,
     viscous: Any,
@@ -388,4 +438,4 @@ def _borello(
     dynamic: Any,
     step_per_inertia: Any,
 ) -> Any:
-    return speed_after(speed, torque - external - viscous * speed, static, dynamic, step_per_inertia)
+    return speed_after(speed, torque - external - viscous * speed, static, dynamic, step_per_inertia), ()
