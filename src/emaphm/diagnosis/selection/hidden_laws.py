@@ -110,9 +110,9 @@ class Score:
         return float(np.diag(self.covariance).max() ** 0.5)
 
     def is_beyond(self, deviations: float) -> bool:
-        """Return whether Wald's statistic is as seldom without the law as so many of a normal variable.
+        """Return whether Wald's statistic is rarer by chance than a normal variable beyond `deviations`.
 
-        It is then of chi-squared with p degrees of freedom.
+        Without the law it is of chi-squared with p degrees of freedom.
         """
         wald = float(self.values @ np.linalg.solve(self.covariance, self.values))
         return wald > chi_squared_quantile(self.values.size, math.erf(deviations / math.sqrt(2)))

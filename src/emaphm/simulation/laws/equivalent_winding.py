@@ -32,3 +32,24 @@ def winding_current(current: Any, voltage: Any, conductance: Any, decay: Any) ->
     """
     final = voltage * conductance
     return final + (current - final) * decay
+
+
+def mean_voltage(before: Any, after: Any, back_emf: Any, conductance: Any, decay: Any) -> Any:
+    """Return the constant voltage that takes a winding from one current to another in a step.
+
+    `winding_current` solved for the terminal voltage:
+
+        u = e + (i⁺ - i exp(-R Δt / L)) R / (1 - exp(-R Δt / L))
+
+    Parameters
+    ----------
+    before, after : i and i⁺, at both ends of the step [A]
+    back_emf : e [V]
+    conductance : 1 / R [S]
+    decay : exp(-R Δt / L), in [0, 1) [-]
+
+    Returns
+    -------
+    u, terminal voltage [V].
+    """
+    return back_emf + (after - decay * before) / ((1.0 - decay) * conductance)

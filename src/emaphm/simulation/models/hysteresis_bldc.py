@@ -87,7 +87,7 @@ def advance(structure: Structure) -> Callable[..., Any]:
         leg = switch(Phases.of(s, "leg"), reference * active - laws.sensed_before(s), p.hysteresis)
 
         current = Phases.of(s, "current")
-        gap, emf = gap_factors(s.cos, s.sin, p.z_cos, p.z_sin), laws.emf_shape(s, p, angle, shape)
+        gap, emf = gap_factors(s.cos, s.sin, p.z_cos, p.z_sin), laws.emf_shape(p, angle, shape)
         flux = laws.flux(current, p, gap, emf)
         voltage = leg * laws.half_supply(s, p)
         back_emf = laws.against(current, p, flux * s.speed)

@@ -19,14 +19,13 @@ from emaphm.simulation.laws.commutation import of_idle_phase
 from emaphm.simulation.laws.current_control import limited_pi
 from emaphm.simulation.laws.eccentricity import gap_factors, printed_factor
 from emaphm.simulation.laws.emf_shape import emf_shape
-from emaphm.simulation.laws.equivalent_winding import winding_current
+from emaphm.simulation.laws.equivalent_winding import mean_voltage, winding_current
 from emaphm.simulation.laws.idle_leg import outgoing_after
 from emaphm.simulation.laws.lag import approach, share_of_step
 from emaphm.simulation.laws.phases import Phases, by_phase, phase_names
 from emaphm.simulation.laws.pulse_width import delay_shares, delayed
 from emaphm.simulation.laws.saturation import flux_left
 from emaphm.simulation.laws.select import clip, select
-from emaphm.simulation.laws.sine_motor import phase_sines
 from emaphm.simulation.laws.supply_source import sagging_supply, supply_under_duty
 from emaphm.simulation.laws.voltage_drop import knees_per_ampere, voltage_drop
 from emaphm.simulation.models import control, motion
@@ -198,8 +197,8 @@ def _advance(
             torque,
             reference,
         )
-        drive = (torque, current)
-        return controlled + following + drive + bus_after(voltage, current, supply) + own, outputs
+        own = (torque, current, *bus_after(voltage, current, supply), *own)
+        return controlled + following + own, outputs
 
     return advance
 
@@ -242,8 +241,7 @@ def _trapezoidal(s: Any, p: Any, fluxes: Any) -> Any:  # noqa: ARG001
 
 def _shaped(s: Any, p: Any, fluxes: Any) -> Any:
     # Of either sign is the current that flows: what counts is their size.
-    sine = phase_sines(np.cos(s.electrical), np.sin(s.electrical))
-    return np.abs(emf_shape(phase_angles(s.electrical), sine, p.flat_loss, p.sine_share)) * fluxes
+    return np.abs(emf_shape(phase_angles(s.electrical), p.flat_loss, p.sine_share)) * fluxes
 
 
 def _unsaturated(s: Any, p: Any, flux: Any) -> Any:  # noqa: ARG001
@@ -293,8 +291,7 @@ def _nothing_drawn(voltage: Any, current: Any, supply: Any) -> Any:  # noqa: ARG
 
 
 def _drawn(voltage: Any, current: Any, supply: Any) -> Any:
-    # The inverter passes on the winding's power without loss.
-    return (voltage * current / supply,)
+    return (voltage * current / supply,)  # the inverter passes on the winding's power without loss
 
 
 def _current(structure: Structure, *, averaged: bool) -> Callable[..., Any]:
@@ -304,11 +301,6 @@ def _current(structure: Structure, *, averaged: bool) -> Callable[..., Any]:
     if structure.drive == "six-step":
         return _controlled_lagging if structure.current_lag else _controlled
     return _following_lagging if structure.current_lag else _following
-
-
-def _mean_voltage(before: Any, after: Any, back_emf: Any, conductance: Any, decay: Any) -> Any:
-    """Return the constant voltage that takes the winding from its current before a step to that after."""
-    return back_emf + (after - decay * before) / ((1.0 - decay) * conductance)
 
 
 def _switched(
@@ -323,7 +315,7 @@ def _switched(
 ) -> Any:
     side = _side(reference, s.current)
     current = u.enabled * winding_current(s.current, side * supply - back_emf, conductance, decay)
-    return current, current, _mean_voltage(s.current, current, back_emf, conductance, decay), ()
+    return current, current, mean_voltage(s.current, current, back_emf, conductance, decay), ()
 
 
 def _switched_lagging(
@@ -332,7 +324,7 @@ def _switched_lagging(
     side = _side(reference, s.sensed)
     current = u.enabled * winding_current(s.current, side * supply - back_emf, conductance, decay)
     sensed = approach(s.sensed, current, p.sensed_share)
-    return current, sensed, _mean_voltage(s.current, current, back_emf, conductance, decay), (sensed,)
+    return current, sensed, mean_voltage(s.current, current, back_emf, conductance, decay), (sensed,)
 
 
 def _side(reference: Any, shown: Any) -> Any:
@@ -353,7 +345,7 @@ def _following(
     lowest = winding_current(s.current, -supply - back_emf, conductance, decay)
     highest = winding_current(s.current, supply - back_emf, conductance, decay)
     current = u.enabled * clip(reference, lowest, highest)
-    return current, current, _mean_voltage(s.current, current, back_emf, conductance, decay), ()
+    return current, current, mean_voltage(s.current, current, back_emf, conductance, decay), ()
 
 
 def _following_lagging(
@@ -366,7 +358,7 @@ def _following_lagging(
     highest = winding_current(s.current, supply - back_emf, conductance, decay)
     current = u.enabled * clip(target, lowest, highest)
     sensed = approach(s.sensed, current, p.sensed_share)
-    return current, sensed, _mean_voltage(s.current, current, back_emf, conductance, decay), (sensed,)
+    return current, sensed, mean_voltage(s.current, current, back_emf, conductance, decay), (sensed,)
 
 
 def _controlled(

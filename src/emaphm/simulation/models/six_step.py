@@ -87,7 +87,7 @@ def advance(structure: Structure) -> Callable[..., Any]:
         rail = leg_mean(duty, triangle(s.carrier, p.step_per_period), p.step_per_period) * half_supply
 
         before = Phases.of(s, "current")
-        gap, emf = gap_factors(s.cos, s.sin, p.z_cos, p.z_sin), laws.emf_shape(s, p, angle, shape)
+        gap, emf = gap_factors(s.cos, s.sin, p.z_cos, p.z_sin), laws.emf_shape(p, angle, shape)
         flux = laws.flux(before, p, gap, emf)
         back_emf = laws.against(before, p, flux * speed)
         resistive = Phases.of(p, "resistance") * before

@@ -12,7 +12,6 @@ from emaphm.simulation.laws.emf_shape import emf_shape
 from emaphm.simulation.laws.lag import approach, share_of_step
 from emaphm.simulation.laws.phases import Phases, by_phase, phase_names
 from emaphm.simulation.laws.saturation import flux_left
-from emaphm.simulation.laws.sine_motor import phase_sines
 from emaphm.simulation.laws.star_windings import star_slopes
 from emaphm.simulation.laws.supply_source import sagging_supply
 from emaphm.simulation.laws.voltage_drop import knees_per_ampere, voltage_drop
@@ -99,7 +98,7 @@ class Laws(NamedTuple):
     """
 
     emf_shape: Callable[..., Any]
-    """Of (s, p, angles of the phases, unit trapezoids there): the shapes of a back-EMF that is no sine."""
+    """Of (p, angles of the phases, unit trapezoids there): the shapes of a back-EMF that is no sine."""
     flux: Callable[..., Any]
     """Of (current, p, factors of the gap, shapes of the back-EMF): back-EMF per speed, torque per current."""
     against: Callable[..., Any]
@@ -133,13 +132,12 @@ def currents_after(current: Phases, p: Any, voltage: Phases, back_emf: Phases) -
     return current + star_slopes(drive, Phases.of(p, "step_per_henry"), p.henries_per_step)
 
 
-def _trapezoidal(s: Any, p: Any, angle: Phases, shape: Phases) -> Phases:  # noqa: ARG001
+def _trapezoidal(p: Any, angle: Phases, shape: Phases) -> Phases:  # noqa: ARG001
     return shape
 
 
-def _shaped(s: Any, p: Any, angle: Phases, shape: Phases) -> Any:  # noqa: ARG001
-    sine = phase_sines(np.cos(s.electrical), np.sin(s.electrical))
-    return emf_shape(angle, sine, p.flat_loss, p.sine_share)
+def _shaped(p: Any, angle: Phases, shape: Phases) -> Any:  # noqa: ARG001
+    return emf_shape(angle, p.flat_loss, p.sine_share)
 
 
 def _unsaturated(current: Phases, p: Any, gap: Phases, shape: Phases) -> Any:  # noqa: ARG001

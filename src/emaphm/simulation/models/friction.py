@@ -1,0 +1,117 @@
+"""Friction of a shaft: which of its laws an actuator has, and how it passes standstill."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from emaphm.simulation.engine.structure import Structure
+from emaphm.simulation.laws.friction import directional, dry_level, speed_after
+from emaphm.simulation.laws.load_friction import transmitted_friction
+from emaphm.simulation.laws.presliding import speed_against_bristles
+from emaphm.simulation.laws.select import select
+from emaphm.simulation.laws.standstill import speed_against, speed_through_standstill
+from emaphm.simulation.laws.stribeck import stribeck_factor
+
+
+def bristles(structure: Structure) -> Callable[..., Any]:
+    """Return what bristles hold [N·m], of the state: a value, or none where the actuator has none."""
+    return _bent if structure.presliding else _none_bent
+
+
+def _bent(s: Any) -> Any:
+    return (s.bristles,)
+
+
+def _none_bent(s: Any) -> Any:  # noqa: ARG001
+    return ()
+
+
+def friction(structure: Structure) -> Callable[..., Any]:
+    """Return the friction law, Borello's where the actuator has no optional one.
+
+    A function of parameters, speed, what bristles hold, motor torque, external torque (which opposes positive
+    motion), viscous coefficient, static and dynamic friction, and step per inertia. It gives the speed after
+    a step, and what bristles hold then; `()` where there are none.
+    """
+    if not structure.smooth_friction:
+        return _borello
+    load, stribeck = structure.load_dependent, structure.stribeck
+    unequal, quadratic = structure.directional, structure.quadratic
+    through = _through_standstill(structure)
+
+    def speed_of(
+        p: Any,
+        speed: Any,
+        bristles: Any,
+        torque: Any,
+        external: Any,
+        viscous: Any,
+        static: Any,
+        dynamic: Any,
+        step_per_inertia: Any,
+    ) -> Any:
+        drag = viscous * speed
+        if unequal:
+            drag = drag * directional(speed, p.viscous_asymmetry)
+        if quadratic:
+            drag = drag + p.quadratic * speed * np.abs(speed)
+        free = speed + (torque - external - drag) * step_per_inertia
+        transmitted, at_low_speed = 0.0, 0.0
+        if load:
+            transmitted = transmitted_friction(torque, -external, p.load_motor, p.load_external)
+            at_low_speed = transmitted_friction(
+                torque, -external, p.stribeck_load_motor, p.stribeck_load_external
+            )
+        factor = 0.0 if structure.presliding else select(speed == 0.0, 1.0, 0.0)
+        if stribeck:
+            factor = stribeck_factor(speed, p.inverse_stribeck)
+        # A shaft that turns back passes standstill, where friction is static; bristles are slow to.
+        if stribeck or not structure.presliding:
+            factor = select(speed * free < 0.0, 1.0, factor)
+        level = dry_level(static, dynamic, transmitted, at_low_speed, factor)
+        if unequal:
+            level = level * directional(free, p.coulomb_asymmetry)
+        return through(p, free, level * step_per_inertia, bristles, step_per_inertia)
+
+    return speed_of
+
+
+def _through_standstill(structure: Structure) -> Callable[..., Any]:
+    """Return how dry friction passes standstill.
+
+    A function of parameters, the speed without it, what its full level takes of that in the step, what
+    bristles hold, and step per inertia.
+    """
+    if structure.presliding:
+        return _against_bristles
+    return _smoothly if structure.transition else _sticking
+
+
+def _sticking(p: Any, free: Any, braking: Any, bristles: Any, step_per_inertia: Any) -> Any:  # noqa: ARG001
+    return speed_against(free, braking), ()
+
+
+def _smoothly(p: Any, free: Any, braking: Any, bristles: Any, step_per_inertia: Any) -> Any:  # noqa: ARG001
+    return speed_through_standstill(free, braking, p.inverse_transition), ()
+
+
+def _against_bristles(p: Any, free: Any, braking: Any, bristles: Any, step_per_inertia: Any) -> Any:
+    (torque,) = bristles
+    held, give = torque * step_per_inertia, p.bristle_stiffness * step_per_inertia
+    after, holding = speed_against_bristles(free, braking, held, give, p.bristle_damping * step_per_inertia)
+    return after, (holding / step_per_inertia,)
+
+
+def _borello(
+    p: Any,  # noqa: ARG001
+    speed: Any,
+    bristles: Any,  # noqa: ARG001
+    torque: Any,
+    external: Any,
+    viscous: Any,
+    static: Any,
+    dynamic: Any,
+    step_per_inertia: Any,
+) -> Any:
+    return speed_after(speed, torque - external - viscous * speed, static, dynamic, step_per_inertia), ()
