@@ -87,8 +87,15 @@ RIGID = (
 
 @pytest.mark.parametrize(
     ("laws", "budget_ns"),
-    [((), 4.7), (OF_FRICTION, 9.0), (RIGID, 9.0), ((*RIGID, "compliance"), 9.0)],
-    ids=["without", "friction", "all on a rigid shaft", "all"],
+    [
+        ((), 4.7),
+        (OF_FRICTION, 9.0),
+        (("stribeck", "presliding"), 9.0),
+        (("emf-flats", "emf-sine"), 9.0),
+        (RIGID, 9.0),
+        ((*RIGID, "compliance"), 9.0),
+    ],
+    ids=["without", "friction", "bristle friction", "back-EMF", "all on a rigid shaft", "all"],
 )
 def test_laws(
     benchmark: Any, report: Report, request: pytest.FixtureRequest, laws: tuple[str, ...], budget_ns: float
