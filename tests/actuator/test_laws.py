@@ -82,7 +82,7 @@ IN_ITS_KERNEL = {
     "directional": {"directional"},
     "quadratic": {"quadratic"},
     "transition": {"transition"},
-    "presliding": {"presliding"},
+    "presliding": {"presliding", "stribeck"},
     "viscous-temperature": set[str](),  # a recording's temperature sets its viscous friction, before any run
     "compliance": {"compliance"},
     "gravity": {"gravity"},

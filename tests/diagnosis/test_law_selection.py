@@ -117,7 +117,7 @@ def test_bristles_that_nobody_described_are_no_backlash(monkeypatch: pytest.Monk
     monkeypatch.setattr(law_selection, "SUSPECTS", ("transition", "presliding"))
     values = {"presliding_stiffness": 3.0, "presliding_damping": 5e-3}
     bristles = with_lumped_parameters(LAWS["presliding"].added_to(THESIS), values)
-    found = diagnose(on_a_rig(bristles, Faults(0.2), 0.3), THESIS)
+    found = diagnose(on_a_rig(bristles, Faults(0.2), 0.2), THESIS)
     assert found.explained
     assert found.laws == ("presliding",)
     assert found.components["friction"].value == pytest.approx(0.2, abs=0.02)

@@ -127,8 +127,8 @@ def _stribeck(actuator: Actuator, speed: float) -> Sections:
 
 
 def _presliding(actuator: Actuator, speed: float) -> Sections:
-    # Bristles that slide after what the motor turns in a tenth of a millisecond.
-    stiffness = typical_dry_friction(actuator) / (1e-4 * speed)
+    # Bristles that slide after what the motor turns in 30 µs: a search reaches 1 µs to 1 ms.
+    stiffness = typical_dry_friction(actuator) / (3e-5 * speed)
     damping = 0.5 * math.sqrt(stiffness * actuator.mechanics.inertia)
     return {"friction": {"presliding_stiffness": stiffness, "presliding_damping": damping}}
 
@@ -204,6 +204,9 @@ _ALL = (
         ("presliding_stiffness", "presliding_damping"),
         "slow reversals and small motion about rest",
         _presliding,
+        # Without a Stribeck speed bristles know no static friction.
+        also_free=("stribeck_speed", "static"),
+        needs=("stribeck",),
     ),
     Law(
         "viscous-temperature",
