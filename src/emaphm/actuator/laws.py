@@ -127,8 +127,8 @@ def _stribeck(actuator: Actuator, speed: float) -> Sections:
 
 
 def _presliding(actuator: Actuator, speed: float) -> Sections:
-    # Bristles that slide after what the motor turns in 30 µs: a search reaches 1 µs to 1 ms.
-    stiffness = typical_dry_friction(actuator) / (3e-5 * speed)
+    # Bristles that slide after what the motor turns in 50 µs: a search reaches 2 µs to 1.5 ms.
+    stiffness = typical_dry_friction(actuator) / (5e-5 * speed)
     damping = 0.5 * math.sqrt(stiffness * actuator.mechanics.inertia)
     return {"friction": {"presliding_stiffness": stiffness, "presliding_damping": damping}}
 
