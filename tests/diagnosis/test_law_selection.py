@@ -137,6 +137,25 @@ def test_a_law_that_is_not_there_leads_back_to_the_description(at_the_truth: Sea
     assert back.residual_variance < 0.5 * held.residual_variance
 
 
+def test_a_law_that_stands_in_the_way_of_another_is_left_out(
+    at_the_truth: SearchResult, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    objective = at_the_truth.objective
+    astray = with_discrepancy(
+        SearchResult.at(objective, objective.space.project(at_the_truth.point + 0.1)), seed=0
+    )
+    assert not astray.explained
+
+    def forward(_: object, allowed: tuple[str, ...]) -> tuple[SearchResult, tuple[str, ...]]:
+        return (astray, ("presliding",)) if "presliding" in allowed else (at_the_truth, ("transition",))
+
+    monkeypatch.setattr(law_selection, "_forward_selection", forward)
+    result, laws = select_laws(astray, method_named("hybrid"), 2, seed=0)
+    assert laws == ("transition",)
+    assert np.array_equal(result.point, at_the_truth.point)
+    assert [np.array_equal(one.point, astray.point) for one in result.alternatives] == [True]
+
+
 def test_a_law_with_an_amplitude_acts(at_the_truth: SearchResult) -> None:
     cogging = with_law(at_the_truth.objective, LAWS["cogging"])
     point = cogging.space.carried_over(at_the_truth.point, at_the_truth.objective.space)

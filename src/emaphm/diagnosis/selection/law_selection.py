@@ -5,7 +5,7 @@ at once, and large. Each law of the library is therefore given to the actuator i
 and the whole search repeated. The law that leaves the smallest residual is kept, if it leaves clearly less.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
@@ -48,6 +48,9 @@ SUSPECTS = (
 )
 """The laws that are tried, in this order."""
 
+
+THROUGH_STANDSTILL = ("transition", "presliding")
+"""Laws that exclude each other: one that explains more at first may stand in the way of the right one."""
 
 FRICTION_CURVES = ("stribeck", "transition", "presliding", "load-dependent", "directional", "quadratic")
 """Those that together make a friction curve: where one explains a recording, another may be there too."""
@@ -93,18 +96,56 @@ def select_laws(
 
     Its alternatives are all other ends that were compared by the reference model.
     """
-    names: tuple[str, ...] = ()
+    first = _Trials(result, method, max_corrections, seed)
+    found = _forward_selection(first, SUSPECTS)
+    excluding = [name for name in found[1] if name in THROUGH_STANDSTILL]
+    if found[0].explained or not excluding:
+        return found
+    others = tuple(name for name in SUSPECTS if name not in excluding)
+    rival = _forward_selection(first, others)
+    best, other = sorted((found, rival), key=lambda one: one[0].residual_variance)
+    ends = (*best[0].alternatives, replace(other[0], alternatives=()), *other[0].alternatives)
+    return replace(best[0], alternatives=ends), best[1]
+
+
+@dataclass(frozen=True, eq=False)
+class _Trials:
+    """The laws that are tried from one estimate, `before` them; each is fitted once."""
+
+    before: SearchResult
+    method: Method
+    max_corrections: int
+    seed: int
+    fits: dict[str, "LawFit"] = field(default_factory=dict)
+    outcomes: dict[str, SearchResult | None] = field(default_factory=dict)
+
+    def corrected(self, suspects: tuple[str, ...]) -> dict[str, SearchResult]:
+        """Return the promising ones of `suspects`, their bias corrected by the reference model."""
+        for name in suspects:
+            if name not in self.fits and is_possible(self.before.objective.problem.actuator, LAWS[name]):
+                child = child_seed(self.seed, "law selection", name)
+                self.fits[name] = fit_with_law(self.before, LAWS[name], self.method, child)
+        found = {}
+        for fit in _promising([self.fits[name] for name in suspects if name in self.fits]):
+            if fit.law not in self.outcomes:
+                self.outcomes[fit.law] = corrected_fit(fit, self.before, self.max_corrections, self.seed)
+            outcome = self.outcomes[fit.law]
+            if outcome is not None:
+                found[fit.law] = outcome
+        return found
+
+
+def _forward_selection(trials: _Trials, allowed: tuple[str, ...]) -> tuple[SearchResult, tuple[str, ...]]:
+    """Return `select_laws` with the laws `allowed`, one after another: the best at each time."""
+    result, names = trials.before, tuple[str, ...]()
+    max_corrections, seed = trials.max_corrections, trials.seed
     before = [result, *result.alternatives]
     ends = list(before)
     for _ in range(LAW_SELECTION.most):
-        suspects = SUSPECTS if not result.explained else _second_of_friction(names)
-        tried = [
-            fit_with_law(result, LAWS[name], method, child_seed(seed, "law selection", name))
-            for name in suspects
-            if is_possible(result.objective.problem.actuator, LAWS[name])
-        ]
-        corrected = {one.law: corrected_fit(one, result, max_corrections, seed) for one in _promising(tried)}
-        outcomes = {name: one for name, one in corrected.items() if one is not None}
+        suspects = allowed if not result.explained else _second_of_friction(names)
+        if trials.before is not result:
+            trials = _Trials(result, trials.method, max_corrections, seed)
+        outcomes = trials.corrected(suspects)
         if not outcomes:
             break
         ends += outcomes.values()
