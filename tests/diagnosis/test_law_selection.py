@@ -149,6 +149,7 @@ def test_a_law_that_stands_in_the_way_of_another_is_left_out(
     def forward(_: object, allowed: tuple[str, ...]) -> tuple[SearchResult, tuple[str, ...]]:
         return (astray, ("presliding",)) if "presliding" in allowed else (at_the_truth, ("transition",))
 
+    monkeypatch.setattr(law_selection, "SUSPECTS", ("transition", "presliding"))
     monkeypatch.setattr(law_selection, "_forward_selection", forward)
     result, laws = select_laws(astray, method_named("hybrid"), 2, seed=0)
     assert laws == ("transition",)
