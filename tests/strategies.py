@@ -1,16 +1,26 @@
-"""Hypothesis strategies that several rooms share."""
+"""Hypothesis strategies, and an actuator with every law, that several rooms share."""
+
+from functools import reduce
 
 import numpy as np
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator, Faults
+from emaphm.actuator.laws import LAWS
 from emaphm.estimation.nuisances import NAMES as NUISANCES
 
 UNIT = st.floats(0.0, 1.0)
 POSITIVE = st.floats(1e-9, 1e9)
 NOT_NEGATIVE = st.just(0.0) | POSITIVE
 SIGNED = NOT_NEGATIVE | POSITIVE.map(lambda value: -value)
+
+EVERYTHING = reduce(
+    lambda actuator, law: law.added_to(actuator),
+    (law for name, law in LAWS.items() if name != "transition"),  # it and presliding exclude each other
+    Actuator.thesis(),
+)
+"""The thesis's actuator with every optional law that it can have at once."""
 
 
 def fault_vectors() -> st.SearchStrategy[NDArray[np.float64]]:

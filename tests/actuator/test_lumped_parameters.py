@@ -1,25 +1,16 @@
 """Totals referred to the motor shaft: reading them from an actuator and setting them."""
 
-from functools import reduce
-
 import pytest
 from hypothesis import given
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.actuator import described_parts
-from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import LUMPED_PARAMETERS, lumped_parameters, with_lumped_parameters
 from emaphm.errors import ActuatorError, MethodError
-from strategies import actuators
+from strategies import EVERYTHING, actuators
 
 THESIS = Actuator.thesis()
 OF_THE_THESIS = tuple(name for name in LUMPED_PARAMETERS if described_parts(THESIS, name) is not None)
-EVERYTHING = reduce(
-    lambda actuator, law: law.added_to(actuator),
-    (law for name, law in LAWS.items() if name != "transition"),  # it and presliding exclude each other
-    THESIS,
-)
-"""The thesis's actuator with every optional law that it can have at once."""
 
 DESCRIBED = tuple(name for name in LUMPED_PARAMETERS if described_parts(EVERYTHING, name) is not None)
 

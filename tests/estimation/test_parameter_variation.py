@@ -1,24 +1,15 @@
 """How far a parameter may be from its description: widths of the start and bounds, by the logarithm."""
 
 import math
-from functools import reduce
 
 import numpy as np
 import pytest
 
-from emaphm.actuator import Actuator
-from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import lumped_parameters
 from emaphm.estimation.nuisances import NuisanceSet
 from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.parameter_variation import ParameterVariation, start_widths, varied
-
-THESIS = Actuator.thesis()
-EVERYTHING = reduce(
-    lambda actuator, law: law.added_to(actuator),
-    (law for name, law in LAWS.items() if name != "transition"),  # it and presliding exclude each other
-    THESIS,
-)
+from strategies import EVERYTHING
 
 WIDE = (
     "stiffness",

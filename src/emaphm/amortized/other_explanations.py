@@ -45,7 +45,7 @@ def _delay(gain: Estimate, result: SearchResult, jacobians: Array) -> tuple[str,
 def _undescribed(result: SearchResult, seed: int) -> tuple[str, ...]:
     """Return what the residual shows that is not described, once the reference model has corrected it."""
     corrected = with_discrepancy(result, seed)
-    if names := list(suspected_laws(corrected, seed)):
+    if names := suspected_laws(corrected, seed):
         laws = " or ".join(f"'{name}'" for name in names)
         return (f"its faults may be a law that the actuator's description lacks: {laws}",)
     parameters = [name for one in possible_errors(corrected, (), seed) for name in one.parameters]

@@ -18,8 +18,7 @@ from emaphm.diagnosis.selection.description_errors import suspected_parameters, 
 from emaphm.diagnosis.selection.deviations import with_description_error, with_laws
 from emaphm.diagnosis.selection.extension import with_nuisances
 from emaphm.diagnosis.selection.first_look import FirstLook
-from emaphm.diagnosis.selection.hidden_laws import with_hidden_law
-from emaphm.diagnosis.selection.law_selection import ONLY_WHILE_SWITCHING
+from emaphm.diagnosis.selection.law_selection import ONLY_WHILE_SWITCHING, search_with_law
 from emaphm.diagnosis.selection.nuisance_selection import SelectedNuisances, select_nuisances
 from emaphm.diagnosis.selection.rotor_zero import is_sought, with_rotor_zero, with_zero_near, zero_of
 from emaphm.diagnosis.selection.supply_scan import with_asked_supply
@@ -84,7 +83,7 @@ class _Alone:
         """Return the estimate with `laws`."""
         searched = self.searched
         for name in laws:
-            searched = with_hidden_law(searched, name, method, max_corrections, self.seed)
+            searched = search_with_law(searched, name, method, max_corrections, self.seed)
         return self.selecting(searched, max_corrections)
 
     def with_description_error(self, method: Method, max_corrections: int) -> Self:

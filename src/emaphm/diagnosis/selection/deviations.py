@@ -4,8 +4,8 @@ from dataclasses import replace
 
 from emaphm.actuator.laws import LAWS
 from emaphm.diagnosis.selection.description_errors import possible_errors, with_free
-from emaphm.diagnosis.selection.hidden_laws import HIDDEN_LAWS, suspected_laws, with_hidden_law
-from emaphm.diagnosis.selection.law_selection import acts, select_laws, without_law
+from emaphm.diagnosis.selection.hidden_laws import HIDDEN_LAWS, suspected_laws
+from emaphm.diagnosis.selection.law_selection import acts, search_with_law, select_laws, without_law
 from emaphm.diagnosis.selection.nuisance_selection import (
     SelectedNuisances,
     select_nuisances,
@@ -107,7 +107,7 @@ def _with_hidden_laws(
     while True:
         rivals = []
         for name, score in suspected_laws(best[0], seed).items():
-            with_law = with_hidden_law(base, name, method, max_corrections, seed)
+            with_law = search_with_law(base, name, method, max_corrections, seed)
             back = without_law(with_law, base, max_corrections, seed)
             if share_of_residual(back, best[0]) < SELECTION.likely_share:
                 # The law has led the search out of a place where it was held, and is perhaps not there.

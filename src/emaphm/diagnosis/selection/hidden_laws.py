@@ -17,17 +17,14 @@ from emaphm.actuator import Actuator
 from emaphm.actuator.laws import LAWS, typical_dry_friction
 from emaphm.actuator.unit.baseline import SIGNED
 from emaphm.arrays import Array
-from emaphm.diagnosis.selection.law_selection import fit_with_law, is_possible, with_free_law
-from emaphm.estimation.bias_correction import correct_bias
-from emaphm.estimation.methods import Method
+from emaphm.diagnosis.selection.law_selection import is_possible, with_free_law
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.parameter_variation import varied
-from emaphm.estimation.reference.refinement import refine_by_reference
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.uncertainty.local_covariance import jacobians_of
 from emaphm.estimation.uncertainty.partial_regression import regressed
 from emaphm.quantiles import chi_squared_quantile
-from emaphm.random_streams import child_seed, stream
+from emaphm.random_streams import stream
 
 
 @dataclass(frozen=True)
@@ -184,12 +181,3 @@ def _derivatives(extended: MapObjective, result: SearchResult) -> tuple[tuple[st
         varied(actuator, name, one) for name, one in zip(names, units[:, np.newaxis] * ends, strict=True)
     ]
     return names, np.asarray((high - low) / np.diff(values))
-
-
-def with_hidden_law(
-    searched: SearchResult, name: str, method: Method, max_corrections: int, seed: int
-) -> SearchResult:
-    """Return the estimate with the law, from that `searched` without it."""
-    child = child_seed(seed, "hidden law", name)
-    fit = fit_with_law(searched, LAWS[name], method, child)
-    return refine_by_reference(correct_bias(fit.objective, fit.points, max_corrections, child), child)

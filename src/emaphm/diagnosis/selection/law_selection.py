@@ -238,6 +238,15 @@ def fit_with_law(result: SearchResult, law: Law, method: Method, seed: int) -> L
     return fit_of(result, with_law(result.objective, law), law.name, method, seed)
 
 
+def search_with_law(
+    searched: SearchResult, name: str, method: Method, max_corrections: int, seed: int
+) -> SearchResult:
+    """Return the estimate with the law, from that `searched` without it."""
+    child = child_seed(seed, "hidden law", name)
+    fit = fit_with_law(searched, LAWS[name], method, child)
+    return refine_by_reference(correct_bias(fit.objective, fit.points, max_corrections, child), child)
+
+
 def fit_of(result: SearchResult, objective: MapObjective, name: str, method: Method, seed: int) -> LawFit:
     """Return where the averaged model fits best with what `objective` has more than `result`: `name`."""
     found = multistart(objective, seed, method.optimizer)

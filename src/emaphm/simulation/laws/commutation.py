@@ -11,6 +11,12 @@ RAMP = np.pi / 6
 """Half the width of a trapezoid's ramp: 30 degrees electrical [rad]."""
 
 
+def from_zero(angle: Any) -> Any:
+    """Return how far an angle in [-π, π) is from the nearest zero of its sine, min(|u|, π - |u|) [rad]."""
+    magnitude = np.abs(angle)
+    return np.minimum(magnitude, np.pi - magnitude)
+
+
 def trapezoid(angle: Any) -> Any:
     """Return the unit trapezoid: the shape of a phase's back-EMF, and of its torque per ampere.
 
@@ -30,9 +36,7 @@ def trapezoid(angle: Any) -> Any:
     ----------
     [1] Thesis, sections 2.2 and 3.1.3.
     """
-    magnitude = np.abs(angle)
-    from_zero = np.minimum(magnitude, np.pi - magnitude)
-    return np.copysign(np.minimum(from_zero / RAMP, 1.0), angle)
+    return np.copysign(np.minimum(from_zero(angle) / RAMP, 1.0), angle)
 
 
 def demand_sign(angle: Any) -> Any:
@@ -53,9 +57,7 @@ def demand_sign(angle: Any) -> Any:
     ----------
     [1] Thesis, section 3.1.3, Fig. 3.5.
     """
-    magnitude = np.abs(angle)
-    from_zero = np.minimum(magnitude, np.pi - magnitude)
-    return select(from_zero >= RAMP, np.copysign(1.0, angle), 0.0)
+    return select(from_zero(angle) >= RAMP, np.copysign(1.0, angle), 0.0)
 
 
 def of_idle_phase(angle: Any, values: Phases) -> Any:
@@ -80,7 +82,5 @@ def of_idle_phase(angle: Any, values: Phases) -> Any:
     ----------
     [1] Thesis, section 4.4: f(θ).
     """
-    magnitude = np.abs(angle)
-    from_zero = np.minimum(magnitude, np.pi - magnitude)
     half_turn = select(angle < 0.0, angle + np.pi, angle)
-    return select(from_zero <= RAMP, values.a, select(half_turn > np.pi / 2, values.b, values.c))
+    return select(from_zero(angle) <= RAMP, values.a, select(half_turn > np.pi / 2, values.b, values.c))

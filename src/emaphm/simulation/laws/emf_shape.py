@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from emaphm.simulation.laws.commutation import RAMP
+from emaphm.simulation.laws.commutation import RAMP, from_zero
 
 LINE_AMPLITUDE = 2 / 3**0.5
 """Amplitude of the sines in the phases whose amplitude line to line is that of unit trapezoids, 2."""
@@ -35,10 +35,9 @@ def emf_shape(angle: Any, flat_loss: Any, sine_share: Any) -> Any:
     ----------
     [1] D. C. Hanselman: Brushless permanent magnet motor design, 2nd ed., 2003, on the shape of the back-EMF.
     """
-    magnitude = np.abs(angle)
-    from_zero = np.minimum(magnitude, np.pi - magnitude)
-    flat = np.minimum(from_zero / (RAMP + 0.5 * flat_loss), 1.0)
-    shape = flat + sine_share * (LINE_AMPLITUDE * _sine(from_zero) - flat)
+    away = from_zero(angle)
+    flat = np.minimum(away / (RAMP + 0.5 * flat_loss), 1.0)
+    shape = flat + sine_share * (LINE_AMPLITUDE * _sine(away) - flat)
     return np.copysign(shape, angle)
 
 

@@ -63,12 +63,12 @@ def friction(structure: Structure) -> Callable[..., Any]:
             at_low_speed = transmitted_friction(
                 torque, -external, p.stribeck_load_motor, p.stribeck_load_external
             )
-        factor = 0.0 if structure.presliding else select(speed == 0.0, 1.0, 0.0)
-        if stribeck:
-            factor = stribeck_factor(speed, p.inverse_stribeck)
-        # A shaft that turns back passes standstill, where friction is static; bristles are slow to.
+        # Bristles never stick: without a Stribeck speed they know no static friction.
+        factor = 0.0
         if stribeck or not structure.presliding:
-            factor = select(speed * free < 0.0, 1.0, factor)
+            at = stribeck_factor(speed, p.inverse_stribeck) if stribeck else select(speed == 0.0, 1.0, 0.0)
+            # A shaft that turns back passes standstill, where friction is static.
+            factor = select(speed * free < 0.0, 1.0, at)
         level = dry_level(static, dynamic, transmitted, at_low_speed, factor)
         if unequal:
             level = level * directional(free, p.coulomb_asymmetry)

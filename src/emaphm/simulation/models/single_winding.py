@@ -240,7 +240,7 @@ def _trapezoidal(s: Any, p: Any, fluxes: Any) -> Any:  # noqa: ARG001
 
 
 def _shaped(s: Any, p: Any, fluxes: Any) -> Any:
-    # Of either sign is the current that flows: what counts is their size.
+    # The current of the pair has the sign: of the shapes only their size counts.
     return np.abs(emf_shape(phase_angles(s.electrical), p.flat_loss, p.sine_share)) * fluxes
 
 
