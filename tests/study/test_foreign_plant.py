@@ -12,9 +12,17 @@ from emaphm.actuator import Actuator, Chirp, Faults, Step
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.arrays import Array
 from emaphm.study import Plan
-from emaphm.study.foreign_plant import _parameters, move, shaft_torque, simulate, stribeck_torque
+from emaphm.study.foreign_plant import (
+    _parameters,
+    back_emf,
+    commutation,
+    move,
+    shaft_torque,
+    simulate,
+    stribeck_torque,
+)
+from emaphm.study.rig import BackEmf, Bristles, Shaft, Stribeck
 from emaphm.study.rig import ForeignFeatures as Features
-from emaphm.study.rig import Shaft, Stribeck
 from simulation.rig import FREE, altered, rms
 
 THESIS = Actuator.thesis()
@@ -33,6 +41,7 @@ EACH = {
 }
 SHAFT = Shaft(stiffness=61.6, damping=1.96e-3)
 FRICTION = Stribeck(speed=20.0, smoothing=1.0)
+BRISTLES = Bristles(bend=0.02, speed=20.0)
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -69,7 +78,8 @@ def test_each_feature_makes_it_differ_from_the_reference_model(name: str) -> Non
 
 def test_features_fade_into_the_reference_model() -> None:
     # The limits: friction that hardly slopes and turns within a tenth of a rad/s, without a static level of
-    # its own; a shaft of 5 kHz without gap; sensors as fast as the step.
+    # its own; bristles that hardly bend; a shaft of 5 kHz without gap; sensors as fast as the step; a
+    # trapezoid and Hall sensors a hundredth of a degree off.
     plain = altered(
         mechanics={
             "static_friction_motor": THESIS.mechanics.dynamic_friction_motor,
@@ -82,7 +92,9 @@ def test_features_fade_into_the_reference_model() -> None:
     # What chaos makes of a run whose switching is shaken.
     chaos = rms(simulated_recording.simulate(plain, CHIRP, controller_noise=1e-3)["current_A"] - reference)
     steep = Features(friction=Stribeck(speed=20.0, smoothing=0.1))
-    for features in (steep, Features(shaft=stiff), Features(sensor_lag=1e-7)):
+    brush = Features(friction=Bristles(bend=1e-6, speed=20.0))
+    angles = Features(back_emf=BackEmf(flat=120.01, sine=1e-4), hall=(0.01, -0.01, 0.01))
+    for features in (steep, brush, Features(shaft=stiff), Features(sensor_lag=1e-7), angles):
         assert rms(simulate(plain, CHIRP, features)["current_A"] - reference) < 1.5 * chaos
 
 
@@ -96,6 +108,50 @@ def test_friction_has_its_two_levels_and_no_jump() -> None:
         -0.08,
     ]
     np.testing.assert_allclose(torque, expected, rtol=1e-12, atol=0)
+
+
+def test_bristles_hold_like_a_spring_and_slide_at_their_level() -> None:
+    m, bend = THESIS.mechanics, BRISTLES.bend
+    static = m.static_friction_motor + m.static_friction_user
+    actuator = altered(mechanics={"viscous_motor": 0.0, "viscous_user": 0.0})
+    level = Features(friction=Bristles(bend=bend, speed=1e6, damping=2.0))
+    held = _moved(level, actuator, (0.0,) * 4, lambda _: 0.3 * static, 150_000)
+    # Moving one way, bristles that bend by z slide as z' = w (1 - z / bend): the angle is its integral.
+    assert held[-1, 1] == pytest.approx(-bend * math.log(1 - 0.3), rel=1e-4)
+    assert abs(held[-1, 0]) < 1e-6
+    # At 100 rad/s, five Stribeck speeds, a damper takes what is above the dynamic level.
+    dynamic = m.dynamic_friction_motor + m.dynamic_friction_user
+    braked = altered(mechanics={"viscous_motor": 2e-2, "viscous_user": 0.0})
+    start = (100.0, 0.0, 100.0, 0.0)
+    slid = _moved(Features(friction=BRISTLES), braked, start, lambda _: dynamic + 2.0, 50_000)
+    assert slid[-1, 0] == pytest.approx(100.0, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("flat", "sine"), [(120.0, 0.0), (60.0, 0.0), (100.0, 0.0), (140.0, 0.3), (120.0, 1.0)]
+)
+def test_a_back_emf_has_its_peak_line_to_line(flat: float, sine: float) -> None:
+    angles = np.radians(np.arange(0.0, 360.0, 0.5))
+    ramp = math.radians(180 - flat) / 2
+    phase = np.array([back_emf(angle, ramp, sine) for angle in angles])
+    lagging = np.roll(phase, 240)
+    assert np.max(phase - lagging) == pytest.approx(2.0, rel=1e-12)
+    np.testing.assert_allclose(phase[360:], -phase[:360], rtol=0, atol=1e-12)
+    if sine == 0:
+        assert np.count_nonzero(np.abs(phase) > 1 - 1e-12) == 4 * flat + 2
+
+
+def test_each_edge_of_commutation_is_as_early_as_its_hall_sensor() -> None:
+    hall = (5.0, -3.0, 2.0)
+    sign = np.empty((720, 3))
+    for n in range(720):
+        commutation(math.radians(n / 2 + 0.25), np.radians(hall), sign[n])
+    for phase in range(3):
+        on, off = 30 + 120 * phase - hall[phase], 30 + 120 * (phase + 1) - hall[(phase + 1) % 3]
+        there = (np.arange(720) / 2 + 0.25 - on) % 360
+        np.testing.assert_array_equal(sign[:, phase] > 0, there < off - on)
+        there = (there - 180) % 360
+        np.testing.assert_array_equal(sign[:, phase] < 0, there < off - on)
 
 
 def test_the_shaft_pushes_only_beyond_its_gap() -> None:
@@ -112,9 +168,9 @@ def _moved(
 ) -> Array:
     """Return (w, theta, user w, user angle) after each step, shape (steps, 4)."""
     p = _parameters(actuator, Faults(), features, STEP)
-    state, trace = start, np.empty((steps, 4))
+    state, trace, bend = start, np.empty((steps, 4)), np.zeros(3)
     for n in range(steps):
-        state = move(p, torque(n * STEP), *state, STEP)
+        state = move(p, torque(n * STEP), *state, bend, STEP)
         trace[n] = state
     return trace
 
@@ -134,31 +190,39 @@ def test_the_two_inertias_swing_at_their_natural_frequency() -> None:
     assert np.abs(momentum).max() < 1e-12 * m.inertia_motor * np.abs(trace[:, 0]).max()
 
 
-def test_gap_spring_damper_and_smooth_friction_move_as_another_integrator_has_it() -> None:
+@pytest.mark.parametrize("friction", [FRICTION, BRISTLES], ids=["smooth", "bristles"])
+def test_gap_spring_damper_and_friction_move_as_another_integrator_has_it(
+    friction: Stribeck | Bristles,
+) -> None:
     actuator = with_lumped_parameters(altered(mechanics={"end_stops": None}), {"offset": 0.05})
-    m, shaft, friction = actuator.mechanics, SHAFT, FRICTION
+    m, shaft = actuator.mechanics, SHAFT
 
     def torque(t: float) -> float:
         return 0.6 * math.sin(2 * math.pi * 60 * t)
 
-    def brake(w: float, static: float, dynamic: float) -> float:
+    def brake(w: float, bend: float, inertia: float, static: float, dynamic: float) -> tuple[float, float]:
+        """Return the friction and how fast its bristles bend."""
         level = dynamic + (static - dynamic) * math.exp(-((w / friction.speed) ** 2))
-        return level * math.tanh(w / friction.smoothing)
+        if isinstance(friction, Stribeck):
+            return level * math.tanh(w / friction.smoothing), 0.0
+        stiffness = static / friction.bend
+        rate = w - stiffness * abs(w) / level * bend
+        return stiffness * bend + 2 * friction.damping * math.sqrt(stiffness * inertia) * rate, rate
 
     def slopes(t: float, y: Array) -> list[float]:
-        w, theta, user_w, user = y
+        w, theta, user_w, user, *bend = y
         beyond = theta - user - float(np.clip(theta - user, -m.backlash / 2, m.backlash / 2))
         passed = shaft.stiffness * beyond + shaft.damping * (w - user_w) if beyond else 0.0
         passed = passed if passed * beyond > 0 else 0.0
-        motor = torque(t) - passed - m.viscous_motor * w
-        motor -= brake(w, m.static_friction_motor, m.dynamic_friction_motor)
-        load = passed - m.offset - m.viscous_user * user_w
-        load -= brake(user_w, m.static_friction_user, m.dynamic_friction_user)
-        return [motor / m.inertia_motor, w, load / m.inertia_user, user_w]
+        braked = brake(w, bend[0], m.inertia_motor, m.static_friction_motor, m.dynamic_friction_motor)
+        motor = torque(t) - passed - m.viscous_motor * w - braked[0]
+        held = brake(user_w, bend[1], m.inertia_user, m.static_friction_user, m.dynamic_friction_user)
+        load = passed - m.offset - m.viscous_user * user_w - held[0]
+        return [motor / m.inertia_motor, w, load / m.inertia_user, user_w, braked[1], held[1]]
 
     steps = 20_000
-    got = _moved(Features(friction=friction, shaft=shaft), actuator, (0.0, 0.0, 0.0, 0.0), torque, steps)
-    end = solve_ivp(slopes, (0, steps * STEP), np.zeros(4), max_step=1e-5, rtol=1e-9, atol=1e-12).y[:, -1]
+    got = _moved(Features(friction=friction, shaft=shaft), actuator, (0.0,) * 4, torque, steps)
+    end = solve_ivp(slopes, (0, steps * STEP), np.zeros(6), max_step=1e-5, rtol=1e-9, atol=1e-12).y[:4, -1]
     # A step is 3e-3 rad of the shaft's swing, and Euler's error a tenth of that here, measured.
     largest = np.abs(got).max(axis=0)
     np.testing.assert_allclose(got[-1] / largest, end / largest, rtol=0, atol=1e-3)

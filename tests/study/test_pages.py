@@ -189,8 +189,8 @@ def test_the_map_names_the_settings_that_are_wrong_without_saying_so(limits: Pla
     undrawn = [section.model_copy(update={"figure": ""}) for section in limits.sections]
     page, none = limits_page(limits.model_copy(update={"sections": undrawn}), results(limits), "limits")
     assert none == {}
-    assert "448 of 1744 runs" in page
-    assert "none of 58." in page
+    assert "546 of 1942 runs" in page
+    assert "none of 72." in page
     explained = {"compliant shaft, mild": False, "lagging current sensors, mild": True}
 
     def miss_the_gain(trial: Trial) -> dict[str, Any]:
@@ -229,11 +229,11 @@ def test_the_base_setting_is_diagnosed_once_for_all_sections(limits: Plan) -> No
     # In the tables of channels and plants, and on all axes but temperature, which the base setting draws.
     assert len(through_base) == 2 + 7
     settings = {(row.rig, row.method) for section in limits.sections for row in section.rows}
-    # 46 points on the axes, six of them the base setting again; two more channels; eight foreign plants,
-    # their laws calibrated or not.
-    assert len(settings) == 46 - 6 + 2 + 2 * 8
+    # 46 points on the axes, six of them the base setting again; two more channels; sixteen foreign
+    # plants, fourteen of them with their laws calibrated too.
+    assert len(settings) == 46 - 6 + 2 + 16 + 14
     # Of the foreign plants fewer cases: each is another kernel, and may try every law.
-    assert limits.total == 42 * (20 + 2 * 5 + 6) + 8 * (5 + 1 * 5 + 2) + 8 * (10 + 1 * 5 + 2)
+    assert limits.total == 42 * (20 + 2 * 5 + 6) + 16 * (5 + 1 * 5 + 2) + 14 * (10 + 1 * 5 + 2)
 
 
 def test_rates_are_those_of_the_results(limits: Plan) -> None:

@@ -1,12 +1,14 @@
 """A plant that is not our reference model, used only as a source of recordings.
 
 Three phases under hysteresis switching as in the reference model, written anew without the package's kernels.
-In addition, each by itself or together: smooth friction after Stribeck, a compliant shaft between motor and
-user with the backlash as a dead zone in series, and current sensors that lag, for the drive as for the
-recorder. The speed loop is proportional; lags in the loop, load stiffness and end stops are not built.
+In addition, each by itself or together: smooth friction after Stribeck or of bristles that bend, a compliant
+shaft between motor and user with the backlash as a dead zone in series, a back-EMF that is no perfect
+trapezoid, Hall sensors out of place, and current sensors that lag, for the drive as for the recorder. The
+speed loop is proportional; lags in the loop, load stiffness and end stops are not built.
 """
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numba
@@ -17,7 +19,9 @@ from emaphm.arrays import Array
 from emaphm.errors import StudyError
 from emaphm.recording import Recording, acquire, full_scales
 from emaphm.recording.signal_rows import signal_rows
-from emaphm.study.rig import ForeignFeatures
+from emaphm.study.rig import Bristles, ForeignFeatures, Stribeck
+
+Triple = tuple[float, float, float]
 
 STEP_S = 1e-6
 """Longest integration step [s]: 1/500 of the period of a 2 kHz shaft."""
@@ -35,7 +39,10 @@ CHANNELS = (
 
 
 class _Parameters(NamedTuple):
-    """What the kernel is given, SI units; a pair is motor and user, a triple the phases."""
+    """What the kernel is given, SI units; a triple is of the phases, or of motor, user and both as one.
+
+    `bristles` are the stiffness and the damping of bent bristles, of each of the three that move.
+    """
 
     gain: float
     speed_limit: float
@@ -45,16 +52,20 @@ class _Parameters(NamedTuple):
     band: float
     half_supply: float
     pole_pairs: float
-    resistance: tuple[float, float, float]
-    inductance: tuple[float, float, float]
-    flux: tuple[float, float, float]
+    resistance: Triple
+    inductance: Triple
+    flux: Triple
+    ramp: float
+    sine: float
+    hall: Triple
     eccentricity: float
     direction: float
     torque_limit: float
-    inertia: tuple[float, float]
-    viscous: tuple[float, float]
-    static: tuple[float, float]
-    dynamic: tuple[float, float]
+    inertia: Triple
+    viscous: Triple
+    static: Triple
+    dynamic: Triple
+    bristles: tuple[Triple, Triple]
     load: float
     half_gap: float
     gear_ratio: float
@@ -109,8 +120,10 @@ def _parameters(actuator: Actuator, faults: Faults, features: ForeignFeatures, s
         )
     physical = faults.physical(actuator)
     turns = [max(physical[f"turns_{phase}"], 0.01) for phase in "abc"]
-    friction, shaft = features.friction, features.shaft
-    more = physical["friction_factor"]
+    friction, shaft, shape = features.friction, features.shaft, features.back_emf
+    static = _parts(m.static_friction_motor, m.static_friction_user)
+    dynamic = _parts(m.dynamic_friction_motor, m.dynamic_friction_user)
+    inertia, more = _parts(m.inertia_motor, m.inertia_user), physical["friction_factor"]
     return _Parameters(
         gain=physical["gain_factor"] * c.position_gain,
         speed_limit=c.speed_limit,
@@ -123,27 +136,44 @@ def _parameters(actuator: Actuator, faults: Faults, features: ForeignFeatures, s
         resistance=_three([e.resistance / 2 * n for n in turns]),
         inductance=_three([e.inductance / 2 * n * n for n in turns]),
         flux=_three([motor.torque_constant / 2 * n for n in turns]),
+        ramp=np.radians(180 - shape.flat) / 2,
+        sine=shape.sine,
+        hall=_three(np.radians(features.hall)),
         eccentricity=physical["eccentricity_Z"],
         direction=physical["eccentricity_phase_rad"],
         torque_limit=motor.torque_limit,
-        inertia=(m.inertia_motor, m.inertia_user),
-        viscous=(m.viscous_motor, m.viscous_user),
-        static=(more * m.static_friction_motor, more * m.static_friction_user),
-        dynamic=(more * m.dynamic_friction_motor, more * m.dynamic_friction_user),
+        inertia=inertia,
+        viscous=_parts(m.viscous_motor, m.viscous_user),
+        static=_three([more * level for level in static]),
+        dynamic=_three([more * level for level in dynamic]),
+        bristles=_bristles(friction, static, inertia),
         load=m.offset,
         half_gap=physical["backlash_rad"] / 2,
         gear_ratio=m.gear_ratio,
         stribeck_speed=friction.speed if friction else 0.0,
-        smoothing=friction.smoothing if friction else 0.0,
+        smoothing=friction.smoothing if isinstance(friction, Stribeck) else 0.0,
         stiffness=shaft.stiffness if shaft else 0.0,
         damping=shaft.damping if shaft else 0.0,
         sensor_share=-float(np.expm1(-step / features.sensor_lag)) if features.sensor_lag else 1.0,
     )
 
 
-def _three(values: list[float]) -> tuple[float, float, float]:
+def _bristles(friction: Stribeck | Bristles | None, static: Triple, inertia: Triple) -> tuple[Triple, Triple]:
+    """Return stiffness [N·m/rad] and damping [N·m·s/rad]: bristles of all parts bend as far; none without."""
+    if not isinstance(friction, Bristles):
+        return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    stiffness = _three([level / friction.bend for level in static])
+    critical = [2 * math.sqrt(k * j) for k, j in zip(stiffness, inertia, strict=True)]
+    return stiffness, _three([friction.damping * value for value in critical])
+
+
+def _parts(motor: float, user: float) -> Triple:
+    return motor, user, motor + user
+
+
+def _three(values: Sequence[float] | Array) -> Triple:
     a, b, c = values
-    return a, b, c
+    return float(a), float(b), float(c)
 
 
 def _compiled(function: Any) -> Any:
@@ -151,35 +181,48 @@ def _compiled(function: Any) -> Any:
 
 
 @_compiled
-def trapezoid(angle: float) -> float:
-    """Return the unit trapezoid at an electrical angle in [0, 2 pi)."""
-    ramp = np.pi / 6
-    if angle < ramp:
-        return angle / ramp
-    if angle <= 5 * ramp:
-        return 1.0
-    if angle < 7 * ramp:
-        return (6 * ramp - angle) / ramp
-    if angle <= 11 * ramp:
-        return -1.0
-    return (angle - 12 * ramp) / ramp
+def trapezoid(angle: float, ramp: float) -> float:
+    """Return the unit trapezoid at an electrical angle in [0, 2 pi), `ramp` [rad] from zero to its flat."""
+    half = angle % np.pi
+    level: float = min(min(half, np.pi - half) / ramp, 1.0)
+    return level if angle < np.pi else -level
 
 
 @_compiled
-def commutation(angle: float) -> float:
-    """Return the sign of the flat that an electrical angle in [0, 2 pi) lies on, 0 on a ramp."""
-    ramp = np.pi / 6
-    if ramp <= angle <= 5 * ramp:
-        return 1.0
-    if 7 * ramp <= angle <= 11 * ramp:
-        return -1.0
-    return 0.0
+def back_emf(angle: float, ramp: float, sine: float) -> float:
+    """Return a phase's back-EMF per flux: a trapezoid with some of a sine of the same peak line to line."""
+    part = sine * 2 / math.sqrt(3) * math.sin(angle)
+    shape: float = (1 - sine) * trapezoid(angle, ramp) + part
+    return shape
+
+
+@_compiled
+def commutation(electrical: float, hall: Any, sign: Array) -> None:
+    """Fill `sign` (3,) with the sign of the current of each phase, 0 of the idle one.
+
+    A phase's Hall sensor is high over the half turn that begins with its flat, `hall` [rad] early; a phase
+    conducts while its own sensor and the next differ.
+    """
+    high = np.zeros(3)
+    for phase in range(3):
+        own = electrical - 2 * np.pi / 3 * phase - np.pi / 6 + hall[phase]
+        high[phase] = 1.0 if own % (2 * np.pi) < np.pi else 0.0
+    for phase in range(3):
+        sign[phase] = high[phase] - high[(phase + 1) % 3]
+
+
+@_compiled
+def sliding_level(w: float, static: float, dynamic: float, speed: float) -> float:
+    """Return the level of Stribeck's friction [N·m] at speed `w` [rad/s]."""
+    level: float = dynamic + (static - dynamic) * math.exp(-((w / speed) ** 2))
+    return level
 
 
 @_compiled
 def stribeck_torque(w: float, static: float, dynamic: float, speed: float, smoothing: float) -> float:
     """Return the smooth friction torque [N·m] at speed `w` [rad/s]."""
-    return (dynamic + (static - dynamic) * math.exp(-((w / speed) ** 2))) * math.tanh(w / smoothing)
+    torque: float = sliding_level(w, static, dynamic, speed) * math.tanh(w / smoothing)
+    return torque
 
 
 @_compiled
@@ -196,23 +239,15 @@ def shaft_torque(twist: float, rate: float, half_gap: float, stiffness: float, d
 
 
 @_compiled
-def speed_after(
-    w: float,
-    torque: float,
-    inertia: float,
-    static: float,
-    dynamic: float,
-    stribeck_speed: float,
-    smoothing: float,
-    step: float,
-) -> float:
-    """Return the speed [rad/s] of an inertia after a step under `torque` [N·m] and its friction.
+def against_dry_friction(w: float, torque: float, inertia: float, p: Any, part: int, step: float) -> float:
+    """Return the speed [rad/s] after a step under `torque` [N·m] and Stribeck's friction, else Borello's.
 
-    Stribeck's where there is a `stribeck_speed`, else Borello's: sticking up to `static`, breaking away
-    against `dynamic`, and stopping at 0 before going the other way.
+    The latter sticks up to its static level, breaks away against the dynamic one, and stops at 0 before going
+    the other way.
     """
-    if stribeck_speed > 0:
-        friction: float = stribeck_torque(w, static, dynamic, stribeck_speed, smoothing)
+    static, dynamic = p.static[part], p.dynamic[part]
+    if p.stribeck_speed > 0:
+        friction: float = stribeck_torque(w, static, dynamic, p.stribeck_speed, p.smoothing)
         return w + (torque - friction) * step / inertia
     if w == 0.0:
         if abs(torque) <= static:
@@ -223,25 +258,51 @@ def speed_after(
 
 
 @_compiled
+def against_bristles(
+    w: float, torque: float, inertia: float, p: Any, part: int, bend: Array, step: float
+) -> float:
+    """Return the speed [rad/s] after a step under `torque` [N·m] and bristles (LuGre), whose bend follows.
+
+    z' = w - k |w| z / level, and they brake by k z + c z'.
+    """
+    stiffness, damping = p.bristles[0][part], p.bristles[1][part]
+    sliding = sliding_level(w, p.static[part], p.dynamic[part], p.stribeck_speed) / stiffness
+    # Exact at this speed: stiff bristles are at their level within much less than a step.
+    bent = (math.copysign(sliding, w) - bend[part]) * -math.expm1(-abs(w) / sliding * step)
+    bend[part] += bent
+    following: float = w + (torque - stiffness * bend[part] - damping * bent / step) * step / inertia
+    return following
+
+
+@_compiled
+def speed_after(w: float, torque: float, p: Any, part: int, bend: Array, step: float) -> float:
+    """Return the speed [rad/s] of `part` after a step under `torque` [N·m] and its friction."""
+    inertia = p.inertia[part]
+    has_bristles = p.bristles[0][part] > 0
+    following: float = (
+        against_bristles(w, torque, inertia, p, part, bend, step)
+        if has_bristles
+        else against_dry_friction(w, torque, inertia, p, part, step)
+    )
+    return following
+
+
+@_compiled
 def move(
-    p: Any, torque: float, w: float, theta: float, user_w: float, user: float, step: float
+    p: Any, torque: float, w: float, theta: float, user_w: float, user: float, bend: Array, step: float
 ) -> tuple[float, float, float, float]:
-    """Return speed and angle of motor and of user after a step under the motor's `torque` [N·m]."""
+    """Return speed and angle of motor and of user after a step under the motor's `torque` [N·m].
+
+    `bend` (3,) is what bristles of motor, user and both as one are bent by, and follows.
+    """
     if p.stiffness > 0:
         passed = shaft_torque(theta - user, w - user_w, p.half_gap, p.stiffness, p.damping)
         driven = torque - passed - p.viscous[0] * w
         pulled = passed - p.load - p.viscous[1] * user_w
-        w = speed_after(
-            w, driven, p.inertia[0], p.static[0], p.dynamic[0], p.stribeck_speed, p.smoothing, step
-        )
-        user_w = speed_after(
-            user_w, pulled, p.inertia[1], p.static[1], p.dynamic[1], p.stribeck_speed, p.smoothing, step
-        )
+        w = speed_after(w, driven, p, 0, bend, step)
+        user_w = speed_after(user_w, pulled, p, 1, bend, step)
         return w, theta + w * step, user_w, user + user_w * step
-    active = torque - p.load - (p.viscous[0] + p.viscous[1]) * w
-    inertia, static = p.inertia[0] + p.inertia[1], p.static[0] + p.static[1]
-    dynamic = p.dynamic[0] + p.dynamic[1]
-    w = speed_after(w, active, inertia, static, dynamic, p.stribeck_speed, p.smoothing, step)
+    w = speed_after(w, torque - p.load - p.viscous[2] * w, p, 2, bend, step)
     theta += w * step
     return w, theta, w, min(max(user, theta - p.half_gap), theta + p.half_gap)
 
@@ -249,7 +310,7 @@ def move(
 @_compiled
 def _run(p: Any, command: Array, step: float, substeps: int, out: Array) -> None:
     """Fill `out` (channels, samples) with means over each interval."""
-    i, sensed, legs = np.zeros(3), np.zeros(3), np.full(3, -1.0)
+    i, sensed, legs, bend = np.zeros(3), np.zeros(3), np.full(3, -1.0), np.zeros(3)
     shape, sign, flux, drive = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
     admittance = 1 / p.inductance[0] + 1 / p.inductance[1] + 1 / p.inductance[2]
     w = theta = user_w = user = 0.0
@@ -258,16 +319,17 @@ def _run(p: Any, command: Array, step: float, substeps: int, out: Array) -> None
         reference = p.speed_gain * (demand - w) / p.drive_constant
         reference = min(max(reference, -p.current_limit), p.current_limit)
         centre = 0.0
+        commutation(p.pole_pairs * theta, p.hall, sign)
         for phase in range(3):
             electrical = (p.pole_pairs * theta - 2 * np.pi / 3 * phase) % (2 * np.pi)
-            shape[phase], sign[phase] = trapezoid(electrical), commutation(electrical)
+            shape[phase] = trapezoid(electrical, np.pi / 6)
             missing = reference * sign[phase] - sensed[phase]
             if missing > p.band:
                 legs[phase] = 1.0
             elif missing < -p.band:
                 legs[phase] = -1.0
             gap = 1 + p.eccentricity * np.cos(theta + p.direction + 2 * np.pi / 3 * phase)
-            flux[phase] = p.flux[phase] * gap * shape[phase]
+            flux[phase] = p.flux[phase] * gap * back_emf(electrical, p.ramp, p.sine)
             drive[phase] = legs[phase] * p.half_supply - p.resistance[phase] * i[phase] - flux[phase] * w
             centre += drive[phase] / p.inductance[phase] / admittance
         torque = equivalent = voltage = 0.0
@@ -278,7 +340,7 @@ def _run(p: Any, command: Array, step: float, substeps: int, out: Array) -> None
             equivalent += 0.5 * shape[phase] * sensed[phase]
             voltage += sign[phase] * legs[phase] * p.half_supply
         torque = min(max(torque, -p.torque_limit), p.torque_limit)
-        w, theta, user_w, user = move(p, torque, w, theta, user_w, user, step)
+        w, theta, user_w, user = move(p, torque, w, theta, user_w, user, bend, step)
         row = now // substeps
         out[0, row] += equivalent / substeps
         out[1, row] += voltage / substeps

@@ -28,6 +28,7 @@ Duration = Annotated[float, Field(gt=0, le=30)]
 SampleRate = Annotated[float, Field(gt=0, le=1e5)]
 AdcBits = Annotated[int, AfterValidator(_known_bits)]
 HeatK = Annotated[float, Field(ge=-MOST_HEAT_K, le=MOST_HEAT_K)]
+HallDegrees = Annotated[float, Field(ge=-30, le=30)]
 Relative = Annotated[float, Field(gt=-1, le=10)]
 
 
@@ -51,6 +52,28 @@ class Stribeck(Section):
     smoothing: Positive
 
 
+class Bristles(Section):
+    """Friction that gives before it slides: Canudas de Wit's LuGre, with Stribeck's levels.
+
+    Bristles bend by `bend` at the static level of a healthy plant [rad], at the motor; the levels fall over
+    `speed` [rad/s]; `damping` is a share of the critical one.
+    """
+
+    bend: Positive
+    speed: Positive
+    damping: NotNegative = 0.2
+
+
+class BackEmf(Section):
+    """The shape of each phase's back-EMF: the trapezoid's flat [electrical degrees], and a share of a sine.
+
+    The peak from line to line is that of the description.
+    """
+
+    flat: Annotated[float, Field(ge=60, lt=180)] = 120.0
+    sine: Annotated[float, Field(ge=0, le=1)] = 0.0
+
+
 class Shaft(Section):
     """A torsional spring with a damper, stiffness [N·m/rad] and damping [N·m·s/rad] at the motor."""
 
@@ -61,11 +84,14 @@ class Shaft(Section):
 class ForeignFeatures(Section):
     """What a foreign plant has that the reference model has not; nothing by default.
 
-    `sensor_lag` is the time constant of the current sensors [s].
+    `hall` is how early the Hall sensor of each phase switches [electrical degrees], `sensor_lag` the time
+    constant of the current sensors [s].
     """
 
-    friction: Stribeck | None = None
+    friction: Stribeck | Bristles | None = None
     shaft: Shaft | None = None
+    back_emf: BackEmf = BackEmf()
+    hall: tuple[HallDegrees, HallDegrees, HallDegrees] = (0.0, 0.0, 0.0)
     sensor_lag: NotNegative = 0.0
 
 
