@@ -32,6 +32,10 @@ class MethodError(EmaphmError):
     """A model, method or option is unknown or does not fit what it is used on."""
 
 
+class DivergedError(MethodError):
+    """A simulation did not stay finite."""
+
+
 class ExecutionError(EmaphmError):
     """Workers or a scheduler cannot be used, or results cannot be kept."""
 

@@ -253,6 +253,7 @@ PRIOR = "chosen: what may be expected of a rig"
 NuisanceName = Literal[
     "load",
     "hinge",
+    "load_variation",
     "temperature",
     "supply",
     "inertia",
@@ -308,6 +309,14 @@ class Nuisances(Section):
     )
     hinge: float | None = quantity(
         "load stiffness: load at the motor per position of the user", "N·m/rad", PRIOR, default=None, gt=0
+    )
+    load_variation: float | None = quantity(
+        "load at the motor that varies over the recording: each coefficient of its spline; as of a constant "
+        "one where left out",
+        "N·m",
+        PRIOR,
+        default=None,
+        gt=0,
     )
     temperature: float = quantity("winding and magnets, above nominal", "K", PRIOR, default=30.0, gt=0)
     supply: float = quantity("supply voltage, relative", "-", PRIOR, default=0.05, gt=0)

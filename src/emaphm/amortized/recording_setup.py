@@ -114,7 +114,8 @@ class RecordingSetup:
     @cached_property
     def space(self) -> ParameterSpace:
         """The coordinates of what is estimated: faults, then nuisances and what the baseline leaves open."""
-        chosen = NuisanceSet.of(self.actuator, self.nuisances, self.channels)
+        duration = self.samples * self.interval_s
+        chosen = NuisanceSet.of(self.actuator, self.nuisances, self.channels, duration=duration)
         return ParameterSpace.of(self.actuator, chosen)
 
     @property

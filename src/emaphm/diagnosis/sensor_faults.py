@@ -87,9 +87,10 @@ def sensor_faults(
     """
     found = [SensorFault(f.channel, f.kind, f.size, f.unit, None, f"{f.sentence}.") for f in findings]
     if explained:
-        for name in selected:
-            error, size = sensor_error(name), abs(nuisances[name].value)
-            if error is None or size <= CERTAIN * nuisances[name].standard_error:
+        errors = {name: error for name in selected if (error := sensor_error(name)) is not None}
+        for name, error in errors.items():
+            size = abs(nuisances[name].value)
+            if size <= CERTAIN * nuisances[name].standard_error:
                 continue
             if error[1] == "delay" or size > usual_deviation(actuator, name):
                 found.append(_estimated(name, *error, nuisances[name], collinear_sets, channels))

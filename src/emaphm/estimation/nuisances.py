@@ -20,6 +20,7 @@ from emaphm.errors import MethodError, nearest
 from emaphm.estimation.parameter_variation import ParameterVariation, variation_unit, varied
 from emaphm.estimation.recorded_supply import makes_supply_known
 from emaphm.estimation.sensors.sensor_model import ERROR_KINDS, SENSOR_CHANNELS, sensor_error
+from emaphm.simulation.laws.load_variation import PREFIX, coefficient_names, coefficients_for
 
 COPPER = 3.93e-3
 """Temperature coefficient of the resistance of copper at 20 °C [1/K] (IEC 60028)."""
@@ -36,7 +37,15 @@ PRIORS_PER_UNIT = 5.0
 LEAST = 0.1
 """Share of a total that a nuisance leaves of it at least, however wide its prior."""
 
-KNOWN_BY = {"load": "load_Nm", "hinge": "load_Nm", "temperature": "temperature_K"}
+LOAD_VARIATION = "load_variation"
+"""The nuisance that stands for several: the coefficients of a load over the recording."""
+
+KNOWN_BY = {
+    "load": "load_Nm",
+    "hinge": "load_Nm",
+    LOAD_VARIATION: "load_Nm",
+    "temperature": "temperature_K",
+}
 """The channel that makes a nuisance known where it was recorded."""
 
 WIDEST = 4.0
@@ -57,7 +66,7 @@ def unit_of(name: str, coordinates: str = "rotary") -> str:
     """Return the unit of a nuisance, or of a deviation from the baseline."""
     if name.startswith(BASELINE):
         return variation_unit(name.removeprefix(BASELINE), coordinates)
-    extra = Nuisances.model_fields[name].json_schema_extra
+    extra = Nuisances.model_fields[_described(name)].json_schema_extra
     return unit_for(str(extra["unit"]) if isinstance(extra, dict) else "-", coordinates)
 
 
@@ -95,20 +104,23 @@ class NuisanceSet:
         channels: Sequence[str],
         unit: ParameterVariation | None = None,
         located: Mapping[str, Located] | None = None,
+        *,
+        duration: float = 0.0,
     ) -> Self:
         """Return the named nuisances, or the actuator's own, less what `channels` make known.
 
         And the deviations of the `unit`: as the actuator's baseline and tolerances have them where left out.
-        Those that are `located` have their values and deviations in place of nominal and prior.
+        Those that are `located` have their values and deviations in place of nominal and prior. A load that
+        varies has as many coefficients as a recording of `duration` [s] needs.
 
         Raises
         ------
         MethodError
             A name is unknown, or needs the electrical description that the actuator lacks.
         """
-        chosen = tuple(dict.fromkeys(actuator.nuisances.estimated if names is None else names))
+        chosen = _each(actuator.nuisances.estimated if names is None else names, duration)
         for name in chosen:
-            if name not in NAMES:
+            if _described(name) not in NAMES:
                 raise MethodError(f"unknown nuisance '{name}'{nearest(name, NAMES)}")
             if names is not None and name in NEEDS_WINDINGS and actuator.electrical is None:
                 raise MethodError(
@@ -151,7 +163,7 @@ class NuisanceSet:
         return tuple(
             name
             for name in NAMES
-            if name not in (*self.chosen, *self.parameters)
+            if name not in (*self.chosen, *self.parameters, LOAD_VARIATION)
             and _matters(actuator, name, channels)
             and _shows(name, channels)
             and _prior(actuator, name) is not None
@@ -204,6 +216,7 @@ class NuisanceSet:
         def present(name: str) -> Array:
             return result[name] if name in result else np.asarray(lumped_parameters(actuator, (name,))[name])
 
+        result |= {name: values[name] for name in values if name.startswith(PREFIX)}
         if "load" in values:
             result["offset"] = present("offset") + values["load"]
         if "hinge" in values:
@@ -228,12 +241,24 @@ NO_NUISANCES = NuisanceSet((), np.zeros(0), np.zeros(0), (), np.zeros((0, 0)), (
 """The faults alone are estimated."""
 
 
+def _each(names: Sequence[str], duration: float) -> tuple[str, ...]:
+    """Return the names, each once, the coefficients of a load that varies in place of its own."""
+    coefficients = coefficient_names(coefficients_for(duration))
+    each = [own for name in names for own in (coefficients if name == LOAD_VARIATION else (name,))]
+    return tuple(dict.fromkeys(each))
+
+
+def _described(name: str) -> str:
+    """Return what the description calls a nuisance: the coefficients of a load that varies are one."""
+    return LOAD_VARIATION if name.startswith(PREFIX) else name
+
+
 def _matters(actuator: Actuator, name: str, channels: Sequence[str]) -> bool:
     """Return whether a nuisance is not made known by `channels`, and acts on what the actuator has."""
     acts = name not in NEEDS_WINDINGS or actuator.electrical is not None
     if name == "supply" and makes_supply_known(channels, actuator):
         return False
-    return acts and KNOWN_BY.get(name) not in channels
+    return acts and KNOWN_BY.get(_described(name)) not in channels
 
 
 def _shows(name: str, channels: Sequence[str]) -> bool:
@@ -250,11 +275,11 @@ def _shows(name: str, channels: Sequence[str]) -> bool:
 
 def _prior(actuator: Actuator, name: str) -> float | None:
     """Return the prior standard deviation of a nuisance, in its own unit, where one is known."""
-    given = getattr(actuator.nuisances, name)
+    given = getattr(actuator.nuisances, _described(name))
     if given is not None:
         return float(given)
     limit = actuator.controller.current_limit
-    if name == "load":
+    if name == "load" or _described(name) == LOAD_VARIATION:
         return 0.06 * limit * actuator.motor.torque_constant
     error = sensor_error(name)
     reach = None if error is None else _range(actuator, error[0])
@@ -263,7 +288,7 @@ def _prior(actuator: Actuator, name: str) -> float | None:
 
 def has_stated_prior(actuator: Actuator, name: str) -> bool:
     """Return whether `name` is a nuisance whose prior the description states, and does not leave as usual."""
-    return name in NAMES and getattr(actuator.nuisances, name) is not None
+    return _described(name) in NAMES and getattr(actuator.nuisances, _described(name)) is not None
 
 
 def _range(actuator: Actuator, quantity: str) -> float | None:
@@ -279,7 +304,7 @@ def _range(actuator: Actuator, quantity: str) -> float | None:
 
 def with_wider_priors(actuator: Actuator, factors: Mapping[str, float]) -> Actuator:
     """Return the actuator with priors of nuisances wider by `factors`, by name."""
-    priors = {name: factor * usual_deviation(actuator, name) for name, factor in factors.items()}
+    priors = {_described(name): factor * usual_deviation(actuator, name) for name, factor in factors.items()}
     return actuator.model_copy(update={"nuisances": actuator.nuisances.model_copy(update=priors)})
 
 

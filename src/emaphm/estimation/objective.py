@@ -204,7 +204,8 @@ def faults_objective(
     MethodError
         A nuisance is unknown, or needs the electrical description that the actuator lacks.
     """
-    chosen = NuisanceSet.of(problem.actuator, nuisances, tuple(problem.measured))
+    measured, duration = tuple(problem.measured), problem.inputs.duration
+    chosen = NuisanceSet.of(problem.actuator, nuisances, measured, duration=duration)
     space = ParameterSpace.of(problem.actuator, chosen, below_healthy=below_healthy)
     return MapObjective.of(problem, space)
 
@@ -224,5 +225,6 @@ def healthy_objective(
 
     Errors as in `faults_objective`.
     """
-    chosen = NuisanceSet.of(problem.actuator, nuisances, tuple(problem.measured), unit)
+    measured, duration = tuple(problem.measured), problem.inputs.duration
+    chosen = NuisanceSet.of(problem.actuator, nuisances, measured, unit, duration=duration)
     return MapObjective.of(problem, ParameterSpace.healthy(chosen))

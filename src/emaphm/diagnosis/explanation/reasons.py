@@ -286,7 +286,7 @@ def _nuisances(result: SearchResult) -> Iterator[str]:
     for name, values in space.nuisance_values(result.point[np.newaxis]).items():
         if sensor_error(name) is not None or not has_stated_prior(actuator, name):
             continue
-        prior = float(getattr(actuator.nuisances, name))
+        prior = usual_deviation(actuator, name)
         deviations = abs(float(values[0])) / prior
         if deviations > EXPLANATION.prior_deviations:
             unit = unit_of(name, actuator.coordinates)

@@ -15,6 +15,8 @@ from emaphm.diagnosis.selection.ripple import ripple_share
 from emaphm.diagnosis.selection.rotor_zero import with_rotor_zero
 from emaphm.diagnosis.selection.sensor_lag import SENSOR_LAG, is_lag_suspected, with_sensor_lag
 from emaphm.diagnosis.selection.settings import SELECTION
+from emaphm.diagnosis.selection.varying_load import VARYING_LOAD, with_varying_load
+from emaphm.errors import DivergedError
 from emaphm.estimation.bias_correction import over_all_phases
 from emaphm.estimation.discrepancy import resolves_switching
 from emaphm.estimation.methods import Method
@@ -32,7 +34,8 @@ def select_deviations(
     Nuisances first; laws where they do not explain the recording, where the ripple shows a lag, or where the
     residual shows a law that hides; parameters of the description where there is no law. Standing, an
     actuator shows no law of its motion: none is tried unless it `moves`. Nor of a drive that does not switch:
-    the few percent that are left of any machine are like laws.
+    the few percent that are left of any machine are like laws. Where the recording is not explained at first,
+    a load that varies is a rival of all these, and may come with some of them.
     """
     if not searched.explained:
         of_all_phases = over_all_phases(searched, seed)
@@ -40,6 +43,34 @@ def select_deviations(
     if not (moves and resolves_switching(searched.objective.problem)):
         found = select_nuisances(searched, max_corrections, seed)
         return found.result, found.names, ()
+    alone = _selection(searched, method, max_corrections, seed)
+    rival = None if searched.explained else _with_varying_load(searched, method, max_corrections, seed)
+    if rival is None or not rival[0].explained:
+        return alone
+    if alone[0].explained and share_of_residual(rival[0], alone[0]) > SELECTION.likely_share:
+        return alone
+    return rival
+
+
+def _with_varying_load(
+    searched: SearchResult, method: Method, max_corrections: int, seed: int
+) -> Selection | None:
+    """Return the selection of an actuator whose load varies, None where such a load is no help.
+
+    Nor is it where another law lets the load carry the model away.
+    """
+    try:
+        loaded = with_varying_load(searched, method, max_corrections, seed)
+        if loaded is None:
+            return None
+        result, names, laws = _selection(loaded, method, max_corrections, seed)
+    except DivergedError:
+        return None
+    return result, (*VARYING_LOAD, *names), laws
+
+
+def _selection(searched: SearchResult, method: Method, max_corrections: int, seed: int) -> Selection:
+    """Return `select_deviations` of an actuator that moves, but for a load that varies."""
     searched, found = _with_rotor_zero(searched, method, max_corrections, seed)
     selection = with_laws(searched, found, method, max_corrections, seed)
     if selection[2] or not found.result.explained:

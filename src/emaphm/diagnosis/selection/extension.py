@@ -50,7 +50,8 @@ def with_nuisances(
     wider = with_wider_priors(actuator, factors | (dict.fromkeys(more, factor) if factor else {}))
     new = located or {}
     known = {name: one for name, one in {**before.located, **new}.items() if one is not None}
-    nuisances = NuisanceSet.of(wider, chosen, measured, before.unit, known)
+    duration = objective.problem.inputs.duration
+    nuisances = NuisanceSet.of(wider, chosen, measured, before.unit, known, duration=duration)
     space = ParameterSpace.of(actuator, nuisances)
     point = space.carried_over(result.point, objective.space)
     point[[name in new for name in space.coordinates]] = 0.0

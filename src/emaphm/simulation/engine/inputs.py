@@ -120,6 +120,11 @@ class Inputs:
         return self.interval / self.substeps
 
     @property
+    def duration(self) -> float:
+        """How long the run takes [s]."""
+        return self.samples * self.interval
+
+    @property
     def window(self) -> int:
         """Steps at the start of each interval that its row is the mean of."""
         return self.substeps if self.sampling == "mean" else 1

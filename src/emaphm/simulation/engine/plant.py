@@ -14,6 +14,7 @@ from emaphm.actuator.unit.baseline import SIGNED as OF_EITHER_SIGN
 from emaphm.arrays import Array
 from emaphm.errors import FaultError, MethodError
 from emaphm.simulation.engine.structure import Ripple, Structure
+from emaphm.simulation.laws.load_variation import PREFIX
 
 NO_LIMIT = 1e30
 """Value of an absent limit; the kernels are compiled to assume that nothing is infinite."""
@@ -53,7 +54,8 @@ class Plant:
     Friction, backlash and position gain have their faults applied; the windings are described by the
     healthy line-to-line values and `turns` (3, n), the fraction of healthy turns in each phase;
     `z` (2, n) is Z (cos phi, sin phi); `ripples` (2 harmonics, n) the amplitudes of each harmonic with cosine
-    and sine. `structure` says which of the optional laws are there; the values of the others do not matter.
+    and sine; `load_variation` (coefficients, n) is a load over the run. `structure` says which of the
+    optional laws are there; the values of the others do not matter.
     """
 
     inertia: Array
@@ -124,6 +126,7 @@ class Plant:
     gravity_angle: Array
     screw_ratio: Array
     ripples: Array
+    load_variation: Array
 
     @staticmethod
     def of(
@@ -137,7 +140,8 @@ class Plant:
             Normalised fault vectors, shape (n, 8).
         lumped_parameters
             Parameters to set instead of the actuator's, by their names in `LUMPED_PARAMETERS`;
-            each of shape (n,) or a scalar. Friction faults multiply them.
+            each of shape (n,) or a scalar. Friction faults multiply them. And the
+            coefficients of a load over the run, by `coefficient_names`.
 
         Raises
         ------
@@ -152,9 +156,15 @@ class Plant:
             raise FaultError(f"fault vectors have shape (n, {len(NAMES)}), got {np.shape(faults)}")
         check_vectors(k, actuator)
         columns = _healthy(actuator, len(k))
-        _set_lumped_parameters(columns, actuator, lumped_parameters or {})
+        given = dict(lumped_parameters or {})
+        varying = [given.pop(name) for name in list(given) if name.startswith(PREFIX)]
+        _set_lumped_parameters(columns, actuator, given)
         _apply_faults(columns, actuator, k)
-        return Plant(**columns, structure=structure_of(actuator))
+        columns["load_variation"] = np.zeros((len(varying), len(k)))
+        for row, values in zip(columns["load_variation"], varying, strict=True):
+            row[:] = values
+        structure = structure_of(actuator)._replace(load_variation=len(varying))
+        return Plant(**columns, structure=structure)
 
     @property
     def count(self) -> int:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from emaphm.actuator import Actuator
 from emaphm.arrays import Array
-from emaphm.errors import MethodError
+from emaphm.errors import DivergedError, MethodError
 from emaphm.simulation.engine.inputs import Inputs
 from emaphm.simulation.engine.kernel_cache import Kernel, kernel
 from emaphm.simulation.engine.model import CACHE_LINE, OBSERVABLE, Form, Initial, Layout, Model
@@ -204,7 +204,7 @@ def _advance(advance: Kernel, block: _Block, out: Array, inputs: Inputs) -> None
 
 def _check_finite(model: Model, out: Array) -> None:
     if not np.all(np.isfinite(out)):
-        raise MethodError(
+        raise DivergedError(
             f"the {model.name} model did not stay finite; "
             "check the actuator's inertia, inductance and gains, or shorten the step"
         )

@@ -11,7 +11,8 @@ from typing import Any
 from llvmlite import ir
 
 from emaphm.simulation.engine.model import CACHE_LINE, ENTRY, Form, Layout
-from emaphm.simulation.engine.step_tracing import FAST, REAL, StepInputs, traced
+from emaphm.simulation.engine.step_tracing import FAST, REAL, Scalar, StepInputs, traced
+from emaphm.simulation.laws.load_variation import MORE_THAN_INTERVALS, coefficient_names, spline_weights
 
 INTEGER = ir.IntType(64)
 ARRAY = ir.PointerType(REAL)
@@ -74,13 +75,18 @@ def kernel_of(form: Form, layout: Layout) -> str:
             now = builder.add(builder.mul(sample, a["substeps"], flags=["nsw"]), substep, flags=["nsw"])
             weight = builder.select(builder.icmp_signed("<", substep, a["window"]), one, zero)
             driving = _driving(builder, a, known, now)
+            spline = _spline(builder, a, parameters, structure.load_variation, now)
             with _loop(builder, width) as lane:
                 before = {name: builder.load(at("x", INTEGER(i), lane)) for i, name in enumerate(state)}
                 of_lane = {
                     name: known[name] if name in known else builder.load(at("p", INTEGER(i), lane))
                     for i, name in enumerate(parameters)
                 }
-                following, outputs = traced(advance, builder, before, of_lane, driving)
+                load = driving.load
+                for row, share_of_it in spline:
+                    part = builder.fmul(share_of_it, builder.load(at("p", row, lane)), flags=FAST)
+                    load = builder.fadd(load, part, flags=FAST)
+                following, outputs = traced(advance, builder, before, of_lane, driving._replace(load=load))
                 for row, value in enumerate(following):
                     builder.store(value, at("x", INTEGER(row), lane))
                 for i, value in enumerate(outputs[:channels]):
@@ -132,6 +138,25 @@ def _driving(builder: Any, arguments: dict[str, Any], known: dict[str, float], n
         step=step,
         carried=known["carried"],
     )
+
+
+def _spline(
+    builder: Any, arguments: dict[str, Any], parameters: tuple[str, ...], count: int, now: Any
+) -> list[tuple[Any, Any]]:
+    """Return rows of the parameters, and their weights, that a lane's varying load has at step `now`.
+
+    Four of the `count` coefficients of a spline over the run; none where there is no such load.
+    """
+    if not count:
+        return []
+    steps = builder.mul(arguments["samples"], arguments["substeps"], flags=["nsw"])
+    per_step = builder.fdiv(REAL(float(count - MORE_THAN_INTERVALS)), builder.sitofp(steps, REAL))
+    place = builder.fmul(builder.sitofp(now, REAL), per_step)
+    interval = builder.fptosi(place, INTEGER)
+    along = builder.fsub(place, builder.sitofp(interval, REAL))
+    first = builder.add(interval, INTEGER(parameters.index(coefficient_names(1)[0])), flags=["nsw"])
+    weights = spline_weights(Scalar(builder, along))
+    return [(builder.add(first, INTEGER(i), flags=["nsw"]), one.value) for i, one in enumerate(weights)]
 
 
 def _at_step(builder: Any, arguments: dict[str, Any], signal: str, now: Any) -> Any:

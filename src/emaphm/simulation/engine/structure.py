@@ -11,7 +11,10 @@ class Ripple(NamedTuple):
 
 
 class Structure(NamedTuple):
-    """Kind of drive and optional laws; a law that is False takes no time in a kernel."""
+    """Kind of drive and optional laws; a law that is False takes no time in a kernel.
+
+    `load_variation` is how many coefficients a load has that varies over the run.
+    """
 
     drive: str = "hysteresis"
     position_pid: bool = False
@@ -29,6 +32,7 @@ class Structure(NamedTuple):
     saturation: bool = False
     emf_shape: bool = False
     ripples: tuple[Ripple, ...] = ()
+    load_variation: int = 0
 
     @property
     def smooth_friction(self) -> bool:

@@ -16,6 +16,7 @@ from emaphm.simulation.laws.cogging import harmonic, ripple_torque
 from emaphm.simulation.laws.compliant_shaft import shaft_torque
 from emaphm.simulation.laws.gravity import gravity_load
 from emaphm.simulation.laws.lag import approach, share_of_step
+from emaphm.simulation.laws.load_variation import coefficient_names
 from emaphm.simulation.laws.select import clip, select
 from emaphm.simulation.models import friction
 
@@ -53,7 +54,8 @@ def state_names(structure: Structure) -> tuple[str, ...]:
 def parameter_names(structure: Structure) -> tuple[str, ...]:
     """Return the parameters of the motion."""
     ripples = range(1, len(structure.ripples) + 1)
-    return (*PARAMETERS, *(f"ripple{i}_{part}" for i in ripples for part in ("cos", "sin")))
+    harmonics = (f"ripple{i}_{part}" for i in ripples for part in ("cos", "sin"))
+    return (*PARAMETERS, *harmonics, *coefficient_names(structure.load_variation))
 
 
 PARAMETERS = (
@@ -151,6 +153,7 @@ def parameters(plant: Plant, step: float) -> dict[str, Array]:
     rows |= {"screw_ratio": plant.screw_ratio}
     for i in range(len(structure.ripples)):
         rows[f"ripple{i + 1}_cos"], rows[f"ripple{i + 1}_sin"] = plant.ripples[2 * i : 2 * i + 2]
+    rows |= dict(zip(coefficient_names(structure.load_variation), plant.load_variation, strict=True))
     return dict.fromkeys(parameter_names(structure), zero) | rows
 
 
