@@ -14,6 +14,7 @@ from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.diagnosis.selection.settings import DESCRIPTION_ERRORS, ROTOR_ZERO
 from emaphm.diagnosis.sensor_faults import SensorFault, sensor_faults
 from emaphm.diagnosis.text import fault_rows, notes
+from emaphm.diagnosis.varying_load import LoadEstimate, estimated_load
 from emaphm.diagnosis.verdict import VERDICT, Z95, Estimate
 from emaphm.estimation.nuisances import BASELINE
 from emaphm.estimation.parameter_space import SHORTS
@@ -155,6 +156,11 @@ class Diagnosis:
         return shared_covariance(self.actuator, self.coordinates, self.covariance, suspected)
 
     @property
+    def load(self) -> LoadEstimate | None:
+        """The load over the recording, None where it is not estimated as one that varies."""
+        return estimated_load(self.nuisances, self.coordinates, self.covariance, self.time_s.size)
+
+    @property
     def shorts_of_open_phases(self) -> tuple[float, ...]:
         """The shorts that are there, the largest first, where it is open which phase has which.
 
@@ -245,6 +251,7 @@ class Diagnosis:
             moves=self.moves,
             explained=self.explained,
             reasons=self.reasons,
+            load=self.load,
         )
         of_recording = [f"{self.recording}: {note}." for note in self.recording_notes]
         # What was found before the diagnosis stands among the recording's notes.

@@ -5,12 +5,15 @@ from collections.abc import Mapping, Sequence
 from emaphm.actuator import Actuator, Faults
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.diagnosis.selection.settings import ROTOR_ZERO
+from emaphm.diagnosis.selection.varying_load import VARYING_LOAD
+from emaphm.diagnosis.varying_load import LoadEstimate
 from emaphm.diagnosis.verdict import Estimate
 from emaphm.diagnosis.wording import physical_text
 from emaphm.estimation.nuisances import BASELINE
 from emaphm.estimation.sensors.sensor_model import sensor_error
 from emaphm.estimation.uncertainty.collinearity import CollinearSet
 from emaphm.estimation.uncertainty.model_error import HealthyComparison
+from emaphm.simulation.laws.load_variation import PREFIX
 
 STANDS_STILL = (
     "The actuator does NOT move: the command is constant, or the actuator is jammed, too weak or switched "
@@ -55,28 +58,43 @@ def notes(
     moves: bool,
     explained: bool,
     reasons: Sequence[str] = (),
+    load: LoadEstimate | None = None,
 ) -> list[str]:
     """Return lines on motion, residual, nuisances, collinear sets and the unit's deviations.
 
     The arguments are those fields of `Diagnosis`.
     """
     unit = {name: estimate for name, estimate in nuisances.items() if name.startswith(BASELINE)}
-    known = {name: estimate for name, estimate in nuisances.items() if estimate.known and name not in unit}
+    over_time = {name for name in nuisances if name.startswith(PREFIX) or (load and name == "load")}
+    known = {
+        name: estimate
+        for name, estimate in nuisances.items()
+        if estimate.known and name not in unit and name not in over_time
+    }
     collinear = {name for one in collinear_sets for name in one.members}
-    unknown = [name for name in nuisances if name not in known.keys() | unit.keys() | collinear]
+    unknown = [name for name in nuisances if name not in known.keys() | unit.keys() | collinear | over_time]
     lines = [STANDS_STILL] if not moves else []
     lines += [NOT_EXPLAINED, *(f"Not explained: {reason}." for reason in reasons)] if not explained else []
     lines += [f"Residual of {name}: {one}" for name, one in model_error.items()]
     if known:
         values = ", ".join(f"{name} {estimate}" for name, estimate in known.items())
         lines.append(f"Estimated with the faults: {values}.")
+    if load:
+        lines.append(
+            f"The load varies over the recording, {load}; it was estimated with the faults. Recorded as "
+            "load_Nm, it is known, and the faults better."
+        )
     if laws:
         lines.append(
             f"Explained best by laws that the description lacks: {', '.join(laws)}. If this persists, "
             "calibrate the healthy actuator with them (emaphm calibrate --laws); without, they would read as "
             "faults."
         )
-    of_recording = [name for name in selected if sensor_error(name) is None and not name.startswith(BASELINE)]
+    of_recording = [
+        name
+        for name in selected
+        if not (sensor_error(name) or name.startswith(BASELINE) or name in VARYING_LOAD)
+    ]
     if of_recording:
         lines.append(
             "Also estimated, because it deviates significantly from the description: "

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from emaphm.actuator import Faults
+from emaphm.plotting.external_load import draw_load_axis
 from emaphm.plotting.fault_intervals import draw_fault_intervals
 from emaphm.plotting.style import (
     FAINT,
@@ -32,18 +33,24 @@ SEGMENT = 4096
 
 
 def draw_diagnosis(diagnosis: "Diagnosis", truth: Faults | None = None) -> "Figure":
-    """Draw current, residual, zoom, spectrum and faults on one page.
+    """Draw current, residual, zoom, spectrum and faults on one page, and a load that varies.
 
     Parameters
     ----------
     truth
         The true faults, drawn as open markers, where they are known.
     """
-    figure = new_figure(PAGE_WIDTH, 10)
-    halves = figure.subfigures(2, 1, squeeze=False, height_ratios=(2, 1))
+    load = diagnosis.load
+    figure = new_figure(PAGE_WIDTH, 10 if load is None else 11.6)
+    halves = figure.subfigures(2, 1, squeeze=False, height_ratios=(2, 1) if load is None else (2.5, 1))
     above, below = halves[:, 0]
     layout = [["current", "current"], ["residual", "residual"], ["zoom", "spectrum"]]
-    axes = above.subplot_mosaic(layout, height_ratios=(1.3, 0.8, 1.1))
+    heights = [1.3, 0.8, 1.1]
+    if load is not None:
+        layout, heights = [*layout, ["load", "load"]], [*heights, 0.8]
+    axes = above.subplot_mosaic(layout, height_ratios=heights)
+    if load is not None:
+        draw_load_axis(axes["load"], diagnosis, load)
     _current(axes["current"], diagnosis)
     _residual(axes["residual"], diagnosis)
     _zoom(axes["zoom"], diagnosis)

@@ -10,6 +10,7 @@ from emaphm.diagnosis.result import Diagnosis
 from emaphm.diagnosis.verdict import VERDICT
 from emaphm.output_files import check_writable, written_whole
 from emaphm.plotting.diagnosis import draw_fit, draw_residual
+from emaphm.plotting.external_load import draw_external_load
 from emaphm.plotting.fault_intervals import draw_faults
 from emaphm.plotting.posterior import draw_posterior
 from emaphm.plotting.svg import plain_style, svg, svg_uri
@@ -57,6 +58,8 @@ def _page(diagnosis: Diagnosis, truth: Faults | None) -> str:
             "fit": _embedded(draw_fit(diagnosis)),
             "residual": _embedded(draw_residual(diagnosis)),
         }
+        if diagnosis.load:
+            figures["load"] = _embedded(draw_external_load(diagnosis))
         if diagnosis.posterior:
             figures["posterior"] = _embedded(draw_posterior(diagnosis))
     error = None if truth is None else float(error_percent(truth.vector, diagnosis.faults.vector))

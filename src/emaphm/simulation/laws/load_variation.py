@@ -3,6 +3,10 @@
 import math
 from typing import Any
 
+import numpy as np
+
+from emaphm.arrays import Array
+
 PREFIX = "load_variation_"
 """What the name of a coefficient begins with; its number follows, from 1 on."""
 
@@ -52,3 +56,15 @@ def spline_weights(along: Any) -> tuple[Any, Any, Any, Any]:
         (-3.0 * cube + 3.0 * square + 3.0 * along + 1.0) / 6.0,
         cube / 6.0,
     )
+
+
+def spline_basis(count: int, shares: Array) -> Array:
+    """Return what each of `count` coefficients adds to the load at `shares` (n,) of a run: (n, count)."""
+    intervals = count - MORE_THAN_INTERVALS
+    places = shares * intervals
+    first = np.minimum(places.astype(int), intervals - 1)
+    basis = np.zeros((shares.size, count))
+    rows = np.arange(shares.size)
+    for i, weights in enumerate(spline_weights(places - first)):
+        basis[rows, first + i] = weights
+    return basis
