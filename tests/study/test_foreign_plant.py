@@ -36,7 +36,7 @@ CASES = {
 }
 EACH = {
     rig.label: rig.foreign
-    for rig in Plan.load("limits").rigs
+    for rig in Plan.load("plants").rigs
     if rig.foreign is not None and rig.label.endswith("strong")
 }
 SHAFT = Shaft(stiffness=61.6, damping=1.96e-3)

@@ -189,9 +189,9 @@ def test_the_map_names_the_settings_that_are_wrong_without_saying_so(limits: Pla
     undrawn = [section.model_copy(update={"figure": ""}) for section in limits.sections]
     page, none = limits_page(limits.model_copy(update={"sections": undrawn}), results(limits), "limits")
     assert none == {}
-    assert "546 of 1942 runs" in page
-    assert "none of 72." in page
-    explained = {"compliant shaft, mild": False, "lagging current sensors, mild": True}
+    assert "336 of 1512 runs" in page
+    assert "none of 42." in page
+    explained = {"8 bits": False, "10 bits": True}
 
     def miss_the_gain(trial: Trial) -> dict[str, Any]:
         rig = trial.rig.label if trial.rig else ""
@@ -206,13 +206,10 @@ def test_the_map_names_the_settings_that_are_wrong_without_saying_so(limits: Pla
     ]
     few = limits.model_copy(update={"sections": drawn})
     page, figures = limits_page(few, results(limits, 1.0, miss_the_gain), "limits")
-    assert "1 of 58." in page
-    assert (
-        "- plant: lagging current sensors, mild: gain held by 0 %, 100 % explained, median error 7.25 %"
-        in page
-    )
-    assert "- plant: compliant shaft" not in page
-    assert "| compliant shaft, mild | 7.25 / 7.25 | 88 % | 0 % (gain) | 0 % |" in page
+    assert "1 of 42." in page
+    assert "- bits: 10: gain held by 0 %, 100 % explained, median error 7.25 %" in page
+    assert "- bits: 8" not in page
+    assert "| 8 | 7.25 / 7.25 | 88 % | 0 % (gain) | 0 % |" in page
     assert figures.keys() == DRAWN
     for name, content in figures.items():
         assert content.startswith(b"<?xml")
@@ -226,14 +223,22 @@ def test_the_base_setting_is_diagnosed_once_for_all_sections(limits: Plan) -> No
         for row in section.rows
         if (row.rig, row.method) == ("base", "default")
     ]
-    # In the tables of channels and plants, and on all axes but temperature, which the base setting draws.
-    assert len(through_base) == 2 + 7
+    # In the table of channels, and on all axes but temperature, which the base setting draws.
+    assert len(through_base) == 1 + 7
     settings = {(row.rig, row.method) for section in limits.sections for row in section.rows}
-    # 46 points on the axes, six of them the base setting again; two more channels; sixteen foreign
-    # plants, fourteen of them with their laws calibrated too.
-    assert len(settings) == 46 - 6 + 2 + 16 + 14
-    # Of the foreign plants fewer cases: each is another kernel, and may try every law.
-    assert limits.total == 42 * (20 + 2 * 5 + 6) + 16 * (5 + 1 * 5 + 2) + 14 * (10 + 1 * 5 + 2)
+    # 46 points on the axes, six of them the base setting again; two more channels.
+    assert len(settings) == 46 - 6 + 2
+    assert limits.total == 42 * (20 + 2 * 5 + 6)
+
+
+def test_other_plants_are_on_a_page_of_that_form() -> None:
+    plan = Plan.load("plants")
+    page, figures = limits_page(plan, results(plan), "plants")
+    assert page.startswith("# Plants that are not as described\n")
+    assert figures == {}
+    # The base setting, sixteen foreign plants, fourteen of them with their laws calibrated too, seven loads.
+    assert "none of 38." in page
+    assert plan.total == 38 * (5 + 1 * 5 + 2)
 
 
 def test_rates_are_those_of_the_results(limits: Plan) -> None:

@@ -1,4 +1,4 @@
-"""The pages of the studies `limits` and `data_sheets`: the base setting with one thing at a time varied."""
+"""The pages of studies that vary one thing at a time about the base setting: limits, plants, data sheets."""
 
 from collections.abc import Iterator, Mapping
 
@@ -21,7 +21,11 @@ HEADER = (
     "false alarms",
 )
 
-TITLES = {"limits": "A map of the limits", "data_sheets": "A unit and its data sheet"}
+TITLES = {
+    "limits": "A map of the limits",
+    "plants": "Plants that are not as described",
+    "data_sheets": "A unit and its data sheet",
+}
 """What the pages of this form are called."""
 
 Rates = Mapping[PageRow, SettingRates]

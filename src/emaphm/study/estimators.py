@@ -100,7 +100,7 @@ def of_multiple(channels: tuple[str, ...]) -> Iterator[Case]:
 
 def of_unlike(channels: tuple[str, ...], share: float) -> Iterator[Case]:
     """Yield recordings that are not like any simulation: of foreign plants, and spoilt ones."""
-    foreign = [rig for rig in Plan.load("limits").rigs if rig.foreign is not None and not rig.calibrated]
+    foreign = [rig for rig in Plan.load("plants").rigs if rig.foreign is not None and not rig.calibrated]
     for rig in foreign:
         own = rig.model_copy(update={"channels": channels})
         for n in range(max(1, round(share * FOREIGN_EACH))):

@@ -22,7 +22,18 @@ from emaphm.study.cases import MOST_RUNS, Count, Group, RandomCases
 from emaphm.study.contestant import Contestant
 from emaphm.study.rig import Label, Manoeuvre, NoiseA, Rig
 
-BUILT_IN = ("thesis", "quick", "hybrids", "forms", "monitor", "accuracy", "limits", "data_sheets", "pmsm")
+BUILT_IN = (
+    "thesis",
+    "quick",
+    "hybrids",
+    "forms",
+    "monitor",
+    "accuracy",
+    "limits",
+    "plants",
+    "data_sheets",
+    "pmsm",
+)
 """Plans that come with the package."""
 
 
@@ -58,7 +69,7 @@ class Plan(Section):
 
     name: Label
     description: str = ""
-    page: Literal["accuracy", "limits", "data_sheets", "pmsm"] | None = None
+    page: Literal["accuracy", "limits", "plants", "data_sheets", "pmsm"] | None = None
     runs: Count
     seed: Annotated[int, Field(ge=0)] = 0
     actuator: Actuator = Actuator.thesis()

@@ -1,5 +1,7 @@
 """Recordings as a rig makes them: with noise, converters, and an actuator that deviates from nominal."""
 
+from functools import partial
+
 import numpy as np
 
 from emaphm.actuator import Actuator, Chirp, Faults
@@ -55,11 +57,12 @@ def recorded(rig: Rig, actuator: Actuator, manoeuvre: Manoeuvre, faults: Faults,
     duration = manoeuvre.duration if rig.duration is None else rig.duration
     rate = manoeuvre.sample_rate if rig.sample_rate is None else rig.sample_rate
     command = Chirp(manoeuvre.amplitude, manoeuvre.start_hz, manoeuvre.stop_hz, duration)
-    present = actuator_on(rig, actuator, seed)
+    present, load = actuator_on(rig, actuator, seed), rig.varying_load
     if rig.foreign is None:
         whole = simulate(
-            present,
+            present if load is None else with_lumped_parameters(present, {"hinge": load.hinge}),
             command,
+            load=0.0 if load is None else partial(load.at, duration=duration),
             faults=faults,
             duration=duration,
             sample_rate=rate,

@@ -2,11 +2,13 @@
 
 from typing import Annotated, Any
 
+import numpy as np
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from emaphm.actuator.laws import law_named
 from emaphm.actuator.parameters import Section
 from emaphm.actuator.unit.tolerances import Tolerances
+from emaphm.arrays import Array
 from emaphm.errors import StudyError, nearest
 from emaphm.recording.acquisition import check_bits
 from emaphm.recording.schema import SCHEMA
@@ -95,6 +97,25 @@ class ForeignFeatures(Section):
     sensor_lag: NotNegative = 0.0
 
 
+class VaryingLoad(Section):
+    """A load at the motor that varies while it is recorded, in addition to the constant one.
+
+    It swings by `swing` [N·m] at `frequency` [Hz], drifts by `drift` [N·m/s], steps by `step` [N·m] in the
+    middle, and rises with the user's position by `hinge` [N·m/rad].
+    """
+
+    swing: float = 0.0
+    frequency: Positive = 1.0
+    drift: float = 0.0
+    step: float = 0.0
+    hinge: NotNegative = 0.0
+
+    def at(self, time: Array, duration: float) -> Array:
+        """Return what varies with time [N·m], of the shape of `time` [s]."""
+        swinging = self.swing * np.sin(2 * np.pi * self.frequency * time)
+        return np.asarray(swinging + self.drift * time + self.step * (time >= duration / 2))
+
+
 class Rig(Section):
     """What is recorded, how, and of an actuator that deviates from its description by how much.
 
@@ -124,6 +145,8 @@ class Rig(Section):
         diagnosis is given states them, or passes for exact.
     controller_noise
         White noise on the reference current, rms [A] a step (thesis 4.1); the reference model only.
+    varying_load
+        A load that varies; the reference model only.
     foreign
         Features of a plant that is not the reference model, which then makes the recording.
     calibrated
@@ -143,6 +166,7 @@ class Rig(Section):
     tolerances: Tolerances | None = None
     stated: bool = False
     controller_noise: NotNegative = 0.0
+    varying_load: VaryingLoad | None = None
     foreign: ForeignFeatures | None = None
     calibrated: tuple[str, ...] = ()
 
@@ -176,9 +200,11 @@ class Rig(Section):
         return ends
 
     @model_validator(mode="after")
-    def _foreign_controller_is_quiet(self) -> "Rig":
+    def _foreign_plant_can_have_it(self) -> "Rig":
         if self.foreign is not None and self.controller_noise:
             raise StudyError("a foreign plant's controller has no noise; leave out 'controller_noise'")
+        if self.foreign is not None and self.varying_load is not None:
+            raise StudyError("a foreign plant has a constant load; leave out 'varying_load'")
         return self
 
     @model_validator(mode="after")
@@ -202,5 +228,7 @@ class Rig(Section):
         bits = "exact converters" if self.adc_bits is None else f"{self.adc_bits} bits"
         if self.tolerances is not None:
             drawn.append(f"a unit within tolerances that are {'' if self.stated else 'not '}stated")
+        if self.varying_load is not None:
+            drawn.append("a load that varies")
         plant = [] if self.foreign is None else ["foreign plant"]
         return f"{self.label}: {', '.join([*self.channels, f'{self.noise:g} A noise', bits, *drawn, *plant])}"
