@@ -242,10 +242,14 @@ NO_NUISANCES = NuisanceSet((), np.zeros(0), np.zeros(0), (), np.zeros((0, 0)), (
 
 
 def _each(names: Sequence[str], duration: float) -> tuple[str, ...]:
-    """Return the names, each once, the coefficients of a load that varies in place of its own."""
+    """Return the names, each once; all coefficients of a load that varies by its name or one of theirs."""
     coefficients = coefficient_names(coefficients_for(duration))
-    each = [own for name in names for own in (coefficients if name == LOAD_VARIATION else (name,))]
+    each = [own for name in names for own in (coefficients if _is_of_load(name) else (name,))]
     return tuple(dict.fromkeys(each))
+
+
+def _is_of_load(name: str) -> bool:
+    return _described(name) == LOAD_VARIATION
 
 
 def _described(name: str) -> str:
@@ -279,7 +283,7 @@ def _prior(actuator: Actuator, name: str) -> float | None:
     if given is not None:
         return float(given)
     limit = actuator.controller.current_limit
-    if name == "load" or _described(name) == LOAD_VARIATION:
+    if name == "load" or _is_of_load(name):
         return 0.06 * limit * actuator.motor.torque_constant
     error = sensor_error(name)
     reach = None if error is None else _range(actuator, error[0])

@@ -58,7 +58,9 @@ def _contradicted(result: SearchResult, name: str, seed: int) -> str:
     others = tuple(one for one in objective.problem.measured if one != channel)
     nuisances = objective.space.nuisances
     wider = with_wider_priors(actuator, {name: settings.widening})
-    free = NuisanceSet.of(wider, (*nuisances.chosen, name), others, nuisances.unit, nuisances.located)
+    duration = objective.problem.inputs.duration
+    chosen = (*nuisances.chosen, name)
+    free = NuisanceSet.of(wider, chosen, others, nuisances.unit, nuisances.located, duration=duration)
     space = ParameterSpace.of(actuator, free)
     start = space.carried_over(result.point, objective.space)
     rows = objective.channel_rows

@@ -15,8 +15,7 @@ from emaphm.diagnosis.selection.ripple import ripple_share
 from emaphm.diagnosis.selection.rotor_zero import with_rotor_zero
 from emaphm.diagnosis.selection.sensor_lag import SENSOR_LAG, is_lag_suspected, with_sensor_lag
 from emaphm.diagnosis.selection.settings import SELECTION
-from emaphm.diagnosis.selection.varying_load import VARYING_LOAD, with_varying_load
-from emaphm.errors import DivergedError
+from emaphm.diagnosis.selection.varying_load import VARYING, VARYING_LOAD, with_varying_load
 from emaphm.estimation.bias_correction import over_all_phases
 from emaphm.estimation.discrepancy import resolves_switching
 from emaphm.estimation.methods import Method
@@ -35,7 +34,7 @@ def select_deviations(
     residual shows a law that hides; parameters of the description where there is no law. Standing, an
     actuator shows no law of its motion: none is tried unless it `moves`. Nor of a drive that does not switch:
     the few percent that are left of any machine are like laws. Where the recording is not explained at first,
-    a load that varies is a rival of all these, and may come with some of them.
+    a load that varies is a rival of all these; of laws only where noise does not account for what it leaves.
     """
     if not searched.explained:
         of_all_phases = over_all_phases(searched, seed)
@@ -43,35 +42,24 @@ def select_deviations(
     if not (moves and resolves_switching(searched.objective.problem)):
         found = select_nuisances(searched, max_corrections, seed)
         return found.result, found.names, ()
-    alone = _selection(searched, method, max_corrections, seed)
-    rival = None if searched.explained else _with_varying_load(searched, method, max_corrections, seed)
-    if rival is None or not rival[0].explained:
+    loaded = None if searched.explained else with_varying_load(searched, method, max_corrections, seed)
+    convincing = loaded is not None and loaded.normalised_residual < VARYING.convincing
+    alone = _selection(searched, method, max_corrections, seed, laws=not convincing)
+    if loaded is None:
         return alone
-    if alone[0].explained and share_of_residual(rival[0], alone[0]) > SELECTION.likely_share:
+    result, names, laws = _selection(loaded, method, max_corrections, seed)
+    if alone[0].explained and share_of_residual(result, alone[0]) > SELECTION.likely_share:
         return alone
-    return rival
-
-
-def _with_varying_load(
-    searched: SearchResult, method: Method, max_corrections: int, seed: int
-) -> Selection | None:
-    """Return the selection of an actuator whose load varies, None where such a load is no help.
-
-    Nor is it where another law lets the load carry the model away.
-    """
-    try:
-        loaded = with_varying_load(searched, method, max_corrections, seed)
-        if loaded is None:
-            return None
-        result, names, laws = _selection(loaded, method, max_corrections, seed)
-    except DivergedError:
-        return None
     return result, (*VARYING_LOAD, *names), laws
 
 
-def _selection(searched: SearchResult, method: Method, max_corrections: int, seed: int) -> Selection:
-    """Return `select_deviations` of an actuator that moves, but for a load that varies."""
+def _selection(
+    searched: SearchResult, method: Method, max_corrections: int, seed: int, *, laws: bool = True
+) -> Selection:
+    """Return `select_deviations` of an actuator that moves, but for a load that varies; with `laws` or not."""
     searched, found = _with_rotor_zero(searched, method, max_corrections, seed)
+    if not (laws or found.result.explained):
+        return found.result, found.names, ()
     selection = with_laws(searched, found, method, max_corrections, seed)
     if selection[2] or not found.result.explained:
         return selection

@@ -11,8 +11,8 @@ import numpy as np
 
 from emaphm.actuator import Actuator
 from emaphm.diagnosis.selection.law_selection import fit_of
-from emaphm.diagnosis.selection.nuisance_selection import share_of_residual
 from emaphm.diagnosis.selection.settings import SELECTION
+from emaphm.errors import DivergedError
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.methods import Method
 from emaphm.estimation.nuisances import KNOWN_BY, LOAD_VARIATION, NuisanceSet, usual_deviation
@@ -28,13 +28,13 @@ VARYING_LOAD = (LOAD_VARIATION, "hinge")
 
 @dataclass(frozen=True)
 class VaryingLoadSettings:
-    """When a load that varies is looked into further.
+    """When a load that varies leaves nothing for laws to explain: a normalised residual below `convincing`.
 
-    Where a recording is explained neither with it nor without, but it leaves less than `share` of the mean
-    squared residual: something else may deviate too.
+    With such a load, 30 recordings of loads that vary had 0.87 to 0.96 (0.02 to 0.1 N·m, or 5 to 20 N·m/rad).
+    Of 36 recordings of plants with other laws one was explained by such a load, with 1.07.
     """
 
-    share: float = 0.5
+    convincing: float = 1.0
 
 
 VARYING = VaryingLoadSettings()
@@ -43,9 +43,9 @@ VARYING = VaryingLoadSettings()
 def with_varying_load(
     searched: SearchResult, method: Method, max_corrections: int, seed: int
 ) -> SearchResult | None:
-    """Return the estimate with a load that varies, from that `searched` without; None where that is no help.
+    """Return the estimate with a load that varies, from that `searched` without; None where it explains no more.
 
-    Nor is it where the load is recorded, or is estimated so already.
+    Nor is it looked for where the load is recorded, or is estimated so already.
     """
     objective, nuisances = searched.objective, searched.objective.space.nuisances
     problem, measured = objective.problem, tuple(objective.problem.measured)
@@ -62,11 +62,12 @@ def with_varying_load(
         space=ParameterSpace.of(actuator, free),
     )
     child = child_seed(seed, "search with a varying load")
-    fit = fit_of(searched, loaded, LOAD_VARIATION, method, child)
-    found = refine_by_reference(correct_bias(fit.objective, fit.points, max_corrections, child), child)
-    if found.explained or share_of_residual(found, searched) < VARYING.share:
-        return found
-    return None
+    try:
+        fit = fit_of(searched, loaded, LOAD_VARIATION, method, child)
+        found = refine_by_reference(correct_bias(fit.objective, fit.points, max_corrections, child), child)
+    except DivergedError:  # a load that carries the model away explains nothing
+        return None
+    return found if found.explained else None
 
 
 def _with_any_load(problem: Problem) -> Actuator:
