@@ -1,5 +1,6 @@
 """A load that varies while an actuator is recorded: found with the faults, and not taken for them."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -34,8 +35,8 @@ def recorded(actuator: Actuator = THESIS, *, channels: tuple[str, ...] = CHANNEL
 
 @pytest.fixture(scope="module")
 def found() -> Diagnosis:
-    """What is found of a load that swings and rises with the position, and that nobody named."""
-    return diagnose(recorded(with_lumped_parameters(THESIS, {"hinge": 10.0})), THESIS, workers=1)
+    """Return what is found of a load that nobody named."""
+    return diagnose(recorded(), THESIS, workers=1)
 
 
 def test_faults_are_found_under_a_load_that_nobody_named(found: Diagnosis) -> None:
@@ -49,21 +50,20 @@ def test_faults_are_found_under_a_load_that_nobody_named(found: Diagnosis) -> No
 def test_the_load_is_found_with_them(found: Diagnosis) -> None:
     load = found.load
     assert load is not None
-    off = np.abs(load.value - swinging(found.time_s)) / load.standard_error
-    assert np.mean(off < 2) > 0.9
-    assert load.standard_error.max() < 0.02
+    off = np.abs(load.value - swinging(found.time_s))
+    # Of five recordings, the row that was farthest off was 1.8 to 2.9 standard errors off.
+    assert np.max(off / load.standard_error) < 4
+    assert off.max() < 5e-3
     hinge = found.nuisances["hinge"]
-    assert abs(hinge.value - 10.0) < 3 * hinge.standard_error < 5.0
+    assert abs(hinge.value) < 3 * hinge.standard_error < 3.0
 
 
-def test_it_is_said_in_one_line_and_drawn(found: Diagnosis, tmp_path: Any) -> None:
+def test_it_is_said_in_one_line_and_drawn(found: Diagnosis, tmp_path: Path) -> None:
     (line,) = [line for line in found.notes() if line.startswith("The load varies over the recording, from ")]
     assert "load_Nm" in line
     assert not any("load_variation_" in line for line in found.notes())
     assert [axis.get_ylabel() for axis in draw_external_load(found).axes] == ["load [N·m]"]
-    assert "load [N·m]" in [
-        axis.get_ylabel() for figure in draw_diagnosis(found).subfigs for axis in figure.axes
-    ]
+    assert "load [N·m]" in [axis.get_ylabel() for axis in draw_diagnosis(found).axes]
     write_report(found, tmp_path / "report.html")
     assert "The load at the motor, which varies" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
@@ -74,32 +74,37 @@ def test_a_load_that_is_recorded_is_known() -> None:
     assert (found.selected, found.load) == ((), None)
 
 
-def test_it_can_be_asked_for(found: Diagnosis) -> None:
-    asked = diagnose(recorded(), THESIS, nuisances=(*USUAL, LOAD_VARIATION), workers=1)
+def test_it_can_be_asked_for_and_a_load_that_rises_with_the_position() -> None:
+    recording = recorded(with_lumped_parameters(THESIS, {"hinge": 10.0}))
+    actuator = Actuator.from_dict(THESIS.model_dump() | {"nuisances": {"hinge": 20.0}})
+    asked = diagnose(recording, actuator, nuisances=(*USUAL, LOAD_VARIATION, "hinge"), workers=1)
     assert asked.explained
     assert asked.selected == ()
-    assert asked.load is not None
     assert all(covered(TRUTH.vector, asked))
-    # A sixteenth of a second to an interval: 0.3 s have four.
-    assert sum(name.startswith(LOAD_VARIATION) for name in asked.nuisances) == 7
-    one_of_them = NuisanceSet.of(THESIS, ("load_variation_3",), (), duration=DURATION)
-    assert one_of_them == NuisanceSet.of(THESIS, (LOAD_VARIATION,), (), duration=DURATION) or (
-        one_of_them.names == NuisanceSet.of(THESIS, (LOAD_VARIATION,), (), duration=DURATION).names
-    )
+    assert asked.load is not None
+    assert np.abs(asked.load.value - swinging(asked.time_s)).max() < 5e-3
+    hinge = asked.nuisances["hinge"]
+    assert abs(hinge.value - 10.0) < 3 * hinge.standard_error < 3.0
+
+
+def test_it_has_an_interval_to_a_sixteenth_of_a_second() -> None:
+    def names(name: str, duration: float) -> tuple[str, ...]:
+        return NuisanceSet.of(THESIS, (name,), (), duration=duration).names
+
+    assert names(LOAD_VARIATION, 0.5) == tuple(f"load_variation_{i}" for i in range(1, 8 + 3 + 1))
+    assert len(names(LOAD_VARIATION, 1.0)) == 16 + 3
+    assert names("load_variation_3", 0.5) == names(LOAD_VARIATION, 0.5)
+    assert NuisanceSet.of(THESIS, (LOAD_VARIATION,), ("load_Nm",)).names == ()
 
 
 def test_the_standard_error_of_a_load_is_that_of_its_coefficients(found: Diagnosis) -> None:
     names = [name for name in found.coordinates if name == "load" or name.startswith(LOAD_VARIATION)]
     alone = {name: found.nuisances[name] for name in names}
-    independent = np.diag(np.ones(len(found.coordinates)))
-    load = estimated_load(alone, found.coordinates, independent, 1000)
+    load = estimated_load(alone, found.coordinates, np.eye(len(found.coordinates)), 1000)
     assert load is not None
     # In the middle of an interval: 1/48 and 23/48 of the coefficients about it, and the constant.
     errors = [alone[name].standard_error for name in names]
-    constant, rest = (
-        errors[names.index("load")],
-        [e for n, e in zip(names, errors, strict=True) if n != "load"],
-    )
-    middle = (np.array([1, 23, 23, 1]) / 48) ** 2 @ np.array(rest[:4]) ** 2 + constant**2
+    constant = errors.pop(names.index("load"))
+    middle = (np.array([1, 23, 23, 1]) / 48) ** 2 @ np.array(errors[:4]) ** 2 + constant**2
     row = 125  # of 250 in the first of four intervals; its middle is half a row before
     assert load.standard_error[row] == pytest.approx(middle**0.5, rel=0.02)

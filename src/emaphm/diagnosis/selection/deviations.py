@@ -56,7 +56,7 @@ def select_deviations(
 def _selection(
     searched: SearchResult, method: Method, max_corrections: int, seed: int, *, laws: bool = True
 ) -> Selection:
-    """Return `select_deviations` of an actuator that moves, but for a load that varies; with `laws` or not."""
+    """Return `select_deviations` of an actuator that moves, but for its load; with `laws` or without."""
     searched, found = _with_rotor_zero(searched, method, max_corrections, seed)
     if not (laws or found.result.explained):
         return found.result, found.names, ()

@@ -43,9 +43,9 @@ VARYING = VaryingLoadSettings()
 def with_varying_load(
     searched: SearchResult, method: Method, max_corrections: int, seed: int
 ) -> SearchResult | None:
-    """Return the estimate with a load that varies, from that `searched` without; None where it explains no more.
+    """Return the estimate with a load that varies, from that `searched` without one.
 
-    Nor is it looked for where the load is recorded, or is estimated so already.
+    None where it does not explain the recording, the load is recorded, or is estimated so already.
     """
     objective, nuisances = searched.objective, searched.objective.space.nuisances
     problem, measured = objective.problem, tuple(objective.problem.measured)
