@@ -13,8 +13,8 @@ import emaphm
 from cases import THESIS, drawn, reference_recordings
 from emaphm.errors import SignalError
 from emaphm.estimation.bias_correction import correct_bias
+from emaphm.estimation.coordinates.parameter_space import ParameterSpace
 from emaphm.estimation.objective import MapObjective
-from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.problem import Problem
 from emaphm.random_streams import child_seed, stream
 

@@ -13,9 +13,9 @@ from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_par
 from emaphm.arrays import Array
 from emaphm.diagnosis import diagnose
 from emaphm.errors import ActuatorError, MethodError
-from emaphm.estimation.nuisances import NAMES, PRIORS_PER_UNIT, Located, NuisanceSet, unit_of
+from emaphm.estimation.coordinates.nuisances import NAMES, PRIORS_PER_UNIT, Located, NuisanceSet, unit_of
+from emaphm.estimation.coordinates.parameter_variation import ParameterVariation
 from emaphm.estimation.objective import faults_objective
-from emaphm.estimation.parameter_variation import ParameterVariation
 from emaphm.estimation.problem import Problem
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate

@@ -9,7 +9,7 @@ from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
 from emaphm.diagnosis import diagnose, error_percent
 from emaphm.errors import MethodError
-from emaphm.estimation.nuisances import COPPER, MAGNETS, NAMES, PRIORS_PER_UNIT, NuisanceSet
+from emaphm.estimation.coordinates.nuisances import COPPER, MAGNETS, NAMES, PRIORS_PER_UNIT, NuisanceSet
 from emaphm.estimation.objective import MapObjective, faults_objective
 from emaphm.estimation.problem import Problem
 from emaphm.recording import Recording

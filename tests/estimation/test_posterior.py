@@ -16,8 +16,8 @@ from emaphm.actuator import NAMES, Actuator, Chirp, Faults
 from emaphm.arrays import Array
 from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.errors import MethodError
-from emaphm.estimation.nuisances import PRIORS_PER_UNIT, NuisanceSet
-from emaphm.estimation.parameter_space import ParameterSpace
+from emaphm.estimation.coordinates.nuisances import PRIORS_PER_UNIT, NuisanceSet
+from emaphm.estimation.coordinates.parameter_space import ParameterSpace
 from emaphm.estimation.posterior import mcmc
 from emaphm.estimation.posterior.credible_intervals import shortest_arc, shortest_interval
 from emaphm.estimation.posterior.mcmc import MCMC, McmcSettings, sample

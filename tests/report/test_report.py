@@ -16,7 +16,7 @@ from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.diagnosis import Diagnosis, error_percent
 from emaphm.errors import OutputError
 from emaphm.estimation import COST_FUNCTIONS
-from emaphm.estimation.parameter_space import ParameterSpace
+from emaphm.estimation.coordinates.parameter_space import ParameterSpace
 from emaphm.estimation.posterior.mcmc_diagnostics import McmcDiagnostics
 from emaphm.estimation.posterior.samples import Posterior
 from emaphm.plotting.posterior import draw_posterior

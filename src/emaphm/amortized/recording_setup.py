@@ -12,8 +12,8 @@ import numpy as np
 from emaphm.actuator import Actuator, Command
 from emaphm.arrays import Array
 from emaphm.errors import MethodError, nearest
-from emaphm.estimation.nuisances import NuisanceSet
-from emaphm.estimation.parameter_space import ParameterSpace
+from emaphm.estimation.coordinates.nuisances import NuisanceSet
+from emaphm.estimation.coordinates.parameter_space import ParameterSpace
 from emaphm.estimation.problem import comparable_channels
 from emaphm.recording import Recording, full_scales
 from emaphm.recording.acquisition import check_bits

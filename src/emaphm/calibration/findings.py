@@ -11,8 +11,8 @@ from emaphm.actuator.quantity import unit_for
 from emaphm.actuator.unit.baseline import SIGNED
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.unit_fit import UnitFit
-from emaphm.estimation.nuisances import BASELINE
-from emaphm.estimation.parameter_variation import WIDEST_FACTOR, sizes, varied
+from emaphm.estimation.coordinates.nuisances import BASELINE
+from emaphm.estimation.coordinates.parameter_variation import WIDEST_FACTOR, sizes, varied
 from emaphm.estimation.replay import Replay, replay
 
 LARGEST_ERROR = 0.5

@@ -20,12 +20,12 @@ from emaphm.calibration.conditions import joint_objective
 from emaphm.calibration.held_out import folds, left_out_residual, subset
 from emaphm.calibration.unit_fit import FitSettings
 from emaphm.errors import MethodError
+from emaphm.estimation.coordinates.parameter_variation import ParameterVariation
 from emaphm.estimation.joint.correction import JointEstimate
 from emaphm.estimation.joint.objective import JointObjective, RecordingTerm
 from emaphm.estimation.joint.search import DESCENT, settle
 from emaphm.estimation.levenberg_marquardt import descend
 from emaphm.estimation.objective import LEAST_RESIDUAL
-from emaphm.estimation.parameter_variation import ParameterVariation
 from emaphm.estimation.problem import rms
 from emaphm.optimizers import space_filling
 from emaphm.progress import Progress

@@ -66,8 +66,8 @@ def calibrate(
         Parameter(
             help="What is unknown of each recording, with commas between: load, hinge, load_variation, "
             "temperature, supply, inertia, delay, current_offset, current_scale, current_drift, "
-            "current_delay, and the same of voltage, position and speed; or 'none'. As the TOML says if left out, less what a "
-            "free parameter cannot be separated from."
+            "current_delay, and the same of voltage, position and speed; or 'none'. As the TOML says if "
+            "left out, less what a free parameter cannot be separated from."
         ),
     ] = None,
     figure: FigureFile = None,

@@ -145,8 +145,8 @@ def diagnose(
         Parameter(
             help="What is estimated with the faults, with commas between: load, hinge, load_variation, "
             "temperature, supply, inertia, delay, current_offset, current_scale, current_drift, "
-            "current_delay, and the same of voltage, position and speed; or 'none'. As the TOML says if left out, and what "
-            "deviates significantly."
+            "current_delay, and the same of voltage, position and speed; or 'none'. As the TOML says if "
+            "left out, and what deviates significantly."
         ),
     ] = None,
     posterior: Annotated[

@@ -23,8 +23,8 @@ from emaphm.diagnosis.selection.supply_scan import with_asked_supply
 from emaphm.diagnosis.verdict import VERDICT, estimates, unexplained
 from emaphm.errors import MethodError, nearest
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS, over_all_phases, with_discrepancy
+from emaphm.estimation.coordinates.nuisances import unit_of
 from emaphm.estimation.methods import WITH_LEAST_SQUARES, Method, method_named
-from emaphm.estimation.nuisances import unit_of
 from emaphm.estimation.objective import MapObjective, faults_objective, faults_only_objective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.rows.after_jumps import rows_after_jumps
@@ -87,8 +87,8 @@ def diagnose(
         electrical description, recordings up to 60 s); 0 turns them off.
     nuisances
         What is estimated with the faults by a method with least squares: names in
-        `emaphm.estimation.nuisances.NAMES`, none where empty, the actuator's own where left out; then
-        also what deviates significantly from the description
+        `emaphm.estimation.coordinates.nuisances.NAMES`, none where empty, the actuator's own where left out;
+        then also what deviates significantly from the description
         (`emaphm.diagnosis.selection.nuisance_selection`). A recorded load or temperature counts as known.
         What the actuator's baseline leaves open is the unit's, not the recording's: a method with least
         squares estimates it whatever is named here.

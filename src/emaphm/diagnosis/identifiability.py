@@ -7,9 +7,9 @@ import numpy as np
 from emaphm.arrays import Array
 from emaphm.diagnosis.explanation.unexplained import alternatives_covariance, inflation, unexplained_scores
 from emaphm.diagnosis.verdict import VERDICT, Z95
-from emaphm.estimation.nuisances import BASELINE, KNOWN_BY
+from emaphm.estimation.coordinates.nuisances import BASELINE, KNOWN_BY
+from emaphm.estimation.coordinates.parameter_space import PRIOR_DEVIATION
 from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective
-from emaphm.estimation.parameter_space import PRIOR_DEVIATION
 from emaphm.estimation.problem import comparable_channels, rms
 from emaphm.estimation.search_result import DEFAULT_SCATTER, SearchResult
 from emaphm.estimation.uncertainty.collinearity import CollinearSet, collinear_coordinates, resolving_channels

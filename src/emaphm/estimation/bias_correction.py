@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from emaphm.arrays import Array
+from emaphm.estimation.coordinates.parameter_space import PRIOR_DEVIATION
 from emaphm.estimation.correction_iterations import BIAS_CORRECTION, BiasCorrectionSettings, iterate
 from emaphm.estimation.discrepancy import discrepancies, has_reference, reference_problem, with_all_phases
 from emaphm.estimation.finite_differences import replicated_jacobians
 from emaphm.estimation.global_search.multistart import LOCAL_SEARCH, local_search, with_descents
 from emaphm.estimation.levenberg_marquardt import bounded_step
 from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective
-from emaphm.estimation.parameter_space import PRIOR_DEVIATION
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.uncertainty.fisher_information import normal_equations

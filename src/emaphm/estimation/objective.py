@@ -10,9 +10,9 @@ from typing import Self
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.estimation.nuisances import NO_NUISANCES, NuisanceSet
-from emaphm.estimation.parameter_space import ParameterSpace
-from emaphm.estimation.parameter_variation import ParameterVariation
+from emaphm.estimation.coordinates.nuisances import NO_NUISANCES, NuisanceSet
+from emaphm.estimation.coordinates.parameter_space import ParameterSpace
+from emaphm.estimation.coordinates.parameter_variation import ParameterVariation
 from emaphm.estimation.problem import Problem, rms
 from emaphm.estimation.sensors.sensor_model import described_noise, sensor_error, with_unknown_errors
 from emaphm.estimation.uncertainty.correlation import integral_time

@@ -13,8 +13,8 @@ from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.diagnosis.result import ESTIMATOR
 from emaphm.errors import MethodError
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS
+from emaphm.estimation.coordinates.nuisances import NuisanceSet
 from emaphm.estimation.methods import HYBRID, method_named
-from emaphm.estimation.nuisances import NuisanceSet
 from emaphm.estimation.search import check_fitness
 from emaphm.progress import Progress
 from emaphm.recording import Recording

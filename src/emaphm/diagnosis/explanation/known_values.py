@@ -9,9 +9,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from emaphm.estimation.coordinates.nuisances import (
+    KNOWN_BY,
+    NuisanceSet,
+    unit_of,
+    usual_deviation,
+    with_wider_priors,
+)
+from emaphm.estimation.coordinates.parameter_space import ParameterSpace
 from emaphm.estimation.global_search.multistart import local_search, with_descents
-from emaphm.estimation.nuisances import KNOWN_BY, NuisanceSet, unit_of, usual_deviation, with_wider_priors
-from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.search_result import SearchResult
 from emaphm.random_streams import stream
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 from emaphm.diagnosis.selection.description_errors import suspected_parameters
 from emaphm.diagnosis.selection.settings import ROTOR_ZERO
 from emaphm.diagnosis.verdict import Estimate
-from emaphm.estimation.nuisances import BASELINE
-from emaphm.estimation.parameter_space import SHORTS
+from emaphm.estimation.coordinates.nuisances import BASELINE
+from emaphm.estimation.coordinates.parameter_space import SHORTS
 from emaphm.estimation.search_result import SearchResult
 
 

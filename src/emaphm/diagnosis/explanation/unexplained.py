@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.estimation.nuisances import BASELINE
+from emaphm.estimation.coordinates.nuisances import BASELINE
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.uncertainty.correlation import integral_time

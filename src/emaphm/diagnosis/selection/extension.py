@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 
 from emaphm.arrays import Array
 from emaphm.diagnosis.selection.settings import widening
-from emaphm.estimation.nuisances import Located, NuisanceSet, with_wider_priors
+from emaphm.estimation.coordinates.nuisances import Located, NuisanceSet, with_wider_priors
+from emaphm.estimation.coordinates.parameter_space import ParameterSpace
 from emaphm.estimation.objective import MapObjective
-from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.search_result import SearchResult
 
 ZEROS_OF_START = {"position_offset": "position_rad", "speed_offset": "speed_rad_s"}

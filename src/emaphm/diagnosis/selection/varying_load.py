@@ -14,9 +14,9 @@ from emaphm.diagnosis.selection.law_selection import fit_of
 from emaphm.diagnosis.selection.settings import SELECTION
 from emaphm.errors import DivergedError
 from emaphm.estimation.bias_correction import correct_bias
+from emaphm.estimation.coordinates.nuisances import KNOWN_BY, LOAD_VARIATION, NuisanceSet, usual_deviation
+from emaphm.estimation.coordinates.parameter_space import ParameterSpace
 from emaphm.estimation.methods import Method
-from emaphm.estimation.nuisances import KNOWN_BY, LOAD_VARIATION, NuisanceSet, usual_deviation
-from emaphm.estimation.parameter_space import ParameterSpace
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.reference.refinement import refine_by_reference
 from emaphm.estimation.search_result import SearchResult

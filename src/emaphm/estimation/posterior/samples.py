@@ -8,7 +8,7 @@ import numpy as np
 
 from emaphm.actuator import NAMES
 from emaphm.arrays import Array
-from emaphm.estimation.parameter_space import ParameterSpace
+from emaphm.estimation.coordinates.parameter_space import ParameterSpace
 from emaphm.estimation.posterior.credible_intervals import shortest_arc, shortest_interval
 from emaphm.estimation.posterior.mcmc_diagnostics import McmcDiagnostics
 

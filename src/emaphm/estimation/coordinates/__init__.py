@@ -1,0 +1,1 @@
+"""The coordinates of an estimate: faults, nuisances, and what deviates of the unit."""
