@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator, Faults
 from emaphm.actuator.laws import LAWS
-from emaphm.estimation.coordinates.nuisances import NAMES as NUISANCES
+from emaphm.estimation.space.nuisances import NAMES as NUISANCES
 
 UNIT = st.floats(0.0, 1.0)
 POSITIVE = st.floats(1e-9, 1e9)

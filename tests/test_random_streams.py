@@ -13,9 +13,9 @@ import emaphm
 from cases import THESIS, drawn, reference_recordings
 from emaphm.errors import SignalError
 from emaphm.estimation.bias_correction import correct_bias
-from emaphm.estimation.coordinates.parameter_space import ParameterSpace
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.problem import Problem
+from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.random_streams import child_seed, stream
 
 NAME = st.lists(st.one_of(st.text(max_size=8), st.integers(0, 2**40)), min_size=1, max_size=3).map(tuple)

@@ -13,14 +13,14 @@ from emaphm.actuator.unit.baseline import Baseline
 from emaphm.calibration import Calibration, calibrate
 from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.errors import MethodError
-from emaphm.estimation.coordinates.nuisances import BASELINE, NuisanceSet
-from emaphm.estimation.coordinates.parameter_variation import (
+from emaphm.estimation.objective import faults_objective
+from emaphm.estimation.problem import Problem
+from emaphm.estimation.space.nuisances import BASELINE, NuisanceSet
+from emaphm.estimation.space.parameter_variation import (
     LEAST_DEVIATION,
     START_FACTOR,
     ParameterVariation,
 )
-from emaphm.estimation.objective import faults_objective
-from emaphm.estimation.problem import Problem
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 

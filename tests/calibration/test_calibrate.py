@@ -13,7 +13,7 @@ from emaphm.actuator import Actuator, Chirp, Sampled
 from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
 from emaphm.calibration import Calibration, calibrate
 from emaphm.errors import MethodError, RecordingError
-from emaphm.estimation.coordinates.parameter_variation import WIDEST_FACTOR
+from emaphm.estimation.space.parameter_variation import WIDEST_FACTOR
 from emaphm.recording import Recording, acquire
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import AVERAGED

@@ -12,8 +12,8 @@ from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_par
 from emaphm.calibration import Calibration, CampaignRow, calibrate
 from emaphm.calibration.conditions import joint_objective
 from emaphm.errors import MethodError
-from emaphm.estimation.coordinates.parameter_variation import ParameterVariation
 from emaphm.estimation.finite_differences import one_sided_jacobians
+from emaphm.estimation.space.parameter_variation import ParameterVariation
 from emaphm.recording import Recording, acquire
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import AVERAGED

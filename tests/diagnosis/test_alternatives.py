@@ -9,7 +9,7 @@ from emaphm.actuator import Faults
 from emaphm.actuator.faults import HEALTHY
 from emaphm.diagnosis.explanation.alternatives import _including
 from emaphm.diagnosis.verdict import estimates, verdict_of, with_phase_undecided
-from emaphm.estimation.coordinates.parameter_space import ParameterSpace
+from emaphm.estimation.space.parameter_space import ParameterSpace
 
 SPACE = ParameterSpace.of(THESIS)
 ECCENTRIC = ("eccentricity", "eccentricity_phase")

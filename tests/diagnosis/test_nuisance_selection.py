@@ -12,9 +12,9 @@ from emaphm.actuator.faults import CARTESIAN_NAMES
 from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
 from emaphm.diagnosis import Diagnosis, diagnose, error_percent
 from emaphm.diagnosis.selection.rivals import with_rivals
-from emaphm.estimation.coordinates.nuisances import NO_NUISANCES
-from emaphm.estimation.coordinates.parameter_space import ParameterSpace
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.space.nuisances import NO_NUISANCES
+from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 from emaphm.simulation.engine import running

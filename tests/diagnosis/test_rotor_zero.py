@@ -18,10 +18,10 @@ from emaphm.diagnosis.joint.diagnose import diagnose_joint
 from emaphm.diagnosis.selection.law_selection import with_open
 from emaphm.diagnosis.selection.rotor_zero import is_as_described, with_phases_renamed
 from emaphm.estimation.bias_correction import correct_bias
-from emaphm.estimation.coordinates.parameter_space import SHORTS
-from emaphm.estimation.coordinates.parameter_variation import ParameterVariation
 from emaphm.estimation.objective import MapObjective, faults_objective
 from emaphm.estimation.problem import Problem
+from emaphm.estimation.space.parameter_space import SHORTS
+from emaphm.estimation.space.parameter_variation import ParameterVariation
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at
 from emaphm.recording import Recording
 from emaphm.recording.schema import PHASES

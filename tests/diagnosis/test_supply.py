@@ -14,10 +14,10 @@ from emaphm.diagnosis.selection.law_selection import with_law
 from emaphm.diagnosis.selection.supply_profile import SUPPLY_SCAN, SupplyProfile
 from emaphm.diagnosis.selection.supply_scan import is_scanned
 from emaphm.errors import RecordingError
-from emaphm.estimation.coordinates.nuisances import Located, NuisanceSet
-from emaphm.estimation.coordinates.parameter_space import ParameterSpace
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.problem import Problem
+from emaphm.estimation.space.nuisances import Located, NuisanceSet
+from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 

@@ -12,7 +12,7 @@ from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_par
 from emaphm.actuator.unit.tolerances import Tolerances
 from emaphm.calibration import calibrate
 from emaphm.diagnosis import diagnose
-from emaphm.estimation.coordinates.nuisances import NuisanceSet
+from emaphm.estimation.space.nuisances import NuisanceSet
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 

@@ -11,7 +11,7 @@ from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.diagnosis.varying_load import estimated_load
-from emaphm.estimation.coordinates.nuisances import LOAD_VARIATION, NuisanceSet
+from emaphm.estimation.space.nuisances import LOAD_VARIATION, NuisanceSet
 from emaphm.plotting.diagnosis import draw_diagnosis
 from emaphm.plotting.external_load import draw_external_load
 from emaphm.recording import Recording

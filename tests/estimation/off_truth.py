@@ -6,10 +6,10 @@ from numpy.typing import ArrayLike
 from cases import THESIS, reference_recordings
 from emaphm.arrays import Array
 from emaphm.estimation.bias_correction import with_discrepancy
-from emaphm.estimation.coordinates.parameter_space import ParameterSpace
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.space.parameter_space import ParameterSpace
 
 
 def objective_of(truth: Array, duration: float = 0.5) -> MapObjective:

@@ -11,9 +11,9 @@ from scipy.optimize import least_squares as scipy_least_squares
 
 from cases import THESIS
 from emaphm.arrays import Array
-from emaphm.estimation.coordinates.parameter_space import Box, ParameterSpace
 from emaphm.estimation.finite_differences import one_sided_jacobians
 from emaphm.estimation.levenberg_marquardt import LeastSquaresSettings, least_squares
+from emaphm.estimation.space.parameter_space import Box, ParameterSpace
 
 Simulate = Callable[[Array], Array]
 

@@ -9,9 +9,9 @@ from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
 from emaphm.diagnosis import diagnose, error_percent
 from emaphm.errors import MethodError
-from emaphm.estimation.coordinates.nuisances import COPPER, MAGNETS, NAMES, PRIORS_PER_UNIT, NuisanceSet
 from emaphm.estimation.objective import MapObjective, faults_objective
 from emaphm.estimation.problem import Problem
+from emaphm.estimation.space.nuisances import COPPER, MAGNETS, NAMES, PRIORS_PER_UNIT, NuisanceSet
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import AVERAGED, REFERENCE

@@ -12,7 +12,7 @@ from cases import HEALTHY, THESIS
 from emaphm.actuator import NAMES, Actuator
 from emaphm.actuator.faults import lower_bounds
 from emaphm.arrays import Array
-from emaphm.estimation.coordinates.parameter_space import Box, ParameterSpace
+from emaphm.estimation.space.parameter_space import Box, ParameterSpace
 from strategies import actuators, fault_vectors
 
 SPACE = ParameterSpace.of(THESIS)

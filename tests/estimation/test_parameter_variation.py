@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from emaphm.actuator.lumped_parameters import lumped_parameters
-from emaphm.estimation.coordinates.nuisances import NuisanceSet
-from emaphm.estimation.coordinates.parameter_space import ParameterSpace
-from emaphm.estimation.coordinates.parameter_variation import ParameterVariation, start_widths, varied
+from emaphm.estimation.space.nuisances import NuisanceSet
+from emaphm.estimation.space.parameter_space import ParameterSpace
+from emaphm.estimation.space.parameter_variation import ParameterVariation, start_widths, varied
 from strategies import EVERYTHING
 
 WIDE = (

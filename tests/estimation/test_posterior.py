@@ -16,13 +16,13 @@ from emaphm.actuator import NAMES, Actuator, Chirp, Faults
 from emaphm.arrays import Array
 from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.errors import MethodError
-from emaphm.estimation.coordinates.nuisances import PRIORS_PER_UNIT, NuisanceSet
-from emaphm.estimation.coordinates.parameter_space import ParameterSpace
 from emaphm.estimation.posterior import mcmc
 from emaphm.estimation.posterior.credible_intervals import shortest_arc, shortest_interval
 from emaphm.estimation.posterior.mcmc import MCMC, McmcSettings, sample
 from emaphm.estimation.posterior.mcmc_diagnostics import McmcDiagnostics, autocorrelation_time, split_r_hat
 from emaphm.estimation.posterior.samples import Posterior
+from emaphm.estimation.space.nuisances import PRIORS_PER_UNIT, NuisanceSet
+from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 

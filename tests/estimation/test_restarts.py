@@ -9,12 +9,12 @@ import pytest
 
 from cases import HEALTHY, THESIS, drawn, reference_recordings
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS, with_discrepancy
-from emaphm.estimation.coordinates.parameter_space import ParameterSpace
 from emaphm.estimation.global_search import restarts
 from emaphm.estimation.methods import method_named
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.space.parameter_space import ParameterSpace
 
 TRUTH = drawn(1, seed=7)[0]
 

@@ -16,9 +16,9 @@ from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.diagnosis import Diagnosis, error_percent
 from emaphm.errors import OutputError
 from emaphm.estimation import COST_FUNCTIONS
-from emaphm.estimation.coordinates.parameter_space import ParameterSpace
 from emaphm.estimation.posterior.mcmc_diagnostics import McmcDiagnostics
 from emaphm.estimation.posterior.samples import Posterior
+from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.plotting.posterior import draw_posterior
 from emaphm.report import write_report
 from emaphm.report.wording import FITNESS_UNITS

@@ -24,12 +24,12 @@ from emaphm.diagnosis.explanation.reasons import reasons_against
 from emaphm.diagnosis.result import ESTIMATOR
 from emaphm.diagnosis.verdict import estimates
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS
-from emaphm.estimation.coordinates.parameter_space import ParameterSpace
 from emaphm.estimation.methods import WITH_LEAST_SQUARES
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.posterior.samples import Posterior
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.estimation.starts import Starts
 from emaphm.progress import Progress
 from emaphm.random_streams import stream

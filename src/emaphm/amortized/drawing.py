@@ -10,7 +10,7 @@ The prior is a mixture of three kinds of actuators, because an estimator is good
 The density of the last has no peak at healthy, where a component has its bound: normal distributions, cut
 there, can then describe what a recording leaves possible. Of a share of all, the friction is below healthy.
 Nuisances, and what the unit's baseline leaves open, have their own normal priors
-(`emaphm.estimation.coordinates.nuisances`).
+(`emaphm.estimation.space.nuisances`).
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ import numpy as np
 
 from emaphm.actuator.faults import HEALTHY, NAMES
 from emaphm.arrays import Array
-from emaphm.estimation.coordinates.parameter_space import ParameterSpace
+from emaphm.estimation.space.parameter_space import ParameterSpace
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from emaphm.amortized.simulating import block_of, in_blocks
 from emaphm.arrays import Array
 from emaphm.blas_threads import one_blas_thread
 from emaphm.errors import MethodError
-from emaphm.estimation.coordinates.parameter_space import ParameterSpace
+from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.recording import Recording
 from emaphm.simulation import Inputs
 

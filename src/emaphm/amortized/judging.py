@@ -11,7 +11,7 @@ import numpy as np
 
 from emaphm.amortized.networks.mixture import Mixture
 from emaphm.arrays import Array
-from emaphm.estimation.coordinates.parameter_space import ParameterSpace
+from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.quantiles import chi_squared_quantile, normal_quantile
 
 RANK_SAMPLES, RANK_BINS = 255, 16

@@ -31,7 +31,7 @@ from emaphm.amortized.parts import of_parts
 from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.amortized.simulating import TrainingSet, noise_rms, simulated
 from emaphm.arrays import Array
-from emaphm.estimation.coordinates.parameter_space import ParameterSpace
+from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.simulation import AVERAGED, Inputs
 
 

@@ -12,9 +12,9 @@ import numpy as np
 from emaphm.actuator import Actuator, Command
 from emaphm.arrays import Array
 from emaphm.errors import MethodError, nearest
-from emaphm.estimation.coordinates.nuisances import NuisanceSet
-from emaphm.estimation.coordinates.parameter_space import ParameterSpace
 from emaphm.estimation.problem import comparable_channels
+from emaphm.estimation.space.nuisances import NuisanceSet
+from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.recording import Recording, full_scales
 from emaphm.recording.acquisition import check_bits
 from emaphm.recording.schema import CURRENTS

@@ -34,7 +34,7 @@ from emaphm.calibration.shaft import fit_description
 from emaphm.calibration.unit_fit import FitSettings, UnitFit
 from emaphm.errors import EmaphmError, MethodError
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS
-from emaphm.estimation.coordinates.parameter_variation import sizes
+from emaphm.estimation.space.parameter_variation import sizes
 from emaphm.progress import Progress, subprogress
 from emaphm.recording import check_plausible
 

@@ -11,19 +11,13 @@ from emaphm.actuator.unit.baseline import SIGNED
 from emaphm.arrays import Array
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.errors import MethodError
-from emaphm.estimation.coordinates.nuisances import (
-    MAGNETS,
-    MAGNETS_DEVIATION,
-    PRIORS_PER_UNIT,
-    WIDEST,
-    NuisanceSet,
-)
-from emaphm.estimation.coordinates.parameter_variation import ParameterVariation, sizes
 from emaphm.estimation.joint.objective import JointObjective, RecordingTerm
 from emaphm.estimation.joint.search import DESCENT
 from emaphm.estimation.objective import healthy_objective
 from emaphm.estimation.problem import Problem, has_signal
 from emaphm.estimation.rows.means import over_swings
+from emaphm.estimation.space.nuisances import MAGNETS, MAGNETS_DEVIATION, PRIORS_PER_UNIT, WIDEST, NuisanceSet
+from emaphm.estimation.space.parameter_variation import ParameterVariation, sizes
 
 SAME_PARAMETER = {"load": "offset", "hinge": "hinge", "inertia": "inertia", "supply": "supply"}
 """The parameter that a nuisance cannot be separated from in one recording."""

@@ -11,9 +11,9 @@ from emaphm.actuator.quantity import unit_for
 from emaphm.actuator.unit.baseline import SIGNED
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.unit_fit import UnitFit
-from emaphm.estimation.coordinates.nuisances import BASELINE
-from emaphm.estimation.coordinates.parameter_variation import WIDEST_FACTOR, sizes, varied
 from emaphm.estimation.replay import Replay, replay
+from emaphm.estimation.space.nuisances import BASELINE
+from emaphm.estimation.space.parameter_variation import WIDEST_FACTOR, sizes, varied
 
 LARGEST_ERROR = 0.5
 """A parameter with a larger relative standard error is called not identifiable."""

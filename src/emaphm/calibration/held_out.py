@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.estimation.coordinates.parameter_space import Box
 from emaphm.estimation.joint.objective import JointObjective
 from emaphm.estimation.joint.search import DESCENT
 from emaphm.estimation.levenberg_marquardt import least_squares
+from emaphm.estimation.space.parameter_space import Box
 from emaphm.random_streams import stream
 
 

@@ -20,13 +20,13 @@ from emaphm.calibration.conditions import joint_objective
 from emaphm.calibration.held_out import folds, left_out_residual, subset
 from emaphm.calibration.unit_fit import FitSettings
 from emaphm.errors import MethodError
-from emaphm.estimation.coordinates.parameter_variation import ParameterVariation
 from emaphm.estimation.joint.correction import JointEstimate
 from emaphm.estimation.joint.objective import JointObjective, RecordingTerm
 from emaphm.estimation.joint.search import DESCENT, settle
 from emaphm.estimation.levenberg_marquardt import descend
 from emaphm.estimation.objective import LEAST_RESIDUAL
 from emaphm.estimation.problem import rms
+from emaphm.estimation.space.parameter_variation import ParameterVariation
 from emaphm.optimizers import space_filling
 from emaphm.progress import Progress
 from emaphm.random_streams import child_seed

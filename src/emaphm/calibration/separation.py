@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from emaphm.actuator import Chirp, Command, Ramp, Sine
 from emaphm.arrays import Array
 from emaphm.calibration.unit_fit import UnitFit
-from emaphm.estimation.coordinates.nuisances import BASELINE, KNOWN_BY
 from emaphm.estimation.driving_signals import DrivingSignals
 from emaphm.estimation.finite_differences import replicated_jacobians
 from emaphm.estimation.joint.objective import JointObjective
 from emaphm.estimation.objective import CORRELATED_ROWS
 from emaphm.estimation.problem import comparable_channels, rms
 from emaphm.estimation.search_result import DEFAULT_SCATTER
+from emaphm.estimation.space.nuisances import BASELINE, KNOWN_BY
 from emaphm.estimation.uncertainty.collinearity import (
     RESOLVED,
     collinear_coordinates,

@@ -26,11 +26,11 @@ from emaphm.calibration.unit_fit import (
     searched,
 )
 from emaphm.errors import MethodError
-from emaphm.estimation.coordinates.parameter_variation import LEAST_DEVIATION
 from emaphm.estimation.discrepancy import has_reference
 from emaphm.estimation.joint.correction import compared
 from emaphm.estimation.joint.objective import JointObjective
 from emaphm.estimation.rows.means import rows_of_a_mean
+from emaphm.estimation.space.parameter_variation import LEAST_DEVIATION
 from emaphm.progress import Progress, subprogress
 
 NAMES = ("stiffness", "damping")

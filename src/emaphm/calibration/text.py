@@ -8,7 +8,7 @@ from emaphm.actuator.quantity import unit_for
 from emaphm.actuator.unit.model_error import CHANNELS, ModelError
 from emaphm.calibration.findings import Parameter, RecordingResult
 from emaphm.calibration.law_selection import LawTrial
-from emaphm.estimation.coordinates.nuisances import unit_of
+from emaphm.estimation.space.nuisances import unit_of
 from emaphm.recording.schema import SCHEMA
 from emaphm.text_table import NOTHING, format_table
 

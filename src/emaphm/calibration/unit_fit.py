@@ -13,12 +13,12 @@ from emaphm.arrays import Array
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.conditions import common_factor, joint_objective, only_ratios
 from emaphm.calibration.motion.fit import measured_start
-from emaphm.estimation.coordinates.parameter_variation import WIDEST_FACTOR, ParameterVariation
 from emaphm.estimation.joint.contradictions import Contradictions, contradictions
 from emaphm.estimation.joint.correction import JointEstimate, corrected_estimate
 from emaphm.estimation.joint.objective import JointObjective
 from emaphm.estimation.joint.search import search
 from emaphm.estimation.joint.uncertainty import JointUncertainty, joint_uncertainty
+from emaphm.estimation.space.parameter_variation import WIDEST_FACTOR, ParameterVariation
 from emaphm.progress import Progress, subprogress
 
 AT_BOUND = 0.98

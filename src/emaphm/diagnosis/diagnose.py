@@ -23,7 +23,6 @@ from emaphm.diagnosis.selection.supply_scan import with_asked_supply
 from emaphm.diagnosis.verdict import VERDICT, estimates, unexplained
 from emaphm.errors import MethodError, nearest
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS, over_all_phases, with_discrepancy
-from emaphm.estimation.coordinates.nuisances import unit_of
 from emaphm.estimation.methods import WITH_LEAST_SQUARES, Method, method_named
 from emaphm.estimation.objective import MapObjective, faults_objective, faults_only_objective
 from emaphm.estimation.problem import Problem
@@ -32,6 +31,7 @@ from emaphm.estimation.rows.means import masks_of_means, notes_on_means, over_sw
 from emaphm.estimation.search import check_fitness, search
 from emaphm.estimation.search_result import SMALLEST_SHARE, SearchResult
 from emaphm.estimation.sensors.channel_swaps import with_channels_exchanged
+from emaphm.estimation.space.nuisances import unit_of
 from emaphm.estimation.starts import Starts
 from emaphm.estimation.uncertainty.local_covariance import jacobians_of
 from emaphm.estimation.uncertainty.model_error import HealthyComparison, compared_with_healthy
@@ -87,7 +87,7 @@ def diagnose(
         electrical description, recordings up to 60 s); 0 turns them off.
     nuisances
         What is estimated with the faults by a method with least squares: names in
-        `emaphm.estimation.coordinates.nuisances.NAMES`, none where empty, the actuator's own where left out;
+        `emaphm.estimation.space.nuisances.NAMES`, none where empty, the actuator's own where left out;
         then also what deviates significantly from the description
         (`emaphm.diagnosis.selection.nuisance_selection`). A recorded load or temperature counts as known.
         What the actuator's baseline leaves open is the unit's, not the recording's: a method with least

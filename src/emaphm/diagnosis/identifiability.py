@@ -7,11 +7,11 @@ import numpy as np
 from emaphm.arrays import Array
 from emaphm.diagnosis.explanation.unexplained import alternatives_covariance, inflation, unexplained_scores
 from emaphm.diagnosis.verdict import VERDICT, Z95
-from emaphm.estimation.coordinates.nuisances import BASELINE, KNOWN_BY
-from emaphm.estimation.coordinates.parameter_space import PRIOR_DEVIATION
 from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective
 from emaphm.estimation.problem import comparable_channels, rms
 from emaphm.estimation.search_result import DEFAULT_SCATTER, SearchResult
+from emaphm.estimation.space.nuisances import BASELINE, KNOWN_BY
+from emaphm.estimation.space.parameter_space import PRIOR_DEVIATION
 from emaphm.estimation.uncertainty.collinearity import CollinearSet, collinear_coordinates, resolving_channels
 from emaphm.estimation.uncertainty.fisher_information import information_lower_bound
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at, jacobians_of, local_covariance

@@ -16,8 +16,8 @@ from emaphm.diagnosis.sensor_faults import SensorFault, sensor_faults
 from emaphm.diagnosis.text import fault_rows, notes
 from emaphm.diagnosis.varying_load import LoadEstimate, estimated_load
 from emaphm.diagnosis.verdict import VERDICT, Z95, Estimate
-from emaphm.estimation.coordinates.nuisances import BASELINE
-from emaphm.estimation.coordinates.parameter_space import SHORTS
+from emaphm.estimation.space.nuisances import BASELINE
+from emaphm.estimation.space.parameter_space import SHORTS
 from emaphm.estimation.uncertainty.collinearity import CollinearSet
 from emaphm.estimation.uncertainty.model_error import HealthyComparison
 from emaphm.estimation.uncertainty.shared_error import shared_covariance

@@ -6,8 +6,8 @@ from typing import Any
 
 from emaphm.actuator import NAMES, Actuator
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
-from emaphm.estimation.coordinates.nuisances import usual_deviation
 from emaphm.estimation.sensors.sensor_model import SENSOR_CHANNELS, sensor_error
+from emaphm.estimation.space.nuisances import usual_deviation
 from emaphm.estimation.uncertainty.collinearity import CollinearSet
 from emaphm.recording.sensor_checks import SensorFinding
 

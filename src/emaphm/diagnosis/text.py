@@ -9,8 +9,8 @@ from emaphm.diagnosis.selection.varying_load import VARYING_LOAD
 from emaphm.diagnosis.varying_load import LoadEstimate
 from emaphm.diagnosis.verdict import Estimate
 from emaphm.diagnosis.wording import physical_text
-from emaphm.estimation.coordinates.nuisances import BASELINE
 from emaphm.estimation.sensors.sensor_model import sensor_error
+from emaphm.estimation.space.nuisances import BASELINE
 from emaphm.estimation.uncertainty.collinearity import CollinearSet
 from emaphm.estimation.uncertainty.model_error import HealthyComparison
 from emaphm.simulation.laws.load_variation import PREFIX

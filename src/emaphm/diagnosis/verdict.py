@@ -9,7 +9,7 @@ import numpy as np
 from emaphm.actuator import NAMES
 from emaphm.actuator.faults import HEALTHY
 from emaphm.arrays import Array
-from emaphm.estimation.coordinates.parameter_space import PRIOR_DEVIATION, SHORTS, ParameterSpace
+from emaphm.estimation.space.parameter_space import PRIOR_DEVIATION, SHORTS, ParameterSpace
 from emaphm.estimation.uncertainty.collinearity import CollinearSet
 
 Verdict = Literal["healthy", "degraded", "cannot tell"]

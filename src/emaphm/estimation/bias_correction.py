@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.estimation.coordinates.parameter_space import PRIOR_DEVIATION
 from emaphm.estimation.correction_iterations import BIAS_CORRECTION, BiasCorrectionSettings, iterate
 from emaphm.estimation.discrepancy import discrepancies, has_reference, reference_problem, with_all_phases
 from emaphm.estimation.finite_differences import replicated_jacobians
@@ -20,6 +19,7 @@ from emaphm.estimation.levenberg_marquardt import bounded_step
 from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.space.parameter_space import PRIOR_DEVIATION
 from emaphm.estimation.uncertainty.fisher_information import normal_equations
 from emaphm.progress import Progress
 from emaphm.random_streams import stream

@@ -6,7 +6,7 @@ from typing import TypeAlias
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.estimation.coordinates.parameter_space import Box
+from emaphm.estimation.space.parameter_space import Box
 
 Simulate: TypeAlias = Callable[[Array], Array]
 """Maps points (n, d) to outputs (n, rows)."""

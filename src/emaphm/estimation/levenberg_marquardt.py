@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.arrays import Array
-from emaphm.estimation.coordinates.parameter_space import Box
 from emaphm.estimation.finite_differences import Simulate, one_sided_jacobians
+from emaphm.estimation.space.parameter_space import Box
 
 DAMPING_FACTORS = np.array([0.1, 1.0, 10.0, 100.0])
 """Steps tried at once, as multiples of the current damping."""

@@ -10,11 +10,11 @@ from typing import Self
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.estimation.coordinates.nuisances import NO_NUISANCES, NuisanceSet
-from emaphm.estimation.coordinates.parameter_space import ParameterSpace
-from emaphm.estimation.coordinates.parameter_variation import ParameterVariation
 from emaphm.estimation.problem import Problem, rms
 from emaphm.estimation.sensors.sensor_model import described_noise, sensor_error, with_unknown_errors
+from emaphm.estimation.space.nuisances import NO_NUISANCES, NuisanceSet
+from emaphm.estimation.space.parameter_space import ParameterSpace
+from emaphm.estimation.space.parameter_variation import ParameterVariation
 from emaphm.estimation.uncertainty.correlation import integral_time
 from emaphm.recording.sensor_checks.resolution import Mask
 from emaphm.simulation import Model

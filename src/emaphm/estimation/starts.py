@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.estimation.coordinates.parameter_space import ParameterSpace
+from emaphm.estimation.space.parameter_space import ParameterSpace
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,11 +6,11 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.diagnosis.verdict import VERDICT, Z95, estimates
-from emaphm.estimation.coordinates.parameter_space import ParameterSpace
 from emaphm.estimation.correction_iterations import BIAS_CORRECTION
 from emaphm.estimation.discrepancy import REFERENCE_RUNS, RUN_SEPARATION, has_reference, reference_problem
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import default_scatter
+from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at, local_covariance
 from emaphm.experiment.excitation import Excitation
 from emaphm.experiment.test_setup import TestSetup

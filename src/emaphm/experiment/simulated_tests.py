@@ -8,8 +8,8 @@ import numpy as np
 from emaphm.arrays import Array
 from emaphm.diagnosis.diagnose import diagnose
 from emaphm.diagnosis.error_metric import error_percent
-from emaphm.estimation.coordinates.parameter_space import ParameterSpace
 from emaphm.estimation.search_result import DEFAULT_SCATTER
+from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.experiment.excitation import Excitation
 from emaphm.experiment.predicted_precision import Precision
 from emaphm.experiment.test_setup import TestSetup

@@ -13,9 +13,9 @@ from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.diagnosis.result import ESTIMATOR
 from emaphm.errors import MethodError
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS
-from emaphm.estimation.coordinates.nuisances import NuisanceSet
 from emaphm.estimation.methods import HYBRID, method_named
 from emaphm.estimation.search import check_fitness
+from emaphm.estimation.space.nuisances import NuisanceSet
 from emaphm.progress import Progress
 from emaphm.recording import Recording
 from emaphm.simulation import model_named

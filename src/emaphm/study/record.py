@@ -6,7 +6,7 @@ import numpy as np
 
 from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
-from emaphm.estimation.coordinates.nuisances import COPPER, MAGNETS
+from emaphm.estimation.space.nuisances import COPPER, MAGNETS
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 from emaphm.study.rig import Manoeuvre, Rig

@@ -13,10 +13,10 @@ from emaphm.arrays import Array
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.conditions import SAME_PARAMETER
 from emaphm.errors import ActuatorError, MethodError, RecordingError
-from emaphm.estimation.coordinates.nuisances import KNOWN_BY, MAGNETS, NO_NUISANCES
-from emaphm.estimation.coordinates.parameter_variation import sizes
 from emaphm.estimation.inverse_dynamics import InverseDynamicsResult, inverse_dynamics
 from emaphm.estimation.inverse_dynamics.torque_balance import NAMES
+from emaphm.estimation.space.nuisances import KNOWN_BY, MAGNETS, NO_NUISANCES
+from emaphm.estimation.space.parameter_variation import sizes
 from emaphm.recording import Recording
 
 LOADS = ("load", "hinge")

@@ -21,12 +21,12 @@ from emaphm.calibration.law_selection import parameters_of
 from emaphm.calibration.motion.fit import MotionFit, check_measurable, coordinates
 from emaphm.calibration.separation import MATTERS, CollinearParameters
 from emaphm.errors import ActuatorError, MethodError
-from emaphm.estimation.coordinates.parameter_variation import WIDEST_FACTOR, sizes
 from emaphm.estimation.inverse_dynamics.result import ForceReplay
 from emaphm.estimation.joint.contradictions import Contradictions, contradictions
 from emaphm.estimation.joint.random_effects import random_effects
 from emaphm.estimation.joint.uncertainty import AloneEstimates
 from emaphm.estimation.replay import replay
+from emaphm.estimation.space.parameter_variation import WIDEST_FACTOR, sizes
 
 LEAST_SHARE = 1e-3
 """Share of its description that a positive parameter's relative error refers to at least."""

@@ -9,16 +9,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from emaphm.estimation.coordinates.nuisances import (
+from emaphm.estimation.global_search.multistart import local_search, with_descents
+from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.space.nuisances import (
     KNOWN_BY,
     NuisanceSet,
     unit_of,
     usual_deviation,
     with_wider_priors,
 )
-from emaphm.estimation.coordinates.parameter_space import ParameterSpace
-from emaphm.estimation.global_search.multistart import local_search, with_descents
-from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.random_streams import stream
 
 

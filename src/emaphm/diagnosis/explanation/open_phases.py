@@ -6,9 +6,9 @@ from dataclasses import replace
 from emaphm.diagnosis.selection.description_errors import suspected_parameters
 from emaphm.diagnosis.selection.settings import ROTOR_ZERO
 from emaphm.diagnosis.verdict import Estimate
-from emaphm.estimation.coordinates.nuisances import BASELINE
-from emaphm.estimation.coordinates.parameter_space import SHORTS
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.space.nuisances import BASELINE
+from emaphm.estimation.space.parameter_space import SHORTS
 
 
 def undecided_between_phases(components: Mapping[str, Estimate], result: SearchResult) -> dict[str, Estimate]:

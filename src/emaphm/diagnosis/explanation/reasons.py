@@ -11,12 +11,12 @@ from emaphm.diagnosis.explanation.known_values import contradicted_values
 from emaphm.diagnosis.explanation.recorded_noise import rounding_step, usual_noise, usual_variance
 from emaphm.diagnosis.explanation.rotor_zero import contradicted_zero
 from emaphm.diagnosis.explanation.sensor_scores import contradictions
-from emaphm.estimation.coordinates.nuisances import BASELINE, has_stated_prior, unit_of, usual_deviation
 from emaphm.estimation.discrepancy import resolves_switching
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.problem import Problem, comparable_channels, rms
 from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
 from emaphm.estimation.sensors.sensor_model import described_noise, error_kind, sensor_error
+from emaphm.estimation.space.nuisances import BASELINE, has_stated_prior, unit_of, usual_deviation
 from emaphm.estimation.uncertainty.model_error import HealthyComparison
 from emaphm.recording.schema import PHASES
 

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.estimation.coordinates.nuisances import BASELINE
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.space.nuisances import BASELINE
 from emaphm.estimation.uncertainty.correlation import integral_time
 from emaphm.quantiles import normal_quantile, student_t_quantile
 

@@ -23,7 +23,6 @@ from emaphm.diagnosis.selection.nuisance_selection import SelectedNuisances, sel
 from emaphm.diagnosis.selection.rotor_zero import is_sought, with_rotor_zero, with_zero_near, zero_of
 from emaphm.diagnosis.selection.supply_scan import with_asked_supply
 from emaphm.estimation.bias_correction import correct_bias
-from emaphm.estimation.coordinates.nuisances import BASELINE
 from emaphm.estimation.discrepancy import resolves_switching
 from emaphm.estimation.joint.objective import JointObjective
 from emaphm.estimation.joint.random_effects import random_effects
@@ -31,6 +30,7 @@ from emaphm.estimation.joint.uncertainty import AloneEstimates
 from emaphm.estimation.methods import Method, method_named
 from emaphm.estimation.search import search
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.space.nuisances import BASELINE
 from emaphm.progress import Progress
 from emaphm.random_streams import child_seed
 from emaphm.recording import Recording

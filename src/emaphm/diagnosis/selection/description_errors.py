@@ -24,12 +24,12 @@ from emaphm.diagnosis.selection.profile import INERTIA
 from emaphm.diagnosis.selection.settings import DESCRIPTION_ERRORS, MOTOR, ROTOR_ZERO
 from emaphm.diagnosis.verdict import VERDICT
 from emaphm.estimation.bias_correction import correct_bias
-from emaphm.estimation.coordinates.nuisances import BASELINE
-from emaphm.estimation.coordinates.parameter_space import SHORTS
-from emaphm.estimation.coordinates.parameter_variation import ParameterVariation
 from emaphm.estimation.methods import Method
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.space.nuisances import BASELINE
+from emaphm.estimation.space.parameter_space import SHORTS
+from emaphm.estimation.space.parameter_variation import ParameterVariation
 from emaphm.estimation.uncertainty.local_covariance import jacobians_of
 from emaphm.estimation.uncertainty.partial_regression import size_of_one
 from emaphm.random_streams import child_seed, stream

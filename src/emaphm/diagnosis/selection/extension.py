@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 
 from emaphm.arrays import Array
 from emaphm.diagnosis.selection.settings import widening
-from emaphm.estimation.coordinates.nuisances import Located, NuisanceSet, with_wider_priors
-from emaphm.estimation.coordinates.parameter_space import ParameterSpace
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.space.nuisances import Located, NuisanceSet, with_wider_priors
+from emaphm.estimation.space.parameter_space import ParameterSpace
 
 ZEROS_OF_START = {"position_offset": "position_rad", "speed_offset": "speed_rad_s"}
 """Zeros of the sensors that say where a manoeuvre starts, by nuisance."""

@@ -18,9 +18,9 @@ from emaphm.actuator.laws import LAWS, typical_dry_friction
 from emaphm.actuator.unit.baseline import SIGNED
 from emaphm.arrays import Array
 from emaphm.diagnosis.selection.law_selection import is_possible, with_free_law
-from emaphm.estimation.coordinates.parameter_variation import varied
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.space.parameter_variation import varied
 from emaphm.estimation.uncertainty.local_covariance import jacobians_of
 from emaphm.estimation.uncertainty.partial_regression import regressed
 from emaphm.quantiles import chi_squared_quantile

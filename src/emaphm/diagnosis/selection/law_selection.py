@@ -17,15 +17,15 @@ from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_par
 from emaphm.arrays import Array
 from emaphm.diagnosis.selection.settings import DESCRIPTION_ERRORS, MOTOR
 from emaphm.estimation.bias_correction import correct_bias
-from emaphm.estimation.coordinates.nuisances import BASELINE
-from emaphm.estimation.coordinates.parameter_space import ParameterSpace
-from emaphm.estimation.coordinates.parameter_variation import ParameterVariation
 from emaphm.estimation.global_search.multistart import local_search, multistart
 from emaphm.estimation.methods import Method
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.reference.refinement import refine_by_reference
 from emaphm.estimation.reference.scan import CURRENT_LAGS_S, scan
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.space.nuisances import BASELINE
+from emaphm.estimation.space.parameter_space import ParameterSpace
+from emaphm.estimation.space.parameter_variation import ParameterVariation
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at, local_covariance
 from emaphm.random_streams import child_seed, stream
 

@@ -14,11 +14,11 @@ from emaphm.diagnosis.selection.sensor_error_scores import jacobians_with_errors
 from emaphm.diagnosis.selection.settings import SELECTION, SENSOR_SELECTION, widening
 from emaphm.diagnosis.selection.supply_profile import SUPPLY
 from emaphm.diagnosis.selection.supply_scan import is_inductance_known, is_scanned, supply_candidate
-from emaphm.estimation.coordinates.nuisances import PRIORS_PER_UNIT
 from emaphm.estimation.global_search.multistart import local_search, with_descents
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import SearchResult, default_scatter
 from emaphm.estimation.sensors.sensor_model import sensor_error, sensor_of
+from emaphm.estimation.space.nuisances import PRIORS_PER_UNIT
 from emaphm.estimation.uncertainty.local_covariance import (
     local_covariance,
 )

@@ -22,12 +22,12 @@ from emaphm.diagnosis.selection.settings import SELECTION, SENSOR_SELECTION, wid
 from emaphm.diagnosis.selection.supply_profile import SUPPLY
 from emaphm.diagnosis.selection.supply_scan import is_off, with_supply
 from emaphm.estimation.bias_correction import correct_bias
-from emaphm.estimation.coordinates.nuisances import usual_deviation
 from emaphm.estimation.discrepancy import resolves_switching
 from emaphm.estimation.global_search.multistart import multistart
 from emaphm.estimation.objective import CORRELATED_ROWS
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.sensors.sensor_model import COMMON_DELAY, error_kind, sensor_error
+from emaphm.estimation.space.nuisances import usual_deviation
 from emaphm.estimation.uncertainty.local_covariance import (
     jacobians_at,
     local_covariance,

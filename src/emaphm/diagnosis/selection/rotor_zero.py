@@ -17,12 +17,12 @@ from emaphm.diagnosis.selection.nuisance_selection import share_of_residual
 from emaphm.diagnosis.selection.settings import ROTOR_ZERO
 from emaphm.diagnosis.verdict import VERDICT
 from emaphm.estimation.bias_correction import correct_bias
-from emaphm.estimation.coordinates.nuisances import BASELINE
-from emaphm.estimation.coordinates.parameter_space import ECCENTRICITY, SHORTS, ParameterSpace
 from emaphm.estimation.methods import Method
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search import search
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.space.nuisances import BASELINE
+from emaphm.estimation.space.parameter_space import ECCENTRICITY, SHORTS, ParameterSpace
 from emaphm.estimation.uncertainty.local_covariance import jacobians_of
 from emaphm.estimation.uncertainty.partial_regression import size_of_one
 from emaphm.random_streams import child_seed, stream

@@ -3,10 +3,10 @@
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.estimation.coordinates.parameter_space import Box
 from emaphm.estimation.finite_differences import replicated_jacobians
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.sensors.sensor_model import sensor_error
+from emaphm.estimation.space.parameter_space import Box
 from emaphm.estimation.uncertainty.local_covariance import JACOBIAN_STEP, REPLICATES
 
 

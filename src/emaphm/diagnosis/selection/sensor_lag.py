@@ -21,13 +21,13 @@ from emaphm.diagnosis.selection.law_selection import (
 from emaphm.diagnosis.selection.ripple import RippleResidual, ripple_powers
 from emaphm.diagnosis.selection.supply_scan import is_scanned
 from emaphm.estimation.bias_correction import compared
-from emaphm.estimation.coordinates.parameter_space import ParameterSpace
 from emaphm.estimation.discrepancy import reference_problem
 from emaphm.estimation.methods import Method
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.reference.refinement import refine_by_reference
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.random_streams import child_seed, stream
 
 SENSOR_LAG = "sensor-lag"

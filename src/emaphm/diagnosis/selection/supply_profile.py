@@ -15,10 +15,10 @@ from emaphm.arrays import Array
 from emaphm.diagnosis.selection.ripple import RippleResidual, ripple_powers
 from emaphm.diagnosis.selection.settings import SELECTION
 from emaphm.estimation.bias_correction import compared
-from emaphm.estimation.coordinates.nuisances import Located, usual_deviation
 from emaphm.estimation.discrepancy import REFERENCE_RUNS, reference_problem
 from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective
 from emaphm.estimation.problem import Problem
+from emaphm.estimation.space.nuisances import Located, usual_deviation
 from emaphm.random_streams import stream
 
 SUPPLY = "supply"

@@ -14,9 +14,9 @@ from emaphm.diagnosis.selection.supply_profile import (
     unit_of_supply,
 )
 from emaphm.estimation.bias_correction import correct_bias
-from emaphm.estimation.coordinates.nuisances import BASELINE, Located
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.space.nuisances import BASELINE, Located
 from emaphm.random_streams import child_seed
 
 

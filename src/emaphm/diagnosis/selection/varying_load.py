@@ -14,12 +14,12 @@ from emaphm.diagnosis.selection.law_selection import fit_of
 from emaphm.diagnosis.selection.settings import SELECTION
 from emaphm.errors import DivergedError
 from emaphm.estimation.bias_correction import correct_bias
-from emaphm.estimation.coordinates.nuisances import KNOWN_BY, LOAD_VARIATION, NuisanceSet, usual_deviation
-from emaphm.estimation.coordinates.parameter_space import ParameterSpace
 from emaphm.estimation.methods import Method
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.reference.refinement import refine_by_reference
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.space.nuisances import KNOWN_BY, LOAD_VARIATION, NuisanceSet, usual_deviation
+from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.random_streams import child_seed
 
 VARYING_LOAD = (LOAD_VARIATION, "hinge")

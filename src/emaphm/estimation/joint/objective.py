@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.arrays import Array
-from emaphm.estimation.coordinates.parameter_space import Box, ParameterSpace
-from emaphm.estimation.coordinates.parameter_variation import ParameterVariation
 from emaphm.estimation.finite_differences import one_sided_jacobians
 from emaphm.estimation.levenberg_marquardt import Evaluation
 from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective
+from emaphm.estimation.space.parameter_space import Box, ParameterSpace
+from emaphm.estimation.space.parameter_variation import ParameterVariation
 
 T = TypeVar("T")
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.estimation.coordinates.parameter_variation import start_widths
 from emaphm.estimation.joint.objective import JointObjective
 from emaphm.estimation.levenberg_marquardt import LeastSquaresSettings, descend
+from emaphm.estimation.space.parameter_variation import start_widths
 from emaphm.optimizers import space_filling
 from emaphm.progress import Progress
 from emaphm.random_streams import child_seed

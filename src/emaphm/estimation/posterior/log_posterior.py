@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.arrays import Array
-from emaphm.estimation.coordinates.parameter_space import ParameterSpace
 from emaphm.estimation.objective import MapObjective
+from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.estimation.uncertainty.fisher_information import information
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at
 

@@ -12,11 +12,11 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.errors import MethodError
-from emaphm.estimation.coordinates.parameter_space import ParameterSpace
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.posterior.log_posterior import LogPosterior, allowed, forms
 from emaphm.estimation.posterior.mcmc_diagnostics import ENOUGH, McmcDiagnostics, library
 from emaphm.estimation.posterior.samples import Posterior
+from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.progress import Progress
 from emaphm.random_streams import child_seed, stream
 from emaphm.simulation import Model

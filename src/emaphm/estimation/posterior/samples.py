@@ -8,9 +8,9 @@ import numpy as np
 
 from emaphm.actuator import NAMES
 from emaphm.arrays import Array
-from emaphm.estimation.coordinates.parameter_space import ParameterSpace
 from emaphm.estimation.posterior.credible_intervals import shortest_arc, shortest_interval
 from emaphm.estimation.posterior.mcmc_diagnostics import McmcDiagnostics
+from emaphm.estimation.space.parameter_space import ParameterSpace
 
 MATERIAL_SHARE, MATERIAL_DIFFERENCE = 0.25, 5e-3
 """Two intervals differ if an end moves by more than both: a share of the longer one, and a difference."""

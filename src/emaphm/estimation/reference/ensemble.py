@@ -20,13 +20,13 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.estimation.bias_correction import compared
-from emaphm.estimation.coordinates.parameter_space import ParameterSpace
 from emaphm.estimation.discrepancy import RUN_SEPARATION, reference_problem
 from emaphm.estimation.finite_differences import replicated_jacobians
 from emaphm.estimation.global_search.smoothing import channel_means
 from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult, default_scatter
+from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.estimation.uncertainty.fisher_information import information
 from emaphm.progress import Progress
 from emaphm.random_streams import stream

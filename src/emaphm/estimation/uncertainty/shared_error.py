@@ -13,8 +13,8 @@ import numpy as np
 from emaphm.actuator import Actuator
 from emaphm.actuator.faults import CARTESIAN_NAMES
 from emaphm.arrays import Array
-from emaphm.estimation.coordinates.nuisances import BASELINE
-from emaphm.estimation.coordinates.parameter_variation import ParameterVariation
+from emaphm.estimation.space.nuisances import BASELINE
+from emaphm.estimation.space.parameter_variation import ParameterVariation
 
 
 def shared_covariance(

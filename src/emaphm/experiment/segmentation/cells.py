@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from emaphm.actuator import Actuator
 from emaphm.actuator.faults import HEALTHY
 from emaphm.arrays import Array, runs
-from emaphm.estimation.coordinates.parameter_space import ParameterSpace
 from emaphm.estimation.finite_differences import replicated_jacobians
 from emaphm.estimation.noise_level import noise_level
 from emaphm.estimation.objective import MapObjective, faults_objective
 from emaphm.estimation.problem import Problem, rms
+from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.estimation.uncertainty.local_covariance import JACOBIAN_STEP
 from emaphm.random_streams import stream
 from emaphm.recording import Recording, quiet_noise_level, with_equivalent_current

@@ -9,9 +9,9 @@ from emaphm.actuator import NAMES, Actuator
 from emaphm.arrays import Array
 from emaphm.diagnosis.verdict import VERDICT, Z95
 from emaphm.errors import MethodError
-from emaphm.estimation.coordinates.parameter_space import ParameterSpace
 from emaphm.estimation.discrepancy import LONGEST_S
 from emaphm.estimation.search_result import default_scatter
+from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.experiment.segmentation.cells import Cells, block_information
 from emaphm.experiment.segmentation.result import Segment, Segments
 from emaphm.progress import Progress

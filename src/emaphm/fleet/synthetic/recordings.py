@@ -5,7 +5,7 @@ import numpy as np
 from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
 from emaphm.actuator.requirements import Requirement
-from emaphm.estimation.coordinates.nuisances import COPPER, MAGNETS
+from emaphm.estimation.space.nuisances import COPPER, MAGNETS
 from emaphm.fleet.synthetic.plan import FleetPlan
 from emaphm.fleet.synthetic.population import Population, Rig
 from emaphm.fleet.synthetic.unit import FALLING, SyntheticUnit

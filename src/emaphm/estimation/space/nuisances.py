@@ -17,9 +17,9 @@ from emaphm.actuator.parameters import Nuisances
 from emaphm.actuator.quantity import unit_for
 from emaphm.arrays import Array
 from emaphm.errors import MethodError, nearest
-from emaphm.estimation.coordinates.parameter_variation import ParameterVariation, variation_unit, varied
 from emaphm.estimation.recorded_supply import makes_supply_known
 from emaphm.estimation.sensors.sensor_model import ERROR_KINDS, SENSOR_CHANNELS, sensor_error
+from emaphm.estimation.space.parameter_variation import ParameterVariation, variation_unit, varied
 from emaphm.simulation.laws.load_variation import PREFIX, coefficient_names, coefficients_for
 
 COPPER = 3.93e-3

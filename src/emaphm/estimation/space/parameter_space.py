@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from emaphm.actuator import NAMES, Actuator
 from emaphm.actuator.faults import CARTESIAN_NAMES, HEALTHY, from_cartesian, lower_bounds, to_cartesian
 from emaphm.arrays import Array
-from emaphm.estimation.coordinates.nuisances import NO_NUISANCES, NuisanceSet
+from emaphm.estimation.space.nuisances import NO_NUISANCES, NuisanceSet
 from emaphm.quantiles import normal_quantile
 
 SHORTS = NAMES[2:5]
