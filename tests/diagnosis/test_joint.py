@@ -2,12 +2,13 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from cases import THESIS, USUAL, covered, on_a_rig
-from emaphm.actuator import NAMES, Actuator, Chirp, Faults
+from emaphm.actuator import NAMES, Actuator, Chirp, Faults, Load
 from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.cli import main
@@ -163,6 +164,22 @@ def test_a_law_that_the_description_lacks_is_common_to_all() -> None:
     # Without the law the shorts are 0.02 to 0.05.
     off = np.abs(found.faults.vector - FAULTS.vector)
     assert max(np.delete(off, NAMES.index("eccentricity_phase"))) < 0.01
+
+
+def test_a_load_that_varies_is_one_recording_s_own() -> None:
+    def under(load: Load, seed: int) -> Recording:
+        options: dict[str, Any] = {"duration": 0.2, "noise": 0.05, "adc_bits": 12, "seed": seed}
+        whole = simulate(THESIS, Chirp(duration=0.2), faults=FAULTS, load=load, **options)
+        return Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")})
+
+    found = diagnose_joint([under(0.02, 1), under(lambda t: 0.08 * np.sin(30 * t), 2)], THESIS)
+    assert found.explained
+    assert found.selected == ("load_variation", "hinge")
+    assert [one.load is not None for one in found.recordings] == [False, True]
+    off = np.abs(found.faults.vector - FAULTS.vector)
+    assert max(np.delete(off, NAMES.index("eccentricity_phase"))) < 0.01
+    assert "load from -0.0" in str(found)
+    assert "load_variation_" not in str(found)
 
 
 def test_recordings_of_different_units_are_refused() -> None:

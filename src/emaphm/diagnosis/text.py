@@ -6,14 +6,13 @@ from emaphm.actuator import Actuator, Faults
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.diagnosis.selection.settings import ROTOR_ZERO
 from emaphm.diagnosis.selection.varying_load import VARYING_LOAD
-from emaphm.diagnosis.varying_load import LoadEstimate
+from emaphm.diagnosis.varying_load import LoadEstimate, is_of_load
 from emaphm.diagnosis.verdict import Estimate
 from emaphm.diagnosis.wording import physical_text
 from emaphm.estimation.sensors.sensor_model import sensor_error
 from emaphm.estimation.space.nuisances import BASELINE
 from emaphm.estimation.uncertainty.collinearity import CollinearSet
 from emaphm.estimation.uncertainty.model_error import HealthyComparison
-from emaphm.simulation.laws.load_variation import PREFIX
 
 STANDS_STILL = (
     "The actuator does NOT move: the command is constant, or the actuator is jammed, too weak or switched "
@@ -65,7 +64,7 @@ def notes(
     The arguments are those fields of `Diagnosis`.
     """
     unit = {name: estimate for name, estimate in nuisances.items() if name.startswith(BASELINE)}
-    over_time = {name for name in nuisances if name.startswith(PREFIX) or (load and name == "load")}
+    over_time = {name for name in nuisances if load and is_of_load(name)}
     known = {
         name: estimate
         for name, estimate in nuisances.items()

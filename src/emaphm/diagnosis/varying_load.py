@@ -22,6 +22,11 @@ class LoadEstimate:
         return f"from {self.value.min():+.3g} to {self.value.max():+.3g} N·m"
 
 
+def is_of_load(name: str) -> bool:
+    """Return whether a nuisance is a part of a load that varies: its constant part, or a coefficient."""
+    return name == "load" or name.startswith(PREFIX)
+
+
 def estimated_load(
     nuisances: Mapping[str, NuisanceEstimate], coordinates: Sequence[str], covariance: Array, samples: int
 ) -> LoadEstimate | None:

@@ -22,6 +22,7 @@ from emaphm.diagnosis.selection.law_selection import ONLY_WHILE_SWITCHING, searc
 from emaphm.diagnosis.selection.nuisance_selection import SelectedNuisances, select_nuisances
 from emaphm.diagnosis.selection.rotor_zero import is_sought, with_rotor_zero, with_zero_near, zero_of
 from emaphm.diagnosis.selection.supply_scan import with_asked_supply
+from emaphm.diagnosis.selection.varying_load import VARYING_LOAD, explains_better, with_varying_load
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.discrepancy import resolves_switching
 from emaphm.estimation.joint.objective import JointObjective
@@ -46,11 +47,15 @@ hundred by chance."""
 
 @dataclass(frozen=True, eq=False)
 class _Alone:
-    """One recording's estimate: as `searched`, and as `found`, with the nuisances that deviate."""
+    """One recording's estimate: as `searched`, and as `found`, with the nuisances that deviate.
+
+    `load_varies` where it was searched with a load that varies, which nobody asked for.
+    """
 
     searched: SearchResult
     found: SelectedNuisances
     seed: int
+    load_varies: bool = False
 
     @property
     def result(self) -> SearchResult:
@@ -94,6 +99,18 @@ class _Alone:
         result, names, _ = with_description_error(self.searched, before, method, max_corrections, self.seed)
         return replace(self, found=replace(self.found, result=result, names=names))
 
+    def with_varying_load(self, method: Method, max_corrections: int) -> Self:
+        """Return the estimate with a load of its own that varies, where that explains it better."""
+        if self.searched.explained or not (self.is_corrected and self.moves):
+            return self
+        loaded = with_varying_load(self.searched, method, max_corrections, self.seed)
+        if loaded is None:
+            return self
+        rival = self.selecting(loaded, max_corrections)
+        if explains_better(rival.result, self.result):
+            return replace(rival, load_varies=True)
+        return self
+
     def selecting(self, searched: SearchResult, max_corrections: int) -> Self:
         """Return the estimate as `searched`, with the nuisances that deviate significantly from there."""
         return replace(self, searched=searched, found=select_nuisances(searched, max_corrections, self.seed))
@@ -136,7 +153,7 @@ def search_alone(
             result = with_asked_supply(result, max_corrections, own)
         one = _Alone(result, SelectedNuisances(result, (), FirstLook()), own)
         if nuisances is None and result.discrepancy is not None:
-            one = one.selecting(result, max_corrections)
+            one = one.selecting(result, max_corrections).with_varying_load(method, max_corrections)
         found.append(one)
         if on_progress:
             on_progress((r + 1) / len(recordings))
@@ -146,7 +163,8 @@ def search_alone(
         found = found if laws else _with_description_errors(found, method, max_corrections)
     selected = tuple(dict.fromkeys(name for one in found for name in one.found.names))
     alone = [_with_all(one.result, one.found.names, selected, max_corrections, seed) for one in found]
-    return AloneSearches(alone, (*selected, *suspected_parameters(alone[0])), laws)
+    load = VARYING_LOAD if any(one.load_varies for one in found) else ()
+    return AloneSearches(alone, (*load, *selected, *suspected_parameters(alone[0])), laws)
 
 
 def _with_common_zero(found: list[_Alone], method: Method, max_corrections: int) -> list[_Alone]:

@@ -158,6 +158,7 @@ def _recording(
         contradicts,
         tuple(result.objective.space.faults(alone.point).tolist()),
         single.nuisances,
+        single.load,
     )
 
 

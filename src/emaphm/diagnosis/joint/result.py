@@ -7,6 +7,7 @@ from typing import Any
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.diagnosis.result import Diagnosis
 from emaphm.diagnosis.text import NOT_EXPLAINED
+from emaphm.diagnosis.varying_load import LoadEstimate, is_of_load
 from emaphm.text_table import format_table
 
 
@@ -32,6 +33,8 @@ class JointRecording:
         The faults (8,) that it alone asks for.
     nuisances
         What was estimated of this recording.
+    load
+        The load over the recording, where it is estimated as one that varies.
     """
 
     name: str
@@ -43,6 +46,7 @@ class JointRecording:
     contradicts: bool
     alone: tuple[float, ...]
     nuisances: Mapping[str, NuisanceEstimate]
+    load: LoadEstimate | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the recording's entry in the JSON of the diagnosis."""
@@ -61,13 +65,19 @@ class JointRecording:
     @property
     def row(self) -> tuple[str, ...]:
         """The recording's row of text."""
+        varying = [f"load {self.load}"] if self.load else []
+        others = [
+            f"{name} {one}"
+            for name, one in self.nuisances.items()
+            if one.known and not (self.load and is_of_load(name))
+        ]
         return (
             self.name,
             "yes" if self.explained else "no",
             f"{100 * self.relative_residual:.1f} %",
             f"{self.misfit_ratio:.2f}",
             "yes" if self.contradicts else "no",
-            ", ".join(f"{name} {one}" for name, one in self.nuisances.items() if one.known),
+            ", ".join([*varying, *others]),
         )
 
 

@@ -15,7 +15,7 @@ from emaphm.diagnosis.selection.ripple import ripple_share
 from emaphm.diagnosis.selection.rotor_zero import with_rotor_zero
 from emaphm.diagnosis.selection.sensor_lag import SENSOR_LAG, is_lag_suspected, with_sensor_lag
 from emaphm.diagnosis.selection.settings import SELECTION
-from emaphm.diagnosis.selection.varying_load import VARYING, VARYING_LOAD, with_varying_load
+from emaphm.diagnosis.selection.varying_load import VARYING, VARYING_LOAD, explains_better, with_varying_load
 from emaphm.estimation.bias_correction import over_all_phases
 from emaphm.estimation.discrepancy import resolves_switching
 from emaphm.estimation.methods import Method
@@ -48,9 +48,7 @@ def select_deviations(
     if loaded is None:
         return alone
     result, names, laws = _selection(loaded, method, max_corrections, seed)
-    if alone[0].explained and share_of_residual(result, alone[0]) > SELECTION.likely_share:
-        return alone
-    return result, (*VARYING_LOAD, *names), laws
+    return (result, (*VARYING_LOAD, *names), laws) if explains_better(result, alone[0]) else alone
 
 
 def _selection(

@@ -11,6 +11,7 @@ import numpy as np
 
 from emaphm.actuator import Actuator
 from emaphm.diagnosis.selection.law_selection import fit_of
+from emaphm.diagnosis.selection.nuisance_selection import share_of_residual
 from emaphm.diagnosis.selection.settings import SELECTION
 from emaphm.errors import DivergedError
 from emaphm.estimation.bias_correction import correct_bias
@@ -18,7 +19,13 @@ from emaphm.estimation.methods import Method
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.reference.refinement import refine_by_reference
 from emaphm.estimation.search_result import SearchResult
-from emaphm.estimation.space.nuisances import KNOWN_BY, LOAD_VARIATION, NuisanceSet, usual_deviation
+from emaphm.estimation.space.nuisances import (
+    KNOWN_BY,
+    LOAD_VARIATION,
+    NuisanceSet,
+    described_name,
+    usual_deviation,
+)
 from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.random_streams import child_seed
 
@@ -49,11 +56,11 @@ def with_varying_load(
     """
     objective, nuisances = searched.objective, searched.objective.space.nuisances
     problem, measured = objective.problem, tuple(objective.problem.measured)
-    more = tuple(name for name in VARYING_LOAD if name not in (*nuisances.chosen, *nuisances.parameters))
-    if more != VARYING_LOAD or KNOWN_BY[LOAD_VARIATION] in measured:
+    estimated = {described_name(name) for name in (*nuisances.chosen, *nuisances.parameters)}
+    if estimated & set(VARYING_LOAD) or KNOWN_BY[LOAD_VARIATION] in measured:
         return None
     actuator = _with_any_load(problem)
-    chosen = (*nuisances.chosen, *more)
+    chosen = (*nuisances.chosen, *VARYING_LOAD)
     duration = problem.inputs.duration
     free = NuisanceSet.of(actuator, chosen, measured, nuisances.unit, nuisances.located, duration=duration)
     loaded = replace(
@@ -68,6 +75,11 @@ def with_varying_load(
     except DivergedError:  # a load that carries the model away explains nothing
         return None
     return found if found.explained else None
+
+
+def explains_better(loaded: SearchResult, rival: SearchResult) -> bool:
+    """Return whether a load that varies is believed, and not what explains the recording without one."""
+    return not rival.explained or share_of_residual(loaded, rival) < SELECTION.likely_share
 
 
 def _with_any_load(problem: Problem) -> Actuator:

@@ -66,7 +66,7 @@ def unit_of(name: str, coordinates: str = "rotary") -> str:
     """Return the unit of a nuisance, or of a deviation from the baseline."""
     if name.startswith(BASELINE):
         return variation_unit(name.removeprefix(BASELINE), coordinates)
-    extra = Nuisances.model_fields[_described(name)].json_schema_extra
+    extra = Nuisances.model_fields[described_name(name)].json_schema_extra
     return unit_for(str(extra["unit"]) if isinstance(extra, dict) else "-", coordinates)
 
 
@@ -120,7 +120,7 @@ class NuisanceSet:
         """
         chosen = _each(actuator.nuisances.estimated if names is None else names, duration)
         for name in chosen:
-            if _described(name) not in NAMES:
+            if described_name(name) not in NAMES:
                 raise MethodError(f"unknown nuisance '{name}'{nearest(name, NAMES)}")
             if names is not None and name in NEEDS_WINDINGS and actuator.electrical is None:
                 raise MethodError(
@@ -249,10 +249,10 @@ def _each(names: Sequence[str], duration: float) -> tuple[str, ...]:
 
 
 def _is_of_load(name: str) -> bool:
-    return _described(name) == LOAD_VARIATION
+    return described_name(name) == LOAD_VARIATION
 
 
-def _described(name: str) -> str:
+def described_name(name: str) -> str:
     """Return what the description calls a nuisance: the coefficients of a load that varies are one."""
     return LOAD_VARIATION if name.startswith(PREFIX) else name
 
@@ -262,7 +262,7 @@ def _matters(actuator: Actuator, name: str, channels: Sequence[str]) -> bool:
     acts = name not in NEEDS_WINDINGS or actuator.electrical is not None
     if name == "supply" and makes_supply_known(channels, actuator):
         return False
-    return acts and KNOWN_BY.get(_described(name)) not in channels
+    return acts and KNOWN_BY.get(described_name(name)) not in channels
 
 
 def _shows(name: str, channels: Sequence[str]) -> bool:
@@ -279,7 +279,7 @@ def _shows(name: str, channels: Sequence[str]) -> bool:
 
 def _prior(actuator: Actuator, name: str) -> float | None:
     """Return the prior standard deviation of a nuisance, in its own unit, where one is known."""
-    given = getattr(actuator.nuisances, _described(name))
+    given = getattr(actuator.nuisances, described_name(name))
     if given is not None:
         return float(given)
     limit = actuator.controller.current_limit
@@ -292,7 +292,7 @@ def _prior(actuator: Actuator, name: str) -> float | None:
 
 def has_stated_prior(actuator: Actuator, name: str) -> bool:
     """Return whether `name` is a nuisance whose prior the description states, and does not leave as usual."""
-    return _described(name) in NAMES and getattr(actuator.nuisances, _described(name)) is not None
+    return described_name(name) in NAMES and getattr(actuator.nuisances, described_name(name)) is not None
 
 
 def _range(actuator: Actuator, quantity: str) -> float | None:
@@ -308,7 +308,9 @@ def _range(actuator: Actuator, quantity: str) -> float | None:
 
 def with_wider_priors(actuator: Actuator, factors: Mapping[str, float]) -> Actuator:
     """Return the actuator with priors of nuisances wider by `factors`, by name."""
-    priors = {_described(name): factor * usual_deviation(actuator, name) for name, factor in factors.items()}
+    priors = {
+        described_name(name): factor * usual_deviation(actuator, name) for name, factor in factors.items()
+    }
     return actuator.model_copy(update={"nuisances": actuator.nuisances.model_copy(update=priors)})
 
 
