@@ -111,9 +111,10 @@ def explains_better(loaded: SearchResult, rival: SearchResult) -> bool:
 def _with_any_load(problem: Problem) -> Actuator:
     """Return the actuator with wide priors for a varying load: any that a motor of its size can move.
 
-    Its stiffness makes a usual load where the command is farthest from its middle.
+    Its stiffness makes a usual load where the command is farthest from its middle; under a command that does
+    not change no position shows one, so that any prior does.
     """
     actuator, usual = problem.actuator, usual_deviation(problem.actuator, LOAD_VARIATION)
-    reach = float(np.ptp(problem.measured["command_rad"])) / 2
+    reach = float(np.ptp(problem.measured["command_rad"])) / 2 or 1.0
     priors = {LOAD_VARIATION: SELECTION.widening * usual, "hinge": usual / reach}
     return actuator.model_copy(update={"nuisances": actuator.nuisances.model_copy(update=priors)})
