@@ -6,15 +6,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from emaphm.actuator import NAMES, Actuator, Faults
-from emaphm.actuator.lumped_parameters import lumped_parameters
+from emaphm.actuator import NAMES, Actuator, Chirp, Faults
+from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
 from emaphm.actuator.unit.tolerances import Tolerances
 from emaphm.diagnosis import diagnose
 from emaphm.errors import StudyError
+from emaphm.simulated_recording import simulate
 from emaphm.study import Plan, run_study
 from emaphm.study.cases import SINGLE, heavy_faults, random_faults, small_fault
 from emaphm.study.record import actuator_on, recorded
-from emaphm.study.rig import Manoeuvre, Rig
+from emaphm.study.rig import Manoeuvre, Rig, VaryingLoad
 from emaphm.study.trials import trials_of
 
 THESIS = Actuator.thesis()
@@ -129,6 +130,18 @@ def test_a_rig_records_what_it_says() -> None:
     codes = recording["current_A"] / step
     np.testing.assert_allclose(codes, np.round(codes), atol=1e-9)
     assert recorded(BASE, THESIS, Manoeuvre(duration=0.05), Faults(), 0).samples == 250
+
+
+def test_a_load_varies_on_a_rig_as_it_says() -> None:
+    load = VaryingLoad(swing=0.1, frequency=2.0, drift=0.5, step=0.02, hinge=10.0)
+    time = np.array([0.0, 0.125, 0.25, 0.375])
+    np.testing.assert_allclose(load.at(time, 0.5), [0.0, 0.1 + 0.0625, 0.125 + 0.02, -0.1 + 0.1875 + 0.02])
+    options: dict[str, Any] = {"label": "varying", "channels": ("current_A", "position_rad"), "noise": 0.0}
+    exact = options | {"adc_bits": None, "load": (0.0, 0.0), "heat": (0.0, 0.0)}
+    got = recorded(Rig(**exact, varying_load=load), THESIS, Manoeuvre(duration=0.1), Faults(), 0)
+    stiff = with_lumped_parameters(THESIS, {"hinge": 10.0})
+    same = simulate(stiff, Chirp(duration=0.1), duration=0.1, load=lambda t: load.at(t, 0.1))
+    np.testing.assert_array_equal(got["current_A"], same["current_A"])
 
 
 # What is drawn
@@ -274,6 +287,10 @@ REFUSED: dict[str, tuple[tuple[str, str], tuple[str, ...]]] = {
     "foreign controller": (
         ("noise = 0.0", "controller_noise = 1\nforeign = { sensor_lag = 1e-5 }"),
         ("'rigs.1'", "leave out 'controller_noise'"),
+    ),
+    "foreign load": (
+        ("noise = 0.0", "varying_load = { drift = 0.1 }\nforeign = { sensor_lag = 1e-5 }"),
+        ("'rigs.1'", "leave out 'varying_load'"),
     ),
     "one rig twice": (('label = "exact"', 'label = "bench"'), ("two rigs are called 'bench'",)),
     "one group twice": (('label = "named"', 'label = "drawn"'), ("two groups are called 'drawn'",)),
