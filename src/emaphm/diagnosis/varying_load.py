@@ -12,14 +12,15 @@ from emaphm.simulation.laws.load_variation import PREFIX, spline_basis
 
 @dataclass(frozen=True, eq=False)
 class LoadEstimate:
-    """A load at the motor [N·m] and its standard error, a value a row, less what rises with the position."""
+    """A load at the motor and its standard error, a value a row; less what rises with the position."""
 
     value: Array
     standard_error: Array
+    unit: str
 
     def __str__(self) -> str:
         """Return between what it varies, in words."""
-        return f"from {self.value.min():+.3g} to {self.value.max():+.3g} N·m"
+        return f"from {self.value.min():+.3g} to {self.value.max():+.3g} {self.unit}"
 
 
 def is_of_load(name: str) -> bool:
@@ -46,4 +47,4 @@ def estimated_load(
     units = errors / np.sqrt(np.diag(own))
     variance = np.einsum("si,ij,sj->s", basis * units, own, basis * units)
     value = basis @ np.array([nuisances[name].value for name in names])
-    return LoadEstimate(np.asarray(value), np.sqrt(variance))
+    return LoadEstimate(np.asarray(value), np.sqrt(variance), nuisances[names[0]].unit)

@@ -29,5 +29,5 @@ def draw_load_axis(axis: "Axes", diagnosis: "Diagnosis", load: "LoadEstimate") -
     low, high = load.value - half, load.value + half
     axis.fill_between(time, low, high, color=MODEL, alpha=0.2, linewidth=0, label="95 %")
     draw_line(axis, time, load.value, MODEL, "estimated")
-    style_axis(axis, "Load at the motor", "time [s]", "load [N·m]")
+    style_axis(axis, "Load at the motor", "time [s]", f"load [{load.unit}]")
     legend_beside_title(axis)
