@@ -3,10 +3,14 @@
 import numpy as np
 import pytest
 
-from emaphm.estimation.uncertainty.fisher_information import normal_equations
+from emaphm.estimation.uncertainty.fisher_information import normal_equations, products, steadied_information
 
 ROWS, REPLICATES = 600, 8
 TRUTH = np.array([0.3, -0.2])
+
+
+HIDDEN = 30.0
+"""Information that a parameter has, no more than the errors of its Jacobians look like."""
 
 
 @pytest.fixture(scope="module")
@@ -39,3 +43,31 @@ def test_errors_of_a_parameter_without_effect_lead_nowhere(rng: np.random.Genera
     np.testing.assert_allclose(np.mean(steps, axis=0)[:2], TRUTH, atol=0.01)
     rms, rms_plain = (np.sqrt(np.mean(np.array(one)[:, 2] ** 2)) for one in (steps, plain))
     assert rms < 0.3 * rms_plain
+
+
+def test_a_prior_does_not_lead_where_errors_hide_what_the_data_show(rng: np.random.Generator) -> None:
+    exact = rng.normal(size=(3, ROWS))
+    exact[2] *= (HIDDEN / ROWS) ** 0.5
+    # The data say that the third is 0, its prior, of a precision of 1, that it is 1.
+    residual, prior = exact[:2].T @ TRUTH, np.diag([0.0, 0.0, 1.0])
+    steady, filtered = [], []
+    for _ in range(200):
+        jacobians = exact + rng.normal(0.0, 3.0, (REPLICATES, 3, ROWS))
+        known = steadied_information(products(jacobians), np.ones(3)) + prior
+        steady.append(np.linalg.solve(known, jacobians.mean(axis=0) @ residual + prior[2])[2])
+        normal, gradient = normal_equations(jacobians, residual, np.ones(3))
+        filtered.append(np.linalg.solve(normal + prior, gradient + prior[2])[2])
+    # The optimum is 1 / (1 + HIDDEN).
+    assert np.max(np.abs(steady)) < 0.5
+    assert np.max(np.abs(filtered)) > 0.7
+
+
+def test_without_errors_it_is_the_information(rng: np.random.Generator) -> None:
+    jacobian = rng.normal(size=(3, ROWS))
+    same = products(np.tile(jacobian, (REPLICATES, 1, 1)))
+    np.testing.assert_allclose(
+        steadied_information(same, np.array([1.0, 3.0, 0.1])),
+        jacobian @ jacobian.T,
+        rtol=1e-9,
+        atol=1e-9 * ROWS,
+    )

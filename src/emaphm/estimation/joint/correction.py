@@ -18,7 +18,7 @@ from emaphm.estimation.global_search.multistart import LOCAL_SEARCH, MULTISTART
 from emaphm.estimation.joint.objective import JointObjective
 from emaphm.estimation.levenberg_marquardt import bounded_step, descend
 from emaphm.estimation.search_result import default_scatter
-from emaphm.estimation.uncertainty.fisher_information import filtered_equations, products
+from emaphm.estimation.uncertainty.fisher_information import products, steadied_information
 from emaphm.progress import Progress
 from emaphm.random_streams import stream
 
@@ -189,9 +189,8 @@ def _gauss_newton(
     replicates, total = np.arange(settings.replicates), np.zeros((settings.replicates, point.size) * 2)
     for index, (one, _) in zip(joint.indices, by_term, strict=True):
         total[np.ix_(replicates, index, replicates, index)] += one
-    normal, gradient = filtered_equations(
-        total, joint.summed_vectors([one for _, one in by_term]), joint.prior_deviations
-    )
+    normal = steadied_information(total, joint.prior_deviations)
+    gradient = joint.summed_vectors([one for _, one in by_term])
     # A fault has no prior; as far as the recordings do not show it, it keeps its value.
     prior = joint.prior_precisions
     normal += np.diag(prior)

@@ -6,6 +6,7 @@ such bias.
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from emaphm.arrays import Array
 
@@ -33,25 +34,39 @@ def information_lower_bound(jacobians: Array) -> Array:
 def normal_equations(jacobians: Array, residual: Array, sizes: Array) -> tuple[Array, Array]:
     """Return the normal matrix (d, d) of `jacobians` (n, d, rows), and their gradient (d,) by a `residual`.
 
-    As `filtered_equations` has them, of one recording.
-    """
-    return filtered_equations(products(jacobians), jacobians.mean(axis=0) @ residual, sizes)
-
-
-def filtered_equations(products: Array, gradient: Array, sizes: Array) -> tuple[Array, Array]:
-    """Return the normal matrix (d, d) and the gradient (d,) of `products` (n, d, n, d) of Jacobians.
-
     The normal matrix is free of the bias of the Jacobians' errors. Of the gradient, along each axis of the
     information in units of the parameters' `sizes` (d,), the share is left that is no error (a Wiener
     filter), where the information is no larger than its own standard error: of what the data do not show,
     the gradient would be error alone, and lead anywhere.
     """
-    values, axes, along = _principal(products * sizes[:, np.newaxis, np.newaxis] * sizes)
-    squares = np.maximum(along.mean(axis=(1, 2)), np.finfo(float).tiny)
-    shown = _lower_bounds(values, along) > 0
-    shares = np.where(shown, 1.0, np.minimum(values / squares, 1.0))
+    gradient = jacobians.mean(axis=0) @ residual
+    values, axes, with_errors, shown = _shown(products(jacobians), sizes)
+    shares = np.where(shown, 1.0, np.minimum(values / with_errors, 1.0))
     filtered = axes @ (shares * (axes.T @ (gradient * sizes)))
     return np.asarray((axes * values @ axes.T) / np.outer(sizes, sizes)), np.asarray(filtered / sizes)
+
+
+def steadied_information(products: Array, sizes: Array) -> Array:
+    """Return the normal matrix (d, d) of `products` (n, d, n, d) of Jacobians of several recordings together.
+
+    As of `normal_equations`, but with the errors in where the information is no larger than its own standard
+    error: that leaves the same share of the gradient's step. Several recordings may well show what the
+    errors of one hide, and the prior of another's load, which is all that a matrix without the errors would
+    have there, leads far away.
+    """
+    values, axes, with_errors, shown = _shown(products, sizes)
+    steady = np.where(shown, values, np.maximum(values, with_errors))
+    return np.asarray((axes * steady @ axes.T) / np.outer(sizes, sizes))
+
+
+def _shown(products: Array, sizes: Array) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+    """Return the information along its axes in units of `sizes`, and these (d, d).
+
+    And the information with the Jacobians' errors in it, and where it is more than its own standard error.
+    """
+    values, axes, along = _principal(products * sizes[:, np.newaxis, np.newaxis] * sizes)
+    with_errors = np.maximum(along.mean(axis=(1, 2)), np.finfo(float).tiny)
+    return values, axes, with_errors, _lower_bounds(values, along) > 0
 
 
 def _principal(products: Array) -> tuple[Array, Array, Array]:
