@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -155,7 +156,7 @@ class Diagnosis:
         suspected = {name: DESCRIPTION_ERRORS.prior_of(name.removeprefix(BASELINE)) for name in parameters}
         return shared_covariance(self.actuator, self.coordinates, self.covariance, suspected)
 
-    @property
+    @cached_property
     def load(self) -> LoadEstimate | None:
         """The load over the recording, None where it is not estimated as one that varies."""
         return estimated_load(self.nuisances, self.coordinates, self.covariance, self.time_s.size)

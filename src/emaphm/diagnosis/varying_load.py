@@ -45,6 +45,7 @@ def estimated_load(
     own = covariance[np.ix_(rows, rows)]
     errors = np.array([nuisances[name].standard_error for name in names])
     units = errors / np.sqrt(np.diag(own))
-    variance = np.einsum("si,ij,sj->s", basis * units, own, basis * units)
+    scaled = basis * units
+    variance = np.sum((scaled @ own) * scaled, axis=1)
     value = basis @ np.array([nuisances[name].value for name in names])
     return LoadEstimate(np.asarray(value), np.sqrt(variance), nuisances[names[0]].unit)

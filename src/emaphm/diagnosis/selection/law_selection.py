@@ -243,8 +243,21 @@ def search_with_law(
 ) -> SearchResult:
     """Return the estimate with the law, from that `searched` without it."""
     child = child_seed(seed, "hidden law", name)
-    fit = fit_with_law(searched, LAWS[name], method, child)
-    return refine_by_reference(correct_bias(fit.objective, fit.points, max_corrections, child), child)
+    objective = with_law(searched.objective, LAWS[name])
+    return search_with(searched, objective, name, method, max_corrections, child)
+
+
+def search_with(
+    searched: SearchResult,
+    objective: MapObjective,
+    name: str,
+    method: Method,
+    max_corrections: int,
+    seed: int,
+) -> SearchResult:
+    """Return the estimate with what `objective` has more than that `searched` without it: `name`."""
+    fit = fit_of(searched, objective, name, method, seed)
+    return refine_by_reference(correct_bias(fit.objective, fit.points, max_corrections, seed), seed)
 
 
 def fit_of(result: SearchResult, objective: MapObjective, name: str, method: Method, seed: int) -> LawFit:

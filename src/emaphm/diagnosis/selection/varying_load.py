@@ -10,24 +10,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from emaphm.actuator import Actuator
-from emaphm.diagnosis.selection.law_selection import fit_of
+from emaphm.arrays import Array
+from emaphm.diagnosis.selection.extension import with_nuisances
+from emaphm.diagnosis.selection.law_selection import search_with
 from emaphm.diagnosis.selection.nuisance_selection import share_of_residual
 from emaphm.diagnosis.selection.settings import SELECTION
 from emaphm.errors import DivergedError
-from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.methods import Method
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.problem import Problem
-from emaphm.estimation.reference.refinement import refine_by_reference
 from emaphm.estimation.search_result import SearchResult
-from emaphm.estimation.space.nuisances import (
-    KNOWN_BY,
-    LOAD_VARIATION,
-    NuisanceSet,
-    described_name,
-    usual_deviation,
-)
-from emaphm.estimation.space.parameter_space import ParameterSpace
+from emaphm.estimation.space.nuisances import KNOWN_BY, LOAD_VARIATION, described_name, usual_deviation
 from emaphm.estimation.uncertainty.local_covariance import jacobians_of
 from emaphm.random_streams import child_seed, stream
 
@@ -67,30 +60,24 @@ def with_varying_load(
     estimated = {described_name(name) for name in (*nuisances.chosen, *nuisances.parameters)}
     if estimated & set(VARYING_LOAD) or KNOWN_BY[LOAD_VARIATION] in measured:
         return None
-    actuator = _with_any_load(problem)
-    chosen = (*nuisances.chosen, *VARYING_LOAD)
-    duration = problem.inputs.duration
-    free = NuisanceSet.of(actuator, chosen, measured, nuisances.unit, nuisances.located, duration=duration)
-    loaded = replace(
-        objective,
-        problem=replace(problem, actuator=actuator),
-        space=ParameterSpace.of(actuator, free),
-    )
-    if _share_left(searched, loaded, seed) > VARYING.left:
+    described = replace(objective, problem=replace(problem, actuator=_with_any_load(problem)))
+    loaded, point = with_nuisances(replace(searched, objective=described), (), VARYING_LOAD, 1.0)
+    if _share_left(searched, loaded, point, seed) > VARYING.left:
         return None
     child = child_seed(seed, "search with a varying load")
     try:
-        fit = fit_of(searched, loaded, LOAD_VARIATION, method, child)
-        found = refine_by_reference(correct_bias(fit.objective, fit.points, max_corrections, child), child)
+        found = search_with(searched, loaded, LOAD_VARIATION, method, max_corrections, child)
     except DivergedError:  # a load that carries the model away explains nothing
         return None
     return found if found.explained else None
 
 
-def _share_left(searched: SearchResult, loaded: MapObjective, seed: int) -> float:
-    """Return the share of the current's residual beyond noise that a linear model with the load leaves."""
+def _share_left(searched: SearchResult, loaded: MapObjective, point: Array, seed: int) -> float:
+    """Return the share of the current's residual beyond noise that a linear model with the load leaves.
+
+    `point` (d,) is the estimate in the space of `loaded`.
+    """
     samples, before = searched.objective.problem.samples, searched.objective.space
-    point = loaded.space.carried_over(searched.point, before)
     more = [i for i, name in enumerate(loaded.space.coordinates) if name not in before.coordinates]
     steps = STEP * np.eye(point.size)[more]
     up, down = np.split(loaded.outputs(np.vstack([point + steps, point - steps]))[:, :samples], 2)
