@@ -96,7 +96,7 @@ class Actuator(Section):
 
     @model_validator(mode="after")
     def _back_emf_with_a_shape(self) -> Self:
-        for name in ("flat_loss", "sine_share"):
+        for name in ("flat_loss", "sine_share", "hall_a", "hall_b", "hall_c"):
             if getattr(self.motor, name) is not None and not self.commutates:
                 raise ValueError(
                     f"'motor.{name}': the motor of a drive of kind \"{self.drive_kind}\" has no trapezoidal "

@@ -265,6 +265,12 @@ _ALL = (
         also_free=("torque_constant",),
     ),
     Law(
+        "hall-angles",
+        ("hall_a", "hall_b", "hall_c"),
+        "fast motion with the current and the voltage recorded",
+        lambda actuator, speed: {"motor": dict.fromkeys(("hall_a", "hall_b", "hall_c"), 0.0)},  # noqa: ARG005
+    ),
+    Law(
         "winding-temperature",
         ("temperature_gain",),
         "recordings at temperatures at least 10 K apart, with the temperature recorded",
@@ -324,6 +330,10 @@ def _without_trapezoid(actuator: Actuator) -> str:
     )
 
 
+def _without_hall_sensors(actuator: Actuator) -> str:
+    return "" if actuator.commutates else "only a drive that commutates has Hall sensors to do so by"
+
+
 def _passes_standstill_otherwise(name: str) -> Callable[[Actuator], str]:
     def reason(actuator: Actuator) -> str:
         friction = actuator.friction
@@ -346,6 +356,7 @@ _REASONS: Mapping[str, Callable[[Actuator], str]] = {
     ),
     "emf-flats": _without_trapezoid,
     "emf-sine": _without_trapezoid,
+    "hall-angles": _without_hall_sensors,
     "sensor-lag": lambda actuator: "" if actuator.three_phases else "its drive senses no current",
     "viscous-temperature": lambda actuator: (
         ""

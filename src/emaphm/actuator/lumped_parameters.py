@@ -29,6 +29,9 @@ OPTIONAL = (
     "saturation",
     "flat_loss",
     "sine_share",
+    "hall_a",
+    "hall_b",
+    "hall_c",
 )
 """Sections, and parameters, whose values are laws of their own: one that is not described is not there."""
 

@@ -121,6 +121,30 @@ class Motor(Section):
         ge=-1,
         le=1,
     )
+    hall_a: float | None = quantity(
+        "electrical angle by which the Hall sensor of phase a switches too early",
+        "rad",
+        CHOSEN,
+        default=None,
+        ge=-0.5,
+        le=0.5,
+    )
+    hall_b: float | None = quantity(
+        "electrical angle by which the Hall sensor of phase b switches too early",
+        "rad",
+        CHOSEN,
+        default=None,
+        ge=-0.5,
+        le=0.5,
+    )
+    hall_c: float | None = quantity(
+        "electrical angle by which the Hall sensor of phase c switches too early",
+        "rad",
+        CHOSEN,
+        default=None,
+        ge=-0.5,
+        le=0.5,
+    )
     torque_limit: float | None = quantity(
         "largest torque, T_max; no limit where left out", "N·m", THESIS, default=None, gt=0
     )

@@ -34,6 +34,9 @@ LUMPED_PARAMETERS = {
     "saturation": "1/A",
     "flat_loss": "rad",
     "sine_share": "-",
+    "hall_a": "rad",
+    "hall_b": "rad",
+    "hall_c": "rad",
     "torque_lag": "s",
     "resistance": "ohm",
     "inductance": "H",
@@ -87,7 +90,16 @@ SECTIONS = {
         "speed_feedback",
         "speed_lag",
     ),
-    "motor": ("torque_constant", "saturation", "flat_loss", "sine_share", "torque_lag"),
+    "motor": (
+        "torque_constant",
+        "saturation",
+        "flat_loss",
+        "sine_share",
+        "hall_a",
+        "hall_b",
+        "hall_c",
+        "torque_lag",
+    ),
     "electrical": ("resistance", "inductance", "rotor_zero", "supply", "temperature_gain"),
     "drive": ("current_gain", "current_integral_gain", "source_resistance", "voltage_drop", "current_lag"),
     "friction": (
@@ -129,6 +141,9 @@ SIGNED = (
     "rotor_zero",
     "saturation",
     "sine_share",
+    "hall_a",
+    "hall_b",
+    "hall_c",
     *(name for name in LUMPED_PARAMETERS if name.startswith("ripple")),
 )
 """Parameters of either sign: their covariance is in their own unit, that of the others relative."""

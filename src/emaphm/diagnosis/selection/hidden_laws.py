@@ -57,6 +57,7 @@ HIDDEN = (
     HiddenLaw("inverter-drop", _of_supply, 0.002),
     HiddenLaw("emf-flats", _absolute, 0.05),
     HiddenLaw("emf-sine", _absolute, 0.03),
+    HiddenLaw("hall-angles", _absolute, 0.01),
     HiddenLaw("speed-lag", _absolute, 5e-5),
     HiddenLaw("load-dependent", _absolute, 0.004),
     HiddenLaw("cogging", typical_dry_friction, 0.02),

@@ -45,6 +45,7 @@ SUSPECTS = (
     "inverter-drop",
     "emf-flats",
     "emf-sine",
+    "hall-angles",
 )
 """The laws that are tried, in this order."""
 

@@ -145,6 +145,7 @@ def sizes(actuator: Actuator, names: tuple[str, ...]) -> Array:
         "rotor_zero": 0.25,
         "saturation": 0.25 / actuator.controller.current_limit,
         "sine_share": 0.3,
+        **dict.fromkeys(("hall_a", "hall_b", "hall_c"), 0.05),
     }
     return np.array([others.get(name, friction) if name in SIGNED else 1.0 for name in names])
 

@@ -80,6 +80,9 @@ class Plant:
     saturation: Array
     flat_loss: Array
     sine_share: Array
+    hall_a: Array
+    hall_b: Array
+    hall_c: Array
     torque_limit: Array
     torque_lag: Array
     supply: Array
@@ -199,6 +202,7 @@ def _healthy(actuator: Actuator, n: int) -> dict[str, Array]:
         "saturation": motor.saturation or 0.0,
         "flat_loss": motor.flat_loss or 0.0,
         "sine_share": motor.sine_share or 0.0,
+        **{name: getattr(motor, name) or 0.0 for name in ("hall_a", "hall_b", "hall_c")},
         "torque_limit": motor.torque_limit or NO_LIMIT,
         "torque_lag": motor.torque_lag,
         # An ideal current loop is one whose supply can force any current within a step.
@@ -270,6 +274,9 @@ def structure_of(actuator: Actuator) -> Structure:
         voltage_drop=drive is not None and drive.voltage_drop is not None,
         saturation=actuator.motor.saturation is not None,
         emf_shape=actuator.motor.flat_loss is not None or actuator.motor.sine_share is not None,
+        hall=any(
+            one is not None for one in (actuator.motor.hall_a, actuator.motor.hall_b, actuator.motor.hall_c)
+        ),
         ripples=tuple(Ripple(one.order, one.of == "screw") for one in actuator.ripple),
     )
 

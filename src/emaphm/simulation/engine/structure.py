@@ -31,6 +31,7 @@ class Structure(NamedTuple):
     voltage_drop: bool = False
     saturation: bool = False
     emf_shape: bool = False
+    hall: bool = False
     ripples: tuple[Ripple, ...] = ()
     load_variation: int = 0
 

@@ -12,7 +12,7 @@ from emaphm.simulation.engine.model import OBSERVABLE, Form, Initial
 from emaphm.simulation.engine.plant import Plant
 from emaphm.simulation.engine.structure import Structure
 from emaphm.simulation.laws.angles import phase_angles
-from emaphm.simulation.laws.commutation import demand_sign, trapezoid
+from emaphm.simulation.laws.commutation import trapezoid
 from emaphm.simulation.laws.eccentricity import gap_factors
 from emaphm.simulation.laws.inverter import switch
 from emaphm.simulation.laws.phases import Phases, phase_names
@@ -83,7 +83,7 @@ def advance(structure: Structure) -> Callable[..., Any]:
         demand, controlled = demand_of(s, p, u)
         reference = u.noise + demand
         angle = phase_angles(s.electrical)
-        active, shape = demand_sign(angle), trapezoid(angle)
+        active, shape = laws.demand_signs(s, p, angle), trapezoid(angle)
         leg = switch(Phases.of(s, "leg"), reference * active - laws.sensed_before(s), p.hysteresis)
 
         current = Phases.of(s, "current")

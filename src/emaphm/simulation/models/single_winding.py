@@ -15,20 +15,19 @@ from emaphm.simulation.engine.model import OBSERVABLE, Form, Initial
 from emaphm.simulation.engine.plant import Plant
 from emaphm.simulation.engine.structure import Structure
 from emaphm.simulation.laws.angles import phase_angles
-from emaphm.simulation.laws.commutation import of_idle_phase
-from emaphm.simulation.laws.current_control import limited_pi
 from emaphm.simulation.laws.eccentricity import gap_factors, printed_factor
 from emaphm.simulation.laws.emf_shape import emf_shape
-from emaphm.simulation.laws.equivalent_winding import mean_voltage, winding_current
-from emaphm.simulation.laws.idle_leg import outgoing_after
-from emaphm.simulation.laws.lag import approach, share_of_step
+from emaphm.simulation.laws.equivalent_winding import winding_current
+from emaphm.simulation.laws.hall_sensors import of_sensed_idle_phase
+from emaphm.simulation.laws.lag import share_of_step
 from emaphm.simulation.laws.phases import Phases, by_phase, phase_names
-from emaphm.simulation.laws.pulse_width import delay_shares, delayed
+from emaphm.simulation.laws.pulse_width import delay_shares
 from emaphm.simulation.laws.saturation import flux_left
-from emaphm.simulation.laws.select import clip, select
 from emaphm.simulation.laws.supply_source import sagging_supply, supply_under_duty
 from emaphm.simulation.laws.voltage_drop import knees_per_ampere, voltage_drop
 from emaphm.simulation.models import control, motion
+from emaphm.simulation.models.conducting_pair import NUMBERS, conducting_pair
+from emaphm.simulation.models.current_loop import current_loop
 
 CHANNELS = (*OBSERVABLE, "angle_rad", "torque_Nm", "reference_current_A")
 BY_VOLTAGE = (*OBSERVABLE, "duty", "angle_rad", "torque_Nm")
@@ -46,6 +45,7 @@ PARAMETERS = (
     "saturation",
     "flat_loss",
     "sine_share",
+    *phase_names("hall"),
     "drop",
     "per_knee",
     "current_gain",
@@ -91,6 +91,9 @@ def parameters(
         "saturation": plant.saturation,
         "flat_loss": plant.flat_loss,
         "sine_share": plant.sine_share,
+        "hall_a": plant.hall_a,
+        "hall_b": plant.hall_b,
+        "hall_c": plant.hall_c,
         "drop": plant.voltage_drop,
         "per_knee": knees_per_ampere(plant.current_limit),
         "sensed_lead": 1 / sensed_share - 1,
@@ -104,7 +107,8 @@ def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Arr
     """Return the kernel's state at `start`, (n,) each, without current."""
     own = dict.fromkeys((*OWN_STATE, *SIX_STEP_STATE), np.zeros(plant.count))
     moving = motion.initial_state(plant, start)
-    own["idle"] = of_idle_phase(moving["electrical"], NUMBERS)
+    early = Phases(plant.hall_a, plant.hall_b, plant.hall_c)
+    own["idle"] = of_sensed_idle_phase(moving["electrical"], NUMBERS, early)
     return control.initial_state(plant, inputs, start) | moving | own
 
 
@@ -114,9 +118,6 @@ OWN_STATE = ("torque", "current", "bus_current", "sensed")
 SIX_STEP_STATE = ("current_integral", "voltage", "outgoing", "incoming_share", "idle")
 """What a six-step drive adds: its controller's integral and lagging voltage, the current that the outgoing
 phase still carries, the incoming phase's share of the pair's inductance, and which phase idles."""
-
-NUMBERS = Phases(0.0, 1.0, 2.0)
-"""By which a six-step drive's state names the phase that idles."""
 
 
 def state_names(structure: Structure) -> tuple[str, ...]:
@@ -154,7 +155,7 @@ def form(
     def advance(structure: Structure) -> Callable[..., Any]:
         if drive == "voltage":
             return _advance_by_voltage(structure)
-        return _advance(structure, _current(structure, averaged=averaged), printed_eccentricity)
+        return _advance(structure, current_loop(structure, averaged=averaged), printed_eccentricity)
 
     by_voltage = drive == "voltage"
     return Form(
@@ -176,22 +177,23 @@ def _advance(
     demand_of, driven = control.control(structure), motion.driven_motion(structure)
     flux_of, against = _losses(structure)
     gaps = _printed_gaps if printed_eccentricity else _gaps
-    shaped = _shaped if structure.emf_shape else _trapezoidal
+    pair = conducting_pair(structure)
+    shaped = _shaped if structure.emf_shape or structure.hall else _trapezoidal
     supply_of, bus_after = (_sagging, _drawn) if structure.source else (_stiff, _nothing_drawn)
 
     def advance(s: Any, p: Any, u: Any) -> Any:
         reference, controlled = demand_of(s, p, u)
         fluxes = shaped(s, p, gaps(s, p) * Phases.of(p, "flux"))
-        flux = flux_of(s, p, of_idle_phase(s.electrical, fluxes.of_pairs()))
-        conductance = of_idle_phase(s.electrical, Phases.of(p, "conductance"))
-        decay = of_idle_phase(s.electrical, Phases.of(p, "decay"))
+        flux = flux_of(s, p, pair.mean(s, p, u.step, fluxes.of_pairs()))
+        conductance = pair.mean(s, p, u.step, Phases.of(p, "conductance"))
+        decay = pair.mean(s, p, u.step, Phases.of(p, "decay"))
         supply, back_emf = supply_of(s, p), against(s, p, flux * s.speed)
         current, sensed, voltage, own = current_after(
             s, p, u, reference, supply, back_emf, conductance, decay
         )
         torque, following = driven(s, p, u, flux * current)
         outputs = (
-            sensed,
+            pair.shown(s, p, u.step, sensed),
             voltage,
             *motion.recorded_motion(s, p, u, following),
             torque,
@@ -292,107 +294,3 @@ def _nothing_drawn(voltage: Any, current: Any, supply: Any) -> Any:  # noqa: ARG
 
 def _drawn(voltage: Any, current: Any, supply: Any) -> Any:
     return (voltage * current / supply,)  # the inverter passes on the winding's power without loss
-
-
-def _current(structure: Structure, *, averaged: bool) -> Callable[..., Any]:
-    """Return how the current loop, averaged or switched, changes the current, and what the sensor shows."""
-    if not averaged:
-        return _switched_lagging if structure.current_lag else _switched
-    if structure.drive == "six-step":
-        return _controlled_lagging if structure.current_lag else _controlled
-    return _following_lagging if structure.current_lag else _following
-
-
-def _switched(
-    s: Any,
-    p: Any,  # noqa: ARG001
-    u: Any,
-    reference: Any,
-    supply: Any,
-    back_emf: Any,
-    conductance: Any,
-    decay: Any,
-) -> Any:
-    side = _side(reference, s.current)
-    current = u.enabled * winding_current(s.current, side * supply - back_emf, conductance, decay)
-    return current, current, mean_voltage(s.current, current, back_emf, conductance, decay), ()
-
-
-def _switched_lagging(
-    s: Any, p: Any, u: Any, reference: Any, supply: Any, back_emf: Any, conductance: Any, decay: Any
-) -> Any:
-    side = _side(reference, s.sensed)
-    current = u.enabled * winding_current(s.current, side * supply - back_emf, conductance, decay)
-    sensed = approach(s.sensed, current, p.sensed_share)
-    return current, sensed, mean_voltage(s.current, current, back_emf, conductance, decay), (sensed,)
-
-
-def _side(reference: Any, shown: Any) -> Any:
-    """Return the side of the supply that is switched on, 1, -1 or 0, by the current that the sensor shows."""
-    return select(reference > shown, 1.0, select(reference < shown, -1.0, 0.0))
-
-
-def _following(
-    s: Any,
-    p: Any,  # noqa: ARG001
-    u: Any,
-    reference: Any,
-    supply: Any,
-    back_emf: Any,
-    conductance: Any,
-    decay: Any,
-) -> Any:
-    lowest = winding_current(s.current, -supply - back_emf, conductance, decay)
-    highest = winding_current(s.current, supply - back_emf, conductance, decay)
-    current = u.enabled * clip(reference, lowest, highest)
-    return current, current, mean_voltage(s.current, current, back_emf, conductance, decay), ()
-
-
-def _following_lagging(
-    s: Any, p: Any, u: Any, reference: Any, supply: Any, back_emf: Any, conductance: Any, decay: Any
-) -> Any:
-    # The drive sees the sensor's current, and brings that to the reference. What the comparators' late turn
-    # does to the mean is left out: with three legs it has neither the size nor always the sign of one leg's.
-    target = reference + p.sensed_lead * (reference - s.sensed)
-    lowest = winding_current(s.current, -supply - back_emf, conductance, decay)
-    highest = winding_current(s.current, supply - back_emf, conductance, decay)
-    current = u.enabled * clip(target, lowest, highest)
-    sensed = approach(s.sensed, current, p.sensed_share)
-    return current, sensed, mean_voltage(s.current, current, back_emf, conductance, decay), (sensed,)
-
-
-def _controlled(
-    s: Any, p: Any, u: Any, reference: Any, supply: Any, back_emf: Any, conductance: Any, decay: Any
-) -> Any:
-    error = reference - s.current
-    current, voltage, own = _driven(s, p, u, error, supply, back_emf, conductance, decay)
-    return current, current, voltage, own
-
-
-def _controlled_lagging(
-    s: Any, p: Any, u: Any, reference: Any, supply: Any, back_emf: Any, conductance: Any, decay: Any
-) -> Any:
-    error = reference - s.sensed
-    current, voltage, own = _driven(s, p, u, error, supply, back_emf, conductance, decay)
-    sensed = approach(s.sensed, current, p.sensed_share)
-    return current, sensed, voltage, (sensed, *own)
-
-
-def _driven(
-    s: Any, p: Any, u: Any, error: Any, supply: Any, back_emf: Any, conductance: Any, decay: Any
-) -> Any:
-    demanded, integral = limited_pi(
-        error, s.current_integral, p.current_gain, p.current_integral_gain, supply, u.step
-    )
-    voltage, lagging = delayed(s.voltage, demanded, p.voltage_share, p.voltage_at_once)
-    idle, winding = of_idle_phase(s.electrical, NUMBERS), Phases.of(p, "winding")
-    pair = of_idle_phase(s.electrical, winding.of_pairs())
-    fall = of_idle_phase(s.electrical, Phases.of(p, "fall"))
-    incoming = select(s.idle == NUMBERS.a, winding.a, select(s.idle == NUMBERS.b, winding.b, winding.c))
-    share = select(idle == s.idle, s.incoming_share, incoming / pair)
-    before = select(idle == s.idle, s.outgoing, s.current)
-    outgoing, taken = outgoing_after(before, 0.5 * supply, 0.5 * back_emf, 0.5 / conductance, fall)
-    driven = winding_current(s.current, voltage - back_emf, conductance, decay)
-    current = u.enabled * (driven - share * taken)
-    own = (u.enabled * integral, u.enabled * lagging, u.enabled * outgoing, share, idle)
-    return current, u.enabled * voltage, own

@@ -18,7 +18,7 @@ from emaphm.simulation.engine.model import OBSERVABLE, Form, Initial
 from emaphm.simulation.engine.plant import Plant
 from emaphm.simulation.engine.structure import Structure
 from emaphm.simulation.laws.angles import phase_angles
-from emaphm.simulation.laws.commutation import demand_sign, trapezoid
+from emaphm.simulation.laws.commutation import trapezoid
 from emaphm.simulation.laws.current_control import limited_pi
 from emaphm.simulation.laws.eccentricity import gap_factors
 from emaphm.simulation.laws.idle_leg import diode_current, diode_voltage
@@ -72,7 +72,7 @@ def advance(structure: Structure) -> Callable[..., Any]:
         reference = u.noise + demand
         half_supply, speed = laws.half_supply(s, p), s.speed
         angle = phase_angles(s.electrical)
-        active, shape = demand_sign(angle), trapezoid(angle)
+        active, shape = laws.demand_signs(s, p, angle), trapezoid(angle)
 
         asked, integral = limited_pi(
             reference - 0.5 * (shape * laws.sensed_before(s)).sum(),

@@ -8,7 +8,9 @@ import numpy as np
 from emaphm.arrays import Array
 from emaphm.simulation.engine.plant import Plant
 from emaphm.simulation.engine.structure import Structure
+from emaphm.simulation.laws.commutation import demand_sign
 from emaphm.simulation.laws.emf_shape import emf_shape
+from emaphm.simulation.laws.hall_sensors import sensed_demand_signs
 from emaphm.simulation.laws.lag import approach, share_of_step
 from emaphm.simulation.laws.phases import Phases, by_phase, phase_names
 from emaphm.simulation.laws.saturation import flux_left
@@ -30,6 +32,7 @@ PARAMETERS = (
     "saturation",
     "flat_loss",
     "sine_share",
+    *phase_names("hall"),
     "leg_drop",
     "per_knee",
 )
@@ -53,6 +56,9 @@ def parameters(plant: Plant, step: float, peak: float) -> dict[str, Array]:
         "saturation": plant.saturation,
         "flat_loss": plant.flat_loss,
         "sine_share": plant.sine_share,
+        "hall_a": plant.hall_a,
+        "hall_b": plant.hall_b,
+        "hall_c": plant.hall_c,
         "leg_drop": plant.voltage_drop / 2,
         "per_knee": knees_per_ampere(plant.current_limit),
         **by_phase("resistance", plant.resistance / 2 * plant.turns),
@@ -97,6 +103,8 @@ class Laws(NamedTuple):
     Currents, voltages, fluxes and back-EMFs are `Phases`; s and p are state and parameters.
     """
 
+    demand_signs: Callable[..., Any]
+    """Of (s, p, angles of the phases): what share of the reference current each phase is asked for."""
     emf_shape: Callable[..., Any]
     """Of (p, angles of the phases, unit trapezoids there): the shapes of a back-EMF that is no sine."""
     flux: Callable[..., Any]
@@ -118,6 +126,7 @@ class Laws(NamedTuple):
 def laws(structure: Structure) -> Laws:
     """Return what windings, supply and current sensors do."""
     return Laws(
+        _by_hall_sensors if structure.hall else _by_angle,
         _shaped if structure.emf_shape else _trapezoidal,
         _saturated if structure.saturation else _unsaturated,
         _with_drop if structure.voltage_drop else _back_emf,
@@ -130,6 +139,14 @@ def currents_after(current: Phases, p: Any, voltage: Phases, back_emf: Phases) -
     """Return the three phase currents after an explicit Euler step [A]."""
     drive = voltage - Phases.of(p, "resistance") * current - back_emf
     return current + star_slopes(drive, Phases.of(p, "step_per_henry"), p.henries_per_step)
+
+
+def _by_angle(s: Any, p: Any, angles: Phases) -> Phases:  # noqa: ARG001
+    return demand_sign(angles)
+
+
+def _by_hall_sensors(s: Any, p: Any, angles: Phases) -> Phases:
+    return sensed_demand_signs(s.electrical, angles, Phases.of(p, "hall"))
 
 
 def _trapezoidal(p: Any, angle: Phases, shape: Phases) -> Phases:  # noqa: ARG001

@@ -1,0 +1,131 @@
+"""How a drive changes the current of one equivalent winding, and what its current sensor shows.
+
+Each loop is a function of (state, parameters, input, reference, supply, back-EMF, conductance, decay) that
+returns the current after the step, what the sensor shows of it, the mean voltage, and its own next state.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+from emaphm.simulation.engine.structure import Structure
+from emaphm.simulation.laws.current_control import limited_pi
+from emaphm.simulation.laws.equivalent_winding import mean_voltage, winding_current
+from emaphm.simulation.laws.idle_leg import outgoing_after
+from emaphm.simulation.laws.lag import approach
+from emaphm.simulation.laws.phases import Phases
+from emaphm.simulation.laws.pulse_width import delayed
+from emaphm.simulation.laws.select import clip, select
+from emaphm.simulation.models.conducting_pair import NUMBERS, ConductingPair, conducting_pair
+
+
+def current_loop(structure: Structure, *, averaged: bool) -> Callable[..., Any]:
+    """Return the loop of an actuator's drive, averaged or switched."""
+    if not averaged:
+        return _switched_lagging if structure.current_lag else _switched
+    if structure.drive == "six-step":
+        return _controlled(structure)
+    return _following_lagging if structure.current_lag else _following
+
+
+def _switched(
+    s: Any,
+    p: Any,  # noqa: ARG001
+    u: Any,
+    reference: Any,
+    supply: Any,
+    back_emf: Any,
+    conductance: Any,
+    decay: Any,
+) -> Any:
+    side = _side(reference, s.current)
+    current = u.enabled * winding_current(s.current, side * supply - back_emf, conductance, decay)
+    return current, current, mean_voltage(s.current, current, back_emf, conductance, decay), ()
+
+
+def _switched_lagging(
+    s: Any, p: Any, u: Any, reference: Any, supply: Any, back_emf: Any, conductance: Any, decay: Any
+) -> Any:
+    side = _side(reference, s.sensed)
+    current = u.enabled * winding_current(s.current, side * supply - back_emf, conductance, decay)
+    sensed = approach(s.sensed, current, p.sensed_share)
+    return current, sensed, mean_voltage(s.current, current, back_emf, conductance, decay), (sensed,)
+
+
+def _side(reference: Any, shown: Any) -> Any:
+    """Return the side of the supply that is switched on, 1, -1 or 0, by the current that the sensor shows."""
+    return select(reference > shown, 1.0, select(reference < shown, -1.0, 0.0))
+
+
+def _following(
+    s: Any,
+    p: Any,  # noqa: ARG001
+    u: Any,
+    reference: Any,
+    supply: Any,
+    back_emf: Any,
+    conductance: Any,
+    decay: Any,
+) -> Any:
+    lowest = winding_current(s.current, -supply - back_emf, conductance, decay)
+    highest = winding_current(s.current, supply - back_emf, conductance, decay)
+    current = u.enabled * clip(reference, lowest, highest)
+    return current, current, mean_voltage(s.current, current, back_emf, conductance, decay), ()
+
+
+def _following_lagging(
+    s: Any, p: Any, u: Any, reference: Any, supply: Any, back_emf: Any, conductance: Any, decay: Any
+) -> Any:
+    # The drive sees the sensor's current, and brings that to the reference. What the comparators' late turn
+    # does to the mean is left out: with three legs it has neither the size nor always the sign of one leg's.
+    target = reference + p.sensed_lead * (reference - s.sensed)
+    lowest = winding_current(s.current, -supply - back_emf, conductance, decay)
+    highest = winding_current(s.current, supply - back_emf, conductance, decay)
+    current = u.enabled * clip(target, lowest, highest)
+    sensed = approach(s.sensed, current, p.sensed_share)
+    return current, sensed, mean_voltage(s.current, current, back_emf, conductance, decay), (sensed,)
+
+
+def _controlled(structure: Structure) -> Callable[..., Any]:
+    """Return the sampled loop of a six-step drive, whose voltage follows half a period and more later."""
+    pair = conducting_pair(structure)
+    driven = _driven(pair)
+
+    def controlled(
+        s: Any, p: Any, u: Any, reference: Any, supply: Any, back_emf: Any, conductance: Any, decay: Any
+    ) -> Any:
+        error = reference - pair.shown(s, p, u.step, s.current)
+        current, voltage, own = driven(s, p, u, error, supply, back_emf, conductance, decay)
+        return current, current, voltage, own
+
+    def controlled_lagging(
+        s: Any, p: Any, u: Any, reference: Any, supply: Any, back_emf: Any, conductance: Any, decay: Any
+    ) -> Any:
+        error = reference - pair.shown(s, p, u.step, s.sensed)
+        current, voltage, own = driven(s, p, u, error, supply, back_emf, conductance, decay)
+        sensed = approach(s.sensed, current, p.sensed_share)
+        return current, sensed, voltage, (sensed, *own)
+
+    return controlled_lagging if structure.current_lag else controlled
+
+
+def _driven(pair: ConductingPair) -> Callable[..., Any]:
+    def driven(
+        s: Any, p: Any, u: Any, error: Any, supply: Any, back_emf: Any, conductance: Any, decay: Any
+    ) -> Any:
+        demanded, integral = limited_pi(
+            error, s.current_integral, p.current_gain, p.current_integral_gain, supply, u.step
+        )
+        voltage, lagging = delayed(s.voltage, demanded, p.voltage_share, p.voltage_at_once)
+        idle, winding = pair.of_idle(s, p, NUMBERS), Phases.of(p, "winding")
+        both = pair.of_idle(s, p, winding.of_pairs())
+        fall = pair.of_idle(s, p, Phases.of(p, "fall"))
+        incoming = select(s.idle == NUMBERS.a, winding.a, select(s.idle == NUMBERS.b, winding.b, winding.c))
+        share = select(idle == s.idle, s.incoming_share, incoming / both)
+        before = select(idle == s.idle, s.outgoing, s.current)
+        outgoing, taken = outgoing_after(before, 0.5 * supply, 0.5 * back_emf, 0.5 / conductance, fall)
+        free = winding_current(s.current, voltage - back_emf, conductance, decay)
+        current = u.enabled * (free - share * taken)
+        own = (u.enabled * integral, u.enabled * lagging, u.enabled * outgoing, share, idle)
+        return current, u.enabled * voltage, own
+
+    return driven
