@@ -5,7 +5,13 @@ from dataclasses import replace
 from emaphm.actuator.laws import LAWS
 from emaphm.diagnosis.selection.description_errors import possible_errors, with_free
 from emaphm.diagnosis.selection.hidden_laws import HIDDEN_LAWS, suspected_laws
-from emaphm.diagnosis.selection.law_selection import acts, search_with_law, select_laws, without_law
+from emaphm.diagnosis.selection.law_selection import (
+    acts,
+    is_possible,
+    search_with_law,
+    select_laws,
+    without_law,
+)
 from emaphm.diagnosis.selection.nuisance_selection import (
     SelectedNuisances,
     select_nuisances,
@@ -20,6 +26,8 @@ from emaphm.estimation.bias_correction import over_all_phases
 from emaphm.estimation.discrepancy import resolves_switching
 from emaphm.estimation.methods import Method
 from emaphm.estimation.search_result import SearchResult
+
+HALL_ANGLES = "hall-angles"
 
 Selection = tuple[SearchResult, tuple[str, ...], tuple[str, ...]]
 """An estimate, and the names of the nuisances and of the laws that were selected for it."""
@@ -55,13 +63,17 @@ def _selection(
     searched: SearchResult, method: Method, max_corrections: int, seed: int, *, laws: bool = True
 ) -> Selection:
     """Return `select_deviations` of an actuator that moves, but for its load; with `laws` or without."""
-    searched, found = _with_rotor_zero(searched, method, max_corrections, seed)
+    turned, found = _with_rotor_zero(searched, method, max_corrections, seed)
     if not (laws or found.result.explained):
         return found.result, found.names, ()
-    selection = with_laws(searched, found, method, max_corrections, seed)
+    if turned is not searched:
+        sensed = _with_hall_angles(searched, found.result, method, max_corrections, seed)
+        if sensed is not None:
+            return sensed
+    selection = with_laws(turned, found, method, max_corrections, seed)
     if selection[2] or not found.result.explained:
         return selection
-    return with_description_error(searched, selection, method, max_corrections, seed)
+    return with_description_error(turned, selection, method, max_corrections, seed)
 
 
 def with_laws(
@@ -99,6 +111,23 @@ def _with_rotor_zero(
     if share_of_residual(found.result, without_zero.result) < SELECTION.likely_share:
         return turned, found
     return searched, without_zero
+
+
+def _with_hall_angles(
+    searched: SearchResult, turned: SearchResult, method: Method, max_corrections: int, seed: int
+) -> Selection | None:
+    """Return the estimate with Hall sensors out of place, from that `searched`, if it leaves clearly less.
+
+    Than that with another zero of the rotor, `turned`: both move the commutation, but only with the sensors
+    out of place does a phase conduct outside the flat of its back-EMF.
+    """
+    if not is_possible(searched.objective.problem.actuator, LAWS[HALL_ANGLES]):
+        return None
+    sensed = search_with_law(searched, HALL_ANGLES, method, max_corrections, seed)
+    if not sensed.explained or share_of_residual(sensed, turned) >= SELECTION.likely_share:
+        return None
+    selection = _with_nuisances(sensed, (HALL_ANGLES,), max_corrections, seed)
+    return _with_hidden_laws(sensed, selection, method, max_corrections, seed)
 
 
 def _with_lag(
