@@ -62,6 +62,15 @@ def test_a_sine_in_the_back_emf_is_suspected_and_sized(value: float) -> None:
     assert hidden_scores(result, seed=0)["emf-sine"].values == pytest.approx([value], rel=0.4)
 
 
+def test_hall_sensors_out_of_place_are_suspected_and_sized() -> None:
+    early = {"hall_a": 0.035, "hall_b": -0.025, "hall_c": 0.02}
+    displaced = with_lumped_parameters(LAWS["hall-angles"].added_to(THESIS), early)
+    result = near_the_truth(on_a_rig(displaced, FAULTS, 0.3))
+    assert "hall-angles" in suspected_laws(result, seed=0)
+    score = hidden_scores(result, seed=0)["hall-angles"]
+    assert score.values == pytest.approx([*early.values()], abs=0.015)
+
+
 def test_narrow_flats_of_the_back_emf_are_no_short() -> None:
     found = diagnose(on_a_rig(with_law("emf-flats", 0.35), Faults(0.2, short_b=0.1), 0.3), THESIS)
     assert found.explained

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from cases import THESIS, on_a_rig
 from emaphm.actuator import Actuator, Chirp, Faults
+from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.diagnosis.explanation.rotor_zero import contradicted_zero
@@ -87,6 +88,22 @@ def test_a_zero_that_nobody_stated_is_estimated_with_the_faults() -> None:
     assert abs(zero.value - ZERO_RAD) < 4 * zero.standard_error < 0.04
     for name in ("friction", "backlash", "eccentricity", "gain"):
         assert found.components[name].value == pytest.approx(getattr(FAULTY, name), abs=0.02)
+
+
+def test_sensors_that_are_all_late_are_no_other_zero() -> None:
+    late = dict.fromkeys(("hall_a", "hall_b", "hall_c"), -TURNED_RAD)
+    found = diagnose(
+        on_a_rig(with_lumped_parameters(LAWS["hall-angles"].added_to(THESIS), late), FAULTY, 0.25), THESIS
+    )
+    assert found.explained
+    assert found.laws == ("hall-angles",)
+    assert found.selected == ()
+    for name, value in late.items():
+        estimate = found.nuisances[f"baseline {name}"]
+        assert abs(estimate.value - value) <= 4 * estimate.standard_error
+        assert estimate.standard_error < 0.01
+    for name in SHORTS:
+        assert found.components[name].value == pytest.approx(getattr(FAULTY, name), abs=0.01)
 
 
 def test_which_phase_is_which_stays_open_then() -> None:

@@ -57,6 +57,19 @@ def test_without_its_features_it_is_the_reference_model(case: str) -> None:
         )
 
 
+@pytest.mark.parametrize("case", CASES)
+def test_with_its_hall_sensors_it_is_the_reference_model_with_that_law(case: str) -> None:
+    hall = (5.0, -3.0, 2.0)
+    sensed = altered(THESIS, motor={f"hall_{n}": math.radians(e) for n, e in zip("abc", hall, strict=True)})
+    ours = simulate(THESIS, CHIRP, Features(hall=hall), faults=CASES[case])
+    theirs = simulated_recording.simulate(sensed, CHIRP, faults=CASES[case])
+    for name in ours.names:
+        # As above; the torque is that of the phases that conduct, not of those that ought to.
+        np.testing.assert_allclose(
+            ours[name], theirs[name], rtol=0, atol=1e-9 * np.abs(theirs[name]).max(), err_msg=name
+        )
+
+
 @pytest.mark.parametrize("rate", [1e3, 3e3, 2e4])
 def test_it_is_sampled_as_the_reference_model_is(rate: float) -> None:
     options: dict[str, Any] = {"faults": MIXED, "duration": 0.05, "sample_rate": rate}

@@ -30,6 +30,8 @@ class Law:
         The manoeuvre that shows its parameters.
     start
         From an actuator and a typical motor speed [rad/s] to the values to start a search from, by section.
+    unseen
+        Why healthy recordings do not show its parameters, and what to do; nothing if they do.
     """
 
     name: str
@@ -38,6 +40,7 @@ class Law:
     start: Callable[[Actuator, float], Sections]
     also_free: tuple[str, ...] = ()
     needs: tuple[str, ...] = ()
+    unseen: str = ""
 
     def is_in(self, actuator: Actuator) -> bool:
         """Return whether `actuator` has the law already."""
@@ -269,6 +272,8 @@ _ALL = (
         ("hall_a", "hall_b", "hall_c"),
         "fast motion with the current and the voltage recorded",
         lambda actuator, speed: {"motor": dict.fromkeys(("hall_a", "hall_b", "hall_c"), 0.0)},  # noqa: ARG005
+        unseen="phases that are alike do not show which sensor is out of place; give hall_a, hall_b and "
+        "hall_c in [motor] as measured, or leave them out: a diagnosis finds them where faults show them",
     ),
     Law(
         "winding-temperature",
@@ -302,6 +307,25 @@ _ALL = (
 
 LAWS: Mapping[str, Law] = {law.name: law for law in _ALL}
 """The optional laws by name, in the order in which a calibration tries them."""
+
+
+UNSEEN = frozenset(name for law in _ALL if law.unseen for name in law.parameters)
+"""Parameters that healthy recordings do not show."""
+
+
+def laws_to_calibrate(actuator: Actuator) -> tuple[Law, ...]:
+    """Return the laws that `actuator` may be given, and that healthy recordings show."""
+    return tuple(
+        law for law in _ALL if not (law.unseen or law.is_in(actuator) or law.reason_against(actuator))
+    )
+
+
+def check_calibrated(names: tuple[str, ...]) -> None:
+    """Raise `MethodError` if healthy recordings do not show one of the parameters `names`."""
+    for law in _ALL:
+        for name in law.parameters:
+            if law.unseen and name in names:
+                raise MethodError(f"'{name}' of law '{law.name}' cannot be calibrated: {law.unseen}")
 
 
 def law_named(name: str) -> Law:

@@ -126,24 +126,24 @@ class Motor(Section):
         "rad",
         CHOSEN,
         default=None,
-        ge=-0.5,
-        le=0.5,
+        ge=-0.4,
+        le=0.4,
     )
     hall_b: float | None = quantity(
         "electrical angle by which the Hall sensor of phase b switches too early",
         "rad",
         CHOSEN,
         default=None,
-        ge=-0.5,
-        le=0.5,
+        ge=-0.4,
+        le=0.4,
     )
     hall_c: float | None = quantity(
         "electrical angle by which the Hall sensor of phase c switches too early",
         "rad",
         CHOSEN,
         default=None,
-        ge=-0.5,
-        le=0.5,
+        ge=-0.4,
+        le=0.4,
     )
     torque_limit: float | None = quantity(
         "largest torque, T_max; no limit where left out", "N·m", THESIS, default=None, gt=0

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.laws import LAWS, Law, law_named
+from emaphm.actuator.laws import LAWS, UNSEEN, Law, check_calibrated, law_named, laws_to_calibrate
 from emaphm.actuator.lumped_parameters import LUMPED_PARAMETERS, check_lumped_parameters, lumped_parameters
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.conditions import SAME_PARAMETER
@@ -59,9 +59,7 @@ def laws_named(laws: Laws, actuator: Actuator) -> tuple[Law, ...]:
     if laws is None:
         return ()
     if laws == AUTO:
-        return tuple(
-            law for law in LAWS.values() if not law.is_in(actuator) and not law.reason_against(actuator)
-        )
+        return laws_to_calibrate(actuator)
     names = (laws,) if isinstance(laws, str) else tuple(laws)
     if not names:
         raise MethodError(f"no law to add; name some of {', '.join(LAWS)}, or '{AUTO}'")
@@ -95,6 +93,7 @@ def described_with_laws(
     if not names and not asked:
         raise MethodError(f"no parameter to calibrate; name some of {', '.join(LUMPED_PARAMETERS)}")
     of_laws = {name for law in asked for name in law.parameters}
+    check_calibrated((*names, *of_laws))
     base = tuple(name for name in names if name not in of_laws)
     check_lumped_parameters(actuator, base)
     if laws == AUTO:
@@ -136,10 +135,10 @@ def _selected(
 
 
 def _settled(rows: Sequence[CampaignRow], actuator: Actuator, settings: FitSettings) -> set[str]:
-    """Return the parameters that are not estimated of all recordings: known of some, or each one's own."""
+    """Return what is not estimated of all recordings: known of some, each one's own, or not shown by any."""
     known = {name for row in rows for name in (*row.known, *row.free)}
     estimated = actuator.nuisances.estimated if settings.nuisances is None else settings.nuisances
-    return known | {SAME_PARAMETER[name] for name in estimated if name in SAME_PARAMETER}
+    return known | UNSEEN | {SAME_PARAMETER[name] for name in estimated if name in SAME_PARAMETER}
 
 
 def _usual(rows: Sequence[CampaignRow], actuator: Actuator, settings: FitSettings) -> tuple[str, ...]:

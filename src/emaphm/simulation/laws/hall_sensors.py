@@ -43,7 +43,7 @@ def of_sensed_idle_phase(angle: Any, values: Phases, early: Phases) -> Any:
     return select(half_turn < np.pi / 2 - early.c, before, after)
 
 
-def sensed_demand_signs(angle: Any, angles: Phases, early: Phases) -> Phases:
+def sensed_demand_signs(angle: Any, angles: Any, early: Phases) -> Any:
     """Return what share of the reference current each phase is asked for, by its Hall sensors.
 
         r_i = sgn(u_i)   of the two phases that conduct
@@ -52,7 +52,7 @@ def sensed_demand_signs(angle: Any, angles: Phases, early: Phases) -> Phases:
     Parameters
     ----------
     angle : θ_e, electrical angle, in [-π, π) [rad]
-    angles : u, the electrical angle as each phase sees it, in [-π, π) [rad]
+    angles : u, `Phases` of the electrical angle as each sees it, in [-π, π) [rad]
     early : δ, as of `of_sensed_idle_phase` [rad]
 
     Returns
@@ -77,7 +77,7 @@ def over_a_turn(angle: Any, turned: Any, values: Phases, early: Phases) -> Any:
     Parameters
     ----------
     angle : θ_e, electrical angle before the turn, in [-π, π) [rad]
-    turned : Δ, by which it turns, either way; less than 30 degrees [rad]
+    turned : Δ, by which it turns, either way; with δ less than 30 degrees [rad]
     values : as of `of_sensed_idle_phase`
     early : δ, as of `of_sensed_idle_phase` [rad]
 

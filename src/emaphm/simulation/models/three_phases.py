@@ -141,11 +141,11 @@ def currents_after(current: Phases, p: Any, voltage: Phases, back_emf: Phases) -
     return current + star_slopes(drive, Phases.of(p, "step_per_henry"), p.henries_per_step)
 
 
-def _by_angle(s: Any, p: Any, angles: Phases) -> Phases:  # noqa: ARG001
+def _by_angle(s: Any, p: Any, angles: Phases) -> Any:  # noqa: ARG001
     return demand_sign(angles)
 
 
-def _by_hall_sensors(s: Any, p: Any, angles: Phases) -> Phases:
+def _by_hall_sensors(s: Any, p: Any, angles: Phases) -> Any:
     return sensed_demand_signs(s.electrical, angles, Phases.of(p, "hall"))
 
 

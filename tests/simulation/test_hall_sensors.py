@@ -1,0 +1,138 @@
+"""Hall sensors out of place: against three binary signals, closed forms at standstill, and both models."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from emaphm.actuator import Actuator, Chirp, Faults, Step
+from emaphm.arrays import Array
+from emaphm.errors import ActuatorError
+from emaphm.simulation import AVERAGED, REFERENCE, Initial, Model
+from emaphm.simulation.laws.angles import phase_angles
+from emaphm.simulation.laws.commutation import demand_sign, of_idle_phase
+from emaphm.simulation.laws.hall_sensors import of_sensed_idle_phase, over_a_turn, sensed_demand_signs
+from emaphm.simulation.laws.phases import Phases
+from simulation.rig import LOCKED, THESIS, altered, record, rms
+
+K = 0.0752
+NUMBERS = Phases(0.0, 1.0, 2.0)
+ANGLES = np.radians(np.arange(-180.0, 180.0, 0.5) + 0.25)
+EARLY = st.tuples(*[st.floats(-22.0, 22.0)] * 3).map(lambda degrees: Phases(*np.radians(degrees)))
+PI = {"current_gain": 2.0, "current_integral_gain": 5e3, "pwm_frequency": 2e4}
+DRIVES: list[dict[str, Any]] = [{}, {"drive": {"kind": "six-step"} | PI}]
+
+
+def displaced(a: float, b: float, c: float, **sections: Any) -> Actuator:
+    """Return the thesis's actuator whose Hall sensors are early by a, b and c degrees."""
+    early = {f"hall_{name}": math.radians(degrees) for name, degrees in zip("abc", (a, b, c), strict=True)}
+    return altered(THESIS, **{**sections, "motor": early | sections.get("motor", {})})
+
+
+def binary_signals(early: Phases) -> Array:
+    """Return the Hall signals at `ANGLES`, (3, n): each is high from its phase's flat on, half a turn."""
+    own = [ANGLES - math.radians(30 + 120 * n) + error for n, error in enumerate(early)]
+    return (np.mod(own, 2 * np.pi) < np.pi).astype(float)
+
+
+@given(early=EARLY)
+def test_two_phases_conduct_while_their_binary_signals_differ(early: Phases) -> None:
+    high = binary_signals(early)
+    signs = np.stack([*sensed_demand_signs(ANGLES, phase_angles(ANGLES), early)])
+    np.testing.assert_array_equal(signs, high - np.roll(high, -1, axis=0))
+    idle = of_sensed_idle_phase(ANGLES, NUMBERS, early)
+    np.testing.assert_array_equal(signs == 0, idle == np.arange(3)[:, np.newaxis])
+
+
+def test_in_place_they_commutate_by_the_angle() -> None:
+    nowhere = Phases(0.0, 0.0, 0.0)
+    idle = of_sensed_idle_phase(ANGLES, NUMBERS, nowhere)
+    np.testing.assert_array_equal(idle, of_idle_phase(ANGLES, NUMBERS))
+    angles = phase_angles(ANGLES)
+    signs, expected = sensed_demand_signs(ANGLES, angles, nowhere), demand_sign(angles)
+    for sensed, by_angle in zip(signs, expected, strict=True):
+        np.testing.assert_array_equal(sensed, by_angle)
+
+
+@given(early=EARLY, turned=st.floats(-0.12, 0.12).filter(lambda turned: abs(turned) > 1e-3))
+def test_over_a_turn_it_is_the_mean_of_what_belongs_to_the_idle_phases(early: Phases, turned: float) -> None:
+    values = Phases(1.0, -2.0, 5.0)
+    shares = (np.arange(4000) + 0.5) / 4000
+    passed = np.mod(ANGLES[::9, np.newaxis] + turned * shares + np.pi, 2 * np.pi) - np.pi
+    expected = of_sensed_idle_phase(passed, values, early).mean(axis=1)
+    np.testing.assert_allclose(over_a_turn(ANGLES[::9], turned, values, early), expected, atol=6e-3)
+
+
+def test_without_a_turn_it_is_what_belongs_to_the_idle_phase() -> None:
+    early, values = Phases(0.1, -0.2, 0.3), Phases(1.0, -2.0, 5.0)
+    expected = of_sensed_idle_phase(ANGLES, values, early)
+    np.testing.assert_array_equal(over_a_turn(ANGLES, 0.0, values, early), expected)
+
+
+@pytest.mark.parametrize(
+    ("model", "bound"), [(AVERAGED, 1e-4), (REFERENCE, 0.01)], ids=["averaged", "reference"]
+)
+@pytest.mark.parametrize("drive", DRIVES, ids=["hysteresis", "six-step"])
+@pytest.mark.parametrize(
+    ("early", "electrical", "factor"),
+    [
+        ((0.0, 0.0, 0.0), 75.0, 1.0),
+        # Phase b, whose flat ends at 90 degrees, conducts up to 102: at 98 it is on its ramp.
+        ((0.0, 0.0, -12.0), 98.0, (1 + 22 / 30) / 2),
+        # Phase c, whose flat begins there, takes over at 84: at 86 it is not yet on it.
+        ((0.0, 0.0, 6.0), 86.0, (1 + 26 / 30) / 2),
+    ],
+)
+def test_a_stalled_motor_has_the_torque_of_the_phases_that_conduct(
+    model: Model,
+    bound: float,
+    drive: dict[str, Any],
+    early: tuple[float, float, float],
+    electrical: float,
+    factor: float,
+) -> None:
+    start = Initial(rotor_offset=math.radians(electrical) / 2)
+    actuator = displaced(
+        *early,
+        **drive,
+        motor={"torque_limit": None},
+        mechanics=LOCKED,
+        controller={"current_limit": 10.0},
+    )
+    got = record(model, Step(0.1), actuator, duration=0.02, start=start, interval=1e-3)
+    torque, current = got["torque_Nm"][-1], got["current_A"][-1]
+    assert torque == pytest.approx(K * current, rel=bound)
+    # Hysteresis holds the current of the phases, PI control the equivalent current.
+    assert abs(current) == pytest.approx(10.0 if drive else 10.0 * factor, abs=0.6 if not drive else 0.1)
+
+
+@pytest.mark.parametrize("drive", DRIVES, ids=["hysteresis", "six-step"])
+def test_the_averaged_model_answers_as_the_reference_model_does(drive: dict[str, Any]) -> None:
+    faults = Faults(0.2, short_a=0.3, short_b=0.1)
+
+    def currents(actuator: Actuator) -> Array:
+        runs = [
+            record(model, Chirp(), actuator, faults=faults, duration=0.3) for model in (AVERAGED, REFERENCE)
+        ]
+        return np.array([one["current_A"] for one in runs])
+
+    without, with_error = currents(altered(THESIS, **drive)), currents(displaced(8.0, -5.0, 4.0, **drive))
+    of_averaged, of_reference = with_error - without
+    assert rms(of_averaged) > 0.02 * rms(without[1])
+    assert rms(of_averaged - of_reference) < 0.3 * rms(of_reference) + rms(without[0] - without[1])
+    assert rms(with_error[0] - with_error[1]) < 1.2 * rms(without[0] - without[1])
+
+
+@pytest.mark.parametrize(
+    ("actuator", "message"),
+    [
+        ({"drive": {"kind": "voltage"}, "motor": {"hall_b": 0.1}}, "'motor.hall_b'.*out"),
+        ({"motor": {"hall_a": 0.5}}, "'motor.hall_a': should be less than or equal to 0.4"),
+    ],
+)
+def test_sensors_that_cannot_be_are_refused(actuator: dict[str, Any], message: str) -> None:
+    with pytest.raises(ActuatorError, match=message):
+        altered(THESIS, **actuator)
