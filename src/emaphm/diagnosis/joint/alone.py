@@ -15,7 +15,12 @@ from emaphm.actuator import Actuator
 from emaphm.diagnosis.diagnose import moves_at, objective_for
 from emaphm.diagnosis.identifiability import identifiability
 from emaphm.diagnosis.selection.description_errors import suspected_parameters, with_free
-from emaphm.diagnosis.selection.deviations import with_description_error, with_laws
+from emaphm.diagnosis.selection.deviations import (
+    HALL_ANGLES,
+    with_description_error,
+    with_hall_angles,
+    with_laws,
+)
 from emaphm.diagnosis.selection.extension import with_nuisances
 from emaphm.diagnosis.selection.first_look import FirstLook
 from emaphm.diagnosis.selection.law_selection import ONLY_WHILE_SWITCHING, search_with_law
@@ -158,8 +163,9 @@ def search_alone(
         if on_progress:
             on_progress((r + 1) / len(recordings))
     if nuisances is None and all(one.is_corrected for one in found):
-        found = _with_common_zero(found, method, max_corrections)
-        found, laws = _with_common_laws(found, method, max_corrections)
+        found, sensors = _with_common_zero(found, method, max_corrections)
+        found, others = _with_common_laws(found, method, max_corrections)
+        laws = (*sensors, *others)
         found = found if laws else _with_description_errors(found, method, max_corrections)
     selected = tuple(dict.fromkeys(name for one in found for name in one.found.names))
     alone = [_with_all(one.result, one.found.names, selected, max_corrections, seed) for one in found]
@@ -167,16 +173,26 @@ def search_alone(
     return AloneSearches(alone, (*load, *selected, *suspected_parameters(alone[0])), laws)
 
 
-def _with_common_zero(found: list[_Alone], method: Method, max_corrections: int) -> list[_Alone]:
-    """Return the estimates with the rotor's zero, common to all, where a recording shows that it is off."""
+def _with_common_zero(
+    found: list[_Alone], method: Method, max_corrections: int
+) -> tuple[list[_Alone], tuple[str, ...]]:
+    """Return the estimates with the rotor's zero, common to all, where a recording shows that it is off.
+
+    Or with the law of Hall sensors out of place, where that leaves clearly less of it; and the law's name.
+    """
     possible = all(is_sought(one.searched.objective) for one in found)
     for one in found if possible else ():
         if not moves_at(one.searched.objective, one.searched.point):
             continue
         shown = with_rotor_zero(one.searched, method, max_corrections, one.seed)
         if not is_sought(shown.objective):  # it is free now
+            turned = one.selecting(shown, max_corrections).result
+            if with_hall_angles(one.searched, turned, method, max_corrections, one.seed) is not None:
+                return [each.with_laws((HALL_ANGLES,), method, max_corrections) for each in found], (
+                    HALL_ANGLES,
+                )
             near = zero_of(shown)
-            return [
+            zeros = [
                 each.selecting(
                     shown
                     if each is one
@@ -185,7 +201,8 @@ def _with_common_zero(found: list[_Alone], method: Method, max_corrections: int)
                 )
                 for each in found
             ]
-    return found
+            return zeros, ()
+    return found, ()
 
 
 def _with_common_laws(

@@ -67,9 +67,10 @@ def _selection(
     if not (laws or found.result.explained):
         return found.result, found.names, ()
     if turned is not searched:
-        sensed = _with_hall_angles(searched, found.result, method, max_corrections, seed)
+        sensed = with_hall_angles(searched, found.result, method, max_corrections, seed)
         if sensed is not None:
-            return sensed
+            selection = _with_nuisances(sensed, (HALL_ANGLES,), max_corrections, seed)
+            return _with_hidden_laws(sensed, selection, method, max_corrections, seed)
     selection = with_laws(turned, found, method, max_corrections, seed)
     if selection[2] or not found.result.explained:
         return selection
@@ -113,9 +114,9 @@ def _with_rotor_zero(
     return searched, without_zero
 
 
-def _with_hall_angles(
+def with_hall_angles(
     searched: SearchResult, turned: SearchResult, method: Method, max_corrections: int, seed: int
-) -> Selection | None:
+) -> SearchResult | None:
     """Return the estimate with Hall sensors out of place, from that `searched`, if it leaves clearly less.
 
     Than that with another zero of the rotor, `turned`: both move the commutation, but only with the sensors
@@ -126,8 +127,7 @@ def _with_hall_angles(
     sensed = search_with_law(searched, HALL_ANGLES, method, max_corrections, seed)
     if not sensed.explained or share_of_residual(sensed, turned) >= SELECTION.likely_share:
         return None
-    selection = _with_nuisances(sensed, (HALL_ANGLES,), max_corrections, seed)
-    return _with_hidden_laws(sensed, selection, method, max_corrections, seed)
+    return sensed
 
 
 def _with_lag(
