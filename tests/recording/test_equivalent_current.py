@@ -18,6 +18,7 @@ from emaphm.recording import (
     with_equivalent_current,
 )
 from emaphm.recording.equivalent_current import Form
+from emaphm.recording.schema import PHASES
 from emaphm.simulated_recording import simulate
 
 from .conftest import Columns, Refusal
@@ -108,6 +109,29 @@ def test_reader_makes_it_from_the_phases(columns: Columns, tmp_path: Path, thesi
     recording = read_recording(_phase_csv(columns, tmp_path), thesis)
     np.testing.assert_allclose(recording["current_A"], 3.0)
     assert "current_b_A" in recording
+
+
+@pytest.mark.parametrize(
+    ("step_deg", "per_row", "notes"),
+    [
+        (9.0, 0.01, ["angle_rad has steps of 9 degrees electrical"]),
+        (1.0, 0.01, []),
+        (0.0, 0.01, []),
+        # As far from row to row as such steps, but of the motion.
+        (0.0, 0.3, []),
+    ],
+)
+def test_an_angle_in_coarse_steps_is_noted(
+    step_deg: float, per_row: float, notes: list[str], thesis: Actuator
+) -> None:
+    angle = per_row * np.arange(2500.0)
+    step = np.radians(step_deg) / 2  # two pole pairs
+    recorded = np.round(angle / step) * step if step_deg else angle
+    phases = dict.fromkeys(PHASES, np.sin(angle))
+    time = np.arange(2500) / 5000
+    recording = Recording({"time_s": time, "command_rad": np.sin(time), "angle_rad": recorded, **phases})
+    noted = with_equivalent_current(recording, thesis).notes
+    assert [note.partition(":")[0] for note in noted] == notes
 
 
 def test_phases_that_make_none_are_noted_where_another_channel_is_there(

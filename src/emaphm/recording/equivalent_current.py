@@ -14,6 +14,10 @@ from emaphm.recording.schema import PHASES, RESPONSES
 
 Form = Literal["torque", "active", "magnitude"]
 
+COARSE_RAD = np.radians(4.0)
+"""Step of the electrical angle [rad] above which it is noted. Of four random fault vectors the current of 5 A
+was off by 0.01 A with steps of 4 degrees, by 0.03 with 9, and by 0.05 to 0.12 with 18."""
+
 NOT_COMPARED = "the phase currents are not compared"
 """How the note begins on phases that no equivalent current can be made of."""
 
@@ -156,4 +160,21 @@ def with_equivalent_current(recording: Recording, actuator: Actuator) -> Recordi
     phases = np.stack([recording[name] for name in PHASES])
     of_motor = sinusoidal_equivalent_current if actuator.drive_kind == "foc" else equivalent_current
     current = of_motor(phases, rotor_angle(recording, actuator.electrical), actuator.electrical.pole_pairs)
-    return recording.with_channels({**recording.channels, "current_A": current})
+    notes = _notes_on_angle(recording["angle_rad"], actuator.electrical.pole_pairs)
+    return recording.with_channels({**recording.channels, "current_A": current}, notes)
+
+
+def _notes_on_angle(angle: Array, pole_pairs: int) -> list[str]:
+    """Return that the steps of a recorded angle (n,) are too coarse to weigh the phases by it, if so."""
+    values = np.unique(angle)
+    electrical = pole_pairs * float(np.diff(values).min(initial=np.inf))
+    # Where hardly a value comes twice, the steps are the motion's from row to row.
+    if values.size > angle.size / 2 or not COARSE_RAD < electrical < np.inf:
+        return []
+    steps_deg, least_deg = np.degrees(electrical), np.degrees(COARSE_RAD)
+    note = (
+        f"angle_rad has steps of {steps_deg:.2g} degrees electrical: current_A, made of the phases by it, "
+        f"is off where one phase takes over from another; record steps of {least_deg:.0f} degrees or less, "
+        "or current_A"
+    )
+    return [note]
