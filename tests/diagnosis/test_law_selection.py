@@ -67,7 +67,8 @@ def test_the_law_is_named_and_its_parameter_found(found: Diagnosis) -> None:
     assert found.laws == ("stribeck",)
     assert found.explained
     assert json.loads(json.dumps(found.to_dict()))["laws"] == ["stribeck"]
-    assert "Explained best by laws that the description lacks: stribeck." in str(found)
+    assert "Explained best by laws that the description lacks: stribeck; without" in str(found)
+    assert "emaphm calibrate --laws stribeck)." in str(found)
     described = LAWS["stribeck"].added_to(THESIS).friction
     assert described is not None
     assert described.stribeck_speed is not None

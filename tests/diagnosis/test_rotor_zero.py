@@ -104,6 +104,8 @@ def test_sensors_that_are_all_late_are_no_other_zero() -> None:
         assert estimate.standard_error < 0.01
     for name in SHORTS:
         assert found.components[name].value == pytest.approx(getattr(FAULTY, name), abs=0.01)
+    advice = "No calibration finds hall-angles; if this persists, give hall_a, hall_b, hall_c in [motor] of"
+    assert advice in str(found)
 
 
 def test_which_phase_is_which_stays_open_then() -> None:

@@ -3,6 +3,8 @@
 from collections.abc import Mapping, Sequence
 
 from emaphm.actuator import Actuator, Faults
+from emaphm.actuator.laws import LAWS, Law
+from emaphm.actuator.unit.baseline import PARTS
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.diagnosis.selection.settings import ROTOR_ZERO
 from emaphm.diagnosis.selection.varying_load import VARYING_LOAD
@@ -46,6 +48,26 @@ def fault_rows(
     return rows
 
 
+def _on_laws(laws: Sequence[Law]) -> str:
+    """Return what to do about the laws that the description lacks."""
+    text = (
+        f"Explained best by laws that the description lacks: {', '.join(law.name for law in laws)}; without, "
+        "they would read as faults."
+    )
+    if seen := [law.name for law in laws if not law.unseen]:
+        text += (
+            f" If this persists, calibrate the healthy actuator (emaphm calibrate --laws {','.join(seen)})."
+        )
+    for law in laws:
+        if law.unseen:
+            section = PARTS[law.parameters[0]][0]
+            text += (
+                f" No calibration finds {law.name}; if this persists, give {', '.join(law.parameters)} in "
+                f"[{section}] of the actuator's file."
+            )
+    return text
+
+
 def notes(
     nuisances: Mapping[str, NuisanceEstimate],
     selected: Sequence[str],
@@ -84,11 +106,7 @@ def notes(
             "load_Nm, it is known, and the faults better."
         )
     if laws:
-        lines.append(
-            f"Explained best by laws that the description lacks: {', '.join(laws)}. If this persists, "
-            "calibrate the healthy actuator with them (emaphm calibrate --laws); without, they would read as "
-            "faults."
-        )
+        lines.append(_on_laws([LAWS[name] for name in laws]))
     of_recording = [
         name
         for name in selected
