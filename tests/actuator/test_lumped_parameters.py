@@ -62,7 +62,7 @@ def test_setting_the_lumped_parameters_that_it_has_changes_nothing(actuator: Act
 
 @pytest.mark.parametrize("name", DESCRIBED)
 def test_a_total_that_was_set_is_read_back_and_the_others_stay(name: str) -> None:
-    value = {"static": 0.19, "current_lag": 2e-5}.get(name, 0.06)
+    value = {"static": 0.19, "current_lag": 2e-5, "commutation_delay": 2e-5}.get(name, 0.06)
     changed = with_lumped_parameters(EVERYTHING, {name: value}, name="calibrated")
     assert changed.name == "calibrated"
     before, after = lumped_parameters(EVERYTHING, DESCRIBED), lumped_parameters(changed, DESCRIBED)

@@ -58,13 +58,25 @@ def test_without_its_features_it_is_the_reference_model(case: str) -> None:
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_with_its_hall_sensors_it_is_the_reference_model_with_that_law(case: str) -> None:
-    hall = (5.0, -3.0, 2.0)
-    sensed = altered(THESIS, motor={f"hall_{n}": math.radians(e) for n, e in zip("abc", hall, strict=True)})
-    ours = simulate(THESIS, CHIRP, Features(hall=hall), faults=CASES[case])
+@pytest.mark.parametrize(
+    ("features", "lag"),
+    [
+        ({"hall": (5.0, -3.0, 2.0)}, {}),
+        ({"hall": (-4.0, 0.0, 2.0), "hall_hysteresis": 3.0}, {"commutation_lag": math.radians(3.0)}),
+        ({"commutation_delay": 5e-5}, {"commutation_delay": 5e-5}),
+    ],
+    ids=["hall", "hysteresis", "delay"],
+)
+def test_with_its_commutation_it_is_the_reference_model_with_these_laws(
+    case: str, features: dict[str, Any], lag: dict[str, float]
+) -> None:
+    early = zip("abc", features.get("hall", (0.0, 0.0, 0.0)), strict=True)
+    motor = {f"hall_{name}": math.radians(degrees) for name, degrees in early}
+    sensed = altered(THESIS, motor=motor, drive={"kind": "hysteresis"} | lag)
+    ours = simulate(THESIS, CHIRP, Features(**features), faults=CASES[case])
     theirs = simulated_recording.simulate(sensed, CHIRP, faults=CASES[case])
     for name in ours.names:
-        # As above; the torque is that of the phases that conduct, not of those that ought to.
+        # As above.
         np.testing.assert_allclose(
             ours[name], theirs[name], rtol=0, atol=1e-9 * np.abs(theirs[name]).max(), err_msg=name
         )
@@ -158,7 +170,7 @@ def test_each_edge_of_commutation_is_as_early_as_its_hall_sensor() -> None:
     hall = (5.0, -3.0, 2.0)
     sign = np.empty((720, 3))
     for n in range(720):
-        commutation(math.radians(n / 2 + 0.25), np.radians(hall), sign[n])
+        commutation(math.radians(n / 2 + 0.25), np.radians(hall), 0.0, np.zeros(3), sign[n])
     for phase in range(3):
         on, off = 30 + 120 * phase - hall[phase], 30 + 120 * (phase + 1) - hall[(phase + 1) % 3]
         there = (np.arange(720) / 2 + 0.25 - on) % 360

@@ -21,7 +21,7 @@ from emaphm.actuator.reading import Reading
 from emaphm.actuator.requirements import MOST_REQUIREMENTS, Requirement
 from emaphm.actuator.sensors import Sensors
 from emaphm.actuator.toml import validation_message, write_toml
-from emaphm.actuator.unit.baseline import MOST_HARMONICS, PARTS, SIGNED, Baseline
+from emaphm.actuator.unit.baseline import COMMUTATION, HALL_SENSORS, MOST_HARMONICS, PARTS, SIGNED, Baseline
 from emaphm.actuator.unit.model_error import NOT_LEARNED, ModelError
 from emaphm.actuator.unit.tolerances import Tolerances
 from emaphm.errors import ActuatorError
@@ -95,8 +95,17 @@ class Actuator(Section):
         return self
 
     @model_validator(mode="after")
+    def _commutation_where_it_commutates(self) -> Self:
+        for name in COMMUTATION:
+            if getattr(self.drive, name, None) is not None and not self.commutates:
+                raise ValueError(
+                    f"'drive.{name}': a drive of kind \"{self.drive_kind}\" does not commutate; take it out"
+                )
+        return self
+
+    @model_validator(mode="after")
     def _back_emf_with_a_shape(self) -> Self:
-        for name in ("flat_loss", "sine_share", "hall_a", "hall_b", "hall_c"):
+        for name in ("flat_loss", "sine_share", *HALL_SENSORS):
             if getattr(self.motor, name) is not None and not self.commutates:
                 raise ValueError(
                     f"'motor.{name}': the motor of a drive of kind \"{self.drive_kind}\" has no trapezoidal "

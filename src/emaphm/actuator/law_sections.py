@@ -172,6 +172,23 @@ class Drive(Section):
         ge=0,
         le=1e-3,
     )
+    commutation_lag: float | None = quantity(
+        "electrical angle by which commutation is late in either direction, as by the hysteresis of Hall "
+        "sensors; below 0 it is early",
+        "rad",
+        CHOSEN,
+        default=None,
+        ge=-0.2,
+        le=0.2,
+    )
+    commutation_delay: float | None = quantity(
+        "time by which commutation is late; below 0 it is early",
+        "s",
+        CHOSEN,
+        default=None,
+        ge=-2e-4,
+        le=2e-4,
+    )
 
     @model_validator(mode="after")
     def _complete(self) -> Self:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from emaphm.actuator.actuator import Actuator
-from emaphm.actuator.unit.baseline import MOST_HARMONICS
+from emaphm.actuator.unit.baseline import COMMUTATION, HALL_SENSORS, MOST_HARMONICS
 from emaphm.errors import MethodError, nearest
 
 Sections = dict[str, dict[str, Any] | list[dict[str, Any]]]
@@ -269,11 +269,17 @@ _ALL = (
     ),
     Law(
         "hall-angles",
-        ("hall_a", "hall_b", "hall_c"),
+        HALL_SENSORS,
         "fast motion with the current and the voltage recorded",
-        lambda actuator, speed: {"motor": dict.fromkeys(("hall_a", "hall_b", "hall_c"), 0.0)},  # noqa: ARG005
+        lambda actuator, speed: {"motor": dict.fromkeys(HALL_SENSORS, 0.0)},  # noqa: ARG005
         unseen="phases that are alike do not show which sensor is out of place; give hall_a, hall_b and "
         "hall_c in [motor] as measured, or leave them out: a diagnosis finds them where faults show them",
+    ),
+    Law(
+        "commutation-lag",
+        COMMUTATION,
+        "fast motion with the current and the voltage recorded",
+        lambda actuator, speed: _drive(actuator, **dict.fromkeys(COMMUTATION, 0.0)),  # noqa: ARG005
     ),
     Law(
         "winding-temperature",
@@ -354,8 +360,8 @@ def _without_trapezoid(actuator: Actuator) -> str:
     )
 
 
-def _without_hall_sensors(actuator: Actuator) -> str:
-    return "" if actuator.commutates else "only a drive that commutates has Hall sensors to do so by"
+def _without_commutation(actuator: Actuator) -> str:
+    return "" if actuator.commutates else "its drive does not commutate"
 
 
 def _passes_standstill_otherwise(name: str) -> Callable[[Actuator], str]:
@@ -380,7 +386,8 @@ _REASONS: Mapping[str, Callable[[Actuator], str]] = {
     ),
     "emf-flats": _without_trapezoid,
     "emf-sine": _without_trapezoid,
-    "hall-angles": _without_hall_sensors,
+    "hall-angles": _without_commutation,
+    "commutation-lag": _without_commutation,
     "sensor-lag": lambda actuator: "" if actuator.three_phases else "its drive senses no current",
     "viscous-temperature": lambda actuator: (
         ""

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from emaphm.actuator.actuator import Actuator, described_parts
-from emaphm.actuator.unit.baseline import LUMPED_PARAMETERS, PARTS
+from emaphm.actuator.unit.baseline import HALL_SENSORS, LUMPED_PARAMETERS, PARTS
 from emaphm.errors import MethodError, nearest
 
 __all__ = [
@@ -29,9 +29,7 @@ OPTIONAL = (
     "saturation",
     "flat_loss",
     "sine_share",
-    "hall_a",
-    "hall_b",
-    "hall_c",
+    *HALL_SENSORS,
 )
 """Sections, and parameters, whose values are laws of their own: one that is not described is not there."""
 

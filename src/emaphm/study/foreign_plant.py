@@ -3,8 +3,9 @@
 Three phases under hysteresis switching as in the reference model, written anew without the package's kernels.
 In addition, each by itself or together: smooth friction after Stribeck or of bristles that bend, a compliant
 shaft between motor and user with the backlash as a dead zone in series, a back-EMF that is no perfect
-trapezoid, Hall sensors out of place, and current sensors that lag, for the drive as for the recorder. The
-speed loop is proportional; lags in the loop, load stiffness and end stops are not built.
+trapezoid, Hall sensors out of place or with hysteresis, commutation that is late, and current sensors that
+lag, for the drive as for the recorder. The speed loop is proportional; lags in the loop, load stiffness and
+end stops are not built.
 """
 
 import math
@@ -58,6 +59,8 @@ class _Parameters(NamedTuple):
     ramp: float
     sine: float
     hall: Triple
+    hall_band: float
+    commutation_delay: float
     eccentricity: float
     direction: float
     torque_limit: float
@@ -139,6 +142,8 @@ def _parameters(actuator: Actuator, faults: Faults, features: ForeignFeatures, s
         ramp=np.radians(180 - shape.flat) / 2,
         sine=shape.sine,
         hall=_three(np.radians(features.hall)),
+        hall_band=math.radians(features.hall_hysteresis),
+        commutation_delay=features.commutation_delay,
         eccentricity=physical["eccentricity_Z"],
         direction=physical["eccentricity_phase_rad"],
         torque_limit=motor.torque_limit,
@@ -197,16 +202,16 @@ def back_emf(angle: float, ramp: float, sine: float) -> float:
 
 
 @_compiled
-def commutation(electrical: float, hall: Any, sign: Array) -> None:
-    """Fill `sign` (3,) with the sign of the current of each phase, 0 of the idle one.
+def commutation(electrical: float, hall: Any, band: float, high: Array, sign: Array) -> None:
+    """Fill `sign` (3,) with the sign of the current of each phase, 0 of the idle one, and `high` (3,) anew.
 
-    A phase's Hall sensor is high over the half turn that begins with its flat, `hall` [rad] early; a phase
-    conducts while its own sensor and the next differ.
+    A phase's Hall sensor is high over the half turn that begins with its flat, `hall` [rad] early; within
+    `band` [rad] of an edge it stays as it was. A phase conducts while its own sensor and the next differ.
     """
-    high = np.zeros(3)
     for phase in range(3):
-        own = electrical - 2 * np.pi / 3 * phase - np.pi / 6 + hall[phase]
-        high[phase] = 1.0 if own % (2 * np.pi) < np.pi else 0.0
+        own = (electrical - 2 * np.pi / 3 * phase - np.pi / 6 + hall[phase]) % (2 * np.pi)
+        if own % np.pi >= band and own % np.pi <= np.pi - band:
+            high[phase] = 1.0 if own < np.pi else 0.0
     for phase in range(3):
         sign[phase] = high[phase] - high[(phase + 1) % 3]
 
@@ -314,12 +319,14 @@ def _run(p: Any, command: Array, step: float, substeps: int, out: Array) -> None
     shape, sign, flux, drive = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
     admittance = 1 / p.inductance[0] + 1 / p.inductance[1] + 1 / p.inductance[2]
     w = theta = user_w = user = 0.0
+    high = np.zeros(3)
+    commutation(0.0, p.hall, 0.0, high, sign)
     for now in range(command.size):
         demand = min(max(p.gain * (command[now] - p.gear_ratio * user), -p.speed_limit), p.speed_limit)
         reference = p.speed_gain * (demand - w) / p.drive_constant
         reference = min(max(reference, -p.current_limit), p.current_limit)
         centre = 0.0
-        commutation(p.pole_pairs * theta, p.hall, sign)
+        commutation(p.pole_pairs * (theta - p.commutation_delay * w), p.hall, p.hall_band, high, sign)
         for phase in range(3):
             electrical = (p.pole_pairs * theta - 2 * np.pi / 3 * phase) % (2 * np.pi)
             shape[phase] = trapezoid(electrical, np.pi / 6)

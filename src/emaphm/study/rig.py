@@ -86,14 +86,17 @@ class Shaft(Section):
 class ForeignFeatures(Section):
     """What a foreign plant has that the reference model has not; nothing by default.
 
-    `hall` is how early the Hall sensor of each phase switches [electrical degrees], `sensor_lag` the time
-    constant of the current sensors [s].
+    `hall` is how early the Hall sensor of each phase switches and `hall_hysteresis` how late in either
+    direction [electrical degrees], `commutation_delay` how late the drive is, `sensor_lag` the time constant
+    of the current sensors [s].
     """
 
     friction: Stribeck | Bristles | None = None
     shaft: Shaft | None = None
     back_emf: BackEmf = BackEmf()
     hall: tuple[HallDegrees, HallDegrees, HallDegrees] = (0.0, 0.0, 0.0)
+    hall_hysteresis: Annotated[float, Field(ge=0, le=10)] = 0.0
+    commutation_delay: Annotated[float, Field(ge=0, le=2e-4)] = 0.0
     sensor_lag: NotNegative = 0.0
 
 

@@ -12,6 +12,9 @@ from emaphm.errors import nearest
 MOST_HARMONICS = 8
 """Harmonics of the torque ripple that an actuator may have."""
 
+HALL_SENSORS = ("hall_a", "hall_b", "hall_c")
+COMMUTATION = ("commutation_lag", "commutation_delay")
+
 LUMPED_PARAMETERS = {
     "inertia": "kg·m²",
     "viscous": "N·m·s/rad",
@@ -34,9 +37,7 @@ LUMPED_PARAMETERS = {
     "saturation": "1/A",
     "flat_loss": "rad",
     "sine_share": "-",
-    "hall_a": "rad",
-    "hall_b": "rad",
-    "hall_c": "rad",
+    **dict.fromkeys(HALL_SENSORS, "rad"),
     "torque_lag": "s",
     "resistance": "ohm",
     "inductance": "H",
@@ -48,6 +49,8 @@ LUMPED_PARAMETERS = {
     "source_resistance": "ohm",
     "voltage_drop": "V",
     "current_lag": "s",
+    "commutation_lag": "rad",
+    "commutation_delay": "s",
     "stribeck_speed": "rad/s",
     "load_friction": "-",
     "load_motor": "-",
@@ -95,13 +98,18 @@ SECTIONS = {
         "saturation",
         "flat_loss",
         "sine_share",
-        "hall_a",
-        "hall_b",
-        "hall_c",
+        *HALL_SENSORS,
         "torque_lag",
     ),
     "electrical": ("resistance", "inductance", "rotor_zero", "supply", "temperature_gain"),
-    "drive": ("current_gain", "current_integral_gain", "source_resistance", "voltage_drop", "current_lag"),
+    "drive": (
+        "current_gain",
+        "current_integral_gain",
+        "source_resistance",
+        "voltage_drop",
+        "current_lag",
+        *COMMUTATION,
+    ),
     "friction": (
         "stribeck_speed",
         "load_friction",
@@ -141,9 +149,8 @@ SIGNED = (
     "rotor_zero",
     "saturation",
     "sine_share",
-    "hall_a",
-    "hall_b",
-    "hall_c",
+    *HALL_SENSORS,
+    *COMMUTATION,
     *(name for name in LUMPED_PARAMETERS if name.startswith("ripple")),
 )
 """Parameters of either sign: their covariance is in their own unit, that of the others relative."""

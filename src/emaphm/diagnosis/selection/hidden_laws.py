@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.laws import LAWS, typical_dry_friction
+from emaphm.actuator.laws import LAWS, typical_dry_friction, typical_speed
 from emaphm.actuator.unit.baseline import SIGNED
 from emaphm.arrays import Array
 from emaphm.diagnosis.selection.law_selection import is_possible, with_free_law
@@ -31,12 +31,12 @@ from emaphm.random_streams import stream
 class HiddenLaw:
     """A law that hides, and when it is suspected.
 
-    Its parameters are relative to what `scale` returns of an actuator; a size below `least` makes up for
-    nothing that matters.
+    Its parameters are relative to what `scale` returns of an actuator, one for all or one for each; a size
+    below `least` makes up for nothing that matters.
     """
 
     name: str
-    scale: Callable[[Actuator], float]
+    scale: Callable[[Actuator], Array | float]
     least: float
 
 
@@ -46,6 +46,11 @@ def _of_current_limit(actuator: Actuator) -> float:
 
 def _of_supply(actuator: Actuator) -> float:
     return actuator.electrical.supply if actuator.electrical else 1.0
+
+
+def _of_commutation(actuator: Actuator) -> Array:
+    poles = actuator.electrical.pole_pairs if actuator.electrical else 1
+    return np.array([1.0, 1 / (poles * typical_speed(actuator))])
 
 
 def _absolute(actuator: Actuator) -> float:  # noqa: ARG001
@@ -58,12 +63,14 @@ HIDDEN = (
     HiddenLaw("emf-flats", _absolute, 0.05),
     HiddenLaw("emf-sine", _absolute, 0.03),
     HiddenLaw("hall-angles", _absolute, 0.015),
+    HiddenLaw("commutation-lag", _of_commutation, 0.015),
     HiddenLaw("speed-lag", _absolute, 5e-5),
     HiddenLaw("load-dependent", _absolute, 0.004),
     HiddenLaw("cogging", typical_dry_friction, 0.02),
 )
 """Sizes are shares of the torque constant at the current limit and of the supply, radians, a share of the
-back-EMF, radians, seconds, and shares of the transmitted torque and of dry friction."""
+back-EMF, radians, radians at a typical speed, seconds, and shares of the transmitted torque and of dry
+friction."""
 
 ENDS = {True: (-0.1, 0.1), False: (-3.0, 0.0)}
 """Between which coordinates a derivative is taken, of a parameter of either sign and of a positive one: a
@@ -155,7 +162,7 @@ def hidden_scores(result: SearchResult, seed: int) -> dict[str, Score]:
     scores = {}
     for law in laws:
         own = [i for i, name in enumerate(names) if name in LAWS[law.name].parameters]
-        scaled = derivatives[own] * law.scale(problem.actuator)
+        scaled = derivatives[own] * np.reshape(law.scale(problem.actuator), (-1, 1))
         _, values, covariance = regressed(mean, scaled, residual, problem)
         scores[law.name] = Score(values, covariance)
     return scores

@@ -46,6 +46,7 @@ SUSPECTS = (
     "emf-flats",
     "emf-sine",
     "hall-angles",
+    "commutation-lag",
 )
 """The laws that are tried, in this order."""
 

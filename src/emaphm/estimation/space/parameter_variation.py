@@ -13,7 +13,7 @@ import numpy as np
 from emaphm.actuator import Actuator
 from emaphm.actuator.lumped_parameters import LUMPED_PARAMETERS, lumped_parameters
 from emaphm.actuator.quantity import unit_for
-from emaphm.actuator.unit.baseline import SIGNED
+from emaphm.actuator.unit.baseline import HALL_SENSORS, SIGNED
 from emaphm.arrays import Array
 from emaphm.errors import MethodError
 
@@ -145,7 +145,8 @@ def sizes(actuator: Actuator, names: tuple[str, ...]) -> Array:
         "rotor_zero": 0.25,
         "saturation": 0.25 / actuator.controller.current_limit,
         "sine_share": 0.3,
-        **dict.fromkeys(("hall_a", "hall_b", "hall_c"), 0.05),
+        **dict.fromkeys((*HALL_SENSORS, "commutation_lag"), 0.05),
+        "commutation_delay": 5e-5,
     }
     return np.array([others.get(name, friction) if name in SIGNED else 1.0 for name in names])
 

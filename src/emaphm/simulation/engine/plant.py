@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from emaphm.actuator import Actuator
 from emaphm.actuator.faults import NAMES, SHORTEST_WINDING, check_vectors
 from emaphm.actuator.lumped_parameters import check_lumped_parameters, static_follows
-from emaphm.actuator.unit.baseline import SECTIONS
+from emaphm.actuator.unit.baseline import COMMUTATION, HALL_SENSORS, SECTIONS
 from emaphm.actuator.unit.baseline import SIGNED as OF_EITHER_SIGN
 from emaphm.arrays import Array
 from emaphm.errors import FaultError, MethodError
@@ -105,6 +105,8 @@ class Plant:
     source_resistance: Array
     voltage_drop: Array
     current_lag: Array
+    commutation_lag: Array
+    commutation_delay: Array
     stribeck_speed: Array
     load_friction: Array
     load_motor: Array
@@ -202,7 +204,7 @@ def _healthy(actuator: Actuator, n: int) -> dict[str, Array]:
         "saturation": motor.saturation or 0.0,
         "flat_loss": motor.flat_loss or 0.0,
         "sine_share": motor.sine_share or 0.0,
-        **{name: getattr(motor, name) or 0.0 for name in ("hall_a", "hall_b", "hall_c")},
+        **{name: getattr(motor, name) or 0.0 for name in HALL_SENSORS},
         "torque_limit": motor.torque_limit or NO_LIMIT,
         "torque_lag": motor.torque_lag,
         # An ideal current loop is one whose supply can force any current within a step.
@@ -274,9 +276,8 @@ def structure_of(actuator: Actuator) -> Structure:
         voltage_drop=drive is not None and drive.voltage_drop is not None,
         saturation=actuator.motor.saturation is not None,
         emf_shape=actuator.motor.flat_loss is not None or actuator.motor.sine_share is not None,
-        hall=any(
-            one is not None for one in (actuator.motor.hall_a, actuator.motor.hall_b, actuator.motor.hall_c)
-        ),
+        commutation=any(getattr(actuator.motor, name) is not None for name in HALL_SENSORS)
+        or any(getattr(drive, name, None) is not None for name in COMMUTATION),
         ripples=tuple(Ripple(one.order, one.of == "screw") for one in actuator.ripple),
     )
 

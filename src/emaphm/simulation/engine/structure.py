@@ -13,7 +13,8 @@ class Ripple(NamedTuple):
 class Structure(NamedTuple):
     """Kind of drive and optional laws; a law that is False takes no time in a kernel.
 
-    `load_variation` is how many coefficients a load has that varies over the run.
+    `commutation` is one that is not by the rotor's true angle; `load_variation` is how many coefficients a
+    load has that varies over the run.
     """
 
     drive: str = "hysteresis"
@@ -31,7 +32,7 @@ class Structure(NamedTuple):
     voltage_drop: bool = False
     saturation: bool = False
     emf_shape: bool = False
-    hall: bool = False
+    commutation: bool = False
     ripples: tuple[Ripple, ...] = ()
     load_variation: int = 0
 

@@ -8,8 +8,8 @@ import numpy as np
 from emaphm.simulation.engine.structure import Structure
 from emaphm.simulation.laws.angles import phase_angles
 from emaphm.simulation.laws.commutation import of_idle_phase, trapezoid
-from emaphm.simulation.laws.hall_sensors import of_sensed_idle_phase, over_a_turn
 from emaphm.simulation.laws.phases import Phases
+from emaphm.simulation.laws.sensed_commutation import early_by_turning, of_sensed_idle_phase, over_a_turn
 
 NUMBERS = Phases(0.0, 1.0, 2.0)
 """By which a state names the phase that idles."""
@@ -28,7 +28,7 @@ class ConductingPair(NamedTuple):
 
 def conducting_pair(structure: Structure) -> ConductingPair:
     """Return the pair of an actuator."""
-    return _BY_HALL_SENSORS if structure.hall else _BY_ANGLE
+    return _BY_HALL_SENSORS if structure.commutation else _BY_ANGLE
 
 
 def _of_idle(s: Any, p: Any, values: Phases) -> Any:  # noqa: ARG001
@@ -44,11 +44,17 @@ def _whole(s: Any, p: Any, step: Any, current: Any) -> Any:  # noqa: ARG001
 
 
 def _of_sensed_idle(s: Any, p: Any, values: Phases) -> Any:
-    return of_sensed_idle_phase(s.electrical, values, Phases.of(p, "hall"))
+    return of_sensed_idle_phase(s.electrical, values, _early(s, p))
 
 
 def _mean(s: Any, p: Any, step: Any, values: Phases) -> Any:
-    return over_a_turn(s.electrical, p.pole_pairs * s.speed * step, values, Phases.of(p, "hall"))
+    return over_a_turn(s.electrical, p.pole_pairs * s.speed * step, values, _early(s, p))
+
+
+def _early(s: Any, p: Any) -> Any:
+    return early_by_turning(
+        Phases.of(p, "hall"), p.pole_pairs * s.speed, p.commutation_lag, p.commutation_delay
+    )
 
 
 def _by_shape(s: Any, p: Any, step: Any, current: Any) -> Any:

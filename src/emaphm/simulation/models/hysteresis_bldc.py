@@ -50,7 +50,9 @@ def parameters(plant: Plant, step: float) -> dict[str, Array]:
 def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Array]:
     """Return the kernel's state at `start`, (n,) each: no current, all legs low."""
     mechanical = control.initial_state(plant, inputs, start) | motion.initial_state(plant, start)
-    return mechanical | three_phases.initial_state(plant) | dict.fromkeys(LEGS, np.full(plant.count, -1.0))
+    windings = three_phases.initial_state(plant)
+    signals = three_phases.initial_signals(plant, mechanical["electrical"])
+    return mechanical | windings | signals | dict.fromkeys(LEGS, np.full(plant.count, -1.0))
 
 
 def outputs_of(
@@ -83,7 +85,7 @@ def advance(structure: Structure) -> Callable[..., Any]:
         demand, controlled = demand_of(s, p, u)
         reference = u.noise + demand
         angle = phase_angles(s.electrical)
-        active, shape = laws.demand_signs(s, p, angle), trapezoid(angle)
+        (active, signals), shape = laws.commutation(s, p, angle), trapezoid(angle)
         leg = switch(Phases.of(s, "leg"), reference * active - laws.sensed_before(s), p.hysteresis)
 
         current = Phases.of(s, "current")
@@ -97,7 +99,7 @@ def advance(structure: Structure) -> Callable[..., Any]:
         recorded = motion.recorded_motion(s, p, u, following)
         outputs = outputs_of(active, shape, sensed, voltage, recorded, torque, reference)
         drawn = laws.bus_after((leg * current).sum())
-        own = (torque, *current, *leg, *drawn, *laws.sensor_state(sensed))
+        own = (torque, *current, *leg, *drawn, *laws.sensor_state(sensed), *signals)
         return controlled + following + own, outputs
 
     return advance_one

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from emaphm.actuator.unit.baseline import COMMUTATION, HALL_SENSORS
 from emaphm.arrays import Array
 from emaphm.simulation.engine.inputs import Inputs
 from emaphm.simulation.engine.model import OBSERVABLE, Form, Initial
@@ -18,11 +19,11 @@ from emaphm.simulation.laws.angles import phase_angles
 from emaphm.simulation.laws.eccentricity import gap_factors, printed_factor
 from emaphm.simulation.laws.emf_shape import emf_shape
 from emaphm.simulation.laws.equivalent_winding import winding_current
-from emaphm.simulation.laws.hall_sensors import of_sensed_idle_phase
 from emaphm.simulation.laws.lag import share_of_step
 from emaphm.simulation.laws.phases import Phases, by_phase, phase_names
 from emaphm.simulation.laws.pulse_width import delay_shares
 from emaphm.simulation.laws.saturation import flux_left
+from emaphm.simulation.laws.sensed_commutation import of_sensed_idle_phase
 from emaphm.simulation.laws.supply_source import sagging_supply, supply_under_duty
 from emaphm.simulation.laws.voltage_drop import knees_per_ampere, voltage_drop
 from emaphm.simulation.models import control, motion
@@ -45,7 +46,8 @@ PARAMETERS = (
     "saturation",
     "flat_loss",
     "sine_share",
-    *phase_names("hall"),
+    *HALL_SENSORS,
+    *COMMUTATION,
     "drop",
     "per_knee",
     "current_gain",
@@ -91,9 +93,7 @@ def parameters(
         "saturation": plant.saturation,
         "flat_loss": plant.flat_loss,
         "sine_share": plant.sine_share,
-        "hall_a": plant.hall_a,
-        "hall_b": plant.hall_b,
-        "hall_c": plant.hall_c,
+        **{name: getattr(plant, name) for name in (*HALL_SENSORS, *COMMUTATION)},
         "drop": plant.voltage_drop,
         "per_knee": knees_per_ampere(plant.current_limit),
         "sensed_lead": 1 / sensed_share - 1,
@@ -107,8 +107,7 @@ def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Arr
     """Return the kernel's state at `start`, (n,) each, without current."""
     own = dict.fromkeys((*OWN_STATE, *SIX_STEP_STATE), np.zeros(plant.count))
     moving = motion.initial_state(plant, start)
-    early = Phases(plant.hall_a, plant.hall_b, plant.hall_c)
-    own["idle"] = of_sensed_idle_phase(moving["electrical"], NUMBERS, early)
+    own["idle"] = of_sensed_idle_phase(moving["electrical"], NUMBERS, Phases.of(plant, "hall"))
     return control.initial_state(plant, inputs, start) | moving | own
 
 
@@ -178,7 +177,7 @@ def _advance(
     flux_of, against = _losses(structure)
     gaps = _printed_gaps if printed_eccentricity else _gaps
     pair = conducting_pair(structure)
-    shaped = _shaped if structure.emf_shape or structure.hall else _trapezoidal
+    shaped = _shaped if structure.emf_shape or structure.commutation else _trapezoidal
     supply_of, bus_after = (_sagging, _drawn) if structure.source else (_stiff, _nothing_drawn)
 
     def advance(s: Any, p: Any, u: Any) -> Any:

@@ -49,6 +49,7 @@ def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Arr
     """Return the kernel's state at `start`, (n,) each: no current, no voltage for two periods."""
     mechanical = control.initial_state(plant, inputs, start) | motion.initial_state(plant, start)
     own = dict.fromkeys(OWN_STATE, np.zeros(plant.count))
+    own |= three_phases.initial_signals(plant, mechanical["electrical"])
     return mechanical | three_phases.initial_state(plant) | own
 
 
@@ -72,7 +73,7 @@ def advance(structure: Structure) -> Callable[..., Any]:
         reference = u.noise + demand
         half_supply, speed = laws.half_supply(s, p), s.speed
         angle = phase_angles(s.electrical)
-        active, shape = laws.demand_signs(s, p, angle), trapezoid(angle)
+        (active, signals), shape = laws.commutation(s, p, angle), trapezoid(angle)
 
         asked, integral = limited_pi(
             reference - 0.5 * (shape * laws.sensed_before(s)).sum(),
@@ -110,7 +111,7 @@ def advance(structure: Structure) -> Callable[..., Any]:
             u.enabled * select(begins, asked / (2.0 * half_supply), s.next_duty),
         )
         drawn = laws.bus_after((voltage * current).sum() / half_supply)
-        own = (torque, *current, *drive, *drawn, *laws.sensor_state(sensed))
+        own = (torque, *current, *drive, *drawn, *laws.sensor_state(sensed), *signals)
         return controlled + following + own, outputs
 
     return advance_one

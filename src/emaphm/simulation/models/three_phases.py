@@ -5,15 +5,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from emaphm.actuator.unit.baseline import COMMUTATION, HALL_SENSORS
 from emaphm.arrays import Array
 from emaphm.simulation.engine.plant import Plant
 from emaphm.simulation.engine.structure import Structure
+from emaphm.simulation.laws.angles import phase_angles
 from emaphm.simulation.laws.commutation import demand_sign
 from emaphm.simulation.laws.emf_shape import emf_shape
-from emaphm.simulation.laws.hall_sensors import sensed_demand_signs
 from emaphm.simulation.laws.lag import approach, share_of_step
 from emaphm.simulation.laws.phases import Phases, by_phase, phase_names
 from emaphm.simulation.laws.saturation import flux_left
+from emaphm.simulation.laws.sensed_commutation import hall_signals, seen_angle, signalled_demand
 from emaphm.simulation.laws.star_windings import star_slopes
 from emaphm.simulation.laws.supply_source import sagging_supply
 from emaphm.simulation.laws.voltage_drop import knees_per_ampere, voltage_drop
@@ -32,12 +34,13 @@ PARAMETERS = (
     "saturation",
     "flat_loss",
     "sine_share",
-    *phase_names("hall"),
+    *HALL_SENSORS,
+    *COMMUTATION,
     "leg_drop",
     "per_knee",
 )
 
-CURRENTS, SENSED = phase_names("current"), phase_names("sensed")
+CURRENTS, SENSED, SIGNALS = phase_names("current"), phase_names("sensed"), phase_names("signal")
 
 
 def parameters(plant: Plant, step: float, peak: float) -> dict[str, Array]:
@@ -56,9 +59,7 @@ def parameters(plant: Plant, step: float, peak: float) -> dict[str, Array]:
         "saturation": plant.saturation,
         "flat_loss": plant.flat_loss,
         "sine_share": plant.sine_share,
-        "hall_a": plant.hall_a,
-        "hall_b": plant.hall_b,
-        "hall_c": plant.hall_c,
+        **{name: getattr(plant, name) for name in (*HALL_SENSORS, *COMMUTATION)},
         "leg_drop": plant.voltage_drop / 2,
         "per_knee": knees_per_ampere(plant.current_limit),
         **by_phase("resistance", plant.resistance / 2 * plant.turns),
@@ -68,8 +69,15 @@ def parameters(plant: Plant, step: float, peak: float) -> dict[str, Array]:
 
 
 def initial_state(plant: Plant) -> dict[str, Array]:
-    """Return the state of torque, windings, supply and sensors, (n,) each: no current."""
+    """Return the state of torque, windings, supply and current sensors, (n,) each: no current."""
     return dict.fromkeys(("torque", *CURRENTS, "bus_current", *SENSED), np.zeros(plant.count))
+
+
+def initial_signals(plant: Plant, electrical: Array) -> dict[str, Array]:
+    """Return the state of the Hall sensors, (n,) each, at the rotor's `electrical` angle (n,) [rad]."""
+    low = Phases(-1.0, -1.0, -1.0)
+    signals = hall_signals(low, phase_angles(electrical), Phases.of(plant, "hall"), 0.0)
+    return dict(zip(SIGNALS, signals, strict=True))
 
 
 def optional_state_names(structure: Structure) -> tuple[str, ...]:
@@ -77,6 +85,7 @@ def optional_state_names(structure: Structure) -> tuple[str, ...]:
     return (
         *(("bus_current",) if structure.source else ()),
         *(SENSED if structure.current_lag else ()),
+        *(SIGNALS if structure.commutation else ()),
     )
 
 
@@ -103,8 +112,9 @@ class Laws(NamedTuple):
     Currents, voltages, fluxes and back-EMFs are `Phases`; s and p are state and parameters.
     """
 
-    demand_signs: Callable[..., Any]
-    """Of (s, p, angles of the phases): what share of the reference current each phase is asked for."""
+    commutation: Callable[..., Any]
+    """Of (s, p, angles of the phases): what share of the reference current each phase is asked for, and the
+    next state of the sensors that say so."""
     emf_shape: Callable[..., Any]
     """Of (p, angles of the phases, unit trapezoids there): the shapes of a back-EMF that is no sine."""
     flux: Callable[..., Any]
@@ -126,7 +136,7 @@ class Laws(NamedTuple):
 def laws(structure: Structure) -> Laws:
     """Return what windings, supply and current sensors do."""
     return Laws(
-        _by_hall_sensors if structure.hall else _by_angle,
+        _by_hall_sensors if structure.commutation else _by_angle,
         _shaped if structure.emf_shape else _trapezoidal,
         _saturated if structure.saturation else _unsaturated,
         _with_drop if structure.voltage_drop else _back_emf,
@@ -142,11 +152,14 @@ def currents_after(current: Phases, p: Any, voltage: Phases, back_emf: Phases) -
 
 
 def _by_angle(s: Any, p: Any, angles: Phases) -> Any:  # noqa: ARG001
-    return demand_sign(angles)
+    return demand_sign(angles), ()
 
 
-def _by_hall_sensors(s: Any, p: Any, angles: Phases) -> Any:
-    return sensed_demand_signs(s.electrical, angles, Phases.of(p, "hall"))
+def _by_hall_sensors(s: Any, p: Any, angles: Phases) -> Any:  # noqa: ARG001
+    seen = seen_angle(s.electrical, p.pole_pairs * s.speed, p.commutation_lag, p.commutation_delay)
+    early = Phases.of(p, "hall")
+    signals = hall_signals(Phases.of(s, "signal"), phase_angles(seen), early, p.commutation_lag)
+    return signalled_demand(signals), tuple(signals)
 
 
 def _trapezoidal(p: Any, angle: Phases, shape: Phases) -> Phases:  # noqa: ARG001

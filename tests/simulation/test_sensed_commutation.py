@@ -14,12 +14,18 @@ from emaphm.errors import ActuatorError
 from emaphm.simulation import AVERAGED, REFERENCE, Initial, Model
 from emaphm.simulation.laws.angles import phase_angles
 from emaphm.simulation.laws.commutation import demand_sign, of_idle_phase
-from emaphm.simulation.laws.hall_sensors import of_sensed_idle_phase, over_a_turn, sensed_demand_signs
 from emaphm.simulation.laws.phases import Phases
+from emaphm.simulation.laws.sensed_commutation import (
+    hall_signals,
+    of_sensed_idle_phase,
+    over_a_turn,
+    signalled_demand,
+)
 from simulation.rig import LOCKED, THESIS, altered, record, rms
 
 K = 0.0752
 NUMBERS = Phases(0.0, 1.0, 2.0)
+LOW = Phases(-1.0, -1.0, -1.0)
 ANGLES = np.radians(np.arange(-180.0, 180.0, 0.5) + 0.25)
 EARLY = st.tuples(*[st.floats(-22.0, 22.0)] * 3).map(lambda degrees: Phases(*np.radians(degrees)))
 PI = {"current_gain": 2.0, "current_integral_gain": 5e3, "pwm_frequency": 2e4}
@@ -41,7 +47,9 @@ def binary_signals(early: Phases) -> Array:
 @given(early=EARLY)
 def test_two_phases_conduct_while_their_binary_signals_differ(early: Phases) -> None:
     high = binary_signals(early)
-    signs = np.stack([*sensed_demand_signs(ANGLES, phase_angles(ANGLES), early)])
+    signals = hall_signals(LOW, phase_angles(ANGLES), early, 0.0)
+    np.testing.assert_array_equal(np.stack([*signals]), 2 * high - 1)
+    signs = np.stack([*signalled_demand(signals)])
     np.testing.assert_array_equal(signs, high - np.roll(high, -1, axis=0))
     idle = of_sensed_idle_phase(ANGLES, NUMBERS, early)
     np.testing.assert_array_equal(signs == 0, idle == np.arange(3)[:, np.newaxis])
@@ -52,8 +60,8 @@ def test_in_place_they_commutate_by_the_angle() -> None:
     idle = of_sensed_idle_phase(ANGLES, NUMBERS, nowhere)
     np.testing.assert_array_equal(idle, of_idle_phase(ANGLES, NUMBERS))
     angles = phase_angles(ANGLES)
-    signs, expected = sensed_demand_signs(ANGLES, angles, nowhere), demand_sign(angles)
-    for sensed, by_angle in zip(signs, expected, strict=True):
+    signs = signalled_demand(hall_signals(LOW, angles, nowhere, 0.0))
+    for sensed, by_angle in zip(signs, demand_sign(angles), strict=True):
         np.testing.assert_array_equal(sensed, by_angle)
 
 
