@@ -11,8 +11,8 @@ from emaphm.actuator.unit.tolerances import Tolerances
 from emaphm.arrays import Array
 from emaphm.diagnosis import Diagnosis, diagnose, error_percent
 from emaphm.diagnosis.selection.law_selection import with_law
-from emaphm.diagnosis.selection.supply_profile import SUPPLY_SCAN, SupplyProfile
-from emaphm.diagnosis.selection.supply_scan import is_scanned
+from emaphm.diagnosis.selection.supply.supply_profile import SUPPLY_SCAN, SupplyProfile
+from emaphm.diagnosis.selection.supply.supply_scan import is_scanned
 from emaphm.errors import RecordingError
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.problem import Problem

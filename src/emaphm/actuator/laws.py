@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from emaphm.actuator.actuator import Actuator
-from emaphm.actuator.unit.baseline import COMMUTATION, HALL_SENSORS, MOST_HARMONICS
+from emaphm.actuator.unit.baseline import COMMUTATION, HALL_SENSORS, MOST_HARMONICS, PARTS
 from emaphm.errors import MethodError, nearest
 
 Sections = dict[str, dict[str, Any] | list[dict[str, Any]]]
@@ -30,8 +30,8 @@ class Law:
         The manoeuvre that shows its parameters.
     start
         From an actuator and a typical motor speed [rad/s] to the values to start a search from, by section.
-    unseen
-        Why healthy recordings do not show its parameters, and what to do; nothing if they do.
+    by_faults
+        Whether only faults show its parameters, by which phases differ: no calibration finds them.
     """
 
     name: str
@@ -40,7 +40,7 @@ class Law:
     start: Callable[[Actuator, float], Sections]
     also_free: tuple[str, ...] = ()
     needs: tuple[str, ...] = ()
-    unseen: str = ""
+    by_faults: bool = False
 
     def is_in(self, actuator: Actuator) -> bool:
         """Return whether `actuator` has the law already."""
@@ -272,14 +272,14 @@ _ALL = (
         HALL_SENSORS,
         "fast motion with the current and the voltage recorded",
         lambda actuator, speed: {"motor": dict.fromkeys(HALL_SENSORS, 0.0)},  # noqa: ARG005
-        unseen="phases that are alike do not show which sensor is out of place; give hall_a, hall_b and "
-        "hall_c in [motor] as measured, or leave them out: a diagnosis finds them where faults show them",
+        by_faults=True,
     ),
     Law(
         "commutation-lag",
         COMMUTATION,
         "fast motion with the current and the voltage recorded",
         lambda actuator, speed: _drive(actuator, **dict.fromkeys(COMMUTATION, 0.0)),  # noqa: ARG005
+        by_faults=True,
     ),
     Law(
         "winding-temperature",
@@ -315,14 +315,14 @@ LAWS: Mapping[str, Law] = {law.name: law for law in _ALL}
 """The optional laws by name, in the order in which a calibration tries them."""
 
 
-UNSEEN = frozenset(name for law in _ALL if law.unseen for name in law.parameters)
-"""Parameters that healthy recordings do not show."""
+SHOWN_BY_FAULTS = frozenset(name for law in _ALL if law.by_faults for name in law.parameters)
+"""Parameters that healthy recordings do not show, as phases are alike then."""
 
 
 def laws_to_calibrate(actuator: Actuator) -> tuple[Law, ...]:
     """Return the laws that `actuator` may be given, and that healthy recordings show."""
     return tuple(
-        law for law in _ALL if not (law.unseen or law.is_in(actuator) or law.reason_against(actuator))
+        law for law in _ALL if not (law.by_faults or law.is_in(actuator) or law.reason_against(actuator))
     )
 
 
@@ -330,8 +330,13 @@ def check_calibrated(names: tuple[str, ...]) -> None:
     """Raise `MethodError` if healthy recordings do not show one of the parameters `names`."""
     for law in _ALL:
         for name in law.parameters:
-            if law.unseen and name in names:
-                raise MethodError(f"'{name}' of law '{law.name}' cannot be calibrated: {law.unseen}")
+            if law.by_faults and name in names:
+                all_of_it = f"{', '.join(law.parameters)} in [{PARTS[name][0]}]"
+                raise MethodError(
+                    f"'{name}' of law '{law.name}' cannot be calibrated: phases that are alike do not show "
+                    f"it; give {all_of_it} as measured, or leave them out: a diagnosis finds them where "
+                    "faults show them"
+                )
 
 
 def law_named(name: str) -> Law:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.laws import LAWS, UNSEEN, Law, check_calibrated, law_named, laws_to_calibrate
+from emaphm.actuator.laws import SHOWN_BY_FAULTS, Law, check_calibrated, law_named, laws_to_calibrate
 from emaphm.actuator.lumped_parameters import LUMPED_PARAMETERS, check_lumped_parameters, lumped_parameters
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.conditions import SAME_PARAMETER
@@ -62,7 +62,8 @@ def laws_named(laws: Laws, actuator: Actuator) -> tuple[Law, ...]:
         return laws_to_calibrate(actuator)
     names = (laws,) if isinstance(laws, str) else tuple(laws)
     if not names:
-        raise MethodError(f"no law to add; name some of {', '.join(LAWS)}, or '{AUTO}'")
+        some = ", ".join(law.name for law in laws_to_calibrate(actuator))
+        raise MethodError(f"no law to add; name some of {some}, or '{AUTO}'")
     if AUTO in names:
         raise MethodError(f"law '{AUTO}' stands for a choice among all; give it alone, or name the laws")
     # What a law needs comes before it.
@@ -138,7 +139,7 @@ def _settled(rows: Sequence[CampaignRow], actuator: Actuator, settings: FitSetti
     """Return what is not estimated of all recordings: known of some, each one's own, or not shown by any."""
     known = {name for row in rows for name in (*row.known, *row.free)}
     estimated = actuator.nuisances.estimated if settings.nuisances is None else settings.nuisances
-    return known | UNSEEN | {SAME_PARAMETER[name] for name in estimated if name in SAME_PARAMETER}
+    return known | SHOWN_BY_FAULTS | {SAME_PARAMETER[name] for name in estimated if name in SAME_PARAMETER}
 
 
 def _usual(rows: Sequence[CampaignRow], actuator: Actuator, settings: FitSettings) -> tuple[str, ...]:

@@ -54,12 +54,12 @@ def _on_laws(laws: Sequence[Law]) -> str:
         f"Explained best by laws that the description lacks: {', '.join(law.name for law in laws)}; without, "
         "they would read as faults."
     )
-    if seen := [law.name for law in laws if not law.unseen]:
+    if seen := [law.name for law in laws if not law.by_faults]:
         text += (
             f" If this persists, calibrate the healthy actuator (emaphm calibrate --laws {','.join(seen)})."
         )
     for law in laws:
-        if law.unseen:
+        if law.by_faults:
             section = PARTS[law.parameters[0]][0]
             text += (
                 f" No calibration finds {law.name}; if this persists, give {', '.join(law.parameters)} in "

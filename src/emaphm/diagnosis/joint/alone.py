@@ -26,7 +26,7 @@ from emaphm.diagnosis.selection.first_look import FirstLook
 from emaphm.diagnosis.selection.law_selection import ONLY_WHILE_SWITCHING, search_with_law
 from emaphm.diagnosis.selection.nuisance_selection import SelectedNuisances, select_nuisances
 from emaphm.diagnosis.selection.rotor_zero import is_sought, with_rotor_zero, with_zero_near, zero_of
-from emaphm.diagnosis.selection.supply_scan import with_asked_supply
+from emaphm.diagnosis.selection.supply.supply_scan import with_asked_supply
 from emaphm.diagnosis.selection.varying_load import VARYING_LOAD, explains_better, with_varying_load
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.discrepancy import resolves_switching

@@ -12,8 +12,8 @@ from emaphm.diagnosis.selection.first_look import FirstLook, first_look
 from emaphm.diagnosis.selection.profile import INERTIA, PROFILE, PROFILED, profile, profile_points
 from emaphm.diagnosis.selection.sensor_error_scores import jacobians_with_errors
 from emaphm.diagnosis.selection.settings import SELECTION, SENSOR_SELECTION, widening
-from emaphm.diagnosis.selection.supply_profile import SUPPLY
-from emaphm.diagnosis.selection.supply_scan import is_inductance_known, is_scanned, supply_candidate
+from emaphm.diagnosis.selection.supply.supply_profile import SUPPLY
+from emaphm.diagnosis.selection.supply.supply_scan import is_inductance_known, is_scanned, supply_candidate
 from emaphm.estimation.global_search.multistart import local_search, with_descents
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import SearchResult, default_scatter

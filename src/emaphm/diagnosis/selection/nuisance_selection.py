@@ -19,8 +19,8 @@ from emaphm.diagnosis.selection.profile import PROFILED
 from emaphm.diagnosis.selection.ripple import ripple_share
 from emaphm.diagnosis.selection.rivals import residual_power, with_rivals
 from emaphm.diagnosis.selection.settings import SELECTION, SENSOR_SELECTION, widening
-from emaphm.diagnosis.selection.supply_profile import SUPPLY
-from emaphm.diagnosis.selection.supply_scan import is_off, with_supply
+from emaphm.diagnosis.selection.supply.supply_profile import SUPPLY
+from emaphm.diagnosis.selection.supply.supply_scan import is_off, with_supply
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.discrepancy import resolves_switching
 from emaphm.estimation.global_search.multistart import multistart

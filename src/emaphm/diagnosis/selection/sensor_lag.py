@@ -19,7 +19,7 @@ from emaphm.diagnosis.selection.law_selection import (
     with_free_law,
 )
 from emaphm.diagnosis.selection.ripple import RippleResidual, ripple_powers
-from emaphm.diagnosis.selection.supply_scan import is_scanned
+from emaphm.diagnosis.selection.supply.supply_scan import is_scanned
 from emaphm.estimation.bias_correction import compared
 from emaphm.estimation.discrepancy import reference_problem
 from emaphm.estimation.methods import Method

@@ -6,7 +6,7 @@ import numpy as np
 
 from emaphm.actuator import Actuator
 from emaphm.diagnosis.selection.extension import Candidate, with_nuisances
-from emaphm.diagnosis.selection.supply_profile import (
+from emaphm.diagnosis.selection.supply.supply_profile import (
     SUPPLY,
     SUPPLY_SCAN,
     column_of,

@@ -1,0 +1,1 @@
+"""The supply: what the recording shows of its voltage, and the estimate with another."""
