@@ -5,7 +5,7 @@ import pytest
 
 from cases import THESIS, on_a_rig
 from emaphm.actuator import Actuator, Faults
-from emaphm.actuator.laws import LAWS
+from emaphm.actuator.laws import LAWS, typical_speed
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.diagnosis import diagnose
 from emaphm.diagnosis.selection.hidden_laws import hidden_scores, suspected_laws
@@ -69,6 +69,17 @@ def test_hall_sensors_out_of_place_are_suspected_and_sized() -> None:
     assert "hall-angles" in suspected_laws(result, seed=0)
     score = hidden_scores(result, seed=0)["hall-angles"]
     assert score.values == pytest.approx([*early.values()], abs=0.015)
+
+
+def test_late_commutation_is_suspected_and_sized() -> None:
+    late = {"commutation_lag": 0.03, "commutation_delay": 3e-5}
+    result = near_the_truth(
+        on_a_rig(with_lumped_parameters(LAWS["commutation-lag"].added_to(THESIS), late), FAULTS, 0.3)
+    )
+    assert "commutation-lag" in suspected_laws(result, seed=0)
+    found = hidden_scores(result, seed=0)["commutation-lag"].values
+    # At speeds that differ little only the sum of both shows.
+    assert sum(found) == pytest.approx(0.03 + 3e-5 * 2 * typical_speed(THESIS), abs=0.01)
 
 
 def test_narrow_flats_of_the_back_emf_are_no_short() -> None:
