@@ -270,14 +270,14 @@ _ALL = (
     Law(
         "hall-angles",
         HALL_SENSORS,
-        "fast motion with the current and the voltage recorded",
+        "fast motion of phases that differ, with the current recorded",
         lambda actuator, speed: {"motor": dict.fromkeys(HALL_SENSORS, 0.0)},  # noqa: ARG005
         by_faults=True,
     ),
     Law(
         "commutation-lag",
         COMMUTATION,
-        "fast motion with the current and the voltage recorded",
+        "fast motion of phases that differ, with the current recorded",
         lambda actuator, speed: _drive(actuator, **dict.fromkeys(COMMUTATION, 0.0)),  # noqa: ARG005
         by_faults=True,
     ),

@@ -84,10 +84,10 @@ class HiddenLawSettings:
     By a score above `score` standard errors, where the data determine it to `informative` times the least
     size that matters; one above `certain` is kept if it leaves less at all. Of 74 recordings without any of
     the laws, with random faults and loads, none had a size of more than 0.017, 0.0011, 1e-5 (of 30 others),
-    0.0018 and 0.011, in the order of `HIDDEN` but for the back-EMF; of its laws 160 such recordings had 0.012
-    and 0.030, and 3.2 standard errors at most; of Hall sensors 60 had 0.006 where the score was beyond 2.
-    Other plants had 0.1 to 0.26, 0.006 to 0.02, 2e-4 to 3e-4, 0.02 to 0.05 and 0.07, and faults that made up
-    for them.
+    0.0018 and 0.011, in the order of `HIDDEN` but for back-EMF and commutation; of the laws of the back-EMF
+    160 such recordings had 0.012 and 0.030, and 3.2 standard errors at most; of commutation 60 and 45 had
+    0.006 and 0.011 where the score was beyond 2. Other plants had 0.1 to 0.26, 0.006 to 0.02, 2e-4 to 3e-4,
+    0.02 to 0.05 and 0.07, and faults that made up for them.
     """
 
     score: float = 2.0
