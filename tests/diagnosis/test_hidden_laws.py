@@ -83,7 +83,7 @@ def test_late_commutation_is_suspected_and_sized() -> None:
 
 
 def test_narrow_flats_of_the_back_emf_are_no_short() -> None:
-    found = diagnose(on_a_rig(with_law("emf-flats", 0.35), Faults(0.2, short_b=0.1), 0.3), THESIS)
+    found = diagnose(on_a_rig(with_law("emf-flats", 0.35), Faults(0.2, short_b=0.1), 0.2), THESIS)
     assert found.explained
     assert found.laws == ("emf-flats",)
     loss = found.nuisances["baseline flat_loss"]
