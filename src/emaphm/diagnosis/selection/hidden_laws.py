@@ -63,7 +63,7 @@ HIDDEN = (
     HiddenLaw("emf-flats", _absolute, 0.05),
     HiddenLaw("emf-sine", _absolute, 0.03),
     HiddenLaw("hall-angles", _absolute, 0.015),
-    HiddenLaw("commutation-lag", _of_commutation, 0.015),
+    HiddenLaw("commutation-lag", _of_commutation, 0.006),
     HiddenLaw("speed-lag", _absolute, 5e-5),
     HiddenLaw("load-dependent", _absolute, 0.004),
     HiddenLaw("cogging", typical_dry_friction, 0.02),
