@@ -4,7 +4,8 @@ import pytest
 
 from cases import THESIS
 from emaphm.actuator import Actuator, Chirp, Command, Sine
-from emaphm.actuator.laws import LAWS, laws_to_calibrate
+from emaphm.actuator.calibrated_laws import laws_to_calibrate
+from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.calibration import Calibration, calibrate, description
 from emaphm.errors import MethodError

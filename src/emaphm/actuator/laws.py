@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from emaphm.actuator.actuator import Actuator
-from emaphm.actuator.unit.baseline import COMMUTATION, HALL_SENSORS, MOST_HARMONICS, PARTS
+from emaphm.actuator.unit.baseline import COMMUTATION, HALL_SENSORS, MOST_HARMONICS
 from emaphm.errors import MethodError, nearest
 
 Sections = dict[str, dict[str, Any] | list[dict[str, Any]]]
@@ -313,30 +313,6 @@ _ALL = (
 
 LAWS: Mapping[str, Law] = {law.name: law for law in _ALL}
 """The optional laws by name, in the order in which a calibration tries them."""
-
-
-SHOWN_BY_FAULTS = frozenset(name for law in _ALL if law.by_faults for name in law.parameters)
-"""Parameters that healthy recordings do not show, as phases are alike then."""
-
-
-def laws_to_calibrate(actuator: Actuator) -> tuple[Law, ...]:
-    """Return the laws that `actuator` may be given, and that healthy recordings show."""
-    return tuple(
-        law for law in _ALL if not (law.by_faults or law.is_in(actuator) or law.reason_against(actuator))
-    )
-
-
-def check_calibrated(names: tuple[str, ...]) -> None:
-    """Raise `MethodError` if healthy recordings do not show one of the parameters `names`."""
-    for law in _ALL:
-        for name in law.parameters:
-            if law.by_faults and name in names:
-                all_of_it = f"{', '.join(law.parameters)} in [{PARTS[name][0]}]"
-                raise MethodError(
-                    f"'{name}' of law '{law.name}' cannot be calibrated: phases that are alike do not show "
-                    f"it; give {all_of_it} as measured, or leave them out: a diagnosis finds them where "
-                    "faults show them"
-                )
 
 
 def law_named(name: str) -> Law:
