@@ -11,11 +11,7 @@ SHOWN_BY_FAULTS = frozenset(name for law in LAWS.values() if law.by_faults for n
 
 def laws_to_calibrate(actuator: Actuator) -> tuple[Law, ...]:
     """Return the laws that `actuator` may be given, and that healthy recordings show."""
-    return tuple(
-        law
-        for law in LAWS.values()
-        if not (law.by_faults or law.is_in(actuator) or law.reason_against(actuator))
-    )
+    return tuple(law for law in LAWS.values() if law.is_possible(actuator) and not law.by_faults)
 
 
 def check_calibrated(names: tuple[str, ...]) -> None:

@@ -54,6 +54,10 @@ class Law:
         """Return why `actuator` cannot have the law; nothing if it can."""
         return _REASONS.get(self.name, _always)(actuator)
 
+    def is_possible(self, actuator: Actuator) -> bool:
+        """Return whether `actuator` may be given the law, which its description lacks."""
+        return not self.is_in(actuator) and not self.reason_against(actuator)
+
     def added_to(self, actuator: Actuator, speed: float | None = None) -> Actuator:
         """Return `actuator` with the law and those that it needs, at values to start a search from.
 

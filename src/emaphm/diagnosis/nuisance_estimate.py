@@ -1,8 +1,11 @@
 """The estimate of a parameter that is no fault."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
+
+from emaphm.estimation.space.nuisances import BASELINE
 
 
 @dataclass(frozen=True)
@@ -27,3 +30,8 @@ class NuisanceEstimate:
     def to_dict(self) -> dict[str, Any]:
         """Return the estimate, ready for `json.dumps`."""
         return asdict(self)
+
+
+def of_unit(nuisances: Mapping[str, NuisanceEstimate]) -> dict[str, NuisanceEstimate]:
+    """Return those of `nuisances` by name that are the unit's, common to all of its recordings."""
+    return {name: one for name, one in nuisances.items() if name.startswith(BASELINE)}

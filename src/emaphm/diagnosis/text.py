@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from emaphm.actuator import Actuator, Faults
 from emaphm.actuator.laws import LAWS, Law
 from emaphm.actuator.unit.baseline import PARTS
-from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
+from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate, of_unit
 from emaphm.diagnosis.selection.settings import ROTOR_ZERO
 from emaphm.diagnosis.selection.varying_load import VARYING_LOAD
 from emaphm.diagnosis.varying_load import LoadEstimate, is_of_load
@@ -85,7 +85,7 @@ def notes(
 
     The arguments are those fields of `Diagnosis`.
     """
-    unit = {name: estimate for name, estimate in nuisances.items() if name.startswith(BASELINE)}
+    unit = of_unit(nuisances)
     over_time = {name for name in nuisances if load and is_of_load(name)}
     known = {
         name: estimate

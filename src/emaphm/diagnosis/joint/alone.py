@@ -187,10 +187,15 @@ def _with_common_zero(
         shown = with_rotor_zero(one.searched, method, max_corrections, one.seed)
         if not is_sought(shown.objective):  # it is free now
             turned = one.selecting(shown, max_corrections).result
-            if with_hall_angles(one.searched, turned, method, max_corrections, one.seed) is not None:
-                return [each.with_laws((HALL_ANGLES,), method, max_corrections) for each in found], (
-                    HALL_ANGLES,
-                )
+            sensed = with_hall_angles(one.searched, turned, method, max_corrections, one.seed)
+            if sensed is not None:
+                with_sensors = [
+                    each.selecting(sensed, max_corrections)
+                    if each is one
+                    else each.with_laws((HALL_ANGLES,), method, max_corrections)
+                    for each in found
+                ]
+                return with_sensors, (HALL_ANGLES,)
             near = zero_of(shown)
             zeros = [
                 each.selecting(

@@ -1,6 +1,6 @@
 """The conclusion of a joint diagnosis: verdicts, intervals, and contradictions between recordings."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -12,7 +12,7 @@ from emaphm.diagnosis.diagnose import nuisance_estimates
 from emaphm.diagnosis.explanation.open_phases import undecided_between_phases
 from emaphm.diagnosis.identifiability import collinear_sets
 from emaphm.diagnosis.joint.result import JointDiagnosis, JointRecording
-from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
+from emaphm.diagnosis.nuisance_estimate import of_unit
 from emaphm.diagnosis.result import Diagnosis
 from emaphm.diagnosis.verdict import Estimate, estimates, unexplained
 from emaphm.estimation.joint.contradictions import contradictions, dissenting
@@ -21,7 +21,6 @@ from emaphm.estimation.joint.objective import JointObjective
 from emaphm.estimation.joint.uncertainty import JointUncertainty
 from emaphm.estimation.problem import rms
 from emaphm.estimation.search_result import SearchResult
-from emaphm.estimation.space.nuisances import BASELINE
 from emaphm.estimation.uncertainty.fisher_information import information
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at
 from emaphm.random_streams import stream
@@ -87,7 +86,7 @@ def conclusion(
             "recorded": np.concatenate([one.recorded for one in single]),
             "modelled": np.concatenate([one.modelled for one in single]),
             "channels": channels,
-            "nuisances": _of_unit(nuisance_estimates(results[0].objective, results[0].point, local)),
+            "nuisances": of_unit(nuisance_estimates(results[0].objective, results[0].point, local)),
             "collinear_sets": sets,
             "moves": any(one.moves for one in single),
             "recording_notes": tuple(
@@ -150,6 +149,7 @@ def _bias(joint: JointObjective, results: Sequence[SearchResult], point: Array, 
 def _recording(
     single: Diagnosis, alone: SearchResult, result: SearchResult, *, contradicts: bool
 ) -> JointRecording:
+    common = of_unit(single.nuisances)
     own = float(np.sqrt(np.mean(alone.fitted_residual[: alone.objective.problem.samples] ** 2)))
     return JointRecording(
         single.recording,
@@ -160,14 +160,9 @@ def _recording(
         single.residual_rms_A / max(own, np.finfo(float).tiny),
         contradicts,
         tuple(result.objective.space.faults(alone.point).tolist()),
-        {name: one for name, one in single.nuisances.items() if name not in _of_unit(single.nuisances)},
+        {name: one for name, one in single.nuisances.items() if name not in common},
         single.load,
     )
-
-
-def _of_unit(nuisances: Mapping[str, NuisanceEstimate]) -> dict[str, NuisanceEstimate]:
-    """Return those of the nuisances that are the unit's, common to all of its recordings."""
-    return {name: one for name, one in nuisances.items() if name.startswith(BASELINE)}
 
 
 def _undecided(one: Estimate) -> Estimate:

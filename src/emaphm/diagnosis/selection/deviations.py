@@ -7,7 +7,6 @@ from emaphm.diagnosis.selection.description_errors import possible_errors, with_
 from emaphm.diagnosis.selection.hidden_laws import HIDDEN_LAWS, suspected_laws
 from emaphm.diagnosis.selection.law_selection import (
     acts,
-    is_possible,
     search_with_law,
     select_laws,
     without_law,
@@ -122,12 +121,11 @@ def with_hall_angles(
     Than that with another zero of the rotor, `turned`: both move the commutation, but only with the sensors
     out of place does a phase conduct outside the flat of its back-EMF.
     """
-    if not is_possible(searched.objective.problem.actuator, LAWS[HALL_ANGLES]):
+    if not LAWS[HALL_ANGLES].is_possible(searched.objective.problem.actuator):
         return None
     sensed = search_with_law(searched, HALL_ANGLES, method, max_corrections, seed)
-    if not sensed.explained or share_of_residual(sensed, turned) >= SELECTION.likely_share:
-        return None
-    return sensed
+    leaves_less = sensed.explained and share_of_residual(sensed, turned) < SELECTION.likely_share
+    return sensed if leaves_less else None
 
 
 def _with_lag(

@@ -17,7 +17,7 @@ from emaphm.actuator import Actuator
 from emaphm.actuator.laws import LAWS, typical_dry_friction, typical_speed
 from emaphm.actuator.unit.baseline import SIGNED
 from emaphm.arrays import Array
-from emaphm.diagnosis.selection.law_selection import is_possible, with_free_law
+from emaphm.diagnosis.selection.law_selection import with_free_law
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.space.parameter_variation import varied
@@ -150,7 +150,7 @@ def hidden_scores(result: SearchResult, seed: int) -> dict[str, Score]:
     All are taken from one model that has them all, as good as neutral.
     """
     objective, problem = result.objective, result.objective.problem
-    laws = [law for law in HIDDEN if is_possible(problem.actuator, LAWS[law.name])]
+    laws = [law for law in HIDDEN if LAWS[law.name].is_possible(problem.actuator)]
     if not laws or any(problem.actuator.model_error.of(name) for name in problem.channels):
         return {}
     extended = objective

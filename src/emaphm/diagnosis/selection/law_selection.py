@@ -124,7 +124,7 @@ class _Trials:
     def corrected(self, suspects: tuple[str, ...]) -> dict[str, SearchResult]:
         """Return the promising ones of `suspects`, their bias corrected by the reference model."""
         for name in suspects:
-            if name not in self.fits and is_possible(self.before.objective.problem.actuator, LAWS[name]):
+            if name not in self.fits and LAWS[name].is_possible(self.before.objective.problem.actuator):
                 child = child_seed(self.seed, "law selection", name)
                 self.fits[name] = fit_with_law(self.before, LAWS[name], self.method, child)
         found = {}
@@ -228,11 +228,6 @@ def _promising(fits: list[LawFit]) -> list[LawFit]:
     far = sorted(fits, key=lambda one: one.far)[:count]
     near = sorted(fits, key=lambda one: one.near)[:count]
     return [one for one in fits if one in far or one in near or one.law in ONLY_WHILE_SWITCHING]
-
-
-def is_possible(actuator: Actuator, law: Law) -> bool:
-    """Return whether the actuator may have the law, which its description lacks."""
-    return not law.is_in(actuator) and not law.reason_against(actuator)
 
 
 def fit_with_law(result: SearchResult, law: Law, method: Method, seed: int) -> LawFit:

@@ -14,7 +14,6 @@ from emaphm.actuator.laws import LAWS
 from emaphm.arrays import Array
 from emaphm.diagnosis.selection.law_selection import (
     fit_with_law,
-    is_possible,
     with_best_lag,
     with_free_law,
 )
@@ -74,7 +73,7 @@ class LagComparison:
 
 def can_show_lag(problem: Problem) -> bool:
     """Return whether the switching would show a lag of the current, and none is known."""
-    return is_scanned(problem.actuator) and is_possible(problem.actuator, LAWS[SENSOR_LAG])
+    return is_scanned(problem.actuator) and LAWS[SENSOR_LAG].is_possible(problem.actuator)
 
 
 def is_lag_suspected(result: SearchResult, seed: int) -> bool:

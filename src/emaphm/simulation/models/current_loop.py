@@ -20,11 +20,37 @@ from emaphm.simulation.models.conducting_pair import NUMBERS, ConductingPair, co
 
 def current_loop(structure: Structure, *, averaged: bool) -> Callable[..., Any]:
     """Return the loop of an actuator's drive, averaged or switched."""
+    loop = _loop(structure, averaged=averaged)
+    return _lagging(loop) if structure.current_lag else _exact(loop)
+
+
+def _loop(structure: Structure, *, averaged: bool) -> Callable[..., Any]:
+    """Return the loop as a function that is also given what the sensor shows as the step begins.
+
+    That stands after the reference. It returns the current, the mean voltage, and its own next state.
+    """
     if not averaged:
-        return _switched_lagging if structure.current_lag else _switched
+        return _switched
     if structure.drive == "six-step":
-        return _controlled(structure)
+        return _controlled(conducting_pair(structure))
     return _following_lagging if structure.current_lag else _following
+
+
+def _exact(loop: Callable[..., Any]) -> Callable[..., Any]:
+    def sensed(s: Any, p: Any, u: Any, reference: Any, *winding: Any) -> Any:
+        current, voltage, own = loop(s, p, u, reference, s.current, *winding)
+        return current, current, voltage, own
+
+    return sensed
+
+
+def _lagging(loop: Callable[..., Any]) -> Callable[..., Any]:
+    def sensed(s: Any, p: Any, u: Any, reference: Any, *winding: Any) -> Any:
+        current, voltage, own = loop(s, p, u, reference, s.sensed, *winding)
+        shown = approach(s.sensed, current, p.sensed_share)
+        return current, shown, voltage, (shown, *own)
+
+    return sensed
 
 
 def _switched(
@@ -32,28 +58,15 @@ def _switched(
     p: Any,  # noqa: ARG001
     u: Any,
     reference: Any,
+    shown: Any,
     supply: Any,
     back_emf: Any,
     conductance: Any,
     decay: Any,
 ) -> Any:
-    side = _side(reference, s.current)
+    side = select(reference > shown, 1.0, select(reference < shown, -1.0, 0.0))
     current = u.enabled * winding_current(s.current, side * supply - back_emf, conductance, decay)
-    return current, current, mean_voltage(s.current, current, back_emf, conductance, decay), ()
-
-
-def _switched_lagging(
-    s: Any, p: Any, u: Any, reference: Any, supply: Any, back_emf: Any, conductance: Any, decay: Any
-) -> Any:
-    side = _side(reference, s.sensed)
-    current = u.enabled * winding_current(s.current, side * supply - back_emf, conductance, decay)
-    sensed = approach(s.sensed, current, p.sensed_share)
-    return current, sensed, mean_voltage(s.current, current, back_emf, conductance, decay), (sensed,)
-
-
-def _side(reference: Any, shown: Any) -> Any:
-    """Return the side of the supply that is switched on, 1, -1 or 0, by the current that the sensor shows."""
-    return select(reference > shown, 1.0, select(reference < shown, -1.0, 0.0))
+    return current, mean_voltage(s.current, current, back_emf, conductance, decay), ()
 
 
 def _following(
@@ -61,6 +74,7 @@ def _following(
     p: Any,  # noqa: ARG001
     u: Any,
     reference: Any,
+    shown: Any,  # noqa: ARG001
     supply: Any,
     back_emf: Any,
     conductance: Any,
@@ -69,49 +83,31 @@ def _following(
     lowest = winding_current(s.current, -supply - back_emf, conductance, decay)
     highest = winding_current(s.current, supply - back_emf, conductance, decay)
     current = u.enabled * clip(reference, lowest, highest)
-    return current, current, mean_voltage(s.current, current, back_emf, conductance, decay), ()
+    return current, mean_voltage(s.current, current, back_emf, conductance, decay), ()
 
 
-def _following_lagging(
-    s: Any, p: Any, u: Any, reference: Any, supply: Any, back_emf: Any, conductance: Any, decay: Any
-) -> Any:
+def _following_lagging(s: Any, p: Any, u: Any, reference: Any, shown: Any, *winding: Any) -> Any:
     # The drive sees the sensor's current, and brings that to the reference. What the comparators' late turn
     # does to the mean is left out: with three legs it has neither the size nor always the sign of one leg's.
-    target = reference + p.sensed_lead * (reference - s.sensed)
-    lowest = winding_current(s.current, -supply - back_emf, conductance, decay)
-    highest = winding_current(s.current, supply - back_emf, conductance, decay)
-    current = u.enabled * clip(target, lowest, highest)
-    sensed = approach(s.sensed, current, p.sensed_share)
-    return current, sensed, mean_voltage(s.current, current, back_emf, conductance, decay), (sensed,)
+    target = reference + p.sensed_lead * (reference - shown)
+    return _following(s, p, u, target, shown, *winding)
 
 
-def _controlled(structure: Structure) -> Callable[..., Any]:
+def _controlled(pair: ConductingPair) -> Callable[..., Any]:
     """Return the sampled loop of a six-step drive, whose voltage follows half a period and more later."""
-    pair = conducting_pair(structure)
-    driven = _driven(pair)
 
     def controlled(
-        s: Any, p: Any, u: Any, reference: Any, supply: Any, back_emf: Any, conductance: Any, decay: Any
+        s: Any,
+        p: Any,
+        u: Any,
+        reference: Any,
+        shown: Any,
+        supply: Any,
+        back_emf: Any,
+        conductance: Any,
+        decay: Any,
     ) -> Any:
-        error = reference - pair.shown(s, p, u.step, s.current)
-        current, voltage, own = driven(s, p, u, error, supply, back_emf, conductance, decay)
-        return current, current, voltage, own
-
-    def controlled_lagging(
-        s: Any, p: Any, u: Any, reference: Any, supply: Any, back_emf: Any, conductance: Any, decay: Any
-    ) -> Any:
-        error = reference - pair.shown(s, p, u.step, s.sensed)
-        current, voltage, own = driven(s, p, u, error, supply, back_emf, conductance, decay)
-        sensed = approach(s.sensed, current, p.sensed_share)
-        return current, sensed, voltage, (sensed, *own)
-
-    return controlled_lagging if structure.current_lag else controlled
-
-
-def _driven(pair: ConductingPair) -> Callable[..., Any]:
-    def driven(
-        s: Any, p: Any, u: Any, error: Any, supply: Any, back_emf: Any, conductance: Any, decay: Any
-    ) -> Any:
+        error = reference - pair.shown(s, p, u.step, shown)
         demanded, integral = limited_pi(
             error, s.current_integral, p.current_gain, p.current_integral_gain, supply, u.step
         )
@@ -128,4 +124,4 @@ def _driven(pair: ConductingPair) -> Callable[..., Any]:
         own = (u.enabled * integral, u.enabled * lagging, u.enabled * outgoing, share, idle)
         return current, u.enabled * voltage, own
 
-    return driven
+    return controlled
