@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from emaphm.arrays import Array
 from emaphm.diagnosis.explanation.alternatives import beyond_a_delay
+from emaphm.diagnosis.selection.control_errors import contradicted_control
 from emaphm.diagnosis.selection.description_errors import possible_errors
 from emaphm.diagnosis.selection.hidden_laws import suspected_laws
 from emaphm.diagnosis.verdict import Estimate, estimates
@@ -49,6 +50,7 @@ def _undescribed(result: SearchResult, seed: int) -> tuple[str, ...]:
         laws = " or ".join(f"'{name}'" for name in names)
         return (f"its faults may be a law that the actuator's description lacks: {laws}",)
     parameters = [name for one in possible_errors(corrected, (), seed) for name in one.parameters]
+    parameters += contradicted_control(corrected, seed)
     if parameters:
         return (f"its faults may be parameters that are not as described: {', '.join(parameters)}",)
     return ()

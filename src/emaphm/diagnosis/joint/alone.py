@@ -14,6 +14,7 @@ import numpy as np
 from emaphm.actuator import Actuator
 from emaphm.diagnosis.diagnose import moves_at, objective_for
 from emaphm.diagnosis.identifiability import identifiability
+from emaphm.diagnosis.selection.control_errors import with_control_errors
 from emaphm.diagnosis.selection.description_errors import suspected_parameters, with_free
 from emaphm.diagnosis.selection.deviations import (
     HALL_ANGLES,
@@ -104,6 +105,13 @@ class _Alone:
         result, names, _ = with_description_error(self.searched, before, method, max_corrections, self.seed)
         return replace(self, found=replace(self.found, result=result, names=names))
 
+    def with_control_errors(self, method: Method, max_corrections: int) -> Self:
+        """Return the estimate with gains of the control free that are off, where it moves."""
+        if not self.moves:
+            return self
+        searched = with_control_errors(self.searched, method, max_corrections, self.seed)
+        return self if searched is self.searched else self.selecting(searched, max_corrections)
+
     def with_varying_load(self, method: Method, max_corrections: int) -> Self:
         """Return the estimate with a load of its own that varies, where that explains it better."""
         if self.searched.explained or not (self.is_corrected and self.moves):
@@ -163,10 +171,14 @@ def search_alone(
         if on_progress:
             on_progress((r + 1) / len(recordings))
     if nuisances is None and all(one.is_corrected for one in found):
+        asked = [one.with_control_errors(method, max_corrections) for one in found]
+        found = _with_common_parameters(found, asked, method, max_corrections)
         found, sensors = _with_common_zero(found, method, max_corrections)
         found, others = _with_common_laws(found, method, max_corrections)
         laws = (*sensors, *others)
-        found = found if laws else _with_description_errors(found, method, max_corrections)
+        if not laws:
+            asked = [one.with_description_error(method, max_corrections) for one in found]
+            found = _with_common_parameters(found, asked, method, max_corrections)
     selected = tuple(dict.fromkeys(name for one in found for name in one.found.names))
     alone = [_with_all(one.result, one.found.names, selected, max_corrections, seed) for one in found]
     load = VARYING_LOAD if any(one.load_varies for one in found) else ()
@@ -229,9 +241,13 @@ def _with_common_laws(
     return (with_them, laws) if explained > before or not unexplained else (found, ())
 
 
-def _with_description_errors(found: list[_Alone], method: Method, max_corrections: int) -> list[_Alone]:
-    """Return the estimates with parameters free, in all, that are off in `LEAST_SHARE` of them at least."""
-    asked = [one.with_description_error(method, max_corrections) for one in found]
+def _with_common_parameters(
+    found: list[_Alone], asked: list[_Alone], method: Method, max_corrections: int
+) -> list[_Alone]:
+    """Return the estimates with parameters free, in all, that are off in `LEAST_SHARE` of them at least.
+
+    `asked` are those `found` with the parameters free that each shows by itself.
+    """
     open_before = found[0].parameters
     counts = Counter(name for one in asked for name in one.parameters if name not in open_before)
     free = tuple(name for name, count in counts.items() if count >= LEAST_SHARE * len(found))

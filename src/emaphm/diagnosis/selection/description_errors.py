@@ -21,7 +21,13 @@ from emaphm.actuator import NAMES
 from emaphm.actuator.actuator import described_parts
 from emaphm.diagnosis.selection.law_selection import fit_of, with_open
 from emaphm.diagnosis.selection.profile import INERTIA
-from emaphm.diagnosis.selection.settings import DESCRIPTION_ERRORS, MOTOR, ROTOR_ZERO
+from emaphm.diagnosis.selection.settings import (
+    CURRENT_CONTROL,
+    DESCRIPTION_ERRORS,
+    MOTOR,
+    ROTOR_ZERO,
+    SPEED_CONTROL,
+)
 from emaphm.diagnosis.verdict import VERDICT
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.methods import Method
@@ -116,7 +122,7 @@ def suspected_parameters(result: SearchResult) -> tuple[str, ...]:
     """Return the names, among the quantities of `result`, of parameters that were estimated unasked."""
     actuator, parameters = result.objective.problem.actuator, result.objective.space.nuisances.parameters
     asked = ParameterVariation.of_unit(actuator).parameters
-    suspects = (*SPEED_LOOP, *MOTOR, ROTOR_ZERO)
+    suspects = (*SPEED_CONTROL, *MOTOR, ROTOR_ZERO, *CURRENT_CONTROL)
     return tuple(BASELINE + name for name in suspects if name in parameters and name not in asked)
 
 

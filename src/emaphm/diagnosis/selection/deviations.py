@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from emaphm.actuator.laws import LAWS
+from emaphm.diagnosis.selection.control_errors import with_control_errors
 from emaphm.diagnosis.selection.description_errors import possible_errors, with_free
 from emaphm.diagnosis.selection.hidden_laws import HIDDEN_LAWS, suspected_laws
 from emaphm.diagnosis.selection.law_selection import (
@@ -49,6 +50,7 @@ def select_deviations(
     if not (moves and resolves_switching(searched.objective.problem)):
         found = select_nuisances(searched, max_corrections, seed)
         return found.result, found.names, ()
+    searched = with_control_errors(searched, method, max_corrections, seed)
     loaded = None if searched.explained else with_varying_load(searched, method, max_corrections, seed)
     convincing = loaded is not None and loaded.normalised_residual < VARYING.convincing
     alone = _selection(searched, method, max_corrections, seed, laws=not convincing)

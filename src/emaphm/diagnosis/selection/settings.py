@@ -10,6 +10,10 @@ ROTOR_ZERO = "rotor_zero"
 MOTOR = ("torque_constant", "inductance", "resistance")
 """Parameters of the windings, which are asked for together."""
 
+SPEED_CONTROL = ("speed_gain", "integral_gain")
+CURRENT_CONTROL = ("current_gain", "current_integral_gain")
+"""Gains of the control loops."""
+
 
 @dataclass(frozen=True)
 class NuisanceSelectionSettings:
@@ -115,13 +119,29 @@ class DescriptionErrorSettings:
     prior: float = 0.1
     step: float = 0.02
     zero_prior: float = 1.2
+    control_prior: float = 0.5
 
     def prior_of(self, parameter: str) -> float:
         """Return the standard deviation of a parameter's coordinate, where it is estimated unasked."""
+        if parameter in (*SPEED_CONTROL, *CURRENT_CONTROL):
+            return self.control_prior
         return self.zero_prior if parameter == ROTOR_ZERO else self.prior
 
 
 DESCRIPTION_ERRORS = DescriptionErrorSettings()
+
+
+@dataclass(frozen=True)
+class ControlErrorSettings:
+    """When gains of the control are asked for, and when they are kept."""
+
+    least: float = 0.02
+    score: float = 2.0
+    unexplained_share: float = 0.5
+    step: float = 0.05
+
+
+CONTROL_ERRORS = ControlErrorSettings()
 
 
 def widening(name: str) -> float:
