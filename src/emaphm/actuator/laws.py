@@ -252,6 +252,13 @@ _ALL = (
         lambda actuator, speed: {"controller": {"speed_lag": 5e-4}},  # noqa: ARG005
     ),
     Law(
+        "speed-integral",
+        ("integral_gain",),
+        "motion under dry friction or a load, with the position or the speed recorded",
+        # The integral takes 30 ms for what the proportional part does at once.
+        lambda actuator, speed: {"controller": {"integral_gain": 30 * actuator.controller.speed_gain}},  # noqa: ARG005
+    ),
+    Law(
         "saturation",
         ("saturation",),
         "large currents and small ones at like speeds: hard accelerations and steady motion",

@@ -12,7 +12,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from emaphm.actuator.actuator import described_parts
+from emaphm.actuator.laws import LAWS
 from emaphm.diagnosis.selection.description_errors import objective_with, with_free
+from emaphm.diagnosis.selection.law_selection import search_with_law, without_law
 from emaphm.diagnosis.selection.nuisance_selection import share_of_residual
 from emaphm.diagnosis.selection.settings import CONTROL_ERRORS, CURRENT_CONTROL, SELECTION, SPEED_CONTROL
 from emaphm.estimation.methods import Method
@@ -22,6 +24,7 @@ from emaphm.estimation.uncertainty.local_covariance import jacobians_of
 from emaphm.estimation.uncertainty.partial_regression import regressed
 from emaphm.random_streams import stream
 
+SPEED_INTEGRAL = "speed-integral"
 CONTROL = (*SPEED_CONTROL, *CURRENT_CONTROL)
 
 
@@ -37,25 +40,52 @@ def with_control_errors(
 ) -> SearchResult:
     """Return the estimate with gains of the control free, where the recording shows that they are off.
 
-    Where it is explained, those of the current control that the residual shows; where it is not, all, if they
-    leave clearly less. Elsewhere `searched` as it is.
+    Where it is explained, those of the current control that the residual shows; where it is not, all. They
+    must leave clearly less than `searched`, which is returned as it is elsewhere; and than the search without
+    them from where they lead, which is returned where it has only found its way better.
     """
-    if searched.explained:
-        names = contradicted_control(searched, seed)
-        least = SELECTION.likely_share, 0.0
-    else:
-        names = as_described(searched.objective, CONTROL)
-        least = SELECTION.likely_share, CONTROL_ERRORS.unexplained_share
+    names, least = _asked_for(searched, seed)
     if not names:
         return searched
     found = with_free(searched, names, method, max_corrections, seed)
-    return found if share_of_residual(found, searched) < least[not found.explained] else searched
+    if not found.explained:
+        least = 0.0 if searched.explained else CONTROL_ERRORS.unexplained_share
+    if share_of_residual(found, searched) >= least:
+        return searched
+    back = without_law(found, searched, max_corrections, seed)
+    if share_of_residual(found, back) < least:
+        return found
+    return back if back.explained else searched
+
+
+def with_speed_integral(
+    searched: SearchResult, method: Method, max_corrections: int, seed: int
+) -> SearchResult | None:
+    """Return the estimate with an integral part of the speed loop, if that explains what `searched` does not.
+
+    None unless it leaves no more than noise: other laws are tried elsewhere, and compared with it.
+    """
+    if searched.explained or not LAWS[SPEED_INTEGRAL].is_possible(searched.objective.problem.actuator):
+        return None
+    found = search_with_law(searched, SPEED_INTEGRAL, method, max_corrections, seed)
+    convincing = found.explained and found.normalised_residual < CONTROL_ERRORS.convincing
+    return found if convincing else None
 
 
 def contradicted_control(result: SearchResult, seed: int) -> tuple[str, ...]:
     """Return the gains of the current control if the residual shows one of them to be off."""
     names = as_described(result.objective, CURRENT_CONTROL)
-    return names if names and _score(result, names, seed) > CONTROL_ERRORS.score else ()
+    return names if names and _score(result, names, seed) > CONTROL_ERRORS.likely else ()
+
+
+def _asked_for(searched: SearchResult, seed: int) -> tuple[tuple[str, ...], float]:
+    """Return the gains that are asked for, and what share of the residual they may leave."""
+    if not searched.explained:
+        return as_described(searched.objective, CONTROL), SELECTION.likely_share
+    names = as_described(searched.objective, CURRENT_CONTROL)
+    score = _score(searched, names, seed) if names else 0.0
+    least = 1.0 if score > CONTROL_ERRORS.certain else SELECTION.likely_share
+    return names if score > CONTROL_ERRORS.likely else (), least
 
 
 def _score(result: SearchResult, names: tuple[str, ...], seed: int) -> float:

@@ -53,6 +53,10 @@ def _of_commutation(actuator: Actuator) -> Array:
     return np.array([1.0, 1 / (poles * typical_speed(actuator))])
 
 
+def _of_speed_gain(actuator: Actuator) -> float:
+    return actuator.controller.speed_gain
+
+
 def _absolute(actuator: Actuator) -> float:  # noqa: ARG001
     return 1.0
 
@@ -65,6 +69,7 @@ HIDDEN = (
     HiddenLaw("hall-angles", _absolute, 0.015),
     HiddenLaw("commutation-lag", _of_commutation, 0.006),
     HiddenLaw("speed-lag", _absolute, 5e-5),
+    HiddenLaw("speed-integral", _of_speed_gain, 2.0),
     HiddenLaw("load-dependent", _absolute, 0.004),
     HiddenLaw("cogging", typical_dry_friction, 0.02),
 )

@@ -41,6 +41,7 @@ SUSPECTS = (
     "source-resistance",
     "cogging",
     "speed-lag",
+    "speed-integral",
     "saturation",
     "inverter-drop",
     "emf-flats",

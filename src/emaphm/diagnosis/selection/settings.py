@@ -136,8 +136,10 @@ class ControlErrorSettings:
     """When gains of the control are asked for, and when they are kept."""
 
     least: float = 0.02
-    score: float = 2.0
+    likely: float = 2.0
+    certain: float = 3.0
     unexplained_share: float = 0.5
+    convincing: float = 1.0
     step: float = 0.05
 
 
