@@ -12,6 +12,10 @@ from emaphm.errors import ActuatorError, nearest
 
 MACHINES: dict[str, tuple[str, str]] = {
     "bldc": ("thesis", "three-phase brushless motor, trapezoidal back-EMF, hysteresis current control"),
+    "six-step": (
+        "six-step",
+        "three-phase brushless motor, trapezoidal back-EMF, PI current control with pulse-width modulation",
+    ),
     "pmsm": ("pmsm", "three-phase permanent-magnet synchronous motor, field-oriented control"),
     "dc": ("dc", "DC motor behind an ideal current loop"),
 }

@@ -12,8 +12,8 @@ from emaphm.actuator import NAMES
 from emaphm.cli import main
 from emaphm.errors import StudyError
 from emaphm.report.accuracy_page import accuracy_page
+from emaphm.report.drive_page import drive_page
 from emaphm.report.limits_page import limits_page
-from emaphm.report.pmsm_page import pmsm_page
 from emaphm.study import Plan, Store
 from emaphm.study.analysis.limits import SettingRates
 from emaphm.study.analysis.rates import (
@@ -312,21 +312,21 @@ def test_the_command_writes_the_page_and_its_figures(
     assert f"written: {out / 'limits.md'}" in capsys.readouterr().out
 
 
-# The motor under field-oriented control
+# Drives
 
 
-def test_the_page_of_the_pmsm_has_a_dash_where_a_plan_has_no_such_cases() -> None:
+def test_the_page_of_a_drive_has_a_dash_where_a_plan_has_no_such_cases() -> None:
     plan = Plan.load("pmsm")
 
     def wrong_by_a_case(trial: Trial) -> dict[str, Any]:
         return {"error_percent": {"named": 0.5, "random": 0.25}.get(trial.case_kind, 0.125)}
 
-    page = pmsm_page(plan, results(plan, 1.0, wrong_by_a_case))
+    page = drive_page(plan, results(plan, 1.0, wrong_by_a_case))
     assert "not complete" not in page
     assert "| noise-free | 0.5 / 0.5 | 0.25 / 0.25 / 0.25 | 200 | 100 % | 100 % | – | – |" in page
     base = "| base setting: current and line voltage | – | 0.25 / 0.25 / 0.25 | 200 | 100 % | 100 % | 100 % |"
     assert f"{base} 0.0 % |" in page
     with pytest.raises(StudyError, match="no run of 'noise-free' with random cases"):
-        pmsm_page(plan, results(plan).filter(pl.col("case_kind") != "random"))
+        drive_page(plan, results(plan).filter(pl.col("case_kind") != "random"))
     with pytest.raises(StudyError, match="needs"):
-        pmsm_page(plan.model_copy(update={"sections": ()}), results(plan))
+        drive_page(plan.model_copy(update={"sections": ()}), results(plan))

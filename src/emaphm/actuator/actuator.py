@@ -28,7 +28,7 @@ from emaphm.errors import ActuatorError
 from emaphm.input_files import read_toml
 from emaphm.output_files import written_whole
 
-PRESETS = ("thesis", "pmsm", "dc")
+PRESETS = ("thesis", "six-step", "pmsm", "dc")
 
 
 class Actuator(Section):
@@ -206,6 +206,16 @@ class Actuator(Section):
         )
 
     @classmethod
+    def six_step(cls) -> Self:
+        """Return the thesis's mechanics and motor under six-step control with 20 kHz PWM.
+
+        The gains are those of `pmsm`, for the same reasons.
+        """
+        controlled = cls.pmsm()
+        drive = controlled.drive.model_copy(update={"kind": "six-step"}) if controlled.drive else None
+        return controlled.model_copy(update={"name": "six-step", "drive": drive})
+
+    @classmethod
     def dc(cls) -> Self:
         """Return the thesis's mechanics behind a DC motor whose current loop is ideal: it has no windings.
 
@@ -244,7 +254,9 @@ class Actuator(Section):
     @classmethod
     def load(cls, name: str | Path) -> Self:
         """Return the built-in actuator `name`, one of `PRESETS`, or the one in the TOML file of that path."""
-        return getattr(cls, str(name))() if str(name) in PRESETS else cls.from_toml(name)
+        if str(name) not in PRESETS:
+            return cls.from_toml(name)
+        return getattr(cls, str(name).replace("-", "_"))()
 
     def to_toml(self, path: str | Path, *, comments: str = "", ending: str = "") -> None:
         """Write the actuator as TOML, each value with its meaning and unit.

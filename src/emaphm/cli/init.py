@@ -15,7 +15,8 @@ def init(
     out: Annotated[Path, Parameter(name=("--out", "-o"), help="Description to write: .toml.")],
     *,
     machine: Annotated[
-        str | None, Parameter(name="--from", help="bldc, pmsm or dc: write that one, without questions.")
+        str | None,
+        Parameter(name="--from", help="bldc, six-step, pmsm or dc: write that one, without questions."),
     ] = None,
     force: Force = False,
     as_json: AsJson = False,
@@ -65,7 +66,7 @@ def _ask(question: str, present: str) -> str:
     if not line:
         raise SignalError(
             "init: the answers ended before the questions, and nothing was written; answer them all, or give "
-            "--from bldc, pmsm or dc"
+            "--from bldc, six-step, pmsm or dc"
         )
     return line
 

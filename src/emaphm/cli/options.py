@@ -33,7 +33,10 @@ Seed = Annotated[
 ]
 Force = Annotated[bool, Parameter(negative="", help="Replace existing output files.")]
 ActuatorFile = Annotated[
-    str, Parameter(help="TOML description of the actuator, or a built-in one: 'thesis', 'pmsm', 'dc'.")
+    str,
+    Parameter(
+        help="TOML description of the actuator, or a built-in one: 'thesis', 'six-step', 'pmsm', 'dc'."
+    ),
 ]
 FaultList = Annotated[
     tuple[str, ...],

@@ -4,8 +4,8 @@ from pathlib import Path
 
 from emaphm.output_files import make_folder, written_whole
 from emaphm.report.accuracy_page import accuracy_page
+from emaphm.report.drive_page import HEADINGS, drive_page
 from emaphm.report.limits_page import limits_page
-from emaphm.report.pmsm_page import pmsm_page
 from emaphm.study.store import Store
 
 
@@ -23,8 +23,8 @@ def write_study_page(store: Store, folder: str | Path) -> list[Path]:
     figures: dict[str, bytes] = {}
     if plan.page == "accuracy":
         page = accuracy_page(plan, store.results)
-    elif plan.page == "pmsm":
-        page = pmsm_page(plan, store.results)
+    elif plan.page in HEADINGS:
+        page = drive_page(plan, store.results)
     else:
         page, figures = limits_page(plan, store.results, str(plan.page))
     contents = {

@@ -33,6 +33,7 @@ BUILT_IN = (
     "plants",
     "data_sheets",
     "pmsm",
+    "six_step",
 )
 """Plans that come with the package."""
 
@@ -69,7 +70,7 @@ class Plan(Section):
 
     name: Label
     description: str = ""
-    page: Literal["accuracy", "limits", "plants", "data_sheets", "pmsm"] | None = None
+    page: Literal["accuracy", "limits", "plants", "data_sheets", "pmsm", "six_step"] | None = None
     runs: Count
     seed: Annotated[int, Field(ge=0)] = 0
     actuator: Actuator = Actuator.thesis()

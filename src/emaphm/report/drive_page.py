@@ -1,4 +1,4 @@
-"""The page of the study `pmsm`: a diagnosis of a motor under field-oriented control."""
+"""The page of a study of a drive: how well faults are found behind it."""
 
 from collections.abc import Callable
 
@@ -16,6 +16,12 @@ from emaphm.study.analysis.rates import (
 )
 from emaphm.study.plan import PageRow, Plan
 
+HEADINGS = {
+    "pmsm": "A motor under field-oriented control",
+    "six_step": "A motor under six-step control",
+}
+"""By page."""
+
 HEADER = (
     "single faults: mean / worst error, %",
     "random faults: median / 95th percentile / worst, %",
@@ -27,7 +33,7 @@ HEADER = (
 )
 
 
-def pmsm_page(plan: Plan, runs: pl.DataFrame) -> str:
+def drive_page(plan: Plan, runs: pl.DataFrame) -> str:
     """Return the page as Markdown; `runs` are the finished trials of `plan`.
 
     Raises
@@ -36,9 +42,9 @@ def pmsm_page(plan: Plan, runs: pl.DataFrame) -> str:
         The plan has no sections, or a row of the page has no finished trial.
     """
     if not plan.sections:
-        raise StudyError("page 'pmsm' needs [[sections]] in its plan; add them")
+        raise StudyError(f"page '{plan.page}' needs [[sections]] in its plan; add them")
     lines = [
-        "# A motor under field-oriented control\n",
+        f"# {HEADINGS[str(plan.page)]}\n",
         *incomplete(runs.height, plan.total),
         f"Made by `make study`, from the plan `{plan.name}`. {plan.description}\n",
     ]
