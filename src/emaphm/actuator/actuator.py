@@ -256,7 +256,8 @@ class Actuator(Section):
         """Return the built-in actuator `name`, one of `PRESETS`, or the one in the TOML file of that path."""
         if str(name) not in PRESETS:
             return cls.from_toml(name)
-        return getattr(cls, str(name).replace("-", "_"))()
+        preset: Self = getattr(cls, str(name).replace("-", "_"))()
+        return preset
 
     def to_toml(self, path: str | Path, *, comments: str = "", ending: str = "") -> None:
         """Write the actuator as TOML, each value with its meaning and unit.

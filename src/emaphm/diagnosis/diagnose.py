@@ -12,6 +12,7 @@ from emaphm.blas_threads import one_blas_thread
 from emaphm.diagnosis.explanation.alternatives import with_alternatives
 from emaphm.diagnosis.explanation.one_way import modelled_position, undecided_where_one_way
 from emaphm.diagnosis.explanation.open_phases import undecided_between_phases
+from emaphm.diagnosis.explanation.other_drive import other_drive
 from emaphm.diagnosis.explanation.reasons import idle_channels, reasons_against, unseen_inertia
 from emaphm.diagnosis.explanation.without_fault import tested_by_refits
 from emaphm.diagnosis.identifiability import identifiability
@@ -134,19 +135,15 @@ def diagnose(
     )
     name, notes = _searched_by(chosen, starts, result)
     recording = recording.with_channels(recording.channels, notes) if notes else recording
-    selected: tuple[str, ...] = ()
-    laws: tuple[str, ...] = ()
-    if chosen.least_squares and result.discrepancy is not None:
+    corrected = chosen.least_squares and result.discrepancy is not None
+    if corrected:
         result = with_asked_supply(result, max_corrections, seed)
-    if nuisances is None and chosen.least_squares and result.discrepancy is not None:
-        moves = moves_at(result.objective, result.point)
-        result, selected, laws = select_deviations(result, chosen, max_corrections, seed, moves=moves)
-    result = with_discrepancy(result, seed)
-    diagnosis = replace(
-        conclude(result, recording, name, fitness, seed),
-        selected=(*selected, *suspected_parameters(result)),
-        laws=laws,
-    ).with_sensor_faults((*sensors.findings, *exchanged))
+    if corrected and nuisances is None:
+        diagnosis, result = _with_deviations(result, recording, name, chosen, max_corrections, seed)
+    else:
+        result = with_discrepancy(result, seed)
+        diagnosis = conclude(result, recording, name, fitness, seed)
+    diagnosis = diagnosis.with_sensor_faults((*sensors.findings, *exchanged))
     if posterior:
         from emaphm.estimation.posterior.mcmc import sample
 
@@ -161,6 +158,24 @@ def diagnose(
         reference_runs=reference_runs,
         seconds=time.perf_counter() - began,
     )
+
+
+def _with_deviations(
+    searched: SearchResult, recording: Recording, name: str, method: Method, max_corrections: int, seed: int
+) -> tuple[Diagnosis, SearchResult]:
+    """Return the diagnosis with what deviates from the description, and the estimate that it is made of."""
+    moves = moves_at(searched.objective, searched.point)
+    found, selected, laws = select_deviations(searched, method, max_corrections, seed, moves=moves)
+    found = with_discrepancy(found, seed)
+    diagnosis = replace(
+        conclude(found, recording, name, "least_squares", seed),
+        selected=(*selected, *suspected_parameters(found)),
+        laws=laws,
+    )
+    if moves and not diagnosis.explained:
+        drives = other_drive(searched, found, method, max_corrections, seed)
+        diagnosis = replace(diagnosis, reasons=(*drives, *diagnosis.reasons))
+    return diagnosis, found
 
 
 def _searched_by(method: Method, starts: Starts | None, result: SearchResult) -> tuple[str, tuple[str, ...]]:
