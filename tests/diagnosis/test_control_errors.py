@@ -1,6 +1,7 @@
 """Gains of the control that are not as described: found with the faults, which do not take them up."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -9,10 +10,12 @@ from cases import THESIS, on_a_rig
 from emaphm.actuator import Actuator, Faults
 from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
 from emaphm.diagnosis import diagnose, error_percent
+from emaphm.diagnosis.explanation.other_drive import GAINS, other_drive
 from emaphm.diagnosis.joint import diagnose_joint
 from emaphm.diagnosis.selection.control_errors import CONTROL, as_described, contradicted_control
 from emaphm.diagnosis.selection.settings import CURRENT_CONTROL
 from emaphm.estimation.bias_correction import correct_bias
+from emaphm.estimation.methods import method_named
 from emaphm.estimation.objective import faults_objective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
@@ -91,3 +94,24 @@ def test_recordings_of_one_unit_share_its_gains() -> None:
     assert found.explained
     assert found.selected == tuple(f"baseline {name}" for name in CURRENT_CONTROL)
     assert error_percent(FAULTS.vector, found.faults.vector) < 0.5
+
+
+@pytest.mark.parametrize(
+    ("plant", "described"), [(SIX_STEP, THESIS), (THESIS, SIX_STEP)], ids=["six-step", "hysteresis"]
+)
+def test_a_drive_of_another_kind_is_named_with_its_gains(plant: Actuator, described: Actuator) -> None:
+    found = near_the_truth(plant, described)
+    (reason,) = other_drive(found, found, method_named("hybrid"), 2, seed=0)
+    assert f"kind '{plant.drive_kind}'" in reason
+    for name, value in lumped_parameters(plant, GAINS[plant.drive_kind]).items():
+        shown = re.search(rf"{name} ([0-9.e+]+)", reason)
+        assert shown is not None
+        assert float(shown[1]) == pytest.approx(value, rel=0.1)
+
+
+def test_no_other_drive_is_named_where_the_kind_is_right() -> None:
+    lossy = differing(THESIS, coulomb=3.0)
+    found = near_the_truth(lossy, THESIS)
+    assert other_drive(found, found, method_named("hybrid"), 2, seed=0) == ()
+    field_oriented = near_the_truth(PMSM, PMSM)
+    assert other_drive(field_oriented, field_oriented, method_named("hybrid"), 2, seed=0) == ()
