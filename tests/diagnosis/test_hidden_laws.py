@@ -8,6 +8,7 @@ from emaphm.actuator import Actuator, Faults
 from emaphm.actuator.laws import LAWS, typical_speed
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.diagnosis import diagnose
+from emaphm.diagnosis.selection import hidden_laws, law_selection
 from emaphm.diagnosis.selection.hidden_laws import hidden_scores, suspected_laws
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.objective import faults_objective
@@ -82,7 +83,10 @@ def test_late_commutation_is_suspected_and_sized() -> None:
     assert sum(found) == pytest.approx(0.03 + 3e-5 * 2 * typical_speed(THESIS), abs=0.01)
 
 
-def test_narrow_flats_of_the_back_emf_are_no_short() -> None:
+def test_narrow_flats_of_the_back_emf_are_no_short(monkeypatch: pytest.MonkeyPatch) -> None:
+    rivals = ("emf-flats", "emf-sine", "saturation", "inverter-drop")
+    monkeypatch.setattr(hidden_laws, "HIDDEN", [law for law in hidden_laws.HIDDEN if law.name in rivals])
+    monkeypatch.setattr(law_selection, "SUSPECTS", rivals)
     found = diagnose(on_a_rig(with_law("emf-flats", 0.35), Faults(0.2, short_b=0.1), 0.2), THESIS)
     assert found.explained
     assert found.laws == ("emf-flats",)

@@ -14,6 +14,7 @@ from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.cli import main
 from emaphm.diagnosis import diagnose
 from emaphm.diagnosis.joint import JointDiagnosis, diagnose_joint
+from emaphm.diagnosis.selection import hidden_laws
 from emaphm.errors import MethodError
 from emaphm.recording import Recording, acquire, write_recording
 from emaphm.simulated_recording import simulate
@@ -156,7 +157,11 @@ def test_of_two_that_contradict_each_other_neither_is_believed() -> None:
     assert {one.verdict for one in found.components.values()} == {"cannot tell"}
 
 
-def test_a_law_that_the_description_lacks_is_common_to_all() -> None:
+def test_a_law_that_the_description_lacks_is_common_to_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Which of the laws it is stands in `test_hidden_laws.py`.
+    monkeypatch.setattr(
+        hidden_laws, "HIDDEN", [law for law in hidden_laws.HIDDEN if law.name in ("saturation", "speed-lag")]
+    )
     unit = with_lumped_parameters(LAWS["saturation"].added_to(THESIS), {"saturation": 0.01})
     found = diagnose_joint([on_a_rig(unit, FAULTS, 0.2, seed=seed) for seed in range(2)], THESIS)
     assert found.explained

@@ -69,7 +69,7 @@ HIDDEN = (
     HiddenLaw("hall-angles", _absolute, 0.015),
     HiddenLaw("commutation-lag", _of_commutation, 0.006),
     HiddenLaw("speed-lag", _absolute, 5e-5),
-    HiddenLaw("speed-integral", _of_speed_gain, 2.0),
+    HiddenLaw("speed-integral", _of_speed_gain, 5.0),
     HiddenLaw("load-dependent", _absolute, 0.004),
     HiddenLaw("cogging", typical_dry_friction, 0.02),
 )
