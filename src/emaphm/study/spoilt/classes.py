@@ -161,6 +161,7 @@ def _descriptions() -> list[SpoiltClass]:
         SpoiltClass(
             "rotor's zero + 0.4 rad", "description", TOTAL, described=changes.described_at(rotor_zero=0.4)
         ),
+        SpoiltClass("speed gain × 1.5", "description", TOTAL, described=wrong("controller", speed_gain=1.5)),
         *_toleranced("torque constant × 1.3", 0.3, "motor", torque_constant=1.3),
         *_toleranced("torque constant × 1.1", 0.1, "motor", torque_constant=1.1),
         *_toleranced("resistance × 1.1", 0.1, "electrical", resistance=1.1),
