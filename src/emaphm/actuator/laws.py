@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from emaphm.actuator.actuator import Actuator
+from emaphm.actuator.law_reasons import reason_against
 from emaphm.actuator.unit.baseline import COMMUTATION, HALL_SENSORS, MOST_HARMONICS
 from emaphm.errors import MethodError, nearest
 
@@ -52,7 +53,7 @@ class Law:
 
     def reason_against(self, actuator: Actuator) -> str:
         """Return why `actuator` cannot have the law; nothing if it can."""
-        return _REASONS.get(self.name, _always)(actuator)
+        return reason_against(self.name, actuator)
 
     def is_possible(self, actuator: Actuator) -> bool:
         """Return whether `actuator` may be given the law, which its description lacks."""
@@ -259,6 +260,18 @@ _ALL = (
         lambda actuator, speed: {"controller": {"integral_gain": 30 * actuator.controller.speed_gain}},  # noqa: ARG005
     ),
     Law(
+        "position-integral",
+        ("position_integral_gain",),
+        "slow motion under a load, with the position recorded",
+        lambda actuator, speed: {"controller": {"position_integral_gain": 5.0}},  # noqa: ARG005
+    ),
+    Law(
+        "feedforward",
+        ("speed_feedforward",),
+        "fast motion, with the position recorded",
+        lambda actuator, speed: {"controller": {"speed_feedforward": 0.3}},  # noqa: ARG005
+    ),
+    Law(
         "saturation",
         ("saturation",),
         "large currents and small ones at like speeds: hard accelerations and steady motion",
@@ -336,57 +349,3 @@ def law_named(name: str) -> Law:
 def laws_of(actuator: Actuator) -> tuple[str, ...]:
     """Return the names of the optional laws that `actuator` has."""
     return tuple(name for name, law in LAWS.items() if law.is_in(actuator))
-
-
-def _always(actuator: Actuator) -> str:  # noqa: ARG001
-    return ""
-
-
-def _without_windings(actuator: Actuator) -> str:
-    return "" if actuator.electrical is not None else "it has no [electrical] section"
-
-
-def _without_trapezoid(actuator: Actuator) -> str:
-    return (
-        "" if actuator.commutates else "only the motor of a drive that commutates has a trapezoidal back-EMF"
-    )
-
-
-def _without_commutation(actuator: Actuator) -> str:
-    return "" if actuator.commutates else "its drive does not commutate"
-
-
-def _passes_standstill_otherwise(name: str) -> Callable[[Actuator], str]:
-    def reason(actuator: Actuator) -> str:
-        friction = actuator.friction
-        otherwise = friction is not None and getattr(friction, name) is not None
-        return f"{name} says how its friction passes standstill" if otherwise else ""
-
-    return reason
-
-
-_REASONS: Mapping[str, Callable[[Actuator], str]] = {
-    "transition": _passes_standstill_otherwise("presliding_stiffness"),
-    "presliding": _passes_standstill_otherwise("transition_speed"),
-    "compliance": lambda actuator: (
-        ""
-        if actuator.mechanics.inertia_motor > 0 and actuator.mechanics.inertia_user > 0
-        else "a shaft is between two inertias; give inertia_motor and inertia_user above 0"
-    ),
-    "gravity": lambda actuator: (
-        "a weight turns with a rotary actuator" if actuator.coordinates == "linear" else ""
-    ),
-    "emf-flats": _without_trapezoid,
-    "emf-sine": _without_trapezoid,
-    "hall-angles": _without_commutation,
-    "commutation-lag": _without_commutation,
-    "sensor-lag": lambda actuator: "" if actuator.three_phases else "its drive senses no current",
-    "viscous-temperature": lambda actuator: (
-        ""
-        if actuator.electrical is not None
-        else "its nominal temperature is in [electrical], which it lacks"
-    ),
-    "winding-temperature": _without_windings,
-    "source-resistance": _without_windings,
-    "inverter-drop": _without_windings,
-}

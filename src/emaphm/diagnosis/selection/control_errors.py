@@ -15,7 +15,7 @@ from emaphm.actuator.actuator import described_parts
 from emaphm.actuator.laws import LAWS
 from emaphm.diagnosis.selection.description_errors import objective_with, with_free
 from emaphm.diagnosis.selection.law_selection import search_with_law, without_law
-from emaphm.diagnosis.selection.nuisance_selection import share_of_residual
+from emaphm.diagnosis.selection.nuisance_selection import SelectedNuisances, share_of_residual
 from emaphm.diagnosis.selection.settings import CONTROL_ERRORS, CURRENT_CONTROL, SELECTION, SPEED_CONTROL
 from emaphm.estimation.methods import Method
 from emaphm.estimation.objective import MapObjective
@@ -24,7 +24,10 @@ from emaphm.estimation.uncertainty.local_covariance import jacobians_of
 from emaphm.estimation.uncertainty.partial_regression import regressed
 from emaphm.random_streams import stream
 
-SPEED_INTEGRAL = "speed-integral"
+LIKE_A_DELAY = ("command-lag", "feedforward")
+CONTROL_LAWS = ("speed-integral", "position-integral", *LIKE_A_DELAY)
+"""Parts of the control that a description may lack."""
+
 CONTROL = (*SPEED_CONTROL, *CURRENT_CONTROL)
 
 
@@ -58,18 +61,31 @@ def with_control_errors(
     return back if back.explained else searched
 
 
-def with_speed_integral(
-    searched: SearchResult, method: Method, max_corrections: int, seed: int
-) -> SearchResult | None:
-    """Return the estimate with an integral part of the speed loop, if that explains what `searched` does not.
+def with_control_law(
+    searched: SearchResult, found: SelectedNuisances, method: Method, max_corrections: int, seed: int
+) -> tuple[SearchResult, str] | None:
+    """Return the estimate with a law of the control, and its name, from that `searched` without one.
 
-    None unless it leaves no more than noise: other laws are tried elsewhere, and compared with it.
+    `found` has the nuisances that were selected without laws. Where they do not explain the recording, one
+    is returned that leaves no more than noise, if there is: other laws are tried elsewhere, and compared with
+    these. A command that lags looks like channels that come late, a feedforward like early ones: where a
+    delay was selected that explains it, one of these laws is returned if it leaves clearly less.
     """
-    if searched.explained or not LAWS[SPEED_INTEGRAL].is_possible(searched.objective.problem.actuator):
+    laws = CONTROL_LAWS if not found.result.explained else LIKE_A_DELAY if "delay" in found.names else ()
+    possible = [name for name in laws if LAWS[name].is_possible(searched.objective.problem.actuator)]
+    tried = {name: search_with_law(searched, name, method, max_corrections, seed) for name in possible}
+    convincing = {
+        name: one
+        for name, one in tried.items()
+        if one.explained and one.normalised_residual < CONTROL_ERRORS.convincing
+    }
+    if not convincing:
         return None
-    found = search_with_law(searched, SPEED_INTEGRAL, method, max_corrections, seed)
-    convincing = found.explained and found.normalised_residual < CONTROL_ERRORS.convincing
-    return found if convincing else None
+    name = min(convincing, key=lambda one: convincing[one].residual_variance)
+    best = convincing[name]
+    if found.result.explained and share_of_residual(best, found.result) >= SELECTION.likely_share:
+        return None
+    return best, name
 
 
 def contradicted_control(result: SearchResult, seed: int) -> tuple[str, ...]:

@@ -3,11 +3,7 @@
 from dataclasses import replace
 
 from emaphm.actuator.laws import LAWS
-from emaphm.diagnosis.selection.control_errors import (
-    SPEED_INTEGRAL,
-    with_control_errors,
-    with_speed_integral,
-)
+from emaphm.diagnosis.selection.control_errors import with_control_errors, with_control_law
 from emaphm.diagnosis.selection.description_errors import possible_errors, with_free
 from emaphm.diagnosis.selection.hidden_laws import HIDDEN_LAWS, suspected_laws
 from emaphm.diagnosis.selection.law_selection import (
@@ -68,13 +64,14 @@ def _selection(
     searched: SearchResult, method: Method, max_corrections: int, seed: int, *, laws: bool = True
 ) -> Selection:
     """Return `select_deviations` of an actuator that moves, but for its load; with `laws` or without."""
-    integral = with_speed_integral(searched, method, max_corrections, seed) if laws else None
-    if integral is not None:
-        selection = _with_nuisances(integral, (SPEED_INTEGRAL,), max_corrections, seed)
-        return _with_hidden_laws(integral, selection, method, max_corrections, seed)
     turned, found = _with_rotor_zero(searched, method, max_corrections, seed)
     if not (laws or found.result.explained):
         return found.result, found.names, ()
+    controlled = with_control_law(searched, found, method, max_corrections, seed) if laws else None
+    if controlled is not None:
+        with_law, name = controlled
+        selection = _with_nuisances(with_law, (name,), max_corrections, seed)
+        return _with_hidden_laws(with_law, selection, method, max_corrections, seed)
     if turned is not searched:
         sensed = with_hall_angles(searched, found.result, method, max_corrections, seed)
         if sensed is not None:

@@ -70,6 +70,9 @@ HIDDEN = (
     HiddenLaw("commutation-lag", _of_commutation, 0.006),
     HiddenLaw("speed-lag", _absolute, 5e-5),
     HiddenLaw("speed-integral", _of_speed_gain, 5.0),
+    HiddenLaw("position-integral", _absolute, 0.5),
+    HiddenLaw("feedforward", _absolute, 0.02),
+    HiddenLaw("command-lag", _absolute, 1e-4),
     HiddenLaw("load-dependent", _absolute, 0.004),
     HiddenLaw("cogging", typical_dry_friction, 0.02),
 )

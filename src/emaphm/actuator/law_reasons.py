@@ -1,0 +1,64 @@
+"""Why an actuator cannot have an optional law."""
+
+from collections.abc import Callable, Mapping
+
+from emaphm.actuator.actuator import Actuator
+
+
+def reason_against(name: str, actuator: Actuator) -> str:
+    """Return why `actuator` cannot have the law of that name; nothing if it can."""
+    return _REASONS.get(name, _always)(actuator)
+
+
+def _always(actuator: Actuator) -> str:  # noqa: ARG001
+    return ""
+
+
+def _without_windings(actuator: Actuator) -> str:
+    return "" if actuator.electrical is not None else "it has no [electrical] section"
+
+
+def _without_trapezoid(actuator: Actuator) -> str:
+    return (
+        "" if actuator.commutates else "only the motor of a drive that commutates has a trapezoidal back-EMF"
+    )
+
+
+def _without_commutation(actuator: Actuator) -> str:
+    return "" if actuator.commutates else "its drive does not commutate"
+
+
+def _passes_standstill_otherwise(name: str) -> Callable[[Actuator], str]:
+    def reason(actuator: Actuator) -> str:
+        friction = actuator.friction
+        otherwise = friction is not None and getattr(friction, name) is not None
+        return f"{name} says how its friction passes standstill" if otherwise else ""
+
+    return reason
+
+
+_REASONS: Mapping[str, Callable[[Actuator], str]] = {
+    "transition": _passes_standstill_otherwise("presliding_stiffness"),
+    "presliding": _passes_standstill_otherwise("transition_speed"),
+    "compliance": lambda actuator: (
+        ""
+        if actuator.mechanics.inertia_motor > 0 and actuator.mechanics.inertia_user > 0
+        else "a shaft is between two inertias; give inertia_motor and inertia_user above 0"
+    ),
+    "gravity": lambda actuator: (
+        "a weight turns with a rotary actuator" if actuator.coordinates == "linear" else ""
+    ),
+    "emf-flats": _without_trapezoid,
+    "emf-sine": _without_trapezoid,
+    "hall-angles": _without_commutation,
+    "commutation-lag": _without_commutation,
+    "sensor-lag": lambda actuator: "" if actuator.three_phases else "its drive senses no current",
+    "viscous-temperature": lambda actuator: (
+        ""
+        if actuator.electrical is not None
+        else "its nominal temperature is in [electrical], which it lacks"
+    ),
+    "winding-temperature": _without_windings,
+    "source-resistance": _without_windings,
+    "inverter-drop": _without_windings,
+}
