@@ -74,6 +74,28 @@ def leg_mean(duty: Any, carrier: Any, step_per_period: Any) -> Any:
     return clip((duty - carrier) / (2.0 * step_per_period), -1.0, 1.0)
 
 
+def half_ripple(supply: Any, duty: Any, per_volt: Any) -> Any:
+    """Return by how much the current swings about its mean while two legs switch to opposite rails.
+
+        ΔI / 2 = V (1 - d²) / (4 L f)
+
+    Parameters
+    ----------
+    supply : V [V]
+    duty : d, mean voltage of the pair relative to the supply, in [-1, 1] [-]
+    per_volt : 1 / (4 L f), L of the pair and f of the carrier [A/V]
+
+    Returns
+    -------
+    ΔI / 2, half of peak to peak [A].
+
+    Notes
+    -----
+    Of a current that is nearly a triangle: the period is short against L / R.
+    """
+    return supply * (1.0 - duty * duty) * per_volt
+
+
 def centred(duty: Phases) -> Any:
     """Return three duties moved so that the largest and the smallest are as far from 0.
 

@@ -196,15 +196,21 @@ def initial_state(plant: Plant, start: Initial) -> dict[str, Array]:
 
 
 def motion(structure: Structure) -> Callable[..., Any]:
-    """Return the law of the motion: from (state, parameters, inputs, motor torque) to its next state."""
+    """Return the law of the motion: from (state, parameters, inputs, motor torque) to its next state.
+
+    What a torque swings by about its mean within a step may follow: it helps a shaft at rest to break away.
+    """
     ripple = _ripple(structure)
     move = _compliant(structure) if structure.compliance else _rigid(structure)
     weight, turn_user = (_weight, _turn_user) if structure.gravity else (_no_weight, _nothing)
     turn_screw = _turn_screw if any(one.screw for one in structure.ripples) else _nothing
 
-    def moved(s: Any, p: Any, u: Any, torque: Any) -> Any:
+    def moved(s: Any, p: Any, u: Any, torque: Any, swing: Any = None) -> Any:
         external = u.load + p.offset + p.load_stiffness * s.output + weight(s, p)
-        speed, angle, output, user = move(s, p, u.step, torque + ripple(s, p), external)
+        made = torque + ripple(s, p)
+        if swing is not None:
+            made = made + select(s.speed == 0.0, np.copysign(swing, made - external), 0.0)
+        speed, angle, output, user = move(s, p, u.step, made, external)
         turned = angle - s.angle
         cos, sin = turn(s.cos, s.sin, turned)
         electrical = wrap_once(s.electrical + p.pole_pairs * turned)
@@ -217,13 +223,14 @@ def motion(structure: Structure) -> Callable[..., Any]:
 def driven_motion(structure: Structure) -> Callable[..., Any]:
     """Return the law of the motion that currents make: from (state, parameters, inputs, their torque).
 
-    It gives the motor's torque after the step, limited and with its lag, and the next state of the motion.
+    It gives the motor's torque after the step, limited and with its lag, and the next state of the motion. By
+    what that torque swings within the step may follow, as in `motion`.
     """
     moved = motion(structure)
 
-    def driven(s: Any, p: Any, u: Any, made: Any) -> Any:
+    def driven(s: Any, p: Any, u: Any, made: Any, swing: Any = None) -> Any:
         torque = approach(s.torque, clip(made, -p.torque_limit, p.torque_limit), p.torque_share)
-        return torque, moved(s, p, u, torque)
+        return torque, moved(s, p, u, torque, swing)
 
     return driven
 

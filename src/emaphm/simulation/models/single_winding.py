@@ -21,13 +21,13 @@ from emaphm.simulation.laws.emf_shape import emf_shape
 from emaphm.simulation.laws.equivalent_winding import winding_current
 from emaphm.simulation.laws.lag import share_of_step
 from emaphm.simulation.laws.phases import Phases, by_phase, phase_names
-from emaphm.simulation.laws.pulse_width import delay_shares
+from emaphm.simulation.laws.pulse_width import delay_shares, half_ripple
 from emaphm.simulation.laws.saturation import flux_left
 from emaphm.simulation.laws.sensed_commutation import of_sensed_idle_phase
 from emaphm.simulation.laws.supply_source import sagging_supply, supply_under_duty
 from emaphm.simulation.laws.voltage_drop import knees_per_ampere, voltage_drop
 from emaphm.simulation.models import control, motion
-from emaphm.simulation.models.conducting_pair import NUMBERS, conducting_pair
+from emaphm.simulation.models.conducting_pair import NUMBERS, ConductingPair, conducting_pair
 from emaphm.simulation.models.current_loop import current_loop
 
 CHANNELS = (*OBSERVABLE, "angle_rad", "torque_Nm", "reference_current_A")
@@ -56,6 +56,7 @@ PARAMETERS = (
     "voltage_at_once",
     *phase_names("winding"),
     *phase_names("fall"),
+    *phase_names("half_ripple"),
 )
 
 
@@ -86,6 +87,7 @@ def parameters(
         "z_sin": plant.z[1],
         **by_phase("winding", windings),
         **by_phase("fall", falls),
+        **by_phase("half_ripple", 1 / (4 * np.maximum(plant.pwm_frequency, 1.0) * inductance)),
         "voltage_share": share,
         "voltage_at_once": at_once,
         "source_resistance": plant.source_resistance,
@@ -178,6 +180,7 @@ def _advance(
     gaps = _printed_gaps if printed_eccentricity else _gaps
     pair = conducting_pair(structure)
     shaped = _shaped if structure.emf_shape or structure.commutation else _trapezoidal
+    swing_of = _swing(pair) if structure.drive == "six-step" else _no_swing
     supply_of, bus_after = (_sagging, _drawn) if structure.source else (_stiff, _nothing_drawn)
 
     def advance(s: Any, p: Any, u: Any) -> Any:
@@ -190,7 +193,7 @@ def _advance(
         current, sensed, voltage, own = current_after(
             s, p, u, reference, supply, back_emf, conductance, decay
         )
-        torque, following = driven(s, p, u, flux * current)
+        torque, following = driven(s, p, u, flux * current, swing_of(s, p, flux, supply))
         outputs = (
             pair.shown(s, p, u.step, sensed),
             voltage,
@@ -223,6 +226,20 @@ def _advance_by_voltage(structure: Structure) -> Callable[..., Any]:
         return controlled + following + (torque, current), outputs
 
     return advance
+
+
+def _swing(pair: ConductingPair) -> Callable[..., Any]:
+    """Return by what the torque of a modulated voltage swings, of (state, parameters, flux, supply)."""
+
+    def swing(s: Any, p: Any, flux: Any, supply: Any) -> Any:
+        per_volt = pair.of_idle(s, p, Phases.of(p, "half_ripple"))
+        return np.abs(flux) * half_ripple(supply, s.voltage / supply, per_volt)
+
+    return swing
+
+
+def _no_swing(s: Any, p: Any, flux: Any, supply: Any) -> Any:  # noqa: ARG001
+    return None
 
 
 def _losses(structure: Structure) -> tuple[Callable[..., Any], Callable[..., Any]]:
