@@ -90,6 +90,8 @@ IN_ITS_KERNEL = {
     "command-lag": {"position_pid"},  # it delays what that controller follows
     "speed-lag": set[str](),  # every speed loop has it, of a time constant of 0
     "speed-integral": set[str](),  # likewise, of a gain of 0
+    "position-integral": {"position_pid"},
+    "feedforward": {"position_pid"},
     "winding-temperature": set[str](),  # likewise of its resistance and torque constant
     "saturation": {"saturation"},
     "emf-flats": {"emf_shape"},

@@ -12,13 +12,21 @@ from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_par
 from emaphm.diagnosis import diagnose, error_percent
 from emaphm.diagnosis.explanation.other_drive import GAINS, other_drive
 from emaphm.diagnosis.joint import diagnose_joint
-from emaphm.diagnosis.selection.control_errors import CONTROL, as_described, contradicted_control
+from emaphm.diagnosis.selection.control_errors import (
+    CONTROL,
+    as_described,
+    contradicted_control,
+    with_control_law,
+)
+from emaphm.diagnosis.selection.first_look import FirstLook
+from emaphm.diagnosis.selection.nuisance_selection import SelectedNuisances, select_nuisances
 from emaphm.diagnosis.selection.settings import CURRENT_CONTROL
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.methods import method_named
 from emaphm.estimation.objective import faults_objective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
+from emaphm.recording import Recording
 
 PMSM, SIX_STEP = Actuator.pmsm(), Actuator.six_step()
 FAULTS = Faults(0.3, 0.4, 0.1, 0.25, 0.2, 0.35, 0.7, 0.4)
@@ -35,6 +43,10 @@ def near_the_truth(unit: Actuator, described: Actuator) -> SearchResult:
     problem = Problem.of(on_a_rig(unit, FAULTS, 0.3), described, channels=("current_A", "voltage_V"))
     objective = faults_objective(problem, ("load",))
     return correct_bias(objective, objective.space.points(FAULTS.vector[np.newaxis]), 2, seed=0)
+
+
+def unselected(searched: SearchResult) -> SelectedNuisances:
+    return SelectedNuisances(searched, (), FirstLook())
 
 
 @pytest.mark.parametrize("described", [PMSM, SIX_STEP], ids=lambda one: one.name)
@@ -74,18 +86,49 @@ def test_gains_that_are_off_are_estimated_with_the_faults(
     assert error_percent(FAULTS.vector, found.faults.vector) < 1.0
 
 
-def test_an_integral_part_that_nobody_described_is_a_law() -> None:
-    described = THESIS.controller.speed_gain
-    unit = THESIS.model_copy(
-        update={"controller": THESIS.controller.model_copy(update={"integral_gain": 20 * described})}
-    )
-    found = diagnose(on_a_rig(unit, FAULTS, 0.3), THESIS, workers=1)
-    assert found.explained
-    assert found.laws == ("speed-integral",)
-    # The law starts from 30 /s; its deviation is of the logarithm.
-    value = found.nuisances["baseline integral_gain"]
-    assert value.value == pytest.approx(math.log(20 / 30), abs=3 * value.standard_error)
-    assert error_percent(FAULTS.vector, found.faults.vector) < 1.5
+def controlled_by(**values: float) -> Actuator:
+    """Return the thesis's actuator with more of a control than it has."""
+    return THESIS.model_copy(update={"controller": THESIS.controller.model_copy(update=values)})
+
+
+PARTS = {
+    "speed-integral": ("integral_gain", 60 * THESIS.controller.speed_gain),
+    "position-integral": ("position_integral_gain", 4.0),
+    "feedforward": ("speed_feedforward", 0.4),
+    "command-lag": ("command_lag", 1.5e-3),
+}
+
+
+@pytest.mark.parametrize("law", PARTS)
+def test_a_part_of_the_control_that_nobody_described_is_the_law_that_explains_all(law: str) -> None:
+    name, value = PARTS[law]
+    searched = near_the_truth(controlled_by(**{name: value}), THESIS)
+    assert not searched.explained
+    found = with_control_law(searched, unselected(searched), method_named("hybrid"), 2, seed=0)
+    assert found is not None
+    result, chosen = found
+    assert chosen == law
+    described = lumped_parameters(result.objective.problem.actuator, (name,))[name]
+    deviation = result.objective.space.nuisance_values(result.point[np.newaxis])[f"baseline {name}"].item()
+    assert described * math.exp(deviation) == pytest.approx(value, rel=0.1)
+    assert result.objective.space.faults(result.point) == pytest.approx(FAULTS.vector, abs=0.01)
+
+
+@pytest.mark.parametrize("lags", [True, False], ids=["command that lags", "channels that are late"])
+def test_a_command_that_lags_is_no_delay_and_a_delay_no_lag(*, lags: bool) -> None:
+    recording = on_a_rig(controlled_by(command_lag=1e-3) if lags else THESIS, FAULTS, 0.3)
+    if not lags:
+        channels = {name: recording[name] for name in recording.channels}
+        late = {name: np.roll(channels[name], 5) for name in ("current_A", "voltage_V")}
+        recording = Recording(channels | {name: np.r_[np.zeros(5), one[5:]] for name, one in late.items()})
+    problem = Problem.of(recording, THESIS, channels=("current_A", "voltage_V"))
+    objective = faults_objective(problem, ("load",))
+    searched = correct_bias(objective, objective.space.points(FAULTS.vector[np.newaxis]), 2, seed=0)
+    selected = select_nuisances(searched, 2, seed=0)
+    assert selected.result.explained
+    assert "delay" in selected.names
+    found = with_control_law(searched, selected, method_named("hybrid"), 2, seed=0)
+    assert (found[1] if found else None) == ("command-lag" if lags else None)
 
 
 def test_recordings_of_one_unit_share_its_gains() -> None:
