@@ -92,7 +92,7 @@ def controlled_by(**values: float) -> Actuator:
 
 
 PARTS = {
-    "speed-integral": ("integral_gain", 60 * THESIS.controller.speed_gain),
+    "speed-integral": ("integral_gain", 40 * THESIS.controller.speed_gain),
     "position-integral": ("position_integral_gain", 4.0),
     "feedforward": ("speed_feedforward", 0.4),
     "command-lag": ("command_lag", 1.5e-3),

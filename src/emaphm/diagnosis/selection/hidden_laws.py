@@ -70,15 +70,15 @@ HIDDEN = (
     HiddenLaw("commutation-lag", _of_commutation, 0.006),
     HiddenLaw("speed-lag", _absolute, 5e-5),
     HiddenLaw("speed-integral", _of_speed_gain, 5.0),
-    HiddenLaw("position-integral", _absolute, 0.5),
-    HiddenLaw("feedforward", _absolute, 0.02),
-    HiddenLaw("command-lag", _absolute, 1e-4),
+    HiddenLaw("position-integral", _absolute, 1.0),
+    HiddenLaw("feedforward", _absolute, 0.01),
+    HiddenLaw("command-lag", _absolute, 5e-5),
     HiddenLaw("load-dependent", _absolute, 0.004),
     HiddenLaw("cogging", typical_dry_friction, 0.02),
 )
 """Sizes are shares of the torque constant at the current limit and of the supply, radians, a share of the
-back-EMF, radians, radians at a typical speed, seconds, and shares of the transmitted torque and of dry
-friction."""
+back-EMF, radians, radians at a typical speed, seconds, of the integral parts 1/s, of the feedforward a share,
+seconds, and shares of the transmitted torque and of dry friction."""
 
 ENDS = {True: (-0.1, 0.1), False: (-3.0, 0.0)}
 """Between which coordinates a derivative is taken, of a parameter of either sign and of a positive one: a
@@ -92,10 +92,11 @@ class HiddenLawSettings:
     By a score above `score` standard errors, where the data determine it to `informative` times the least
     size that matters; one above `certain` is kept if it leaves less at all. Of 74 recordings without any of
     the laws, with random faults and loads, none had a size of more than 0.017, 0.0011, 1e-5 (of 30 others),
-    0.0018 and 0.011, in the order of `HIDDEN` but for back-EMF and commutation; of the laws of the back-EMF
-    160 such recordings had 0.012 and 0.030, and 3.2 standard errors at most; of commutation 60 and 45 had
-    0.006 and 0.011 where the score was beyond 2. Other plants had 0.1 to 0.26, 0.006 to 0.02, 2e-4 to 3e-4,
-    0.02 to 0.05 and 0.07, and faults that made up for them.
+    0.0018 and 0.011, in the order of `HIDDEN` but for back-EMF, commutation and control; of the laws of the
+    back-EMF 160 such recordings had 0.012 and 0.030, and 3.2 standard errors at most; of commutation 60 and
+    45 had 0.006 and 0.011 where the score was beyond 2; of the control 44 had 4, 0.6, 0.001 and 2e-5 there.
+    Other plants had 0.1 to 0.26, 0.006 to 0.02, 2e-4 to 3e-4, 0.02 to 0.05 and 0.07, and faults that made up
+    for them.
     """
 
     score: float = 2.0
