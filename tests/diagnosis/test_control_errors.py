@@ -92,7 +92,7 @@ def controlled_by(**values: float) -> Actuator:
 
 
 PARTS = {
-    "speed-integral": ("integral_gain", 40 * THESIS.controller.speed_gain),
+    "speed-integral": ("integral_gain", 60 * THESIS.controller.speed_gain),
     "position-integral": ("position_integral_gain", 4.0),
     "feedforward": ("speed_feedforward", 0.4),
     "command-lag": ("command_lag", 1.5e-3),
@@ -110,7 +110,7 @@ def test_a_part_of_the_control_that_nobody_described_is_the_law_that_explains_al
     assert chosen == law
     described = lumped_parameters(result.objective.problem.actuator, (name,))[name]
     deviation = result.objective.space.nuisance_values(result.point[np.newaxis])[f"baseline {name}"].item()
-    assert described * math.exp(deviation) == pytest.approx(value, rel=0.1)
+    assert described * math.exp(deviation) == pytest.approx(value, rel=0.15)
     assert result.objective.space.faults(result.point) == pytest.approx(FAULTS.vector, abs=0.01)
 
 
