@@ -66,10 +66,10 @@ def with_control_law(
 ) -> tuple[SearchResult, str] | None:
     """Return the estimate with a law of the control, and its name, from that `searched` without one.
 
-    `found` has the nuisances that were selected without laws. Where they do not explain the recording, one
-    is returned that leaves no more than noise, if there is: other laws are tried elsewhere, and compared with
-    these. A command that lags looks like channels that come late, a feedforward like early ones: where a
-    delay was selected that explains it, one of these laws is returned if it leaves clearly less.
+    `found` has the nuisances that were selected without laws. Where they do not explain the recording, the
+    law is returned that leaves least, if that is no more than noise: other laws are tried elsewhere, and
+    compared with it. A command that lags looks like channels that come late, a feedforward like early ones:
+    where a delay was selected that explains the recording, only these two are tried.
     """
     laws = CONTROL_LAWS if not found.result.explained else LIKE_A_DELAY if "delay" in found.names else ()
     possible = [name for name in laws if LAWS[name].is_possible(searched.objective.problem.actuator)]
@@ -82,10 +82,7 @@ def with_control_law(
     if not convincing:
         return None
     name = min(convincing, key=lambda one: convincing[one].residual_variance)
-    best = convincing[name]
-    if found.result.explained and share_of_residual(best, found.result) >= SELECTION.likely_share:
-        return None
-    return best, name
+    return convincing[name], name
 
 
 def contradicted_control(result: SearchResult, seed: int) -> tuple[str, ...]:

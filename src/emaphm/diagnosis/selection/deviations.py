@@ -70,8 +70,13 @@ def _selection(
     controlled = with_control_law(searched, found, method, max_corrections, seed) if laws else None
     if controlled is not None:
         with_law, name = controlled
-        selection = _with_nuisances(with_law, (name,), max_corrections, seed)
-        return _with_hidden_laws(with_law, selection, method, max_corrections, seed)
+        share = share_of_residual(with_law, found.result)
+        if share < SELECTION.likely_share or not found.result.explained:
+            selection = _with_nuisances(with_law, (name,), max_corrections, seed)
+            return _with_hidden_laws(with_law, selection, method, max_corrections, seed)
+        if share < 1 / SELECTION.likely_share:  # nothing tells the delay from the law
+            ends = (*found.result.alternatives, with_law)
+            found = replace(found, result=replace(found.result, alternatives=ends))
     if turned is not searched:
         sensed = with_hall_angles(searched, found.result, method, max_corrections, seed)
         if sensed is not None:
