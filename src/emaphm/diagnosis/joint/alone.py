@@ -166,23 +166,38 @@ def search_alone(
             result = with_asked_supply(result, max_corrections, own)
         one = _Alone(result, SelectedNuisances(result, (), FirstLook()), own)
         if nuisances is None and result.discrepancy is not None:
-            one = one.selecting(result, max_corrections).with_varying_load(method, max_corrections)
+            one = one.selecting(result, max_corrections)
         found.append(one)
         if on_progress:
             on_progress((r + 1) / len(recordings))
-    if nuisances is None and all(one.is_corrected for one in found):
-        asked = [one.with_control_errors(method, max_corrections) for one in found]
-        found = _with_common_parameters(found, asked, method, max_corrections)
-        found, sensors = _with_common_zero(found, method, max_corrections)
-        found, others = _with_common_laws(found, method, max_corrections)
-        laws = (*sensors, *others)
-        if not laws:
-            asked = [one.with_description_error(method, max_corrections) for one in found]
-            found = _with_common_parameters(found, asked, method, max_corrections)
+    if nuisances is None:
+        found, laws = _with_deviations(found, method, max_corrections)
     selected = tuple(dict.fromkeys(name for one in found for name in one.found.names))
     alone = [_with_all(one.result, one.found.names, selected, max_corrections, seed) for one in found]
     load = VARYING_LOAD if any(one.load_varies for one in found) else ()
     return AloneSearches(alone, (*load, *selected, *suspected_parameters(alone[0])), laws)
+
+
+def _with_deviations(
+    found: list[_Alone], method: Method, max_corrections: int
+) -> tuple[list[_Alone], tuple[str, ...]]:
+    """Return the estimates with what of the unit is not as described, common to all, and the laws among that.
+
+    And with loads that vary, of each its own.
+    """
+    corrected = all(one.is_corrected for one in found)
+    if corrected:
+        asked = [one.with_control_errors(method, max_corrections) for one in found]
+        found = _with_common_parameters(found, asked, method, max_corrections)
+    found = [one.with_varying_load(method, max_corrections) for one in found]
+    if not corrected:
+        return found, ()
+    found, sensors = _with_common_zero(found, method, max_corrections)
+    found, others = _with_common_laws(found, method, max_corrections)
+    if not (sensors or others):
+        asked = [one.with_description_error(method, max_corrections) for one in found]
+        found = _with_common_parameters(found, asked, method, max_corrections)
+    return found, (*sensors, *others)
 
 
 def _with_common_zero(

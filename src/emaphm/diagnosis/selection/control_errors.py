@@ -1,4 +1,4 @@
-"""Gains of the drive's control loops that are not as described.
+"""Gains of the drive's control loops that are not as described, and parts that the description lacks.
 
 Drives have them in units of their own, tune them by themselves, or keep them to themselves. The current then
 answers to its demand, or the demand to the speed, sooner or later than the model's. Where that is large the

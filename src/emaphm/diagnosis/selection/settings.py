@@ -111,6 +111,7 @@ class DescriptionErrorSettings:
     faults whose torque constant was a tenth off, 12 had. `prior` is the standard deviation of a parameter's
     logarithm, `step` the change of the inductance's for its derivative. `zero_prior` is that of the rotor's
     zero, in units of `parameter_variation.sizes`: 0.3 rad, of one that is anywhere within a sixth of a turn.
+    `control_prior` is that of a gain's logarithm, which drives have in units of their own.
     """
 
     least: float = 0.03
@@ -133,7 +134,15 @@ DESCRIPTION_ERRORS = DescriptionErrorSettings()
 
 @dataclass(frozen=True)
 class ControlErrorSettings:
-    """When gains of the control are asked for, and when they are kept."""
+    """When gains of the control are asked for, and when they and laws of the control are kept.
+
+    A gain of the current control by the score test is off by more than `least`, relative, and `likely`
+    standard errors; beyond `certain` ones a new search need only leave less. With current and line voltage 1
+    of 40 recordings of a PMSM and a six-step drive as described had a score (1.3), of 40 with gains 5 to 30 %
+    off that were explained 2 had less than 2. Where the recording is not explained, gains that do not explain
+    it either must leave less than `unexplained_share` of the mean squared residual; a law of the control is
+    kept with a normalised residual below `convincing`. `step` is that of the logarithm for a derivative.
+    """
 
     least: float = 0.02
     likely: float = 2.0
