@@ -41,8 +41,9 @@ def select_deviations(
     Gains of the control first, then nuisances; laws where they do not explain the recording, where the ripple
     shows a lag, or where the residual shows a law that hides; parameters of the description where there is no
     law. Standing, an actuator shows no law of its motion: none is tried unless it `moves`. Nor of a drive
-    that does not switch: the few percent that are left of any machine are like laws. Where the recording is not explained at first,
-    a load that varies is a rival of all these; of laws only where noise does not account for what it leaves.
+    that does not switch: the few percent that are left of any machine are like laws. Where the recording is
+    not explained at first, a load that varies is a rival of all these; of laws only where noise does not
+    account for what it leaves.
     """
     if not searched.explained:
         of_all_phases = over_all_phases(searched, seed)
