@@ -12,9 +12,10 @@ import numpy as np
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.lumped_parameters import lumped_parameters
+from emaphm.diagnosis.selection.description_errors import SPEED_LOOP
 from emaphm.diagnosis.selection.law_selection import with_open
 from emaphm.diagnosis.selection.nuisance_selection import share_of_residual
-from emaphm.diagnosis.selection.settings import CURRENT_CONTROL, SPEED_CONTROL
+from emaphm.diagnosis.selection.settings import CURRENT_CONTROL
 from emaphm.errors import DivergedError
 from emaphm.estimation.methods import Method
 from emaphm.estimation.search import search
@@ -26,7 +27,7 @@ from emaphm.random_streams import child_seed
 OTHER_KINDS = {"hysteresis": "six-step", "six-step": "hysteresis"}
 """For a drive of one kind, that which turns the same motor."""
 
-GAINS = {"hysteresis": SPEED_CONTROL[:1], "six-step": (*SPEED_CONTROL[:1], *CURRENT_CONTROL)}
+GAINS = {"hysteresis": SPEED_LOOP, "six-step": (*SPEED_LOOP, *CURRENT_CONTROL)}
 """What is estimated with the faults, by kind: the speed loop is tuned to the current's."""
 
 USUAL_BANDWIDTH_HZ, USUAL_PWM_HZ, WITHIN = 400.0, 2e4, 0.7

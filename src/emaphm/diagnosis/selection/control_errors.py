@@ -13,7 +13,7 @@ import numpy as np
 
 from emaphm.actuator.actuator import described_parts
 from emaphm.actuator.laws import LAWS
-from emaphm.diagnosis.selection.description_errors import objective_with, with_free
+from emaphm.diagnosis.selection.description_errors import not_as_described, objective_with, with_free
 from emaphm.diagnosis.selection.law_selection import search_with_law, without_law
 from emaphm.diagnosis.selection.nuisance_selection import SelectedNuisances, share_of_residual
 from emaphm.diagnosis.selection.settings import CONTROL_ERRORS, CURRENT_CONTROL, SELECTION, SPEED_CONTROL
@@ -33,8 +33,7 @@ CONTROL = (*SPEED_CONTROL, *CURRENT_CONTROL)
 
 def as_described(objective: MapObjective, names: Sequence[str]) -> tuple[str, ...]:
     """Return those of the control's parameters `names` that rest on the description alone."""
-    actuator = objective.problem.actuator
-    known = (*objective.space.nuisances.parameters, *(actuator.baseline.names if actuator.baseline else ()))
+    actuator, known = objective.problem.actuator, not_as_described(objective)
     return tuple(name for name in names if name not in known and any(described_parts(actuator, name) or ()))
 
 
@@ -104,9 +103,13 @@ def _asked_for(searched: SearchResult, seed: int) -> tuple[tuple[str, ...], floa
 def _score(result: SearchResult, names: tuple[str, ...], seed: int) -> float:
     """Return by how many standard errors the residual shows one of `names` to be off: the largest.
 
-    0 where none is off by as much as is asked for.
+    0 where none is off by as much as is asked for, and for a unit whose model error was learned: what is left
+    of its recordings has directions of its own.
     """
     objective, step = result.objective, CONTROL_ERRORS.step
+    learned = objective.problem.actuator.model_error
+    if any(learned.of(name) for name in objective.problem.channels):
+        return 0.0
     extended = objective_with(objective, names)
     point = extended.space.carried_over(result.point, objective.space)
     steps = step * np.eye(len(point))[-len(names) :]

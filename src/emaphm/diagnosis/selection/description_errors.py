@@ -66,8 +66,7 @@ def possible_errors(result: SearchResult, names: Sequence[str], seed: int) -> li
     what a calibration has found, and what is open anyway; nor the motor where a phase is healthy and no
     inertia or scale was selected: nothing has taken up a torque constant then.
     """
-    actuator, nuisances = result.objective.problem.actuator, result.objective.space.nuisances
-    known = (*nuisances.parameters, *(actuator.baseline.names if actuator.baseline else ()))
+    actuator, known = result.objective.problem.actuator, not_as_described(result.objective)
 
     def possible(parameters: tuple[str, ...]) -> bool:
         described = all(described_parts(actuator, name) is not None for name in parameters)
@@ -83,6 +82,12 @@ def possible_errors(result: SearchResult, names: Sequence[str], seed: int) -> li
         if score > DESCRIPTION_ERRORS.likely:
             found.append(PossibleError(MOTOR, score > DESCRIPTION_ERRORS.certain))
     return found
+
+
+def not_as_described(objective: MapObjective) -> tuple[str, ...]:
+    """Return the parameters that do not rest on the description alone: those open, and those calibrated."""
+    baseline = objective.problem.actuator.baseline
+    return (*objective.space.nuisances.parameters, *(baseline.names if baseline else ()))
 
 
 def _all_shorted(result: SearchResult) -> bool:

@@ -75,7 +75,7 @@ def _selection(
         if share < SELECTION.likely_share or not found.result.explained:
             selection = _with_nuisances(with_law, (name,), max_corrections, seed)
             return _with_hidden_laws(with_law, selection, method, max_corrections, seed)
-        if share < 1 / SELECTION.likely_share:  # nothing tells the delay from the law
+        if share < 1 / SELECTION.likely_share:  # either may be it
             ends = (*found.result.alternatives, with_law)
             found = replace(found, result=replace(found.result, alternatives=ends))
     if turned is not searched:

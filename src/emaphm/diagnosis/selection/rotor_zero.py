@@ -12,7 +12,7 @@ import numpy as np
 
 from emaphm.actuator import NAMES, Actuator
 from emaphm.arrays import Array
-from emaphm.diagnosis.selection.description_errors import objective_with
+from emaphm.diagnosis.selection.description_errors import not_as_described, objective_with
 from emaphm.diagnosis.selection.nuisance_selection import share_of_residual
 from emaphm.diagnosis.selection.settings import ROTOR_ZERO
 from emaphm.diagnosis.verdict import VERDICT
@@ -60,10 +60,9 @@ def is_as_described(objective: MapObjective) -> bool:
     a drive without commutation needs the angle's zero itself.
     """
     actuator, measured = objective.problem.actuator, objective.problem.measured
-    found = (*objective.space.nuisances.parameters, *(actuator.baseline.names if actuator.baseline else ()))
     of_phases = all(name in measured for name in PHASES)
     known = "angle_rad" in measured and (of_phases or not actuator.commutates)
-    return actuator.electrical is not None and ROTOR_ZERO not in found and not known
+    return actuator.electrical is not None and ROTOR_ZERO not in not_as_described(objective) and not known
 
 
 def zero_shown(result: SearchResult, jacobians: Array) -> float:
