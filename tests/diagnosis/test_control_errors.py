@@ -16,8 +16,10 @@ from emaphm.diagnosis.selection.control_errors import (
     CONTROL,
     as_described,
     contradicted_control,
+    with_control_errors,
     with_control_law,
 )
+from emaphm.diagnosis.selection.description_errors import with_free
 from emaphm.diagnosis.selection.first_look import FirstLook
 from emaphm.diagnosis.selection.nuisance_selection import (
     SelectedNuisances,
@@ -31,6 +33,7 @@ from emaphm.estimation.objective import faults_objective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
 from emaphm.recording import Recording
+from simulation.rig import altered
 
 PMSM, SIX_STEP = Actuator.pmsm(), Actuator.six_step()
 FAULTS = Faults(0.3, 0.4, 0.1, 0.25, 0.2, 0.35, 0.7, 0.4)
@@ -88,6 +91,20 @@ def test_gains_that_are_off_are_estimated_with_the_faults(
         assert gain.value == pytest.approx(math.log(factor), abs=max(0.01, 3 * gain.standard_error))
         assert name in "\n".join(found.notes())
     assert error_percent(FAULTS.vector, found.faults.vector) < 1.0
+
+
+def test_another_gear_ratio_is_no_speed_gain_where_only_the_current_shows_it() -> None:
+    described = altered(THESIS, mechanics={"gear_ratio": 2 * THESIS.mechanics.gear_ratio})
+    recording = on_a_rig(THESIS, Faults(0.3), 0.3)
+    objective = faults_objective(Problem.of(recording, described, channels=("current_A",)), ("load",))
+    start = objective.space.points(
+        Faults(0.0, short_a=0.5, short_b=0.5, short_c=0.5, gain=0.05).vector[np.newaxis]
+    )
+    searched = correct_bias(objective, start, 2, seed=0)
+    assert not searched.explained
+    free = with_free(searched, ("speed_gain",), method_named("hybrid"), 2, seed=0)
+    assert free.explained  # or nothing would have to be kept from it
+    assert with_control_errors(searched, method_named("hybrid"), 2, seed=0) is searched
 
 
 def controlled_by(**values: float) -> Actuator:

@@ -20,6 +20,7 @@ from emaphm.diagnosis.selection.settings import CONTROL_ERRORS, CURRENT_CONTROL,
 from emaphm.estimation.methods import Method
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.space.nuisances import BASELINE
 from emaphm.estimation.uncertainty.local_covariance import jacobians_of
 from emaphm.estimation.uncertainty.partial_regression import regressed
 from emaphm.random_streams import stream
@@ -52,7 +53,7 @@ def with_control_errors(
     found = with_free(searched, names, method, max_corrections, seed)
     if not found.explained:
         least = 0.0 if searched.explained else CONTROL_ERRORS.unexplained_share
-    if share_of_residual(found, searched) >= least:
+    if share_of_residual(found, searched) >= least or _may_be_another_gear(found):
         return searched
     back = without_law(found, searched, max_corrections, seed)
     if share_of_residual(found, back) < least:
@@ -88,6 +89,18 @@ def contradicted_control(result: SearchResult, seed: int) -> tuple[str, ...]:
     """Return the gains of the current control if the residual shows one of them to be off."""
     names = as_described(result.objective, CURRENT_CONTROL)
     return names if names and _score(result, names, seed) > CONTROL_ERRORS.likely else ()
+
+
+def _may_be_another_gear(found: SearchResult) -> bool:
+    """Return whether another gear ratio is as likely as the speed gain that was estimated.
+
+    With c times the gear ratio, a current is as before where the speed gain is c times as large, and the
+    position gain, the torque constant and the friction 1 / c times: shorts and a lower friction make up for
+    that. The line voltage and the motion do not.
+    """
+    values = found.objective.space.nuisance_values(found.point[np.newaxis])
+    off = float(np.abs(values.get(BASELINE + SPEED_CONTROL[0], np.zeros(1)))[0])
+    return len(found.objective.problem.channels) == 1 and off > CONTROL_ERRORS.most_alone
 
 
 def _asked_for(searched: SearchResult, seed: int) -> tuple[tuple[str, ...], float]:

@@ -141,7 +141,9 @@ class ControlErrorSettings:
     of 40 recordings of a PMSM and a six-step drive as described had a score (1.3), of 40 with gains 5 to 30 %
     off that were explained 2 had less than 2. Where the recording is not explained, gains that do not explain
     it either must leave less than `unexplained_share` of the mean squared residual; a law of the control is
-    kept with a normalised residual below `convincing`. `step` is that of the logarithm for a derivative.
+    kept with a normalised residual below `convincing`. From one channel alone, a current, the logarithm of
+    the speed gain is off by `most_alone` at most: gear ratios are wrong by larger factors. `step` is that of
+    the logarithm for a derivative.
     """
 
     least: float = 0.02
@@ -149,6 +151,7 @@ class ControlErrorSettings:
     certain: float = 3.0
     unexplained_share: float = 0.5
     convincing: float = 1.0
+    most_alone: float = 0.6
     step: float = 0.05
 
 
