@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from emaphm.actuator import NAMES, Actuator, Chirp, Faults
+from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
 from emaphm.arrays import Array
 from emaphm.diagnosis import Diagnosis, error_percent
 from emaphm.recording import Recording, acquire
@@ -43,6 +44,12 @@ def reference_recordings(faults: ArrayLike, *, noise: float = 0.0, duration: flo
     if not noise:
         return recordings
     return [acquire(r, noise={"current_A": noise}, seed=i) for i, r in enumerate(recordings)]
+
+
+def differing(actuator: Actuator, **factors: float) -> Actuator:
+    """Return an actuator with lumped parameters `factors` times as large."""
+    described = lumped_parameters(actuator, tuple(factors))
+    return with_lumped_parameters(actuator, {name: described[name] * one for name, one in factors.items()})
 
 
 def on_a_rig(

@@ -6,9 +6,9 @@ import re
 import numpy as np
 import pytest
 
-from cases import THESIS, on_a_rig
+from cases import THESIS, differing, on_a_rig
 from emaphm.actuator import Actuator, Faults
-from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
+from emaphm.actuator.lumped_parameters import lumped_parameters
 from emaphm.diagnosis import diagnose, error_percent
 from emaphm.diagnosis.explanation.other_drive import GAINS, other_drive
 from emaphm.diagnosis.joint import diagnose_joint
@@ -37,12 +37,6 @@ from simulation.rig import altered
 
 PMSM, SIX_STEP = Actuator.pmsm(), Actuator.six_step()
 FAULTS = Faults(0.3, 0.4, 0.1, 0.25, 0.2, 0.35, 0.7, 0.4)
-
-
-def differing(actuator: Actuator, **factors: float) -> Actuator:
-    """Return an actuator with parameters `factors` times as large."""
-    described = lumped_parameters(actuator, tuple(factors))
-    return with_lumped_parameters(actuator, {name: described[name] * one for name, one in factors.items()})
 
 
 def near_the_truth(unit: Actuator, described: Actuator) -> SearchResult:

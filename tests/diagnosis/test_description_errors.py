@@ -5,9 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from cases import THESIS, covered, on_a_rig
+from cases import THESIS, covered, differing, on_a_rig
 from emaphm.actuator import Actuator, Faults
-from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
 from emaphm.actuator.unit.tolerances import Tolerances
 from emaphm.diagnosis import diagnose
 from emaphm.diagnosis.joint import diagnose_joint
@@ -21,12 +20,6 @@ from emaphm.estimation.search_result import SearchResult
 FAULTS = Faults(0.5, 0.95, 0.1, 0.65, 0.2, 0.4, 0.8, 0.4)
 
 
-def differing(**factors: float) -> Actuator:
-    """Return the thesis's actuator with parameters `factors` times as large."""
-    described = lumped_parameters(THESIS, tuple(factors))
-    return with_lumped_parameters(THESIS, {name: described[name] * one for name, one in factors.items()})
-
-
 def near_the_truth(unit: Actuator, described: Actuator = THESIS) -> SearchResult:
     """Return the estimate of what is `described`, next to the true faults of a `unit`."""
     problem = Problem.of(on_a_rig(unit, FAULTS, 0.5), described, channels=("current_A", "voltage_V"))
@@ -35,7 +28,7 @@ def near_the_truth(unit: Actuator, described: Actuator = THESIS) -> SearchResult
 
 
 def test_a_speed_gain_that_is_off_is_no_sensor_and_no_friction() -> None:
-    found = diagnose(on_a_rig(differing(speed_gain=0.9), FAULTS, 0.3), THESIS)
+    found = diagnose(on_a_rig(differing(THESIS, speed_gain=0.9), FAULTS, 0.3), THESIS)
     assert found.explained
     assert found.selected == ("baseline speed_gain",)
     assert found.sensor_faults == ()
@@ -46,7 +39,7 @@ def test_a_speed_gain_that_is_off_is_no_sensor_and_no_friction() -> None:
 
 
 def test_shorts_are_known_no_better_than_a_motor_that_is_not_as_described() -> None:
-    found = diagnose(on_a_rig(differing(torque_constant=0.9), FAULTS, 0.5), THESIS)
+    found = diagnose(on_a_rig(differing(THESIS, torque_constant=0.9), FAULTS, 0.5), THESIS)
     assert found.explained
     assert found.selected == tuple(f"baseline {name}" for name in MOTOR)
     assert all(covered(FAULTS.vector, found)[2:5])
@@ -64,7 +57,7 @@ def test_nothing_is_asked_for_of_a_motor_as_described(described: Actuator) -> No
 
 
 def test_a_motor_is_asked_for_where_its_inductance_does_not_fit_the_shorts() -> None:
-    result = near_the_truth(differing(inductance=0.8))
+    result = near_the_truth(differing(THESIS, inductance=0.8))
     assert possible_errors(result, (), seed=0) == [PossibleError(MOTOR, certain=True)]
     # What a clock that is off changes too says nothing of the drive.
     both = possible_errors(result, ("inertia", "current_scale"), seed=0)
@@ -73,7 +66,7 @@ def test_a_motor_is_asked_for_where_its_inductance_does_not_fit_the_shorts() -> 
 
 
 def test_recordings_of_one_unit_share_what_is_off() -> None:
-    unit = differing(torque_constant=0.9)
+    unit = differing(THESIS, torque_constant=0.9)
     recordings = [on_a_rig(unit, FAULTS, duration) for duration in (0.3, 0.5)]
     found = diagnose_joint(recordings, THESIS, workers=1)
     assert found.explained

@@ -87,8 +87,7 @@ def with_control_law(
 
 def contradicted_control(result: SearchResult, seed: int) -> tuple[str, ...]:
     """Return the gains of the current control if the residual shows one of them to be off."""
-    names = as_described(result.objective, CURRENT_CONTROL)
-    return names if names and _score(result, names, seed) > CONTROL_ERRORS.likely else ()
+    return _shown(result, seed)[0]
 
 
 def _may_be_another_gear(found: SearchResult) -> bool:
@@ -107,10 +106,15 @@ def _asked_for(searched: SearchResult, seed: int) -> tuple[tuple[str, ...], floa
     """Return the gains that are asked for, and what share of the residual they may leave."""
     if not searched.explained:
         return as_described(searched.objective, CONTROL), SELECTION.likely_share
-    names = as_described(searched.objective, CURRENT_CONTROL)
-    score = _score(searched, names, seed) if names else 0.0
-    least = 1.0 if score > CONTROL_ERRORS.certain else SELECTION.likely_share
-    return names if score > CONTROL_ERRORS.likely else (), least
+    names, score = _shown(searched, seed)
+    return names, 1.0 if score > CONTROL_ERRORS.certain else SELECTION.likely_share
+
+
+def _shown(result: SearchResult, seed: int) -> tuple[tuple[str, ...], float]:
+    """Return the gains of the current control if the residual shows one of them to be off, and the score."""
+    names = as_described(result.objective, CURRENT_CONTROL)
+    score = _score(result, names, seed) if names else 0.0
+    return names if score > CONTROL_ERRORS.likely else (), score
 
 
 def _score(result: SearchResult, names: tuple[str, ...], seed: int) -> float:
