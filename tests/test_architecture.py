@@ -10,7 +10,17 @@ import emaphm
 ROOT = Path(emaphm.__file__).parent
 
 ORDER = (
-    ("errors", "arrays", "blas_threads", "version", "progress", "text_table", "quantiles", "strict_json"),
+    (
+        "errors",
+        "arrays",
+        "blas_threads",
+        "threads",
+        "version",
+        "progress",
+        "text_table",
+        "quantiles",
+        "strict_json",
+    ),
     ("random_streams", "output_files", "input_files"),
     ("optimizers", "execution", "actuator"),
     ("simulation",),

@@ -8,8 +8,8 @@ from emaphm.actuator import Actuator, Faults
 from emaphm.actuator.laws import LAWS, typical_speed
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.diagnosis import diagnose
-from emaphm.diagnosis.selection import hidden_laws, law_selection
-from emaphm.diagnosis.selection.hidden_laws import hidden_scores, suspected_laws
+from emaphm.diagnosis.selection.laws import hidden_laws, law_selection
+from emaphm.diagnosis.selection.laws.hidden_laws import hidden_scores, suspected_laws
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.objective import faults_objective
 from emaphm.estimation.problem import Problem

@@ -14,7 +14,7 @@ from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.cli import main
 from emaphm.diagnosis import diagnose
 from emaphm.diagnosis.joint import JointDiagnosis, diagnose_joint
-from emaphm.diagnosis.selection import hidden_laws
+from emaphm.diagnosis.selection.laws import hidden_laws
 from emaphm.errors import MethodError
 from emaphm.recording import Recording, acquire, write_recording
 from emaphm.simulated_recording import simulate

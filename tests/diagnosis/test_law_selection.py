@@ -12,15 +12,10 @@ from emaphm.actuator import NAMES, Chirp, Faults
 from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.diagnosis import Diagnosis, diagnose, error_percent
-from emaphm.diagnosis.selection import first_look, law_selection, sensor_lag
-from emaphm.diagnosis.selection.law_selection import (
-    ONLY_WHILE_SWITCHING,
-    SUSPECTS,
-    acts,
-    select_laws,
-    with_law,
-    without_law,
-)
+from emaphm.diagnosis.selection import first_look
+from emaphm.diagnosis.selection.laws import law_selection, sensor_lag
+from emaphm.diagnosis.selection.laws.law_fit import ONLY_WHILE_SWITCHING, acts, with_law, without_law
+from emaphm.diagnosis.selection.laws.law_selection import SUSPECTS, select_laws
 from emaphm.diagnosis.selection.settings import SENSOR_SELECTION
 from emaphm.diagnosis.verdict import NOT_EXPLAINED
 from emaphm.estimation.bias_correction import with_discrepancy

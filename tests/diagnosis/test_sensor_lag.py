@@ -10,8 +10,8 @@ from emaphm.actuator import Actuator, Faults
 from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.diagnosis.selection.extension import with_nuisances
-from emaphm.diagnosis.selection.law_selection import with_free_law, with_law
-from emaphm.diagnosis.selection.sensor_lag import is_lag_suspected, with_sensor_lag
+from emaphm.diagnosis.selection.laws.law_fit import with_free_law, with_law
+from emaphm.diagnosis.selection.laws.sensor_lag import is_lag_suspected, with_sensor_lag
 from emaphm.estimation.bias_correction import correct_bias, with_discrepancy
 from emaphm.estimation.methods import method_named
 from emaphm.estimation.objective import faults_objective

@@ -10,7 +10,7 @@ from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.actuator.unit.tolerances import Tolerances
 from emaphm.arrays import Array
 from emaphm.diagnosis import Diagnosis, diagnose, error_percent
-from emaphm.diagnosis.selection.law_selection import with_law
+from emaphm.diagnosis.selection.laws.law_fit import with_law
 from emaphm.diagnosis.selection.supply.supply_profile import SUPPLY_SCAN, SupplyProfile
 from emaphm.diagnosis.selection.supply.supply_scan import is_scanned
 from emaphm.errors import RecordingError

@@ -9,7 +9,7 @@ from emaphm.arrays import Array
 from emaphm.diagnosis.explanation.alternatives import beyond_a_delay
 from emaphm.diagnosis.selection.control_errors import contradicted_control
 from emaphm.diagnosis.selection.description_errors import possible_errors
-from emaphm.diagnosis.selection.hidden_laws import suspected_laws
+from emaphm.diagnosis.selection.laws.hidden_laws import suspected_laws
 from emaphm.diagnosis.verdict import Estimate, estimates
 from emaphm.estimation.bias_correction import with_discrepancy
 from emaphm.estimation.search_result import SearchResult

@@ -44,8 +44,9 @@ from emaphm.recording.sensor_checks import check_sensors
 from emaphm.simulation import Model, model_named
 from emaphm.version import VERSION
 
-SEARCH_SHARE = 0.1
-"""Share of the time that the search takes where the posterior is sampled after it."""
+SEARCH_SHARE, SAMPLING_SHARE = 0.2, 0.9
+"""Shares of the time: of the search, where it does not explain the recording, so that deviations are looked
+for; and of sampling the posterior, of the whole."""
 
 TORQUE_CURRENTS = ("current_A", "current_q_A")
 """Channels that show a motor's torque: one of them is compared in every diagnosis."""
@@ -124,13 +125,15 @@ def diagnose(
         from emaphm.estimation.posterior.mcmc import check_posterior
 
         check_posterior(objective.problem.model)
+    deviations = chosen.least_squares and nuisances is None
+    finding = subprogress(on_progress, 0.0, 1 - SAMPLING_SHARE if posterior else 1.0)
     result = search(
         objective,
         chosen,
         fitness=fitness,
         max_corrections=max_corrections,
         seed=seed,
-        on_progress=subprogress(on_progress, 0.0, SEARCH_SHARE if posterior else 1.0),
+        on_progress=subprogress(finding, 0.0, SEARCH_SHARE if deviations else 1.0),
         starts=None if starts is None else starts.of(objective.space),
     )
     name, notes = _searched_by(chosen, starts, result)
@@ -138,8 +141,16 @@ def diagnose(
     corrected = chosen.least_squares and result.discrepancy is not None
     if corrected:
         result = with_asked_supply(result, max_corrections, seed)
-    if corrected and nuisances is None:
-        diagnosis, result = _with_deviations(result, recording, name, chosen, max_corrections, seed)
+    if corrected and deviations:
+        diagnosis, result = _with_deviations(
+            result,
+            recording,
+            name,
+            chosen,
+            max_corrections,
+            seed,
+            subprogress(finding, SEARCH_SHARE, 1.0),
+        )
     else:
         result = with_discrepancy(result, seed)
         diagnosis = conclude(result, recording, name, fitness, seed)
@@ -147,7 +158,7 @@ def diagnose(
     if posterior:
         from emaphm.estimation.posterior.mcmc import sample
 
-        sampling = subprogress(on_progress, SEARCH_SHARE, 1.0)
+        sampling = subprogress(on_progress, 1 - SAMPLING_SHARE, 1.0)
         correction, covariance = result.outputs_correction, diagnosis.covariance
         posterior_samples = sample(result.objective, result.point, correction, covariance, seed, sampling)
         diagnosis = replace(diagnosis, posterior=posterior_samples)
@@ -161,11 +172,19 @@ def diagnose(
 
 
 def _with_deviations(
-    searched: SearchResult, recording: Recording, name: str, method: Method, max_corrections: int, seed: int
+    searched: SearchResult,
+    recording: Recording,
+    name: str,
+    method: Method,
+    max_corrections: int,
+    seed: int,
+    on_progress: Progress | None,
 ) -> tuple[Diagnosis, SearchResult]:
     """Return the diagnosis with what deviates from the description, and the estimate that it is made of."""
     moves = moves_at(searched.objective, searched.point)
-    found, selected, laws = select_deviations(searched, method, max_corrections, seed, moves=moves)
+    found, selected, laws = select_deviations(
+        searched, method, max_corrections, seed, moves=moves, on_progress=on_progress
+    )
     found = with_discrepancy(found, seed)
     diagnosis = replace(
         conclude(found, recording, name, "least_squares", seed),

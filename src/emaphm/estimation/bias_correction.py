@@ -43,12 +43,15 @@ def correct_bias(
     seed: int,
     on_progress: Progress | None = None,
     settings: BiasCorrectionSettings = BIAS_CORRECTION,
+    *,
+    given_up_above: float = np.inf,
 ) -> SearchResult:
     """Return the estimate after up to `max_corrections` iterations, from the best of `points` (n, d).
 
     Each iteration proposes candidates under the present correction, and asks the reference model for the
     misfit of each. In the end, the mean of the estimates of the iterations without progress is taken: the
-    reference model finds no difference between them.
+    reference model finds no difference between them. An iteration without progress ends it where the residual
+    variance of the primary channel is still above `given_up_above`.
     """
     reference = reference_problem(objective)
     jacobians: _Jacobians | None = None
@@ -65,7 +68,11 @@ def correct_bias(
     none = np.zeros_like(objective.target)
     starts = compared(objective, none, points, reference, stream(seed, "reference runs", "starts"))
     best = min(starts, key=lambda one: one.residual_variance)
-    end = iterate(best, outcomes_of, max_corrections, settings, on_progress)
+
+    def is_hopeless(current: SearchResult) -> bool:
+        return current.residual_variance > given_up_above
+
+    end = iterate(best, outcomes_of, max_corrections, settings, on_progress, is_hopeless)
     if on_progress:
         on_progress(1.0)
     return _mean(replace(end.estimate, converged=end.converged), end.equal, settings)

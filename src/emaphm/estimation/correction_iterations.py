@@ -69,6 +69,7 @@ def iterate(
     max_corrections: int,
     settings: BiasCorrectionSettings,
     on_progress: Progress | None,
+    is_hopeless: Callable[[Estimate], bool] = lambda _: False,
 ) -> Iterated[Estimate]:
     """Return where up to `max_corrections` iterations lead from `estimate`.
 
@@ -80,6 +81,8 @@ def iterate(
     outcomes_of
         Returns the candidates of an iteration as the reference model sees them, in the order of their steps:
         from the reweighted estimate, the number of the iteration and of those just before without progress.
+    is_hopeless
+        Whether an iteration without progress is enough to give an estimate up: it has not converged then.
     """
     idle, equal = 0, tuple[Estimate, ...]()
     for iteration in range(max_corrections):
@@ -93,6 +96,8 @@ def iterate(
             equal = (*equal, estimate) if idle else ()
         if idle == settings.patience:
             return Iterated(estimate, equal, converged=True)
+        if idle and is_hopeless(estimate):
+            break
         if on_progress:
             on_progress((iteration + 1) / max_corrections)
     return Iterated(estimate, equal, converged=False)

@@ -1,9 +1,13 @@
 """How many simulations an estimate took, counted where they are run."""
 
+import threading
 from collections import Counter
 from dataclasses import dataclass, field
 
 from emaphm.simulation import REFERENCE, Model
+
+COUNTING = threading.Lock()
+"""Held by the one thread that counts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,7 +22,8 @@ class RunCounts:
 
     def add(self, model: Model, runs: int) -> None:
         """Count `runs` simulations of `model`."""
-        self.by_model[model.name] += runs
+        with COUNTING:
+            self.by_model[model.name] += runs
 
     def of(self, fitted: Model) -> tuple[int, int]:
         """Return the runs of the `fitted` model, and those of the reference model that correct it."""

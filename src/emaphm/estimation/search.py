@@ -29,11 +29,13 @@ def search(
     on_progress: Progress | None = None,
     on_population: OnBestFaults | None = None,
     starts: Array | None = None,
+    given_up_above: float = np.inf,
 ) -> SearchResult:
     """Return where `method` ends; `max_corrections` bounds the bias correction that follows least squares.
 
     With `starts` (n, d), points that are near the optimum, least squares begin there, without a global
-    stage; where they do not lead to an explanation, the search is made anew with one.
+    stage; where they do not lead to an explanation, the search is made anew with one. No other search follows
+    one whose residual variance of the primary channel is above `given_up_above`.
 
     Raises
     ------
@@ -50,7 +52,9 @@ def search(
             "useless; use the averaged model, or a method without least squares"
         )
     if max_corrections > 0 and resolves_switching(objective.problem):
-        return search_with_restarts(objective, method, max_corrections, seed, on_progress, starts)
+        return search_with_restarts(
+            objective, method, max_corrections, seed, on_progress, starts, given_up_above
+        )
     found = _uncorrected(objective, method, seed, on_progress, starts)
     if max_corrections == 0 or not has_reference(objective.problem):
         return found

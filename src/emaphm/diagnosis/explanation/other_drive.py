@@ -13,7 +13,7 @@ import numpy as np
 from emaphm.actuator import Actuator
 from emaphm.actuator.lumped_parameters import lumped_parameters
 from emaphm.diagnosis.selection.description_errors import SPEED_LOOP
-from emaphm.diagnosis.selection.law_selection import with_open
+from emaphm.diagnosis.selection.laws.law_fit import with_open
 from emaphm.diagnosis.selection.nuisance_selection import share_of_residual
 from emaphm.diagnosis.selection.settings import CURRENT_CONTROL
 from emaphm.errors import DivergedError
@@ -65,6 +65,7 @@ def other_drive(
             fitness="least_squares",
             max_corrections=max_corrections,
             seed=child,
+            given_up_above=MOST_LEFT[True] * found.residual_variance,
         )
     except DivergedError:
         return ()

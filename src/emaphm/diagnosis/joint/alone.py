@@ -24,7 +24,7 @@ from emaphm.diagnosis.selection.deviations import (
 )
 from emaphm.diagnosis.selection.extension import with_nuisances
 from emaphm.diagnosis.selection.first_look import FirstLook
-from emaphm.diagnosis.selection.law_selection import ONLY_WHILE_SWITCHING, search_with_law
+from emaphm.diagnosis.selection.laws.law_fit import ONLY_WHILE_SWITCHING, search_with_law
 from emaphm.diagnosis.selection.nuisance_selection import SelectedNuisances, select_nuisances
 from emaphm.diagnosis.selection.rotor_zero import is_sought, with_rotor_zero, with_zero_near, zero_of
 from emaphm.diagnosis.selection.supply.supply_scan import with_asked_supply

@@ -14,7 +14,7 @@ import numpy as np
 from emaphm.actuator.actuator import described_parts
 from emaphm.actuator.laws import LAWS
 from emaphm.diagnosis.selection.description_errors import not_as_described, objective_with, with_free
-from emaphm.diagnosis.selection.law_selection import search_with_law, without_law
+from emaphm.diagnosis.selection.laws.law_fit import search_with_law, without_law
 from emaphm.diagnosis.selection.nuisance_selection import SelectedNuisances, share_of_residual
 from emaphm.diagnosis.selection.settings import CONTROL_ERRORS, CURRENT_CONTROL, SELECTION, SPEED_CONTROL
 from emaphm.estimation.methods import Method
@@ -24,6 +24,7 @@ from emaphm.estimation.space.nuisances import BASELINE
 from emaphm.estimation.uncertainty.local_covariance import jacobians_of
 from emaphm.estimation.uncertainty.partial_regression import regressed
 from emaphm.random_streams import stream
+from emaphm.threads import in_threads
 
 LIKE_A_DELAY = ("command-lag", "feedforward")
 CONTROL_LAWS = ("speed-integral", "position-integral", *LIKE_A_DELAY)
@@ -73,10 +74,14 @@ def with_control_law(
     """
     laws = CONTROL_LAWS if not found.result.explained else LIKE_A_DELAY if "delay" in found.names else ()
     possible = [name for name in laws if LAWS[name].is_possible(searched.objective.problem.actuator)]
-    tried = {name: search_with_law(searched, name, method, max_corrections, seed) for name in possible}
+    tried = in_threads(
+        lambda name: search_with_law(searched, name, method, max_corrections, seed),
+        possible,
+        searched.objective.problem.workers,
+    )
     convincing = {
         name: one
-        for name, one in tried.items()
+        for name, one in zip(possible, tried, strict=True)
         if one.explained and one.normalised_residual < CONTROL_ERRORS.convincing
     }
     if not convincing:

@@ -19,7 +19,7 @@ import numpy as np
 
 from emaphm.actuator import NAMES
 from emaphm.actuator.actuator import described_parts
-from emaphm.diagnosis.selection.law_selection import fit_of, with_open
+from emaphm.diagnosis.selection.laws.law_fit import Fit, with_open
 from emaphm.diagnosis.selection.profile import INERTIA
 from emaphm.diagnosis.selection.settings import (
     CURRENT_CONTROL,
@@ -29,7 +29,6 @@ from emaphm.diagnosis.selection.settings import (
     SPEED_CONTROL,
 )
 from emaphm.diagnosis.verdict import VERDICT
-from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.methods import Method
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import SearchResult
@@ -119,8 +118,7 @@ def with_free(
     """Return the estimate with `parameters` of the description free, from that `searched` without them."""
     child = child_seed(seed, "error of the description", *parameters)
     objective = objective_with(searched.objective, parameters)
-    fit = fit_of(searched, objective, parameters[0], method, child)
-    return correct_bias(fit.objective, fit.points, max_corrections, child)
+    return Fit.of(searched, objective, parameters[0], method, child).corrected(max_corrections, child)
 
 
 def suspected_parameters(result: SearchResult) -> tuple[str, ...]:

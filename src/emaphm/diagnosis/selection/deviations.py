@@ -5,13 +5,10 @@ from dataclasses import replace
 from emaphm.actuator.laws import LAWS
 from emaphm.diagnosis.selection.control_errors import with_control_errors, with_control_law
 from emaphm.diagnosis.selection.description_errors import possible_errors, with_free
-from emaphm.diagnosis.selection.hidden_laws import HIDDEN_LAWS, suspected_laws
-from emaphm.diagnosis.selection.law_selection import (
-    acts,
-    search_with_law,
-    select_laws,
-    without_law,
-)
+from emaphm.diagnosis.selection.laws.hidden_laws import HIDDEN_LAWS, suspected_laws
+from emaphm.diagnosis.selection.laws.law_fit import acts, search_with_law, without_law
+from emaphm.diagnosis.selection.laws.law_selection import select_laws
+from emaphm.diagnosis.selection.laws.sensor_lag import SENSOR_LAG, is_lag_suspected, with_sensor_lag
 from emaphm.diagnosis.selection.nuisance_selection import (
     SelectedNuisances,
     select_nuisances,
@@ -19,13 +16,13 @@ from emaphm.diagnosis.selection.nuisance_selection import (
 )
 from emaphm.diagnosis.selection.ripple import ripple_share
 from emaphm.diagnosis.selection.rotor_zero import with_rotor_zero
-from emaphm.diagnosis.selection.sensor_lag import SENSOR_LAG, is_lag_suspected, with_sensor_lag
 from emaphm.diagnosis.selection.settings import SELECTION
 from emaphm.diagnosis.selection.varying_load import VARYING, VARYING_LOAD, explains_better, with_varying_load
 from emaphm.estimation.bias_correction import over_all_phases
 from emaphm.estimation.discrepancy import resolves_switching
 from emaphm.estimation.methods import Method
 from emaphm.estimation.search_result import SearchResult
+from emaphm.progress import Progress, subprogress
 
 HALL_ANGLES = "hall-angles"
 
@@ -34,7 +31,13 @@ Selection = tuple[SearchResult, tuple[str, ...], tuple[str, ...]]
 
 
 def select_deviations(
-    searched: SearchResult, method: Method, max_corrections: int, seed: int, *, moves: bool
+    searched: SearchResult,
+    method: Method,
+    max_corrections: int,
+    seed: int,
+    *,
+    moves: bool,
+    on_progress: Progress | None = None,
 ) -> Selection:
     """Return the estimate with all that deviates significantly estimated too, and the names of that.
 
@@ -51,10 +54,13 @@ def select_deviations(
     if not (moves and resolves_switching(searched.objective.problem)):
         found = select_nuisances(searched, max_corrections, seed)
         return found.result, found.names, ()
+    report = on_progress or (lambda _: None)
     searched = with_control_errors(searched, method, max_corrections, seed)
+    report(0.1)
     loaded = None if searched.explained else with_varying_load(searched, method, max_corrections, seed)
     convincing = loaded is not None and loaded.normalised_residual < VARYING.convincing
-    alone = _selection(searched, method, max_corrections, seed, laws=not convincing)
+    on_progress = subprogress(on_progress, 0.1, 1.0 if loaded is None else 0.5)
+    alone = _selection(searched, method, max_corrections, seed, on_progress, laws=not convincing)
     if loaded is None:
         return alone
     result, names, laws = _selection(loaded, method, max_corrections, seed)
@@ -62,13 +68,22 @@ def select_deviations(
 
 
 def _selection(
-    searched: SearchResult, method: Method, max_corrections: int, seed: int, *, laws: bool = True
+    searched: SearchResult,
+    method: Method,
+    max_corrections: int,
+    seed: int,
+    on_progress: Progress | None = None,
+    *,
+    laws: bool = True,
 ) -> Selection:
     """Return `select_deviations` of an actuator that moves, but for its load; with `laws` or without."""
+    report = on_progress or (lambda _: None)
     turned, found = _with_rotor_zero(searched, method, max_corrections, seed)
+    report(0.4)
     if not (laws or found.result.explained):
         return found.result, found.names, ()
     controlled = with_control_law(searched, found, method, max_corrections, seed) if laws else None
+    report(0.5)
     if controlled is not None:
         with_law, name = controlled
         share = share_of_residual(with_law, found.result)

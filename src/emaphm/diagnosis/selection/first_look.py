@@ -11,9 +11,9 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.diagnosis.selection.extension import with_nuisances
+from emaphm.diagnosis.selection.laws.sensor_lag import LagComparison, answer_to_lag, can_show_lag
 from emaphm.diagnosis.selection.profile import INERTIA, compared_power
 from emaphm.diagnosis.selection.ripple import RippleResidual, ripple_powers
-from emaphm.diagnosis.selection.sensor_lag import LagComparison, answer_to_lag, can_show_lag
 from emaphm.diagnosis.selection.supply.supply_profile import SUPPLY, column_of, first_supplies, unit_of_supply
 from emaphm.estimation.bias_correction import compared
 from emaphm.estimation.discrepancy import reference_problem

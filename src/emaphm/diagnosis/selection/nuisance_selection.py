@@ -9,22 +9,24 @@ are kept, the most probable by residual and prior is selected; the others widen 
 """
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
+from emaphm.arrays import Array
 from emaphm.diagnosis.selection.extension import Candidate, with_nuisances
 from emaphm.diagnosis.selection.first_look import FirstLook
 from emaphm.diagnosis.selection.nuisance_candidates import worthwhile_candidates
 from emaphm.diagnosis.selection.profile import PROFILED
 from emaphm.diagnosis.selection.ripple import ripple_share
 from emaphm.diagnosis.selection.rivals import residual_power, with_rivals
-from emaphm.diagnosis.selection.settings import SELECTION, SENSOR_SELECTION, widening
+from emaphm.diagnosis.selection.settings import SELECTION, SENSOR_SELECTION, hopeless_above, widening
 from emaphm.diagnosis.selection.supply.supply_profile import SUPPLY
 from emaphm.diagnosis.selection.supply.supply_scan import is_off, with_supply
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.discrepancy import resolves_switching
 from emaphm.estimation.global_search.multistart import multistart
-from emaphm.estimation.objective import CORRELATED_ROWS
+from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.sensors.sensor_model import COMMON_DELAY, error_kind, sensor_error
 from emaphm.estimation.space.nuisances import usual_deviation
@@ -33,6 +35,7 @@ from emaphm.estimation.uncertainty.local_covariance import (
     local_covariance,
 )
 from emaphm.random_streams import child_seed, stream
+from emaphm.threads import in_threads
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,23 +73,38 @@ def _from_afar(
     """
     problem = result.objective.problem
     others = result.objective.space.nuisances.others(problem.actuator, tuple(problem.measured))
-    searched = []
-    for name in others:
-        if name != COMMON_DELAY and error_kind(name) not in ("scale", "offset"):
-            continue
+    kinds = [name for name in others if name == COMMON_DELAY or error_kind(name) in ("scale", "offset")]
+    ends = in_threads(lambda name: _FarEnd.of(result, names, name, seed), kinds, problem.workers)
+    least = sorted(ends, key=lambda end: end.cost)[: SENSOR_SELECTION.most_corrected]
+
+    def corrected(end: _FarEnd) -> SearchResult | None:
+        child, limit = child_seed(seed, "nuisance selection from afar", end.name), hopeless_above(result)
+        tried = correct_bias(end.objective, end.points, max_corrections, child, given_up_above=limit)
+        return tried if tried.explained and _significant(tried, result, end.name, child) else None
+
+    tried = in_threads(corrected, least, problem.workers)
+    outcomes = [(end.name, one) for end, one in zip(least, tried, strict=True) if one is not None]
+    return min(outcomes, key=lambda one: share_of_residual(one[1], result)) if outcomes else None
+
+
+@dataclass(frozen=True, eq=False)
+class _FarEnd:
+    """Where a global search with a nuisance ends: its least cost, and points (n, d) of the `objective`."""
+
+    name: str
+    cost: float
+    objective: MapObjective
+    points: Array
+
+    @classmethod
+    def of(cls, result: SearchResult, names: tuple[str, ...], name: str, seed: int) -> Self:
+        """Return it for the nuisance `name`, where `names` were selected before."""
         narrow, _ = with_nuisances(result, names, (name,), SENSOR_SELECTION.search_widening)
         wide, _ = with_nuisances(result, names, (name,))
         found = multistart(narrow, child_seed(seed, "search with a nuisance", name))
         points = found.points.copy()
         points[:, wide.space.coordinates.index(name)] *= SENSOR_SELECTION.search_widening / widening(name)
-        searched.append((float(found.costs.min()), name, wide, points))
-    outcomes: list[tuple[str, SearchResult]] = []
-    for _, name, wide, points in sorted(searched, key=lambda one: one[0])[: SENSOR_SELECTION.most_corrected]:
-        child = child_seed(seed, "nuisance selection from afar", name)
-        tried = correct_bias(wide, points, max_corrections, child)
-        if tried.explained and _significant(tried, result, name, child):
-            outcomes.append((name, tried))
-    return min(outcomes, key=lambda one: share_of_residual(one[1], result)) if outcomes else None
+        return cls(name, float(found.costs.min()), wide, points)
 
 
 def _best(

@@ -14,7 +14,7 @@ from emaphm.actuator import NAMES, Actuator
 from emaphm.arrays import Array
 from emaphm.diagnosis.selection.description_errors import not_as_described, objective_with
 from emaphm.diagnosis.selection.nuisance_selection import share_of_residual
-from emaphm.diagnosis.selection.settings import ROTOR_ZERO
+from emaphm.diagnosis.selection.settings import ROTOR_ZERO, hopeless_above
 from emaphm.diagnosis.verdict import VERDICT
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.methods import Method
@@ -122,7 +122,8 @@ def with_zero_near(
 ) -> SearchResult:
     """Return the estimate with the rotor's zero free: the one that is nearest to `near` [rad, electrical].
 
-    Of all that are a sixth of a turn apart, so that the phases of several recordings have the same names.
+    Of all that are a sixth of a turn apart, so that the phases of several recordings have the same names. It
+    is searched for once where that leaves hardly less of what `searched` does not explain.
     """
     actuator, child = searched.objective.problem.actuator, child_seed(seed, "the rotor's zero")
     found = search(
@@ -131,6 +132,7 @@ def with_zero_near(
         fitness="least_squares",
         max_corrections=max_corrections,
         seed=child,
+        given_up_above=hopeless_above(searched),
     )
     sixths = round((zero_of(found) - near) / SIXTH)
     if not sixths:

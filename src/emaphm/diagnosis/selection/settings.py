@@ -2,6 +2,9 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.sensors.sensor_model import sensor_error
 
 ROTOR_ZERO = "rotor_zero"
@@ -158,9 +161,39 @@ class ControlErrorSettings:
 CONTROL_ERRORS = ControlErrorSettings()
 
 
+@dataclass(frozen=True)
+class LawSelectionSettings:
+    """When laws are tried, and which are kept; `make study` (limits, plants) measures them.
+
+    Tried while the recording is not explained. All laws are fitted by the averaged model, from afar and from
+    the estimate; the `corrected` best of each also with a correction of their own. One is kept that leaves
+    less than `share` of the mean squared residual; `most` laws at most. A second law of the friction is also
+    tried where the first explains the recording, and kept with less than `second_share`, which chance alone
+    leaves seldom (0.92 to 1.03 of three recordings), and only if it acts: where a law has no effect with all
+    of its parameters 0, one of them is `significant` standard errors from it.
+    """
+
+    corrected: int = 2
+    share: float = 0.8
+    second_share: float = 0.95
+    significant: float = 2.0
+    most: int = 4
+
+
+LAW_SELECTION = LawSelectionSettings()
+
+
 def widening(name: str) -> float:
     """Return how many times as wide as the description's the prior of a tried nuisance is."""
     error = sensor_error(name)
     if error is None:
         return SELECTION.widening
     return SENSOR_SELECTION.delay_widening if error[1] == "delay" else SENSOR_SELECTION.widening
+
+
+def hopeless_above(before: SearchResult) -> float:
+    """Return the residual variance above which an estimate is given up that makes no progress.
+
+    Of one that is tried because that `before` it is not explained: whatever explains it leaves clearly less.
+    """
+    return np.inf if before.explained else LAW_SELECTION.share * before.residual_variance

@@ -12,7 +12,7 @@ import numpy as np
 from emaphm.actuator import Actuator
 from emaphm.arrays import Array
 from emaphm.diagnosis.selection.extension import with_nuisances
-from emaphm.diagnosis.selection.law_selection import search_with
+from emaphm.diagnosis.selection.laws.law_fit import search_with
 from emaphm.diagnosis.selection.nuisance_selection import share_of_residual
 from emaphm.diagnosis.selection.settings import SELECTION
 from emaphm.errors import DivergedError

@@ -35,12 +35,14 @@ def search_with_restarts(
     seed: int,
     on_progress: Progress | None,
     starts: Array | None = None,
+    given_up_above: float = np.inf,
 ) -> SearchResult:
     """Return the best of several searches, each a global search and its bias correction.
 
     Restart at most `MAX_RESTARTS` times while the residual exceeds noise and switching; stop once two
     searches agree. The other ends are the result's alternatives. With `starts` (n, d), the first search is
-    one from there, and no other follows where it leaves no more than noise and switching.
+    one from there, and no other follows where it leaves no more than noise and switching. The first search of
+    all is also the last, its end as it is, where its residual variance is above `given_up_above`.
     """
     ends: list[SearchResult] = []
     if starts is not None:
@@ -56,6 +58,8 @@ def search_with_restarts(
         other = _search(objective, method, max_corrections, child, None if search else on_progress)
         agree = bool(ends) and _alike(other, _best(ends))
         ends.append(other)
+        if _best(ends).residual_variance > given_up_above:
+            return _best(ends)
         if agree or _is_explained(_best(ends)):
             break
     best = _best(ends)

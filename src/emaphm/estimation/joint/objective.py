@@ -5,9 +5,7 @@ shape of an arrow. Each recording is simulated for the coordinates that act on i
 point are sums.
 """
 
-import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self, TypeVar
@@ -21,6 +19,7 @@ from emaphm.estimation.levenberg_marquardt import Evaluation
 from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective
 from emaphm.estimation.space.parameter_space import Box, ParameterSpace
 from emaphm.estimation.space.parameter_variation import ParameterVariation
+from emaphm.threads import in_threads
 
 T = TypeVar("T")
 
@@ -183,12 +182,7 @@ class JointObjective:
 
     def for_each(self, function: Callable[[int], T]) -> list[T]:
         """Return `function` of the number of each recording, several at once."""
-        count = len(self.terms)
-        workers = min(self.workers or os.cpu_count() or 1, count)
-        if workers <= 1:
-            return [function(r) for r in range(count)]
-        with ThreadPoolExecutor(workers) as pool:
-            return list(pool.map(function, range(count)))
+        return in_threads(function, range(len(self.terms)), self.workers)
 
     def evaluate(self, points: Array) -> list[Evaluation]:
         """Return the sum of squared normalised residuals and priors at `points` (n, d)."""

@@ -11,6 +11,8 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
+from emaphm.threads import in_threads
+
 T = TypeVar("T")
 
 CURRENT_LAGS_S = tuple(2e-6 * 2 ** (i / 2) for i in range(11))
@@ -39,16 +41,19 @@ NARROWER = 1 / 3
 
 
 def scan(
-    values: Sequence[float], evaluate: Callable[[float], T], cost: Callable[[T], float]
+    values: Sequence[float],
+    evaluate: Callable[[float], T],
+    cost: Callable[[T], float],
+    workers: int | None = 1,
 ) -> ScanResult[T]:
     """Return the best of increasing `values` > 0, or of what lies between them.
 
-    `evaluate` makes the estimate at a value, `cost` is its mean squared residual. The value may lie anywhere
-    between the neighbours of those whose costs equal the least; the standard error is that of an even
-    distribution there. Within it, the least cost is where a parabola through three logarithms has it; it is
-    looked for twice, the second time with narrower steps.
+    `evaluate` makes the estimate at a value, for several at once by `workers` threads; `cost` is its mean
+    squared residual. The value may lie anywhere between the neighbours of those whose costs equal the least;
+    the standard error is that of an even distribution there. Within it, the least cost is where a parabola
+    through three logarithms has it; it is looked for twice, the second time with narrower steps.
     """
-    known: dict[float, T] = {}
+    known = dict(zip(values, in_threads(evaluate, values, workers), strict=True))
 
     def at(value: float) -> float:
         if value not in known:

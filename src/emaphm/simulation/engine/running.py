@@ -1,11 +1,8 @@
 """Running a model: one actuator with every signal, or many with their equivalent currents."""
 
 import math
-import os
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +14,7 @@ from emaphm.simulation.engine.inputs import Inputs
 from emaphm.simulation.engine.kernel_cache import Kernel, kernel
 from emaphm.simulation.engine.model import CACHE_LINE, OBSERVABLE, Form, Initial, Layout, Model
 from emaphm.simulation.engine.plant import Plant
+from emaphm.threads import in_threads
 
 LANES = 16
 """Actuators that a batch kernel advances together: two AVX-512 registers, four of AVX2."""
@@ -90,13 +88,7 @@ def _batch(
     out = _output(groups, LANES, channels, inputs.samples)
     if groups * inputs.command.size < WORTH_A_THREAD:
         workers = 1
-    workers = min(workers or os.cpu_count() or 1, groups)
-    if workers <= 1:
-        for block, group in zip(blocks, out, strict=True):
-            _advance(advance, block, group, inputs)
-    else:
-        with ThreadPoolExecutor(workers) as pool:
-            list(pool.map(partial(_advance, advance, inputs=inputs), blocks, out))
+    in_threads(lambda group: _advance(advance, *group, inputs), zip(blocks, out, strict=True), workers)
     by_actuator = out.reshape(groups * LANES, channels, inputs.samples)[: plant.count]
     chosen = by_actuator if rows == list(range(channels)) else by_actuator[:, rows]
     _check_finite(model, chosen)

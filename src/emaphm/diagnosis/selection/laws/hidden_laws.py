@@ -17,7 +17,7 @@ from emaphm.actuator import Actuator
 from emaphm.actuator.laws import LAWS, typical_dry_friction, typical_speed
 from emaphm.actuator.unit.baseline import SIGNED
 from emaphm.arrays import Array
-from emaphm.diagnosis.selection.law_selection import with_free_law
+from emaphm.diagnosis.selection.laws.law_fit import with_free_law
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.space.parameter_variation import varied
