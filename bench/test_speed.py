@@ -152,6 +152,18 @@ def test_diagnosis(benchmark: Any, report: Report, channels: tuple[str, ...], mo
     report(f"diagnosis, {len(channels)} channels, {kind}", budget=budget)
 
 
+@pytest.mark.parametrize("workers", [1, None], ids=["one core", "all cores"])
+@pytest.mark.parametrize("law", ["stribeck", "compliance"])
+def test_diagnosis_without_a_law(
+    benchmark: Any, report: Report, request: pytest.FixtureRequest, law: str, workers: int | None
+) -> None:
+    plant = law_named(law).added_to(ema.Actuator.thesis())
+    actuator, rig = ema.Actuator.thesis(), Rig(label="base setting", channels=VOLTAGE)
+    recording = recorded(rig, plant, Manoeuvre(), cases.random_faults(0), 0)
+    benchmark.pedantic(ema.diagnose, (recording, actuator), {"workers": workers}, rounds=3, warmup_rounds=1)
+    report(f"diagnosis, law '{law}' not described, {request.node.callspec.id}", budget="-")
+
+
 def test_thesis_run(benchmark: Any, report: Report, recording: ema.Recording) -> None:
     actuator = ema.Actuator.thesis()
     benchmark.pedantic(

@@ -3,6 +3,8 @@
 import json
 from collections.abc import Iterator
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +15,7 @@ from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.diagnosis import Diagnosis, diagnose, error_percent
 from emaphm.diagnosis.selection import first_look
-from emaphm.diagnosis.selection.laws import law_selection, sensor_lag
+from emaphm.diagnosis.selection.laws import law_fit, law_selection, sensor_lag
 from emaphm.diagnosis.selection.laws.law_fit import ONLY_WHILE_SWITCHING, acts, with_law, without_law
 from emaphm.diagnosis.selection.laws.law_selection import SUSPECTS, select_laws
 from emaphm.diagnosis.selection.settings import SENSOR_SELECTION
@@ -151,6 +153,60 @@ def test_a_law_that_stands_in_the_way_of_another_is_left_out(
     assert laws == ("transition",)
     assert np.array_equal(result.point, at_the_truth.point)
     assert [np.array_equal(one.point, astray.point) for one in result.alternatives] == [True]
+
+
+@pytest.mark.parametrize(("left", "refined"), [(0.5, True), (0.97, False), (2.0, False)])
+def test_only_what_leaves_less_is_refined(
+    at_the_truth: SearchResult, left: float, refined: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before: Any = SimpleNamespace(residual_variance=0.1)
+    tried = SimpleNamespace(residual_variance=0.1 * left)
+    monkeypatch.setattr(law_fit.Fit, "of", lambda *_: SimpleNamespace(corrected=lambda *_: tried))
+    monkeypatch.setattr(law_fit, "refine_by_reference", lambda *_: at_the_truth)
+    found = law_fit.search_with(before, at_the_truth.objective, "any", method_named("hybrid"), 2, seed=0)
+    assert found is (at_the_truth if refined else tried)
+
+
+def test_no_lag_is_scanned_where_the_first_leave_as_much_of_what_is_not_explained(
+    at_the_truth: SearchResult, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    objective = at_the_truth.objective
+    astray = with_discrepancy(
+        SearchResult.at(objective, objective.space.project(at_the_truth.point + 0.1)), seed=0
+    )
+    tried = []
+
+    def corrected(fit: law_fit.Fit, *_: object) -> SearchResult:
+        tried.append(fit.objective.problem.actuator)
+        return astray
+
+    monkeypatch.setattr(law_fit.Fit, "corrected", corrected)
+    fit = law_fit.Fit(
+        "sensor-lag", astray, with_law(objective, LAWS["sensor-lag"]), np.zeros((1, 9)), 0.0, 0.0
+    )
+    assert sensor_lag.with_best_lag(fit, astray, 2, seed=0) is None
+    assert len(tried) == len(sensor_lag.PROBED_LAGS_S)
+
+
+def test_threads_change_nothing(at_the_truth: SearchResult, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(law_selection, "SUSPECTS", ("directional", "quadratic"))
+    objective = at_the_truth.objective
+    start = objective.space.project(at_the_truth.point + 0.1)
+    alone, together = (
+        select_laws(
+            with_discrepancy(
+                SearchResult.at(replace(objective, problem=replace(objective.problem, workers=n)), start), 0
+            ),
+            method_named("hybrid"),
+            1,
+            seed=0,
+        )
+        for n in (1, 3)
+    )
+    assert alone[1] == together[1]
+    np.testing.assert_array_equal(alone[0].point, together[0].point)
+    for one, other in zip(alone[0].alternatives, together[0].alternatives, strict=True):
+        np.testing.assert_array_equal(one.point, other.point)
 
 
 def test_a_law_with_an_amplitude_acts(at_the_truth: SearchResult) -> None:
