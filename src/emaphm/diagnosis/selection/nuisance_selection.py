@@ -127,7 +127,10 @@ def _best(
         if not candidate.promising and not any(sensor_error(name) for name, _ in kept):
             continue
         child = child_seed(seed, "nuisance selection", candidate.name)
-        tried = correct_bias(candidate.objective, candidate.point[np.newaxis], max_corrections, child)
+        # A sensor's error has to explain what is not explained, or most of it; others need not.
+        limit = hopeless_above(result) if sensor_error(candidate.name) else np.inf
+        point = candidate.point[np.newaxis]
+        tried = correct_bias(candidate.objective, point, max_corrections, child, given_up_above=limit)
         if candidate.name == SUPPLY:
             tried = with_supply(tried, names, max_corrections, child)
         if _significant(tried, result, candidate.name, child):
