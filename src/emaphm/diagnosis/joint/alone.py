@@ -5,9 +5,9 @@ recordings, and the estimates that are compared for contradictions.
 """
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Self, TypeVar
 
 import numpy as np
 
@@ -42,6 +42,9 @@ from emaphm.progress import Progress
 from emaphm.random_streams import child_seed
 from emaphm.recording import Recording
 from emaphm.simulation import AVERAGED
+from emaphm.threads import in_threads
+
+T = TypeVar("T")
 
 METHOD = "hybrid"
 """How each recording is searched by itself."""
@@ -156,9 +159,10 @@ def search_alone(
     Nuisances that deviate significantly, laws, and parameters that are not as described: what is selected for
     one is estimated of all. Arguments as of `emaphm.diagnosis.joint.diagnose_joint`.
     """
-    method, found, laws = method_named(METHOD), list[_Alone](), tuple[str, ...]()
-    for r, recording in enumerate(recordings):
-        objective = objective_for(recording, actuator, method, AVERAGED, nuisances, workers)
+    method = method_named(METHOD)
+
+    def searched(r: int) -> _Alone:
+        objective = objective_for(recordings[r], actuator, method, AVERAGED, nuisances, workers)
         # The first one's streams are those of a diagnosis of it alone.
         own = seed if r == 0 else child_seed(seed, "recording", r)
         result = search(objective, method, fitness="least_squares", max_corrections=max_corrections, seed=own)
@@ -167,9 +171,9 @@ def search_alone(
         one = _Alone(result, SelectedNuisances(result, (), FirstLook()), own)
         if nuisances is None and result.discrepancy is not None:
             one = one.selecting(result, max_corrections)
-        found.append(one)
-        if on_progress:
-            on_progress((r + 1) / len(recordings))
+        return one
+
+    found, laws = in_threads(searched, range(len(recordings)), workers, on_progress), tuple[str, ...]()
     if nuisances is None:
         found, laws = _with_deviations(found, method, max_corrections)
     selected = tuple(dict.fromkeys(name for one in found for name in one.found.names))
@@ -187,15 +191,15 @@ def _with_deviations(
     """
     corrected = all(one.is_corrected for one in found)
     if corrected:
-        asked = [one.with_control_errors(method, max_corrections) for one in found]
+        asked = _of_each(found, lambda one: one.with_control_errors(method, max_corrections))
         found = _with_common_parameters(found, asked, method, max_corrections)
-    found = [one.with_varying_load(method, max_corrections) for one in found]
+    found = _of_each(found, lambda one: one.with_varying_load(method, max_corrections))
     if not corrected:
         return found, ()
     found, sensors = _with_common_zero(found, method, max_corrections)
     found, others = _with_common_laws(found, method, max_corrections)
     if not (sensors or others):
-        asked = [one.with_description_error(method, max_corrections) for one in found]
+        asked = _of_each(found, lambda one: one.with_description_error(method, max_corrections))
         found = _with_common_parameters(found, asked, method, max_corrections)
     return found, (*sensors, *others)
 
@@ -207,34 +211,40 @@ def _with_common_zero(
 
     Or with the law of Hall sensors out of place, where that leaves clearly less of it; and the law's name.
     """
-    possible = all(is_sought(one.searched.objective) for one in found)
-    for one in found if possible else ():
+    if not all(is_sought(one.searched.objective) for one in found):
+        return found, ()
+    for one in found:
         if not moves_at(one.searched.objective, one.searched.point):
             continue
         shown = with_rotor_zero(one.searched, method, max_corrections, one.seed)
         if not is_sought(shown.objective):  # it is free now
-            turned = one.selecting(shown, max_corrections).result
-            sensed = with_hall_angles(one.searched, turned, method, max_corrections, one.seed)
-            if sensed is not None:
-                with_sensors = [
-                    each.selecting(sensed, max_corrections)
-                    if each is one
-                    else each.with_laws((HALL_ANGLES,), method, max_corrections)
-                    for each in found
-                ]
-                return with_sensors, (HALL_ANGLES,)
-            near = zero_of(shown)
-            zeros = [
-                each.selecting(
-                    shown
-                    if each is one
-                    else with_zero_near(each.searched, near, method, max_corrections, each.seed),
-                    max_corrections,
-                )
-                for each in found
-            ]
-            return zeros, ()
+            return _with_zero_of(one, shown, found, method, max_corrections)
     return found, ()
+
+
+def _with_zero_of(
+    one: _Alone, shown: SearchResult, found: list[_Alone], method: Method, max_corrections: int
+) -> tuple[list[_Alone], tuple[str, ...]]:
+    """Return `_with_common_zero` where `one` of the recordings has `shown` another zero."""
+    turned = one.selecting(shown, max_corrections)
+    sensed = with_hall_angles(one.searched, turned.result, method, max_corrections, one.seed)
+
+    def with_sensors(each: _Alone) -> _Alone:
+        if each is one and sensed is not None:
+            return each.selecting(sensed, max_corrections)
+        return each.with_laws((HALL_ANGLES,), method, max_corrections)
+
+    def with_zero(each: _Alone) -> _Alone:
+        if each is one:
+            return turned
+        near = zero_of(shown)
+        return each.selecting(
+            with_zero_near(each.searched, near, method, max_corrections, each.seed), max_corrections
+        )
+
+    if sensed is not None:
+        return _of_each(found, with_sensors), (HALL_ANGLES,)
+    return _of_each(found, with_zero), ()
 
 
 def _with_common_laws(
@@ -246,12 +256,12 @@ def _with_common_laws(
     a share of `LEAST_SHARE` shows.
     """
     unexplained = [one for one in found if not one.result.explained and one.moves]
-    asked = [one.laws(method, max_corrections) for one in unexplained[:1] or found]
+    asked = _of_each(unexplained[:1] or found, lambda one: one.laws(method, max_corrections))
     counts = Counter(name for laws in asked for name in laws)
     laws = tuple(name for name, count in counts.items() if count >= LEAST_SHARE * len(asked))
     if not laws:
         return found, ()
-    with_them = [one.with_laws(laws, method, max_corrections) for one in found]
+    with_them = _of_each(found, lambda one: one.with_laws(laws, method, max_corrections))
     explained, before = (sum(one.result.explained for one in each) for each in (with_them, found))
     return (with_them, laws) if explained > before or not unexplained else (found, ())
 
@@ -268,12 +278,19 @@ def _with_common_parameters(
     free = tuple(name for name, count in counts.items() if count >= LEAST_SHARE * len(found))
     if not free:
         return found
-    return [
-        one
-        if set(one.parameters) == {*open_before, *free}
-        else one.selecting(with_free(one.searched, free, method, max_corrections, one.seed), max_corrections)
-        for one in asked
-    ]
+
+    def with_these(one: _Alone) -> _Alone:
+        if set(one.parameters) == {*open_before, *free}:
+            return one
+        searched = with_free(one.searched, free, method, max_corrections, one.seed)
+        return one.selecting(searched, max_corrections)
+
+    return _of_each(asked, with_these)
+
+
+def _of_each(found: Sequence[_Alone], function: Callable[[_Alone], T]) -> list[T]:
+    """Return what `function` makes of each estimate, of several at once."""
+    return in_threads(function, found, found[0].searched.objective.problem.workers)
 
 
 def _with_all(
