@@ -14,6 +14,7 @@ from emaphm.actuator import NAMES, Chirp, Faults
 from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.diagnosis import Diagnosis, diagnose, error_percent
+from emaphm.diagnosis.diagnose import SEARCH_SHARE
 from emaphm.diagnosis.selection import first_look
 from emaphm.diagnosis.selection.laws import law_fit, law_selection, sensor_lag
 from emaphm.diagnosis.selection.laws.law_fit import ONLY_WHILE_SWITCHING, acts, with_law, without_law
@@ -45,7 +46,13 @@ def recording() -> Recording:
 
 
 @pytest.fixture(scope="module")
-def found(recording: Recording) -> Iterator[Diagnosis]:
+def progress() -> list[float]:
+    """Return what is reported while that recording is diagnosed."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def found(recording: Recording, progress: list[float]) -> Iterator[Diagnosis]:
     """Return its diagnosis by the description without the law; few alternatives are tried, to save time.
 
     No lag of the current sensors is: under each law it has kernels of its own to compile.
@@ -57,7 +64,7 @@ def found(recording: Recording) -> Iterator[Diagnosis]:
             patched.setattr(asked, "can_show_lag", lambda _: False)
         few = replace(SENSOR_SELECTION, most_corrected=1)
         patched.setattr("emaphm.diagnosis.selection.nuisance_selection.SENSOR_SELECTION", few)
-        yield diagnose(recording, THESIS, max_corrections=5)
+        yield diagnose(recording, THESIS, max_corrections=5, on_progress=progress.append)
 
 
 def test_the_law_is_named_and_its_parameter_found(found: Diagnosis) -> None:
@@ -79,6 +86,13 @@ def test_the_faults_are_found_beside_the_law(found: Diagnosis) -> None:
         assert found.components[name].verdict != "degraded"
     for name in ("friction", "backlash", "short_b", "gain"):
         assert found.components[name].verdict == "degraded"
+
+
+@pytest.mark.usefixtures("found")
+def test_progress_is_reported_of_what_follows_the_search_too(progress: list[float]) -> None:
+    assert progress == sorted(progress)
+    assert progress[-1] == 1.0
+    assert sum(SEARCH_SHARE < done < 1.0 for done in progress) >= 3
 
 
 def test_without_the_law_nothing_is_called_healthy_or_degraded(recording: Recording) -> None:

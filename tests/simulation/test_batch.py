@@ -1,10 +1,11 @@
 """A batch is its single runs side by side: no lane depends on another, nor of the threads."""
 
-import importlib
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 
+from emaphm import threads
 from emaphm.actuator import Chirp, Sine
 from emaphm.simulation import (
     AVERAGED,
@@ -17,6 +18,7 @@ from emaphm.simulation import (
     run_batch,
     simulate_batch,
 )
+from emaphm.simulation.engine import running
 from emaphm.simulation.engine.running import LANES
 from simulation.rig import INTERVAL, SHORTED, THESIS, rms
 
@@ -71,15 +73,14 @@ def test_permuted_rows_give_permuted_bits(model: Model) -> None:
 
 @EACH_MODEL
 def test_the_number_of_workers_changes_no_bit(model: Model, monkeypatch: pytest.MonkeyPatch) -> None:
-    running = importlib.import_module("emaphm.simulation.engine.running")
     pools: list[int] = []
 
-    class Counted(running.ThreadPoolExecutor):  # type: ignore[misc, name-defined]
+    class Counted(ThreadPoolExecutor):
         def __init__(self, workers: int) -> None:
             pools.append(workers)
             super().__init__(workers)
 
-    monkeypatch.setattr(running, "ThreadPoolExecutor", Counted)
+    monkeypatch.setattr(threads, "ThreadPoolExecutor", Counted)
     monkeypatch.setattr(running, "WORTH_A_THREAD", 0)
     one, two, three = (
         simulate_batch(model, THESIS, DRAWN, inputs(model, 50), workers=workers) for workers in (1, 2, 3)

@@ -1,11 +1,12 @@
 """Batches that record every channel which a rig may compare; a load that grows with the user's position."""
 
-import importlib
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
 import pytest
 
+from emaphm import threads
 from emaphm.actuator import Actuator, Chirp, Faults, Sine, Step
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.simulated_recording import simulate
@@ -23,6 +24,7 @@ from emaphm.simulation import (
     run,
     run_batch,
 )
+from emaphm.simulation.engine import running
 from simulation import scalar_reference, scalar_winding
 from simulation.rig import FREE, altered, record
 
@@ -57,15 +59,14 @@ def test_some_channels_are_those_of_all(model: Model) -> None:
 
 @EACH_MODEL
 def test_the_number_of_workers_changes_no_bit(model: Model, monkeypatch: pytest.MonkeyPatch) -> None:
-    running = importlib.import_module("emaphm.simulation.engine.running")
     pools: list[int] = []
 
-    class Counted(running.ThreadPoolExecutor):  # type: ignore[misc, name-defined]
+    class Counted(ThreadPoolExecutor):
         def __init__(self, workers: int) -> None:
             pools.append(workers)
             super().__init__(workers)
 
-    monkeypatch.setattr(running, "ThreadPoolExecutor", Counted)
+    monkeypatch.setattr(threads, "ThreadPoolExecutor", Counted)
     # So short a batch would not be worth a thread.
     monkeypatch.setattr(running, "WORTH_A_THREAD", 0)
     inputs = Inputs.of(Chirp(), samples=50, interval=2e-4, step=model.step)

@@ -125,7 +125,7 @@ def diagnose(
         from emaphm.estimation.posterior.mcmc import check_posterior
 
         check_posterior(objective.problem.model)
-    deviations = chosen.least_squares and nuisances is None
+    deviations = chosen.least_squares and nuisances is None and max_corrections > 0
     finding = subprogress(on_progress, 0.0, 1 - SAMPLING_SHARE if posterior else 1.0)
     result = search(
         objective,
@@ -162,6 +162,8 @@ def diagnose(
         correction, covariance = result.outputs_correction, diagnosis.covariance
         posterior_samples = sample(result.objective, result.point, correction, covariance, seed, sampling)
         diagnosis = replace(diagnosis, posterior=posterior_samples)
+    if on_progress:
+        on_progress(1.0)
     evaluations, reference_runs = result.objective.problem.runs.of(result.objective.problem.model)
     return replace(
         diagnosis,
