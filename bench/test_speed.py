@@ -160,7 +160,7 @@ def test_diagnosis_without_a_law(
     plant = law_named(law).added_to(ema.Actuator.thesis())
     actuator, rig = ema.Actuator.thesis(), Rig(label="base setting", channels=VOLTAGE)
     recording = recorded(rig, plant, Manoeuvre(), cases.random_faults(0), 0)
-    benchmark.pedantic(ema.diagnose, (recording, actuator), {"workers": workers}, rounds=3, warmup_rounds=1)
+    benchmark.pedantic(ema.diagnose, (recording, actuator), {"workers": workers}, rounds=2, warmup_rounds=1)
     report(f"diagnosis, law '{law}' not described, {request.node.callspec.id}", budget="-")
 
 

@@ -148,7 +148,7 @@ def test_a_command_that_lags_is_no_delay_and_a_delay_no_lag(*, lags: bool) -> No
 
 
 def test_a_feedforward_and_early_channels_that_explain_as_much_leave_the_gain_open() -> None:
-    found = diagnose(on_a_rig(controlled_by(speed_feedforward=0.3), Faults(0.3, short_b=0.2), 0.5), THESIS)
+    found = diagnose(on_a_rig(controlled_by(speed_feedforward=0.3), Faults(0.3, short_b=0.2), 0.3), THESIS)
     assert found.explained
     assert "delay" in found.selected
     assert found.components["gain"].verdict == "cannot tell"

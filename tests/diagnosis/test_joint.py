@@ -162,13 +162,13 @@ def test_a_law_that_the_description_lacks_is_common_to_all(monkeypatch: pytest.M
     monkeypatch.setattr(
         hidden_laws, "HIDDEN", [law for law in hidden_laws.HIDDEN if law.name in ("saturation", "speed-lag")]
     )
-    unit = with_lumped_parameters(LAWS["saturation"].added_to(THESIS), {"saturation": 0.01})
+    unit = with_lumped_parameters(LAWS["saturation"].added_to(THESIS), {"saturation": 0.007})
     found = diagnose_joint([on_a_rig(unit, FAULTS, 0.2, seed=seed) for seed in range(2)], THESIS)
     assert found.explained
     assert found.laws == ("saturation",)
     (name,) = found.nuisances
     assert name == "baseline saturation"
-    assert abs(found.nuisances[name].value - 0.01) <= 4 * found.nuisances[name].standard_error
+    assert abs(found.nuisances[name].value - 0.007) <= 4 * found.nuisances[name].standard_error
     assert found.nuisances[name].standard_error < 1e-3
     assert not any(name in one.nuisances for one in found.recordings)
     assert "Deviation of the unit from its description (relative, if without a unit): saturation +0.0" in str(
