@@ -24,8 +24,8 @@ from emaphm.diagnosis.selection.first_look import FirstLook
 from emaphm.diagnosis.selection.nuisance_selection import (
     SelectedNuisances,
     select_nuisances,
-    share_of_residual,
 )
+from emaphm.diagnosis.selection.residual_share import share_of_residual
 from emaphm.diagnosis.selection.settings import CURRENT_CONTROL, SELECTION
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.methods import method_named

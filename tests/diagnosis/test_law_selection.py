@@ -4,7 +4,6 @@ import json
 from collections.abc import Iterator
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -19,6 +18,7 @@ from emaphm.diagnosis.selection import first_look
 from emaphm.diagnosis.selection.laws import law_fit, law_selection, sensor_lag
 from emaphm.diagnosis.selection.laws.law_fit import ONLY_WHILE_SWITCHING, acts, with_law, without_law
 from emaphm.diagnosis.selection.laws.law_selection import SUSPECTS, select_laws
+from emaphm.diagnosis.selection.residual_share import hopeless_next_to
 from emaphm.diagnosis.selection.settings import SENSOR_SELECTION
 from emaphm.diagnosis.verdict import NOT_EXPLAINED
 from emaphm.estimation.bias_correction import with_discrepancy
@@ -169,16 +169,32 @@ def test_a_law_that_stands_in_the_way_of_another_is_left_out(
     assert [np.array_equal(one.point, astray.point) for one in result.alternatives] == [True]
 
 
-@pytest.mark.parametrize(("left", "refined"), [(0.5, True), (0.97, False), (2.0, False)])
+@pytest.mark.parametrize("refined", [True, False])
 def test_only_what_leaves_less_is_refined(
-    at_the_truth: SearchResult, left: float, refined: bool, monkeypatch: pytest.MonkeyPatch
+    at_the_truth: SearchResult, refined: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    before: Any = SimpleNamespace(residual_variance=0.1)
-    tried = SimpleNamespace(residual_variance=0.1 * left)
+    tried = SimpleNamespace()
     monkeypatch.setattr(law_fit.Fit, "of", lambda *_: SimpleNamespace(corrected=lambda *_: tried))
+    monkeypatch.setattr(law_fit, "leaves_as_much", lambda one, *_: not (refined and one is tried))
     monkeypatch.setattr(law_fit, "refine_by_reference", lambda *_: at_the_truth)
-    found = law_fit.search_with(before, at_the_truth.objective, "any", method_named("hybrid"), 2, seed=0)
+    found = law_fit.search_with(
+        at_the_truth, at_the_truth.objective, "any", method_named("hybrid"), 2, seed=0
+    )
     assert found is (at_the_truth if refined else tried)
+
+
+def test_what_leaves_hardly_less_of_what_is_not_explained_is_hopeless(at_the_truth: SearchResult) -> None:
+    objective = at_the_truth.objective
+    far, farther = (
+        with_discrepancy(SearchResult.at(objective, objective.space.project(at_the_truth.point + by)), seed=0)
+        for by in (0.1, 0.2)
+    )
+    assert not far.explained
+    assert hopeless_next_to(far)(far)
+    assert hopeless_next_to(far)(farther)
+    assert not hopeless_next_to(far)(at_the_truth)
+    # Whatever is tried next to an explanation may be a little better.
+    assert not hopeless_next_to(at_the_truth)(far)
 
 
 def test_no_lag_is_scanned_where_the_first_leave_as_much_of_what_is_not_explained(

@@ -58,16 +58,20 @@ def test_searches_end_with_an_explanation_or_an_agreement(
     assert len(found.alternatives) == searches - 1
 
 
-@pytest.mark.parametrize(("above", "searches"), [(1.1, 3), (0.9, 1)])
-def test_no_search_follows_one_that_explains_too_little(
-    above: float, searches: int, ends: dict[str, SearchResult], monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("hopeless", "searches"), [(False, 3), (True, 1)])
+def test_no_search_follows_one_that_is_hopeless(
+    hopeless: bool, searches: int, ends: dict[str, SearchResult], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made = [ends["off"], ends["false"], ends["off"]]
     monkeypatch.setattr(restarts, "_search", lambda *_: made.pop(0))
     monkeypatch.setattr(restarts, "refine_by_reference", lambda best, _: best)
-    limit = above * ends["off"].residual_variance
     found = restarts.search_with_restarts(
-        ends["off"].objective, method_named("hybrid"), MAX_CORRECTIONS, 5, None, given_up_above=limit
+        ends["off"].objective,
+        method_named("hybrid"),
+        MAX_CORRECTIONS,
+        5,
+        None,
+        is_hopeless=lambda _: hopeless,
     )
     assert len(made) == 3 - searches
     np.testing.assert_array_equal(found.point, ends["off"].point)

@@ -5,13 +5,13 @@ added to the averaged model's outputs, and the fit repeated from there: space ma
 additive correction (Bandler et al. 2004; March and Willcox 2012).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.estimation.correction_iterations import BIAS_CORRECTION, BiasCorrectionSettings, iterate
+from emaphm.estimation.correction_iterations import BIAS_CORRECTION, BiasCorrectionSettings, iterate, never
 from emaphm.estimation.discrepancy import discrepancies, has_reference, reference_problem, with_all_phases
 from emaphm.estimation.finite_differences import replicated_jacobians
 from emaphm.estimation.global_search.multistart import LOCAL_SEARCH, local_search, with_descents
@@ -44,14 +44,14 @@ def correct_bias(
     on_progress: Progress | None = None,
     settings: BiasCorrectionSettings = BIAS_CORRECTION,
     *,
-    given_up_above: float = np.inf,
+    is_hopeless: Callable[[SearchResult], bool] = never,
 ) -> SearchResult:
     """Return the estimate after up to `max_corrections` iterations, from the best of `points` (n, d).
 
     Each iteration proposes candidates under the present correction, and asks the reference model for the
     misfit of each. In the end, the mean of the estimates of the iterations without progress is taken: the
-    reference model finds no difference between them. An iteration without progress ends it where the residual
-    variance of the primary channel is still above `given_up_above`.
+    reference model finds no difference between them. Where the estimate `is_hopeless`, an iteration without
+    progress ends it.
     """
     reference = reference_problem(objective)
     jacobians: _Jacobians | None = None
@@ -68,10 +68,6 @@ def correct_bias(
     none = np.zeros_like(objective.target)
     starts = compared(objective, none, points, reference, stream(seed, "reference runs", "starts"))
     best = min(starts, key=lambda one: one.residual_variance)
-
-    def is_hopeless(current: SearchResult) -> bool:
-        return current.residual_variance > given_up_above
-
     end = iterate(best, outcomes_of, max_corrections, settings, on_progress, is_hopeless)
     if on_progress:
         on_progress(1.0)

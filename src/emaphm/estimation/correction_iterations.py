@@ -38,6 +38,11 @@ FROM_STARTS = BiasCorrectionSettings(patience=1)
 those of three, and the reference runs a half (`python -m emaphm.study.estimators`)."""
 
 
+def never(_: object) -> bool:
+    """Return that an estimate is not given up."""
+    return False
+
+
 class Corrected(Protocol):
     """An estimate that the reference model has been compared at."""
 
@@ -69,7 +74,7 @@ def iterate(
     max_corrections: int,
     settings: BiasCorrectionSettings,
     on_progress: Progress | None,
-    is_hopeless: Callable[[Estimate], bool] = lambda _: False,
+    is_hopeless: Callable[[Estimate], bool] = never,
 ) -> Iterated[Estimate]:
     """Return where up to `max_corrections` iterations lead from `estimate`.
 

@@ -1,5 +1,6 @@
 """Searching for the parameters that explain a recording, by whichever method."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy as np
 from emaphm.arrays import Array
 from emaphm.errors import MethodError, nearest
 from emaphm.estimation.bias_correction import correct_bias
+from emaphm.estimation.correction_iterations import never
 from emaphm.estimation.cost_functions import COST_FUNCTIONS
 from emaphm.estimation.discrepancy import has_reference, resolves_switching
 from emaphm.estimation.global_search.multistart import descend_from, local_search, multistart
@@ -29,13 +31,13 @@ def search(
     on_progress: Progress | None = None,
     on_population: OnBestFaults | None = None,
     starts: Array | None = None,
-    given_up_above: float = np.inf,
+    is_hopeless: Callable[[SearchResult], bool] = never,
 ) -> SearchResult:
     """Return where `method` ends; `max_corrections` bounds the bias correction that follows least squares.
 
     With `starts` (n, d), points that are near the optimum, least squares begin there, without a global
     stage; where they do not lead to an explanation, the search is made anew with one. No other search follows
-    one whose residual variance of the primary channel is above `given_up_above`.
+    one that `is_hopeless`.
 
     Raises
     ------
@@ -53,7 +55,7 @@ def search(
         )
     if max_corrections > 0 and resolves_switching(objective.problem):
         return search_with_restarts(
-            objective, method, max_corrections, seed, on_progress, starts, given_up_above
+            objective, method, max_corrections, seed, on_progress, starts, is_hopeless
         )
     found = _uncorrected(objective, method, seed, on_progress, starts)
     if max_corrections == 0 or not has_reference(objective.problem):

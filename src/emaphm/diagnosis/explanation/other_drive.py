@@ -14,7 +14,7 @@ from emaphm.actuator import Actuator
 from emaphm.actuator.lumped_parameters import lumped_parameters
 from emaphm.diagnosis.selection.description_errors import SPEED_LOOP
 from emaphm.diagnosis.selection.laws.law_fit import with_open
-from emaphm.diagnosis.selection.nuisance_selection import share_of_residual
+from emaphm.diagnosis.selection.residual_share import share_of_residual
 from emaphm.diagnosis.selection.settings import CURRENT_CONTROL
 from emaphm.errors import DivergedError
 from emaphm.estimation.methods import Method
@@ -65,7 +65,7 @@ def other_drive(
             fitness="least_squares",
             max_corrections=max_corrections,
             seed=child,
-            given_up_above=MOST_LEFT[True] * found.residual_variance,
+            is_hopeless=lambda rival: share_of_residual(rival, found) > MOST_LEFT[True],
         )
     except DivergedError:
         return ()

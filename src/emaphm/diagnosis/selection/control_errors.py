@@ -15,7 +15,8 @@ from emaphm.actuator.actuator import described_parts
 from emaphm.actuator.laws import LAWS
 from emaphm.diagnosis.selection.description_errors import not_as_described, objective_with, with_free
 from emaphm.diagnosis.selection.laws.law_fit import search_with_law, without_law
-from emaphm.diagnosis.selection.nuisance_selection import SelectedNuisances, share_of_residual
+from emaphm.diagnosis.selection.nuisance_selection import SelectedNuisances
+from emaphm.diagnosis.selection.residual_share import share_of_residual
 from emaphm.diagnosis.selection.settings import CONTROL_ERRORS, CURRENT_CONTROL, SELECTION, SPEED_CONTROL
 from emaphm.estimation.methods import Method
 from emaphm.estimation.objective import MapObjective

@@ -12,8 +12,8 @@ from emaphm.diagnosis.selection.laws.sensor_lag import SENSOR_LAG, is_lag_suspec
 from emaphm.diagnosis.selection.nuisance_selection import (
     SelectedNuisances,
     select_nuisances,
-    share_of_residual,
 )
+from emaphm.diagnosis.selection.residual_share import share_of_residual
 from emaphm.diagnosis.selection.ripple import ripple_share
 from emaphm.diagnosis.selection.rotor_zero import with_rotor_zero
 from emaphm.diagnosis.selection.settings import SELECTION

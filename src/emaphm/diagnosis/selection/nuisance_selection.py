@@ -18,12 +18,14 @@ from emaphm.diagnosis.selection.extension import Candidate, with_nuisances
 from emaphm.diagnosis.selection.first_look import FirstLook
 from emaphm.diagnosis.selection.nuisance_candidates import worthwhile_candidates
 from emaphm.diagnosis.selection.profile import PROFILED
+from emaphm.diagnosis.selection.residual_share import hopeless_next_to, share_of_residual
 from emaphm.diagnosis.selection.ripple import ripple_share
 from emaphm.diagnosis.selection.rivals import residual_power, with_rivals
-from emaphm.diagnosis.selection.settings import SELECTION, SENSOR_SELECTION, hopeless_above, widening
+from emaphm.diagnosis.selection.settings import SELECTION, SENSOR_SELECTION, widening
 from emaphm.diagnosis.selection.supply.supply_profile import SUPPLY
 from emaphm.diagnosis.selection.supply.supply_scan import is_off, with_supply
 from emaphm.estimation.bias_correction import correct_bias
+from emaphm.estimation.correction_iterations import never
 from emaphm.estimation.discrepancy import resolves_switching
 from emaphm.estimation.global_search.multistart import multistart
 from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective
@@ -77,9 +79,11 @@ def _from_afar(
     ends = in_threads(lambda name: _FarEnd.of(result, names, name, seed), kinds, problem.workers)
     least = sorted(ends, key=lambda end: end.cost)[: SENSOR_SELECTION.most_corrected]
 
+    is_hopeless = hopeless_next_to(result)
+
     def corrected(end: _FarEnd) -> SearchResult | None:
-        child, limit = child_seed(seed, "nuisance selection from afar", end.name), hopeless_above(result)
-        tried = correct_bias(end.objective, end.points, max_corrections, child, given_up_above=limit)
+        child = child_seed(seed, "nuisance selection from afar", end.name)
+        tried = correct_bias(end.objective, end.points, max_corrections, child, is_hopeless=is_hopeless)
         return tried if tried.explained and _significant(tried, result, end.name, child) else None
 
     tried = in_threads(corrected, least, problem.workers)
@@ -128,9 +132,9 @@ def _best(
             continue
         child = child_seed(seed, "nuisance selection", candidate.name)
         # A sensor's error has to explain what is not explained, or most of it; others need not.
-        limit = hopeless_above(result) if sensor_error(candidate.name) else np.inf
+        is_hopeless = hopeless_next_to(result) if sensor_error(candidate.name) else never
         point = candidate.point[np.newaxis]
-        tried = correct_bias(candidate.objective, point, max_corrections, child, given_up_above=limit)
+        tried = correct_bias(candidate.objective, point, max_corrections, child, is_hopeless=is_hopeless)
         if candidate.name == SUPPLY:
             tried = with_supply(tried, names, max_corrections, child)
         if _significant(tried, result, candidate.name, child):
@@ -200,14 +204,6 @@ def _is_of_a_sensor(tried: SearchResult, name: str, share: float) -> bool:
     value = float(objective.space.nuisance_values(tried.point[np.newaxis])[name][0])
     least = SENSOR_SELECTION.least_rows * objective.problem.inputs.interval
     return error_kind(name) != "delay" or abs(value) > least
-
-
-def share_of_residual(tried: SearchResult, before: SearchResult) -> float:
-    """Return the mean squared residual of the channels in `tried`, relative to that in `before`."""
-    rows = before.objective.channel_rows
-    ratios = before.objective.problem.weights / tried.objective.problem.weights
-    residual = tried.residual[:rows] * np.repeat(ratios, before.objective.problem.samples)
-    return before.objective.left(residual) / before.objective.left(before.residual[:rows])
 
 
 def _score(result: SearchResult, name: str, seed: int) -> float:

@@ -13,8 +13,8 @@ import numpy as np
 from emaphm.actuator import NAMES, Actuator
 from emaphm.arrays import Array
 from emaphm.diagnosis.selection.description_errors import not_as_described, objective_with
-from emaphm.diagnosis.selection.nuisance_selection import share_of_residual
-from emaphm.diagnosis.selection.settings import ROTOR_ZERO, hopeless_above
+from emaphm.diagnosis.selection.residual_share import hopeless_next_to, share_of_residual
+from emaphm.diagnosis.selection.settings import ROTOR_ZERO
 from emaphm.diagnosis.verdict import VERDICT
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.methods import Method
@@ -132,7 +132,7 @@ def with_zero_near(
         fitness="least_squares",
         max_corrections=max_corrections,
         seed=child,
-        given_up_above=hopeless_above(searched),
+        is_hopeless=hopeless_next_to(searched),
     )
     sixths = round((zero_of(found) - near) / SIXTH)
     if not sixths:

@@ -2,9 +2,6 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
-from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.sensors.sensor_model import sensor_error
 
 ROTOR_ZERO = "rotor_zero"
@@ -189,11 +186,3 @@ def widening(name: str) -> float:
     if error is None:
         return SELECTION.widening
     return SENSOR_SELECTION.delay_widening if error[1] == "delay" else SENSOR_SELECTION.widening
-
-
-def hopeless_above(before: SearchResult) -> float:
-    """Return the residual variance above which an estimate is given up that makes no progress.
-
-    Of one that is tried because that `before` it is not explained: whatever explains it leaves clearly less.
-    """
-    return np.inf if before.explained else LAW_SELECTION.share * before.residual_variance

@@ -13,7 +13,7 @@ from emaphm.actuator import Actuator
 from emaphm.arrays import Array
 from emaphm.diagnosis.selection.extension import with_nuisances
 from emaphm.diagnosis.selection.laws.law_fit import search_with
-from emaphm.diagnosis.selection.nuisance_selection import share_of_residual
+from emaphm.diagnosis.selection.residual_share import share_of_residual
 from emaphm.diagnosis.selection.settings import SELECTION
 from emaphm.errors import DivergedError
 from emaphm.estimation.methods import Method

@@ -1,12 +1,13 @@
 """Repeated searches, where one leaves more than noise and switching explain."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.estimation.bias_correction import compared, correct_bias
-from emaphm.estimation.correction_iterations import BIAS_CORRECTION, FROM_STARTS
+from emaphm.estimation.correction_iterations import BIAS_CORRECTION, FROM_STARTS, never
 from emaphm.estimation.discrepancy import REFERENCE_RUNS, reference_problem
 from emaphm.estimation.global_search.heavy_current import is_heavy, leaves_switching_alone
 from emaphm.estimation.global_search.multistart import descend_from, multistart
@@ -35,14 +36,14 @@ def search_with_restarts(
     seed: int,
     on_progress: Progress | None,
     starts: Array | None = None,
-    given_up_above: float = np.inf,
+    is_hopeless: Callable[[SearchResult], bool] = never,
 ) -> SearchResult:
     """Return the best of several searches, each a global search and its bias correction.
 
     Restart at most `MAX_RESTARTS` times while the residual exceeds noise and switching; stop once two
     searches agree. The other ends are the result's alternatives. With `starts` (n, d), the first search is
     one from there, and no other follows where it leaves no more than noise and switching. The first search of
-    all is also the last, its end as it is, where its residual variance is above `given_up_above`.
+    all is also the last, its end as it is, where that `is_hopeless`.
     """
     ends: list[SearchResult] = []
     if starts is not None:
@@ -58,7 +59,7 @@ def search_with_restarts(
         other = _search(objective, method, max_corrections, child, None if search else on_progress)
         agree = bool(ends) and _alike(other, _best(ends))
         ends.append(other)
-        if _best(ends).residual_variance > given_up_above:
+        if not search and is_hopeless(_best(ends)):
             return _best(ends)
         if agree or _is_explained(_best(ends)):
             break

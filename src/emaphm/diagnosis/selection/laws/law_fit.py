@@ -14,7 +14,8 @@ from emaphm.actuator.actuator import described_parts
 from emaphm.actuator.laws import LAWS, Law
 from emaphm.actuator.lumped_parameters import lumped_parameters
 from emaphm.arrays import Array
-from emaphm.diagnosis.selection.settings import DESCRIPTION_ERRORS, LAW_SELECTION, MOTOR, hopeless_above
+from emaphm.diagnosis.selection.residual_share import hopeless_next_to, leaves_as_much
+from emaphm.diagnosis.selection.settings import DESCRIPTION_ERRORS, LAW_SELECTION, MOTOR
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.global_search.multistart import local_search, multistart
 from emaphm.estimation.methods import Method
@@ -64,9 +65,9 @@ class Fit:
         )
 
     def corrected(self, max_corrections: int, seed: int) -> SearchResult:
-        """Return the estimate, corrected by the reference model, or given up as `hopeless_above` says."""
-        limit = hopeless_above(self.before)
-        return correct_bias(self.objective, self.points, max_corrections, seed, given_up_above=limit)
+        """Return the estimate, corrected by the reference model, or given up next to that before."""
+        is_hopeless = hopeless_next_to(self.before)
+        return correct_bias(self.objective, self.points, max_corrections, seed, is_hopeless=is_hopeless)
 
 
 def fit_with_law(before: SearchResult, law: Law, method: Method, seed: int) -> Fit:
@@ -97,7 +98,7 @@ def search_with(
     can.
     """
     found = Fit.of(searched, objective, name, method, seed).corrected(max_corrections, seed)
-    if found.residual_variance > LAW_SELECTION.second_share * searched.residual_variance:
+    if leaves_as_much(found, searched, LAW_SELECTION.second_share):
         return found
     return refine_by_reference(found, seed)
 

@@ -1,0 +1,37 @@
+"""What an estimate leaves of the residual, next to what another leaves, and when it is given up for that."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from emaphm.diagnosis.selection.settings import LAW_SELECTION
+from emaphm.estimation.correction_iterations import never
+from emaphm.estimation.search_result import SearchResult
+
+
+def share_of_residual(tried: SearchResult, before: SearchResult) -> float:
+    """Return the mean squared residual of the channels in `tried`, relative to that in `before`."""
+    rows = before.objective.channel_rows
+    ratios = before.objective.problem.weights / tried.objective.problem.weights
+    residual = tried.residual[:rows] * np.repeat(ratios, before.objective.problem.samples)
+    return before.objective.left(residual) / before.objective.left(before.residual[:rows])
+
+
+def leaves_as_much(tried: SearchResult, before: SearchResult, share: float) -> bool:
+    """Return whether `tried` leaves more than a `share` of what `before` does not explain.
+
+    Of the residual of all channels, and of the primary one's square beyond noise and switching.
+    """
+    beyond, beyond_before = (one.normalised_residual**2 - 1 for one in (tried, before))
+    return beyond > share * beyond_before and share_of_residual(tried, before) > share
+
+
+def hopeless_next_to(before: SearchResult) -> Callable[[SearchResult], bool]:
+    """Return what says whether an estimate that makes no progress is given up.
+
+    It is tried because the estimate `before` does not explain the recording: what does leaves clearly less.
+    Where that is explained, none is.
+    """
+    if before.explained:
+        return never
+    return lambda tried: leaves_as_much(tried, before, LAW_SELECTION.share)
