@@ -115,6 +115,14 @@ def at_the_truth() -> SearchResult:
     return with_discrepancy(SearchResult.at(objective, objective.space.points(truth[0])), seed=0)
 
 
+@pytest.fixture(scope="module")
+def astray(at_the_truth: SearchResult) -> SearchResult:
+    """Return an estimate that does not explain the recording."""
+    objective = at_the_truth.objective
+    away = objective.space.project(at_the_truth.point + 0.1)
+    return with_discrepancy(SearchResult.at(objective, away), seed=0)
+
+
 def test_a_lag_of_the_speed_feedback_is_no_backlash(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(law_selection, "SUSPECTS", ("transition", "speed-lag"))
     lagging = with_lumped_parameters(LAWS["speed-lag"].added_to(THESIS), {"speed_lag": 6e-4})
@@ -136,26 +144,23 @@ def test_bristles_that_nobody_described_are_no_backlash(monkeypatch: pytest.Monk
     assert found.components["backlash"].verdict == "healthy"
 
 
-def test_a_law_that_is_not_there_leads_back_to_the_description(at_the_truth: SearchResult) -> None:
+def test_a_law_that_is_not_there_leads_back_to_the_description(
+    at_the_truth: SearchResult, astray: SearchResult
+) -> None:
     objective, truth = at_the_truth.objective, at_the_truth.point
-    held = with_discrepancy(SearchResult.at(objective, objective.space.project(truth + 0.1)), seed=0)
     cogging = with_law(objective, LAWS["cogging"])
     near = cogging.space.carried_over(truth, objective.space)
     tried = with_discrepancy(SearchResult.at(cogging, near), seed=0)
     assert not acts(tried, LAWS["cogging"], seed=0)
-    back = without_law(tried, held, 2, seed=0)
+    back = without_law(tried, astray, 2, seed=0)
     assert back.objective.space.coordinates == objective.space.coordinates
     assert back.explained
-    assert back.residual_variance < 0.5 * held.residual_variance
+    assert back.residual_variance < 0.5 * astray.residual_variance
 
 
 def test_a_law_that_stands_in_the_way_of_another_is_left_out(
-    at_the_truth: SearchResult, monkeypatch: pytest.MonkeyPatch
+    at_the_truth: SearchResult, astray: SearchResult, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    objective = at_the_truth.objective
-    astray = with_discrepancy(
-        SearchResult.at(objective, objective.space.project(at_the_truth.point + 0.1)), seed=0
-    )
     assert not astray.explained
 
     def forward(_: object, allowed: tuple[str, ...]) -> tuple[SearchResult, tuple[str, ...]]:
@@ -183,27 +188,22 @@ def test_only_what_leaves_less_is_refined(
     assert found is (at_the_truth if refined else tried)
 
 
-def test_what_leaves_hardly_less_of_what_is_not_explained_is_hopeless(at_the_truth: SearchResult) -> None:
-    objective = at_the_truth.objective
-    far, farther = (
-        with_discrepancy(SearchResult.at(objective, objective.space.project(at_the_truth.point + by)), seed=0)
-        for by in (0.1, 0.2)
+def test_what_leaves_hardly_less_of_what_is_not_explained_is_hopeless(
+    at_the_truth: SearchResult, astray: SearchResult
+) -> None:
+    farther = with_discrepancy(
+        SearchResult.at(astray.objective, astray.objective.space.project(astray.point + 0.1)), seed=0
     )
-    assert not far.explained
-    assert hopeless_next_to(far)(far)
-    assert hopeless_next_to(far)(farther)
-    assert not hopeless_next_to(far)(at_the_truth)
+    assert hopeless_next_to(astray)(astray)
+    assert hopeless_next_to(astray)(farther)
+    assert not hopeless_next_to(astray)(at_the_truth)
     # Whatever is tried next to an explanation may be a little better.
-    assert not hopeless_next_to(at_the_truth)(far)
+    assert not hopeless_next_to(at_the_truth)(astray)
 
 
 def test_no_lag_is_scanned_where_the_first_leave_as_much_of_what_is_not_explained(
-    at_the_truth: SearchResult, monkeypatch: pytest.MonkeyPatch
+    astray: SearchResult, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    objective = at_the_truth.objective
-    astray = with_discrepancy(
-        SearchResult.at(objective, objective.space.project(at_the_truth.point + 0.1)), seed=0
-    )
     tried = []
 
     def corrected(fit: law_fit.Fit, *_: object) -> SearchResult:
@@ -211,28 +211,21 @@ def test_no_lag_is_scanned_where_the_first_leave_as_much_of_what_is_not_explaine
         return astray
 
     monkeypatch.setattr(law_fit.Fit, "corrected", corrected)
-    fit = law_fit.Fit(
-        "sensor-lag", astray, with_law(objective, LAWS["sensor-lag"]), np.zeros((1, 9)), 0.0, 0.0
-    )
+    lagging = with_law(astray.objective, LAWS["sensor-lag"])
+    fit = law_fit.Fit("sensor-lag", astray, lagging, astray.point[np.newaxis], near=0.0, far=0.0)
     assert sensor_lag.with_best_lag(fit, astray, 2, seed=0) is None
     assert len(tried) == len(sensor_lag.PROBED_LAGS_S)
 
 
-def test_threads_change_nothing(at_the_truth: SearchResult, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_threads_change_nothing(astray: SearchResult, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(law_selection, "SUSPECTS", ("directional", "quadratic"))
-    objective = at_the_truth.objective
-    start = objective.space.project(at_the_truth.point + 0.1)
-    alone, together = (
-        select_laws(
-            with_discrepancy(
-                SearchResult.at(replace(objective, problem=replace(objective.problem, workers=n)), start), 0
-            ),
-            method_named("hybrid"),
-            1,
-            seed=0,
-        )
-        for n in (1, 3)
-    )
+    objective, method = astray.objective, method_named("hybrid")
+
+    def selected(workers: int) -> tuple[SearchResult, tuple[str, ...]]:
+        by_threads = replace(objective, problem=replace(objective.problem, workers=workers))
+        return select_laws(replace(astray, objective=by_threads), method, 1, seed=0)
+
+    alone, together = selected(1), selected(3)
     assert alone[1] == together[1]
     np.testing.assert_array_equal(alone[0].point, together[0].point)
     for one, other in zip(alone[0].alternatives, together[0].alternatives, strict=True):
