@@ -9,10 +9,7 @@ from emaphm.diagnosis.selection.laws.hidden_laws import HIDDEN_LAWS, suspected_l
 from emaphm.diagnosis.selection.laws.law_fit import acts, search_with_law, without_law
 from emaphm.diagnosis.selection.laws.law_selection import select_laws
 from emaphm.diagnosis.selection.laws.sensor_lag import SENSOR_LAG, is_lag_suspected, with_sensor_lag
-from emaphm.diagnosis.selection.nuisance_selection import (
-    SelectedNuisances,
-    select_nuisances,
-)
+from emaphm.diagnosis.selection.nuisance_selection import SelectedNuisances, select_nuisances
 from emaphm.diagnosis.selection.residual_share import share_of_residual
 from emaphm.diagnosis.selection.ripple import ripple_share
 from emaphm.diagnosis.selection.rotor_zero import with_rotor_zero

@@ -78,7 +78,6 @@ def _from_afar(
     kinds = [name for name in others if name == COMMON_DELAY or error_kind(name) in ("scale", "offset")]
     ends = in_threads(lambda name: _FarEnd.of(result, names, name, seed), kinds, problem.workers)
     least = sorted(ends, key=lambda end: end.cost)[: SENSOR_SELECTION.most_corrected]
-
     is_hopeless = hopeless_next_to(result)
 
     def corrected(end: _FarEnd) -> SearchResult | None:

@@ -109,9 +109,9 @@ class _Trials:
 
     def _corrected(self, fit: Fit) -> SearchResult | None:
         """Return the estimate with the law, corrected by the reference model; None as `with_best_lag`."""
-        child = child_seed(self.seed, "law selection, corrected", fit.name)
         if fit.name in ONLY_WHILE_SWITCHING:
-            return with_best_lag(fit, fit.before, self.max_corrections, child)
+            return with_best_lag(fit, fit.before, self.max_corrections, self.seed)
+        child = child_seed(self.seed, "law selection, corrected", fit.name)
         return fit.corrected(self.max_corrections, child)
 
 

@@ -125,13 +125,14 @@ def with_best_lag(fit: Fit, before: SearchResult, max_corrections: int, seed: in
     must leave as much less than the estimate before as any law must. Where that explains nothing, one of the
     lags that are tried first must leave clearly less.
     """
+    child = child_seed(seed, "law selection, corrected", fit.name)
 
     @cache
     def with_lag(lag: float) -> SearchResult:
         problem = fit.objective.problem
         lagging = with_lumped_parameters(problem.actuator, {"current_lag": lag})
         objective = replace(fit.objective, problem=replace(problem, actuator=lagging))
-        return replace(fit, objective=objective).corrected(max_corrections, seed)
+        return replace(fit, objective=objective).corrected(max_corrections, child)
 
     workers = fit.objective.problem.workers
     probed = in_threads(with_lag, PROBED_LAGS_S, workers)
