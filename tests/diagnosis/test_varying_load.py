@@ -59,7 +59,7 @@ def test_the_load_is_found_with_them(found: Diagnosis) -> None:
 
 
 def test_it_is_said_in_one_line_and_drawn(found: Diagnosis, tmp_path: Path) -> None:
-    (line,) = [line for line in found.notes() if line.startswith("The load varies over the recording, from ")]
+    (line,) = [line for line in found.notes() if line.startswith("The load varies from ")]
     assert "load_Nm" in line
     assert not any("load_variation_" in line for line in found.notes())
     assert [axis.get_ylabel() for axis in draw_external_load(found).axes] == ["load [N·m]"]
@@ -100,7 +100,8 @@ def test_it_has_an_interval_to_a_sixteenth_of_a_second() -> None:
 def test_the_standard_error_of_a_load_is_that_of_its_coefficients(found: Diagnosis) -> None:
     names = [name for name in found.coordinates if name == "load" or name.startswith(LOAD_VARIATION)]
     alone = {name: found.nuisances[name] for name in names}
-    load = estimated_load(alone, found.coordinates, np.eye(len(found.coordinates)), 1000)
+    rows = np.asarray(DURATION / 1000 * np.arange(1000))
+    load = estimated_load(alone, found.coordinates, np.eye(len(found.coordinates)), rows)
     assert load is not None
     # In the middle of an interval: 1/48 and 23/48 of the coefficients about it, and the constant.
     errors = [alone[name].standard_error for name in names]

@@ -159,7 +159,7 @@ class Diagnosis:
     @cached_property
     def load(self) -> LoadEstimate | None:
         """The load over the recording, None where it is not estimated as one that varies."""
-        return estimated_load(self.nuisances, self.coordinates, self.covariance, self.time_s.size)
+        return estimated_load(self.nuisances, self.coordinates, self.covariance, self.time_s)
 
     @property
     def shorts_of_open_phases(self) -> tuple[float, ...]:

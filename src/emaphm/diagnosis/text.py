@@ -7,7 +7,7 @@ from emaphm.actuator.laws import LAWS, Law
 from emaphm.actuator.unit.baseline import PARTS
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate, of_unit
 from emaphm.diagnosis.selection.settings import ROTOR_ZERO
-from emaphm.diagnosis.selection.varying_load import VARYING_LOAD
+from emaphm.diagnosis.selection.varying_load import LOADS
 from emaphm.diagnosis.varying_load import LoadEstimate, is_of_load
 from emaphm.diagnosis.verdict import Estimate
 from emaphm.diagnosis.wording import physical_text
@@ -102,15 +102,13 @@ def notes(
         lines.append(f"Estimated with the faults: {values}.")
     if load:
         lines.append(
-            f"The load varies over the recording, {load}; it was estimated with the faults. Recorded as "
-            "load_Nm, it is known, and the faults better."
+            f"The load {load}; it was estimated with the faults. Recorded as load_Nm, it is known, and the "
+            "faults better."
         )
     if laws:
         lines.append(_on_laws([LAWS[name] for name in laws]))
     of_recording = [
-        name
-        for name in selected
-        if not (sensor_error(name) or name.startswith(BASELINE) or name in VARYING_LOAD)
+        name for name in selected if not (sensor_error(name) or name.startswith(BASELINE) or name in LOADS)
     ]
     if of_recording:
         lines.append(

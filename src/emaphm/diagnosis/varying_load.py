@@ -7,45 +7,99 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
+from emaphm.simulation.laws.load_steps import STEP_PREFIX, step_load, step_names
 from emaphm.simulation.laws.load_variation import PREFIX, spline_basis
+
+
+@dataclass(frozen=True)
+class LoadStep:
+    """By what a load steps, when [s, from the recording's first row], and over what rise time [s]."""
+
+    size: float
+    time_s: float
+    rise_s: float
 
 
 @dataclass(frozen=True, eq=False)
 class LoadEstimate:
-    """A load at the motor and its standard error, a value a row; less what rises with the position."""
+    """A load at the motor and its standard error, a value a row; less what rises with the position.
+
+    Where it does nothing but step, `steps` are what it does.
+    """
 
     value: Array
     standard_error: Array
     unit: str
+    steps: tuple[LoadStep, ...] = ()
 
     def __str__(self) -> str:
-        """Return between what it varies, in words."""
-        return f"from {self.value.min():+.3g} to {self.value.max():+.3g} {self.unit}"
+        """Return what it does, in words."""
+        if not self.steps:
+            return f"varies from {self.value.min():+.3g} to {self.value.max():+.3g} {self.unit}"
+        each = (f"{one.size:+.3g} {self.unit} {1e3 * one.time_s:.4g} ms" for one in self.steps)
+        return f"steps by {' and by '.join(each)} after the start"
 
 
 def is_of_load(name: str) -> bool:
-    """Return whether a nuisance is a part of a load that varies: its constant part, or a coefficient."""
-    return name == "load" or name.startswith(PREFIX)
+    """Return whether a nuisance is a part of a load that varies: its constant part, a coefficient, a step."""
+    return name == "load" or name.startswith((PREFIX, STEP_PREFIX))
 
 
 def estimated_load(
-    nuisances: Mapping[str, NuisanceEstimate], coordinates: Sequence[str], covariance: Array, samples: int
+    nuisances: Mapping[str, NuisanceEstimate], coordinates: Sequence[str], covariance: Array, time_s: Array
 ) -> LoadEstimate | None:
-    """Return the load at the middle of each of `samples` rows; None where it was not estimated as varying.
+    """Return the load at the middle of each row; None where it was not estimated as varying.
 
-    `covariance` is that of the `coordinates`, as in `Diagnosis`.
+    `covariance` is that of the `coordinates`, as in `Diagnosis`; `time_s` (rows,) are the rows' starts.
     """
-    names = [name for name in coordinates if name.startswith(PREFIX)]
-    if not names:
+    names = [name for name in coordinates if is_of_load(name)]
+    if not names or names == ["load"]:
         return None
-    basis = spline_basis(len(names), (np.arange(samples) + 0.5) / samples)
-    if "load" in nuisances:
-        names, basis = ["load", *names], np.column_stack([np.ones(samples), basis])
+    interval = float(time_s[1] - time_s[0])
+    value, derivatives = _load(nuisances, names, time_s - time_s[0] + interval / 2, interval)
     rows = [coordinates.index(name) for name in names]
     own = covariance[np.ix_(rows, rows)]
     errors = np.array([nuisances[name].standard_error for name in names])
-    units = errors / np.sqrt(np.diag(own))
-    scaled = basis * units
+    scaled = derivatives * (errors / np.sqrt(np.diag(own)))
     variance = np.sum((scaled @ own) * scaled, axis=1)
-    value = basis @ np.array([nuisances[name].value for name in names])
-    return LoadEstimate(np.asarray(value), np.sqrt(variance), nuisances[names[0]].unit)
+    return LoadEstimate(value, np.sqrt(variance), nuisances[names[0]].unit, _steps(nuisances, names))
+
+
+def _load(
+    nuisances: Mapping[str, NuisanceEstimate], names: Sequence[str], middles: Array, interval: float
+) -> tuple[Array, Array]:
+    """Return the load at the rows' `middles` (n,) [s] and its derivatives (n, names).
+
+    Those by a step's times are differences over their standard errors: the load itself has none at a jump.
+    """
+    values = {name: nuisances[name].value for name in names}
+    coefficients = [name for name in names if name.startswith(PREFIX)]
+    shares = (np.arange(middles.size) + 0.5) / middles.size
+    basis = spline_basis(len(coefficients), shares) if coefficients else np.zeros((middles.size, 0))
+
+    def at(given: Mapping[str, float]) -> Array:
+        total: Array = given.get("load", 0.0) + basis @ np.array([given[name] for name in coefficients])
+        for size, time, rise in _steps_of(names):
+            total += step_load(given[size], given[time], given[rise], middles, interval)
+        return total
+
+    derivatives = np.empty((middles.size, len(names)))
+    for i, name in enumerate(names):
+        error = nuisances[name].standard_error
+        up, down = (at({**values, name: values[name] + side * error}) for side in (1, -1))
+        derivatives[:, i] = (up - down) / (2 * error)
+    return at(values), derivatives
+
+
+def _steps_of(names: Sequence[str]) -> list[tuple[str, str, str]]:
+    """Return the names of the parts of each step among `names`."""
+    each = (step_names(i + 1) for i in range(len(names)))
+    return [parts for parts in each if parts[0] in names]
+
+
+def _steps(nuisances: Mapping[str, NuisanceEstimate], names: Sequence[str]) -> tuple[LoadStep, ...]:
+    """Return the steps of a load that does nothing else, the first one first."""
+    if any(name.startswith(PREFIX) for name in names):
+        return ()
+    each = [LoadStep(*(nuisances[part].value for part in parts)) for parts in _steps_of(names)]
+    return tuple(sorted(each, key=lambda one: one.time_s))

@@ -28,7 +28,7 @@ from emaphm.diagnosis.selection.laws.law_fit import ONLY_WHILE_SWITCHING, search
 from emaphm.diagnosis.selection.nuisance_selection import SelectedNuisances, select_nuisances
 from emaphm.diagnosis.selection.rotor_zero import is_sought, with_rotor_zero, with_zero_near, zero_of
 from emaphm.diagnosis.selection.supply.supply_scan import with_asked_supply
-from emaphm.diagnosis.selection.varying_load import VARYING_LOAD, explains_better, with_varying_load
+from emaphm.diagnosis.selection.varying_load import explains_better, with_varying_load
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.discrepancy import resolves_switching
 from emaphm.estimation.joint.objective import JointObjective
@@ -58,13 +58,13 @@ hundred by chance."""
 class _Alone:
     """One recording's estimate: as `searched`, and as `found`, with the nuisances that deviate.
 
-    `load_varies` where it was searched with a load that varies, which nobody asked for.
+    `load` is what it was searched with of a load that varies, which nobody asked for.
     """
 
     searched: SearchResult
     found: SelectedNuisances
     seed: int
-    load_varies: bool = False
+    load: tuple[str, ...] = ()
 
     @property
     def result(self) -> SearchResult:
@@ -122,10 +122,9 @@ class _Alone:
         loaded = with_varying_load(self.searched, method, max_corrections, self.seed)
         if loaded is None:
             return self
-        rival = self.selecting(loaded, max_corrections)
-        if explains_better(rival.result, self.result):
-            return replace(rival, load_varies=True)
-        return self
+        with_load, load = loaded
+        rival = self.selecting(with_load, max_corrections)
+        return replace(rival, load=load) if explains_better(rival.result, self.result) else self
 
     def selecting(self, searched: SearchResult, max_corrections: int) -> Self:
         """Return the estimate as `searched`, with the nuisances that deviate significantly from there."""
@@ -178,7 +177,7 @@ def search_alone(
         found, laws = _with_deviations(found, method, max_corrections)
     selected = tuple(dict.fromkeys(name for one in found for name in one.found.names))
     alone = [_with_all(one.result, one.found.names, selected, max_corrections, seed) for one in found]
-    load = VARYING_LOAD if any(one.load_varies for one in found) else ()
+    load = dict.fromkeys(name for one in found for name in one.load)
     return AloneSearches(alone, (*load, *selected, *suspected_parameters(alone[0])), laws)
 
 

@@ -14,7 +14,7 @@ from emaphm.diagnosis.selection.residual_share import share_of_residual
 from emaphm.diagnosis.selection.ripple import ripple_share
 from emaphm.diagnosis.selection.rotor_zero import with_rotor_zero
 from emaphm.diagnosis.selection.settings import SELECTION
-from emaphm.diagnosis.selection.varying_load import VARYING, VARYING_LOAD, explains_better, with_varying_load
+from emaphm.diagnosis.selection.varying_load import explains_better, is_convincing, with_varying_load
 from emaphm.estimation.bias_correction import over_all_phases
 from emaphm.estimation.discrepancy import resolves_switching
 from emaphm.estimation.methods import Method
@@ -55,13 +55,14 @@ def select_deviations(
     searched = with_control_errors(searched, method, max_corrections, seed)
     report(0.1)
     loaded = None if searched.explained else with_varying_load(searched, method, max_corrections, seed)
-    convincing = loaded is not None and loaded.normalised_residual < VARYING.convincing
+    convincing = loaded is not None and is_convincing(loaded[0])
     on_progress = subprogress(on_progress, 0.1, 1.0 if loaded is None else 0.5)
     alone = _selection(searched, method, max_corrections, seed, on_progress, laws=not convincing)
     if loaded is None:
         return alone
-    result, names, laws = _selection(loaded, method, max_corrections, seed)
-    return (result, (*VARYING_LOAD, *names), laws) if explains_better(result, alone[0]) else alone
+    with_load, load = loaded
+    result, names, laws = _selection(with_load, method, max_corrections, seed)
+    return (result, (*load, *names), laws) if explains_better(result, alone[0]) else alone
 
 
 def _selection(

@@ -2,7 +2,7 @@
 
 In flight the air's load follows speed, attitude and gusts, and rises with the deflection. Taken as constant,
 it leaves a recording unexplained, or reads as drifts of sensors. Here it is a spline in time and a stiffness,
-estimated with the faults: what is known of the faults then is what no such load does.
+or a load that steps, estimated with the faults: what is known of the faults then is what no such load does.
 """
 
 from dataclasses import dataclass, replace
@@ -13,6 +13,7 @@ from emaphm.actuator import Actuator
 from emaphm.arrays import Array
 from emaphm.diagnosis.selection.extension import with_nuisances
 from emaphm.diagnosis.selection.laws.law_fit import search_with
+from emaphm.diagnosis.selection.load_steps import LOAD_STEP, with_load_steps
 from emaphm.diagnosis.selection.residual_share import share_of_residual
 from emaphm.diagnosis.selection.settings import SELECTION
 from emaphm.errors import DivergedError
@@ -25,7 +26,10 @@ from emaphm.estimation.uncertainty.local_covariance import jacobians_of
 from emaphm.random_streams import child_seed, stream
 
 VARYING_LOAD = (LOAD_VARIATION, "hinge")
-"""The nuisances that are such a load."""
+"""The nuisances that are such a load, but for its steps."""
+
+LOADS = (*VARYING_LOAD, LOAD_STEP)
+"""What may be selected as a load that varies."""
 
 
 @dataclass(frozen=True)
@@ -50,8 +54,8 @@ STEP = 0.02
 
 def with_varying_load(
     searched: SearchResult, method: Method, max_corrections: int, seed: int
-) -> SearchResult | None:
-    """Return the estimate with a load that varies, from that `searched` without one.
+) -> tuple[SearchResult, tuple[str, ...]] | None:
+    """Return the estimate with a load that varies, from that `searched` without one, and which of `LOADS`.
 
     None where it does not explain the recording, nor seems to, or where the load is known.
     """
@@ -60,8 +64,29 @@ def with_varying_load(
     estimated = {described_name(name) for name in (*nuisances.chosen, *nuisances.parameters)}
     if estimated & set(VARYING_LOAD) or KNOWN_BY[LOAD_VARIATION] in measured:
         return None
-    described = replace(objective, problem=replace(problem, actuator=_with_any_load(problem)))
-    loaded, point = with_nuisances(replace(searched, objective=described), (), VARYING_LOAD, 1.0)
+    of_any = replace(objective, problem=replace(problem, actuator=_with_any_load(problem)))
+    searched = replace(searched, objective=of_any)
+    curved = _with_spline(searched, method, max_corrections, seed)
+    if curved is not None and is_convincing(curved):
+        return curved, VARYING_LOAD
+    stepping = with_load_steps(searched, method, max_corrections, seed)
+    if stepping is not None and (
+        curved is None or share_of_residual(stepping, curved) < SELECTION.equal_share
+    ):
+        return stepping, (LOAD_STEP,)
+    return None if curved is None else (curved, VARYING_LOAD)
+
+
+def is_convincing(loaded: SearchResult) -> bool:
+    """Return whether a load that varies leaves nothing for laws to explain."""
+    return loaded.normalised_residual < VARYING.convincing
+
+
+def _with_spline(
+    searched: SearchResult, method: Method, max_corrections: int, seed: int
+) -> SearchResult | None:
+    """Return the estimate with a load that is a spline and a stiffness; None where it does not explain."""
+    loaded, point = with_nuisances(searched, (), VARYING_LOAD, 1.0)
     if _share_left(searched, loaded, point, seed) > VARYING.left:
         return None
     child = child_seed(seed, "search with a varying load")

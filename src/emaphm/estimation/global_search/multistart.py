@@ -128,8 +128,9 @@ def _global_stage(
     def cost(unit: Array) -> Array:
         points.append(objective.space.prior_transform(unit))
         residuals = objective.problem.recorded - objective.primary_outputs(points[-1])
-        sharp.append(np.mean(residuals**2, axis=1))
-        smooth.append(np.mean(low_pass(objective, residuals) ** 2, axis=1))
+        with np.errstate(over="ignore"):  # a model that a law carries away is a bad start
+            sharp.append(np.mean(residuals**2, axis=1))
+            smooth.append(np.mean(low_pass(objective, residuals) ** 2, axis=1))
         return smooth[-1]
 
     if optimizer is None:

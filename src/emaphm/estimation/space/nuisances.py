@@ -20,6 +20,7 @@ from emaphm.errors import MethodError, nearest
 from emaphm.estimation.recorded_supply import makes_supply_known
 from emaphm.estimation.sensors.sensor_model import ERROR_KINDS, SENSOR_CHANNELS, sensor_error
 from emaphm.estimation.space.parameter_variation import ParameterVariation, variation_unit, varied
+from emaphm.simulation.laws.load_steps import STEP_PARTS, STEP_PREFIX
 from emaphm.simulation.laws.load_variation import PREFIX, coefficient_names, coefficients_for
 
 COPPER = 3.93e-3
@@ -38,7 +39,7 @@ LEAST = 0.1
 """Share of a total that a nuisance leaves of it at least, however wide its prior."""
 
 LOAD_VARIATION = "load_variation"
-"""The nuisance that stands for several: the coefficients of a load over the recording."""
+"""The nuisance that stands for several: the coefficients of a load over the recording, or steps of it."""
 
 KNOWN_BY = {
     "load": "load_Nm",
@@ -66,6 +67,8 @@ def unit_of(name: str, coordinates: str = "rotary") -> str:
     """Return the unit of a nuisance, or of a deviation from the baseline."""
     if name.startswith(BASELINE):
         return variation_unit(name.removeprefix(BASELINE), coordinates)
+    if is_of_step_time(name):
+        return "s"
     extra = Nuisances.model_fields[described_name(name)].json_schema_extra
     return unit_for(str(extra["unit"]) if isinstance(extra, dict) else "-", coordinates)
 
@@ -195,11 +198,12 @@ class NuisanceSet:
 
     @property
     def nominal(self) -> Array:
-        """The coordinates (m,) of what is described: 0, but of what is located."""
+        """The coordinates (m,) of what is described: 0, but of what is located and might be as described."""
         point = np.zeros(len(self.names))
         for name, one in self.located.items():
-            i = self.names.index(name)
-            point[i] = -one.value / self.meaning[i, i]
+            if not is_of_step_time(name):
+                i = self.names.index(name)
+                point[i] = -one.value / self.meaning[i, i]
         return point
 
     def lumped_parameters(
@@ -216,7 +220,7 @@ class NuisanceSet:
         def present(name: str) -> Array:
             return result[name] if name in result else np.asarray(lumped_parameters(actuator, (name,))[name])
 
-        result |= {name: values[name] for name in values if name.startswith(PREFIX)}
+        result |= {name: values[name] for name in values if name.startswith((PREFIX, STEP_PREFIX))}
         if "load" in values:
             result["offset"] = present("offset") + values["load"]
         if "hinge" in values:
@@ -244,8 +248,9 @@ NO_NUISANCES = NuisanceSet((), np.zeros(0), np.zeros(0), (), np.zeros((0, 0)), (
 def _each(names: Sequence[str], duration: float) -> tuple[str, ...]:
     """Return the names, each once; all coefficients of a load that varies by its name or one of theirs."""
     coefficients = coefficient_names(coefficients_for(duration))
-    each = [own for name in names for own in (coefficients if _is_of_load(name) else (name,))]
-    return tuple(dict.fromkeys(each))
+    of_spline = [name == LOAD_VARIATION or name.startswith(PREFIX) for name in names]
+    each = [coefficients if spline else (name,) for name, spline in zip(names, of_spline, strict=True)]
+    return tuple(dict.fromkeys(own for some in each for own in some))
 
 
 def _is_of_load(name: str) -> bool:
@@ -253,8 +258,13 @@ def _is_of_load(name: str) -> bool:
 
 
 def described_name(name: str) -> str:
-    """Return what the description calls a nuisance: the coefficients of a load that varies are one."""
-    return LOAD_VARIATION if name.startswith(PREFIX) else name
+    """Return what the description calls a nuisance: coefficients and steps of a load that varies are one."""
+    return LOAD_VARIATION if name.startswith((PREFIX, STEP_PREFIX)) else name
+
+
+def is_of_step_time(name: str) -> bool:
+    """Return whether a nuisance is the time or rise time of a load's step, which is always located."""
+    return name.startswith(STEP_PREFIX) and name.endswith(STEP_PARTS[1:])
 
 
 def _matters(actuator: Actuator, name: str, channels: Sequence[str]) -> bool:

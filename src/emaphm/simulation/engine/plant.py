@@ -1,6 +1,6 @@
 """The actuators of a batch: their physical quantities side by side, faults applied."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +14,7 @@ from emaphm.actuator.unit.baseline import SIGNED as OF_EITHER_SIGN
 from emaphm.arrays import Array
 from emaphm.errors import FaultError, MethodError
 from emaphm.simulation.engine.structure import Ripple, Structure
+from emaphm.simulation.laws.load_steps import STEP_PARTS, STEP_PREFIX
 from emaphm.simulation.laws.load_variation import PREFIX
 
 NO_LIMIT = 1e30
@@ -54,8 +55,9 @@ class Plant:
     Friction, backlash and position gain have their faults applied; the windings are described by the
     healthy line-to-line values and `turns` (3, n), the fraction of healthy turns in each phase;
     `z` (2, n) is Z (cos phi, sin phi); `ripples` (2 harmonics, n) the amplitudes of each harmonic with cosine
-    and sine; `load_variation` (coefficients, n) is a load over the run. `structure` says which of the
-    optional laws are there; the values of the others do not matter.
+    and sine; `load_variation` (coefficients, n) is a load over the run, `load_steps` (steps, 3, n) the size,
+    time and rise time of each step of one. `structure` says which of the optional laws are there; the values
+    of the others do not matter.
     """
 
     inertia: Array
@@ -132,6 +134,7 @@ class Plant:
     screw_ratio: Array
     ripples: Array
     load_variation: Array
+    load_steps: Array
 
     @staticmethod
     def of(
@@ -146,7 +149,7 @@ class Plant:
         lumped_parameters
             Parameters to set instead of the actuator's, by their names in `LUMPED_PARAMETERS`;
             each of shape (n,) or a scalar. Friction faults multiply them. And the
-            coefficients of a load over the run, by `coefficient_names`.
+            coefficients of a load over the run, by `coefficient_names`, and its steps, by `step_names`.
 
         Raises
         ------
@@ -162,19 +165,29 @@ class Plant:
         check_vectors(k, actuator)
         columns = _healthy(actuator, len(k))
         given = dict(lumped_parameters or {})
-        varying = [given.pop(name) for name in list(given) if name.startswith(PREFIX)]
+        varying, steps = (
+            _rows([given.pop(name) for name in list(given) if name.startswith(prefix)], len(k))
+            for prefix in (PREFIX, STEP_PREFIX)
+        )
         _set_lumped_parameters(columns, actuator, given)
         _apply_faults(columns, actuator, k)
-        columns["load_variation"] = np.zeros((len(varying), len(k)))
-        for row, values in zip(columns["load_variation"], varying, strict=True):
-            row[:] = values
-        structure = structure_of(actuator)._replace(load_variation=len(varying))
+        steps = steps.reshape(-1, len(STEP_PARTS), len(k))
+        columns |= {"load_variation": varying, "load_steps": steps}
+        structure = structure_of(actuator)._replace(load_variation=len(varying), load_steps=len(steps))
         return Plant(**columns, structure=structure)
 
     @property
     def count(self) -> int:
         """The number of actuators, n."""
         return int(self.inertia.size)
+
+
+def _rows(values: Sequence[ArrayLike], n: int) -> Array:
+    """Return `values`, a scalar or (n,) each, as an array (rows, n)."""
+    rows = np.zeros((len(values), n))
+    for row, one in zip(rows, values, strict=True):
+        row[:] = one
+    return rows
 
 
 def _healthy(actuator: Actuator, n: int) -> dict[str, Array]:

@@ -14,7 +14,7 @@ class Structure(NamedTuple):
     """Kind of drive and optional laws; a law that is False takes no time in a kernel.
 
     `commutation` is one that is not by the rotor's true angle; `load_variation` is how many coefficients a
-    load has that varies over the run.
+    load has that varies over the run, `load_steps` how many times one steps.
     """
 
     drive: str = "hysteresis"
@@ -35,6 +35,7 @@ class Structure(NamedTuple):
     commutation: bool = False
     ripples: tuple[Ripple, ...] = ()
     load_variation: int = 0
+    load_steps: int = 0
 
     @property
     def smooth_friction(self) -> bool:

@@ -16,6 +16,7 @@ from emaphm.simulation.laws.cogging import harmonic, ripple_torque
 from emaphm.simulation.laws.compliant_shaft import shaft_torque
 from emaphm.simulation.laws.gravity import gravity_load
 from emaphm.simulation.laws.lag import approach, share_of_step
+from emaphm.simulation.laws.load_steps import step_load, step_names
 from emaphm.simulation.laws.load_variation import coefficient_names
 from emaphm.simulation.laws.select import clip, select
 from emaphm.simulation.models import friction
@@ -55,7 +56,8 @@ def parameter_names(structure: Structure) -> tuple[str, ...]:
     """Return the parameters of the motion."""
     ripples = range(1, len(structure.ripples) + 1)
     harmonics = (f"ripple{i}_{part}" for i in ripples for part in ("cos", "sin"))
-    return (*PARAMETERS, *harmonics, *coefficient_names(structure.load_variation))
+    steps = (name for i in range(1, structure.load_steps + 1) for name in step_names(i))
+    return (*PARAMETERS, *harmonics, *coefficient_names(structure.load_variation), *steps)
 
 
 PARAMETERS = (
@@ -154,6 +156,8 @@ def parameters(plant: Plant, step: float) -> dict[str, Array]:
     for i in range(len(structure.ripples)):
         rows[f"ripple{i + 1}_cos"], rows[f"ripple{i + 1}_sin"] = plant.ripples[2 * i : 2 * i + 2]
     rows |= dict(zip(coefficient_names(structure.load_variation), plant.load_variation, strict=True))
+    for i, step_of_load in enumerate(plant.load_steps, 1):
+        rows |= dict(zip(step_names(i), step_of_load, strict=True))
     return dict.fromkeys(parameter_names(structure), zero) | rows
 
 
@@ -203,10 +207,11 @@ def motion(structure: Structure) -> Callable[..., Any]:
     ripple = _ripple(structure)
     move = _compliant(structure) if structure.compliance else _rigid(structure)
     weight, turn_user = (_weight, _turn_user) if structure.gravity else (_no_weight, _nothing)
+    stepping = _steps(structure.load_steps)
     turn_screw = _turn_screw if any(one.screw for one in structure.ripples) else _nothing
 
     def moved(s: Any, p: Any, u: Any, torque: Any, swing: Any = None) -> Any:
-        external = u.load + p.offset + p.load_stiffness * s.output + weight(s, p)
+        external = u.load + p.offset + p.load_stiffness * s.output + weight(s, p) + stepping(p, u)
         made = torque + ripple(s, p)
         if swing is not None:
             made = made + select(s.speed == 0.0, np.copysign(swing, made - external), 0.0)
@@ -254,6 +259,20 @@ def _no_weight(s: Any, p: Any) -> Any:  # noqa: ARG001
 
 def _weight(s: Any, p: Any) -> Any:
     return gravity_load(s.user_cos, s.user_sin, p.gravity_along, p.gravity_across)
+
+
+def _steps(count: int) -> Callable[..., Any]:
+    """Return the sum of a load's `count` steps, of parameters and inputs."""
+    each = [step_names(i) for i in range(1, count + 1)]
+
+    def stepping(p: Any, u: Any) -> Any:
+        middle = u.time + u.step / 2
+        return sum(
+            step_load(getattr(p, size), getattr(p, instant), getattr(p, rise), middle, u.step)
+            for size, instant, rise in each
+        )
+
+    return stepping
 
 
 def _turn_user(s: Any, p: Any, turned: Any) -> Any:
