@@ -103,20 +103,30 @@ class ForeignFeatures(Section):
 class VaryingLoad(Section):
     """A load at the motor that varies while it is recorded, in addition to the constant one.
 
-    It swings by `swing` [N·m] at `frequency` [Hz], drifts by `drift` [N·m/s], steps by `step` [N·m] in the
-    middle, and rises with the user's position by `hinge` [N·m/rad].
+    It swings by `swing` [N·m] at `frequency` [Hz], drifts by `drift` [N·m/s], and rises with the user's
+    position by `hinge` [N·m/rad]. In the middle it steps by `step` [N·m], at once or over `rise` [s], to stay
+    or for `lasts` [s].
     """
 
     swing: float = 0.0
     frequency: Positive = 1.0
     drift: float = 0.0
     step: float = 0.0
+    rise: NotNegative = 0.0
+    lasts: Positive | None = None
     hinge: NotNegative = 0.0
 
     def at(self, time: Array, duration: float) -> Array:
         """Return what varies with time [N·m], of the shape of `time` [s]."""
         swinging = self.swing * np.sin(2 * np.pi * self.frequency * time)
-        return np.asarray(swinging + self.drift * time + self.step * (time >= duration / 2))
+        there = self._shift(time - duration / 2)
+        if self.lasts is not None:
+            there = there - self._shift(time - duration / 2 - self.lasts)
+        return np.asarray(swinging + self.drift * time + self.step * there)
+
+    def _shift(self, since: Array) -> Array:
+        """Return the share of a step that is there at times `since` its middle [s]."""
+        return np.clip(since / self.rise + 0.5, 0.0, 1.0) if self.rise else np.asarray(since >= 0, float)
 
 
 class Rig(Section):

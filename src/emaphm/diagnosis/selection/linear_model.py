@@ -1,0 +1,58 @@
+"""What a linear model about an estimate does to the current, with nuisances that were not estimated there."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from emaphm.arrays import Array
+from emaphm.estimation.objective import MapObjective
+from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.uncertainty.local_covariance import jacobians_of
+from emaphm.random_streams import stream
+
+STEP = 0.02
+"""Of a coordinate, for a derivative: a tenth of a standard deviation of the prior."""
+
+
+@dataclass(frozen=True, eq=False)
+class LinearModel:
+    """The current's `residual` (samples,) at an estimate, and what linear combinations leave of it.
+
+    `basis` (samples, k) are orthonormal columns of what the parameters do, and `left` (samples,) is what is
+    left of the residual.
+    """
+
+    searched: SearchResult
+    residual: Array
+    basis: Array
+    left: Array
+
+    @classmethod
+    def of(cls, searched: SearchResult, wider: MapObjective, point: Array, seed: int) -> Self:
+        """Return that of the parameters of `wider`, at `point` (d,): the estimate `searched` there."""
+        samples, before = searched.objective.problem.samples, searched.objective.space
+        more = [i for i, name in enumerate(wider.space.coordinates) if name not in before.coordinates]
+        jacobians = jacobians_of(searched, stream(seed, "Jacobians of a varying load"))
+        columns = jacobians.mean(axis=0)[:, :samples]
+        if more:
+            steps = STEP * np.eye(point.size)[more]
+            up, down = np.split(wider.outputs(np.vstack([point + steps, point - steps]))[:, :samples], 2)
+            columns = np.vstack([columns, up - down])
+        basis, _ = np.linalg.qr(columns.T)
+        residual = searched.residual[:samples]
+        return cls(searched, residual, basis, residual - basis @ (basis.T @ residual))
+
+    def share_of(self, left: float) -> float:
+        """Return which share of the mean square beyond noise and switching is `left`, a mean square."""
+        noise = self.searched.residual_variance / self.searched.normalised_residual**2
+        return (left - noise) / (self.searched.residual_variance - noise)
+
+    @property
+    def share_left(self) -> float:
+        """The share of the mean square beyond noise and switching that is left."""
+        return self.share_of(float(np.mean(self.left**2)))
+
+    def without(self, columns: Array) -> Array:
+        """Return what the parameters do not of `columns` (n, samples)."""
+        return np.asarray(columns - (columns @ self.basis) @ self.basis.T)
