@@ -26,13 +26,14 @@ bench: $(INSTALLED)  ## measure speed, as ratios to the manoeuvre's own time
 fuzz: $(INSTALLED)  ## spoil inputs of every kind for ten minutes
 	$(BIN)/python -m tests.fuzz --minutes 10
 
-STUDIES := accuracy limits plants data_sheets pmsm six_step thesis forms monitor hybrids
+STUDIES := accuracy limits plants loads data_sheets pmsm six_step thesis forms monitor hybrids
 
 study: $(INSTALLED)  ## run what is missing of the studies in studies/, write their pages in docs/
 	for plan in $(STUDIES); do $(BIN)/emaphm study run $$plan --out studies/$$plan || exit 1; done
 	$(BIN)/emaphm study report studies/accuracy --out docs
 	$(BIN)/emaphm study report studies/limits --out docs
 	$(BIN)/emaphm study report studies/plants --out docs
+	$(BIN)/emaphm study report studies/loads --out docs
 	$(BIN)/emaphm study report studies/data_sheets --out docs
 	$(BIN)/emaphm study report studies/pmsm --out docs
 	$(BIN)/emaphm study report studies/six_step --out docs

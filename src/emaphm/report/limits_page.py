@@ -1,4 +1,4 @@
-"""The pages of studies that vary one thing at a time about the base setting: limits, plants, data sheets."""
+"""The pages of studies that vary one thing about the base setting: limits, plants, loads, data sheets."""
 
 from collections.abc import Iterator, Mapping
 
@@ -24,6 +24,7 @@ HEADER = (
 TITLES = {
     "limits": "A map of the limits",
     "plants": "Plants that are not as described",
+    "loads": "Loads that vary",
     "data_sheets": "A unit and its data sheet",
 }
 """What the pages of this form are called."""

@@ -31,6 +31,7 @@ BUILT_IN = (
     "accuracy",
     "limits",
     "plants",
+    "loads",
     "data_sheets",
     "pmsm",
     "six_step",
@@ -70,7 +71,7 @@ class Plan(Section):
 
     name: Label
     description: str = ""
-    page: Literal["accuracy", "limits", "plants", "data_sheets", "pmsm", "six_step"] | None = None
+    page: Literal["accuracy", "limits", "plants", "loads", "data_sheets", "pmsm", "six_step"] | None = None
     runs: Count
     seed: Annotated[int, Field(ge=0)] = 0
     actuator: Actuator = Actuator.thesis()

@@ -24,12 +24,14 @@ from emaphm.simulation.laws.load_steps import step_names
 class LoadStepSettings:
     """How a load's steps are located; up to `most` of them.
 
-    A run has `instants` in a first scan, and `finer` ones between those next to the best until they are
-    `near` [s]: from 8 ms off, at the chirp of 0.5 s, a search ended within 0.1 ms of the instant. A rise is
-    searched for about `rise` [s]: from none to 40 ms it was found within 5 ms.
+    A run, less a share of `ends` at either end, has `instants` in a first scan, and `finer` ones between
+    those next to the best until they are `near` [s]: from 8 ms off, at the chirp of 0.5 s, a search ended
+    within 0.1 ms of the instant. A rise is searched for about `rise` [s]: from none to 40 ms it was found
+    within 5 ms. At the ends a step is like much else: how a run starts is not known.
     """
 
     most: int = 2
+    ends: float = 0.05
     instants: int = 64
     finer: int = 16
     near: float = 0.01
@@ -89,16 +91,17 @@ class _Scan:
 
     def best(self, count: int) -> tuple[Array, float]:
         """Return the `count` instants (count,) [s] that leave least, and the share left beyond noise."""
-        duration = self.objective.problem.inputs.duration
-        spacing = duration / STEPS.instants
-        instants = np.asarray((np.arange(STEPS.instants) + 0.5) * spacing)
+        first, last = np.array([STEPS.ends, 1 - STEPS.ends]) * self.objective.problem.inputs.duration
+        instants = np.linspace(first, last, STEPS.instants)
+        spacing = float(instants[1] - instants[0])
         best, left = self._least(instants, np.array(list(combinations(range(STEPS.instants), count))))
         while spacing > STEPS.near:
             finer = np.linspace(-spacing, spacing, STEPS.finer)
             for i in range(count):
                 held = np.delete(best, i)
                 sets = [[*range(count - 1), count - 1 + k] for k in range(STEPS.finer)]
-                best, left = self._least(np.append(held, best[i] + finer), np.array(sets))
+                near = np.clip(best[i] + finer, first, last)
+                best, left = self._least(np.append(held, near), np.array(sets))
             spacing = float(finer[1] - finer[0])
         return np.sort(best), self.model.share_of(left)
 

@@ -1,0 +1,115 @@
+"""A load that steps while an actuator is recorded: found with the faults, and not taken for them."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cases import THESIS, covered
+from emaphm.actuator import Chirp, Faults
+from emaphm.diagnosis import Diagnosis, diagnose
+from emaphm.diagnosis.diagnose import objective_for
+from emaphm.diagnosis.selection.varying_load import LOAD_STEP, LOADS, VARYING_LOAD, with_varying_load
+from emaphm.estimation.methods import method_named
+from emaphm.estimation.search import search
+from emaphm.estimation.search_result import SearchResult
+from emaphm.plotting.external_load import draw_external_load
+from emaphm.recording import Recording
+from emaphm.simulated_recording import simulate
+from emaphm.simulation import AVERAGED
+
+DURATION = 0.25
+TRUTH = Faults(friction=0.2, short_a=0.1, gain=0.6)
+
+
+def ramp(time: Any, instant: float, rise: float) -> Any:
+    return np.interp(time, [instant - rise / 2, instant + rise / 2], [0.0, 1.0])
+
+
+def put_on(time: Any) -> Any:
+    return 0.03 + 0.1 * ramp(time, 0.15, 8e-3)
+
+
+def put_on_and_off(time: Any) -> Any:
+    return 0.03 - 0.08 * (ramp(time, 0.1, 1e-9) - ramp(time, 0.17, 1e-9))
+
+
+def swinging_and_stepping(time: Any) -> Any:
+    return 0.05 * np.sin(2 * np.pi * 3 * np.asarray(time)) + put_on(time)
+
+
+def recorded(load: Any) -> Recording:
+    options: dict[str, Any] = {"duration": DURATION, "noise": 0.05, "adc_bits": 12, "seed": 6}
+    whole = simulate(THESIS, Chirp(duration=DURATION), faults=TRUTH, load=load, **options)
+    return Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")})
+
+
+@pytest.fixture(scope="module")
+def found() -> Diagnosis:
+    """Return what is found of a load that nobody named."""
+    return diagnose(recorded(put_on), THESIS, workers=1)
+
+
+def test_faults_are_found_under_a_load_that_steps(found: Diagnosis) -> None:
+    assert found.explained
+    assert (found.selected, found.laws) == ((LOAD_STEP,), ())
+    assert all(covered(TRUTH.vector, found))
+    degraded = {name for name, one in found.components.items() if one.verdict == "degraded"}
+    assert degraded == {"friction", "short_a", "gain"}
+
+
+def test_the_step_is_found_with_them(found: Diagnosis) -> None:
+    load = found.load
+    assert load is not None
+    (step,) = load.steps
+    assert step.size == pytest.approx(0.1, abs=2e-3)
+    assert step.time_s == pytest.approx(0.15, abs=1e-3)
+    assert step.rise_s == pytest.approx(8e-3, abs=5e-3)
+    rows = found.time_s + (found.time_s[1] - found.time_s[0]) / 2
+    off = np.abs(load.value - put_on(rows))
+    assert np.max(off / load.standard_error) < 4
+    # Its instant is not known to a row: so much the less is the load in the rows about it.
+    about = np.abs(rows - 0.15) < 10e-3
+    assert load.standard_error[about].max() > 3 * load.standard_error[~about].max()
+
+
+def test_it_is_said_in_one_line_and_drawn(found: Diagnosis) -> None:
+    (line,) = [line for line in found.notes() if line.startswith("The load steps by +0.1")]
+    assert "load_Nm" in line
+    assert not any("load_step" in line for line in found.notes())
+    assert [axis.get_ylabel() for axis in draw_external_load(found).axes] == ["load [N·m]"]
+    described = found.to_dict()["nuisances"]
+    assert described["load_step_1"]["unit"] == "N·m"
+    assert described["load_step_1_time"]["unit"] == described["load_step_1_rise"]["unit"] == "s"
+
+
+@pytest.mark.parametrize(
+    ("load", "names", "steps"),
+    [
+        (put_on_and_off, (LOAD_STEP,), [(-0.08, 0.1), (0.08, 0.17)]),
+        (swinging_and_stepping, LOADS, [(0.1, 0.15)]),
+        (lambda time: 0.08 * np.sin(2 * np.pi * 3 * np.asarray(time)), VARYING_LOAD, []),
+    ],
+    ids=["a load put on and taken off", "one that swings too", "one that swings alone"],
+)
+def test_a_load_has_as_many_parameters_as_it_takes(
+    load: Any, names: tuple[str, ...], steps: list[tuple[float, float]]
+) -> None:
+    method = method_named("hybrid")
+    objective = objective_for(recorded(load), THESIS, method, AVERAGED, None, 1)
+    searched = search(objective, method, fitness="least_squares", max_corrections=4, seed=0)
+    loaded = with_varying_load(searched, method, 10, 0)
+    assert loaded is not None
+    result, chosen = loaded
+    assert chosen == names
+    assert result.explained
+    values = _values(result)
+    got = [(values[f"load_step_{i + 1}"], values[f"load_step_{i + 1}_time"]) for i in range(len(steps))]
+    np.testing.assert_allclose(np.reshape(got, (-1, 2)), np.reshape(steps, (-1, 2)), atol=5e-3)
+    faults = result.objective.space.faults(result.point[np.newaxis])[0]
+    np.testing.assert_allclose(faults[[0, 2, 7]], TRUTH.vector[[0, 2, 7]], atol=0.03)
+
+
+def _values(result: SearchResult) -> dict[str, float]:
+    values = result.objective.space.nuisance_values(result.point[np.newaxis])
+    return {name: float(value[0]) for name, value in values.items()}
