@@ -236,9 +236,17 @@ def test_other_plants_are_on_a_page_of_that_form() -> None:
     page, figures = limits_page(plan, results(plan), "plants")
     assert page.startswith("# Plants that are not as described\n")
     assert figures == {}
-    # The base setting, 22 foreign plants, 14 of them with their laws calibrated too, 7 loads.
-    assert "none of 44." in page
-    assert plan.total == 44 * (5 + 1 * 5 + 2)
+    # The base setting, 22 foreign plants, 14 of them with their laws calibrated too.
+    assert "none of 37." in page
+    assert plan.total == 37 * (5 + 1 * 5 + 2)
+
+
+def test_loads_are_on_a_page_of_that_form() -> None:
+    plan = Plan.load("loads")
+    page, figures = limits_page(plan, results(plan), "loads")
+    assert page.startswith("# Loads that vary\n")
+    assert figures == {}
+    assert "none of 14." in page
 
 
 def test_rates_are_those_of_the_results(limits: Plan) -> None:

@@ -320,7 +320,7 @@ REFUSED: dict[str, tuple[tuple[str, str], tuple[str, ...]]] = {
     "both spellings": (("turns = 0", "turns = 0\nmax_corrections = 0"), ("'methods.0'", "are the same")),
     "page": (
         ("runs = 1\n\n[man", 'runs = 1\npage = "acuracy"\n\n[man'),
-        ("'page'", "'accuracy', 'limits', 'plants', 'data_sheets', 'pmsm' or 'six_step'"),
+        ("'page'", "'accuracy', 'limits', 'plants', 'loads', 'data_sheets', 'pmsm' or 'six_step'"),
     ),
 }
 
