@@ -10,6 +10,7 @@ from emaphm.actuator import Chirp, Faults
 from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.diagnosis.diagnose import objective_for
 from emaphm.diagnosis.selection.varying_load import LOAD_STEP, LOADS, VARYING_LOAD, with_varying_load
+from emaphm.errors import MethodError
 from emaphm.estimation.methods import method_named
 from emaphm.estimation.search import search
 from emaphm.estimation.search_result import SearchResult
@@ -108,6 +109,11 @@ def test_a_load_has_as_many_parameters_as_it_takes(
     np.testing.assert_allclose(np.reshape(got, (-1, 2)), np.reshape(steps, (-1, 2)), atol=5e-3)
     faults = result.objective.space.faults(result.point[np.newaxis])[0]
     np.testing.assert_allclose(faults[[0, 2, 7]], TRUTH.vector[[0, 2, 7]], atol=0.03)
+
+
+def test_a_step_cannot_be_asked_for() -> None:
+    with pytest.raises(MethodError, match="unknown nuisance 'load_step_1'"):
+        diagnose(recorded(put_on), THESIS, nuisances=("load", "load_step_1"), workers=1)
 
 
 def _values(result: SearchResult) -> dict[str, float]:

@@ -123,7 +123,7 @@ class NuisanceSet:
         """
         chosen = _each(actuator.nuisances.estimated if names is None else names, duration)
         for name in chosen:
-            if described_name(name) not in NAMES:
+            if described_name(name) not in NAMES or not _is_located(name, located or {}):
                 raise MethodError(f"unknown nuisance '{name}'{nearest(name, NAMES)}")
             if names is not None and name in NEEDS_WINDINGS and actuator.electrical is None:
                 raise MethodError(
@@ -265,6 +265,13 @@ def described_name(name: str) -> str:
 def is_of_step_time(name: str) -> bool:
     """Return whether a nuisance is the time or rise time of a load's step, which is always located."""
     return name.startswith(STEP_PREFIX) and name.endswith(STEP_PARTS[1:])
+
+
+def _is_located(name: str, located: Mapping[str, Located]) -> bool:
+    """Return whether a nuisance is no part of a load's step, or of one whose times are located."""
+    number = name.removeprefix(STEP_PREFIX).partition("_")[0]
+    times = (f"{STEP_PREFIX}{number}{part}" for part in STEP_PARTS[1:])
+    return not name.startswith(STEP_PREFIX) or all(time in located for time in times)
 
 
 def _matters(actuator: Actuator, name: str, channels: Sequence[str]) -> bool:
