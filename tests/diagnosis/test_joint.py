@@ -191,7 +191,7 @@ def test_a_load_that_varies_is_one_recording_s_own() -> None:
     assert [one.load is not None for one in found.recordings] == [False, True]
     off = np.abs(found.faults.vector - FAULTS.vector)
     assert max(np.delete(off, NAMES.index("eccentricity_phase"))) < 0.01
-    assert "load from -0.0" in str(found)
+    assert "load varies from -0.0" in str(found)
     assert "load_variation_" not in str(found)
 
 
