@@ -17,14 +17,13 @@ STEP = 0.02
 
 @dataclass(frozen=True, eq=False)
 class LinearModel:
-    """The current's `residual` (samples,) at an estimate, and what linear combinations leave of it.
+    """What linear combinations leave of the current's residual at the estimate `searched`.
 
     `basis` (samples, k) are orthonormal columns of what the parameters do, and `left` (samples,) is what is
     left of the residual.
     """
 
     searched: SearchResult
-    residual: Array
     basis: Array
     left: Array
 
@@ -41,7 +40,7 @@ class LinearModel:
             columns = np.vstack([columns, up - down])
         basis, _ = np.linalg.qr(columns.T)
         residual = searched.residual[:samples]
-        return cls(searched, residual, basis, residual - basis @ (basis.T @ residual))
+        return cls(searched, basis, residual - basis @ (basis.T @ residual))
 
     def share_of(self, left: float) -> float:
         """Return which share of the mean square beyond noise and switching is `left`, a mean square."""

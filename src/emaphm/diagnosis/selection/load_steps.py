@@ -5,6 +5,7 @@ for the instants, and a search goes on from there, with sizes and times as unkno
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import chain, combinations
 from typing import Self
 
@@ -91,26 +92,34 @@ class _Scan:
 
     def best(self, count: int) -> tuple[Array, float]:
         """Return the `count` instants (count,) [s] that leave least, and the share left beyond noise."""
-        first, last = np.array([STEPS.ends, 1 - STEPS.ends]) * self.objective.problem.inputs.duration
-        instants = np.linspace(first, last, STEPS.instants)
+        instants, columns = self._even
+        first, last = instants[[0, -1]]
         spacing = float(instants[1] - instants[0])
-        best, left = self._least(instants, np.array(list(combinations(range(STEPS.instants), count))))
+        sets = np.array(list(combinations(range(STEPS.instants), count)))
+        best, left = self._least(instants, columns, sets)
         while spacing > STEPS.near:
             finer = np.linspace(-spacing, spacing, STEPS.finer)
             for i in range(count):
                 held = np.delete(best, i)
-                sets = [[*range(count - 1), count - 1 + k] for k in range(STEPS.finer)]
-                near = np.clip(best[i] + finer, first, last)
-                best, left = self._least(np.append(held, near), np.array(sets))
+                near = np.append(held, np.clip(best[i] + finer, first, last))
+                sets = np.array([[*range(count - 1), count - 1 + k] for k in range(STEPS.finer)])
+                best, left = self._least(near, self._columns(near), sets)
             spacing = float(finer[1] - finer[0])
         return np.sort(best), self.model.share_of(left)
 
-    def _least(self, instants: Array, sets: NDArray[np.intp]) -> tuple[Array, float]:
+    @cached_property
+    def _even(self) -> tuple[Array, Array]:
+        """The instants of the first scan, and their columns."""
+        first, last = np.array([STEPS.ends, 1 - STEPS.ends]) * self.objective.problem.inputs.duration
+        instants = np.linspace(first, last, STEPS.instants)
+        return instants, self._columns(instants)
+
+    def _least(self, instants: Array, columns: Array, sets: NDArray[np.intp]) -> tuple[Array, float]:
         """Return those of `instants` (n,) that leave least, and its mean square.
 
-        `sets` (m, count) are places among them.
+        `columns` (n, samples) are theirs, and `sets` (m, count) are places among them.
         """
-        columns, left = self._columns(instants), self.model.left
+        left = self.model.left
         products, along = columns @ columns.T, columns @ left
         products += SINGULAR * float(np.trace(products)) * np.eye(len(instants))
         of_sets = products[sets[:, :, np.newaxis], sets[:, np.newaxis, :]]
