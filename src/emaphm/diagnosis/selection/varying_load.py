@@ -42,7 +42,7 @@ class VaryingLoadSettings:
     and switching: of 25 recordings of loads that vary it left 3 % at most, of 23 of plants with other laws
     26 to 97 %. With nothing but steps, less than `left_by_steps`: 17 of loads that step left 22 % at most, of
     26 of plants with other laws 53 to 99 %. And where no other load leaves less than 1/`much` of that, or of
-    `least`, which is as good as nothing: loads of more parameters left 0.24 to 1 of what was left by the one
+    `least`, which is as good as nothing: loads of more parameters left 0.12 to 1 of what was left by the one
     that was there.
 
     One that steps is searched for where the normalised residual without is above `loud`: steps at instants
@@ -56,7 +56,7 @@ class VaryingLoadSettings:
 
     left: float = 0.15
     left_by_steps: float = 0.3
-    much: float = 5.0
+    much: float = 10.0
     least: float = 0.01
     loud: float = 1.4
     convincing: float = 1.0
