@@ -171,7 +171,7 @@ class Plant:
         )
         _set_lumped_parameters(columns, actuator, given)
         _apply_faults(columns, actuator, k)
-        steps = steps.reshape(-1, len(STEP_PARTS), len(k))
+        steps = steps.reshape(len(steps) // len(STEP_PARTS), len(STEP_PARTS), len(k))
         columns |= {"load_variation": varying, "load_steps": steps}
         structure = structure_of(actuator)._replace(load_variation=len(varying), load_steps=len(steps))
         return Plant(**columns, structure=structure)
