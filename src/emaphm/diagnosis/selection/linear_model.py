@@ -28,18 +28,25 @@ class LinearModel:
     left: Array
 
     @classmethod
-    def of(cls, searched: SearchResult, wider: MapObjective, point: Array, seed: int) -> Self:
-        """Return that of the parameters of `wider`, at `point` (d,): the estimate `searched` there."""
-        samples, before = searched.objective.problem.samples, searched.objective.space
-        more = [i for i, name in enumerate(wider.space.coordinates) if name not in before.coordinates]
+    def of(cls, searched: SearchResult, seed: int) -> Self:
+        """Return that of the parameters that `searched` has estimated."""
+        samples = searched.objective.problem.samples
         jacobians = jacobians_of(searched, stream(seed, "Jacobians of a varying load"))
-        columns = jacobians.mean(axis=0)[:, :samples]
-        if more:
-            steps = STEP * np.eye(point.size)[more]
-            up, down = np.split(wider.outputs(np.vstack([point + steps, point - steps]))[:, :samples], 2)
-            columns = np.vstack([columns, up - down])
-        basis, _ = np.linalg.qr(columns.T)
-        residual = searched.residual[:samples]
+        return cls._of_columns(searched, jacobians.mean(axis=0)[:, :samples].T)
+
+    def with_more(self, wider: MapObjective, point: Array) -> Self:
+        """Return that of all parameters of `wider`, at `point` (d,): the estimate there."""
+        samples, before = self.left.size, self.searched.objective.space
+        more = [i for i, name in enumerate(wider.space.coordinates) if name not in before.coordinates]
+        steps = STEP * np.eye(point.size)[more]
+        up, down = np.split(wider.outputs(np.vstack([point + steps, point - steps]))[:, :samples], 2)
+        return self._of_columns(self.searched, np.column_stack([self.basis, (up - down).T]))
+
+    @classmethod
+    def _of_columns(cls, searched: SearchResult, columns: Array) -> Self:
+        """Return that of parameters that do `columns` (samples, k)."""
+        basis, _ = np.linalg.qr(columns)
+        residual = searched.residual[: len(columns)]
         return cls(searched, basis, residual - basis @ (basis.T @ residual))
 
     def share_of(self, left: float) -> float:

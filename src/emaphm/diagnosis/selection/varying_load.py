@@ -126,10 +126,10 @@ def is_convincing(loaded: SearchResult) -> bool:
 def _promising(searched: SearchResult, seed: int) -> list[tuple[tuple[str, ...], MapObjective]]:
     """Return the loads of `LOADS` that may explain the recording, that of least parameters first."""
     spline, point = with_nuisances(searched, (), VARYING_LOAD, 1.0)
-    curved = LinearModel.of(searched, spline, point, seed)
+    alone = LinearModel.of(searched, seed)
+    curved = alone.with_more(spline, point)
     loads: list[tuple[tuple[str, ...], MapObjective, float]] = [(VARYING_LOAD, spline, curved.share_left)]
     if searched.normalised_residual > VARYING.loud:
-        alone = LinearModel.of(searched, searched.objective, searched.point, seed)
         loads = [
             *(((LOAD_STEP,), *one) for one in with_steps(searched, (), alone)),
             *loads,
