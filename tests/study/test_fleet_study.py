@@ -14,13 +14,15 @@ from emaphm.prognosis import Evidence, Observation
 from emaphm.random_streams import stream
 from emaphm.report.fleet_page import fleet_page
 from emaphm.study.fleet import informed as informed_module
-from emaphm.study.fleet.baselines import last_slope, mean_life, one_filter_a_component
+from emaphm.study.fleet.acting import Outcome, acted, outcome, over_life
+from emaphm.study.fleet.baselines import fleet_lives, last_slope, mean_life, one_filter_a_component
 from emaphm.study.fleet.diagnoses import Quality, quality
 from emaphm.study.fleet.drawn import Pool, drawn_evidence
 from emaphm.study.fleet.informed import Component, informed
-from emaphm.study.fleet.judging import INFORMED, SHARES, WAYS, WITH_FLEET
+from emaphm.study.fleet.judging import SHARES, WAYS, WITH_FLEET
 from emaphm.study.fleet.run import DRAWN, PARTS, PLAN, RECORDED, without_part
 from emaphm.study.fleet.scores import alpha_lambda_interval, scores, warnings
+from emaphm.study.fleet.tracks import BY_COSTS, BY_RISK, track
 
 ACTUATOR = THESIS.model_copy(
     update={
@@ -59,6 +61,7 @@ def test_one_filter_a_component_goes_on_in_a_straight_line() -> None:
 def test_the_mean_life_is_that_of_the_units_that_live_longer() -> None:
     assert mean_life(1000.0, [500.0, 1500.0, 2500.0]) == pytest.approx([1000.0])
     assert mean_life(3000.0, [500.0, 1500.0, 2500.0]) == pytest.approx([0.0])
+    assert fleet_lives(1000.0, [500.0, 1500.0, 2500.0]) == pytest.approx([500.0, 1500.0])
 
 
 def test_drawn_diagnoses_have_the_errors_that_were_stated() -> None:
@@ -89,7 +92,8 @@ def made_up(unit: int, *, good: bool) -> dict[str, Any]:
         "crps": 100.0 if good else 400.0,
         "certain": False,
     }
-    track = [[100.0, 500.0, 1000.0, 2000.0], [600.0, 300.0, 500.0, 700.0]]
+    said = (100.0, np.linspace(500.0, 1500.0, 101)), (600.0, np.linspace(300.0, 700.0, 101))
+    late = (100.0, np.full(101, 5000.0)), (600.0, np.full(101, 4500.0))
     return {
         "unit": f"SYNTHETIC-{unit}",
         "failure": 1100.0,
@@ -98,9 +102,7 @@ def made_up(unit: int, *, good: bool) -> dict[str, Any]:
         "diagnoses": 10,
         "explained": 10,
         "ways": {way: {str(share): one for share in SHARES} for way in WAYS},
-        "warned": {
-            way: {"remaining": 550.0 if good else None, "track": track} for way in (WITH_FLEET, INFORMED)
-        },
+        "tracks": {way: track(said if good else late, 1100.0, 100.0) for way in WAYS},
     }
 
 
@@ -118,9 +120,42 @@ def test_scores_count_units() -> None:
     found = scores(units, WITH_FLEET, 0.5)
     assert (found.alpha_lambda, found.coverage, found.late, found.crps) == (0.75, 0.75, 0.25, 175.0)
     assert (found.error, found.width) == (0.0, 1.5)
-    assert warnings(units, WITH_FLEET) == [0.5, 0.5, 0.5, 0.0]
+    assert warnings(units, WITH_FLEET) == pytest.approx([5 / 11, 5 / 11, 5 / 11, 0.0])
     # Of 3 of 4 units, by scipy.stats.binomtest(3, 4).proportion_ci(0.9, "wilson").
     assert alpha_lambda_interval(found) == pytest.approx((0.35617, 0.94209), abs=5e-5)
+
+
+def test_a_unit_is_removed_where_it_must_not_fly_until_the_next_check_flight() -> None:
+    """`soon`: failures spread evenly from 49 to 1,049 h from now, so that 5.1 % come within 100 h.
+
+    By the hour, until t from an age a: (1 + 9 F) / (a + E[min(RUL, t)]). At a = 200 h that is 1 / 249 before
+    any can fail and 1.46 / 299 until 100 h; at a = 10 h, 1 / 59 and 1.46 / 109: so young a unit flies on.
+    """
+    soon, later = np.linspace(49.0, 1049.0, 1001), np.linspace(151.0, 1150.0, 1000)
+    old = track([(100.0, later), (200.0, soon)], 900.0, 100.0)["removed"]
+    assert old == {BY_RISK: 200.0, BY_COSTS: 200.0}
+    young = track([(10.0, soon)], 900.0, 100.0)["removed"]
+    assert young == {BY_RISK: 10.0, BY_COSTS: None}
+
+
+def test_predictions_over_a_life_are_scored_as_defined() -> None:
+    """Two check flights: one right, one late by 150 % that sees no failure within 400 h."""
+    made = (100.0, np.full(11, 500.0)), (400.0, np.full(11, 500.0))
+    found = over_life([{"failure": 600.0, "tracks": {"way": track(made, 600.0, 100.0)}}], "way")
+    assert (found.brier, found.late) == (0.5, 0.5)
+    assert (found.first, found.lasting) == (pytest.approx(500 / 600), 0.0)
+    assert found.accuracy == pytest.approx((1.0 - 0.5) / 2)
+
+
+def test_removals_are_weighed_by_failures_and_life() -> None:
+    """One removed 500 h early, one 100 h early, one that fails: of 1,000 h each."""
+    found = outcome([500.0, 900.0, None], [1000.0, 1000.0, 1000.0])
+    assert found.failed == pytest.approx(1 / 3)
+    assert found.wasted == pytest.approx(0.6 / 3)
+    assert found.unneeded == pytest.approx(1000 / 2400)
+    assert found.cost == pytest.approx(12 * 1000 / 2400)
+    units = [made_up(i, good=i < 3) for i in range(4)]
+    assert acted(units, WITH_FLEET, BY_RISK) == Outcome(1.0, 0.0, 0.0, pytest.approx(10 / 1.1))
 
 
 def test_the_page_says_synthetic_and_holds_every_way() -> None:
@@ -132,7 +167,7 @@ def test_the_page_says_synthetic_and_holds_every_way() -> None:
     assert "logistic (unknown to the filter)" in text
     assert "3 of 4 units are warned of in time (75.0 %)" in text
     assert "SYNTHETIC-3 fails by friction (logistic) after 1,100 h. 0.0 % of its life are left" in text
-    assert set(figures) == {"scores", "tracks", "calibration"}
+    assert set(figures) == {"scores", "tracks", "acting", "calibration"}
     assert all(picture.startswith(b"<?xml") for picture in figures.values())
 
 

@@ -15,6 +15,7 @@ from emaphm.plotting.style import (
     new_figure,
     style_axis,
 )
+from emaphm.study.fleet.acting import acted
 from emaphm.study.fleet.judging import (
     ALONE,
     ALPHA,
@@ -23,11 +24,13 @@ from emaphm.study.fleet.judging import (
     INFORMED,
     LAW_AND_LEVEL,
     LINE,
+    LIVES,
     MEAN,
     SHARES,
     WITH_FLEET,
 )
 from emaphm.study.fleet.scores import alpha_lambda_interval, scores
+from emaphm.study.fleet.tracks import BY_COSTS, BY_RISK
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,6 +41,9 @@ SHOWN = (WITH_FLEET, ALONE, CLAIRVOYANT, LAW_AND_LEVEL, INFORMED, FILTER, LINE, 
 COLOURS = dict(
     zip(SHOWN, (BLUE, SERIES[5], BLACK, SERIES[4], SERIES[3], SERIES[2], SERIES[1], SERIES[7]), strict=True)
 )
+
+ACTED = {**COLOURS, LIVES: COLOURS[MEAN]}
+"""Colours of the ways that units are removed by: the lives of the fleet in place of their mean."""
 
 MOST_TRACKS = 6
 """Units whose predictions over life are drawn."""
@@ -80,7 +86,7 @@ def draw_scores(units: Sequence[Mapping[str, Any]]) -> "Figure":
 
 def draw_tracks(units: Sequence[Mapping[str, Any]]) -> "Figure":
     """Draw the RUL as predicted over the life of some units, with the fleet's prior, against the true one."""
-    tracked = [one for one in units if one["warned"]]
+    tracked = [one for one in units if one["tracks"]]
     chosen = [
         tracked[i] for i in np.linspace(0, len(tracked) - 1, min(MOST_TRACKS, len(tracked))).astype(int)
     ]
@@ -91,7 +97,7 @@ def draw_tracks(units: Sequence[Mapping[str, Any]]) -> "Figure":
 
 
 def _track(axis: "Axes", one: Mapping[str, Any]) -> None:
-    hours, low, median, high = np.array(one["warned"][WITH_FLEET]["track"]).T
+    hours, low, median, high, _ = np.array(one["tracks"][WITH_FLEET]["track"]).T
     failure = one["failure"]
     true = failure - hours
     axis.fill_between(hours, low, high, color=BLUE, alpha=0.2, linewidth=0, label="90 %")
@@ -101,6 +107,22 @@ def _track(axis: "Axes", one: Mapping[str, Any]) -> None:
         axis.plot(hours, side * true, ":", color=FAINT, linewidth=1)
     axis.set_ylim(0, 1.6 * failure)
     style_axis(axis, f"{one['failed']}: {one['law']}", "flight hours [h]", "RUL [h]")
+
+
+def draw_acting(units: Sequence[Mapping[str, Any]]) -> "Figure":
+    """Draw how many units fail in service and how much life is wasted, by way of predicting and rule."""
+    figure = new_figure(PAGE_WIDTH, 3.4)
+    panels = {BY_RISK: "removed by the risk", BY_COSTS: "removed by the costs"}
+    axes = figure.subplots(1, 2, sharex=True, sharey=True)
+    for axis, (rule, title) in zip(axes, panels.items(), strict=True):
+        for way, colour in ACTED.items():
+            if way != MEAN and way in units[0]["tracks"]:
+                found = acted(units, way, rule)
+                axis.plot(100 * found.failed, 100 * found.wasted, "o", color=colour, markersize=6, label=way)
+        style_axis(axis, title, "fail in service [%]", "life wasted [%]" if rule == BY_RISK else "")
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=3, **LEGEND)
+    return figure
 
 
 def draw_calibration(units: Sequence[Mapping[str, Any]]) -> "Figure":

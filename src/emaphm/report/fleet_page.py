@@ -17,9 +17,10 @@ from emaphm.fleet.synthetic import drawn_unit
 from emaphm.fleet.synthetic.growth import LAWS
 from emaphm.fleet.synthetic.population import Population
 from emaphm.output_files import make_folder, written_whole
-from emaphm.plotting.fleet import draw_calibration, draw_scores, draw_tracks
+from emaphm.plotting.fleet import draw_acting, draw_calibration, draw_scores, draw_tracks
 from emaphm.plotting.svg import plain_style, svg
 from emaphm.prognosis.metrics import coverage
+from emaphm.report.fleet_acting import said_of_acting, said_over_life
 from emaphm.report.fleet_warnings import ASKED_WARNED, said_of_warnings, share_in_time
 from emaphm.report.markdown import incomplete, table
 from emaphm.study.fleet.diagnoses import Quality, quality
@@ -133,6 +134,7 @@ def fleet_page(
         figures = {
             "scores": svg(draw_scores(recorded)),
             "tracks": svg(draw_tracks(recorded)),
+            "acting": svg(draw_acting(recorded)),
             "calibration": svg(draw_calibration([*recorded, *drawn])),
         }
     lines = [
@@ -150,7 +152,12 @@ def fleet_page(
         "\n## Over a life\n",
         f"![RUL over the life of synthetic units]({folder}/tracks.svg)\n",
         TRACKS,
+        *said_over_life(recorded),
+        "",
         *said_of_warnings(recorded),
+        "\n## What acting on it comes to\n",
+        *said_of_acting(recorded, PLAN.interval),
+        f"![Failures in service and life wasted, by way of predicting]({folder}/acting.svg)\n",
         "\n## By what fails\n",
         _by_law([*recorded, *drawn]),
         "\n## Calibration\n",

@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from emaphm.study.fleet.judging import HORIZON_H, INFORMED, RISK, WITH_FLEET
+from emaphm.study.fleet.judging import INFORMED, WITH_FLEET
 from emaphm.study.fleet.scores import warnings
+from emaphm.study.fleet.tracks import HORIZON_H, RISK
 
 WARNING_SHARE = 0.1
 """Of life, that a warning comes before the failure at least."""

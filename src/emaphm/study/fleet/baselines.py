@@ -1,4 +1,4 @@
-"""What a user would otherwise take: the last slope, one filter a component, the fleet's mean life."""
+"""What a user would otherwise take: the last slope, one filter a component, the lives of the fleet."""
 
 from collections.abc import Sequence
 
@@ -60,8 +60,15 @@ def one_filter_a_component(evidence: Evidence, actuator: Actuator, seed: int) ->
 
 def mean_life(hours: float, lives: Sequence[float]) -> Array:
     """Return the RUL [h], (1,), by the mean life of those other units that have lived longer than `hours`."""
-    longer = [life - hours for life in lives if life > hours]
-    return np.array([np.mean(longer) if longer else 0.0])
+    return np.array([np.mean(fleet_lives(hours, lives))])
+
+
+def fleet_lives(hours: float, lives: Sequence[float]) -> Array:
+    """Return the RUL [h], (n,), by the lives of those other units that have lived longer than `hours`.
+
+    0 where none has.
+    """
+    return np.array([life - hours for life in lives if life > hours] or [0.0])
 
 
 def _value(level: Array, limit: Limit) -> float:

@@ -1,4 +1,4 @@
-"""What each way of predicting says of a synthetic unit at shares of its life, against its true end."""
+"""What each way of predicting says of a synthetic unit over its life, against its true end."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -14,20 +14,18 @@ from emaphm.prognosis.evidence import follow
 from emaphm.prognosis.metrics import Prediction, crps, probability_integral_transform
 from emaphm.prognosis.prognose import lives
 from emaphm.prognosis.settings import FORECAST
-from emaphm.study.fleet.baselines import LONGEST_H, last_slope, mean_life, one_filter_a_component
+from emaphm.study.fleet.baselines import LONGEST_H, fleet_lives, last_slope, mean_life, one_filter_a_component
 from emaphm.study.fleet.clairvoyant import clairvoyant
 from emaphm.study.fleet.drawn import EXACT, drawn_evidence
 from emaphm.study.fleet.informed import informed
+from emaphm.study.fleet.tracks import track
 
 SHARES = (0.0, 0.25, 0.5, 0.75)
 """λ: of the way from the first check flight to the failure."""
 
 ALPHA, BETA = 0.2, 0.5
 
-LATE = 0.2
-"""A median is late where it exceeds the true RUL by more than this share of it."""
-
-WITH_FLEET, WITH_LARGER, ALONE, CLAIRVOYANT, LAW_AND_LEVEL, INFORMED, LINE, FILTER, MEAN = (
+WITH_FLEET, WITH_LARGER, ALONE, CLAIRVOYANT, LAW_AND_LEVEL, INFORMED, LINE, FILTER, MEAN, LIVES = (
     "ours, with the fleet's prior",
     "ours, with a larger fleet's",
     "ours, general prior",
@@ -37,14 +35,12 @@ WITH_FLEET, WITH_LARGER, ALONE, CLAIRVOYANT, LAW_AND_LEVEL, INFORMED, LINE, FILT
     "last slope",
     "one filter a component",
     "mean life of the fleet",
+    "lives of the fleet",
 )
-WAYS = (WITH_FLEET, WITH_LARGER, ALONE, CLAIRVOYANT, LAW_AND_LEVEL, INFORMED, FILTER, LINE, MEAN)
+WAYS = (WITH_FLEET, WITH_LARGER, ALONE, CLAIRVOYANT, LAW_AND_LEVEL, INFORMED, FILTER, LINE, MEAN, LIVES)
 
 TRACKED = replace(FORECAST, paths=300)
 """Forecasts at every check flight: a risk of 5 % is then right to 1.3 %."""
-
-HORIZON_H, RISK = 400.0, 0.05
-"""A unit is warned of where its probability of failure within the horizon [h] exceeds the risk."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,18 +60,19 @@ class Case:
 def judged(
     case: Case, plan: FleetPlan, actuator: Actuator, seed: int, *, tracked: bool = True
 ) -> dict[str, Any]:
-    """Return the scores of each way at each share of life; if `tracked`, when ours and Bayes' first warn.
+    """Return the scores of each way at each share of life; if `tracked`, what it says at every check flight.
 
     Raises
     ------
     PrognosisError, MethodError
         Nothing can be predicted.
     """
-    flights = np.array([one.hours for one in case.evidence.used])
+    hours = np.array([one.hours for one in case.evidence.used])
     failure = float(case.unit.failure or np.inf)
-    chosen = [int(np.searchsorted(flights, _reached(flights, failure, one), "right")) - 1 for one in SHARES]
+    chosen = [int(np.searchsorted(hours, _reached(hours, failure, one), "right")) - 1 for one in SHARES]
+    at = list(range(hours.size)) if tracked else chosen
     ways: dict[str, dict[str, Any]] = {}
-    warned: dict[str, dict[str, Any]] = {}
+    tracks: dict[str, dict[str, Any]] = {}
     for name, prior in ((WITH_FLEET, case.prior), (WITH_LARGER, case.larger), (ALONE, Prior())):
         if prior is None:
             continue
@@ -84,34 +81,41 @@ def judged(
         ways[name] = {
             str(share): _scores(*sample, failure) for share, sample in zip(SHARES, samples, strict=True)
         }
-        if tracked and name == WITH_FLEET:
-            warned[name] = _warning(lives(past, case.evidence, actuator, settings=TRACKED), failure)
-    known = informed(case.evidence, plan, range(len(flights)))
-    if tracked:
-        warned[INFORMED] = _warning(list(zip(flights.tolist(), known, strict=True)), failure)
-    knowing_level = _knowing_law_and_level(case.unit, plan, flights[chosen])
-    for share, i, by_level in zip(SHARES, chosen, knowing_level, strict=True):
-        hours = float(flights[i])
-        until = _until(case.evidence, i)
-        others: dict[str, Array] = {
-            CLAIRVOYANT: clairvoyant(case.unit, hours, plan),
-            LAW_AND_LEVEL: by_level,
-            INFORMED: known[i],
-            FILTER: one_filter_a_component(until, actuator, seed),
-            LINE: last_slope(until, actuator),
-            MEAN: mean_life(hours, case.lives),
+        if tracked:
+            every = lives(past, case.evidence, actuator, settings=TRACKED)
+            tracks[name] = track(every, failure, plan.interval)
+    for name, said in _others(case, plan, actuator, hours, at, seed).items():
+        found = {i: (float(hours[i]), one) for i, one in zip(at, said, strict=True)}
+        ways[name] = {
+            str(share): _scores(*found[i], failure) for share, i in zip(SHARES, chosen, strict=True)
         }
-        for name, sample in others.items():
-            ways.setdefault(name, {})[str(share)] = _scores(hours, sample, failure)
+        if tracked:
+            tracks[name] = track(list(found.values()), failure, plan.interval)
     return {
         "unit": case.unit.serial_number,
         "failure": failure,
         "failed": case.unit.failed,
         "law": next(one.law for one in case.unit.components if one.name == case.unit.failed),
         "diagnoses": len(case.evidence.observations),
-        "explained": len(flights),
+        "explained": int(hours.size),
         "ways": ways,
-        "warned": warned,
+        "tracks": tracks,
+    }
+
+
+def _others(
+    case: Case, plan: FleetPlan, actuator: Actuator, hours: Array, at: list[int], seed: int
+) -> dict[str, list[Array]]:
+    """Return the samples of the RUL [h] of each way but ours, at the diagnoses `at`, of those at `hours`."""
+    until = [_until(case.evidence, i) for i in at]
+    return {
+        CLAIRVOYANT: [clairvoyant(case.unit, one.hours, plan) for one in until],
+        LAW_AND_LEVEL: _knowing_law_and_level(case.unit, plan, hours[at]),
+        INFORMED: informed(case.evidence, plan, at),
+        FILTER: [one_filter_a_component(one, actuator, seed) for one in until],
+        LINE: [last_slope(one, actuator) for one in until],
+        MEAN: [mean_life(one.hours, case.lives) for one in until],
+        LIVES: [fleet_lives(one.hours, case.lives) for one in until],
     }
 
 
@@ -145,16 +149,4 @@ def _scores(hours: float, sample: Array, failure: float) -> dict[str, Any]:
         "transform": probability_integral_transform(one, true),
         "crps": crps(sample, true, longest=LONGEST_H),
         "certain": bool(sample.size == 1),
-    }
-
-
-def _warning(samples: list[tuple[float, Array]], failure: float) -> dict[str, Any]:
-    """Return the true RUL [h] at the first warning, None without one, and the medians of all predictions."""
-    hours = next((at for at, sample in samples if np.mean(sample <= HORIZON_H) > RISK), None)
-    return {
-        "remaining": None if hours is None else failure - hours,
-        "track": [
-            [at, *(min(Prediction(at, sample).quantile(p), LONGEST_H) for p in (0.05, 0.5, 0.95))]
-            for at, sample in samples
-        ],
     }

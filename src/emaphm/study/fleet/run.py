@@ -42,7 +42,12 @@ FEWEST = 4
 """Explained diagnoses of a unit that is judged: what failed before cannot be seen to come by anybody."""
 
 DECIDING = ("prognosis", "fleet/synthetic", "study/fleet", "actuator", "random_streams.py")
-NOT_DECIDING = ("actuator/toml.py", "study/fleet/__main__.py", "study/fleet/scores.py")
+NOT_DECIDING = (
+    "actuator/toml.py",
+    "study/fleet/__main__.py",
+    "study/fleet/scores.py",
+    "study/fleet/acting.py",
+)
 
 T = TypeVar("T")
 

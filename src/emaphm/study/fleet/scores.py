@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from emaphm.prognosis.metrics import coverage
-from emaphm.study.fleet.judging import BETA, LATE, WAYS
+from emaphm.study.fleet.judging import BETA, WAYS
+from emaphm.study.fleet.tracks import LATE, RISK, column
 
 HEADER = (
     "prediction",
@@ -87,8 +88,16 @@ def alpha_lambda_interval(score: Scores) -> tuple[float, float]:
 
 
 def warnings(units: Sequence[Mapping[str, Any]], way: str) -> list[float]:
-    """Return the share of life [-] that remained at each unit's first warning by a `way`, 0 without one."""
-    return [(one["warned"][way]["remaining"] or 0.0) / one["failure"] for one in units]
+    """Return the share of life [-] that remained at each unit's first warning by a `way`, 0 without one.
+
+    The first check flight at which its probability of failure within `HORIZON_H` exceeds `RISK`.
+    """
+    left = []
+    for one in units:
+        of_way = one["tracks"][way]
+        warned = column(of_way, "hours")[column(of_way, "probability") > RISK]
+        left.append(1 - warned[0] / one["failure"] if warned.size else 0.0)
+    return left
 
 
 def ways(units: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:

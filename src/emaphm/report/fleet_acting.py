@@ -1,0 +1,65 @@
+"""What the page of the synthetic fleet says of acting on predictions, and of predictions over whole lives."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from emaphm.report.markdown import table
+from emaphm.study.fleet.acting import (
+    ACTING_HEADER,
+    OVER_LIFE_HEADER,
+    acted,
+    outcome,
+    over_life,
+)
+from emaphm.study.fleet.judging import MEAN, WAYS
+from emaphm.study.fleet.tracks import BY_COSTS, BY_RISK, HORIZON_H, RISK, RULES
+
+Units = Sequence[Mapping[str, Any]]
+
+
+def said_of_acting(units: Units, interval: float) -> Iterator[str]:
+    """Yield the lines of the page: what each way of predicting comes to by each rule of removal.
+
+    Check flights are `interval` hours [h] apart.
+    """
+    costs = RULES[BY_COSTS]
+    assert costs is not None  # noqa: S101 - that rule has costs
+    ratio = costs.failure / costs.replacement
+    yield (
+        f"A planner sees each unit at its check flights, each {interval:g} h, and removes it where the "
+        "advice of `emaphm prognose` does not allow it to fly until the next one, be it "
+        '"inspect by" or "replace before". *Cost* is per 1,000 flight hours, a planned replacement being 1 '
+        f"and a failure in service {ratio:g}. *Of life wasted*: mean over the units of what is left at the "
+        f"removal. *Unneeded removals*: with more than {HORIZON_H:g} h of true RUL, per 1,000 flight hours. "
+        "*Lives of the fleet*: no diagnosis at all, the hours at which other units failed, as for a "
+        "replacement by hours flown.\n"
+    )
+    rules = {
+        BY_RISK: f"Removed before the risk of failure exceeds {100 * RISK:g} % (the advice without costs)",
+        BY_COSTS: f"Removed where that is cheapest by the hour (`--failure-cost {costs.failure:g} "
+        f"--replacement-cost {costs.replacement:g}`)",
+    }
+    failures = [one["failure"] for one in units]
+    nobody = ("no removal", *outcome([None] * len(units), failures).row)
+    for rule, name in rules.items():
+        yield f"{name}, {len(units)} synthetic units:\n"
+        rows = [(way, *acted(units, way, rule).row) for way in tracked_ways(units) if way != MEAN]
+        yield table(("by the prediction of", *ACTING_HEADER), [*rows, nobody])
+        yield ""
+
+
+def said_over_life(units: Units) -> Iterator[str]:
+    """Yield the lines of the page: scores of each way over all check flights."""
+    yield (
+        "At all check flights of each unit: the Brier score of the probability of failure within "
+        f"{HORIZON_H:g} h; the share of late predictions; the prognostic horizon (half of the probability "
+        "within 20 % of the life around the true RUL), as a share of life; and the mean relative accuracy "
+        "over a life, of which the median unit's is given ([definitions](prognosis.md#metrics)).\n"
+    )
+    rows = [(way, *over_life(units, way).row) for way in tracked_ways(units)]
+    yield table(("prediction", *OVER_LIFE_HEADER), rows)
+
+
+def tracked_ways(units: Units) -> tuple[str, ...]:
+    """Return the ways in which units, one or more, were predicted at every check flight."""
+    return tuple(way for way in WAYS if way in units[0]["tracks"])

@@ -1,0 +1,128 @@
+"""What acting on a way of predicting comes to over a fleet, and how good it is over whole lives."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from emaphm.prognosis.metrics import brier, false_alarms_per_1000_hours, wasted_life
+from emaphm.study.fleet.tracks import BY_COSTS, HORIZON_H, RULES, column
+
+Units = Sequence[Mapping[str, Any]]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Of a fleet whose units are removed by a way of predicting and a rule, or not at all.
+
+    Attributes
+    ----------
+    failed
+        Share of the units that fail in service.
+    wasted
+        Mean share of life that is left at the removal; 0 of those that fail.
+    unneeded
+        Removals with more than `HORIZON_H` of true RUL, per 1,000 flight hours.
+    cost
+        Per 1,000 flight hours, in planned replacements: of each unit one, or of a failure ten times as much.
+    """
+
+    failed: float
+    wasted: float
+    unneeded: float
+    cost: float
+
+    @property
+    def row(self) -> tuple[str, ...]:
+        """The cells of a table."""
+        return (
+            f"{100 * self.failed:.0f} %",
+            f"{100 * self.wasted:.0f} %",
+            f"{self.unneeded:.2f}",
+            f"{self.cost:.2f}",
+        )
+
+
+ACTING_HEADER = ("fail in service", "of life wasted", "unneeded removals", "cost")
+
+
+def acted(units: Units, way: str, rule: str) -> Outcome:
+    """Return what comes of removing `units` by a `way` of predicting and a `rule`, as `judged` gives them."""
+    return outcome([one["tracks"][way]["removed"][rule] for one in units], [one["failure"] for one in units])
+
+
+def outcome(removed: Sequence[float | None], failures: Sequence[float]) -> Outcome:
+    """Return what comes of removals at hours `removed`, None where a unit fails; failures at (n,) [h]."""
+    end = np.array(failures)
+    at = np.array([end[i] if one is None else one for i, one in enumerate(removed)])
+    failed = np.array([one is None for one in removed])
+    costs = RULES[BY_COSTS]
+    assert costs is not None  # noqa: S101 - that rule has costs
+    paid = np.where(failed, costs.failure, costs.replacement)
+    planned = list(zip(at[~failed], (end - at)[~failed], strict=True))
+    return Outcome(
+        failed=float(np.mean(failed)),
+        wasted=wasted_life(at, end),
+        unneeded=false_alarms_per_1000_hours(planned, float(at.sum()), HORIZON_H),
+        cost=float(1000 * paid.sum() / at.sum()),
+    )
+
+
+@dataclass(frozen=True)
+class OverLife:
+    """Of one way of predicting, at all check flights of all units.
+
+    Attributes
+    ----------
+    brier
+        Brier score of "fails within `HORIZON_H`", all check flights together.
+    late
+        Share of the predictions whose median exceeds the true RUL by more than 20 %, mean over the units.
+    first, lasting
+        Prognostic horizon (α 0.2, β 0.5), first met and met from then on, as a share of life, mean over the
+        units.
+    accuracy
+        Cumulative relative accuracy, median over the units.
+    """
+
+    brier: float
+    late: float
+    first: float
+    lasting: float
+    accuracy: float
+
+    @property
+    def row(self) -> tuple[str, ...]:
+        """The cells of a table."""
+        return (
+            f"{self.brier:.3f}",
+            f"{100 * self.late:.0f} %",
+            f"{100 * self.first:.0f} %",
+            f"{100 * self.lasting:.0f} %",
+            f"{self.accuracy:.2f}",
+        )
+
+
+OVER_LIFE_HEADER = (
+    f"Brier score, {HORIZON_H:g} h",
+    "late",
+    "prognostic horizon, first met",
+    "met from then on",
+    "cumulative relative accuracy",
+)
+
+
+def over_life(units: Units, way: str) -> OverLife:
+    """Return the scores of a `way` of predicting over the lives of `units`, as `judged` gives them."""
+    tracks = [one["tracks"][way] for one in units]
+    failures = np.array([one["failure"] for one in units])
+    true = np.concatenate([end - column(one, "hours") for one, end in zip(tracks, failures, strict=True)])
+    horizons = np.array([one["horizon"] for one in tracks]) / failures[:, np.newaxis]
+    return OverLife(
+        brier=brier(np.concatenate([column(one, "probability") for one in tracks]), true <= HORIZON_H),
+        late=float(np.mean([one["late"] for one in tracks])),
+        first=float(np.mean(horizons[:, 0])),
+        lasting=float(np.mean(horizons[:, 1])),
+        accuracy=float(np.median([one["accuracy"] for one in tracks])),
+    )
