@@ -1,20 +1,17 @@
 """What the page of the synthetic fleet says of acting on predictions, and of predictions over whole lives."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator
 
 from emaphm.report.markdown import table
 from emaphm.study.fleet.acting import (
     ACTING_HEADER,
     OVER_LIFE_HEADER,
-    acted,
-    outcome,
+    Units,
+    acted_rows,
     over_life,
+    tracked_ways,
 )
-from emaphm.study.fleet.judging import MEAN, WAYS
-from emaphm.study.fleet.tracks import BY_COSTS, BY_RISK, HORIZON_H, RISK, RULES
-
-Units = Sequence[Mapping[str, Any]]
+from emaphm.study.fleet.tracks import BY_COSTS, BY_RISK, COSTS, HORIZON_H, RISK
 
 
 def said_of_acting(units: Units, interval: float) -> Iterator[str]:
@@ -22,29 +19,24 @@ def said_of_acting(units: Units, interval: float) -> Iterator[str]:
 
     Check flights are `interval` hours [h] apart.
     """
-    costs = RULES[BY_COSTS]
-    assert costs is not None  # noqa: S101 - that rule has costs
-    ratio = costs.failure / costs.replacement
+    dear = COSTS.failure / COSTS.replacement
     yield (
         f"A planner sees each unit at its check flights, each {interval:g} h, and removes it where the "
         "advice of `emaphm prognose` does not allow it to fly until the next one, be it "
         '"inspect by" or "replace before". *Cost* is per 1,000 flight hours, a planned replacement being 1 '
-        f"and a failure in service {ratio:g}. *Of life wasted*: mean over the units of what is left at the "
+        f"and a failure in service {dear:g}. *Of life wasted*: mean over the units of what is left at the "
         f"removal. *Unneeded removals*: with more than {HORIZON_H:g} h of true RUL, per 1,000 flight hours. "
         "*Lives of the fleet*: no diagnosis at all, the hours at which other units failed, as for a "
         "replacement by hours flown.\n"
     )
     rules = {
         BY_RISK: f"Removed before the risk of failure exceeds {100 * RISK:g} % (the advice without costs)",
-        BY_COSTS: f"Removed where that is cheapest by the hour (`--failure-cost {costs.failure:g} "
-        f"--replacement-cost {costs.replacement:g}`)",
+        BY_COSTS: f"Removed where that is cheapest by the hour (`--failure-cost {COSTS.failure:g} "
+        f"--replacement-cost {COSTS.replacement:g}`)",
     }
-    failures = [one["failure"] for one in units]
-    nobody = ("no removal", *outcome([None] * len(units), failures).row)
     for rule, name in rules.items():
         yield f"{name}, {len(units)} synthetic units:\n"
-        rows = [(way, *acted(units, way, rule).row) for way in tracked_ways(units) if way != MEAN]
-        yield table(("by the prediction of", *ACTING_HEADER), [*rows, nobody])
+        yield table(ACTING_HEADER, acted_rows(units, rule))
         yield ""
 
 
@@ -57,9 +49,4 @@ def said_over_life(units: Units) -> Iterator[str]:
         "over a life, of which the median unit's is given ([definitions](prognosis.md#metrics)).\n"
     )
     rows = [(way, *over_life(units, way).row) for way in tracked_ways(units)]
-    yield table(("prediction", *OVER_LIFE_HEADER), rows)
-
-
-def tracked_ways(units: Units) -> tuple[str, ...]:
-    """Return the ways in which units, one or more, were predicted at every check flight."""
-    return tuple(way for way in WAYS if way in units[0]["tracks"])
+    yield table(OVER_LIFE_HEADER, rows)

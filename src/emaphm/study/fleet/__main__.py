@@ -12,9 +12,18 @@ from pathlib import Path
 
 from emaphm.errors import EmaphmError
 from emaphm.execution import OnTask
+from emaphm.study.fleet.acting import (
+    ACTING_HEADER,
+    OVER_LIFE_HEADER,
+    Units,
+    acted_rows,
+    over_life,
+    tracked_ways,
+)
 from emaphm.study.fleet.judging import SHARES
-from emaphm.study.fleet.run import StudyFolder, results, run
+from emaphm.study.fleet.run import PARTS, PLAN, StudyFolder, results, run
 from emaphm.study.fleet.scores import HEADER, scores, ways
+from emaphm.study.fleet.tracks import RULES
 from emaphm.text_table import format_table
 
 
@@ -23,13 +32,31 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m emaphm.study.fleet", description=__doc__)
     parser.add_argument("folder", type=Path, help="where results are kept; the same command goes on")
     parser.add_argument("--workers", type=int, help="processes; one a core if left out")
+    parser.add_argument(
+        "--units", type=int, default=PLAN.units, help=f"only the first of the {PLAN.units}, which is quicker"
+    )
     asked = parser.parse_args()
-    folder = StudyFolder(asked.folder)
+    if not 2 * PARTS <= asked.units <= PLAN.units:
+        parser.error(f"--units {asked.units}: give {2 * PARTS} to {PLAN.units}")
+    folder = StudyFolder(asked.folder, asked.units)
     run(folder, workers=asked.workers, on_step=_step if sys.stderr.isatty() else lambda _: None)
     for level, units in results(folder).items():
         for share in SHARES:
             print(f"{level}, {len(units)} synthetic units, λ = {share:g}")
             print(format_table(HEADER, [(way, *scores(units, way, share).row) for way in ways(units)]))
+        _print_tracks(level, units)
+
+
+def _print_tracks(level: str, units: Units) -> None:
+    """Print what was predicted at every check flight, and what acting on it comes to, if it was followed."""
+    tracked = tracked_ways(units)
+    if not tracked:
+        return
+    print(f"{level}, {len(units)} synthetic units, over their lives")
+    print(format_table(OVER_LIFE_HEADER, [(way, *over_life(units, way).row) for way in tracked]))
+    for rule in RULES:
+        print(f"{level}, {len(units)} synthetic units, removed by {rule}")
+        print(format_table(ACTING_HEADER, acted_rows(units, rule)))
 
 
 def _step(name: str) -> OnTask:

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from emaphm.prognosis.metrics import brier, false_alarms_per_1000_hours, wasted_life
-from emaphm.study.fleet.tracks import BY_COSTS, HORIZON_H, RULES, column
+from emaphm.study.fleet.judging import MEAN, WAYS
+from emaphm.study.fleet.tracks import COSTS, HORIZON_H, column
 
 Units = Sequence[Mapping[str, Any]]
 
@@ -44,7 +45,7 @@ class Outcome:
         )
 
 
-ACTING_HEADER = ("fail in service", "of life wasted", "unneeded removals", "cost")
+ACTING_HEADER = ("by the prediction of", "fail in service", "of life wasted", "unneeded removals", "cost")
 
 
 def acted(units: Units, way: str, rule: str) -> Outcome:
@@ -57,9 +58,7 @@ def outcome(removed: Sequence[float | None], failures: Sequence[float]) -> Outco
     end = np.array(failures)
     at = np.array([end[i] if one is None else one for i, one in enumerate(removed)])
     failed = np.array([one is None for one in removed])
-    costs = RULES[BY_COSTS]
-    assert costs is not None  # noqa: S101 - that rule has costs
-    paid = np.where(failed, costs.failure, costs.replacement)
+    paid = np.where(failed, COSTS.failure, COSTS.replacement)
     planned = list(zip(at[~failed], (end - at)[~failed], strict=True))
     return Outcome(
         failed=float(np.mean(failed)),
@@ -67,6 +66,13 @@ def outcome(removed: Sequence[float | None], failures: Sequence[float]) -> Outco
         unneeded=false_alarms_per_1000_hours(planned, float(at.sum()), HORIZON_H),
         cost=float(1000 * paid.sum() / at.sum()),
     )
+
+
+def acted_rows(units: Units, rule: str) -> list[tuple[str, ...]]:
+    """Return the rows of a table of `ACTING_HEADER`: of each way with a distribution, and of no removal."""
+    rows = [(way, *acted(units, way, rule).row) for way in tracked_ways(units) if way != MEAN]
+    none = outcome([None] * len(units), [one["failure"] for one in units])
+    return [*rows, ("no removal", *none.row)]
 
 
 @dataclass(frozen=True)
@@ -105,6 +111,7 @@ class OverLife:
 
 
 OVER_LIFE_HEADER = (
+    "prediction",
     f"Brier score, {HORIZON_H:g} h",
     "late",
     "prognostic horizon, first met",
@@ -126,3 +133,8 @@ def over_life(units: Units, way: str) -> OverLife:
         lasting=float(np.mean(horizons[:, 1])),
         accuracy=float(np.median([one["accuracy"] for one in tracks])),
     )
+
+
+def tracked_ways(units: Units) -> tuple[str, ...]:
+    """Return the ways in which units, one or more, were predicted at every check flight."""
+    return tuple(way for way in WAYS if way in units[0]["tracks"])

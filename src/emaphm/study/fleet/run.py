@@ -4,7 +4,7 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -54,9 +54,18 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class StudyFolder:
-    """The folder of the study: the fleet with its recordings in ``fleet``, what was judged next to it."""
+    """The folder of the study: the fleet with its recordings in ``fleet``, what was judged next to it.
+
+    The recorded level has the first `units` of `PLAN`.
+    """
 
     path: Path
+    units: int = PLAN.units
+
+    @property
+    def plan(self) -> FleetPlan:
+        """The plan of the recorded level."""
+        return replace(PLAN, units=self.units)
 
     @property
     def fleet(self) -> FleetFolder:
@@ -85,7 +94,7 @@ def run(
         Workers, the folder or the history cannot be used.
     """
     make_folder(folder.path)
-    run_chain(Chain(PLAN, folder.fleet, workers=workers, on_step=on_step))
+    run_chain(Chain(folder.plan, folder.fleet, workers=workers, on_step=on_step))
     work = _work(folder)
     done = folder.results.finished(_tasks(work, {}))
     missing = [one for i, one in enumerate(work) if i not in done]
@@ -108,7 +117,7 @@ def results(folder: StudyFolder) -> dict[str, list[dict[str, Any]]]:
 def recorded_fleet(folder: StudyFolder) -> list[tuple[SyntheticUnit, Evidence]]:
     """Return the units of the recorded level with their diagnoses."""
     with History.open(folder.fleet.history) as history:
-        units = [drawn_unit(PLAN, i) for i in range(PLAN.units)]
+        units = [drawn_unit(folder.plan, i) for i in range(folder.units)]
         return [(one, Evidence.of(history.unit(one.serial_number))) for one in units]
 
 
@@ -146,7 +155,7 @@ def _work(folder: StudyFolder) -> list[_Work]:
         *(
             one
             for i in range(PARTS)
-            for one in _judged_with(RECORDED, f"without part {i}", PLAN, *without_part(recorded, i))
+            for one in _judged_with(RECORDED, f"without part {i}", folder.plan, *without_part(recorded, i))
         ),
         *_judged_with(
             DRAWN,

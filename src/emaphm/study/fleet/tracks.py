@@ -27,7 +27,9 @@ LATE = 0.2
 
 BY_RISK, BY_COSTS = "risk", "costs"
 
-RULES = {BY_RISK: None, BY_COSTS: Costs(failure=10.0, replacement=1.0)}
+COSTS = Costs(failure=10.0, replacement=1.0)
+
+RULES = {BY_RISK: None, BY_COSTS: COSTS}
 """Removed before the risk is exceeded, or where that is cheapest, a failure being ten times as dear."""
 
 TRACK = ("hours", "low", "median", "high", "probability")
