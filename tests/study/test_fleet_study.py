@@ -22,7 +22,7 @@ from emaphm.study.fleet.informed import Component, informed
 from emaphm.study.fleet.judging import SHARES, WAYS, WITH_FLEET
 from emaphm.study.fleet.run import DRAWN, PARTS, PLAN, RECORDED, without_part
 from emaphm.study.fleet.scores import alpha_lambda_interval, scores, warnings
-from emaphm.study.fleet.tracks import BY_COSTS, BY_RISK, track
+from emaphm.study.fleet.tracks import BY_COSTS, BY_RISK, BY_RISK_OR_INSPECTED, track
 
 ACTUATOR = THESIS.model_copy(
     update={
@@ -133,9 +133,11 @@ def test_a_unit_is_removed_where_it_must_not_fly_until_the_next_check_flight() -
     """
     soon, later = np.linspace(49.0, 1049.0, 1001), np.linspace(151.0, 1150.0, 1000)
     old = track([(100.0, later), (200.0, soon)], 900.0, 100.0)["removed"]
-    assert old == {BY_RISK: 200.0, BY_COSTS: 200.0}
+    assert (old[BY_RISK], old[BY_COSTS]) == (200.0, 200.0)
     young = track([(10.0, soon)], 900.0, 100.0)["removed"]
-    assert young == {BY_RISK: 10.0, BY_COSTS: None}
+    assert (young[BY_RISK], young[BY_COSTS]) == (10.0, None)
+    # The median, 549 h, is more than three times as far as the risk allows: an inspection is advised.
+    assert (young[BY_RISK_OR_INSPECTED], old[BY_RISK_OR_INSPECTED]) == (None, None)
 
 
 def test_predictions_over_a_life_are_scored_as_defined() -> None:

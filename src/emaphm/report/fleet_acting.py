@@ -11,7 +11,7 @@ from emaphm.study.fleet.acting import (
     over_life,
     tracked_ways,
 )
-from emaphm.study.fleet.tracks import BY_COSTS, BY_RISK, COSTS, HORIZON_H, RISK
+from emaphm.study.fleet.tracks import COSTS, HORIZON_H, RISK, RULES
 
 
 def said_of_acting(units: Units, interval: float) -> Iterator[str]:
@@ -29,13 +29,15 @@ def said_of_acting(units: Units, interval: float) -> Iterator[str]:
         "*Lives of the fleet*: no diagnosis at all, the hours at which other units failed, as for a "
         "replacement by hours flown.\n"
     )
-    rules = {
-        BY_RISK: f"Removed before the risk of failure exceeds {100 * RISK:g} % (the advice without costs)",
-        BY_COSTS: f"Removed where that is cheapest by the hour (`--failure-cost {COSTS.failure:g} "
-        f"--replacement-cost {COSTS.replacement:g}`)",
-    }
-    for rule, name in rules.items():
-        yield f"{name}, {len(units)} synthetic units:\n"
+    yield (
+        f"*By the risk*: before the probability of failure exceeds {100 * RISK:g} %, the advice without "
+        f"costs. *By the costs*: where that is cheapest by the hour (`--failure-cost {COSTS.failure:g} "
+        f'--replacement-cost {COSTS.replacement:g}`). *Inspections aside*: only "replace before" removes a '
+        'unit; one to "inspect by" then flies until the next check flight, with more risk than allowed, as '
+        "the fleet has no inspections in between.\n"
+    )
+    for rule in RULES:
+        yield f"Removed by {rule}, {len(units)} synthetic units:\n"
         yield table(ACTING_HEADER, acted_rows(units, rule))
         yield ""
 

@@ -1,10 +1,12 @@
 """What a way of predicting says at every check flight of a unit, and when a planner removes it for that.
 
 The planner acts at check flights, by the advice that a prognosis gives (`emaphm.prognosis.advice`): a unit is
-removed where the advice does not allow it to fly until the next one.
+removed where the advice does not allow it to fly until the next one. Where that is "inspect by", a planner
+may count on an inspection instead, and leave the unit until the next check flight.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,12 +27,30 @@ HORIZON_H, RISK = 400.0, 0.05
 LATE = 0.2
 """A median is late where it exceeds the true RUL by more than this share of it."""
 
-BY_RISK, BY_COSTS = "risk", "costs"
-
 COSTS = Costs(failure=10.0, replacement=1.0)
 
-RULES = {BY_RISK: None, BY_COSTS: COSTS}
-"""Removed before the risk is exceeded, or where that is cheapest, a failure being ten times as dear."""
+
+@dataclass(frozen=True)
+class Rule:
+    """A unit is removed where the advice, by `costs` or by the risk alone, is one of `actions`."""
+
+    costs: Costs | None
+    actions: tuple[str, ...]
+
+
+BY_RISK, BY_RISK_OR_INSPECTED, BY_COSTS, BY_COSTS_OR_INSPECTED = (
+    "the risk",
+    "the risk, inspections aside",
+    "the costs",
+    "the costs, inspections aside",
+)
+
+RULES = {
+    BY_RISK: Rule(None, ("inspect by", "replace before")),
+    BY_RISK_OR_INSPECTED: Rule(None, ("replace before",)),
+    BY_COSTS: Rule(COSTS, ("inspect by", "replace before")),
+    BY_COSTS_OR_INSPECTED: Rule(COSTS, ("replace before",)),
+}
 
 TRACK = ("hours", "low", "median", "high", "probability")
 """Columns of a track: flight hours, 5 %, median and 95 % of the RUL [h], P(failure within `HORIZON_H`)."""
@@ -57,18 +77,18 @@ def track(said: Sequence[tuple[float, Array]], failure: float, interval: float) 
             [one.hours, *(one.quantile(p) for p in (0.05, 0.5, 0.95)), one.share_within(0.0, HORIZON_H)]
             for one in predictions
         ],
-        "removed": {name: _removed(predictions, interval, costs) for name, costs in RULES.items()},
+        "removed": {name: _removed(predictions, interval, rule) for name, rule in RULES.items()},
         "horizon": [horizon.first, horizon.lasting],
         "accuracy": cumulative_relative_accuracy(predictions, failure),
         "late": late_prediction_rate([(one, failure - one.hours) for one in predictions], LATE),
     }
 
 
-def _removed(predictions: Sequence[Prediction], interval: float, costs: Costs | None) -> float | None:
-    """Return the hours of the first check flight from which the advice does not allow to fly to the next."""
+def _removed(predictions: Sequence[Prediction], interval: float, rule: Rule) -> float | None:
+    """Return the hours of the first check flight from which the rule does not allow to fly to the next."""
     for one in predictions:
-        advised = advice(one.sample, interval, risk=RISK, age=one.hours, costs=costs)
-        if advised.action != "fly on":
+        advised = advice(one.sample, interval, risk=RISK, age=one.hours, costs=rule.costs)
+        if advised.action in rule.actions:
             return one.hours
     return None
 
