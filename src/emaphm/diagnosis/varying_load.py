@@ -101,5 +101,7 @@ def _steps(nuisances: Mapping[str, NuisanceEstimate], names: Sequence[str]) -> t
     """Return the steps of a load that does nothing else, the first one first."""
     if any(name.startswith(PREFIX) for name in names):
         return ()
-    each = [LoadStep(*(nuisances[part].value for part in parts)) for parts in _steps_of(names)]
+    values = [tuple(nuisances[part].value for part in parts) for parts in _steps_of(names)]
+    # A step at once may be estimated with a rise just below 0, which acts as none.
+    each = [LoadStep(size, time, max(rise, 0.0)) for size, time, rise in values]
     return tuple(sorted(each, key=lambda one: one.time_s))

@@ -201,11 +201,6 @@ class SearchResult:
         return float(np.sqrt(max(ratios)))
 
     @property
-    def share_dominates(self) -> bool:
-        """Whether `SMALLEST_SHARE` of the signal exceeds noise and switching, so that it decides."""
-        return self._smallest_share > self._noise_or_switching
-
-    @property
     def _noise_or_switching(self) -> float:
         if self.discrepancy is None:
             return self.noise_level**2
