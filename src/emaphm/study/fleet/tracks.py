@@ -38,18 +38,12 @@ class Rule:
     actions: tuple[str, ...]
 
 
-BY_RISK, BY_RISK_OR_INSPECTED, BY_COSTS, BY_COSTS_OR_INSPECTED = (
-    "the risk",
-    "the risk, inspections aside",
-    "the costs",
-    "the costs, inspections aside",
-)
+BY_RISK, BY_RISK_OR_INSPECTED, BY_COSTS = "the risk", "the risk, inspections aside", "the costs"
 
 RULES = {
     BY_RISK: Rule(None, ("inspect by", "replace before")),
     BY_RISK_OR_INSPECTED: Rule(None, ("replace before",)),
     BY_COSTS: Rule(COSTS, ("inspect by", "replace before")),
-    BY_COSTS_OR_INSPECTED: Rule(COSTS, ("replace before",)),
 }
 
 TRACK = ("hours", "low", "median", "high", "probability")
