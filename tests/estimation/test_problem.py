@@ -386,6 +386,21 @@ def test_signals_at_a_models_steps_are_made_once(monkeypatch: pytest.MonkeyPatch
     np.testing.assert_array_equal(first.command, second.command)
 
 
+def test_signals_of_many_recordings_are_kept_within_bounds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those first kept go first; those of recordings that nobody holds count no longer."""
+    monkeypatch.setattr(driving_signals, "_KEPT", driving_signals._Kept())
+    problems = [Problem.of(recorded(), THESIS) for _ in range(3)]
+    first = problems[0].by(REFERENCE).inputs
+    monkeypatch.setattr(driving_signals, "MOST_KEPT_STEPS", 2 * first.command.size)
+    for problem in problems[1:]:
+        problem.by(REFERENCE)
+    assert problems[2].by(REFERENCE).inputs is problems[2].by(REFERENCE).inputs
+    assert problems[0].by(REFERENCE).inputs is not first
+    del problems, problem
+    alone = Problem.of(recorded(), THESIS)
+    assert alone.by(REFERENCE).inputs is alone.by(REFERENCE).inputs
+
+
 def test_phase_currents_and_angle_stand_in_for_the_equivalent_current(shorted: Recording) -> None:
     names = ("time_s", "command_rad", "current_a_A", "current_b_A", "current_c_A", "angle_rad")
     phases = Recording({name: shorted[name] for name in names})

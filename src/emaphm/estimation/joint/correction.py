@@ -129,7 +129,6 @@ def compared(joint: JointObjective, points: Array, seed: int, *name: str | int) 
         if not has_reference(objective.problem):
             return outputs, [_none(outputs[0]) for _ in points]
         rng = stream(seed, "reference runs", *name, r)
-        # Made each time: kept for all recordings, its steps would fill gigabytes.
         return outputs, discrepancies(objective, local, outputs, reference_problem(objective), rng)
 
     by_term = joint.for_each(of_term)
