@@ -8,8 +8,7 @@ from emaphm.study.fleet.acting import (
     OVER_LIFE_HEADER,
     Units,
     acted_rows,
-    over_life,
-    tracked_ways,
+    over_life_rows,
 )
 from emaphm.study.fleet.tracks import COSTS, HORIZON_H, RISK, RULES
 
@@ -50,5 +49,4 @@ def said_over_life(units: Units) -> Iterator[str]:
         "within 20 % of the life around the true RUL), as a share of life; and the mean relative accuracy "
         "over a life, of which the median unit's is given ([definitions](prognosis.md#metrics)).\n"
     )
-    rows = [(way, *over_life(units, way).row) for way in tracked_ways(units)]
-    yield table(OVER_LIFE_HEADER, rows)
+    yield table(OVER_LIFE_HEADER, over_life_rows(units))

@@ -17,7 +17,7 @@ from emaphm.study.fleet.acting import (
     OVER_LIFE_HEADER,
     Units,
     acted_rows,
-    over_life,
+    over_life_rows,
     tracked_ways,
 )
 from emaphm.study.fleet.judging import SHARES
@@ -49,11 +49,10 @@ def main() -> None:
 
 def _print_tracks(level: str, units: Units) -> None:
     """Print what was predicted at every check flight, and what acting on it comes to, if it was followed."""
-    tracked = tracked_ways(units)
-    if not tracked:
+    if not tracked_ways(units):
         return
     print(f"{level}, {len(units)} synthetic units, over their lives")
-    print(format_table(OVER_LIFE_HEADER, [(way, *over_life(units, way).row) for way in tracked]))
+    print(format_table(OVER_LIFE_HEADER, over_life_rows(units)))
     for rule in RULES:
         print(f"{level}, {len(units)} synthetic units, removed by {rule}")
         print(format_table(ACTING_HEADER, acted_rows(units, rule)))

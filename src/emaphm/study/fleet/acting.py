@@ -135,6 +135,11 @@ def over_life(units: Units, way: str) -> OverLife:
     )
 
 
+def over_life_rows(units: Units) -> list[tuple[str, ...]]:
+    """Return the rows of a table of `OVER_LIFE_HEADER`, one of each way."""
+    return [(way, *over_life(units, way).row) for way in tracked_ways(units)]
+
+
 def tracked_ways(units: Units) -> tuple[str, ...]:
     """Return the ways in which units, one or more, were predicted at every check flight."""
     return tuple(way for way in WAYS if way in units[0]["tracks"])
