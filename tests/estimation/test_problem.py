@@ -1,6 +1,7 @@
 """What a model is driven with: the command and load behind interval means, and where a manoeuvre starts."""
 
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import pytest
@@ -388,7 +389,7 @@ def test_signals_at_a_models_steps_are_made_once(monkeypatch: pytest.MonkeyPatch
 
 def test_signals_of_many_recordings_are_kept_within_bounds(monkeypatch: pytest.MonkeyPatch) -> None:
     """Those first kept go first; those of recordings that nobody holds count no longer."""
-    monkeypatch.setattr(driving_signals, "_KEPT", driving_signals._Kept())
+    monkeypatch.setattr(driving_signals, "_KEPT", WeakKeyDictionary())
     problems = [Problem.of(recorded(), THESIS) for _ in range(3)]
     first = problems[0].by(REFERENCE).inputs
     monkeypatch.setattr(driving_signals, "MOST_KEPT_STEPS", 2 * first.command.size)

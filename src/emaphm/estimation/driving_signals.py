@@ -1,10 +1,9 @@
 """What drives a model: command, load, supply and switch, from a recording or from a planned test."""
 
 import threading
-import weakref
-from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Self
+from weakref import WeakKeyDictionary
 
 from emaphm.actuator import Command, Load
 from emaphm.recording import Recording, held, other_curve, reconstructed
@@ -22,8 +21,7 @@ class DrivingSignals:
 
     `command` [rad] at the user, `load` [N·m] at the motor; `samples` rows, `interval` [s] apart. `supply` [V]
     and `enabled` (0 where the drive is switched off, else 1) are None where they were not recorded, and
-    `other_command`, which has the same rows as the command, where these are dense. `known` are the signals at
-    the steps of models that have run, by step.
+    `other_command`, which has the same rows as the command, where these are dense.
     """
 
     command: Command
@@ -34,7 +32,6 @@ class DrivingSignals:
     supply: Command | None = None
     enabled: Command | None = None
     other_command: Command | None = None
-    known: dict[float, Inputs] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def of(cls, recording: Recording) -> Self:
@@ -52,9 +49,9 @@ class DrivingSignals:
 
     def inputs(self, step: float) -> Inputs:
         """Return the signals at every step of a model, `step` [s] long at most."""
-        kept = self.known.get(step)
-        if kept is not None:
-            return kept
+        kept = _KEPT.get(self, {})
+        if step in kept:
+            return kept[step]
         inputs = Inputs.of(
             self.command,
             self.load,
@@ -64,33 +61,21 @@ class DrivingSignals:
             sampling=self.sampling,
             enabled=self.enabled,
         )
-        _KEPT.keep(self, step, inputs)
+        _keep(self, step, inputs)
         return inputs
 
 
-class _Kept:
-    """Which signals are known of all that are in use, the ones first kept the first to go."""
+_KEPT: WeakKeyDictionary[DrivingSignals, dict[float, Inputs]] = WeakKeyDictionary()
+"""Signals at the steps of models that have run, by step, of all recordings in use."""
 
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._known: deque[tuple[weakref.ref[DrivingSignals], float, int]] = deque()
-
-    def keep(self, signals: DrivingSignals, step: float, inputs: Inputs) -> None:
-        """Let `signals` know its `inputs` at a step, and others no longer, so that all stay within bounds."""
-        steps = inputs.samples * inputs.substeps
-        if steps > MOST_KEPT_STEPS:
-            return
-        with self._lock:
-            in_use = [one for one in self._known if one[0]() is not None]
-            self._known = deque([*in_use, (weakref.ref(signals), step, steps)])
-            signals.known[step] = inputs
-            total = sum(one[2] for one in self._known)
-            while total > MOST_KEPT_STEPS:
-                other, at, freed = self._known.popleft()
-                total -= freed
-                owner = other()
-                if owner is not None:
-                    owner.known.pop(at, None)
+_KEEPING = threading.Lock()
 
 
-_KEPT = _Kept()
+def _keep(signals: DrivingSignals, step: float, inputs: Inputs) -> None:
+    """Keep `inputs` for the next run, within bounds: those of the recordings first kept go first."""
+    if inputs.command.size > MOST_KEPT_STEPS:
+        return
+    with _KEEPING:
+        _KEPT.setdefault(signals, {})[step] = inputs
+        while sum(one.command.size for kept in _KEPT.values() for one in kept.values()) > MOST_KEPT_STEPS:
+            del _KEPT[next(iter(_KEPT))]

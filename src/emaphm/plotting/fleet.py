@@ -42,7 +42,7 @@ COLOURS = dict(
     zip(SHOWN, (BLUE, SERIES[5], BLACK, SERIES[4], SERIES[3], SERIES[2], SERIES[1], SERIES[7]), strict=True)
 )
 
-ACTED = {**COLOURS, LIVES: COLOURS[MEAN]}
+ACTED = {LIVES if way == MEAN else way: colour for way, colour in COLOURS.items()}
 """Colours of the ways that units are removed by: the lives of the fleet in place of their mean."""
 
 MOST_TRACKS = 6
@@ -116,9 +116,8 @@ def draw_acting(units: Sequence[Mapping[str, Any]]) -> "Figure":
     axes = figure.subplots(1, 2, sharex=True, sharey=True)
     for axis, (rule, title) in zip(axes, panels.items(), strict=True):
         for way, colour in ACTED.items():
-            if way != MEAN and way in units[0]["tracks"]:
-                found = acted(units, way, rule)
-                axis.plot(100 * found.failed, 100 * found.wasted, "o", color=colour, markersize=6, label=way)
+            found = acted(units, way, rule)
+            axis.plot(100 * found.failed, 100 * found.wasted, "o", color=colour, markersize=6, label=way)
         style_axis(axis, title, "fail in service [%]", "life wasted [%]" if rule == BY_RISK else "")
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=3, **LEGEND)

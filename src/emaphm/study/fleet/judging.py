@@ -84,7 +84,7 @@ def judged(
         if tracked:
             every = lives(past, case.evidence, actuator, settings=TRACKED)
             tracks[name] = track(every, failure, plan.interval)
-    for name, said in _others(case, plan, actuator, hours, at, seed).items():
+    for name, said in _others(case, plan, actuator, at, seed).items():
         found = {i: (float(hours[i]), one) for i, one in zip(at, said, strict=True)}
         ways[name] = {
             str(share): _scores(*found[i], failure) for share, i in zip(SHARES, chosen, strict=True)
@@ -104,13 +104,13 @@ def judged(
 
 
 def _others(
-    case: Case, plan: FleetPlan, actuator: Actuator, hours: Array, at: list[int], seed: int
+    case: Case, plan: FleetPlan, actuator: Actuator, at: list[int], seed: int
 ) -> dict[str, list[Array]]:
-    """Return the samples of the RUL [h] of each way but ours, at the diagnoses `at`, of those at `hours`."""
+    """Return the samples of the RUL [h] of each way but ours, at the explained diagnoses numbered `at`."""
     until = [_until(case.evidence, i) for i in at]
     return {
         CLAIRVOYANT: [clairvoyant(case.unit, one.hours, plan) for one in until],
-        LAW_AND_LEVEL: _knowing_law_and_level(case.unit, plan, hours[at]),
+        LAW_AND_LEVEL: _knowing_law_and_level(case.unit, plan, np.array([one.hours for one in until])),
         INFORMED: informed(case.evidence, plan, at),
         FILTER: [one_filter_a_component(one, actuator, seed) for one in until],
         LINE: [last_slope(one, actuator) for one in until],

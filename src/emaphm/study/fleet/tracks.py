@@ -28,6 +28,7 @@ LATE = 0.2
 """A median is late where it exceeds the true RUL by more than this share of it."""
 
 COSTS = Costs(failure=10.0, replacement=1.0)
+"""A failure in service costs ten planned replacements."""
 
 
 @dataclass(frozen=True)
