@@ -4,16 +4,21 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 DOCUMENTING := $(VENV)/.documenting
 
-.PHONY: demo test lint bench fuzz study docs figures clean
+.PHONY: demo test evidence lint bench fuzz study docs figures clean
 
 demo: $(INSTALLED)  ## simulate a faulty actuator, diagnose it, write demo/report.html
 	$(BIN)/emaphm demo --force
 
 # Bytecode is kept, also where the environment says otherwise: the tests start many processes. Files are handed
 # out in the order of tests/conftest.py: by the number of their tests, the longest of few tests would come last.
-test: $(INSTALLED)  ## run the tests
-	PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile \
-		--no-loadscope-reorder
+TESTS := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto \
+	--dist loadfile --no-loadscope-reorder
+
+test: $(INSTALLED)  ## run the tests that take seconds at most
+	$(TESTS)
+
+evidence: $(INSTALLED)  ## run the long tests: more cases by whole diagnoses, calibrations and searches
+	$(TESTS) -m evidence
 
 lint: $(INSTALLED)  ## check style and types
 	$(BIN)/ruff check .
@@ -28,7 +33,7 @@ fuzz: $(INSTALLED)  ## spoil inputs of every kind for ten minutes
 
 STUDIES := accuracy limits plants loads data_sheets pmsm six_step thesis forms monitor hybrids
 
-study: $(INSTALLED)  ## run what is missing of the studies in studies/, write their pages in docs/
+study: evidence  ## run the long tests and what is missing of the studies in studies/, write their pages in docs/
 	for plan in $(STUDIES); do $(BIN)/emaphm study run $$plan --out studies/$$plan || exit 1; done
 	$(BIN)/emaphm study report studies/accuracy --out docs
 	$(BIN)/emaphm study report studies/limits --out docs

@@ -169,6 +169,7 @@ def test_the_described_controller_is_that_of_the_recording(measured: Recording, 
         assert controller_check(measured, with_lumped_parameters(guess, gains)).contradicts
 
 
+@pytest.mark.evidence
 def test_half_of_the_recording_predicts_the_other_half_whatever_the_starting_values(
     halves: tuple[Recording, Recording], guess: Actuator
 ) -> None:
@@ -205,5 +206,6 @@ def test_what_the_description_lacks_is_named(diagnosed: Diagnosis) -> None:
     assert set(diagnosed.nuisances) == {"load", *(f"baseline {name}" for name in FREE)}
 
 
+@pytest.mark.evidence
 def test_the_guess_is_not_taken_for_a_healthy_unit(quarter: Recording, guess: Actuator) -> None:
     assert not diagnose(quarter, guess).explained

@@ -39,6 +39,7 @@ def parameters_alone(monkeypatch: pytest.MonkeyPatch, no_model_error: None) -> N
     monkeypatch.setattr(module, "collinear_parameters", lambda *_: ())
 
 
+@pytest.mark.evidence
 @pytest.mark.usefixtures("parameters_alone")
 def test_the_logs_left_out_are_predicted_better_than_by_m6(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -94,6 +94,7 @@ def diagnosed(faulty: Recording, calibrated: Calibration) -> Diagnosis:
 # What several recordings tell.
 
 
+@pytest.mark.evidence
 def test_a_unit_is_found_on_days_of_unknown_load_and_heat(calibrated: Calibration) -> None:
     true = lumped_parameters(UNIT, FREE)
     for name, found in calibrated.parameters.items():

@@ -423,6 +423,7 @@ def test_measured_motion_needs_no_controller(emaphm: Emaphm, desk: Path) -> None
     assert "# Calibrated by measured motion" in (desk / "unit.toml").read_text(encoding="utf-8")
 
 
+@pytest.mark.evidence
 def test_a_real_machine_from_calibration_to_diagnosis(emaphm: Emaphm, desk: Path, emps_file: Path) -> None:
     free = "inertia, viscous, coulomb, offset"
     # Of a part of the rows, a calibration and a diagnosis take a part of the time.

@@ -80,6 +80,7 @@ def test_random_faults_are_estimated_as_published(
     assert errors.max() <= worst
 
 
+@pytest.mark.evidence
 def test_sensor_noise_costs_as_much_as_published(of_noisy: Diagnoses) -> None:
     errors = errors_percent(NOISY_FAULTS, of_noisy[MAX_CORRECTIONS])
     assert np.median(errors) <= 0.6

@@ -69,7 +69,7 @@ def test_gains_are_asked_for_only_where_they_rest_on_the_description() -> None:
     [
         (THESIS, {"speed_gain": 1.3}),
         (PMSM, {"current_gain": 1.2, "current_integral_gain": 0.9}),
-        (SIX_STEP, {"speed_gain": 0.8, "current_gain": 1.2}),
+        pytest.param(SIX_STEP, {"speed_gain": 0.8, "current_gain": 1.2}, marks=pytest.mark.evidence),
     ],
     ids=["speed, hysteresis", "current, field-oriented", "both, six-step"],
 )
@@ -147,6 +147,7 @@ def test_a_command_that_lags_is_no_delay_and_a_delay_no_lag(*, lags: bool) -> No
     assert (left < SELECTION.likely_share) == lags
 
 
+@pytest.mark.evidence
 def test_a_feedforward_and_early_channels_that_explain_as_much_leave_the_gain_open() -> None:
     found = diagnose(on_a_rig(controlled_by(speed_feedforward=0.3), Faults(0.3, short_b=0.2), 0.3), THESIS)
     assert found.explained
@@ -155,6 +156,7 @@ def test_a_feedforward_and_early_channels_that_explain_as_much_leave_the_gain_op
     assert found.components["friction"].verdict == "degraded"
 
 
+@pytest.mark.evidence
 def test_recordings_of_one_unit_share_its_gains() -> None:
     unit = differing(PMSM, current_gain=1.2)
     found = diagnose_joint([on_a_rig(unit, FAULTS, time) for time in (0.2, 0.25)], PMSM, workers=1)

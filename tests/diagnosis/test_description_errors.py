@@ -27,6 +27,7 @@ def near_the_truth(unit: Actuator, described: Actuator = THESIS) -> SearchResult
     return correct_bias(objective, objective.space.points(FAULTS.vector[np.newaxis]), 2, seed=0)
 
 
+@pytest.mark.evidence
 def test_a_speed_gain_that_is_off_is_no_sensor_and_no_friction() -> None:
     found = diagnose(on_a_rig(differing(THESIS, speed_gain=0.9), FAULTS, 0.3), THESIS)
     assert found.explained
@@ -65,6 +66,7 @@ def test_a_motor_is_asked_for_where_its_inductance_does_not_fit_the_shorts() -> 
     assert possible_errors(result, ("inertia", "current_scale", "speed_scale"), seed=0) == []
 
 
+@pytest.mark.evidence
 def test_recordings_of_one_unit_share_what_is_off() -> None:
     unit = differing(THESIS, torque_constant=0.9)
     recordings = [on_a_rig(unit, FAULTS, duration) for duration in (0.3, 0.5)]

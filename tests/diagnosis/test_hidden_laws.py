@@ -45,6 +45,7 @@ def test_none_is_suspected_where_there_is_none_or_it_is_described() -> None:
     assert suspected_laws(near_the_truth(on_a_rig(described, FAULTS, 0.2), described), seed=0) == {}
 
 
+@pytest.mark.evidence
 def test_a_saturation_that_nobody_described_is_no_fault() -> None:
     found = diagnose(on_a_rig(with_law("saturation", 0.01), Faults(), 0.35), THESIS)
     assert found.explained
@@ -83,6 +84,7 @@ def test_late_commutation_is_suspected_and_sized() -> None:
     assert sum(found) == pytest.approx(0.03 + 3e-5 * 2 * typical_speed(THESIS), abs=0.01)
 
 
+@pytest.mark.evidence
 def test_narrow_flats_of_the_back_emf_are_no_short(monkeypatch: pytest.MonkeyPatch) -> None:
     rivals = ("emf-flats", "emf-sine", "saturation", "inverter-drop")
     monkeypatch.setattr(hidden_laws, "HIDDEN", [law for law in hidden_laws.HIDDEN if law.name in rivals])

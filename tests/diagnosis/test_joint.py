@@ -78,6 +78,7 @@ def test_of_one_recording_it_is_the_diagnosis_of_that_recording() -> None:
     assert set(alone.to_dict()) <= set(together.to_dict())
 
 
+@pytest.mark.evidence
 def test_n_recordings_have_the_error_of_one_over_the_root_of_n() -> None:
     days = [recorded(FAULTS, seed, duration=0.3) for seed in range(4)]
     alone, four = np.array([errors(joint([day])) for day in days]), joint(days)
@@ -88,6 +89,7 @@ def test_n_recordings_have_the_error_of_one_over_the_root_of_n() -> None:
     assert not four.contradicting
 
 
+@pytest.mark.evidence
 def test_the_intervals_hold_the_truth() -> None:
     rng, inside = np.random.default_rng(0), []
     for case in range(5):
@@ -179,6 +181,7 @@ def test_a_law_that_the_description_lacks_is_common_to_all(monkeypatch: pytest.M
     assert max(np.delete(off, NAMES.index("eccentricity_phase"))) < 0.01
 
 
+@pytest.mark.evidence
 def test_a_load_that_varies_is_one_recording_s_own() -> None:
     def under(load: Load, seed: int) -> Recording:
         options: dict[str, Any] = {"duration": 0.2, "noise": 0.05, "adc_bits": 12, "seed": seed}

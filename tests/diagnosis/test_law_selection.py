@@ -123,6 +123,7 @@ def astray(at_the_truth: SearchResult) -> SearchResult:
     return with_discrepancy(SearchResult.at(objective, away), seed=0)
 
 
+@pytest.mark.evidence
 def test_a_lag_of_the_speed_feedback_is_no_backlash(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(law_selection, "SUSPECTS", ("transition", "speed-lag"))
     lagging = with_lumped_parameters(LAWS["speed-lag"].added_to(THESIS), {"speed_lag": 6e-4})
@@ -133,6 +134,7 @@ def test_a_lag_of_the_speed_feedback_is_no_backlash(monkeypatch: pytest.MonkeyPa
     assert abs(ratio.value - np.log(6e-4 / 5e-4)) <= 4 * ratio.standard_error
 
 
+@pytest.mark.evidence
 def test_bristles_that_nobody_described_are_no_backlash(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(law_selection, "SUSPECTS", ("transition", "presliding"))
     values = {"presliding_stiffness": 3.0, "presliding_damping": 5e-3}

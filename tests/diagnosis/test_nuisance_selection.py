@@ -101,6 +101,7 @@ def test_the_selection_does_not_depend_on_the_number_of_threads(
     assert one.faults == two.faults
 
 
+@pytest.mark.evidence
 def test_an_inertia_is_likelier_than_a_voltage_of_another_scale_that_explains_as_much() -> None:
     # Five percent are one standard deviation of the one's prior, and five of the other's.
     found = diagnose(recorded(heavier(0.05), Faults(), 2), THESIS, seed=2)

@@ -90,6 +90,7 @@ def test_a_zero_that_nobody_stated_is_estimated_with_the_faults() -> None:
         assert found.components[name].value == pytest.approx(getattr(FAULTY, name), abs=0.02)
 
 
+@pytest.mark.evidence
 def test_sensors_that_are_all_late_are_no_other_zero() -> None:
     late = dict.fromkeys(("hall_a", "hall_b", "hall_c"), -TURNED_RAD)
     found = diagnose(
@@ -140,6 +141,7 @@ def test_a_zero_that_is_stated_says_which_phase() -> None:
     assert [found.components[name].verdict for name in SHORTS] == ["degraded", "degraded", "healthy"]
 
 
+@pytest.mark.evidence
 def test_two_recordings_have_one_zero() -> None:
     heavier = altered(TURNED, mechanics={"offset": 0.05})
     recordings = [on_a_rig(TURNED, FAULTY, 0.2), on_a_rig(heavier, FAULTY, 0.2)]

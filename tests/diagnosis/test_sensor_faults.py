@@ -91,6 +91,7 @@ def test_counts_of_a_converter_are_no_error_of_the_sensor(coarse: Recording) -> 
     assert found.selected == ()
 
 
+@pytest.mark.evidence
 @pytest.mark.parametrize("coarse", [0.3], indirect=True, ids=["eccentric"])
 def test_a_scale_is_found_where_a_position_is_shown_in_counts(coarse: Recording) -> None:
     def scaled(name: str, values: Array) -> Array:
@@ -102,7 +103,7 @@ def test_a_scale_is_found_where_a_position_is_shown_in_counts(coarse: Recording)
 
 
 # Several rows show in a shorter recording as well, which is sooner searched.
-@pytest.mark.parametrize(("rows", "duration"), [(-5, 0.2), (1, 0.3)])
+@pytest.mark.parametrize(("rows", "duration"), [pytest.param(-5, 0.2, marks=pytest.mark.evidence), (1, 0.3)])
 def test_a_delay_of_all_channels_is_no_gain(rows: int, duration: float) -> None:
     def late(_: str, values: Array) -> Array:
         shown = np.roll(values, rows)
@@ -112,6 +113,7 @@ def test_a_delay_of_all_channels_is_no_gain(rows: int, duration: float) -> None:
     check(diagnosed(recorded(duration), LINE, late), "all channels", "delay", rows * 2e-4, 2.5e-5)
 
 
+@pytest.mark.evidence
 @pytest.mark.usefixtures("unrefined")
 def test_a_voltage_of_another_scale_is_no_heat(whole: Recording) -> None:
     def halved(name: str, values: Array) -> Array:

@@ -64,6 +64,7 @@ def test_a_fault_of_such_a_unit_is_found_and_in_its_interval() -> None:
     assert found.components["short_a"].verdict != "degraded"
 
 
+@pytest.mark.evidence
 def test_one_that_is_farther_off_than_its_tolerance_is_not_explained() -> None:
     # An inertia that is too large may pass for shorts in all phases and a friction below healthy.
     recording = recorded(factors={"inertia": 0.85})
@@ -86,6 +87,7 @@ def test_a_baseline_counts_in_place_of_a_tolerance() -> None:
     assert deviations["baseline resistance"] == pytest.approx(math.log(1.1) / 2)
 
 
+@pytest.mark.evidence
 def test_calibration_estimates_what_has_a_tolerance_within_it() -> None:
     days = [recorded(seed=seed, amplitude=a) for seed, a in ((1, 5e-3), (2, 8e-3))]
     exact = calibrate(days, THESIS, ("inertia",), max_corrections=1, workers=1)

@@ -88,6 +88,7 @@ def test_of_several_points_the_nearest_is_corrected(fits: list[MapObjective]) ->
     np.testing.assert_array_equal(correct_bias(fit, points, 0, seed=0).point, points[1])
 
 
+@pytest.mark.evidence
 def test_the_scatter_is_that_of_searches_from_other_seeds() -> None:
     perturbation = np.random.default_rng(0).normal(0, 0.01, (4, 8))
     ratios = []

@@ -39,6 +39,7 @@ def test_a_healthy_unit_is_not_degraded_by_slow_rows(found: Diagnosis) -> None:
         assert low <= getattr(Faults(), name) <= high
 
 
+@pytest.mark.evidence
 def test_claims_shrink_with_the_rate() -> None:
     half = {}
     for rate in (25.0, 500.0):

@@ -61,6 +61,7 @@ def linear() -> Design:
     return linear_design(workers=1)
 
 
+@pytest.mark.evidence
 def test_expected_intervals_are_those_of_diagnoses_of_reference_recordings() -> None:
     conditions = TestSetup.of(THESIS, ("current",), 0.05, 5000.0, workers=1)
     faults, chirp = conditions.faults(4, seed=11), Excitation(Chirp(duration=0.25), 0.25)
@@ -144,6 +145,7 @@ def test_a_poor_manoeuvre_is_improved(improved: Design) -> None:
     assert found.duration == SHORT
 
 
+@pytest.mark.evidence
 def test_a_good_excitation_stays() -> None:
     # The thesis's chirp uses all of its own constraints: fewer amplitude or frequency cannot be better.
     result = design(THESIS, Chirp(duration=0.2), duration=0.2, candidates=2, tests=4, workers=1)

@@ -45,6 +45,7 @@ def test_a_batch_has_the_same_results_on_a_cluster(cluster: Cluster, tmp_path: P
     assert resumed == there
 
 
+@pytest.mark.evidence
 def test_a_synthetic_fleet_goes_its_whole_way_on_a_cluster(cluster: Cluster, tmp_path: Path) -> None:
     plan = FleetPlan(units=1, flights=1)
     there, here = (FleetFolder(tmp_path / name) for name in ("there", "here"))

@@ -141,6 +141,7 @@ def test_beats_random_search_on_a_sphere(make: Make) -> None:
     assert_beats_random_search(make(**box(3), population=30, iterations=50), sphere, 1e-2)
 
 
+@pytest.mark.evidence
 @pytest.mark.parametrize("name", PEERS)
 def test_beats_random_search_in_a_bent_valley(name: str) -> None:
     # Pymoo's algorithms creep along it; below they are compared there with pymoo by itself. These three gain

@@ -246,6 +246,7 @@ def test_differential_evolution_closes_in_on_a_corner_without_sitting_in_it(corn
 # Grey wolves
 
 
+@pytest.mark.evidence
 @pytest.mark.parametrize(
     ("function", "half_width", "published", "deviation", "runs"),
     [
@@ -392,6 +393,7 @@ def found_by_ours(make: type[Optimizer[Any]], function: Function, half_width: fl
     return float(state.best_fitness)
 
 
+@pytest.mark.evidence
 @pytest.mark.parametrize("name", FUNCTIONS)
 @pytest.mark.parametrize("peer", PEERS)
 def test_quality_is_that_of_other_libraries(peer: str, name: str) -> None:

@@ -178,6 +178,7 @@ def test_a_measure_fails_where_its_level_does() -> None:
     assert responsible(made, times, 1, requirements) == "backlash"
 
 
+@pytest.mark.evidence
 @pytest.mark.usefixtures("few_paths")
 def test_transforms_of_units_from_the_prior_are_uniform() -> None:
     """Units drawn from the prior, seen for 600 h: the RUL's probability integral transforms are uniform."""

@@ -50,6 +50,7 @@ def past(units: int, shift: float, size: float) -> Recalibration:
     )
 
 
+@pytest.mark.evidence
 def test_a_corrected_prediction_holds_the_truth_as_often_as_it_says() -> None:
     random = np.random.default_rng(1)
     taught = past(300, -0.8, 2.0)
@@ -167,6 +168,7 @@ def seldom(fleet: list[Evidence]) -> list[Evidence]:
     return [replace(one, observations=one.observations[::4]) for one in fleet]
 
 
+@pytest.mark.evidence
 def test_a_shape_that_no_law_has_is_foreseen_where_the_fleet_has_shown_it(
     fleet: list[Evidence], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -162,6 +162,7 @@ def wait_for(condition: "Callable[[], bool]") -> None:
         time.sleep(0.02)
 
 
+@pytest.mark.evidence
 @pytest.mark.usefixtures("few_paths")
 def test_a_watcher_and_the_server_make_the_same_event_of_a_life(tmp_path: Path) -> None:
     made = []
