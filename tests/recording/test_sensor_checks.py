@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cases import THESIS
-from emaphm.actuator import Actuator, Chirp, Faults
+from emaphm.actuator import Actuator, Chirp, Faults, Sine
 from emaphm.arrays import Array
 from emaphm.errors import RecordingError
 from emaphm.recording import Recording
@@ -67,6 +67,31 @@ def test_an_actuator_that_rests_until_its_command_jumps_raises_no_alarm(
     recording = simulate(actuator, square, noise=0.05, adc_bits=bits)
     line = Recording({name: recording[name] for name in LINE if name in recording})
     assert check_sensors(line, actuator).findings == ()
+
+
+@pytest.mark.parametrize(
+    ("actuator", "amplitude", "frequency"),
+    [(THESIS, 0.1, 2.0), (THESIS, 0.02, 8.0), (Actuator.dc(), 0.1, 4.0), (Actuator.pmsm(), 0.1, 4.0)],
+    ids=["long", "fast", "dc", "pmsm"],
+)
+@pytest.mark.parametrize("bits", [None, 12])
+def test_a_drive_at_its_limits_raises_no_alarm(
+    actuator: Actuator, amplitude: float, frequency: float, bits: int | None
+) -> None:
+    # Strokes that all of the supply, the current or the speed does not suffice for.
+    recording = simulate(actuator, Sine(amplitude, frequency), model="averaged", adc_bits=bits)
+    line = Recording({name: recording[name] for name in LINE if name in recording})
+    assert check_sensors(line, actuator).findings == ()
+
+
+@pytest.mark.parametrize("rows", [20, 100])
+def test_a_channel_that_freezes_early_is_found(rows: int) -> None:
+    phase = 2 * np.pi * np.arange(2500) / 1000
+    noise = np.random.default_rng(0).normal(0.0, 0.05, phase.size)
+    current = np.round((3.0 * np.cos(phase) + noise) / 0.01) * 0.01
+    current[rows:] = current[rows]
+    frozen = frozen_rows(current, "current_A", np.sin(phase), THESIS)
+    np.testing.assert_array_equal(np.flatnonzero(frozen), np.arange(rows + 1, phase.size))
 
 
 @pytest.mark.parametrize("name", LINE[2:])
@@ -164,7 +189,7 @@ def test_a_jam_is_no_frozen_sensor() -> None:
     # The position stops where the actuator jams and stays there to the end; nothing says the sensor froze.
     command = np.sin(2 * np.pi * np.arange(1000) / 500)
     position = np.where(np.arange(1000) < 300, command, command[300])
-    assert not frozen_rows(position, command).any()
+    assert not frozen_rows(position, "position_rad", command, THESIS).any()
 
 
 def test_the_hardware_holds_a_channel_at_its_own_limits() -> None:

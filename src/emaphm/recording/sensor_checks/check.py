@@ -85,7 +85,7 @@ def _spoilt_rows(
     unit = unit_for(SCHEMA[name].unit, actuator.coordinates)
     clipped = clipped_rows(values, name, command, actuator)
     # A long plateau of a clipped signal does not move either.
-    frozen = frozen_rows(values, command) & ~clipped
+    frozen = frozen_rows(values, name, command, actuator) & ~clipped
     findings = []
     if frozen.any():
         seconds = float(frozen.sum()) * recording.interval_s

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator
 from emaphm.arrays import Array
+from emaphm.recording.sensor_checks.hardware_limits import is_hardware_limit
 from emaphm.recording.sensor_checks.resolution import Mask, row_noise, runs_of_equal, step_of_counts
 
 
@@ -21,8 +22,7 @@ class ClippingSettings:
     the noise below. That is not asked of a drive that switches in a cycle, where `cycle` values, to `same` of
     the noise, are more than `most_in_cycle` of all. Of a smooth signal, the slopes on either side of a
     plateau, over `slope_rows` or a quarter of it, would lead it `excess` counts farther: a smooth maximum in
-    coarse counts is a plateau too, but of less than a count. Values within `near` of a limit of the hardware
-    are its own; of a voltage, from `near_supply` of the supply on: what the source really gives may be less.
+    coarse counts is a plateau too, but of less than a count. A limit of the hardware is no end of the range.
     """
 
     least_rows: int = 8
@@ -34,8 +34,6 @@ class ClippingSettings:
     same: float = 1e-3
     slope_rows: int = 4
     excess: float = 3.0
-    near: float = 0.03
-    near_supply: float = 0.8
 
 
 CLIPPING = ClippingSettings()
@@ -48,7 +46,7 @@ def clipped_rows(values: Array, channel: str, command: Array, actuator: Actuator
     noisy = noise > CLIPPING.noise_counts * count
     first, lengths = runs_of_equal(values)
     for level, sign in ((values.max(), 1.0), (values.min(), -1.0)):
-        if level == 0 or count == 0 or _is_limit(level, channel, actuator):
+        if level == 0 or count == 0 or is_hardware_limit(level, channel, actuator):
             continue
         if noisy and _returns(sign * values, first, count, noise):
             clipped |= values == level
@@ -105,19 +103,3 @@ def _slope(values: Array) -> float:
     """Return the slope of a line through `values` (n,) [per row]."""
     rows = np.arange(values.size) - (values.size - 1) / 2
     return float(rows @ values / (rows @ rows))
-
-
-def _is_limit(level: float, channel: str, actuator: Actuator) -> bool:
-    """Return whether the hardware itself holds a channel at `level`."""
-    controller, stops, electrical = actuator.controller, actuator.mechanics.end_stops, actuator.electrical
-    limits = {
-        "position_rad": [*map(abs, stops)] if stops else [],
-        "speed_rad_s": [controller.speed_limit] if controller.speed_limit else [],
-        "duty": [1.0],
-        "supply_V": [abs(level)],
-    }.get(channel, [])
-    if channel.startswith("current"):
-        limits = [controller.current_limit]
-    if channel.startswith("voltage") and electrical is not None:
-        return abs(level) > CLIPPING.near_supply * electrical.supply
-    return any(abs(abs(level) / limit - 1) < CLIPPING.near for limit in limits if limit > 0)

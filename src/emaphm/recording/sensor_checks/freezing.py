@@ -1,10 +1,13 @@
 """A sensor that keeps its value for a long time while what it measures goes on."""
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
+from emaphm.actuator import Actuator
 from emaphm.arrays import Array
+from emaphm.recording.sensor_checks.hardware_limits import is_hardware_limit
 from emaphm.recording.sensor_checks.resolution import Mask, row_noise, runs_of_equal, step_of_counts
 
 
@@ -14,12 +17,17 @@ class FreezingSettings:
 
     `least_rows` at least, and `least_share` of the command's range commanded meanwhile, `answer` rows before
     the run ends at least: of a resting actuator all signals rest until a command that jumps is answered. A
-    signal whose noise exceeds `noise_counts` counts cannot repeat a value by chance for so long. Without
-    noise, what ends the run decides: a jump of `jump` times the usual step of a row and its counts. An
-    actuator that is jammed or stands at an end stop starts from rest.
+    signal whose noise exceeds `noise_counts` counts cannot repeat a value by chance for so long, unless it
+    has settled: its last `around` steps are within `settled` of the noise, as those of exact numbers can be.
+    Without noise, what ends the run decides: a jump of `jump` times the usual step of a row, its counts and
+    the `around` steps that follow. An actuator that is jammed or stands at an end stop starts from rest, as
+    a drive leaves a limit. `least_live` rows that move are needed, to know what is usual.
     """
 
     least_rows: int = 25
+    least_live: int = 12
+    around: int = 4
+    settled: float = 0.1
     least_share: float = 0.1
     answer: int = 5
     noise_counts: float = 0.7
@@ -29,36 +37,51 @@ class FreezingSettings:
 FREEZING = FreezingSettings()
 
 
-def frozen_rows(values: Array, command: Array) -> Mask:
-    """Return whether each row of `values` (n,) is frozen, while `command` (n,) moves on."""
+def frozen_rows(values: Array, channel: str, command: Array, actuator: Actuator) -> Mask:
+    """Return whether each row of `values` (n,) of a channel is frozen, while `command` (n,) moves on."""
     frozen = np.zeros(values.size, bool)
     first, lengths = runs_of_equal(values)
     long = lengths >= FREEZING.least_rows
-    if not long.any() or long.sum() == lengths.size == 1:
+    live = ~np.repeat(long, lengths)
+    if not long.any() or np.count_nonzero(live) < FREEZING.least_live:
         return frozen
-    in_run = np.repeat(long, lengths)
-    live = np.flatnonzero(~in_run)
-    if live.size < FREEZING.least_rows:
-        return frozen
-    count = step_of_counts(values)
-    noisy = _noise_of(values, in_run) > FREEZING.noise_counts * count
-    usual = float(np.percentile(np.abs(np.diff(values))[~in_run[1:]], 90)) if live.size > 1 else 0.0
-    least_jump = FREEZING.jump * max(usual, count)
+    usual = _Usual.of(values, live)
     moved = FREEZING.least_share * float(np.ptp(command))
     for start, length in zip(first[long], lengths[long], strict=True):
-        end = start + length
-        if np.ptp(command[start : end - FREEZING.answer]) < moved or values[start] == 0:
-            # A signal at zero rests, or its drive is off.
+        end, level = start + length, float(values[start])
+        # A signal at zero rests, or its drive is off.
+        rests = level == 0 or is_hardware_limit(level, channel, actuator)
+        if rests or np.ptp(command[start : end - FREEZING.answer]) < moved:
             continue
-        jumps = end < values.size and abs(values[end] - values[end - 1]) > least_jump
-        if noisy or jumps:
+        if usual.cannot_stay(values, start) or usual.cannot_leave(values[end - 1 :]):
             frozen[start + 1 : end] = True
     return frozen
 
 
-def _noise_of(values: Array, excluded: Mask) -> float:
-    """Return the row noise of `values` (n,) in their longest stretch that is not `excluded` (n,)."""
-    first, lengths = runs_of_equal(excluded.astype(float))
-    kept = [(length, start) for start, length in zip(first, lengths, strict=True) if not excluded[start]]
-    length, start = max(kept)
-    return row_noise(values[start : start + length])
+@dataclass(frozen=True)
+class _Usual:
+    """What is usual of a signal where it moves: its noise, count, and step from row to row."""
+
+    noise: float
+    count: float
+    step: float
+
+    @classmethod
+    def of(cls, values: Array, live: Mask) -> Self:
+        """Return it of `values` (n,), where they are `live` (n,): the noise of the longest such stretch."""
+        first, lengths = runs_of_equal(live.astype(float))
+        length, start = max((n, at) for n, at in zip(lengths, first, strict=True) if live[at])
+        step = float(np.percentile(np.abs(np.diff(values))[live[1:]], 90))
+        return cls(row_noise(values[start : start + length]), step_of_counts(values), step)
+
+    def cannot_stay(self, values: Array, start: int) -> bool:
+        """Return whether noise would not let `values` (n,) stay where they are from row `start` on."""
+        before = np.abs(np.diff(values[max(start - FREEZING.around, 0) : start + 1]))
+        settled = before.size > 0 and np.max(before) < FREEZING.settled * self.noise
+        return self.noise > FREEZING.noise_counts * self.count and not settled
+
+    def cannot_leave(self, values: Array) -> bool:
+        """Return whether `values` (n,) leave the first one by a jump, and then go on as usual."""
+        steps = np.abs(np.diff(values[: FREEZING.around + 2]))
+        others = max(self.step, self.count, np.max(steps[1:], initial=0.0))
+        return bool(steps.size and steps[0] > FREEZING.jump * others)

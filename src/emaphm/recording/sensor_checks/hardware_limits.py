@@ -1,0 +1,25 @@
+"""Levels at which the hardware itself holds a signal: no fault of its sensor."""
+
+from emaphm.actuator import Actuator
+
+NEAR = 0.03
+"""Distance from a limit, of the limit, within which a value is held there."""
+
+NEAR_SUPPLY = 0.8
+"""Share of the supply from which on a voltage is all that there is: a source may give less than described."""
+
+
+def is_hardware_limit(level: float, channel: str, actuator: Actuator) -> bool:
+    """Return whether the hardware of `actuator` may itself hold a channel at `level`."""
+    controller, stops, electrical = actuator.controller, actuator.mechanics.end_stops, actuator.electrical
+    limits = {
+        "position_rad": [*map(abs, stops)] if stops else [],
+        "speed_rad_s": [controller.speed_limit] if controller.speed_limit else [],
+        "duty": [1.0],
+        "supply_V": [abs(level)],
+    }.get(channel, [])
+    if channel.startswith("current"):
+        limits = [controller.current_limit]
+    if channel.startswith("voltage") and electrical is not None:
+        return abs(level) > NEAR_SUPPLY * electrical.supply
+    return any(abs(abs(level) / limit - 1) < NEAR for limit in limits if limit > 0)
