@@ -76,6 +76,8 @@ def test_a_unit_ends_where_a_limit_is_first_reached_and_not_by_the_size_of_its_f
         assert beyond[str(unit.failed)][-1]
         flights = unit.check_flights(PLAN.interval)
         assert flights[-1] < unit.failure <= flights[-1] + PLAN.interval
+        # None at the hour of the failure, which a grid of flights may contain.
+        assert unit.check_flights(unit.failure / 4) == pytest.approx(unit.failure * np.arange(1, 4) / 4)
 
 
 def test_a_clairvoyant_knows_the_life_of_a_unit_that_nothing_can_happen_to(

@@ -81,8 +81,11 @@ class SyntheticUnit:
 
     def check_flights(self, interval: float) -> Array:
         """Return the hours [h] of the check flights, before the failure, (n,)."""
-        last = self.hours[-1] if self.failure is None else np.nextafter(self.failure, 0.0)
-        return np.asarray(interval * np.arange(1, int(last / interval + 1e-9) + 1))
+        count = int(self.hours[-1] / interval + 1e-9)
+        flights = interval * np.arange(1, count + 1)
+        if self.failure is None:
+            return np.asarray(flights)
+        return np.asarray(flights[flights < self.failure - 1e-9 * interval])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the truth but for the levels, ready for `json.dumps`."""
