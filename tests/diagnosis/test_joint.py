@@ -10,7 +10,7 @@ import pytest
 from cases import THESIS, USUAL, covered, on_a_rig
 from emaphm.actuator import NAMES, Actuator, Chirp, Faults, Load
 from emaphm.actuator.laws import LAWS
-from emaphm.actuator.lumped_parameters import with_lumped_parameters
+from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
 from emaphm.cli import main
 from emaphm.diagnosis import diagnose
 from emaphm.diagnosis.joint import JointDiagnosis, diagnose_joint
@@ -137,6 +137,24 @@ def test_recordings_may_differ_in_length_command_channels_and_load() -> None:
     assert [one.channels for one in found.recordings] == [CHANNELS[2:], CHANNELS[2:3], CHANNELS[2:]]
     assert found.time_s.shape == found.recorded.shape == found.modelled.shape
     assert np.all(np.diff(found.time_s) > 0)
+
+
+def test_the_sensors_of_each_are_checked_and_what_speaks_against_each_is_said() -> None:
+    first, second = recorded(FAULTS, 1), recorded(FAULTS, 2)
+    current = np.array(second["current_A"])
+    rows = slice(current.size // 4, current.size // 2)
+    current[rows] = current[rows.start]
+    spoilt = second.with_channels({**second.channels, "current_A": current}, [])
+    found = joint([first, spoilt])
+    assert found.explained
+    assert [(one.channel, one.kind) for one in found.sensor_faults] == [("current_A", "frozen")]
+    assert found.sensor_faults[0].sentence.startswith("day 2: current_A is frozen")
+    assert found.faults.vector == pytest.approx(FAULTS.vector, abs=0.01)
+    # Of another actuator, whichever comes first: its reason is said, with its name.
+    inertia = lumped_parameters(IDEAL, ("inertia",))["inertia"]
+    other = recorded(FAULTS, 3, actuator=with_lumped_parameters(IDEAL, {"inertia": 1.5 * inertia}))
+    for days in ([first, other], [other, first]):
+        assert any(one.startswith("day 3: ") for one in joint(days).reasons)
 
 
 def test_a_recording_that_contradicts_the_others_is_named_and_no_component_is_judged() -> None:

@@ -40,7 +40,7 @@ from emaphm.progress import Progress, subprogress
 from emaphm.random_streams import stream
 from emaphm.recording import Recording, check_plausible
 from emaphm.recording.schema import SCHEMA
-from emaphm.recording.sensor_checks import check_sensors
+from emaphm.recording.sensor_checks import CheckedRecording, check_sensors
 from emaphm.simulation import Model, model_named
 from emaphm.version import VERSION
 
@@ -117,10 +117,9 @@ def diagnose(
     chosen = method_named(method)
     check_fitness(chosen, fitness)
     check_plausible(recording, actuator)
-    sensors = check_sensors(recording, actuator)
-    recording, exchanged = with_channels_exchanged(sensors.recording, actuator, model_named(model))
-    objective = objective_for(recording, actuator, chosen, model_named(model), nuisances, workers)
-    objective = objective.ignoring(masks_of_means(sensors.unusable, objective.problem))
+    checked = with_channels_exchanged(check_sensors(recording, actuator), actuator, model_named(model))
+    recording = checked.recording
+    objective = objective_of(checked, actuator, chosen, model_named(model), nuisances, workers)
     if posterior:
         from emaphm.estimation.posterior.mcmc import check_posterior
 
@@ -154,7 +153,7 @@ def diagnose(
     else:
         result = with_discrepancy(result, seed)
         diagnosis = conclude(result, recording, name, fitness, seed)
-    diagnosis = diagnosis.with_sensor_faults((*sensors.findings, *exchanged))
+    diagnosis = diagnosis.with_sensor_faults(checked.findings)
     if posterior:
         from emaphm.estimation.posterior.mcmc import sample
 
@@ -207,6 +206,19 @@ def _searched_by(method: Method, starts: Starts | None, result: SearchResult) ->
         return f"{starts.method}{WITH_LEAST_SQUARES}", ()
     astray = f"least squares from the answer of the {starts.method} do not explain it"
     return method.name, (f"{astray}; all of the range was searched",)
+
+
+def objective_of(
+    checked: CheckedRecording,
+    actuator: Actuator,
+    method: Method,
+    model: Model,
+    nuisances: Sequence[str] | None,
+    workers: int | None = None,
+) -> MapObjective:
+    """Return what `method` minimises on a recording whose spoilt rows are known, as `objective_for`."""
+    objective = objective_for(checked.recording, actuator, method, model, nuisances, workers)
+    return objective.ignoring(masks_of_means(checked.unusable, objective.problem))
 
 
 def objective_for(

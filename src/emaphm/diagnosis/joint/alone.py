@@ -12,7 +12,7 @@ from typing import Self, TypeVar
 import numpy as np
 
 from emaphm.actuator import Actuator
-from emaphm.diagnosis.diagnose import moves_at, objective_for
+from emaphm.diagnosis.diagnose import moves_at, objective_of
 from emaphm.diagnosis.identifiability import identifiability
 from emaphm.diagnosis.selection.control_errors import with_control_errors
 from emaphm.diagnosis.selection.description_errors import suspected_parameters, with_free
@@ -40,7 +40,7 @@ from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.space.nuisances import BASELINE
 from emaphm.progress import Progress
 from emaphm.random_streams import child_seed
-from emaphm.recording import Recording
+from emaphm.recording.sensor_checks import CheckedRecording
 from emaphm.simulation import AVERAGED
 from emaphm.threads import in_threads
 
@@ -145,7 +145,7 @@ class AloneSearches:
 
 
 def search_alone(
-    recordings: Sequence[Recording],
+    recordings: Sequence[CheckedRecording],
     actuator: Actuator,
     nuisances: Sequence[str] | None,
     max_corrections: int,
@@ -161,7 +161,7 @@ def search_alone(
     method = method_named(METHOD)
 
     def searched(r: int) -> _Alone:
-        objective = objective_for(recordings[r], actuator, method, AVERAGED, nuisances, workers)
+        objective = objective_of(recordings[r], actuator, method, AVERAGED, nuisances, workers)
         # The first one's streams are those of a diagnosis of it alone.
         own = seed if r == 0 else child_seed(seed, "recording", r)
         result = search(objective, method, fitness="least_squares", max_corrections=max_corrections, seed=own)

@@ -1,6 +1,6 @@
 """The conclusion of a joint diagnosis: verdicts, intervals, and contradictions between recordings."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -89,10 +89,12 @@ def conclusion(
             "nuisances": of_unit(nuisance_estimates(results[0].objective, results[0].point, local)),
             "collinear_sets": sets,
             "moves": any(one.moves for one in single),
-            "recording_notes": tuple(
-                f"{one.recording}: {note}" if count > 1 else note
+            "recording_notes": _of_all(single, lambda one: one.recording_notes),
+            "reasons": _of_all(single, lambda one: one.reasons),
+            "sensor_faults": tuple(
+                replace(fault, sentence=_named(one, fault.sentence, count))
                 for one in single
-                for note in one.recording_notes
+                for fault in one.sensor_faults
             ),
         },
         recordings=tuple(parts),
@@ -163,6 +165,16 @@ def _recording(
         {name: one for name, one in single.nuisances.items() if name not in common},
         single.load,
     )
+
+
+def _of_all(single: Sequence[Diagnosis], of: Callable[[Diagnosis], Sequence[str]]) -> tuple[str, ...]:
+    """Return sentences of all recordings, each with the name of its own."""
+    return tuple(_named(one, sentence, len(single)) for one in single for sentence in of(one))
+
+
+def _named(one: Diagnosis, sentence: str, count: int) -> str:
+    """Return a sentence of one recording of `count`."""
+    return f"{one.recording}: {sentence}" if count > 1 else sentence
 
 
 def _undecided(one: Estimate) -> Estimate:

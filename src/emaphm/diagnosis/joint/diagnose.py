@@ -21,8 +21,10 @@ from emaphm.estimation.joint.objective import JointObjective, RecordingTerm
 from emaphm.estimation.joint.uncertainty import joint_uncertainty
 from emaphm.estimation.levenberg_marquardt import descend
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.sensors.channel_swaps import with_channels_exchanged
 from emaphm.progress import Progress, subprogress
 from emaphm.recording import Recording, check_plausible
+from emaphm.recording.sensor_checks import check_sensors
 from emaphm.simulation import AVERAGED
 
 STARTS = 3
@@ -45,6 +47,7 @@ def diagnose_joint(
 ) -> JointDiagnosis:
     """Return the faults of one unit that explain all its `recordings`, with their uncertainty.
 
+    The sensors of each are checked as those of one alone are, and rows that they spoilt are not compared.
     The faults and the deviations from the actuator's baseline are common; nuisances, such as load and
     temperature, are each recording's own, as are the channels. Where recordings scatter by more than their
     errors, the covariance includes it; where they contradict each other, no component is called healthy or
@@ -62,12 +65,15 @@ def diagnose_joint(
     MethodError
         There is no recording, they are of different units, one has no current, or a nuisance is unknown.
     RecordingError
-        A recording cannot be of this actuator, by orders of magnitude.
+        A recording cannot be of this actuator, by orders of magnitude, or too little of its current is left.
     """
     began = time.perf_counter()
     _check(recordings, actuator)
+    checked = [
+        with_channels_exchanged(check_sensors(one, actuator), actuator, AVERAGED) for one in recordings
+    ]
     searches = search_alone(
-        recordings,
+        checked,
         actuator,
         nuisances,
         max_corrections,
@@ -87,14 +93,15 @@ def diagnose_joint(
     known = joint_uncertainty(estimate, seed, alone=separate)
     results = [with_discrepancy(one, seed) for one in _by_recording(estimate, known.point)]
     single = [
-        conclude(result, recording, METHOD, "least_squares", seed)
-        for result, recording in zip(results, recordings, strict=True)
+        replace(
+            conclude(result, one.recording, METHOD, "least_squares", seed), selected=searches.selected
+        ).with_sensor_faults(one.findings)
+        for result, one in zip(results, checked, strict=True)
     ]
     whole = conclusion(alone, results, single, estimate, known, seed)
     models = [one.objective.problem.runs.of(AVERAGED) for one in results]
     return replace(
         whole,
-        selected=searches.selected,
         laws=searches.laws,
         evaluations=sum(run for run, _ in models),
         reference_runs=sum(run for _, run in models),

@@ -10,8 +10,7 @@ from emaphm.actuator import Actuator
 from emaphm.actuator.faults import HEALTHY
 from emaphm.arrays import Array
 from emaphm.estimation.problem import Problem, rms
-from emaphm.recording import Recording
-from emaphm.recording.sensor_checks import SensorFinding
+from emaphm.recording.sensor_checks import CheckedRecording, SensorFinding
 from emaphm.simulation import Model
 
 
@@ -31,21 +30,20 @@ class SwapSettings:
 SWAP = SwapSettings()
 
 
-def with_channels_exchanged(
-    recording: Recording, actuator: Actuator, model: Model
-) -> tuple[Recording, tuple[SensorFinding, ...]]:
-    """Return `recording` with two channels exchanged that stand under each other's names, and the finding.
+def with_channels_exchanged(checked: CheckedRecording, actuator: Actuator, model: Model) -> CheckedRecording:
+    """Return a recording with two channels exchanged that stand under each other's names, and the finding.
 
-    Unchanged where none do, or where less than two channels can be compared.
+    So are their rows that are not to be compared; findings keep the names that the channels had. Unchanged
+    where none do, or where less than two channels can be compared.
     """
-    problem = Problem.of(recording, actuator, model, channels=None)
+    problem = Problem.of(checked.recording, actuator, model, channels=None)
     if len(problem.channels) < 2:
-        return recording, ()
+        return checked
     modelled = problem.predict(HEALTHY.vector[np.newaxis])[0]
     measured = [problem.measured[name] for name in problem.channels]
     pair = _exchanged(measured, list(modelled))
     if pair is None:
-        return recording, ()
+        return checked
     a, b = (problem.channels[i] for i in pair)
     sentence = (
         f"{a} and {b} are in each other's place: they follow the model exchanged, and were exchanged. "
@@ -53,7 +51,12 @@ def with_channels_exchanged(
     )
     swapped = {**problem.measured, a: problem.measured[b], b: problem.measured[a]}
     finding = SensorFinding(f"{a} and {b}", "swapped", 2.0, "channels", sentence)
-    return recording.with_channels(swapped, [sentence]), (finding,)
+    other = {a: b, b: a}
+    return CheckedRecording(
+        checked.recording.with_channels(swapped, [sentence]),
+        {other.get(name, name): rows for name, rows in checked.unusable.items()},
+        (*checked.findings, finding),
+    )
 
 
 def _exchanged(measured: Sequence[Array], modelled: Sequence[Array]) -> tuple[int, int] | None:
