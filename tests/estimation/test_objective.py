@@ -11,6 +11,7 @@ from emaphm.diagnosis import diagnose, error_percent
 from emaphm.errors import MethodError
 from emaphm.estimation.objective import MapObjective, faults_objective
 from emaphm.estimation.problem import Problem
+from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.space.nuisances import COPPER, MAGNETS, NAMES, PRIORS_PER_UNIT, NuisanceSet
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
@@ -196,3 +197,21 @@ def test_a_prior_stands_against_a_residual_as_twenty_rows_do() -> None:
     point[0, -1] = 1 / PRIORS_PER_UNIT
     # One standard deviation off weighs as the square of 0.5 A over the 20 rows that are worth one.
     assert one.outputs(point)[0, -1] ** 2 == pytest.approx(20 * 0.5**2)
+
+
+@pytest.mark.parametrize("share", [0.3, 0.5])
+def test_rows_that_are_not_compared_hide_no_residual(share: float) -> None:
+    noise = 0.05
+    described = THESIS.model_dump() | {"sensors": {"current_A": {"noise": noise}}}
+    actuator = Actuator.from_dict(described)
+    problem = Problem.of(simulate(actuator, Chirp(), model="averaged", noise=noise), actuator, channels=())
+    objective = faults_objective(problem, ())
+    point = objective.space.points(Faults().vector[np.newaxis])[0]
+    whole = SearchResult.at(objective, point)
+    rows = np.arange(problem.samples) < share * problem.samples
+    left = SearchResult.at(objective.ignoring({"current_A": rows}), point)
+    # Twice the variance that is described. Of 1,250 rows at least, the size of white noise is known to 2 %;
+    # a small share of the signal is allowed for.
+    assert whole.normalised_residual == pytest.approx(2**0.5, rel=0.07)
+    assert left.normalised_residual == pytest.approx(whole.normalised_residual, rel=0.07)
+    assert not left.explained

@@ -26,7 +26,7 @@ from emaphm.errors import MethodError, nearest
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS, over_all_phases, with_discrepancy
 from emaphm.estimation.methods import WITH_LEAST_SQUARES, Method, method_named
 from emaphm.estimation.objective import MapObjective, faults_objective, faults_only_objective
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.problem import Problem, rms
 from emaphm.estimation.rows.after_jumps import rows_after_jumps
 from emaphm.estimation.rows.means import masks_of_means, notes_on_means, over_swings
 from emaphm.estimation.search import check_fitness, search
@@ -305,7 +305,7 @@ def conclude(
         model=problem.model.name,
         fitness_name=fitness,
         fitness=result.cost,
-        residual_rms_A=float(np.sqrt(np.mean(residual**2))),
+        residual_rms_A=rms(problem.compared(problem.primary, residual)),
         explained=not reasons,
         evaluations=0,
         reference_runs=0,

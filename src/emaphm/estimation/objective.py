@@ -61,7 +61,8 @@ class MapObjective:
         the residual is still `biased`, the model not corrected, `CORRELATED_ROWS` of them are.
         """
         by_channel = residual[: self.channel_rows].reshape(len(self.problem.channels), -1)
-        sizes = np.sqrt(np.mean(by_channel**2, axis=1)) / self.problem.weights
+        shares = [self.problem.compared_share(name) for name in self.problem.channels]
+        sizes = np.sqrt(np.mean(by_channel**2, axis=1) / shares) / self.problem.weights
         # A perfect channel would leave the others without weight; no model is right to 0.01 %.
         measured = np.array([rms(self.problem.measured[name]) for name in self.problem.channels])
         # Nor is a residual less than what its sensor is described to add, or its counts leave open.

@@ -160,6 +160,15 @@ class Problem:
             return described
         return min(noise_level(self.recorded), quiet_noise_level(self.recorded, self.inputs.interval))
 
+    def compared(self, channel: str, rows: Array) -> Array:
+        """Return those of the `rows` (samples,) of a channel that are compared, (compared,)."""
+        unusable = self.unusable.get(channel)
+        return rows if unusable is None or unusable.all() else rows[~unusable]
+
+    def compared_share(self, channel: str) -> float:
+        """Return the share of a channel's rows that are compared: in the others no residual is counted."""
+        return self.compared(channel, np.ones(self.samples)).size / self.samples
+
     @property
     def rounding_errors(self) -> Array:
         """The rms that rounding to visible counts leaves of each channel, in its unit, (channels,)."""

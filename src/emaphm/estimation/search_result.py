@@ -1,5 +1,6 @@
 """Where a search ended: one type for all methods."""
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -212,20 +213,21 @@ class SearchResult:
 
     def _relative_to(self, error: float) -> float:
         """Return the rms residual over that of noise or switching and of a model `error` of that variance."""
-        expected = self._noise_or_switching + self._smallest_share + error
+        share = self.objective.problem.compared_share(self.objective.problem.primary)
+        expected = self._noise_or_switching + share * (self._smallest_share + error)
         return float(np.sqrt(self.residual_variance / max(expected, TINY)))
 
     @property
     def noise_level(self) -> float:
-        """The rms of the white noise on the measured primary channel, in its unit.
+        """The rms of the white noise on the primary channel, in its unit, as the `residual` has it.
 
-        As its sensor is described. Else from the channel itself or from the residual, whichever shows less: a
-        fast oscillation of a current passes for noise, and so does one that the model has and the current has
-        not.
+        That is 0 in rows that are not compared. As its sensor is described; else from the channel itself or
+        from the residual, whichever shows less: a fast oscillation of a current passes for noise, and so does
+        one that the model has and the current has not.
         """
         problem = self.objective.problem
         if described_noise(problem.primary, problem.actuator) is not None:
-            return problem.noise
+            return problem.noise * math.sqrt(problem.compared_share(problem.primary))
         residual = self.residual[: problem.samples] / problem.weights[0]
         return min(problem.noise, noise_level(residual))
 

@@ -194,16 +194,17 @@ def _unlike_healthy(name: str, healthy: Mapping[str, HealthyComparison]) -> Iter
 def _primary(result: SearchResult) -> Iterator[str]:
     problem = result.objective.problem
     corrected = _by_switching(result)
-    residual = result.fitted_residual[: problem.samples]
-    recorded, noise = problem.recorded, problem.noise
-    switching = 0.0 if result.discrepancy is None else result.discrepancy.switching_variance
+    residual = problem.compared(problem.primary, result.fitted_residual[: problem.samples])
+    recorded, noise = problem.compared(problem.primary, problem.recorded), problem.noise
+    share = problem.compared_share(problem.primary)
+    switching = 0.0 if result.discrepancy is None else result.discrepancy.switching_variance / share
     usual = usual_variance(recorded) + switching
     if described_noise(problem.primary, problem.actuator) is None:
         # Spikes are no noise, whatever they add to its variance.
         noise = min(noise, EXPLANATION.spikes * usual**0.5)
     if result.discrepancy is not None:
         noise = (noise**2 + result.discrepancy.slow_variance) ** 0.5
-    exceeds = not result.explained and result.residual_variance > EXPLAINED_RESIDUAL**2 * usual
+    exceeds = not result.explained and result.residual_variance > share * EXPLAINED_RESIDUAL**2 * usual
     if is_explained(recorded, residual, noise, corrected=corrected) and not (corrected and exceeds):
         return
     yield (
@@ -216,13 +217,11 @@ def _channels(
     result: SearchResult, healthy: Mapping[str, HealthyComparison], *, moves: bool
 ) -> Iterator[str]:
     problem = result.objective.problem
-    rows = result.objective.channel_rows
-    residuals = result.residual[:rows].reshape(len(problem.channels), -1) / problem.weights[:, np.newaxis]
     switching = result.switching_variances
     model = EXPLANATION.channel_model if switching else EXPLANATION.uncorrected_model
-    for name, residual in zip(problem.channels, residuals, strict=True):
-        variance = switching.get(name, 0.0)
-        recorded = problem.measured[name]
+    for name, rows in result.residual_by_channel.items():
+        variance = switching.get(name, 0.0) / problem.compared_share(name)
+        residual, recorded = problem.compared(name, rows), problem.compared(name, problem.measured[name])
         square, size = float(np.mean(residual**2)), float(np.mean(recorded**2))
         known = variance + rounding_step(recorded) ** 2 / 12 + (_described(name, result)) ** 2
         noise = max(usual_noise(recorded) ** 2, known)

@@ -174,17 +174,21 @@ def compared_with_healthy(
     least_share: float = 0.0,
     switching: Mapping[str, float] | None = None,
 ) -> dict[str, HealthyComparison]:
-    """Return each channel's residual (samples,) compared with healthy recordings, where that was learned.
+    """Return each channel's residual (samples,), in the rows that are compared, next to healthy recordings'.
+
+    Of the channels where that was learned.
 
     Two things that healthy recordings do not show are expected too, added by squares. `switching` is its
     variance at the estimate, by channel: what it exceeds the learned error by, since faults change the
     ripple. Of the primary channel a residual of `least_share` of its rms is left where the estimate is right.
     """
     found = {}
+    residuals = {name: problem.compared(name, rows) for name, rows in residuals.items()}
     for name, healthy in expected_residual(problem, residuals).items():
         share = least_share if name == problem.primary else 0.0
         left = share**2 * float(np.mean(problem.measured[name] ** 2))
-        ripple = max(0.0, (switching or {}).get(name, 0.0) - error_variance(problem, name))
+        ripple = (switching or {}).get(name, 0.0) / problem.compared_share(name)
+        ripple = max(0.0, ripple - error_variance(problem, name))
         expected = float((healthy**2 + left + ripple) ** 0.5)
         error = problem.actuator.model_error.of(name)
         assert error is not None  # noqa: S101 - what is expected has been learned
