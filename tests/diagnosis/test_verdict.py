@@ -220,6 +220,22 @@ def test_radius_and_phase_against_draws_from_the_covariance(phase: float) -> Non
     )
 
 
+@pytest.mark.parametrize(("along", "across"), [(0.001, 0.1), (0.02, 0.05), (0.05, 0.001), (0.03, 0.03)])
+@pytest.mark.parametrize("radius", [0.01, 0.1, 0.4])
+def test_the_interval_of_a_radius_holds_draws_of_whatever_direction(
+    radius: float, along: float, across: float
+) -> None:
+    spread = np.eye(8) * 1e-6
+    # Turned by half a turn, as a phase of 0 is.
+    spread[5:7, 5:7] = np.diag([along**2, across**2])
+    point = SPACE.points(Faults(eccentricity=radius, eccentricity_phase=0.0).vector)
+    draws = np.random.default_rng(1).multivariate_normal(point[5:7], spread[5:7, 5:7], 20_000)
+    low, high = estimates(SPACE, point, spread)["eccentricity"].interval95
+    size = np.hypot(*draws.T)
+    # In the plane, 1.96 standard errors hold 85 % where the centre is at 0, and 95 % far from it.
+    assert 0.85 < np.mean((size >= low) & (size <= high)) < 0.99
+
+
 def test_the_interval_of_a_phase_runs_past_the_cut_of_its_circle() -> None:
     low, high = judged(0.05, eccentricity=0.5, eccentricity_phase=0.99)["eccentricity_phase"].interval95
     # 1.96 × 0.05 / (2 pi 0.5) = 0.0312.

@@ -15,6 +15,9 @@ from emaphm.estimation.uncertainty.collinearity import CollinearSet
 Verdict = Literal["healthy", "degraded", "cannot tell"]
 
 Z95 = 1.959963984540054
+
+DIRECTIONS = 720
+"""In which the distance of an ellipse from 0 is taken."""
 """Half-width of a normal 95 % interval, in standard errors."""
 
 
@@ -161,14 +164,19 @@ def _component(
     healthy: float,
     collinear: str = "",
     limits: tuple[float, float] = (0.0, 1.0),
+    ends: tuple[float, float] | None = None,
 ) -> Estimate:
-    """Return the estimate of a component: what its whole interval says of it."""
+    """Return the estimate of a component: what its whole interval says of it.
+
+    Its `ends` are `Z95` standard errors either way, if not given.
+    """
     unconstrained = collinear or "this recording does not constrain it; a larger or faster command would"
     if error > VERDICT.uninformative * PRIOR_DEVIATION:
         # A search may have ended anywhere in the range: so may the interval be.
         return _unknown(value, error, limits, unconstrained)
     least, most = limits
-    low, high = interval = (max(value - Z95 * error, least), min(value + Z95 * error, most))
+    below, above = ends or (value - Z95 * error, value + Z95 * error)
+    low, high = interval = (max(below, least), min(above, most))
     if 2 * Z95 * error > VERDICT.longest_interval and high - low < 2 * Z95 * error:
         # Only the bound of the range makes it shorter: the search may have ended there for whatever reason.
         return Estimate(value, error, interval, False, "cannot tell", unconstrained)
@@ -210,7 +218,9 @@ def _eccentricity(
     radial = float(np.sqrt(along @ block @ along))
     turning = float(np.sqrt(across @ block @ across)) / (2 * np.pi * max(radius, 1e-12))
     half = Z95 * turning
-    size = _component(radius, radial, healthy=0.0, collinear=collinear)
+    ends = _distances(point[x : x + 2], block)
+    error = max(radial, (ends[1] - ends[0]) / (2 * Z95))
+    size = _component(radius, error, healthy=0.0, collinear=collinear, ends=ends)
     if size.verdict != "degraded" or 2 * half > VERDICT.longest_interval:
         reason = "no significant eccentricity, so its direction is undefined"
         angle = _unknown(phase, min(turning, float(PRIOR_DEVIATION)), (0.0, 1.0), reason)
@@ -219,3 +229,18 @@ def _eccentricity(
         interval = (phase - half, phase + half)
         angle = Estimate(phase, turning, interval, identifiable=True, verdict=size.verdict)
     return {"eccentricity": size, "eccentricity_phase": angle}
+
+
+def _distances(centre: Array, covariance: Array) -> tuple[float, float]:
+    """Return the least and the largest distance from 0 of an ellipse about `centre` (2,), `Z95` errors out.
+
+    What a direction that is not known adds to a radius, its own error does not show: an estimate of 0.01 that
+    is known to 0.001 along itself and to 0.2 across may have a radius of 0.4.
+    """
+    values, axes = np.linalg.eigh(covariance)
+    reach = Z95 * np.sqrt(np.maximum(values, 0.0))
+    angles = np.linspace(0.0, 2 * np.pi, DIRECTIONS, endpoint=False)
+    rim = centre[:, np.newaxis] + axes @ (reach[:, np.newaxis] * np.stack([np.cos(angles), np.sin(angles)]))
+    distances = np.hypot(*rim)
+    (u, v), (a, b) = (axes.T @ centre) ** 2, reach**2
+    return (0.0 if u * b + v * a < a * b else float(distances.min())), float(distances.max())
