@@ -122,6 +122,19 @@ def test_a_log_with_more_gaps_than_its_owner_allows(
     assert read_recording(path, rig(thesis, {"longest_gap": 10})).samples == 2500
 
 
+def test_a_long_gap_of_a_column_with_times_of_its_own_is_none_less(
+    columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refusal
+) -> None:
+    columns["own"] = columns["time_s"] + 1e-5
+    columns["position_rad"][300:700] = np.nan
+    actuator = rig(thesis, position_rad={"column": "position_rad", "time": "own"})
+    path = save(columns, tmp_path)
+    assert "of column 'position_rad' is empty" in refusal(lambda: read_recording(path, actuator))
+    columns["position_rad"][300:700] = np.linspace(0.0, 1.0, 400)
+    columns["position_rad"][300:302] = np.nan
+    assert read_recording(save(columns, tmp_path), actuator).samples >= 2499
+
+
 def test_masks(columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refusal) -> None:
     mode = np.where(columns["time_s"] < 0.3, "trap", "sine")
     path = save(columns | {"on": (columns["time_s"] >= 0.1) * 1, "mode": mode}, tmp_path)

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -147,9 +147,7 @@ def _on_one_base(
         own = times.get(name)
         if own is None or (own.shape == base.shape and np.array_equal(own, base)):
             continue
-        numeric[name] = _moved(
-            name, own, numeric[name], base, actuator.channels.sampling, source, holds=name in holding
-        )
+        numeric[name] = _moved(name, own, numeric[name], base, actuator, source, holds=name in holding)
         bases.setdefault(own.size, []).append(name)
     notes += [
         f"{', '.join(names)}: brought from times of their own to those of the command"
@@ -176,11 +174,12 @@ def _moved(
     times: Array,
     values: Array,
     base: Array,
-    sampling: Literal["mean", "instant"],
+    actuator: Actuator,
     source: str,
     *,
     holds: bool,
 ) -> Array:
+    """Return a column on the times `base` (n,) [s]; NaN in gaps that are longer than may be interpolated."""
     if times.shape != values.shape:
         raise RecordingError(
             f"{source}: column '{name}' has {values.size} rows, its times have {times.size}; give the "
@@ -193,7 +192,13 @@ def _moved(
             f"{source}: column '{name}' has times of its own, which do not increase; export it with the "
             "times of the command"
         )
-    return moved(times, values, base, sampling, holds=holds)
+    found = moved(times, values, base, actuator.channels.sampling, holds=holds)
+    steps = np.diff(times)
+    # Of a column that is written when it changes, a long step is no gap.
+    usual = float(np.percentile(steps, 90))
+    for i in [] if holds else np.flatnonzero(steps > (actuator.reading.longest_gap + 1.25) * usual):
+        found[(base > times[i] + 1e-6 * usual) & (base < times[i + 1] - 1e-6 * usual)] = np.nan
+    return found
 
 
 def _converted(name: str, where: Source, raw: Array, actuator: Actuator, source: str) -> Array:
