@@ -67,6 +67,18 @@ def _student_t_density(freedom: int, t: float) -> float:
 
 
 def chi_squared_quantile(freedom: float, probability: float) -> float:
-    """Return the quantile of chi-squared with `freedom` degrees, to 3 % (Wilson and Hilferty 1931)."""
+    """Return the quantile of chi-squared with `freedom` degrees.
+
+    Of one degree exactly, the square of a normal quantile; of more to 3 % (Wilson and Hilferty 1931).
+
+    Parameters
+    ----------
+    freedom
+        Degrees of freedom, at least 1.
+    probability
+        In [0.5, 1).
+    """
+    if freedom == 1:
+        return float(normal_quantile(0.5 + 0.5 * probability)) ** 2
     spread = 2 / (9 * freedom)
     return freedom * (1 - spread + float(normal_quantile(probability)) * math.sqrt(spread)) ** 3

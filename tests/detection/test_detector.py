@@ -1,5 +1,6 @@
 """The detector: its rate of false alarms is the stated one, it finds what is not healthy, and says where."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 
 from emaphm.detection import DETECTOR, Detector, judged_left_out
+from emaphm.detection.drift import probability_by_chance
 from emaphm.errors import MethodError, RecordingError
 from emaphm.recording import Recording
 
@@ -81,6 +83,14 @@ def test_healthy_runs_that_drift_are_named() -> None:
     assert [known.manoeuvres[0].loads[place].name for place in known.manoeuvres[0].drifting] == ["load -100"]
     assert "load -100 drift in their order" in known.judge(drifting[0]).shown
     assert "drift" not in known.judge(steady[0]).shown
+
+
+def test_a_drift_is_as_unlikely_as_the_share_of_orders_that_are_as_steady() -> None:
+    # Of n! orders, one rises throughout and one falls.
+    for count in (4, 5, 6, 7):
+        assert probability_by_chance(np.arange(count) ** 2.0) == pytest.approx(2 / math.factorial(count))
+    # Of a drawn 10,000, none is as steady: 1 in 10,001 is what that shows.
+    assert probability_by_chance(np.arange(20.0)) == pytest.approx(1 / 10_001)
 
 
 def test_few_steady_rigs_seem_to_drift() -> None:

@@ -23,6 +23,16 @@ def test_a_trapezoid_has_an_up_stroke_a_hold_and_a_down_stroke() -> None:
     assert up == [4, 16, 100]
 
 
+@pytest.mark.parametrize("bits", [7, 9])
+def test_counts_of_the_command_are_no_rests(bits: int) -> None:
+    command = np.interp(np.arange(3200), [0, 400, 1400, 2000, 3000, 3200], [0.0, 0.0, 1.0, 1.0, 0.0, 0.0])
+    counts = np.round(command * 2**bits) / 2**bits
+    exact, shown = strokes_of(command, DETECTOR), strokes_of(counts, DETECTOR)
+    assert [one.stroke for one in shown] == [one.stroke for one in exact]
+    # A stroke begins at its first count, or half a first segment before.
+    assert np.abs(np.subtract([one.first for one in shown], [one.first for one in exact])).max() <= 20
+
+
 @pytest.mark.parametrize("command", [Chirp(), Sine(), Step(1e-3), Ramp(0.1)], ids=str)
 @pytest.mark.parametrize("rows", [50, 333, 2500])
 def test_segments_cover_every_row_once(command: Command, rows: int) -> None:

@@ -400,6 +400,7 @@ def test_the_lag_is_exact_for_straight_lines() -> None:
     expected = 2.0 * (time - lag * (1 - np.exp(-time / lag)))
     assert first_order_lag(2.0 * time, lag, 1e-3) == pytest.approx(expected, abs=1e-12)
     assert first_order_lag(time, 0.0, 1e-3) is time
+    assert first_order_lag(5.0 + 2.0 * time, lag, 1e-3) == pytest.approx(5.0 + expected, abs=1e-12)
 
 
 def test_the_cutoff_follows_the_noise() -> None:

@@ -222,16 +222,17 @@ def test_noise_on_the_position_is_no_offset() -> None:
     assert found == Initial(angle=1e-3 / RATIO)
 
 
-MOVING = 1e-3 + 0.2 * TIME + 3.0 * TIME**2
+MOVING = interval_means(lambda t: 1e-3 + 0.2 * t + 3.0 * t**2)
 """A user that passes 1 mrad at 0.2 rad/s, 100 rad/s at the motor."""
+SPEED = interval_means(lambda t: (0.2 + 6.0 * t) / RATIO)
 
 
 @pytest.mark.parametrize(
     ("columns", "speed"),
     [
         ({"position_rad": MOVING}, 100.0),
-        ({"speed_rad_s": (0.2 + 6.0 * TIME) / RATIO}, 100.0),
-        ({"speed_rad_s": (0.2 + 6.0 * TIME) / RATIO, "position_rad": np.full(ROWS, 1e-3)}, 100.0),
+        ({"speed_rad_s": SPEED}, 100.0),
+        ({"speed_rad_s": SPEED, "position_rad": np.full(ROWS, 1e-3)}, 100.0),
         ({"speed_rad_s": np.zeros(ROWS), "position_rad": MOVING}, 0.0),
         ({}, 0.0),
     ],
@@ -239,6 +240,14 @@ MOVING = 1e-3 + 0.2 * TIME + 3.0 * TIME**2
 )
 def test_the_starting_speed(columns: dict[str, Array], speed: float) -> None:
     assert initial_state(recorded(**columns), THESIS).speed == pytest.approx(speed, rel=1e-6, abs=1e-9)
+
+
+def test_what_moves_at_the_start_is_where_it_was_then() -> None:
+    # The first mean is half an interval later, 2e-5 rad farther; the user's acceleration makes h² of it.
+    found = initial_state(recorded(position_rad=4e-3 + MOVING), THESIS)
+    assert found.angle * RATIO == pytest.approx(5e-3, abs=1.1 * INTERVAL**2)
+    found = initial_state(recorded(angle_rad=MOVING / RATIO + 0.5, speed_rad_s=SPEED), THESIS)
+    assert found.angle == pytest.approx(1e-3 / RATIO + 0.5, abs=1.1 * INTERVAL**2 / RATIO)
 
 
 def test_noise_on_the_speed_is_mostly_no_motion() -> None:

@@ -163,7 +163,7 @@ def _manoeuvre_information(fit: UnitFit, seed: int) -> dict[str, Array]:
     channels = tuple(dict.fromkeys(n for one in joint.terms for n in one.objective.problem.channels))
     point, found = joint.local(0, fit.point), {}
     for name, driving in _manoeuvres(joint).items():
-        inputs = driving.inputs(problem.model.step)
+        inputs = driving.inputs(problem.model.step_for(problem.actuator))
 
         def signals(points: Array, inputs: Inputs = inputs) -> Array:
             plant = Plant.of(problem.actuator, space.faults(points), term.objective.lumped_parameters(points))

@@ -6,6 +6,10 @@ from emaphm.arrays import Array
 from emaphm.detection.level import Level
 from emaphm.detection.settings import DetectorSettings
 from emaphm.detection.thresholds import Labels
+from emaphm.random_streams import stream
+
+PERMUTATIONS = 10_000
+"""By which a drift is judged: all of 7 runs, and enough to know a probability of 1 % to a tenth."""
 
 
 def drifting_loads(
@@ -15,7 +19,8 @@ def drifting_loads(
 
     The means of the runs along the first principal directions are compared with their order, by Spearman's
     rank correlation; a load drifts where one is significant at `drift_significance`, all tests taken together
-    (Bonferroni).
+    (Bonferroni). Its probability by chance is that among permutations: of few runs, that of the limit of many
+    calls three times as many drifting as it says.
 
     Parameters
     ----------
@@ -26,8 +31,6 @@ def drifting_loads(
     level
         Whose directions are looked at.
     """
-    from scipy.stats import spearmanr
-
     known = np.unique(loads)
     directions = level.scatter.directions[:, : settings.drift_directions]
     significance = settings.drift_significance / (known.size * directions.shape[1])
@@ -39,7 +42,32 @@ def drifting_loads(
         means = [features[(loads == load) & (runs == run)].mean(axis=0) for run in order]
         along = (np.stack(means) / level.scatter.scale) @ directions
         # Rounding, so that runs without any difference have equal ranks.
-        ranks = [spearmanr(order, np.round(column, 9)) for column in along.T if np.ptp(column) > 1e-9]
-        if any(one.pvalue < significance for one in ranks):
+        columns = [np.round(column, 9) for column in along.T if np.ptp(column) > 1e-9]
+        if any(probability_by_chance(column) < significance for column in columns):
             drifting.append(load)
     return tuple(drifting)
+
+
+def probability_by_chance(values: Array) -> float:
+    """Return how often `values` (n,) in an order by chance go up or down as steadily as in theirs.
+
+    By Spearman's rank correlation, in all permutations where they are no more than `PERMUTATIONS`, in so many
+    drawn ones else.
+    """
+    from scipy.stats import permutation_test, rankdata
+
+    order = np.arange(values.size) - (values.size - 1) / 2
+
+    def steadiness(ranks: Array, axis: int = -1) -> Array:
+        return np.asarray(np.abs(np.sum(np.moveaxis(ranks, axis, -1) * order, axis=-1)))
+
+    found = permutation_test(
+        (rankdata(values),),
+        steadiness,
+        permutation_type="pairings",
+        alternative="greater",
+        vectorized=True,
+        n_resamples=PERMUTATIONS,
+        rng=stream(0, "permutations of runs"),
+    )
+    return float(found.pvalue)

@@ -7,9 +7,13 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.detection.settings import DetectorSettings
+from emaphm.recording.sensor_checks.resolution import runs_of_equal
 
 AT_REST = 0.01
 """Rate of the command, relative to its largest, below which it holds."""
+
+LONGEST_COUNT = 1.05
+"""Mean rows that a moving command keeps a value for, up to which it is not shown in coarse counts."""
 
 STROKES = {1: "up-stroke", -1: "down-stroke", 0: "hold"}
 
@@ -60,8 +64,7 @@ def segments_of(command: Array, settings: DetectorSettings) -> tuple[Segment, ..
 def strokes_of(command: Array, settings: DetectorSettings) -> tuple[Segment, ...]:
     """Return the strokes of a manoeuvre, each as one segment; `command` as in `segments_of`."""
     fewest = _first_length(command.size, settings)
-    rate = np.diff(command, append=command[-1])
-    rate[-1] = rate[-2]
+    rate = _rate(command, fewest)
     direction = np.sign(rate) * (np.abs(rate) > AT_REST * np.max(np.abs(rate)))
     edges = [0, *(np.flatnonzero(np.diff(direction)) + 1).tolist(), command.size]
     strokes: list[tuple[int, int, int]] = []
@@ -75,6 +78,22 @@ def strokes_of(command: Array, settings: DetectorSettings) -> tuple[Segment, ...
     if len(strokes) > 1 and strokes[0][1] < fewest:
         strokes[:2] = [(0, strokes[1][1], strokes[1][2])]
     return tuple(Segment(start, stop, STROKES[way]) for start, stop, way in strokes)
+
+
+def _rate(command: Array, fewest: int) -> Array:
+    """Return how far `command` (n,) goes in a row, (n,).
+
+    Over `fewest` rows where it is shown in counts and passes less than one a row: it seems to rest between
+    them.
+    """
+    _, lengths = runs_of_equal(command)
+    passing = lengths[lengths < fewest]
+    if passing.size and passing.mean() > LONGEST_COUNT:
+        padded = np.pad(command, (fewest // 2, fewest - fewest // 2), mode="edge")
+        return np.asarray(padded[fewest:] - padded[:-fewest])
+    rate = np.diff(command, append=command[-1])
+    rate[-1] = rate[-2]
+    return rate
 
 
 def _first_length(rows: int, settings: DetectorSettings) -> int:

@@ -24,17 +24,25 @@ def initial_state(recording: Recording, actuator: Actuator) -> Initial:
     angle stands in for it.
     """
     ratio = actuator.mechanics.gear_ratio
+    speed = _starting_speed(recording, actuator)
     # At the first instant: a row that is a mean stands for half an interval later.
     position = float(reconstructed(recording, "command_rad")(np.zeros(1))[0])
+    moved = speed * _first_time(recording)
     if "position_rad" in recording:
         measured = true_values(recording["position_rad"], "position_rad", actuator)
-        if abs(measured[0] - position) > SIGNIFICANT * noise_level(measured):
-            position = float(measured[0])
+        first = float(measured[0]) - moved * ratio
+        if abs(first - position) > SIGNIFICANT * noise_level(measured):
+            position = first
     angle = position / ratio
     offset = _rotor_offset(recording, actuator) if "angle_rad" in recording else 0.0
     if "angle_rad" in recording and "position_rad" not in recording:
-        angle += float(wrap(recording["angle_rad"][0] - offset - angle))
-    return Initial(angle, _starting_speed(recording, actuator), offset)
+        angle += float(wrap(recording["angle_rad"][0] - moved - offset - angle))
+    return Initial(angle, speed, offset)
+
+
+def _first_time(recording: Recording) -> float:
+    """Return the time that the first row stands for, after the start [s]: a mean's is half an interval."""
+    return recording.interval_s / 2 if recording.sampling == "mean" else 0.0
 
 
 def _rotor_offset(recording: Recording, actuator: Actuator) -> float:
@@ -56,8 +64,8 @@ def _rotor_offset(recording: Recording, actuator: Actuator) -> float:
 
 
 def _starting_speed(recording: Recording, actuator: Actuator) -> float:
-    """Return the motor's speed [rad/s] at the first row, 0 where that is not significant."""
-    t = recording["time_s"][:FIRST_ROWS] - recording["time_s"][0]
+    """Return the motor's speed [rad/s] at the start, 0 where that is not significant."""
+    t = recording["time_s"][:FIRST_ROWS] - recording["time_s"][0] + _first_time(recording)
     if "speed_rad_s" in recording and not actuator.sensors.speed_rad_s.unsigned:
         name, order, scale = "speed_rad_s", 0, 1.0
     elif "position_rad" in recording:

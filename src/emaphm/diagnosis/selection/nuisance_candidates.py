@@ -199,9 +199,9 @@ def _gross_starts(
         variance = float(np.mean((target - factor * model) ** 2))
         if variance < SENSOR_SELECTION.gross_share**2 * float(np.mean(residual**2)):
             extended, point = with_nuisances(result, names, (name,))
-            deviation = float(extended.space.nuisances.prior_deviations[-1])
-            i = extended.space.coordinates.index(name)
-            point[i] = (factor - 1) / float(extended.space.nuisances.meaning[-1, -1]) if deviation else 0.0
+            nuisances = extended.space.nuisances
+            i = nuisances.quantities.index(name)
+            point[extended.space.coordinates.index(name)] = (factor - 1) / float(nuisances.meaning[i, i])
             starts[name] = np.inf, extended, point
     return starts
 

@@ -120,6 +120,8 @@ def _sections(cutoff_hz: float, interval: float) -> Array:
 def first_order_lag(values: Array, lag: float, interval: float) -> Array:
     """Return `values` (n,) through a first-order lag of time constant `lag` [s], straight between rows.
 
+    Before the first row, they are taken to have been as there.
+
     T dy/dt = x - y:   y⁺ = e y + (q - e) x + (1 - q) x⁺,   e = exp(-Δt / T),   q = (1 - e) T / Δt
     """
     from scipy import signal
@@ -128,7 +130,7 @@ def first_order_lag(values: Array, lag: float, interval: float) -> Array:
         return values
     decay = np.exp(-interval / lag)
     chord = (1 - decay) * lag / interval
-    start = [(chord - 1 + decay) * values[0]]
+    start = [chord * values[0]]
     return np.asarray(
         signal.lfilter([1 - chord, chord - decay], [1, -decay], values, zi=start)[0], dtype=np.float64
     )

@@ -32,8 +32,10 @@ def visible_count(values: Array) -> float:
     first, lengths = runs_of_equal(values)
     if values.size < LEAST_ROWS * lengths.size or lengths.size < 2:
         return 0.0
-    span = float(np.ptp(values))
-    count = span / round(span / step_of_counts(values))
+    span, step = float(np.ptp(values)), step_of_counts(values)
+    if step == 0:  # values differ by rounding alone
+        return 0.0
+    count = span / round(span / step)
     levels = (values[first] - values[0]) / count
     passed = float(np.abs(np.diff(levels)).sum())
     if np.max(np.abs(levels - np.round(levels))) > ON_GRID or values.size < LEAST_ROWS * passed:
