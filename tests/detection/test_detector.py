@@ -88,7 +88,7 @@ def test_healthy_runs_that_drift_are_named() -> None:
 def test_a_drift_is_as_unlikely_as_the_share_of_orders_that_are_as_steady() -> None:
     # Of n! orders, one rises throughout and one falls.
     for count in (4, 5, 6, 7):
-        assert probability_by_chance(np.arange(count) ** 2.0) == pytest.approx(2 / math.factorial(count))
+        assert probability_by_chance(np.arange(float(count))) == pytest.approx(2 / math.factorial(count))
     # Of a drawn 10,000, none is as steady: 1 in 10,001 is what that shows.
     assert probability_by_chance(np.arange(20.0)) == pytest.approx(1 / 10_001)
 

@@ -213,7 +213,7 @@ def of_a_full_folder(home: Path, files: int) -> None:
 
 def of_a_prognosis(home: Path, units: int) -> None:
     """Print what prognoses of `emaphm watch` cost in a fleet of `units` with 100 diagnoses each."""
-    count = WATCH.prognosis.latest
+    count = WATCH.prognosis.most
     with History.open(home / "fleet.sqlite", create=True) as history:
         for number in range(1, units + 1):
             rate = np.random.default_rng(number).uniform(5e-4, 3e-3)

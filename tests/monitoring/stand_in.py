@@ -30,7 +30,7 @@ FLIGHT_H = 0.24
 QUICK = replace(
     WATCH,
     folder=replace(WATCH.folder, poll_s=0.2, settle_s=0.3),
-    prognosis=replace(WATCH.prognosis, latest=3),
+    prognosis=replace(WATCH.prognosis, most=3),
     delivery=replace(WATCH.delivery, timeout_s=1.0, first_pause_s=0.05, longest_pause_s=0.5, last_s=20.0),
 )
 

@@ -96,6 +96,23 @@ def test_a_replacement_ends_an_alarm_and_what_came_before_it() -> None:
     assert shown(run(levels("dddd"), [Replacement(2.0, "gain")])) == [(2.0, "raised")]
 
 
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("hddhh", [(1.0, "degraded"), (3.0, "healthy")]),
+        ("hdddd", [(1.0, "degraded"), (3.0, "degraded")]),
+        ("hhhhh", []),
+        ("hhhdd", [(3.0, "degraded")]),
+    ],
+)
+def test_health_of_a_new_one_is_news_unless_both_were_healthy(
+    text: str, expected: list[tuple[float, str]]
+) -> None:
+    found = run(levels(text), [Replacement(2.0, "friction")])
+    changes = [(hours, one.details["verdict"]) for hours, one in found if one.kind == "health_changed"]
+    assert changes == expected
+
+
 def test_what_is_not_explained_is_raised_and_cleared_once() -> None:
     found = run(levels("huuhh"))
     assert shown(found, "not_explained") == [(1.0, "raised"), (3.0, "cleared")]

@@ -92,7 +92,7 @@ def test_the_other_units_teach_it(history: History) -> None:
 
 def test_the_latest_diagnoses_are_used_and_all_are_counted(history: History) -> None:
     fly(history, [0.0] * 5)
-    outlook = Outlook(history, replace(WATCH.prognosis, latest=3))
+    outlook = Outlook(history, replace(WATCH.prognosis, most=3))
     outlook.ask("S1")
     outlook.step()
     assert history.prognoses()["S1"].diagnoses == 5

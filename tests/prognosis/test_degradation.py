@@ -170,6 +170,11 @@ def test_a_replacement_resets_its_component_and_no_other() -> None:
     assert after.mixed[:, 0, :] == pytest.approx(0.0)
     assert after.mixed[:, :, 0] == pytest.approx(0.0)
     assert after.born[0] == 1000.0
+    # Between diagnoses, the age of the old one is known in part by its level; that of the new one is 0.
+    later = replaced(predicted(before, 1040.0), which)
+    assert np.any(later.age_and_level[:, 1:])
+    assert not np.any(later.age_and_level[:, 0])
+    assert not np.any(later.aged[:, 0])
     assert after.law_probabilities()[0, :-1] == pytest.approx(before.prior.settings.laws, abs=0.06)
 
 
@@ -249,3 +254,15 @@ def test_the_coordinates_of_an_eccentricity_are_one_growth() -> None:
     for values in (belief.law, belief.life_scale, belief.aged, belief.log_weights, belief.unevenness):
         assert np.array_equal(values[:, 5], values[:, 6])
     assert belief.mean_rate[5:7] == pytest.approx([0.02 * 0.6 / 50, -0.02 * 0.8 / 50], rel=0.15)
+
+
+def test_a_surprise_in_one_direction_of_an_eccentricity_is_one_of_both() -> None:
+    belief = flown([0.0] * 5)
+    covariance = np.eye(8) * 1e-4
+    covariance[6, 6] = 0.31**2  # what is known no better than this cannot surprise by itself
+    z = NEW.copy()
+    z[5] += 0.5
+    after = updated(predicted(belief, belief.hours + 50.0), z, covariance)
+    assert after.surprise[5] == after.surprise[6]
+    assert np.array_equal(after.law[:, 5], after.law[:, 6])
+    assert np.array_equal(after.log_weights[:, 5], after.log_weights[:, 6])

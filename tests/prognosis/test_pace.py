@@ -63,7 +63,8 @@ def of(units: list[Evidence]) -> Fellows:
 
 
 def pooled(by: Fellows, evidence: Evidence, times: Array, ahead: Stress | None = None) -> Array:
-    belief = replace(Belief.new(Prior()), hours=evidence.hours)
+    born = np.full(8, max((hours for hours, _ in evidence.replacements), default=0.0))
+    belief = replace(Belief.new(Prior()), hours=evidence.hours, born=born)
     return by.pooled(FailureTimes(LIMITS, times), belief, evidence, ahead).first
 
 
@@ -194,6 +195,15 @@ def test_a_replaced_component_has_a_life_of_its_own() -> None:
     )
     alone, again = (float(np.median(pooled(by, one, times))) for one in (second, both))
     assert again == pytest.approx(alone, rel=0.05)
+
+
+def test_a_replacement_after_a_diagnosis_of_the_same_hours_says_nothing_of_then() -> None:
+    by, times = of(fellows()), np.full((1, 400), 2000.0)
+    then = unit(2500.0, 100, 1800.0)
+    belief = replace(Belief.new(Prior()), hours=then.hours)
+    since = replace(then, replacements=((then.hours, "friction"),))
+    one, other = (by.pooled(FailureTimes(LIMITS, times), belief, each, None).first for each in (then, since))
+    assert np.array_equal(one, other)
 
 
 def test_twice_the_pace_is_half_of_the_hours() -> None:

@@ -1,6 +1,6 @@
 """What is read of a history; each function reads from one state of it."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -79,11 +79,11 @@ def flights(connection: sa.Connection, unit_id: int) -> tuple[Flight, ...]:
 
 
 def diagnoses(
-    connection: sa.Connection, unit_id: int, latest: int | None = None
+    connection: sa.Connection, unit_id: int, latest: int | None = None, earlier: int = 0
 ) -> tuple[KeptDiagnosis, ...]:
     """Return the last diagnosis of each of a unit's recordings, by hours and then as they were added.
 
-    `latest` is how many of them at most, those of most hours.
+    `latest` is how many of them at most, those of most hours; and `earlier` of those before at most.
     """
     of_hours = {flight.hours: flight for flight in flights(connection, unit_id)}
     newest = (
@@ -93,8 +93,11 @@ def diagnoses(
         .where(FLIGHTS.c.unit_id == unit_id)
         .group_by(RECORDINGS.c.id, FLIGHTS.c.hours)
     )
+    wanted: Sequence[int] | sa.Select[Any] = newest
     if latest is not None:
-        newest = newest.order_by(FLIGHTS.c.hours.desc(), RECORDINGS.c.id.desc()).limit(latest)
+        ordered = newest.order_by(FLIGHTS.c.hours.desc(), RECORDINGS.c.id.desc())
+        ids = connection.execute(ordered if earlier else ordered.limit(latest)).scalars().all()
+        wanted = [*ids[:latest], *_spread(ids[: latest - 1 : -1] if latest else ids[::-1], earlier)]
     rows = connection.execute(
         sa.select(
             DIAGNOSES,
@@ -106,10 +109,18 @@ def diagnoses(
         .join(RECORDINGS, RECORDINGS.c.id == DIAGNOSES.c.recording_id)
         .join(FLIGHTS, FLIGHTS.c.id == RECORDINGS.c.flight_id)
         .join(DESCRIPTIONS, DESCRIPTIONS.c.id == DIAGNOSES.c.description_id)
-        .where(DIAGNOSES.c.id.in_(newest))
+        .where(DIAGNOSES.c.id.in_(wanted))
         .order_by(FLIGHTS.c.hours, RECORDINGS.c.id)
     )
     return tuple(diagnosis_of(row, of_hours[row.hours]) for row in rows)
+
+
+def _spread(ids: Sequence[int], most: int) -> Sequence[int]:
+    """Return `most` of the `ids` at most, every 2nd, 4th, 8th …: the same ones while more are appended."""
+    step = 1
+    while len(ids) > most * step > 0:
+        step *= 2
+    return ids[::step] if most else ()
 
 
 def recordings(connection: sa.Connection, unit_id: int) -> int:

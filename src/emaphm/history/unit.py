@@ -42,13 +42,14 @@ class Unit:
         with self.database.reading() as connection:
             return reading.flights(connection, self.row.id)
 
-    def diagnoses(self, latest: int | None = None) -> tuple[KeptDiagnosis, ...]:
+    def diagnoses(self, latest: int | None = None, earlier: int = 0) -> tuple[KeptDiagnosis, ...]:
         """Return the last diagnosis of each recording, by hours, those that explain nothing among them.
 
-        `latest` is how many of them at most, those of most hours.
+        `latest` is how many of them at most, those of most hours, and `earlier` how many of those before,
+        evenly spread.
         """
         with self.database.reading() as connection:
-            return reading.diagnoses(connection, self.row.id, latest)
+            return reading.diagnoses(connection, self.row.id, latest, earlier)
 
     def removals(self) -> tuple[Removal, ...]:
         """Return the removals, by hours."""

@@ -92,19 +92,20 @@ def _of_component(now: Situation, name: str) -> Iterator[Event]:
     if alarm is not None and renewed is not None and renewed >= (alarm.hours or 0.0):
         yield now.event("alarm", "cleared", "info", f"{name} was replaced at {renewed:g} h", name)
         alarm = None
-    verdicts = [
-        one.verdicts[name]
-        for one in now.diagnoses
-        if one.explained and one.verdicts[name] != "cannot tell" and (renewed is None or one.hours > renewed)
-    ]
+    decided = [one for one in now.diagnoses if one.explained and one.verdicts[name] != "cannot tell"]
+    verdicts = [one.verdicts[name] for one in decided if renewed is None or one.hours > renewed]
     if not (now.new.explained and verdicts and now.new.verdicts[name] != "cannot tell"):
         return
     fault = now.new.document["faults"][name]
     size = f"{fault['value']:.3g} (95 %: {fault['interval95'][0]:.3g} to {fault['interval95'][1]:.3g})"
     values = {"value": fault["value"], "interval95": fault["interval95"]}
-    before = verdicts[-2] if len(verdicts) > 1 else None
-    if verdicts[-1] != (before or "healthy"):
-        turned = f"turned from {before} to" if before else "in its first decided diagnosis is"
+    before = decided[-2].verdicts[name] if len(decided) > 1 else "healthy"
+    # Of a new one "degraded" is news whatever the old one was, and "healthy" where that was not.
+    if verdicts[-1] != before or (len(verdicts) == 1 and verdicts[-1] == "degraded"):
+        turned = f"turned from {before} to"
+        if len(verdicts) == 1:
+            turned = "in its first decided diagnosis is"
+            turned += "" if len(decided) == 1 else f" since it was replaced at {renewed:g} h"
         message = f"{name} {turned} {verdicts[-1]}, {size}"
         severity = "warning" if verdicts[-1] == "degraded" else "info"
         yield now.event("health_changed", "raised", severity, message, name, verdict=verdicts[-1], **values)

@@ -158,7 +158,7 @@ def prognosed(
     def events(made: Prognosis) -> Sequence[Event]:
         return rul_events(history, made, settings, watcher)
 
-    update_prognosis(history, unit, question, seed=seed, latest=settings.latest, events=events)
+    update_prognosis(history, unit, question, seed=seed, most=settings.most, events=events)
 
 
 def rul_events(

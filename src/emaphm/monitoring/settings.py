@@ -64,8 +64,9 @@ class PrognosisSettings:
 
     `horizon` [h] and `risk`: `rul_below_horizon` is raised where the probability of failure within this
     horizon exceeds this risk; that of a healthy unit stays below. `clears_at`: share of the risk at which it
-    is cleared. `fewest`: explained diagnoses before it is raised: with fewer, the prior decides. `latest`:
-    diagnoses of a unit that are used, and of each that it learns from; more take longer and change little.
+    is cleared. `fewest`: explained diagnoses before it is raised: with fewer, the prior decides. `most`:
+    diagnoses of a unit that are used, and of each that it learns from: half of them the latest, the others
+    evenly from the hours before; more take longer and change little.
     `python -m tests.monitoring.cost` measures these.
     """
 
@@ -73,7 +74,7 @@ class PrognosisSettings:
     risk: float = 0.05
     clears_at: float = 0.5
     fewest: int = 5
-    latest: int = 100
+    most: int = 100
 
 
 @dataclass(frozen=True)

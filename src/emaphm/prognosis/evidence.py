@@ -63,11 +63,13 @@ class Evidence:
     failed_at: float | None = None
 
     @classmethod
-    def of(cls, unit: "Unit", latest: int | None = None) -> "Evidence":
+    def of(cls, unit: "Unit", most: int | None = None) -> "Evidence":
         """Return what a history says of `unit`; `HistoryError` where its database fails.
 
-        `latest` is how many of its diagnoses are taken at most, those of most hours.
+        `most` is how many of its diagnoses are taken at most: half of them the latest, half from the hours
+        before, evenly spread, which show how it has come to where it is.
         """
+        earlier = 0 if most is None else most // 2
         observations = tuple(
             Observation(
                 one.hours,
@@ -77,7 +79,7 @@ class Evidence:
                 one.explained,
                 one.cartesian_shared_covariance,
             )
-            for one in unit.diagnoses(latest)
+            for one in unit.diagnoses(None if most is None else most - earlier, earlier)
         )
         replacements = tuple((one.hours, one.component) for one in unit.replacements())
         flights = unit.flights()
@@ -183,18 +185,27 @@ def stress_pieces(flights: "Sequence[Flight]") -> tuple[StressPiece, ...]:
     Loads and temperatures are what was recorded; cycles per hour follow from cycles and hours.
     """
     pieces: list[StressPiece] = []
-    start, cycles_then, cycles_start = 0.0, 0, 0.0
-    for flight in flights:
-        per_hour = None
-        if flight.cycles is not None:
-            if flight.hours > cycles_start:
-                per_hour = (flight.cycles - cycles_then) / (flight.hours - cycles_start)
-            cycles_then, cycles_start = flight.cycles, flight.hours
+    start = 0.0
+    for flight, per_hour in zip(flights, _cycles_per_hour(flights), strict=True):
         stress = Stress(flight.load, flight.temperature, per_hour)
         if flight.hours > start and any(x is not None for x in stress.values):
             pieces.append(StressPiece(start, flight.hours, stress))
         start = flight.hours
     return tuple(pieces)
+
+
+def _cycles_per_hour(flights: "Sequence[Flight]") -> list[float | None]:
+    """Return the cycles per hour before each of a unit's flights: since those that were last stated."""
+    rates: list[float | None] = [None] * len(flights)
+    first, then, start = 0, 0, 0.0
+    for i, flight in enumerate(flights):
+        if flight.cycles is None:
+            continue
+        if flight.hours > start:
+            rate = (flight.cycles - then) / (flight.hours - start)
+            rates[first : i + 1] = [rate] * (i + 1 - first)
+        first, then, start = i + 1, flight.cycles, flight.hours
+    return rates
 
 
 def _usable(unit: str, observation: Observation) -> Array:

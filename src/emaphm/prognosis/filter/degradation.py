@@ -215,6 +215,9 @@ def _taken(belief: Belief, innovation: Array, covariance: Array, settings: Filte
     share = (weights * probability).sum(axis=0) / weights.sum(axis=0)
     # What is known no better than by a surprise cannot surprise.
     surprising = (share > LEAST_SURPRISE) & (np.diag(covariance) < more)
+    if has_plane(surprising.size):
+        plane = list(ECCENTRICITY)
+        surprising[plane] = surprising[plane].all()
     if not surprising.any():
         return _Taken(belief, total, stated)
     likelihood = np.where(surprising, likelihood, stated)
@@ -276,6 +279,7 @@ def replaced(belief: Belief, components: Mask) -> Belief:
         after,
         born=np.where(components, belief.hours, belief.born),
         aged=np.where(components, 0.0, belief.aged),
+        age_and_level=np.where(components, 0.0, belief.age_and_level),
         level=np.where(components, NEW[:count], belief.level),
         levels=levels,
         mixed=mixed,

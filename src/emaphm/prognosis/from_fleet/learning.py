@@ -59,20 +59,20 @@ def learnt_prior(
     unit: "Unit",
     *,
     seed: int = 0,
-    latest: int | None = None,
+    most: int | None = None,
     actuator: "Actuator | None" = None,
 ) -> Prior:
     """Return the `fleet_prior` of a unit, by the others of its part number that have enough diagnoses.
 
     Chosen from the whole fleet before the unit is left out, so that all its units learn from the same ones: a
     process that makes one prognosis after the other follows each of them once, and learns their pace once for
-    all units that are none of them. `latest` is how many diagnoses of each are used at most. The requirements
+    all units that are none of them. `most` is how many diagnoses of each are used at most. The requirements
     are those of `actuator`, or of the unit's last diagnosis. Errors as in `fleet_prior`; `HistoryError` where
     the database fails.
     """
     teaching = [one for one in history.overviews(unit.part_number) if one.explained >= FEWEST_DIAGNOSES]
     followed, paced = names_of(teachers(teaching)), names_of(teachers_of_pace(teaching))
-    evidence = {name: Evidence.of(history.unit(name), latest) for name in {*followed, *paced}}
+    evidence = {name: Evidence.of(history.unit(name), most) for name in {*followed, *paced}}
     chosen = [evidence[name] for name in followed]
     general = Prior(reference=reference_of(chosen))
     taught = {

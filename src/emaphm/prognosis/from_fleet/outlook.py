@@ -73,7 +73,12 @@ class Fellows:
             return times
         if not all(self._is_usable(one, evidence, belief) for one in times.limits):
             return times
-        ways = [self._way(evidence, one, belief.hours) for one in times.limits]
+        # As the belief has it: a replacement at the hours of the last diagnosis came after that.
+        born = [float(belief.born[_columns(one)[0]]) for one in times.limits]
+        ways = [
+            self._way(evidence, one, new_at, belief.hours)
+            for one, new_at in zip(times.limits, born, strict=True)
+        ]
         gone = [Passages.of(*way) for way in ways]
         population = self._population(times.limits, belief.seed)
         if population is None or not any(one.passed for one in gone):
@@ -86,7 +91,8 @@ class Fellows:
         for i, limit in enumerate(times.limits):
             column, age = _columns(limit)[0], ways[i][0]
             drawn = hours_left(population, i, gone[i], 2 * chosen.size, random)
-            since = self._aged(evidence, column, belief.hours) - (age[-1] if age.size else 0.0)
+            now = self._aged(evidence, column, born[i], belief.hours)
+            since = now - (age[-1] if age.size else 0.0)
             drawn = _after(drawn, since, chosen.size)
             hours[i, chosen] = drawn / self._pace(evidence, column, belief.hours, ahead)
         return replace(times, hours=hours)
@@ -124,30 +130,28 @@ class Fellows:
 
     def _ways_of(self, unit: "Evidence", limits: "tuple[Limit, ...]") -> list[Passages]:
         """Return what a unit shows of each limit; a failure is that of the limit which it came nearest to."""
-        ways = [self._way(unit, one, np.inf) for one in limits]
+        ways = [self._way(unit, one, _born(unit, _columns(one)[0]), np.inf) for one in limits]
         if unit.failed_at is not None and not unit.replacements:
-            ends = [self._aged(unit, _columns(one)[0], unit.failed_at) for one in limits]
+            ends = [self._aged(unit, _columns(one)[0], 0.0, unit.failed_at) for one in limits]
             failed = int(np.argmax([_ahead(*way, end) for way, end in zip(ways, ends, strict=True)]))
             age, way = ways[failed]
             ways[failed] = np.append(age, ends[failed]), np.append(way, 1.0)
         return [Passages.of(*way) for way in ways]
 
-    def _way(self, unit: "Evidence", limit: "Limit", until: float) -> tuple[Array, Array]:
-        """Return ages (n,) [h] at which a component was seen since it was new, and shares of its way (n,)."""
+    def _way(self, unit: "Evidence", limit: "Limit", born: float, until: float) -> tuple[Array, Array]:
+        """Return ages (n,) [h] at which a component `born` then was seen, and shares of its way (n,)."""
         column = _columns(limit)[0]
-        born = _born(unit, column, until)
         seen = [one for one in unit.used if born < one.hours <= until and self._is_known(one, limit)]
         level = np.array([one.level for one in seen]).reshape(len(seen), len(CARTESIAN_NAMES))
         way = 1 - limit.margin(level_of(level, str(limit.component))) / self._whole(limit)
-        return np.array([self._aged(unit, column, one.hours) for one in seen]), np.asarray(way)
+        return np.array([self._aged(unit, column, born, one.hours) for one in seen]), np.asarray(way)
 
     def _whole(self, limit: "Limit") -> float:
         """Return the whole way: the margin that a new unit has."""
         return float(limit.margin(level_of(self.new, str(limit.component))))
 
-    def _aged(self, unit: "Evidence", column: int, hours: float) -> float:
-        """Return how far a component has aged at flight `hours` since it was new [h]."""
-        born = _born(unit, column, hours)
+    def _aged(self, unit: "Evidence", column: int, born: float, hours: float) -> float:
+        """Return how far a component has aged from flight hours `born`, when it was new, to `hours` [h]."""
         return float(exposure(unit.stresses, self.reference, born, hours).aged(self.exponents[column]))
 
     def _pace(self, unit: "Evidence", column: int, hours: float, ahead: Stress | None) -> float:
@@ -164,9 +168,9 @@ def _columns(limit: "Limit") -> list[int]:
     return columns_of(str(limit.component))
 
 
-def _born(unit: "Evidence", column: int, until: float) -> float:
-    """Return the hours [h] of the last replacement of a component; 0 without any `until` then."""
-    hours = [at for at, what in unit.replacements if at <= until and column in columns_of(what)]
+def _born(unit: "Evidence", column: int) -> float:
+    """Return the hours [h] of the last replacement of a component; 0 without any."""
+    hours = [at for at, what in unit.replacements if column in columns_of(what)]
     return max(hours, default=0.0)
 
 

@@ -36,7 +36,7 @@ def update_prognosis(
     question: Question = DEFAULT_QUESTION,
     *,
     seed: int = 0,
-    latest: int | None = None,
+    most: int | None = None,
     events: "Callable[[Prognosis], Sequence[Event]]" = lambda _: (),
 ) -> Updated:
     """Return the prognosis of `unit`, learning from the others of its part number, and keep it.
@@ -47,16 +47,16 @@ def update_prognosis(
 
     Parameters
     ----------
-    latest
-        Diagnoses that are used at most, of this unit and of each that it learns from: those of most hours.
+    most
+        Diagnoses that are used at most, of this unit and of each that it learns from, as by `Evidence.of`.
     events
         Returns the events that follow from the prognosis; they are added in the step in which it is kept.
 
     Errors as in `emaphm.prognosis.prognose`; `HistoryError` where the database fails.
     """
     count = history.recordings(unit.serial_number)  # before they are read: a later one makes it out of date
-    evidence = Evidence.of(unit, latest)
-    prior = learnt_prior(history, unit, seed=seed, latest=latest)
+    evidence = Evidence.of(unit, most)
+    prior = learnt_prior(history, unit, seed=seed, most=most)
     prognosis = prognose(evidence, unit.actuator, question, prior=prior, seed=seed)
     curves = Curves.of(prognosis, _earlier(history, unit, prognosis))
     new = events(prognosis)
