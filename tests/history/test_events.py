@@ -2,11 +2,16 @@
 
 import sqlite3
 import threading
+from dataclasses import replace
 
 import pytest
 
 from emaphm.errors import HistoryError
-from emaphm.history import Event, History, KeptPrognosis
+from emaphm.history import Event, Finding, History, KeptPrognosis
+from emaphm.history.blocks import unit_blocks
+from emaphm.history.kept_prognosis import Basis
+from emaphm.history.views import marks, states
+from emaphm.prognosis.keeping import is_current
 
 from .made_up import diagnosis, entry, recording
 
@@ -110,6 +115,39 @@ def test_the_last_prognosis_of_a_unit_is_kept(history: History) -> None:
     (kept,) = history.prognoses().values()
     assert (kept.hours, kept.diagnoses) == (20.0, 2)
     assert kept.document == {"rul_hours": {"median": None}, "n": 2}
+
+
+def test_what_came_after_a_prognosis_was_begun_makes_it_out_of_date(history: History) -> None:
+    def is_shown(basis: Basis, chance: float = 0.0) -> tuple[bool, bool]:
+        """Return whether a prognosis of that basis is current, on a page and in the blocks."""
+        kept = KeptPrognosis.of(basis, {"hours": 10.0, "probability_of_failure": chance})
+        history.keep_prognosis("S1", kept)
+        with history.database.reading() as connection:
+            (state,) = states(connection).values()
+        blocks = unit_blocks(history.unit("S1"))["prognostic_assessment"]
+        return is_current(state, kept), not blocks["out_of_date"]
+
+    history.add(entry(), recording(1), diagnosis(1))
+    begun = history.basis("S1")
+    assert is_shown(begun) == (True, True)
+    history.add_finding("S1", Finding(10.0, "friction", "degraded", replaced=True))
+    assert is_shown(replace(begun, at="2000-01-01T00:00:00Z")) == (False, False)
+    assert is_shown(replace(begun, at="2099-01-01T00:00:00Z")) == (True, True)
+    history.add(entry(), recording(1), replace(diagnosis(1), seed=7))
+    assert is_shown(replace(begun, at="2099-01-01T00:00:00Z")) == (False, False)
+    assert is_shown(replace(history.basis("S1"), at="2099-01-01T00:00:00Z")) == (True, True)
+
+
+def test_another_prognosis_of_the_same_diagnoses_is_noticed(history: History) -> None:
+    history.add(entry(), recording(1), diagnosis(1))
+    history.add(entry("S2"), recording(2), diagnosis(2))
+    seen = set()
+    # That of S1 was begun before that of S2, and is kept after it.
+    for unit, second in (("S1", 10), ("S2", 20), ("S1", 15)):
+        history.keep_prognosis(unit, KeptPrognosis(10.0, 1, {}, f"2026-01-01T00:00:{second}Z"))
+        with history.database.reading() as connection:
+            seen.add(marks(connection))
+    assert len(seen) == 3
 
 
 def test_a_file_is_read_while_events_are_written(tmp_path: object) -> None:

@@ -65,6 +65,8 @@ def unit_blocks(unit: Unit) -> dict[str, Any]:
         removals = reading.removals(connection, unit.row.id)
         findings = reading.findings(connection, unit.row.id)
         kept = read_prognosis(connection, unit.row.id)
+        count = reading.diagnosis_count(connection, unit.row.id)
+        changed = reading.last_change(connection, unit.row.id)
     last = flights[-1]
     is_removed = any(one.hours >= last.hours for one in removals)
     return {
@@ -92,7 +94,8 @@ def unit_blocks(unit: Unit) -> dict[str, Any]:
             {"prognostic_assessment": None, "advisory_generation": None}
             if kept is None
             else prognosis_blocks(
-                kept, out_of_date=len(diagnoses) != kept.diagnoses or last.hours > kept.hours
+                kept,
+                out_of_date=count != kept.diagnoses or last.hours > kept.hours or changed > kept.at,
             )
         ),
     }

@@ -12,10 +12,11 @@ from emaphm.history.database import Database
 from emaphm.history.events import Event, add_events, read_events, read_open_conditions
 from emaphm.history.fingerprint import description_of, recording_hash
 from emaphm.history.kept_diagnosis import KeptSettings
-from emaphm.history.kept_prognosis import KeptPrognosis, keep_prognosis, read_prognoses
+from emaphm.history.kept_prognosis import Basis, KeptPrognosis, keep_prognosis, read_prognoses
 from emaphm.history.overview import Overview, overviews
 from emaphm.history.records import Entry, Finding, Removal
 from emaphm.history.schema import bring_up_to_date, check_revision
+from emaphm.history.timestamp import timestamp
 from emaphm.history.unit import Unit
 
 if TYPE_CHECKING:
@@ -225,10 +226,12 @@ class History:
             check_revision(connection, self.database.address.shown)
             keep_prognosis(connection, reading.unit(connection, serial_number), prognosis)
 
-    def recordings(self, serial_number: str) -> int:
-        """Return how many recordings a unit has; an unknown one raises `HistoryError`."""
+    def basis(self, serial_number: str) -> Basis:
+        """Return what a prognosis is made from that is begun now; `HistoryError` if the unit is unknown."""
+        now = timestamp()  # before anything is read: what is added while a prognosis is made is not in it
         with self.database.reading() as connection:
-            return reading.recordings(connection, reading.unit(connection, serial_number).id)
+            unit_id = reading.unit(connection, serial_number).id
+            return Basis(reading.diagnosis_count(connection, unit_id), now)
 
     def prognoses(self) -> dict[str, KeptPrognosis]:
         """Return the last kept prognosis by serial number, of the units that have one."""

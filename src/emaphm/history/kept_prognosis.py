@@ -3,28 +3,44 @@
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from typing import Any
 
 import sqlalchemy as sa
 
 from emaphm.history.reading import UnitRow
 from emaphm.history.tables import PROGNOSES, UNITS
+from emaphm.history.timestamp import timestamp
 from emaphm.strict_json import finite
+
+
+@dataclass(frozen=True)
+class Basis:
+    """What a prognosis is made from: the number of `diagnoses` that the unit had had, and when that was.
+
+    With more diagnoses, those that replace others among them, or what a shop found since, the prognosis is
+    out of date.
+    """
+
+    diagnoses: int
+    at: str
 
 
 @dataclass(frozen=True)
 class KeptPrognosis:
     """What `emaphm prognose --json` prints of a unit, at its flight `hours` [h].
 
-    `diagnoses` is how many the unit had then: with more, the prognosis is out of date. `at` is when it was
-    made, UTC, ISO 8601.
+    `diagnoses` and `at` are those of its `Basis`.
     """
 
     hours: float
     diagnoses: int
     document: Mapping[str, Any] = field(repr=False)
-    at: str = field(default_factory=lambda: datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"))
+    at: str = field(default_factory=timestamp)
+
+    @classmethod
+    def of(cls, basis: Basis, document: Mapping[str, Any]) -> "KeptPrognosis":
+        """Return a prognosis, as `emaphm prognose --json` prints it, that was made from `basis`."""
+        return cls(float(document["hours"]), basis.diagnoses, document, basis.at)
 
 
 def keep_prognosis(connection: sa.Connection, unit: UnitRow, prognosis: KeptPrognosis) -> None:

@@ -123,11 +123,12 @@ def _spread(ids: Sequence[int], most: int) -> Sequence[int]:
     return ids[::step] if most else ()
 
 
-def recordings(connection: sa.Connection, unit_id: int) -> int:
-    """Return how many recordings a unit has."""
+def diagnosis_count(connection: sa.Connection, unit_id: int) -> int:
+    """Return how many diagnoses a unit has had, those among them that others have replaced since."""
+    of_recordings = RECORDINGS.join(FLIGHTS, FLIGHTS.c.id == RECORDINGS.c.flight_id)
     query = (
         sa.select(sa.func.count())
-        .select_from(RECORDINGS.join(FLIGHTS, FLIGHTS.c.id == RECORDINGS.c.flight_id))
+        .select_from(DIAGNOSES.join(of_recordings, RECORDINGS.c.id == DIAGNOSES.c.recording_id))
         .where(FLIGHTS.c.unit_id == unit_id)
     )
     return int(connection.execute(query).scalar_one())
@@ -182,6 +183,15 @@ def findings(connection: sa.Connection, unit_id: int) -> tuple[Finding, ...]:
         Finding(row.hours, row.component, row.condition, row.level, row.replaced, row.note)
         for row in connection.execute(query)
     )
+
+
+def last_change(connection: sa.Connection, unit_id: int) -> str:
+    """Return when a unit's newest removal or finding was added, UTC, ISO 8601; empty where it has none."""
+    queries = (
+        sa.select(sa.func.max(table.c.added_at)).where(table.c.unit_id == unit_id)
+        for table in (REMOVALS, FINDINGS)
+    )
+    return max(connection.execute(query).scalar() or "" for query in queries)
 
 
 def _units() -> sa.Select[Any]:

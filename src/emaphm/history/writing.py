@@ -3,7 +3,6 @@
 Every function is called with a connection that alone may write, so that what it has checked stays true.
 """
 
-from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 import sqlalchemy as sa
@@ -13,6 +12,7 @@ from emaphm.history.columns import columns_of
 from emaphm.history.reading import UnitRow, has_diagnosis, unit_or_none
 from emaphm.history.records import Entry, Finding, Removal
 from emaphm.history.tables import DESCRIPTIONS, DIAGNOSES, FINDINGS, FLIGHTS, RECORDINGS, REMOVALS, UNITS
+from emaphm.history.timestamp import timestamp
 
 if TYPE_CHECKING:
     from emaphm.diagnosis import Diagnosis
@@ -132,7 +132,7 @@ def add_diagnosis(
     check_entry(connection, entry, recording_hash)
     if has_diagnosis(connection, recording_hash, settings):
         return False
-    now = _now()
+    now = timestamp()
     unit_id = _id_of(
         connection,
         UNITS,
@@ -205,7 +205,7 @@ def _added(
 ) -> bool:
     found = connection.execute(sa.select(table).where(*_equal(table, key))).one_or_none()
     if found is None:
-        connection.execute(table.insert().values(key | values | {"added_at": _now()}))
+        connection.execute(table.insert().values(key | values | {"added_at": timestamp()}))
         return True
     held = {name: getattr(found, name) for name in values}
     if held != values:
@@ -225,7 +225,3 @@ def _id_of(connection: sa.Connection, table: sa.Table, key: dict[str, Any], valu
 
 def _equal(table: sa.Table, key: dict[str, Any]) -> list[sa.ColumnElement[bool]]:
     return [table.c[name] == value for name, value in key.items()]
-
-
-def _now() -> str:
-    return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")

@@ -134,7 +134,7 @@ def _out_of_date(history: History) -> list[str]:
         one.serial_number
         for one in every
         if (
-            kept[one.serial_number].diagnoses != one.recordings
+            kept[one.serial_number].diagnoses != one.diagnoses
             if one.serial_number in kept
             else one.last_at >= since
         )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from emaphm.history.events import read_open_conditions
 from emaphm.history.kept_prognosis import KeptPrognosis, read_prognoses
-from emaphm.history.views import Marks, UnitState, changed_units, marks, states
+from emaphm.history.views import NO_PROGNOSES, Marks, UnitState, changed_units, marks, states
 from emaphm.prognosis.keeping import is_current
 
 if TYPE_CHECKING:
@@ -173,7 +173,7 @@ class FleetView:
         """Return a unit whose prognosis is out of date and was not asked for since; the most urgent first."""
         for row in Choice().of(self.fleet().rows):
             state = self._states[row.id]
-            what = (state.recordings, state.changed)
+            what = (state.diagnoses, state.changed)
             if not row.current and self._asked.get(row.unit) != what:
                 self._asked[row.unit] = what
                 return row.unit
@@ -183,7 +183,7 @@ class FleetView:
         """Read the prognoses again: one has been made."""
         with self._lock:
             if made and self._marks is not None:
-                self._marks = self._marks._replace(prognoses=(-1, 0, 0.0))
+                self._marks = self._marks._replace(prognoses=NO_PROGNOSES)
 
 
 def _alarms(connection: "Connection") -> dict[str, tuple[str, ...]]:

@@ -112,13 +112,13 @@ def prognose(
         return
     with History.open(db) as history:
         found = history.unit(unit)
+        basis = history.basis(unit)
         evidence, described = Evidence.of(found), described or found.actuator
         prior = learnt_prior(history, found, seed=seed, actuator=described) if fleet else Prior()
     result = ask(evidence, described, question, prior=prior, seed=seed)
     if keep:
         with History.open(db) as history:
-            kept = KeptPrognosis(evidence.hours, len(evidence.observations), result.to_dict())
-            history.keep_prognosis(unit, kept)
+            history.keep_prognosis(unit, KeptPrognosis.of(basis, result.to_dict()))
     draw(result, figure)
     if report is not None:
         from emaphm.report.prognosis import write_prognosis

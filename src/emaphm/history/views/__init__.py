@@ -2,9 +2,10 @@
 
 from emaphm.history.views.curves import keep_curves, read_curves
 from emaphm.history.views.diagnoses import DiagnosisLine, diagnosis, diagnosis_lines, last_diagnosis
-from emaphm.history.views.states import Marks, UnitState, changed_units, marks, states
+from emaphm.history.views.states import NO_PROGNOSES, Marks, UnitState, changed_units, marks, states
 
 __all__ = [
+    "NO_PROGNOSES",
     "DiagnosisLine",
     "Marks",
     "UnitState",

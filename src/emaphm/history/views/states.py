@@ -20,7 +20,11 @@ class Marks(NamedTuple):
     removal: int
     finding: int
     event: int
-    prognoses: tuple[int, int, float]
+    prognoses: tuple[int, int, float, str, int]
+
+
+NO_PROGNOSES = (0, 0, 0.0, "", 0)
+"""Of `Marks.prognoses`."""
 
 
 @dataclass(frozen=True)
@@ -33,8 +37,9 @@ class UnitState:
         Of its last flight [h]; the position is None where it is not known.
     last_at
         When its newest recording was added, UTC, ISO 8601.
-    recordings, explained
-        How many recordings it has, and how many of them the last diagnosis explains.
+    recordings, explained, diagnoses
+        How many recordings it has, how many of them the last diagnosis explains, and how many diagnoses it
+        has had, also such as others have replaced.
     diagnosis_id, document
         Of the last diagnosis of its last flight: its number and its JSON.
     changed
@@ -50,6 +55,7 @@ class UnitState:
     last_at: str
     recordings: int
     explained: int
+    diagnoses: int
     diagnosis_id: int
     document: dict[str, Any] = field(repr=False)
     changed: str
@@ -61,10 +67,20 @@ def marks(connection: sa.Connection) -> Marks:
         connection.execute(sa.select(sa.func.max(table.c.id))).scalar() or 0
         for table in (DIAGNOSES, REMOVALS, FINDINGS, EVENTS)
     )
-    kept = connection.execute(
-        sa.select(sa.func.count(), sa.func.sum(PROGNOSES.c.diagnoses), sa.func.sum(PROGNOSES.c.hours))
+    at = PROGNOSES.c.at  # of two that were made at once, the one that was begun first may be kept last
+    minute, second = (sa.cast(sa.func.substr(at, place, 2), sa.Integer) for place in (15, 18))
+    count, diagnoses, hours, last, stamps = connection.execute(
+        sa.select(
+            sa.func.count(),
+            sa.func.sum(PROGNOSES.c.diagnoses),
+            sa.func.sum(PROGNOSES.c.hours),
+            sa.func.max(at),
+            sa.func.sum(60 * minute + second),
+        )
     ).one()
-    return Marks(diagnosis, removal, finding, event, (kept[0], int(kept[1] or 0), float(kept[2] or 0.0)))
+    if not count:
+        return Marks(diagnosis, removal, finding, event, NO_PROGNOSES)
+    return Marks(diagnosis, removal, finding, event, (count, int(diagnoses), float(hours), last, int(stamps)))
 
 
 def changed_units(connection: sa.Connection, since: Marks) -> set[int]:
@@ -96,6 +112,7 @@ def states(connection: sa.Connection, units: Collection[int] | None = None) -> d
 
 def _states(connection: sa.Connection, chosen: sa.ColumnElement[bool]) -> dict[int, UnitState]:
     counted = {row.unit_id: row for row in connection.execute(_counts(chosen))}
+    diagnosed: dict[int, int] = {row[0]: row[1] for row in connection.execute(_diagnosed(chosen))}
     positions = _positions(connection, chosen)
     changed = _changed(connection, chosen)
     return {
@@ -109,6 +126,7 @@ def _states(connection: sa.Connection, chosen: sa.ColumnElement[bool]) -> dict[i
             last_at=counted[row.id].last_at,
             recordings=counted[row.id].recordings,
             explained=counted[row.id].explained,
+            diagnoses=diagnosed[row.id],
             diagnosis_id=row.diagnosis_id,
             document=json.loads(row.document),
             changed=changed.get(row.id, ""),
@@ -163,6 +181,19 @@ def _counts(chosen: sa.ColumnElement[bool]) -> sa.Select[Any]:
         .join(UNITS, UNITS.c.id == FLIGHTS.c.unit_id)
         .join(RECORDINGS, RECORDINGS.c.flight_id == FLIGHTS.c.id)
         .join(DIAGNOSES, sa.and_(DIAGNOSES.c.recording_id == RECORDINGS.c.id, DIAGNOSES.c.id == newest))
+        .where(chosen)
+        .group_by(FLIGHTS.c.unit_id)
+    )
+
+
+def _diagnosed(chosen: sa.ColumnElement[bool]) -> sa.Select[Any]:
+    """Return the query of how many diagnoses units have had."""
+    return (
+        sa.select(FLIGHTS.c.unit_id, sa.func.count())
+        .select_from(FLIGHTS)
+        .join(UNITS, UNITS.c.id == FLIGHTS.c.unit_id)
+        .join(RECORDINGS, RECORDINGS.c.flight_id == FLIGHTS.c.id)
+        .join(DIAGNOSES, DIAGNOSES.c.recording_id == RECORDINGS.c.id)
         .where(chosen)
         .group_by(FLIGHTS.c.unit_id)
     )

@@ -28,6 +28,7 @@ from emaphm.prognosis.stress import StressReference
 if TYPE_CHECKING:
     from emaphm.actuator import Actuator
     from emaphm.history import KeptPrognosis
+    from emaphm.history.kept_prognosis import Basis
     from emaphm.history.overview import Overview
 
 AT_ONCE = 5
@@ -39,19 +40,20 @@ worker does not keep the others waiting for long."""
 class UnitOutcome:
     """A unit's prognosis as `emaphm prognose --json` prints it, or the text of the error that it ended in.
 
-    `diagnoses` is how many the unit has.
+    `basis` is what it was made from.
     """
 
     unit: str
     values: Mapping[str, Any]
-    diagnoses: int = 0
+    basis: "Basis | None" = None
     error: str = ""
 
     def kept(self) -> "KeptPrognosis":
         """Return the prognosis as a history keeps it."""
         from emaphm.history import KeptPrognosis
 
-        return KeptPrognosis(self.values["hours"], self.diagnoses, self.values)
+        assert self.basis is not None  # noqa: S101 - one that has failed is not kept
+        return KeptPrognosis.of(self.basis, self.values)
 
 
 @dataclass(frozen=True)
@@ -207,7 +209,7 @@ def _prognoses(
     with History.open(where) as history:
         for name in names:
             try:
-                unit = history.unit(name)
+                unit, basis = history.unit(name), history.basis(name)
                 evidence = Evidence.of(unit)
                 described = actuator or unit.actuator
                 prior = None if fleet is None else fleet.prior_of(name, described, seed)
@@ -215,5 +217,5 @@ def _prognoses(
             except EmaphmError as error:
                 results.append(UnitOutcome(name, {}, error=str(error)))
             else:
-                results.append(UnitOutcome(name, made.to_dict(), len(evidence.observations)))
+                results.append(UnitOutcome(name, made.to_dict(), basis))
     return results

@@ -54,15 +54,15 @@ def update_prognosis(
 
     Errors as in `emaphm.prognosis.prognose`; `HistoryError` where the database fails.
     """
-    count = history.recordings(unit.serial_number)  # before they are read: a later one makes it out of date
+    basis = history.basis(unit.serial_number)
     evidence = Evidence.of(unit, most)
     prior = learnt_prior(history, unit, seed=seed, most=most)
     prognosis = prognose(evidence, unit.actuator, question, prior=prior, seed=seed)
     curves = Curves.of(prognosis, _earlier(history, unit, prognosis))
     new = events(prognosis)
     with history.database.writing() as connection:
-        keep_prognosis(connection, unit.row, KeptPrognosis(evidence.hours, count, prognosis.to_dict()))
-        keep_curves(connection, unit.row.id, evidence.hours, count, curves.to_dict())
+        keep_prognosis(connection, unit.row, KeptPrognosis.of(basis, prognosis.to_dict()))
+        keep_curves(connection, unit.row.id, evidence.hours, basis.diagnoses, curves.to_dict())
         add_events(connection, new)
     return Updated(prognosis, curves)
 
@@ -71,7 +71,7 @@ def is_current(state: "UnitState", prognosis: KeptPrognosis | None) -> bool:
     """Return whether nothing was added to a unit since its `prognosis` was made."""
     if prognosis is None:
         return False
-    return prognosis.diagnoses >= state.recordings and prognosis.at >= state.changed
+    return prognosis.diagnoses >= state.diagnoses and prognosis.at >= state.changed
 
 
 def _earlier(history: "History", unit: "Unit", prognosis: "Prognosis") -> list[tuple[float, ...]]:

@@ -6,11 +6,11 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from emaphm.errors import ServerError
+from emaphm.history.timestamp import timestamp
 
 WAITING, RUNNING, DONE, REFUSED, FAILED = "waiting", "running", "done", "refused", "failed"
 STATES = (WAITING, RUNNING, DONE, REFUSED, FAILED)
@@ -99,7 +99,7 @@ class Queue:
         with self._working() as connection:
             cursor = connection.execute(
                 "INSERT INTO jobs (state, request, file, added_at) VALUES (?, ?, ?, ?)",
-                (WAITING, json.dumps(request), file, _now()),
+                (WAITING, json.dumps(request), file, timestamp()),
             )
         return int(cursor.lastrowid or 0)
 
@@ -117,7 +117,7 @@ class Queue:
         with self._working() as connection:
             connection.execute(
                 "UPDATE jobs SET state = ?, message = ?, result = ?, ended_at = ? WHERE id = ?",
-                (state, message, json.dumps(result), _now(), job),
+                (state, message, json.dumps(result), timestamp(), job),
             )
 
     def killed(self, job: int) -> int:
@@ -181,7 +181,3 @@ def _job(row: sqlite3.Row) -> Job:
         row["added_at"],
         row["ended_at"],
     )
-
-
-def _now() -> str:
-    return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
