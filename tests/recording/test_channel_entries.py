@@ -10,6 +10,7 @@ import pytest
 from emaphm.actuator import Actuator
 from emaphm.actuator.channels import Channels
 from emaphm.actuator.reading import Reading
+from emaphm.errors import RecordingError
 from emaphm.recording import Recording, read_recording, write_recording
 
 from .conftest import Columns, Refusal
@@ -55,6 +56,21 @@ def test_derived_of_columns_and_of_channels(columns: Columns, tmp_path: Path, th
     actuator = rig(thesis, position_rad={"derived": "command_rad - 0.001 * error"})
     recording = read_recording(save(logged, tmp_path), actuator)
     np.testing.assert_allclose(recording["position_rad"], columns["position_rad"], atol=1e-15)
+
+
+def test_what_is_derived_of_channels_alone_is_derived(
+    columns: Columns, tmp_path: Path, thesis: Actuator
+) -> None:
+    channels = {
+        "current_A": {"derived": "2 * current_A"},
+        "load_Nm": {"derived": "0.01 * position_rad + 0.5"},
+    }
+    names = ("time_s", "command_rad", "current_A", "position_rad")
+    recording = read_recording(save({n: columns[n] for n in names}, tmp_path), rig(thesis, **channels))
+    np.testing.assert_allclose(recording["current_A"], 2 * columns["current_A"])
+    np.testing.assert_allclose(recording["load_Nm"], 0.01 * columns["position_rad"] + 0.5)
+    with pytest.raises(ValueError, match="time is a column of its own"):
+        rig(thesis, time_s={"derived": "frame / 5000"})
 
 
 def test_known_values_and_labels(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
@@ -164,6 +180,8 @@ def test_low_pass_has_its_bandwidth_and_no_phase(tmp_path: Path, thesis: Actuato
     np.testing.assert_allclose(recording["current_A"][middle], expected[middle], atol=0.002)
     np.testing.assert_array_equal(recording["command_rad"], slow)
     assert "zero-phase low-pass with a bandwidth of 50 Hz" in recording.notes[-1]
+    with pytest.raises(RecordingError, match="low_pass_hz = 1e-07 leaves nothing"):
+        read_recording(path, rig(thesis, {"low_pass_hz": 1e-7}))
 
 
 BAD: dict[str, tuple[dict[str, Any], dict[str, Any], list[str]]] = {
@@ -237,4 +255,4 @@ def test_a_file_without_any_foreign_name_is_read_by_schema_names_with_a_note(
     actuator = rig(thesis, {"keep": "on == 1"}, load_Nm="force", current_A={"column": "I", "unit": "mA"})
     recording = read_recording(save(columns, tmp_path), actuator)
     np.testing.assert_array_equal(recording["current_A"], columns["current_A"])
-    assert recording.notes[0].endswith("without load_Nm")
+    assert recording.notes[0].endswith("without load_Nm, the entry of current_A, what [reading] asks for")

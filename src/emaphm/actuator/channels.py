@@ -137,6 +137,6 @@ class Channels(Section):
     @field_validator("time_s")
     @classmethod
     def _time_is_recorded(cls, entry: ChannelEntry) -> ChannelEntry:
-        if entry.value is not None or entry.delay_s or entry.time:
+        if entry.value is not None or entry.derived is not None or entry.delay_s or entry.time:
             raise ValueError("time is a column of its own; give its name, unit, scale and offset only")
         return entry

@@ -4,6 +4,9 @@ from typing import Any
 
 from pydantic import Field
 
+COLDEST, HOTTEST = 150.0, 500.0
+"""Mean temperatures of an actuator [K] that are not taken for a mistake of units."""
+
 ROTARY_TO_LINEAR = (("kg·m²", "kg"), ("N·m", "N"), ("rad", "m"))
 
 

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 from emaphm.actuator.faults import NAMES
+from emaphm.actuator.quantity import COLDEST, HOTTEST
 from emaphm.errors import HistoryError, nearest
 
 UNIT = "unit"
@@ -18,13 +19,13 @@ REASONS = ("failed", "suspected", "scheduled", "other")
 CONDITIONS = ("failed", "degraded", "healthy")
 """What a shop found: no longer within its requirements; worn, but within; nothing wrong."""
 
+MOST_HOURS = 1e6
+"""Flight hours: more than a century of them."""
+
 LONGEST_NAME = 200
 """Characters of a serial number, a part number or a position."""
 
 LONGEST_NOTE = 2000
-
-COLDEST, HOTTEST = 150.0, 500.0
-"""Mean temperatures [K] that are not taken for a mistake of units."""
 
 
 @dataclass(frozen=True)
@@ -170,6 +171,8 @@ def check_note(note: str) -> None:
 
 
 def check_hours(hours: float) -> None:
-    """Refuse hours that are no number of 0 or more, `HistoryError`."""
-    if not (math.isfinite(hours) and hours >= 0):
-        raise HistoryError(f"hours {hours:g}: give a number of 0 or more, the unit's since it was new")
+    """Refuse hours that no unit has, `HistoryError`: what is in a history stays there."""
+    if not 0 <= hours <= MOST_HOURS:
+        raise HistoryError(
+            f"hours {hours:g}: give a number from 0 to {MOST_HOURS:,.0f}, the unit's since it was new"
+        )

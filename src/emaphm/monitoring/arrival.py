@@ -32,7 +32,7 @@ class Arrival:
     name
         What events call them.
     read
-        Returns the entry and the recordings; `RecordingError` or `HistoryError` where they cannot be used.
+        Returns each recording with its entry; `RecordingError` or `HistoryError` where they cannot be used.
     finish
         Called with the outcome, one of `watch_state.OUTCOMES`, and events to be kept with it; returns how
         many of them are new.
@@ -46,7 +46,7 @@ class Arrival:
     """
 
     name: str
-    read: Callable[[], tuple[Entry, list[Recording]]]
+    read: Callable[[], list[tuple[Entry, Recording]]]
     finish: Callable[[str, Sequence[Event]], int]
     once_more: Callable[[], bool]
     arrived: float

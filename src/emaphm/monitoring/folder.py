@@ -196,11 +196,12 @@ class FolderSource:
         outcome: str = "",
         is_tried: bool = False,
     ) -> Arrival:
-        def read() -> tuple[Entry, list[Recording]]:
+        def read() -> list[tuple[Entry, Recording]]:
             if refusal:
                 raise RecordingError(f"{path}: {refusal}")
             recordings = self.call(read_recordings, path, self.actuator, split=self.split)
-            return self.ownership.entry(candidate.name, recordings[0].labels), recordings
+            # Of a file that is cut, each piece may be another unit's.
+            return [(self.ownership.entry(candidate.name, one.labels), one) for one in recordings]
 
         def finish(became: str, events: Sequence[Event]) -> int:
             return self.state.finish_file(_done(candidate, digest, outcome or became), events)

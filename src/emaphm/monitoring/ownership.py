@@ -17,6 +17,9 @@ FIELDS = {"unit": r".+?", "hours": r"\d+(?:\.\d+)?", "cycles": r"\d+", "any": r"
 UNIT_LABELS = ("unit", SERIAL)
 HOURS_LABEL, CYCLES_LABEL = "hours", "cycles"
 
+MOST_EXACT = 2.0**53
+"""Up to which a column of numbers keeps each whole one."""
+
 
 @dataclass(frozen=True)
 class NamePattern:
@@ -85,9 +88,9 @@ class Ownership:
             They are, and cannot be.
         """
         named = self.pattern.values(name) if self.pattern else {}
-        unit = named.get("unit") or _first(labels, UNIT_LABELS) or self.unit
-        hours = named.get(HOURS_LABEL) or _first(labels, (HOURS_LABEL,)) or self.hours
-        cycles = named.get(CYCLES_LABEL) or _first(labels, (CYCLES_LABEL,))
+        unit = named.get("unit") or _first(name, labels, UNIT_LABELS) or self.unit
+        hours = named.get(HOURS_LABEL) or _first(name, labels, (HOURS_LABEL,)) or self.hours
+        cycles = named.get(CYCLES_LABEL) or _first(name, labels, (CYCLES_LABEL,))
         for value, what in ((unit, "unit"), (hours, HOURS_LABEL)):
             if value is None:
                 raise RecordingError(
@@ -103,12 +106,19 @@ class Ownership:
         )
 
 
-def _first(labels: Mapping[str, Label], names: tuple[str, ...]) -> str | None:
-    for name in names:
-        value = labels.get(name)
-        if value is not None:
-            return value if isinstance(value, str) else f"{value:.12g}"
-    return None
+def _first(file: str, labels: Mapping[str, Label], names: tuple[str, ...]) -> str | None:
+    """Return the first label of those `names`, a number with all of its digits."""
+    found = next((name for name in names if name in labels), None)
+    if found is None:
+        return None
+    value = labels[found]
+    if isinstance(value, str):
+        return value
+    if abs(value) > MOST_EXACT:
+        raise RecordingError(
+            f"{file}: its {found}, {value:g}, has more digits than a number keeps; write it with a letter"
+        )
+    return str(int(value)) if value == int(value) else repr(value)
 
 
 def _number(name: str, what: str, value: object) -> float:

@@ -278,9 +278,7 @@ class _Watcher:
         while not outcome:
             refused = list[str]()
             try:
-                entry, recordings = arrival.read()
-                self._insist(partial(self.judge.check, entry))
-                for recording in recordings:
+                for entry, recording in arrival.read():
                     self._judge_parts(arrival, entry, recording, refused)
             except HistoryFormError:
                 raise
@@ -307,6 +305,7 @@ class _Watcher:
     def _judge_parts(self, arrival: Arrival, entry: Entry, recording: Recording, refused: list[str]) -> None:
         """Judge a recording; what cannot be is added to `refused`, and what can is done all the same."""
         try:
+            self._insist(partial(self.judge.check, entry))
             for part in self.judge.parts(recording):
                 try:
                     self._judge_one(arrival, entry, part)

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
+from emaphm.actuator.quantity import COLDEST, HOTTEST
 from emaphm.arrays import Array
 from emaphm.errors import PrognosisError
 
@@ -42,7 +43,7 @@ class Stress:
     Raises
     ------
     PrognosisError
-        A value is no number above 0; a load or cycles may be 0.
+        A load or cycles are no number of 0 or more, or a temperature is none that an actuator has.
     """
 
     load: float | None = None
@@ -53,8 +54,10 @@ class Stress:
         for name, value in (("load", self.load), ("cycles per hour", self.cycles_per_hour)):
             if value is not None and not (math.isfinite(value) and value >= 0):
                 raise PrognosisError(f"a stress of {name} {value:g}: give a number of 0 or more")
-        if self.temperature is not None and not (math.isfinite(self.temperature) and self.temperature > 0):
-            raise PrognosisError(f"a temperature of {self.temperature:g} K: give kelvins, above 0")
+        if self.temperature is not None and not COLDEST <= self.temperature <= HOTTEST:
+            raise PrognosisError(
+                f"a temperature of {self.temperature:g} K: give kelvins, from {COLDEST:g} to {HOTTEST:g}"
+            )
 
     @property
     def values(self) -> tuple[float | None, float | None, float | None]:

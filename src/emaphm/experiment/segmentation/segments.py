@@ -1,5 +1,6 @@
 """Cutting a long recording, of a flight or a day on the rig, into stretches that identify something."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -78,8 +79,8 @@ def segments(
     """
     if not 0 < wanted <= 1:
         raise MethodError(f"a precision of ±{wanted:g} is impossible; give more than 0, up to 1")
-    if not longest_s > 0:
-        raise MethodError(f"stretches of {longest_s:g} s are impossible; give more than 0")
+    if not 0 < longest_s < math.inf:
+        raise MethodError(f"stretches of {longest_s:g} s are impossible; give a number above 0")
     cells = Cells.of(recording, actuator)
     space = ParameterSpace.of(actuator)
     information: dict[int, Array] = {}

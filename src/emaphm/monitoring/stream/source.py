@@ -146,8 +146,9 @@ class StreamSource:
         movement, entry = ended.movement, ended.entry
         name = f"{entry.unit} at {entry.hours:g} h, {movement.first:.3f} to {movement.last:.3f} s"
 
-        def read() -> tuple[Entry, list[Recording]]:
-            return entry, self.call(recordings_of, movement.columns, name, self.actuator, split=self.split)
+        def read() -> list[tuple[Entry, Recording]]:
+            pieces = self.call(recordings_of, movement.columns, name, self.actuator, split=self.split)
+            return [(entry, one) for one in pieces]
 
         before = self.state.files([(key := _key(ended))]).get(key)
         was_tried = before is not None and before.digest == movement.digest
@@ -313,7 +314,7 @@ class StreamSource:
         raw = row.get(name)
         if not isinstance(raw, float) or not math.isfinite(raw):
             return None
-        return raw * self._seconds if name == self.actuator.channels.time_s.column else raw
+        return raw * self._seconds if name == (self.actuator.channels.time_s.column or "time_s") else raw
 
     def _column(self, channel: str, row: Cells) -> str:
         """Return the column of a row that a channel stands in: the one of [channels], or its own name."""

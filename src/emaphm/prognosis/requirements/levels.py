@@ -74,12 +74,11 @@ def failure_levels(actuator: Actuator, faults: Faults = HEALTHY) -> tuple[Failur
 
 def _crossing(levels: Array, margin: Array) -> float | None:
     """Return the first level (of n) at which the margin (n,) falls to 0, None where it never does."""
-    below = margin <= 0
-    if not below.any():
-        return None
-    i = int(np.argmax(below))
-    if i == 0:
+    # At the very limit it does not fail yet where it stands, and fails where it comes there.
+    below = margin <= 0 if margin[0] > 0 else margin < 0
+    if margin[0] < 0 or not below.any():
         return None  # violated already: growing or falling is not what makes it fail
+    i = int(np.argmax(below))
     high, low = margin[i - 1], margin[i]
     share = high / (high - low) if np.isfinite(low) else 1.0
     return float(levels[i - 1] + share * (levels[i] - levels[i - 1]))

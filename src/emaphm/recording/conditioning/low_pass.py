@@ -34,7 +34,7 @@ def low_passed(recording: Recording, bandwidth_hz: float, constants: Collection[
     Raises
     ------
     RecordingError
-        The bandwidth is not below half the rate of the rows.
+        The bandwidth is not below half the rate of the rows, or below a period in the recording.
     """
     from scipy.signal import butter, sosfiltfilt
 
@@ -43,6 +43,12 @@ def low_passed(recording: Recording, bandwidth_hz: float, constants: Collection[
         raise RecordingError(
             f"{recording.source}: low_pass_hz = {bandwidth_hz:g} needs more than {2 * bandwidth_hz:g} rows "
             f"a second, they come at {rate:.4g} Hz; take it out of [reading] in the actuator's TOML"
+        )
+    if bandwidth_hz * recording.duration_s < 1:
+        raise RecordingError(
+            f"{recording.source}: low_pass_hz = {bandwidth_hz:g} leaves nothing of a recording of "
+            f"{recording.duration_s:.3g} s; give more than {1 / recording.duration_s:.3g}, and well above "
+            "what the manoeuvre has"
         )
     corner = rate / np.pi * np.arctan(np.tan(np.pi * bandwidth_hz / rate) / HALF_POWER)
     sections = butter(ORDER, corner, fs=rate, output="sos")

@@ -66,24 +66,35 @@ def sources_in_file(
         own = name if name in held and name not in taken else None
         if name in foreign and is_foreign:
             there = resolved(entry.column, held, source) if entry.column is not None else None
-            if there or entry.derived is not None:
-                found[name] = Source(entry, there)
-            elif own:
-                found[name] = Source(OWN_NAME, own)
-            continue
-        if name not in foreign and name not in taken:
-            own = resolved(name, held, source)
-        if entry.value is not None and (is_foreign or not own):
-            found[name] = Source(entry)
-        elif own:
-            converted = is_foreign or not foreign
-            found[name] = Source(entry if converted else OWN_NAME, own)
+            where = Source(entry, there) if there or entry.derived is not None else _own(own, OWN_NAME)
+        else:
+            if name not in foreign and name not in taken:
+                own = resolved(name, held, source)
+            where = _plain(entry, own, applies=is_foreign or not foreign, is_foreign=is_foreign)
+        if where is not None:
+            found[name] = where
     _check_missing(found, entries, is_foreign, columns, source, known)
     for name, where in found.items():
         if where.column in columns.unusable:
             label = f"'{where.column}'" if where.column == name else f"'{where.column}' ({name})"
             raise RecordingError(f"{source}: column {label} {columns.unusable[where.column]}")
     return found, bool(foreign) and not is_foreign
+
+
+def _own(column: str | None, entry: ChannelEntry) -> Source | None:
+    return None if column is None else Source(entry, column)
+
+
+def _plain(entry: ChannelEntry, own: str | None, *, applies: bool, is_foreign: bool) -> Source | None:
+    """Return where a channel comes from whose entry names no column that only a file of the rig has.
+
+    `own` is the column with its schema name; `applies` says whether the entries are about this file.
+    """
+    if entry.derived is not None and applies:
+        return Source(entry)  # of channels alone, which every file has
+    if entry.value is not None and (is_foreign or not own):
+        return Source(entry)
+    return _own(own, entry if applies else OWN_NAME)
 
 
 def resolved(name: str, held: Sequence[str], source: str) -> str | None:

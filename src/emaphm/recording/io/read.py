@@ -21,7 +21,7 @@ from emaphm.recording.conditioning.low_pass import low_passed
 from emaphm.recording.conditioning.masks import kept_rows
 from emaphm.recording.conditioning.table import Table, table_of
 from emaphm.recording.equivalent_current import with_equivalent_current
-from emaphm.recording.io.channel_names import resolved, sources_in_file
+from emaphm.recording.io.channel_names import Source, resolved, sources_in_file
 from emaphm.recording.io.csv_file import read_csv
 from emaphm.recording.io.file_columns import FileColumns
 from emaphm.recording.io.limits import ReadLimits
@@ -191,11 +191,9 @@ def _table_in(
     source = str(path)
     constants = _constants(known, source)
     sources, is_own = sources_in_file(held, actuator.channels, source, constants)
-    # What emaphm wrote for this rig has been cut and masked already, and lacks the columns to do it by.
-    reading = Reading(longest_gap=actuator.reading.longest_gap) if is_own else actuator.reading
+    reading = _longest_gap(actuator) if is_own else actuator.reading
     every = [*held.numeric, *held.unusable]
-    passed_over = [name for name in SCHEMA if is_own and name not in {*sources, *constants}]
-    passed_over = [name for name in passed_over if actuator.channels.entry(name) != OWN_NAME]
+    passed_over = _passed_over(actuator, sources, constants) if is_own else []
     named = list(columns_in(split or reading.split or ""))
     named += Expression.parse(reading.keep).names if reading.keep else ()
     named += [reading.serial] if reading.serial else ()
@@ -203,10 +201,28 @@ def _table_in(
     table = table_of(held, sources, actuator, source, needed=needed, known=constants)
     if passed_over:
         table.notes.append(
-            f"no column that [channels] names is in the file: read by the names of the schema, without "
-            f"{', '.join(passed_over)}"
+            "no column that [channels] names is in the file: read by the names of the schema, as what emaphm "
+            f"has written, without {', '.join(passed_over)}"
         )
     return _File(path, actuator, reading, table, kept_rows(table, reading, source), known)
+
+
+def _passed_over(
+    actuator: Actuator, sources: Mapping[str, Source], constants: Mapping[str, float]
+) -> list[str]:
+    """Return what the actuator's description says of a file and one of emaphm's own is read without."""
+    entries = {name: actuator.channels.entry(name) for name in SCHEMA if name not in constants}
+    entries = {name: entry for name, entry in entries.items() if entry != OWN_NAME}
+    return [
+        *(name for name in entries if name not in sources),
+        *(f"the entry of {name}" for name in entries if name in sources and sources[name].entry == OWN_NAME),
+        *(["what [reading] asks for"] if actuator.reading != _longest_gap(actuator) else []),
+    ]
+
+
+def _longest_gap(actuator: Actuator) -> Reading:
+    """Return how a file is read that emaphm has written: it is cut and masked, and lacks columns for that."""
+    return Reading(longest_gap=actuator.reading.longest_gap)
 
 
 def _constants(known: Known, source: str) -> dict[str, float]:
