@@ -77,9 +77,10 @@ LONGEST_LISTED = 60
 def nearest(name: str, known: Iterable[str]) -> str:
     """Return `` (did you mean 'x'?)`` for the known name closest to `name`, else the list of known names."""
     options = sorted(known)
-    close = get_close_matches(name.lower(), options, n=1, cutoff=0.5)
+    written = {one.lower(): one for one in options}
+    close = get_close_matches(name.lower(), list(written), n=1, cutoff=0.5)
     if close:
-        return f" (did you mean '{_short(close[0])}'?)"
+        return f" (did you mean '{_short(written[close[0]])}'?)"
     more = f" and {len(options) - MOST_LISTED} more" if len(options) > MOST_LISTED else ""
     return f" (known: {', '.join(map(_short, options[:MOST_LISTED]))}{more})"
 

@@ -183,6 +183,7 @@ REFUSALS = {
     ("removal", "--unit", "SN-8", "--hours", "3"): "did you mean 'SN-7'",
     ("add", "second.csv", "--unit", "SN-7", "--hours", "90"): "would be going backwards",
     ("add", "second.csv", "--unit", "SN-7", "--hours", "-1"): "hours -1",
+    ("removal", "--unit", "SN-7", "--hours", "1e100"): "from 0 to 1,000,000",
     ("add", "second.csv", "--unit", "SN-7", "--hours", "200", "--cycles", "39"): "40 cycles at 100 h",
     ("add", "second.csv", "--unit", "SN-7", "--hours", "200", "--part", "P2"): "part number 'thesis'",
     ("add", "second.csv", "--unit", "SN-7", "--hours", "200", "--actuator", "pmsm"): "part number 'thesis'",

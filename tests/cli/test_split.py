@@ -67,6 +67,15 @@ def test_split_writes_recordings_and_their_description(emaphm: Emaphm, log: Path
     assert "log_0002_run_2.csv" in emaphm(*arguments, "--force").out
 
 
+def test_the_description_that_was_given_is_kept(emaphm: Emaphm, log: Path, tmp_path: Path) -> None:
+    given = (tmp_path / "rig.toml").rename(tmp_path / "actuator.toml")
+    before = given.read_bytes()
+    code, _, err = emaphm("split", log, "-o", tmp_path, "--actuator", given, "--force")
+    assert code == 2
+    assert "choose another folder" in err
+    assert given.read_bytes() == before
+
+
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [

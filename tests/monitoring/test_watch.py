@@ -123,6 +123,21 @@ def test_files_are_judged_once(inbox: Path, history: History) -> None:
     assert (once(inbox, history).judged, len(history.events(kinds=["refused"]))) == (0, 0)
 
 
+def test_each_piece_of_a_file_is_its_own_unit_s(inbox: Path, history: History) -> None:
+    pieces = []
+    for i, (unit, hours) in enumerate((("20240000000017", 10), ("20240000000018", 20))):
+        header, *rows = stand_in.content(1, i).splitlines()
+        pieces += [f"{row},{unit},{hours}" for row in rows]
+    (inbox / "day.csv").write_text("\n".join([f"{header},unit,hours", *pieces]) + "\n")
+    assert once(inbox, history, ownership=Ownership(THESIS.name), split="unit").judged == 2
+    assert judged(history) == [("20240000000017", 10.0), ("20240000000018", 20.0)]
+    (inbox / "long.csv").write_text(
+        "\n".join([f"{header},unit,hours", *(f"{row},123456789012345678901,5" for row in rows)]) + "\n"
+    )
+    assert once(inbox, history, ownership=Ownership(THESIS.name)).refused == 1
+    assert "more digits than a number keeps" in history.events(kinds=["refused"])[-1].message
+
+
 def test_events_are_lines_once(inbox: Path, history: History, tmp_path: Path) -> None:
     put(inbox, *range(19, 25))
     with (tmp_path / "lines").open("wb") as lines:

@@ -114,6 +114,21 @@ def test_combinations_are_looked_at_from_the_given_faults() -> None:
     assert found.limit.label == "play at most 5e-05 rad"
 
 
+def test_a_requirement_at_the_healthy_value_fails_with_the_least_fault() -> None:
+    backlash, gain, friction = failure_levels(
+        described(
+            {"component": "backlash", "at_most": 0.0},
+            {"component": "gain", "at_least": 0.5},
+            {"component": "friction", "at_least": 0.0},
+        )
+    )
+    assert backlash.levels["backlash"] == pytest.approx((0.0, None))
+    assert gain.levels["gain"][0] is None
+    assert gain.levels["gain"][1] == pytest.approx(0.5)
+    assert not any(one.violated for one in (backlash, gain, friction))
+    assert [one.can_fail for one in (backlash, gain, friction)] == [True, True, False]
+
+
 def test_a_requirement_that_no_fault_can_violate_is_named() -> None:
     (found,) = failure_levels(described({"measure": "free_play", "at_most": 1.0}))
     assert not found.can_fail

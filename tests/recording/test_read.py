@@ -320,6 +320,15 @@ BAD = {
         _csv_text(lambda lines: [x.replace(",", ";") for x in lines]),
         ["separated by ';'", "commas"],
     ),
+    "semicolons and decimal commas": (
+        _csv_text(lambda lines: [x.replace(",", ";").replace(".", ",") for x in lines]),
+        ["separated by ';'", "points in numbers"],
+    ),
+    "a line before the header": (
+        _csv_text(lambda lines: ["# logger 1.2", *lines]),
+        ["the first line, '# logger 1.2', is no header of the 6 columns", "take out"],
+    ),
+    "shouted": (_line(0, lambda line: line.replace("time_s", "TIME_S")), ["did you mean 'TIME_S'?"]),
     "tabs": (_csv_text(lambda lines: [x.replace(",", "\t") for x in lines]), ["separated by tabs", "commas"]),
     "decimal comma": (_line(7, lambda line: line.replace(".", ",")), ["row 7 ", "header names 6", "points"]),
     "text in csv": (_line(12, lambda line: f"{line[:-3]}x"), ["'temperature_K'", "at row 12,", "no number"]),

@@ -8,6 +8,7 @@ from cyclopts import Parameter
 
 from emaphm.cli.options import ActuatorFile, AsJson, By, Force, KnownList, RecordingFile, described_actuator
 from emaphm.cli.output import show
+from emaphm.errors import OutputError
 
 if TYPE_CHECKING:
     from emaphm.actuator import Actuator
@@ -35,6 +36,7 @@ def split(
     from emaphm.version import VERSION
 
     described = described_actuator(actuator)
+    _check_description(actuator, out / DESCRIPTION)
     refused: list[str] = []
     found = read_recordings(
         recording, described, split=by, known=known_values(known), on_refused=refused.append
@@ -57,6 +59,15 @@ def split(
         "version": VERSION,
     }
     show(summary, _text(found, files, refused, out), as_json)
+
+
+def _check_description(given: str, written: Path) -> None:
+    """Refuse to write over the description that was given: it says how the original is read."""
+    if written.exists() and Path(given).exists() and written.samefile(given):
+        raise OutputError(
+            f"{written}: is the description that was given, which says how the original is read; choose "
+            "another folder with --out"
+        )
 
 
 def _write(found: "list[Recording]", path: Path, out: Path, *, force: bool) -> list[Path]:

@@ -53,6 +53,8 @@ def read_csv(path: Path, limits: ReadLimits, _: Collection[str] = ()) -> FileCol
     ends_in_line = content[-1:].isspace()
     # Files often begin or end with blank lines, which polars takes for rows.
     content = content.removeprefix(BYTE_ORDER_MARK).strip()
+    if b"\n" not in content:  # old Macintosh programs end lines so
+        content = content.replace(b"\r", b"\n")
     # Quoted line breaks count as rows here, which only a file near the limit could be refused for.
     limits.check(content.count(b"\n"), content.partition(b"\n")[0].count(b",") + 1, source)
     try:
@@ -75,15 +77,22 @@ def read_csv(path: Path, limits: ReadLimits, _: Collection[str] = ()) -> FileCol
 
 
 def _column_names(header: Sequence[str | None], source: str) -> list[str]:
-    for separator, written in FOREIGN_SEPARATORS.items():
-        if len(header) == 1 and separator in (header[0] or ""):
-            raise RecordingError(
-                f"{source}: the header is separated by {written}; save the file with commas between columns "
-                "and points in numbers"
-            )
+    if len(header) == 1 and (complaint := _separated_otherwise(header[0] or "")):
+        raise RecordingError(f"{source}: {complaint}")
     names = [tidy(name) for name in header]
     check_names(names, source)
     return names
+
+
+def _separated_otherwise(header: str) -> str | None:
+    """Return what to do about a header of one column that is separated by something else than commas."""
+    for separator, written in FOREIGN_SEPARATORS.items():
+        if separator in header:
+            return (
+                f"the header is separated by {written}; save the file with commas between columns and points "
+                "in numbers"
+            )
+    return None
 
 
 def _add(columns: FileColumns, name: str, column: "pl.Series") -> None:
@@ -123,8 +132,16 @@ def _uneven_row(content: bytes) -> str | None:
     """Return which row has more values than the header, which polars does not say."""
     try:
         lines = csv.reader(io.StringIO(content.decode("utf-8"), newline=""))
-        columns = len(next(lines))
+        header = next(lines)
+        columns = len(header)
+        if columns == 1 and (complaint := _separated_otherwise(header[0])):
+            return complaint
         for number, line in enumerate(lines, start=1):
+            if columns == 1 < len(line):
+                return (
+                    f"the first line, {excerpt(header[0])}, is no header of the {len(line)} columns below "
+                    "it; take out what stands before the header"
+                )
             if len(line) > columns:
                 return (
                     f"row {number} has {len(line)} values where the header names {columns} columns; correct "
