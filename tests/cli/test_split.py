@@ -67,6 +67,15 @@ def test_split_writes_recordings_and_their_description(emaphm: Emaphm, log: Path
     assert "log_0002_run_2.csv" in emaphm(*arguments, "--force").out
 
 
+def test_a_file_is_cut_where_time_jumps(emaphm: Emaphm, tmp_path: Path) -> None:
+    time = np.arange(100) / 1e3
+    frame = {"time_s": np.r_[time, 9.0 + time], "command_rad": np.sin(np.r_[time, time])}
+    pl.DataFrame({**frame, "current_A": frame["command_rad"]}).write_csv(tmp_path / "day.csv")
+    answer = emaphm("split", tmp_path / "day.csv", "-o", tmp_path / "out", "--json")
+    assert answer.code == 0, answer.err
+    assert [one["samples"] for one in json.loads(answer.out)["recordings"]] == [100, 100]
+
+
 def test_the_description_that_was_given_is_kept(emaphm: Emaphm, log: Path, tmp_path: Path) -> None:
     given = (tmp_path / "rig.toml").rename(tmp_path / "actuator.toml")
     before = given.read_bytes()

@@ -29,17 +29,23 @@ def split(
 ) -> None:
     """Cut a long file into recordings, convert and clean them, and write each to a file of its own.
 
-    The folder gets the actuator's description too, for the names and units that the new files have.
+    Where neither --by nor the TOML says by what, it is cut where time jumps or masks leave a hole. The folder
+    gets the actuator's description too, for the names and units that the new files have.
     """
     from emaphm.cli.options import known_values
     from emaphm.recording import read_recordings
+    from emaphm.recording.splitting import STRETCHES
     from emaphm.version import VERSION
 
     described = described_actuator(actuator)
     _check_description(actuator, out / DESCRIPTION)
     refused: list[str] = []
     found = read_recordings(
-        recording, described, split=by, known=known_values(known), on_refused=refused.append
+        recording,
+        described,
+        split=by or described.reading.split or STRETCHES,
+        known=known_values(known),
+        on_refused=refused.append,
     )
     files = _write(found, recording, out, force=force)
     _write_description(described, out / DESCRIPTION, force=force)
