@@ -11,7 +11,10 @@ from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.actuator.faults import CARTESIAN_NAMES
 from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
 from emaphm.diagnosis import Diagnosis, diagnose, error_percent
+from emaphm.diagnosis.selection.nuisance_candidates import _gross_starts
 from emaphm.diagnosis.selection.rivals import with_rivals
+from emaphm.estimation.objective import faults_objective
+from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.space.nuisances import NO_NUISANCES
 from emaphm.estimation.space.parameter_space import ParameterSpace
@@ -128,3 +131,16 @@ def test_rivals_add_their_spread_by_their_probability() -> None:
     first, second = np.array([0.2, 0.0]), np.array([-0.3, -0.1])
     expected = (np.outer(first, first) + np.outer(second, second) / 4) / 2.25
     np.testing.assert_allclose(added, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("tolerances", [{}, {"tolerances": {"torque_constant": 0.1, "resistance": 0.05}}])
+@pytest.mark.parametrize("factor", [-1.0, 1.5])
+def test_a_grossly_wrong_scale_is_begun_at_its_size(factor: float, tolerances: dict[str, Any]) -> None:
+    healthy = recorded(THESIS, Faults())
+    wrong = healthy.with_channels({**healthy.channels, "voltage_V": factor * healthy["voltage_V"]}, [])
+    described = Actuator.from_dict(THESIS.model_dump(exclude_none=True) | tolerances)
+    objective = faults_objective(Problem.of(wrong, described, channels=SHOWN[2:]), ("load",))
+    result = SearchResult.at(objective, objective.space.points(Faults().vector[np.newaxis])[0])
+    (_, extended, point) = _gross_starts(result, (), ("voltage_scale",))["voltage_scale"]
+    scale = extended.space.nuisance_values(point[np.newaxis])["voltage_scale"].item()
+    assert scale == pytest.approx(factor - 1, abs=0.03)  # the averaged voltage has no ripple
