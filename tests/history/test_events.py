@@ -157,3 +157,13 @@ def test_a_file_is_read_while_events_are_written(tmp_path: object) -> None:
             assert len(history.events()) == 1
         with sqlite3.connect(f"{tmp_path}/h.sqlite") as plain:
             assert plain.execute("SELECT kind, unit FROM events").fetchall() == [("alarm", "S1")]
+
+
+def test_what_a_prognosis_from_more_says_is_another_event(history: History) -> None:
+    for state, diagnoses in (("raised", 5), ("raised", 5), ("cleared", 6), ("raised", 7)):
+        made_from = {"diagnoses": diagnoses, "replacements": 0}
+        history.add_events(
+            replace(event(kind="rul_below_horizon", state=state), details={"made_from": made_from})
+        )
+    assert [one.state for one in history.events()] == ["raised", "cleared", "raised"]
+    assert [one.kind for one in history.open_conditions("S1")] == ["rul_below_horizon"]

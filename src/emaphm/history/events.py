@@ -99,10 +99,13 @@ class Event:
         """What makes it the same event.
 
         Of one that comes from a recording, all but its words and its time; from a file (`file_sha256` of its
-        details), all but its time.
+        details), all but its time. One that a prognosis makes (`made_from` of its details) is another where
+        more was known.
         """
         file = self.details.get("file_sha256")
         origin = self.recording_hash or f"{file or self.at} {self.message}"
+        if "made_from" in self.details:
+            origin += f" {json.dumps(self.details['made_from'], sort_keys=True)}"
         parts = (self.watcher, self.kind, self.state, self.unit, self.subject, origin)
         return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:32]
 

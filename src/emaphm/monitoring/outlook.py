@@ -189,6 +189,10 @@ def rul_events(
         "component": made.component,
         "fleet_units": made.belief.prior.units,
         "advice": made.advice.to_dict(made.evidence.hours),
+        "made_from": {
+            "diagnoses": history.basis(unit).diagnoses,
+            "replacements": len(made.evidence.replacements),
+        },
     }
     last = history.unit(unit).diagnoses(1)[0]
     return [
