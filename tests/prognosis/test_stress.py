@@ -21,6 +21,7 @@ from emaphm.prognosis import (
 )
 from emaphm.prognosis.evidence import follow, stress_pieces
 from emaphm.prognosis.prior import NEW, Prior
+from emaphm.prognosis.prognose import stress_notes
 from emaphm.prognosis.stress import exposure
 
 WORN = Actuator.thesis().model_copy(
@@ -114,6 +115,15 @@ def test_cycles_per_hour_follow_from_cycles_and_hours() -> None:
         StressPiece(100.0, 150.0, Stress(None, 290.0, 2.0)),
         StressPiece(150.0, 200.0, Stress(None, None, 2.0)),
     )
+
+
+def test_what_is_far_from_what_was_recorded_is_said() -> None:
+    reference = StressReference(load=2.0, temperature=300.0)
+    assert stress_notes(Stress(20.0, 350.0), reference) == []
+    load, temperature = stress_notes(Stress(1e9, 400.0), reference)
+    assert load == "far from what was recorded: of the stress to come, load is taken as 10 × 2"
+    assert temperature.endswith("temperature is taken as 50 K from 300 K")
+    assert "0.1 × 2" in stress_notes(Stress(0.01), reference)[0]
 
 
 @pytest.mark.parametrize("wrong", [{"load": -1.0}, {"temperature": 0.0}, {"cycles_per_hour": math.nan}])

@@ -230,20 +230,19 @@ def pace_ahead(state: State, belief: Belief, evidence: Evidence, ahead: Stress |
 
 
 def stress_notes(ahead: Stress | None, reference: StressReference | None) -> list[str]:
-    """Return notes on what of the stress `ahead` could not be used, for want of records of it."""
+    """Return notes on what of the stress `ahead` could not be used, or not all of it, for want of records."""
     if ahead is None:
         return []
-    known = StressReference().values if reference is None else reference.values
+    reference = reference or StressReference()
+    known = reference.values
     names = [
         name
         for name, value, middle in zip(STRESSES, ahead.values, known, strict=True)
         if value is not None and middle is None
     ]
-    return (
-        [f"not recorded in the history, so not used of the stress to come: {', '.join(names)}"]
-        if names
-        else []
-    )
+    missing = f"not recorded in the history, so not used of the stress to come: {', '.join(names)}"
+    beyond = [f"far from what was recorded: of the stress to come, {one}" for one in reference.beyond(ahead)]
+    return [*([missing] if names else []), *beyond]
 
 
 def _shared_notes(belief: Belief, component: str | None) -> list[str]:

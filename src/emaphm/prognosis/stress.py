@@ -118,6 +118,19 @@ class StressReference:
             *(None if x is None else float(f"{x:.{n}g}") for x, n in zip(self.values, digits, strict=True))
         )
 
+    def beyond(self, stress: Stress) -> list[str]:
+        """Return what of a stress is farther from the reference than it is used, a clause each."""
+        found = []
+        for name, value, middle in zip(STRESSES, stress.values, self.values, strict=True):
+            if value is None or middle is None:
+                continue
+            if name == "temperature" and abs(value - middle) > LARGEST_KELVINS:
+                found.append(f"{name} is taken as {LARGEST_KELVINS:g} K from {middle:.4g} K")
+            elif name != "temperature" and not 1 / LARGEST_RATIO <= value / middle <= LARGEST_RATIO:
+                factor = LARGEST_RATIO if value > middle else 1 / LARGEST_RATIO
+                found.append(f"{name} is taken as {factor:g} × {middle:.3g}")
+        return found
+
     def covariates(self, stress: Stress) -> Array:
         """Return ln(L / L_0), (θ - θ_0) / 10 K and ln(c / c_0), shape (3,)."""
         result = np.zeros(len(STRESSES))
