@@ -13,6 +13,7 @@ from emaphm.actuator import Actuator
 from emaphm.actuator.channels import Channels
 from emaphm.arrays import Array
 from emaphm.recording import Recording, acquire, read_recording
+from emaphm.recording.resampling import on_uniform_grid
 
 from .conftest import Columns
 
@@ -147,3 +148,14 @@ def test_logs_of_a_real_servo_are_read(xl330_folder: Path, thesis: Actuator) -> 
         # The encoder's step is 2 pi / 4096: the curve stays as near to the chords between the rows.
         chords = np.interp(recording["time_s"], time, position)
         assert np.abs(recording["position_rad"] - chords).max() < 2 * 2 * np.pi / 4096
+
+
+def test_a_clock_that_changes_its_pace_a_little_is_resampled() -> None:
+    # Each step is within a percent; the last rows of the first half are 56 rows from their even places.
+    steps = np.repeat([1e-3, 1.009e-3], 12_500)
+    time = np.concatenate([[0.0], np.cumsum(steps)])
+    columns = {"time_s": time, "command_rad": np.sin(2 * np.pi * 0.7 * time)}
+    uniform, (note,) = on_uniform_grid(columns, "instant")
+    assert "resampled" in note
+    np.testing.assert_allclose(np.diff(uniform["time_s"]), 1.0045e-3, rtol=1e-6)
+    np.testing.assert_allclose(uniform["command_rad"], np.sin(2 * np.pi * 0.7 * uniform["time_s"]), atol=1e-6)

@@ -14,6 +14,9 @@ FEWEST_SAMPLES = 50
 STEP_TOLERANCE = 0.01
 """Largest deviation of one time step from the sample interval, as a fraction of it, that counts as none."""
 
+LARGEST_SHIFT = 0.5
+"""Of a row from its place at a constant rate, in steps, that counts as none."""
+
 MOST_JITTER = 0.25
 """Largest rms deviation of the time steps from the sample interval, as a fraction of it, that rows are
 resampled with. Beyond, the rate of the rows says little of what they can resolve."""
@@ -144,10 +147,18 @@ def _time_steps(time: Array, label: str) -> str | None:
 
 
 def is_uniform(time: Array) -> bool:
-    """Return whether all steps of `time` (n,) are within `STEP_TOLERANCE` of their median."""
+    """Return whether all steps of `time` (n,) are within `STEP_TOLERANCE` of their median.
+
+    And no row is farther than `LARGEST_SHIFT` of a step from where it would be at a constant rate: small
+    steps of a clock that changes its pace add up.
+    """
     steps = np.diff(time)
     interval = np.median(steps)
-    return bool(np.all(np.abs(steps - interval) <= STEP_TOLERANCE * interval))
+    even = np.linspace(time[0], time[-1], time.size)
+    return bool(
+        np.all(np.abs(steps - interval) <= STEP_TOLERANCE * interval)
+        and np.max(np.abs(time - even)) <= LARGEST_SHIFT * interval
+    )
 
 
 def _nothing_commanded(command: Array, label: str) -> str | None:
