@@ -95,5 +95,8 @@ def with_lumped_parameters(
         for field in (first, *others):
             share = fields[field] / present if present else float(field == first)
             fields[field] = float(value * share)
+    if "torque_constant" in values:
+        # What the drive assumes is not the motor's any more, where that stood for it.
+        description["controller"]["torque_constant"] = actuator.drive_constant
     description["name"] = name or actuator.name
     return Actuator.from_dict(description, where=description["name"])

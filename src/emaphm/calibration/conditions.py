@@ -28,11 +28,12 @@ motor's strength that varies with its temperature."""
 
 TORQUES = (
     *("inertia", "viscous", "coulomb", "static", "offset", "hinge", "quadratic", "stiffness", "damping"),
-    *("gravity", *(name for name in LUMPED_PARAMETERS if name.startswith("ripple"))),
+    *("gravity", "presliding_stiffness", "presliding_damping"),
+    *(name for name in LUMPED_PARAMETERS if name.startswith("ripple")),
 )
 """What the motor's torque has to overcome where no load is recorded: known in proportion to it only."""
 
-FOLLOWING = ("static", "damping", "stiffness")
+FOLLOWING = ("static", "damping", "stiffness", "presliding_stiffness", "presliding_damping")
 """Those of them that another one makes known, or that do not act by themselves."""
 
 

@@ -193,7 +193,8 @@ class _Trials:
 
     def with_law(self, current: _Fit, law: Law) -> _Fit | None:
         """Return the fit with a further law, cross-validated where it is worth that; None if not possible."""
-        if any(not LAWS[name].is_in(current.actuator) for name in law.needs):
+        lacks = any(not LAWS[name].is_in(current.actuator) for name in law.needs)
+        if lacks or not law.is_possible(current.actuator):
             return None
         actuator = law.added_to(current.actuator, self.speed)
         free = tuple(dict.fromkeys((*current.free, *parameters_of(law, actuator))))

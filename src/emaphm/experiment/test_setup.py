@@ -105,7 +105,7 @@ class TestSetup:
             self.actuator,
             AVERAGED,
             driving,
-            driving.inputs(AVERAGED.step),
+            driving.inputs(AVERAGED.step_for(self.actuator)),
             Initial(),
             {name: healthy[name] for name in ("command_rad", *self.channels)},
             self.channels,

@@ -175,7 +175,7 @@ def _with_hidden_laws(
     """
     best, base = before, searched
     while True:
-        rivals = []
+        rivals = list[tuple[Selection, SearchResult, bool]]()
         for name, score in suspected_laws(best[0], seed).items():
             with_law = search_with_law(base, name, method, max_corrections, seed)
             back = without_law(with_law, base, max_corrections, seed)
@@ -183,14 +183,18 @@ def _with_hidden_laws(
                 # The law has led the search out of a place where it was held, and is perhaps not there.
                 base, best = back, _with_nuisances(back, best[2], max_corrections, seed)
             rival = _with_nuisances(with_law, (*best[2], name), max_corrections, seed)
-            share = share_of_residual(rival[0], best[0])
-            as_little = score.is_beyond(HIDDEN_LAWS.certain) or len(rival[1]) < len(best[1])
-            least = 1.0 if as_little else SELECTION.likely_share
-            if share < least and acts(rival[0], LAWS[name], seed):
-                rivals.append((share, rival, with_law))
-        if not rivals:
+            if acts(rival[0], LAWS[name], seed):
+                rivals.append((rival, with_law, score.is_beyond(HIDDEN_LAWS.certain)))
+        # Next to the best without them, which one of the laws may have led to.
+        better = [
+            (share_of_residual(rival[0], best[0]), rival, with_law)
+            for rival, with_law, certain in rivals
+            if share_of_residual(rival[0], best[0])
+            < (1.0 if certain or len(rival[1]) < len(best[1]) else SELECTION.likely_share)
+        ]
+        if not better:
             return best
-        _, best, base = min(rivals, key=lambda one: one[0])
+        _, best, base = min(better, key=lambda one: one[0])
 
 
 def with_description_error(

@@ -8,7 +8,7 @@ import numpy as np
 from emaphm.arrays import Array
 from emaphm.simulation.engine.inputs import Inputs
 from emaphm.simulation.engine.model import Initial
-from emaphm.simulation.engine.plant import NO_LIMIT, Plant
+from emaphm.simulation.engine.plant import Plant
 from emaphm.simulation.engine.structure import Structure
 from emaphm.simulation.laws.lag import approach, share_of_step
 from emaphm.simulation.laws.position_loop import pid_speed_error, speed_error
@@ -68,8 +68,8 @@ def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Arr
     off = inputs.command[0] - plant.gear_ratio * start.angle
     zero = np.zeros(plant.count)
     if plant.structure.position_pid:
-        error = plant.position_gain * off - plant.speed_feedback * start.speed
-        error = np.clip(error, -NO_LIMIT, NO_LIMIT)
+        demand = np.clip(plant.position_gain * off, -plant.speed_limit, plant.speed_limit)
+        error = demand - plant.speed_feedback * start.speed
     else:
         error = speed_error(off, 0.0, start.speed, plant.position_gain, plant.speed_limit)
     return {

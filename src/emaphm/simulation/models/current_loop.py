@@ -66,7 +66,7 @@ def _switched(
 ) -> Any:
     side = select(reference > shown, 1.0, select(reference < shown, -1.0, 0.0))
     current = u.enabled * winding_current(s.current, side * supply - back_emf, conductance, decay)
-    return current, mean_voltage(s.current, current, back_emf, conductance, decay), ()
+    return current, u.enabled * mean_voltage(s.current, current, back_emf, conductance, decay), ()
 
 
 def _following(
@@ -83,7 +83,7 @@ def _following(
     lowest = winding_current(s.current, -supply - back_emf, conductance, decay)
     highest = winding_current(s.current, supply - back_emf, conductance, decay)
     current = u.enabled * clip(reference, lowest, highest)
-    return current, mean_voltage(s.current, current, back_emf, conductance, decay), ()
+    return current, u.enabled * mean_voltage(s.current, current, back_emf, conductance, decay), ()
 
 
 def _following_lagging(s: Any, p: Any, u: Any, reference: Any, shown: Any, *winding: Any) -> Any:

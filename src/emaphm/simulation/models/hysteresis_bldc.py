@@ -97,7 +97,7 @@ def advance(structure: Structure) -> Callable[..., Any]:
         torque, following = driven(s, p, u, (flux * current).sum())
         sensed = laws.sensed_after(s, p, current)
         recorded = motion.recorded_motion(s, p, u, following)
-        outputs = outputs_of(active, shape, sensed, voltage, recorded, torque, reference)
+        outputs = outputs_of(active, shape, sensed, u.enabled * voltage, recorded, torque, reference)
         drawn = laws.bus_after((leg * current).sum())
         own = (torque, *current, *leg, *drawn, *laws.sensor_state(sensed), *signals)
         return controlled + following + own, outputs

@@ -138,14 +138,20 @@ def parameters(plant: Plant, step: float) -> dict[str, Array]:
     if structure.compliance:
         of_user = plant.user_share_of_inertia * plant.inertia
         reduced = plant.user_share_of_inertia * (plant.inertia - of_user)
+        # On neither side may friction be more in motion than at rest: a load below it would be overcome.
+        user_coulomb = plant.user_share_of_coulomb * plant.coulomb
+        user_static = np.maximum(plant.user_share_of_static * plant.static, user_coulomb)
+        of_motor = (1 - plant.user_share_of_static) * plant.static
+        motor_static = np.maximum(of_motor, plant.coulomb - user_coulomb)
         rows |= {
             "stiffness": np.minimum(plant.stiffness, STIFFEST * reduced / step**2),
             "damping": np.minimum(plant.damping, MOST_DAMPED * reduced / step),
             "motor_step_per_inertia": step / (plant.inertia - of_user),
             "user_step_per_inertia": step / of_user,
             "user_viscous": plant.user_share_of_viscous * plant.viscous,
-            "user_static": plant.user_share_of_static * plant.static,
-            "user_coulomb": plant.user_share_of_coulomb * plant.coulomb,
+            "static": user_static + motor_static,
+            "user_static": user_static,
+            "user_coulomb": user_coulomb,
         }
     if structure.gravity:
         rows |= {
@@ -212,10 +218,7 @@ def motion(structure: Structure) -> Callable[..., Any]:
 
     def moved(s: Any, p: Any, u: Any, torque: Any, swing: Any = None) -> Any:
         external = u.load + p.offset + p.load_stiffness * s.output + weight(s, p) + stepping(p, u)
-        made = torque + ripple(s, p)
-        if swing is not None:
-            made = made + select(s.speed == 0.0, np.copysign(swing, made - external), 0.0)
-        speed, angle, output, user = move(s, p, u.step, made, external)
+        speed, angle, output, user = move(s, p, u.step, torque + ripple(s, p), external, swing)
         turned = angle - s.angle
         cos, sin = turn(s.cos, s.sin, turned)
         electrical = wrap_once(s.electrical + p.pole_pairs * turned)
@@ -303,6 +306,13 @@ def _with_harmonic(
     return total
 
 
+def _breaking_away(s: Any, torque: Any, opposing: Any, swing: Any) -> Any:
+    """Return the motor's torque, at rest with what it swings by towards where it would move."""
+    if swing is None:
+        return torque
+    return torque + select(s.speed == 0.0, np.copysign(swing, torque - opposing), 0.0)
+
+
 def _rigid(structure: Structure) -> Callable[..., Any]:
     """Return how motor and user move as one inertia, the backlash kinematic.
 
@@ -313,9 +323,10 @@ def _rigid(structure: Structure) -> Callable[..., Any]:
     """
     speed_of, bent = friction.friction(structure), friction.bristles(structure)
 
-    def rigid(s: Any, p: Any, step: Any, torque: Any, external: Any) -> Any:
+    def rigid(s: Any, p: Any, step: Any, torque: Any, external: Any, swing: Any) -> Any:
+        made = _breaking_away(s, torque, external, swing)
         free, bristles = speed_of(
-            p, s.speed, bent(s), torque, external, p.viscous, p.static, p.coulomb, p.step_per_inertia
+            p, s.speed, bent(s), made, external, p.viscous, p.static, p.coulomb, p.step_per_inertia
         )
         reached = s.angle + free * step
         held = clip(reached, p.low_stop - p.half_gap, p.high_stop + p.half_gap)
@@ -337,13 +348,13 @@ def _compliant(structure: Structure) -> Callable[..., Any]:
     )
     user_speed_of = friction.friction(user_friction)
 
-    def compliant(s: Any, p: Any, step: Any, torque: Any, external: Any) -> Any:
+    def compliant(s: Any, p: Any, step: Any, torque: Any, external: Any, swing: Any) -> Any:
         passed = shaft_torque(s.angle - s.output, s.speed - s.user_speed, p.half_gap, p.stiffness, p.damping)
         speed, bristles = speed_of(
             p,
             s.speed,
             bent(s),
-            torque,
+            _breaking_away(s, torque, passed, swing),
             passed,
             p.viscous - p.user_viscous,
             p.static - p.user_static,

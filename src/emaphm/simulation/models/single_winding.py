@@ -78,6 +78,9 @@ def parameters(
     windings = plant.inductance / 2 * plant.turns**2
     falls = step * (1 - 1 / (windings * (1 / windings).sum(axis=0))) / windings
     share, at_once = delay_shares(plant.pwm_frequency, step)
+    frequency = np.maximum(plant.pwm_frequency, 1.0)
+    # What the lag from current to torque leaves of a ripple.
+    torque_share = 1 / np.hypot(1.0, 2 * np.pi * frequency * plant.torque_lag)
     rows = {
         "supply": plant.supply,
         **by_phase("conductance", 1 / resistance),
@@ -87,7 +90,7 @@ def parameters(
         "z_sin": plant.z[1],
         **by_phase("winding", windings),
         **by_phase("fall", falls),
-        **by_phase("half_ripple", 1 / (4 * np.maximum(plant.pwm_frequency, 1.0) * inductance)),
+        **by_phase("half_ripple", torque_share / (4 * frequency * inductance)),
         "voltage_share": share,
         "voltage_at_once": at_once,
         "source_resistance": plant.source_resistance,
@@ -193,7 +196,7 @@ def _advance(
         current, sensed, voltage, own = current_after(
             s, p, u, reference, supply, back_emf, conductance, decay
         )
-        torque, following = driven(s, p, u, flux * current, swing_of(s, p, flux, supply))
+        torque, following = driven(s, p, u, flux * current, swing_of(s, p, u, flux, supply))
         outputs = (
             pair.shown(s, p, u.step, sensed),
             voltage,
@@ -229,16 +232,16 @@ def _advance_by_voltage(structure: Structure) -> Callable[..., Any]:
 
 
 def _swing(pair: ConductingPair) -> Callable[..., Any]:
-    """Return by what the torque of a modulated voltage swings, of (state, parameters, flux, supply)."""
+    """Return by what the torque of a modulated voltage swings: of (s, p, u), the flux and the supply."""
 
-    def swing(s: Any, p: Any, flux: Any, supply: Any) -> Any:
+    def swing(s: Any, p: Any, u: Any, flux: Any, supply: Any) -> Any:
         per_volt = pair.of_idle(s, p, Phases.of(p, "half_ripple"))
-        return np.abs(flux) * half_ripple(supply, s.voltage / supply, per_volt)
+        return u.enabled * np.abs(flux) * half_ripple(supply, s.voltage / supply, per_volt)
 
     return swing
 
 
-def _no_swing(s: Any, p: Any, flux: Any, supply: Any) -> Any:  # noqa: ARG001
+def _no_swing(s: Any, p: Any, u: Any, flux: Any, supply: Any) -> Any:  # noqa: ARG001
     return None
 
 
