@@ -3,10 +3,11 @@
 import pytest
 from hypothesis import given
 
-from emaphm.actuator import Actuator
+from emaphm.actuator import Actuator, Faults
 from emaphm.actuator.actuator import described_parts
 from emaphm.actuator.lumped_parameters import LUMPED_PARAMETERS, lumped_parameters, with_lumped_parameters
 from emaphm.errors import ActuatorError, MethodError
+from emaphm.simulation import Plant
 from strategies import EVERYTHING, actuators
 
 THESIS = Actuator.thesis()
@@ -94,3 +95,15 @@ def test_what_cannot_be_set_is_refused() -> None:
     without = Actuator.from_dict(THESIS.model_dump(exclude={"electrical"}))
     with pytest.raises(MethodError, match=r"'resistance' needs an \[electrical\] section"):
         lumped_parameters(without, ("resistance",))
+
+
+def test_a_drive_assumes_the_torque_constant_that_it_was_built_for() -> None:
+    described = Actuator.thesis().model_dump(exclude_none=True)
+    described["controller"]["torque_constant"] = None
+    actuator = Actuator.from_dict(described)
+    stronger = 1.2 * actuator.motor.torque_constant
+    unit = with_lumped_parameters(actuator, {"torque_constant": stronger})
+    # As the fit of the constant has it: the motor's alone.
+    fitted = Plant.of(actuator, Faults().vector, {"torque_constant": stronger})
+    assert unit.drive_constant == actuator.drive_constant == fitted.drive_constant
+    assert unit.motor.torque_constant == stronger == fitted.torque_constant

@@ -8,9 +8,10 @@ import pytest
 
 from cases import THESIS
 from emaphm.actuator import Actuator, Chirp
+from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
 from emaphm.calibration import Calibration, CampaignRow, calibrate
-from emaphm.calibration.conditions import joint_objective
+from emaphm.calibration.conditions import common_factor, joint_objective
 from emaphm.errors import MethodError
 from emaphm.estimation.finite_differences import one_sided_jacobians
 from emaphm.estimation.space.parameter_variation import ParameterVariation
@@ -219,3 +220,10 @@ def test_a_load_that_is_recorded_and_given_is_refused() -> None:
     loaded = Recording({**day.channels, "load_Nm": np.zeros(day.samples)}, day.sampling, "loaded")
     with pytest.raises(MethodError, match="'load' is given, and loaded has the column 'load_Nm'; leave"):
         fitted([CampaignRow(loaded, {"load": 0.1})])
+
+
+def test_bristles_follow_the_common_factor_of_all_torques() -> None:
+    names = ("inertia", "coulomb", "presliding_stiffness", "presliding_damping", "torque_constant", "supply")
+    bristles = LAWS["presliding"].added_to(THESIS)
+    effects = common_factor(bristles, names, np.zeros(len(names)))
+    assert effects.tolist() == [1.0, 1.0, 1.0, 1.0, 1.0, 0.0]

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from emaphm.actuator import Actuator, Sine
+from emaphm.actuator import Actuator, Sine, Step
 from emaphm.arrays import Array
 from emaphm.simulation import AVERAGED, REFERENCE
 from emaphm.simulation.laws.compliant_shaft import shaft_torque
@@ -170,3 +170,13 @@ def test_the_step_is_shorter_where_the_shaft_swings_fast(hertz: float, share: fl
     assert AVERAGED.step_for(actuator) == pytest.approx(share * AVERAGED.step, rel=1e-3)
     assert AVERAGED.step_for(THESIS) == AVERAGED.step
     assert REFERENCE.step_for(actuator) == REFERENCE.step
+
+
+def test_no_side_has_more_friction_in_motion_than_at_rest() -> None:
+    # As a whole it has not, but the user's part would have, and move against its load.
+    most = 0.1 * 1.689
+    friction = {"static_friction_motor": most, "static_friction_user": 0.0}
+    friction |= {"dynamic_friction_motor": 0.3 * most, "dynamic_friction_user": 0.2 * most}
+    soft = altered(SHAFT, mechanics=friction)
+    got = record(AVERAGED, Step(0.0), soft, duration=0.05, load=1e-4)
+    assert np.max(got["position_rad"]) <= 0.0
