@@ -22,6 +22,7 @@ from emaphm.history import Event, History
 from emaphm.history.database import Database
 from emaphm.history.schema import VERSION
 from emaphm.monitoring import NamePattern, Ownership, Task, Watching, WatchSettings, watch
+from emaphm.monitoring.receivers import Webhook
 from emaphm.monitoring.settings import PressureSettings
 from emaphm.monitoring.watch_state import WatchState
 from emaphm.recording import Recording
@@ -393,6 +394,39 @@ def test_a_webhook_that_fails_is_tried_again(inbox: Path, history: History) -> N
     assert [one["id"] for one in hook.events] == [one.key for one in history.events()]
     assert any("events wait in the history" in line for line in said)
     assert hook.url not in " ".join(said)  # its path may be a secret
+
+
+def test_an_event_that_was_sent_and_cannot_be_noted_is_not_sent_again(
+    inbox: Path, history: History, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    put(inbox, *range(19, 27))
+    noted, failures = WatchState.delivered, iter(range(4))
+
+    def failing(state: WatchState, receiver: str, number: int) -> None:
+        if number and next(failures, None) is not None:
+            raise HistoryUnavailableError("the disk is full")
+        noted(state, receiver, number)
+
+    monkeypatch.setattr(WatchState, "delivered", failing)
+    with webhook() as hook:
+        once(inbox, history, webhook=hook.url)
+    assert next(failures, None) is None
+    assert hook.headers == [one.key for one in history.events()]
+
+
+@pytest.mark.parametrize("address", ["https://user:secret@host/path", "https://host/pöth", "host/path"])
+def test_an_address_that_nothing_could_be_sent_to_is_refused(address: str) -> None:
+    with pytest.raises(MonitoringError, match="without user and password") as refused:
+        Webhook(address, 1.0)
+    assert "secret" not in str(refused.value)
+
+
+def test_a_link_in_a_circle_does_not_hold_up_the_others(inbox: Path, history: History) -> None:
+    put(inbox, 0, 1)
+    (inbox / "circle.csv").symlink_to("circle.csv")
+    found = once(inbox, history)
+    assert (found.judged, found.refused) == (2, 1)
+    assert "circle.csv" in history.events(kinds=["refused"])[0].message
 
 
 def test_an_event_that_a_webhook_refuses_does_not_hold_up_the_others(inbox: Path, history: History) -> None:

@@ -3,6 +3,7 @@
 import multiprocessing
 import time
 from dataclasses import replace
+from multiprocessing import Pipe
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +12,9 @@ import pytest
 from emaphm.actuator import Actuator
 from emaphm.errors import ServerError
 from emaphm.server.run import running
-from emaphm.server.work.queue import FAILED, WAITING, Queue
+from emaphm.server.work import worker
+from emaphm.server.work.queue import AGAIN, DONE, FAILED, WAITING, Queue
+from emaphm.server.work.worker import Place, Upload
 
 from .conftest import SMALL, client_of
 
@@ -45,7 +48,7 @@ def idle(fleet: Path) -> Any:
         ({"unit": "x" * 300}, "300 characters"),
         ({"hours": "many"}, "hours: give a number"),
         ({"hours": "nan"}, "hours: give a number"),
-        ({"hours": "-1"}, "0 or more"),
+        ({"hours": "-1"}, "from 0 to 1,000,000"),
         ({"cycles": "1.5"}, "whole number"),
         ({"cycles": "99999999999"}, "whole number"),
         ({"actuator": "../../etc/passwd"}, "unknown description 'passwd'"),
@@ -103,6 +106,45 @@ def test_an_accepted_upload_survives_the_server(fleet: Path, idle: "ServerState"
     assert idle.folder.upload(found.file).read_bytes() == CSV
     with pytest.raises(ServerError, match="another server works"), running(str(fleet), None, None, {}, SMALL):
         pass
+
+
+def test_two_of_one_unit_are_not_diagnosed_at_once(idle: "ServerState") -> None:
+    first, second, other = (
+        sent(client_of(idle), unit=unit, hours=str(hours)).json()["id"]
+        for unit, hours in (("SN-0001", 200), ("SN-0001", 201), ("SN-0002", 200))
+    )
+    taken = [idle.queue.take() for _ in range(3)]
+    assert [one and one.id for one in taken] == [first, other, None]
+    idle.queue.end(first, DONE, "", {})
+    found = idle.queue.take()
+    assert found is not None
+    assert found.id == second
+
+
+def test_an_upload_waits_where_the_history_is_away(idle: "ServerState", fleet: Path) -> None:
+    sent(client_of(idle))
+    job = idle.queue.take()
+    assert job is not None
+    place = Place(
+        str(fleet.with_name("away.sqlite")), idle.folder, {"thesis": Actuator.thesis()}, 2**33, 2**26
+    )
+    order = Upload(idle.folder.upload(job.file), "a.csv", job.request)
+    assert worker._outcome(order, place, Pipe()[1]).state == AGAIN
+    idle.queue.again(job.id)
+    found = idle.queue.take()
+    assert found is not None
+    assert (found.id, found.kills) == (job.id, 0)
+
+
+def test_an_upload_that_cannot_be_queued_leaves_no_file(
+    idle: "ServerState", monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> int:
+        raise ServerError("the disk of the queue is full")
+
+    monkeypatch.setattr(idle.queue, "add", full)
+    assert sent(client_of(idle)).status_code >= 400
+    assert not list(idle.folder.uploads.iterdir())
 
 
 def test_a_killed_job_is_run_again_once(state: "ServerState") -> None:

@@ -137,7 +137,8 @@ def _of_file(address: Address, *, create: bool) -> sa.Engine:
         if found and not path.is_file():
             raise HistoryError(f"{path}: is no file; give the name of a file for the history")
         if not found and not create:
-            raise HistoryError(
+            # It may be on a disk that is away for now.
+            raise HistoryUnavailableError(
                 f"{path}: no such history; 'emaphm history add' makes one, or give another --db"
             )
         if not found and not path.absolute().parent.is_dir():
@@ -203,7 +204,7 @@ def _in_time(answer: Callable[[], None], address: Address) -> None:
     thread.start()
     thread.join(SETTINGS.answer_s)
     if thread.is_alive():
-        raise HistoryError(
+        raise HistoryUnavailableError(
             f"{address.shown}: no answer within {SETTINGS.answer_s:g} s; check the address, and that the "
             "database runs there"
         )

@@ -52,7 +52,7 @@ class Delivery:
     say: Callable[[str], None]
 
     def __post_init__(self) -> None:
-        self.sent = 0
+        self.sent, self._last = 0, -1
         self._news, self._stop = threading.Event(), threading.Event()
         self._until = float("inf")
         self._thread = threading.Thread(target=self._run, daemon=True, name=f"to {self.receiver.shown}")
@@ -94,9 +94,13 @@ class Delivery:
         """Send what the history has; return whether that was all, or the time was over before."""
         while batch := self.state.undelivered(self.receiver.key, self.settings.batch):
             for event in batch:
-                if not self._send(event):
+                if self._stop.is_set() and time.monotonic() > self._until:
                     return False
                 assert event.number is not None  # noqa: S101 - it comes from the history
+                # One that was sent, and could not be noted, is not sent again.
+                if event.number != self._last and not self._send(event):
+                    return False
+                self._last = event.number
                 self.state.delivered(self.receiver.key, event.number)
                 self.sent += 1
         return True

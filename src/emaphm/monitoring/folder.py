@@ -147,6 +147,8 @@ class FolderSource:
                         yield entry.name, entry.stat()
                 except FileNotFoundError:
                     continue  # gone meanwhile
+                except OSError:  # a link in a circle, for one: named by who cannot read it
+                    yield entry.name, entry.stat(follow_symlinks=False)
 
     def _order(self, one: Candidate) -> tuple[float, int, str]:
         """Return where a file stands: by flight hours if its name says them, else as it was written."""

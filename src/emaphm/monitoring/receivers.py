@@ -66,10 +66,13 @@ class Webhook:
         try:
             parts = urlsplit(self.url)
             is_usable = parts.scheme in {"http", "https"} and bool(parts.hostname) and (parts.port or 1) > 0
+            is_usable = is_usable and parts.username is None and self.url.isascii()
         except ValueError:
             is_usable = False
         if not is_usable or not self.url.isprintable() or " " in self.url:
-            raise MonitoringError("--webhook: give an address such as https://host/path")
+            raise MonitoringError(
+                "--webhook: give an address such as https://host/path, in ASCII, without user and password"
+            )
 
     @property
     def key(self) -> str:
@@ -102,5 +105,6 @@ class Webhook:
                 raise RefusedError(f"status {error.code}") from None
             raise FailedError(f"status {error.code}") from None
         except (OSError, http.client.HTTPException, ValueError) as error:
-            reason = getattr(error, "reason", None) or error
-            raise FailedError(f"does not answer ({reason})") from None
+            # Not the text of others, which may hold the address.
+            known = getattr(error, "reason", None) or (error if isinstance(error, OSError) else None)
+            raise FailedError(f"does not answer ({known or type(error).__name__})") from None

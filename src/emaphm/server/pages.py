@@ -1,5 +1,7 @@
 """The pages: HTML that works without JavaScript, with figures as SVG."""
 
+import hashlib
+import json
 from importlib.util import find_spec
 from pathlib import Path as FilePath
 from typing import Annotated, Any
@@ -143,7 +145,7 @@ def unit_figure(server: Server, unit_id: Id, name: str, v: str = "", narrow: boo
     if name not in FIGURES:
         raise HTTPException(404, f"no figure '{name[:20]}'")
     document = api.curves(server, unit_id)
-    key = ("unit", unit_id, name, document["now"], len(document["seen"]), len(document["fan"]), narrow)
+    key = ("unit", unit_id, name, hashlib.sha256(json.dumps(document).encode()).hexdigest(), narrow)
     return _picture(server.drawer.figure(key, name, document, narrow=narrow), forever=bool(v))
 
 

@@ -10,7 +10,7 @@ from starlette.datastructures import UploadFile
 from starlette.formparsers import MultiPartException
 from starlette.requests import ClientDisconnect, Request
 
-from emaphm.errors import EmaphmError, HistoryError, RecordingError, nearest
+from emaphm.errors import EmaphmError, HistoryError, RecordingError, ServerError, nearest
 from emaphm.history.records import Entry
 from emaphm.recording.io.read import READERS
 from emaphm.server.folders import PARTIAL, ServerFolder, new_upload, on_disk
@@ -82,6 +82,9 @@ class Uploads:
             partial.rename(path)
             on_disk(self.folder.uploads)
             number = self.queue.add(details | {"name": name}, kept)
+        except ServerError:
+            path.unlink(missing_ok=True)
+            raise
         except OSError as error:
             path.unlink(missing_ok=True)
             raise RecordingError(

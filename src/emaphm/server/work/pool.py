@@ -9,7 +9,7 @@ from typing import Any
 from emaphm.errors import EmaphmError
 from emaphm.execution.one_process import OneProcess
 from emaphm.server.settings import ServerSettings
-from emaphm.server.work.queue import DONE, FAILED, Job, Queue
+from emaphm.server.work.queue import AGAIN, DONE, FAILED, Job, Queue
 from emaphm.server.work.worker import Forecast, Outcome, Place, Upload, work
 
 LOG = logging.getLogger("emaphm.server")
@@ -19,6 +19,9 @@ MOST_KILLS = 2
 
 IDLE_S = 1.0
 """Between two looks into the queue [s]; an upload ends the wait."""
+
+AGAIN_S = 5.0
+"""Until a job is tried again that the history was not there for [s]."""
 
 TOO_LONG = "took longer than {:g} s; cut one manoeuvre out of the recording"
 KILLED = "the process that diagnosed it was killed twice; cut one manoeuvre out of the recording"
@@ -137,6 +140,13 @@ class Pool:
             if self._queue.killed(job.id) < MOST_KILLS:
                 return
             outcome = Outcome(FAILED, KILLED)
+        if outcome.state == AGAIN:
+            LOG.warning("job %d: %s; it is tried again", job.id, outcome.message)
+            self._queue.again(job.id)
+            with self._woken:
+                if not self._stopping:
+                    self._woken.wait(AGAIN_S)
+            return
         self._queue.end(job.id, outcome.state, outcome.message, outcome.result)
         self._on_news()
         if outcome.state != FAILED:  # what was killed may be worth a look

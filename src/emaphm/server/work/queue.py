@@ -16,8 +16,19 @@ WAITING, RUNNING, DONE, REFUSED, FAILED = "waiting", "running", "done", "refused
 STATES = (WAITING, RUNNING, DONE, REFUSED, FAILED)
 """Of a job. Refused: the recording or what was said of it cannot be used. Failed: it was killed twice."""
 
+AGAIN = "again"
+"""What becomes of a job that the history was not there for: it waits again, and is not counted as killed."""
+
 FORM = 1
 """Of the table; a file of another form is refused."""
+
+TAKEN = """
+UPDATE jobs SET state = ? WHERE id = (
+    SELECT min(id) FROM jobs WHERE state = ? AND json_extract(request, '$.unit') NOT IN (
+        SELECT json_extract(request, '$.unit') FROM jobs WHERE state = ?
+    )
+) RETURNING *
+"""
 
 TABLE = """
 CREATE TABLE IF NOT EXISTS jobs (
@@ -104,12 +115,12 @@ class Queue:
         return int(cursor.lastrowid or 0)
 
     def take(self) -> Job | None:
-        """Return the job that has waited longest, now running; None where none waits."""
+        """Return the job that has waited longest, now running; None where none waits.
+
+        None of a unit that another is running of: what a recording says depends on those before it.
+        """
         with self._working() as connection:
-            row = connection.execute(
-                "UPDATE jobs SET state = ? WHERE id = (SELECT min(id) FROM jobs WHERE state = ?) RETURNING *",
-                (RUNNING, WAITING),
-            ).fetchone()
+            row = connection.execute(TAKEN, (RUNNING, WAITING, RUNNING)).fetchone()
         return None if row is None else _job(row)
 
     def end(self, job: int, state: str, message: str, result: dict[str, Any]) -> None:
@@ -119,6 +130,11 @@ class Queue:
                 "UPDATE jobs SET state = ?, message = ?, result = ?, ended_at = ? WHERE id = ?",
                 (state, message, json.dumps(result), timestamp(), job),
             )
+
+    def again(self, job: int) -> None:
+        """Let a job wait again."""
+        with self._working() as connection:
+            connection.execute("UPDATE jobs SET state = ? WHERE id = ?", (WAITING, job))
 
     def killed(self, job: int) -> int:
         """Let a job wait again whose process has died; return how often that has happened to it."""

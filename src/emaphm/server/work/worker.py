@@ -9,11 +9,11 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from emaphm.errors import EmaphmError, HistoryError
+from emaphm.errors import EmaphmError, HistoryError, HistoryUnavailableError
 from emaphm.execution.one_process import prepare_worker
 from emaphm.monitoring.settings import WATCH, PrognosisSettings
 from emaphm.server.folders import ServerFolder
-from emaphm.server.work.queue import DONE, FAILED, REFUSED
+from emaphm.server.work.queue import AGAIN, DONE, FAILED, REFUSED
 
 if TYPE_CHECKING:
     from emaphm.actuator import Actuator
@@ -100,6 +100,8 @@ def _outcome(job: Upload | Forecast, place: Place, orders: Connection) -> Outcom
                 prognosed(history, job.unit, place.prognosis, watcher=SERVER)
                 return Outcome(DONE)
             return _diagnosed(job, history, place, orders)
+    except HistoryUnavailableError as error:  # which says nothing of the recording
+        return Outcome(AGAIN, str(error))
     except EmaphmError as error:
         text = str(error)
         if isinstance(job, Upload):

@@ -17,6 +17,9 @@ from emaphm.study.analysis.statistics import VARIANT
 FEWEST_BLOCKS = 6
 """With 5 blocks, even five wins of five have p = 2/2⁵ > 0.05: a rank test could show nothing."""
 
+BLOCK = ("case", "run", "seed")
+"""What the methods that are compared have in common: a case, its number, and the seed of its recording."""
+
 SIGNIFICANT = 0.05
 """Largest p-value that counts as a difference."""
 
@@ -25,12 +28,13 @@ def blocks(runs: pl.DataFrame) -> tuple[list[str], Array]:
     """Return the methods of one variant's `runs`, and their errors [%], (blocks, methods); NaN if missing."""
     rows = runs.sort("index")
     methods = rows["method"].unique(maintain_order=True).to_list()
-    keys = list(dict.fromkeys(zip(rows["case"], rows["run"], strict=True)))
+    # Cases of two groups may have one name, and other faults or another recording.
+    keys = list(dict.fromkeys(zip(*(rows[name] for name in BLOCK), strict=True)))
     errors = np.full((len(keys), len(methods)), np.nan)
     block = {key: i for i, key in enumerate(keys)}
     column = {method: j for j, method in enumerate(methods)}
-    for case, run, method, error in rows.select("case", "run", "method", "error_percent").iter_rows():
-        errors[block[case, run], column[method]] = error
+    for *key, method, error in rows.select(*BLOCK, "method", "error_percent").iter_rows():
+        errors[block[tuple(key)], column[method]] = error
     return methods, errors
 
 
