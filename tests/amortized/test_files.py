@@ -102,6 +102,19 @@ WRONG = {
     "an object": (replaced("network.entry.bias.npy", array(np.array([Harm()] * 4, object))), "no estimator"),
     "a pickle": (replaced("network.entry.bias.npy", pickle.dumps(Harm())), "no estimator"),
     "an array cut off": (replaced("network.entry.bias.npy", array(np.zeros(4, "<f2"))[:-2]), "no estimator"),
+    **{
+        f"a made-up header {i}": (
+            replaced("temperature.npy", b"\x93NUMPY\x01\x00" + len(made).to_bytes(2, "little") + made),
+            "another shape or kind",
+        )
+        for i, made in enumerate(
+            (
+                b"{'descr':'<f8','fortran_order':False,'shape':(10,",
+                b"{'descr':'<f8','fortran_order':False,'shape':(1000000000000,)}",
+                b"{[]:1}",
+            )
+        )
+    },
     "another actuator's laws": (header(setup={}), "setup.actuator"),
 }
 
@@ -146,6 +159,15 @@ def test_absent_and_too_large_files_are_refused(tmp_path: Path) -> None:
         file.truncate(2**30)
     with pytest.raises(MethodError, match="MiB"):
         Estimator.load(large)
+
+
+def test_another_compression_than_ours_is_refused(written: Path, tmp_path: Path) -> None:
+    path = tmp_path / "lzma.estimator"
+    with zipfile.ZipFile(written) as ours, zipfile.ZipFile(path, "w", zipfile.ZIP_LZMA) as theirs:
+        for name in ours.namelist():
+            theirs.writestr(name, ours.read(name), zipfile.ZIP_STORED if name == HEADER else None)
+    with pytest.raises(MethodError, match="compressed in another way"):
+        Estimator.load(path)
 
 
 def test_a_bomb_is_refused_before_it_is_unpacked(written: Path, tmp_path: Path) -> None:

@@ -176,15 +176,19 @@ def _objective(estimator: Estimator, recording: Recording, actuator: Actuator) -
 
 @dataclass(frozen=True, eq=False)
 class _Answer:
-    """What the network says, and the residual that the averaged model has at its mean."""
+    """What the network says, and the residual that the averaged model has at its mean.
+
+    `compared` is how many recordings the network was asked about: the one, and it with channels moved.
+    """
 
     mixture: Mixture
     result: SearchResult
     moves: bool
     reasons: tuple[str, ...]
+    compared: int
 
     @classmethod
-    def of(cls, mixture: Mixture, objective: MapObjective, seed: int, *, alone: bool) -> Self:
+    def of(cls, mixture: Mixture, objective: MapObjective, seed: int, compared: int, *, alone: bool) -> Self:
         """Return the answer, with the reasons why it will not do as it is.
 
         The averaged model there does not explain the recording, or its faults may be something else; asked
@@ -193,13 +197,13 @@ class _Answer:
         result = SearchResult.at(objective, objective.space.project(mixture.mean))
         moves = moves_at(objective, result.point)
         if not alone:
-            return cls(mixture, result, moves, ())
+            return cls(mixture, result, moves, (), compared)
         # No Jacobians: they are asked for after a correction only.
         none = np.zeros((1, objective.space.dimensions, objective.channel_rows))
         reasons = reasons_against(result, none, {}, seed, moves=moves)
         if moves and not reasons:
             reasons = other_explanations(result, mixture.covariance, seed)
-        return cls(mixture, result, moves, reasons)
+        return cls(mixture, result, moves, reasons, compared)
 
     def diagnosis(self, recording: Recording, seed: int, began: float) -> Diagnosis:
         """Return the diagnosis by the network alone."""
@@ -218,7 +222,7 @@ class _Answer:
             fitness=self.result.cost,
             residual_rms_A=float(np.sqrt(np.mean(residual**2))),
             explained=True,
-            evaluations=averaged + RUNS + OTHERS + space.dimensions + 1,
+            evaluations=averaged + self.compared * (RUNS + OTHERS + space.dimensions + 1),
             reference_runs=reference,
             seconds=time.perf_counter() - began,
             seed=seed,
@@ -275,7 +279,7 @@ class _Asked:
                 unlike = Unlikeness(() if delay is None else (delay,))
         if unlike.reasons:
             return cls(recording, mixture, None, (*unlike.rare, *unlike.reasons))
-        answer = _Answer.of(mixture, objective, seed, alone=alone)
+        answer = _Answer.of(mixture, objective, seed, len(rows), alone=alone)
         return cls(recording, mixture, answer, (*unlike.rare, *answer.reasons))
 
 

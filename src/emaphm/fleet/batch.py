@@ -4,7 +4,7 @@ import hashlib
 import json
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import ExitStack, closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from emaphm.actuator import Actuator
@@ -64,6 +64,8 @@ def diagnose_all(
     settings.check(actuator)
     check_workers(scheduler)
     paths = [Path(file).absolute() if scheduler else Path(file) for file in files]
+    if scheduler and settings.estimator is not None:
+        settings = replace(settings, estimator=str(Path(settings.estimator).absolute()))
     kept = None if folder is None else _prepared(Path(folder), actuator, settings, reading)
     return _results(_Batch(paths, actuator, settings, reading, workers, scheduler, kept, on_file))
 

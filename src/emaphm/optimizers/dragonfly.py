@@ -40,7 +40,9 @@ class DragonflyState(State):
 
 @dataclass(frozen=True, eq=False)
 class Dragonfly(Optimizer[DragonflyState]):
-    """Dragonfly algorithm: a swarm that keeps together, seeks food (the best) and shuns an enemy (the worst).
+    """Dragonfly algorithm: a swarm that keeps together, and seeks food (the best).
+
+    It is to shun an enemy (the worst); but the step that the text states for that, X_e - X, leads to it.
 
     Each agent takes the step w dX + p, dX its last one, at most a tenth of the box's width in every
     component. Its neighbours lie within the radius r in every component and share no coordinate with

@@ -145,7 +145,9 @@ def _health(axis: "Axes", name: str, curves: Curves) -> None:
         if component == name:
             axis.axhline(bound, color=VERMILION, linewidth=1, linestyle="--")
     axis.plot([], [], color=VERMILION, linewidth=1, linestyle="--", label="limit")
-    axis.set_ylim(-0.03, 1.03)
+    # A friction may be below healthy.
+    least = min((one.levels[name] - one.halves[name] for one in curves.seen), default=0.0)
+    axis.set_ylim(min(-0.03, least), 1.03)
     style_axis(axis, name)
 
 

@@ -145,15 +145,20 @@ def _columns(names: Sequence[str], width: float) -> int:
 
 def figure_title(figure: "Figure", text: str) -> None:
     """Write `text` above the figure as it is: a file's name is no formula."""
-    figure.suptitle(text, fontsize=FIGURE_TITLE, parse_math=False)
+    figure.suptitle(readable(text), fontsize=FIGURE_TITLE, parse_math=False)
 
 
 def shortened(name: str, longest: int) -> str:
     """Return `name` on one line, its end replaced by an ellipsis if it has more than `longest` letters."""
-    name = " ".join(name.split())
+    name = " ".join(readable(name).split())
     return name if len(name) <= longest else f"{name[: longest - 1]}…"
 
 
 def no_formula(text: str) -> str:
     """Return `text` so that matplotlib shows it as it is, dollar signs included."""
-    return text.replace("$", r"\$")
+    return readable(text).replace("$", r"\$")
+
+
+def readable(text: str) -> str:
+    """Return `text` with a question mark for what is no letter: names of files may be of any bytes."""
+    return text.encode(errors="replace").decode()

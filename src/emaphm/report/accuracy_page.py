@@ -7,7 +7,7 @@ import polars as pl
 
 from emaphm.actuator import NAMES
 from emaphm.errors import StudyError
-from emaphm.report.markdown import incomplete, table
+from emaphm.report.markdown import incomplete, percent, table
 from emaphm.study.analysis.rates import (
     JUDGED,
     alarms,
@@ -317,7 +317,7 @@ def _errors(results: Results, section: PageSection) -> str:
                 row.text,
                 str(cases.height),
                 quantiles(errors(cases)),
-                f"{100 * explained(cases):.0f} %",
+                percent(explained(cases)),
                 f"{np.median(cases['seconds'].to_numpy()):.2f}",
             ]
         )

@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 
 from emaphm.errors import StudyError
-from emaphm.report.markdown import incomplete, table
+from emaphm.report.markdown import incomplete, percent, table
 from emaphm.study.analysis.rates import (
     coverage,
     detection,
@@ -65,14 +65,19 @@ def _cells(row: PageRow, runs: pl.DataFrame) -> list[str]:
         raise StudyError(f"no run of '{row.rig}' with random cases is finished; go on with the study")
     found = errors(random)
     return [
-        _where(single, lambda rows: f"{errors(rows).mean():.2g} / {errors(rows).max():.2g}"),
-        f"{np.median(found):.2g} / {np.percentile(found, 95):.2g} / {found.max():.2g}",
+        _where(single, lambda rows: f"{_size(errors(rows).mean())} / {_size(errors(rows).max())}"),
+        f"{_size(np.median(found))} / {_size(np.percentile(found, 95))} / {_size(found.max())}",
         str(random.height),
         f"{100 * coverage(random).mean():.0f} %",
-        f"{100 * explained(random):.0f} %",
+        percent(explained(random)),
         _where(small, lambda rows: f"{100 * detection(rows):.0f} %"),
         _where(healthy, lambda rows: f"{100 * false_alarms(rows):.1f} %"),
     ]
+
+
+def _size(error: float) -> str:
+    """Return an error with two digits, and all of those before the point."""
+    return f"{error:.2g}" if error < 99.5 else f"{error:.0f}"
 
 
 def _where(rows: pl.DataFrame, cell: Callable[[pl.DataFrame], str]) -> str:

@@ -14,3 +14,9 @@ def incomplete(done: int, total: int) -> list[str]:
     if done >= total:
         return []
     return [f"> **The study is not complete: {done} of {total} runs. All figures may yet change.**\n"]
+
+
+def percent(share: float) -> str:
+    """Return a share in percent, 0 and 100 only where it is none or all."""
+    whole = f"{100 * share:.0f} %"
+    return f"{100 * share:.1f} %" if whole in ("0 %", "100 %") and 0 < share < 1 else whole

@@ -178,6 +178,9 @@ def tasks(plan: Plan, trials: tuple[Trial, ...]) -> list[Task]:
     base = hashlib.sha256(json.dumps(common, sort_keys=True).encode())
     dumped = {id(one): one.model_dump(mode="json") for one in (*plan.methods, *plan.rigs)}
     dumped[id(None)] = {}
+    for method in plan.methods:
+        if method.estimator is not None:
+            dumped[id(method)]["estimator"] = _content(method.estimator)
     made = []
     for trial in trials:
         values = {name: value for name, value in vars(trial).items() if name not in ("index", "rank", "of")}
@@ -187,6 +190,16 @@ def tasks(plan: Plan, trials: tuple[Trial, ...]) -> list[Task]:
         arguments = (plan.actuator, plan.manoeuvre, trial, revision())
         made.append(Task(trial.index, perform, arguments, digest.hexdigest(), name_of(trial)))
     return made
+
+
+def _content(estimator: str) -> str:
+    """Return a digest of what an estimator's file holds: results of another one are others."""
+    try:
+        return hashlib.sha256(Path(estimator).read_bytes()).hexdigest()
+    except OSError as error:
+        raise StudyError(
+            f"{estimator}: the estimator of the study cannot be read ({error.strerror}); put it there again"
+        ) from None
 
 
 def name_of(trial: Trial) -> str:

@@ -41,6 +41,8 @@ class Projection:
         covariance += np.diag(np.repeat((noise / units) ** 2, rows.shape[2]))
         variances, directions = np.linalg.eigh(covariance)
         first = np.argsort(variances)[::-1][: min(components, len(taken) // 2)]
+        # The rows have single precision: below it, a direction is rounding.
+        first = first[variances[first] > np.finfo(np.float32).eps * variances.max()]
         return cls(
             units.astype(float),
             mean.astype(np.float32),

@@ -52,7 +52,9 @@ def _alike(methods: Sequence[str], tests: pl.DataFrame) -> list[tuple[int, int]]
         return []
     differ = {
         frozenset((row["method"], row["other"]))
-        for row in tests.filter(pl.col("p_holm") <= SIGNIFICANT).iter_rows(named=True)
+        for row in tests.filter((pl.col("p_holm") <= SIGNIFICANT) | pl.col("p_holm").is_null()).iter_rows(
+            named=True
+        )
     }
     stretches: list[tuple[int, int]] = []
     for first in range(len(methods)):
