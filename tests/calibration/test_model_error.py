@@ -128,7 +128,7 @@ def test_it_is_written_with_units_and_read_again(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("toml", "pieces"),
     [
-        ("[model_error.curent_A]\nfloor = 0.1", ("model_error.curent_A", "did you mean 'current_a_A'?")),
+        ("[model_error.curent_A]\nfloor = 0.1", ("model_error.curent_A", "did you mean 'current_A'?")),
         (
             "[model_error.current_A]\nfloor = 0.1\ncorrelation_time = 0.0\nscatter = 0.1\nrecordings = 3",
             ("model_error.current_A.correlation_time", "greater than 0"),

@@ -88,6 +88,8 @@ def serve(
     """
     import uvicorn
 
+    from emaphm.server.connection import ImpatientProtocol
+
     only_loopback = _is_loopback(host)
     if not only_loopback and tokens is None:
         raise ServerError(
@@ -109,6 +111,7 @@ def serve(
         logging.getLogger("python_multipart").setLevel(logging.ERROR)  # a form that is none is the client's
         config = uvicorn.Config(
             app,
+            http=ImpatientProtocol,
             log_level="warning",
             access_log=False,
             server_header=False,

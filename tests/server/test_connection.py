@@ -1,0 +1,51 @@
+"""Connections: a silent one is closed, one that has asked is kept."""
+
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+uvicorn = pytest.importorskip("uvicorn")
+
+HEAD_S = 0.3
+
+
+async def app(_: Any, __: Any, send: Any) -> None:
+    """Answer everything with nothing."""
+    await send({"type": "http.response.start", "status": 200, "headers": [(b"content-length", b"0")]})
+    await send({"type": "http.response.body", "body": b""})
+
+
+@pytest.fixture
+def address(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[str, int]]:
+    from emaphm.server import connection
+
+    monkeypatch.setattr(connection, "HEAD_SECONDS", HEAD_S)
+    listening = socket.create_server(("127.0.0.1", 0))
+    config = uvicorn.Config(app, http=connection.ImpatientProtocol, lifespan="off", log_level="error")
+    server = uvicorn.Server(config)
+    thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
+    thread.start()
+    yield listening.getsockname()
+    server.should_exit = True
+    thread.join(30)
+
+
+@pytest.mark.parametrize("sent", [b"", b"GET / HTTP/1.1\r\nHost: a\r\n"], ids=["nothing", "half a head"])
+def test_one_that_asks_nothing_is_closed(address: tuple[str, int], sent: bytes) -> None:
+    with socket.create_connection(address, timeout=30) as silent:
+        silent.sendall(sent)
+        assert silent.recv(1) == b""
+
+
+def test_one_that_has_asked_is_kept(address: tuple[str, int]) -> None:
+    with socket.create_connection(address, timeout=30) as asking:
+        for _ in range(2):
+            asking.sendall(b"GET / HTTP/1.1\r\nHost: a\r\n\r\n")
+            assert asking.recv(12) == b"HTTP/1.1 200"
+            while b"\r\n\r\n" not in asking.recv(4096):
+                pass
+            time.sleep(2 * HEAD_S)
