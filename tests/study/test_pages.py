@@ -14,6 +14,7 @@ from emaphm.errors import StudyError
 from emaphm.report.accuracy_page import accuracy_page
 from emaphm.report.drive_page import drive_page
 from emaphm.report.limits_page import limits_page
+from emaphm.report.markdown import percent
 from emaphm.study import Plan, Store
 from emaphm.study.analysis.limits import SettingRates
 from emaphm.study.analysis.rates import (
@@ -338,3 +339,11 @@ def test_the_page_of_a_drive_has_a_dash_where_a_plan_has_no_such_cases() -> None
         drive_page(plan, results(plan).filter(pl.col("case_kind") != "random"))
     with pytest.raises(StudyError, match="needs"):
         drive_page(plan.model_copy(update={"sections": ()}), results(plan))
+
+
+@pytest.mark.parametrize(
+    ("share", "text"),
+    [(0.0, "0 %"), (0.001, "0.1 %"), (0.29, "29 %"), (0.99, "99 %"), (0.9967, "99.7 %"), (1.0, "100 %")],
+)
+def test_a_share_is_all_or_none_only_where_it_is(share: float, text: str) -> None:
+    assert percent(share) == text
