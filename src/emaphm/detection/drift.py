@@ -51,7 +51,7 @@ def drifting_loads(
 def probability_by_chance(values: Array) -> float:
     """Return how often `values` (n,) in an order by chance go up or down as steadily as in theirs.
 
-    By Spearman's rank correlation, in all permutations where they are no more than `PERMUTATIONS`, in so many
+    By Spearman's rank correlation, in all permutations where they are no more than `PERMUTATIONS`, in as many
     drawn ones else.
     """
     from scipy.stats import permutation_test, rankdata
