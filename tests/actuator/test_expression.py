@@ -63,3 +63,15 @@ def test_what_is_not_allowed_is_refused_with_a_reason(text: str, expected: str) 
 def test_a_text_is_no_number() -> None:
     with pytest.raises(ValueError, match="text"):
         Expression.parse("profile < 2").evaluate(COLUMNS)
+
+
+@pytest.mark.parametrize("text", ["number != 'a'", "word != 1", "word == 1", "'a' == number"])
+def test_a_text_is_never_compared_with_a_number(text: str) -> None:
+    with pytest.raises(ValueError, match="a text is compared"):
+        Expression.parse(text).evaluate({"number": np.arange(3.0), "word": np.array(["a", "b", "a"])})
+
+
+@pytest.mark.parametrize("text", ["x != 0", "x and y < 5", "y < 5 and x", "x == 1", "x > 0"])
+def test_an_empty_cell_meets_no_condition(text: str) -> None:
+    found = Expression.parse(text).evaluate({"x": np.array([1.0, 0.0, np.nan]), "y": np.zeros(3)})
+    assert found.tolist() == [True, False, False]

@@ -224,3 +224,14 @@ def test_the_figure_shows_both_statistics_and_every_segment(detector: Detector) 
     figure = result.plot()
     labels = {text.get_text() for axis in figure.axes for text in axis.get_yticklabels()}
     assert {"current_A", "position_rad"} <= labels
+
+
+def test_noise_of_a_load_cell_is_no_other_load() -> None:
+    recordings, groups = runs(HEALTHY, 10, seed=3)
+    random = np.random.default_rng(0)
+    unloaded = [
+        one.with_channels({**one.channels, "load_Nm": 1e-3 * random.standard_normal(one.samples)}, [])
+        for one in recordings
+    ]
+    known = Detector.learn(unloaded, groups=groups)
+    assert [len(one.loads) for one in known.manoeuvres] == [1]

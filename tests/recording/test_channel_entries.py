@@ -151,6 +151,31 @@ def test_a_long_gap_of_a_column_with_times_of_its_own_is_none_less(
     assert read_recording(save(columns, tmp_path), actuator).samples >= 2499
 
 
+def test_a_condition_on_a_channel_leaves_its_conversion(
+    columns: Columns, tmp_path: Path, thesis: Actuator
+) -> None:
+    path = save(columns, tmp_path)
+    actuator = rig(thesis, {"keep": "position_rad > -100"}, position_rad={"unit": "deg"})
+    recording = read_recording(path, actuator)
+    np.testing.assert_allclose(recording["position_rad"], np.deg2rad(columns["position_rad"]))
+
+
+@pytest.mark.parametrize("reading", [{}, {"low_pass_hz": 400.0}])
+def test_an_angle_that_starts_anew_is_filled_and_moved_as_one_that_goes_on(
+    columns: Columns, tmp_path: Path, thesis: Actuator, reading: dict[str, Any]
+) -> None:
+    true = 30.0 * columns["time_s"]
+    columns["angle_rad"] = np.rad2deg(true) % 360.0
+    columns["angle_rad"][500] = np.nan
+    columns["own"] = columns["time_s"] + 0.4e-4
+    late = read_recording(
+        save(columns, tmp_path), rig(thesis, reading, angle_rad={"time": "own", "unit": "deg"})
+    )["angle_rad"]
+    # Own times are 0.04 ms later: there the angle was as far as 1.2 mrad before.
+    away = (late - true[-late.size :] + 30.0 * 0.4e-4 + np.pi) % (2 * np.pi) - np.pi
+    assert np.abs(away[50:-50]).max() < 2e-3
+
+
 def test_masks(columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refusal) -> None:
     mode = np.where(columns["time_s"] < 0.3, "trap", "sine")
     path = save(columns | {"on": (columns["time_s"] >= 0.1) * 1, "mode": mode}, tmp_path)

@@ -164,3 +164,17 @@ def test_a_real_servo_is_cut_where_its_drive_is_switched_off(emps: Actuator) -> 
     (held,) = read_recordings(path, emps.model_copy(update={"channels": channels, "reading": reading}))
     assert held.samples == 375
     assert held.labels["torque_enable"] == 1 or np.all(held["enabled"] == 1)
+
+
+def test_lost_rows_and_empty_cells_shift_no_period(tmp_path: Path, thesis: Actuator) -> None:
+    time = np.arange(5000) / 1e3
+    command = np.interp(time % 0.5, [0.0, 0.1, 0.25, 0.35, 0.5], [0.0, 1.0, 1.0, 0.0, 0.0])
+    command[1234] = np.nan
+    kept = np.delete(np.arange(time.size), [100, 101, 1700, 1701, 1702, 3333])
+    frame = {"time_s": time, "command_rad": command, "current_A": np.cos(time)}
+    pl.DataFrame({name: values[kept] for name, values in frame.items()}).fill_nan(None).write_csv(
+        tmp_path / "day.csv"
+    )
+    found = read_recordings(tmp_path / "day.csv", thesis, split="period")
+    assert [one.samples for one in found] == [500] * 10
+    assert [one["time_s"][0] % 0.5 for one in found] == pytest.approx([0.0] * 10, abs=1e-9)

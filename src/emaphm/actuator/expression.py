@@ -145,13 +145,34 @@ def _value(node: ast.expr, columns: Mapping[str, Any], quoted: tuple[str, ...]) 
         case ast.Call(args=[argument]):
             found = np.abs(of(argument))
         case ast.BoolOp(op=op, values=values):
-            found = reduce(np.logical_and if isinstance(op, ast.And) else np.logical_or, map(of, values))
+            truths = (_truth(of(one)) for one in values)
+            found = reduce(np.logical_and if isinstance(op, ast.And) else np.logical_or, truths)
         case ast.Compare(left=left, ops=ops, comparators=others):
             sides = [of(one) for one in (left, *others)]
             pairs = zip(sides, ops, sides[1:], strict=False)
-            found = reduce(np.logical_and, (COMPARISONS[type(op)](a, b) for a, op, b in pairs))
+            found = reduce(np.logical_and, (_compared(type(op), a, b) for a, op, b in pairs))
         case _:
             raise AssertionError(node)
+    return found
+
+
+def _truth(value: Any) -> Any:
+    """Return whether values are other than 0; an empty cell is nothing."""
+    import numpy as np
+
+    return value if np.asarray(value).dtype == bool else (value != 0) & ~np.isnan(value)
+
+
+def _compared(op: type[ast.cmpop], one: Any, other: Any) -> Any:
+    """Return a comparison of like with like; an empty cell is neither equal to a number nor another one."""
+    import numpy as np
+
+    texts = [np.asarray(side).dtype.kind in "OSU" for side in (one, other)]
+    if texts[0] != texts[1]:
+        raise TypeError
+    found = COMPARISONS[op](one, other)
+    if op is ast.NotEq and not texts[0]:
+        found = found & ~(np.isnan(one) | np.isnan(other))
     return found
 
 

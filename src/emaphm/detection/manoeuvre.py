@@ -14,8 +14,12 @@ from emaphm.detection.level import Level, learn_level
 from emaphm.detection.segments import Segment, segments_of
 from emaphm.detection.settings import DetectorSettings
 from emaphm.errors import RecordingError
+from emaphm.recording.noise import robust_noise_level
 
 Groups = NDArray[np.int64]
+
+LOAD_NOISE = 3.0
+"""Of the noise of two loads, how far apart they may be to be one: white noise takes them once as far."""
 
 LEAST_SCALE = 1e-9
 """Scatter of a channel, relative to its largest value, that counts as none: rounding alone makes more."""
@@ -147,8 +151,12 @@ def learn_manoeuvre(
 
 
 def same_load(one: Array, other: Array, largest: float, settings: DetectorSettings) -> bool:
-    """Return whether two loads (rows,) are the same, where `largest` is the largest that was learned."""
-    return rms(one - other) <= settings.load_tolerance * largest
+    """Return whether two loads (rows,) are the same, where `largest` is the largest that was learned.
+
+    What a load cell's noise makes of them is no difference.
+    """
+    noise = np.hypot(robust_noise_level(one, 2), robust_noise_level(other, 2))
+    return bool(rms(one - other) <= max(settings.load_tolerance * largest, LOAD_NOISE * noise))
 
 
 def _loads(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from emaphm.arrays import Array, runs
 from emaphm.errors import RecordingError, nearest
 from emaphm.recording.checks import FEWEST_SAMPLES, GAP
-from emaphm.recording.conditioning.gaps import in_long_gaps, interval_of
+from emaphm.recording.conditioning.gaps import in_long_gaps, interval_of, with_lost_rows, without_short_gaps
 from emaphm.recording.conditioning.masks import at_rest
 from emaphm.recording.conditioning.table import Table
 from emaphm.recording.io.channel_names import resolved
@@ -106,7 +106,9 @@ def cut(table: Table, kept: NDArray[np.bool_], by: str, longest_gap: int, source
     """
     whole = stretches(table, kept, longest_gap)
     if by.strip() == PERIOD:
-        pieces = _named([one for piece in whole for one in _periods(table, piece, source)], "period")
+        pieces = _named(
+            [one for piece in whole for one in _periods(table, piece, longest_gap, source)], "period"
+        )
     elif by.strip() == RESTS:
         pieces = _named([one for piece in whole for one in _between_rests(table, piece)], "movement")
     elif by.strip() == STRETCHES:
@@ -170,15 +172,21 @@ def _text(value: Label) -> str:
     return value if isinstance(value, str) else f"{value:g}"
 
 
-def _periods(table: Table, piece: Piece, source: str) -> list[Piece]:
-    command = table.channels["command_rad"][piece.start : piece.stop]
+def _periods(table: Table, piece: Piece, longest_gap: int, source: str) -> list[Piece]:
+    """Return the periods of the command in a piece; rows that are lost, and short gaps, count as if there."""
+    rows = slice(piece.start, piece.stop)
+    own = {name: table.channels[name][rows] for name in ("time_s", "command_rad")}
+    whole, _ = without_short_gaps(with_lost_rows(own, longest_gap)[0], longest_gap)
+    time, command = whole["time_s"], whole["command_rad"]
     period = command_period(command)
     if period is None:
         raise RecordingError(
             f"{source}: the command does not repeat itself within the {piece.rows} rows from row "
             f"{piece.start + 1}; cut at rests, or by a column"
         )
-    starts = np.round(np.arange(0.0, piece.rows + 0.5, period)).astype(int) + piece.start
+    interval = interval_of(time)
+    cuts = time[0] + interval * (np.round(np.arange(0.0, command.size + 0.5, period)) - 0.5)
+    starts = np.searchsorted(own["time_s"], cuts) + piece.start
     pieces = [Piece(a, b) for a, b in pairwise(starts.tolist())]
     rest = piece.stop - int(starts[-1])
     if rest and pieces:

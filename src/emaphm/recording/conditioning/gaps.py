@@ -88,14 +88,14 @@ def without_short_gaps(channels: Columns, longest: int) -> tuple[Columns, tuple[
 def _interpolated(name: str, time: Array, values: Array, at: NDArray[np.intp]) -> Array:
     """Return values (n,) with the rows `at` on a curve through the others, or held."""
     known = np.flatnonzero(np.isfinite(values))
-    filled = values.copy()
+    # All of an angle without its jumps: a part of it would hide the others from what comes after.
+    filled = continuous(values).copy() if name == "angle_rad" else values.copy()
     if known.size < FEWEST_ROWS:
         return filled
     if name in HELD:
         filled[at] = values[known[np.maximum(np.searchsorted(known, at) - 1, 0)]]
     else:
-        recorded = continuous(values) if name == "angle_rad" else values
-        filled[at] = curve(time[known], recorded[known], time[at])
+        filled[at] = curve(time[known], filled[known], time[at])
     return filled
 
 

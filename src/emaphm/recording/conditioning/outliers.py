@@ -64,6 +64,9 @@ class OutlierRule:
     jump: float = 1e-2
     """Second difference of the command, relative to its range, that is a jump [-]."""
 
+    corner: float = 0.5
+    """The same relative to its largest step from row to row [-]: where a ramp turns round, friction does."""
+
     after_jump_s: float = 0.05
     """Time after a jump of the command in which nothing is judged [s]: what starts a motor is a pulse too."""
 
@@ -142,8 +145,9 @@ def outliers(values: Array, rule: OutlierRule) -> NDArray[np.bool_]:
 @np.errstate(over="ignore", invalid="ignore")
 def _after_jumps(command: Array, time: Array, rule: OutlierRule) -> NDArray[np.bool_]:
     bend = np.abs(np.diff(command, 2))
+    least = min(rule.jump * np.ptp(command), rule.corner * np.max(np.abs(np.diff(command)), initial=0.0))
     rows = max(rule.half_width, int(np.ceil(rule.after_jump_s / interval_of(time))))
-    places = np.flatnonzero(bend > rule.jump * np.ptp(command)) + 1
+    places = np.flatnonzero(bend > least) + 1
     marks = np.zeros(command.size + 1)
     np.add.at(marks, np.maximum(places - rule.half_width, 0), 1)
     np.add.at(marks, np.minimum(places + rows + 1, command.size), -1)

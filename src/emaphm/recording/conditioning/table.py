@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.channels import ChannelEntry
+from emaphm.actuator.channels import OWN_NAME, ChannelEntry
 from emaphm.actuator.expression import Expression
 from emaphm.actuator.quantity import unit_for
 from emaphm.arrays import Array
 from emaphm.errors import RecordingError
-from emaphm.recording.conditioning.interpolation import HELD, moved
+from emaphm.recording.conditioning.gaps import FEWEST_ROWS
+from emaphm.recording.conditioning.interpolation import HELD, continuous, curve, moved
 from emaphm.recording.io.channel_names import Source, columns_of, missing_name, resolved
 from emaphm.recording.io.file_columns import FileColumns
 from emaphm.recording.schema import SCHEMA
@@ -142,18 +143,28 @@ def _on_one_base(
         base = times[leading]
     numeric = dict(held.numeric)
     holding = {where.column for name, where in sources.items() if name in HELD}
+    turning = sources.get("angle_rad", Source(OWN_NAME))
     bases: dict[int, list[str]] = {}
     for name in wanted:
         own = times.get(name)
         if own is None or (own.shape == base.shape and np.array_equal(own, base)):
             continue
-        numeric[name] = _moved(name, own, numeric[name], base, actuator, source, holds=name in holding)
+        values = numeric[name]
+        if name == turning.column:
+            values = _without_turns(turning, values, actuator, source)
+        numeric[name] = _moved(name, own, values, base, actuator, source, holds=name in holding)
         bases.setdefault(own.size, []).append(name)
     notes += [
         f"{', '.join(names)}: brought from times of their own to those of the command"
         for names in bases.values()
     ]
     return FileColumns(numeric, held.unusable, held.texts), base
+
+
+def _without_turns(angle: Source, raw: Array, actuator: Actuator, source: str) -> Array:
+    """Return a raw column of an angle, in its own unit, without the jumps of a sensor that starts anew."""
+    none, one = _converted("angle_rad", angle, np.array([0.0, 1.0]), actuator, source)
+    return np.asarray(continuous((one - none) * raw) / (one - none))
 
 
 def _times_in_file(
@@ -186,19 +197,34 @@ def _moved(
             "times of this column"
         )
     known = np.isfinite(values) & np.isfinite(times)
-    times, values = times[known], values[known]
-    if times.size < 2 or np.any(np.diff(times) <= 0) or np.any(np.diff(base) <= 0):
+    seen, steps = times[known], np.diff(times[known])
+    if seen.size < 2 or np.any(steps <= 0) or np.any(np.diff(base) <= 0):
         raise RecordingError(
             f"{source}: column '{name}' has times of its own, which do not increase; export it with the "
             "times of the command"
         )
-    found = moved(times, values, base, actuator.channels.sampling, holds=holds)
-    steps = np.diff(times)
+    if holds:
+        return moved(seen, values[known], base, actuator.channels.sampling, holds=True)
+    found = moved(*_between(times, values, known), base, actuator.channels.sampling)
     # Of a column that is written when it changes, a long step is no gap.
     usual = float(np.percentile(steps, 90))
-    for i in [] if holds else np.flatnonzero(steps > (actuator.reading.longest_gap + 1.25) * usual):
-        found[(base > times[i] + 1e-6 * usual) & (base < times[i + 1] - 1e-6 * usual)] = np.nan
+    for i in np.flatnonzero(steps > (actuator.reading.longest_gap + 1.25) * usual):
+        found[(base > seen[i] + 1e-6 * usual) & (base < seen[i + 1] - 1e-6 * usual)] = np.nan
     return found
+
+
+def _between(times: Array, values: Array, known: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Return times (m,) and values (m,) from the first `known` row (n,) to the last, empty ones on a curve.
+
+    Without them, a mean would count for the rows after it too.
+    """
+    places = np.flatnonzero(known)
+    rows = np.flatnonzero(np.isfinite(times))
+    rows = rows[(rows >= places[0]) & (rows <= places[-1])]
+    if rows.size == places.size or places.size < FEWEST_ROWS or np.any(np.diff(times[rows]) <= 0):
+        return times[known], values[known]
+    filled = curve(times[known], values[known], times[rows])
+    return times[rows], np.where(known[rows], values[rows], filled)
 
 
 def _converted(name: str, where: Source, raw: Array, actuator: Actuator, source: str) -> Array:

@@ -246,7 +246,10 @@ def _recording(file: _File, piece: Piece) -> Recording:
     channels = {name: values[rows] for name, values in table.channels.items()}
     further = {name: values[rows] for name, values in table.further.items()}
     labels = _labels(file, further) | dict(piece.labels)
-    channels |= {name: values for name, values in further.items() if values.dtype.kind == "f"}
+    # Not the raw column of a channel, which a condition or a cut names.
+    channels |= {
+        name: values for name, values in further.items() if values.dtype.kind == "f" and name not in SCHEMA
+    }
     names = {name: where.label for name, where in table.sources.items()}
     delays = {name: where.entry.delay_s for name, where in table.sources.items()}
     channels, notes = conditioned(
