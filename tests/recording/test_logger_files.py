@@ -169,3 +169,23 @@ def test_a_damaged_file_is_refused(
     path = tmp_path / f"rec.{ending}"
     path.write_bytes(spoil(saved(ending).read_bytes()))
     assert str(path) in refusal(lambda: read_recording(path, thesis))
+
+
+def test_a_state_with_times_of_its_own_is_never_between_two(
+    columns: Columns, tmp_path: Path, thesis: Actuator
+) -> None:
+    asammdf = pytest.importorskip("asammdf", reason="MDF 4 files need asammdf")
+    slow = np.arange(60) * 1e-2
+    with asammdf.MDF(version="4.10") as file:
+        signals = [
+            asammdf.Signal(np.asarray(values), columns["time_s"], name=name)
+            for name, values in measured(columns).items()
+        ]
+        file.append(signals)
+        file.append([asammdf.Signal(np.where(slow < 0.2, 0.0, 7.0), slow, name="mode")])
+        file.save(tmp_path / "day.mf4", overwrite=True)
+    actuator = rig(thesis).model_copy(update={"reading": Reading(keep="mode == 7")})
+    recording = read_recording(tmp_path / "day.mf4", actuator)
+    # The nearest row of 10 ms.
+    assert recording["time_s"][0] == pytest.approx(0.195, abs=3e-4)
+    assert recording["time_s"][-1] == columns["time_s"][-1]

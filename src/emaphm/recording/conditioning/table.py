@@ -1,6 +1,6 @@
 """The rows of a file as channels: columns on one time base, converted, scaled, and reckoned from others."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -88,13 +88,15 @@ def table_of(
     """
     notes: list[str] = []
     every = [*held.numeric, *held.unusable]
-    wanted = {where.column for where in sources.values()} - {None} | set(needed)
+    signals = {where.column for where in sources.values() if where.column is not None}
     for where in sources.values():
         if where.entry.derived is not None:
-            wanted |= set(columns_of(Expression.parse(where.entry.derived), every, source).values())
-    held, time = _on_one_base(
-        held, sources, [n for n in held.numeric if n in wanted], actuator, source, notes
-    )
+            signals |= set(columns_of(Expression.parse(where.entry.derived), every, source).values())
+    wanted = signals | set(needed)
+    # What a condition or a cut names is a state: nothing lies between two of them.
+    states = wanted - signals
+    names = [name for name in held.numeric if name in wanted]
+    held, time = _on_one_base(held, sources, names, states, actuator, source, notes)
     channels: dict[str, Array] = {"time_s": time}
     for name, where in sources.items():
         if name != "time_s" and where.column is not None:
@@ -125,11 +127,15 @@ def _on_one_base(
     held: FileColumns,
     sources: Mapping[str, Source],
     wanted: Sequence[str],
+    states: Collection[str],
     actuator: Actuator,
     source: str,
     notes: list[str],
 ) -> tuple[FileColumns, Array]:
-    """Return the file with all `wanted` columns on the times of the command, and these times (n,) [s]."""
+    """Return the file with all `wanted` columns on the times of the command, and these times (n,) [s].
+
+    Of `states` the nearest row is taken.
+    """
     times = dict(held.times)
     for where in sources.values():
         if where.column is not None and where.entry.time is not None:
@@ -142,7 +148,7 @@ def _on_one_base(
         leading = leading if leading in times else next(name for name in wanted if name in times)
         base = times[leading]
     numeric = dict(held.numeric)
-    holding = {where.column for name, where in sources.items() if name in HELD}
+    holding = {*states, *(where.column for name, where in sources.items() if name in HELD)}
     turning = sources.get("angle_rad", Source(OWN_NAME))
     bases: dict[int, list[str]] = {}
     for name in wanted:
