@@ -114,3 +114,12 @@ def test_a_recording_at_rest_throughout_is_one_refusal() -> None:
     still = Recording({"time_s": np.arange(400) * 1e-2, "command_rad": 1e-3 * ones, "current_A": ones})
     only = segments(still, THESIS).stretches
     assert [one.reason for one in only] == ["at rest: the command does not move the actuator"]
+
+
+@pytest.mark.parametrize("rows", [200, 450, 499, 600])
+def test_no_motion_at_the_end_is_called_a_rest(whole: Recording, rows: int) -> None:
+    sweep = {name: values[7000 : 7000 + rows] for name, values in whole.channels.items()}
+    sweep["time_s"] = sweep["time_s"] - sweep["time_s"][0]
+    cut = segments(Recording(sweep, source="sweep"), THESIS)
+    assert not any(one.reason.startswith("at rest") for one in cut.stretches)
+    assert cut.stretches[-1].rows[1] == rows

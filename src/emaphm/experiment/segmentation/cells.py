@@ -25,13 +25,14 @@ from emaphm.recording.checks import FEWEST_SAMPLES
 class CellSettings:
     """How a recording is divided, and what is computed of a cell.
 
-    A cell takes `cell_s` [s], `fewest_rows` at least. It is at rest where the command moves the motor less
-    than its backlash, or less than `least_motion` of the command's range. Jacobians are taken over at most
-    `block_s` [s] at once, `replicates` of them: products of different ones are free of the bias of their
-    errors, which slow motion with stick-slip makes large. A residual is expected to be as large as the
-    channel's noise, and `model_error` of its rms (`search_result.SMALLEST_SHARE`), and to be correlated over
-    `correlated_s` [s]: half-widths are then 1 to 3 times those of a diagnosis, of chirps of the thesis's
-    actuator at 5 kHz and at 100 Hz (`emaphm segment`, `emaphm diagnose`).
+    A cell takes some `cell_s` [s], so that a recording is a whole number of them, `fewest_rows` at least.
+    It is at rest where the command moves the motor less than its backlash, or less than `least_motion` of
+    the command's range. Jacobians are taken over at most `block_s` [s] at once, `replicates` of them:
+    products of different ones are free of the bias of their errors, which slow motion with stick-slip makes
+    large. A residual is expected to be as large as the channel's noise, and `model_error` of its rms
+    (`search_result.SMALLEST_SHARE`), and to be correlated over `correlated_s` [s]: half-widths are then 1
+    to 3 times those of a diagnosis, of chirps of the thesis's actuator at 5 kHz and at 100 Hz (`emaphm
+    segment`, `emaphm diagnose`).
     """
 
     cell_s: float = 0.25
@@ -48,7 +49,7 @@ CELLS = CellSettings()
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """`rows` of a cell, and which cells `move`, (cells,); the last rows that fill no cell are left out."""
+    """`rows` of a cell, and which cells `move`, (cells,); fewer rows than cells remain at the end."""
 
     rows: int
     moves: NDArray[np.bool_]
@@ -56,8 +57,9 @@ class Cells:
     @classmethod
     def of(cls, recording: Recording, actuator: Actuator) -> "Cells":
         """Return the cells of a recording."""
-        rows = max(CELLS.fewest_rows, round(CELLS.cell_s * recording.sample_rate_hz))
-        count = recording.samples // rows
+        usual = max(CELLS.fewest_rows, round(CELLS.cell_s * recording.sample_rate_hz))
+        count = max(1, round(recording.samples / usual))
+        rows = recording.samples // count
         command = recording["command_rad"]
         # From each cell into the next: a step between two cells is a movement.
         reaching = [command[i * rows : (i + 1) * rows + 1] for i in range(count)]

@@ -143,7 +143,8 @@ class _Cutter:
             taken = (cell + 1) * rows - start
             left = (last - cell - 1) * rows
             if left == 0 or (taken + rows > self.most_rows and left >= FEWEST_SAMPLES):
-                end = (cell + 1) * rows
+                is_last = cell + 1 == self.cells.moves.size
+                end = self.recording.samples if is_last else (cell + 1) * rows
                 yield self._segment(start, end, self._half_widths(known), in_motion=start > first * rows)
                 start, known = end, np.zeros_like(known)
 
