@@ -271,7 +271,7 @@ REFUSED: dict[str, tuple[tuple[str, str], tuple[str, ...]]] = {
         ('label = "bench"', 'label = "bench"\nnoize = 1'),
         ("'rigs.0.noize'", "did you mean 'noise'?"),
     ),
-    "channel": (('["current_A"]', '["current_a"]'), ("'rigs.1.channels'", "unknown channel", "current_a_A")),
+    "channel": (('["current_A"]', '["current_a"]'), ("'rigs.1.channels'", "unknown channel", "current_A")),
     "no current": (('["current_A"]', '["voltage_V"]'), ("'rigs.1.channels'", "'current_A' is missing")),
     "bits": (
         ('adc_bits = "exact"', "adc_bits = 40"),

@@ -28,8 +28,7 @@ motor's strength that varies with its temperature."""
 
 TORQUES = (
     *("inertia", "viscous", "coulomb", "static", "offset", "hinge", "quadratic", "stiffness", "damping"),
-    *("gravity", "presliding_stiffness", "presliding_damping"),
-    *(name for name in LUMPED_PARAMETERS if name.startswith("ripple")),
+    *("gravity", *(name for name in LUMPED_PARAMETERS if name.startswith(("ripple", "presliding")))),
 )
 """What the motor's torque has to overcome where no load is recorded: known in proportion to it only."""
 
