@@ -119,7 +119,8 @@ def diagnose(
     check_plausible(recording, actuator)
     checked = with_channels_exchanged(check_sensors(recording, actuator), actuator, model_named(model))
     recording = checked.recording
-    objective = objective_of(checked, actuator, chosen, model_named(model), nuisances, workers)
+    objective = objective_for(recording, actuator, chosen, model_named(model), nuisances, workers)
+    objective = without_spoilt_rows(objective, checked)
     if posterior:
         from emaphm.estimation.posterior.mcmc import check_posterior
 
@@ -208,16 +209,8 @@ def _searched_by(method: Method, starts: Starts | None, result: SearchResult) ->
     return method.name, (f"{astray}; all of the range was searched",)
 
 
-def objective_of(
-    checked: CheckedRecording,
-    actuator: Actuator,
-    method: Method,
-    model: Model,
-    nuisances: Sequence[str] | None,
-    workers: int | None = None,
-) -> MapObjective:
-    """Return what `method` minimises on a recording whose spoilt rows are known, as `objective_for`."""
-    objective = objective_for(checked.recording, actuator, method, model, nuisances, workers)
+def without_spoilt_rows(objective: MapObjective, checked: CheckedRecording) -> MapObjective:
+    """Return the objective of a checked recording that compares none of its spoilt rows."""
     return objective.ignoring(masks_of_means(checked.unusable, objective.problem))
 
 

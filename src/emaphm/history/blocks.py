@@ -13,6 +13,7 @@ from emaphm.history.kept_diagnosis import KeptDiagnosis
 from emaphm.history.kept_prognosis import KeptPrognosis, read_prognosis
 from emaphm.history.lives import lives
 from emaphm.history.records import COMPONENTS
+from emaphm.history.tables import UNITS
 from emaphm.history.unit import Unit
 
 DATA_MANIPULATION = ("recording", "channels", "notes")
@@ -65,8 +66,9 @@ def unit_blocks(unit: Unit) -> dict[str, Any]:
         removals = reading.removals(connection, unit.row.id)
         findings = reading.findings(connection, unit.row.id)
         kept = read_prognosis(connection, unit.row.id)
-        count = reading.diagnosis_count(connection, unit.row.id)
-        changed = reading.last_change(connection, unit.row.id)
+        this = UNITS.c.id == unit.row.id
+        count = reading.diagnosis_counts(connection, this).get(unit.row.id, 0)
+        changed = reading.last_changes(connection, this).get(unit.row.id, "")
     last = flights[-1]
     is_removed = any(one.hours >= last.hours for one in removals)
     return {

@@ -16,6 +16,7 @@ from emaphm.history.kept_prognosis import Basis, KeptPrognosis, keep_prognosis, 
 from emaphm.history.overview import Overview, overviews
 from emaphm.history.records import Entry, Finding, Removal
 from emaphm.history.schema import bring_up_to_date, check_revision
+from emaphm.history.tables import UNITS
 from emaphm.history.timestamp import timestamp
 from emaphm.history.unit import Unit
 
@@ -231,7 +232,8 @@ class History:
         now = timestamp()  # before anything is read: what is added while a prognosis is made is not in it
         with self.database.reading() as connection:
             unit_id = reading.unit(connection, serial_number).id
-            return Basis(reading.diagnosis_count(connection, unit_id), now)
+            counts = reading.diagnosis_counts(connection, UNITS.c.id == unit_id)
+            return Basis(counts.get(unit_id, 0), now)
 
     def prognoses(self) -> dict[str, KeptPrognosis]:
         """Return the last kept prognosis by serial number, of the units that have one."""

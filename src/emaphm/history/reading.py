@@ -123,15 +123,18 @@ def _spread(ids: Sequence[int], most: int) -> Sequence[int]:
     return ids[::step] if most else ()
 
 
-def diagnosis_count(connection: sa.Connection, unit_id: int) -> int:
-    """Return how many diagnoses a unit has had, those among them that others have replaced since."""
-    of_recordings = RECORDINGS.join(FLIGHTS, FLIGHTS.c.id == RECORDINGS.c.flight_id)
+def diagnosis_counts(connection: sa.Connection, chosen: sa.ColumnElement[bool]) -> dict[int, int]:
+    """Return by unit how many diagnoses it has had, those among them that others have replaced since."""
     query = (
-        sa.select(sa.func.count())
-        .select_from(DIAGNOSES.join(of_recordings, RECORDINGS.c.id == DIAGNOSES.c.recording_id))
-        .where(FLIGHTS.c.unit_id == unit_id)
+        sa.select(FLIGHTS.c.unit_id, sa.func.count())
+        .select_from(FLIGHTS)
+        .join(UNITS, UNITS.c.id == FLIGHTS.c.unit_id)
+        .join(RECORDINGS, RECORDINGS.c.flight_id == FLIGHTS.c.id)
+        .join(DIAGNOSES, DIAGNOSES.c.recording_id == RECORDINGS.c.id)
+        .where(chosen)
+        .group_by(FLIGHTS.c.unit_id)
     )
-    return int(connection.execute(query).scalar_one())
+    return {row[0]: row[1] for row in connection.execute(query)}
 
 
 def has_diagnosis(connection: sa.Connection, recording_hash: str, settings: KeptSettings) -> bool:
@@ -185,13 +188,19 @@ def findings(connection: sa.Connection, unit_id: int) -> tuple[Finding, ...]:
     )
 
 
-def last_change(connection: sa.Connection, unit_id: int) -> str:
-    """Return when a unit's newest removal or finding was added, UTC, ISO 8601; empty where it has none."""
-    queries = (
-        sa.select(sa.func.max(table.c.added_at)).where(table.c.unit_id == unit_id)
-        for table in (REMOVALS, FINDINGS)
-    )
-    return max(connection.execute(query).scalar() or "" for query in queries)
+def last_changes(connection: sa.Connection, chosen: sa.ColumnElement[bool]) -> dict[int, str]:
+    """Return by unit when its newest removal or finding was added, UTC, ISO 8601; of those that have one."""
+    result: dict[int, str] = {}
+    for table in (REMOVALS, FINDINGS):
+        query = (
+            sa.select(table.c.unit_id, sa.func.max(table.c.added_at))
+            .join(UNITS, UNITS.c.id == table.c.unit_id)
+            .where(chosen)
+            .group_by(table.c.unit_id)
+        )
+        for unit_id, at in connection.execute(query):
+            result[unit_id] = max(result.get(unit_id, ""), at)
+    return result
 
 
 def _units() -> sa.Select[Any]:

@@ -12,7 +12,7 @@ from typing import Self, TypeVar
 import numpy as np
 
 from emaphm.actuator import Actuator
-from emaphm.diagnosis.diagnose import moves_at, objective_of
+from emaphm.diagnosis.diagnose import moves_at, objective_for, without_spoilt_rows
 from emaphm.diagnosis.identifiability import identifiability
 from emaphm.diagnosis.selection.control_errors import with_control_errors
 from emaphm.diagnosis.selection.description_errors import suspected_parameters, with_free
@@ -161,7 +161,9 @@ def search_alone(
     method = method_named(METHOD)
 
     def searched(r: int) -> _Alone:
-        objective = objective_of(recordings[r], actuator, method, AVERAGED, nuisances, workers)
+        checked = recordings[r]
+        objective = objective_for(checked.recording, actuator, method, AVERAGED, nuisances, workers)
+        objective = without_spoilt_rows(objective, checked)
         # The first one's streams are those of a diagnosis of it alone.
         own = seed if r == 0 else child_seed(seed, "recording", r)
         result = search(objective, method, fitness="least_squares", max_corrections=max_corrections, seed=own)

@@ -186,12 +186,12 @@ def _with_hidden_laws(
             if acts(rival[0], LAWS[name], seed):
                 rivals.append((rival, with_law, score.is_beyond(HIDDEN_LAWS.certain)))
         # Next to the best without them, which one of the laws may have led to.
-        better = [
-            (share_of_residual(rival[0], best[0]), rival, with_law)
-            for rival, with_law, certain in rivals
-            if share_of_residual(rival[0], best[0])
-            < (1.0 if certain or len(rival[1]) < len(best[1]) else SELECTION.likely_share)
-        ]
+        better = []
+        for rival, with_law, certain in rivals:
+            as_little = certain or len(rival[1]) < len(best[1])
+            share = share_of_residual(rival[0], best[0])
+            if share < (1.0 if as_little else SELECTION.likely_share):
+                better.append((share, rival, with_law))
         if not better:
             return best
         _, best, base = min(better, key=lambda one: one[0])

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import sqlalchemy as sa
 
+from emaphm.history.reading import diagnosis_counts, last_changes
 from emaphm.history.tables import DIAGNOSES, EVENTS, FINDINGS, FLIGHTS, PROGNOSES, RECORDINGS, REMOVALS, UNITS
 
 MOST_ASKED = 500
@@ -112,9 +113,9 @@ def states(connection: sa.Connection, units: Collection[int] | None = None) -> d
 
 def _states(connection: sa.Connection, chosen: sa.ColumnElement[bool]) -> dict[int, UnitState]:
     counted = {row.unit_id: row for row in connection.execute(_counts(chosen))}
-    diagnosed: dict[int, int] = {row[0]: row[1] for row in connection.execute(_diagnosed(chosen))}
+    diagnosed = diagnosis_counts(connection, chosen)
     positions = _positions(connection, chosen)
-    changed = _changed(connection, chosen)
+    changed = last_changes(connection, chosen)
     return {
         row.id: UnitState(
             id=row.id,
@@ -186,19 +187,6 @@ def _counts(chosen: sa.ColumnElement[bool]) -> sa.Select[Any]:
     )
 
 
-def _diagnosed(chosen: sa.ColumnElement[bool]) -> sa.Select[Any]:
-    """Return the query of how many diagnoses units have had."""
-    return (
-        sa.select(FLIGHTS.c.unit_id, sa.func.count())
-        .select_from(FLIGHTS)
-        .join(UNITS, UNITS.c.id == FLIGHTS.c.unit_id)
-        .join(RECORDINGS, RECORDINGS.c.flight_id == FLIGHTS.c.id)
-        .join(DIAGNOSES, DIAGNOSES.c.recording_id == RECORDINGS.c.id)
-        .where(chosen)
-        .group_by(FLIGHTS.c.unit_id)
-    )
-
-
 def _positions(connection: sa.Connection, chosen: sa.ColumnElement[bool]) -> dict[int, str]:
     """Return by unit the position that was given last, but of units that were removed since."""
     given = (
@@ -216,18 +204,3 @@ def _positions(connection: sa.Connection, chosen: sa.ColumnElement[bool]) -> dic
     )
     gone: dict[int, float] = {row[0]: row[1] for row in connection.execute(removed)}
     return {unit_id: row.position for unit_id, row in last.items() if gone.get(unit_id, -1.0) < row.hours}
-
-
-def _changed(connection: sa.Connection, chosen: sa.ColumnElement[bool]) -> dict[int, str]:
-    """Return by unit when its newest removal or finding was added."""
-    result: dict[int, str] = {}
-    for table in (REMOVALS, FINDINGS):
-        query = (
-            sa.select(table.c.unit_id, sa.func.max(table.c.added_at))
-            .join(UNITS, UNITS.c.id == table.c.unit_id)
-            .where(chosen)
-            .group_by(table.c.unit_id)
-        )
-        for unit_id, at in connection.execute(query):
-            result[unit_id] = max(result.get(unit_id, ""), at)
-    return result

@@ -191,9 +191,10 @@ def _table_in(
     source = str(path)
     constants = _constants(known, source)
     sources, is_own = sources_in_file(held, actuator.channels, source, constants)
-    reading = _longest_gap(actuator) if is_own else actuator.reading
+    # What emaphm wrote for this rig has been cut and masked already, and lacks the columns to do it by.
+    reading = Reading(longest_gap=actuator.reading.longest_gap) if is_own else actuator.reading
     every = [*held.numeric, *held.unusable]
-    passed_over = _passed_over(actuator, sources, constants) if is_own else []
+    passed_over = _passed_over(actuator, reading, sources, constants) if is_own else []
     named = list(columns_in(split or reading.split or ""))
     named += Expression.parse(reading.keep).names if reading.keep else ()
     named += [reading.serial] if reading.serial else ()
@@ -208,21 +209,19 @@ def _table_in(
 
 
 def _passed_over(
-    actuator: Actuator, sources: Mapping[str, Source], constants: Mapping[str, float]
+    actuator: Actuator, reading: Reading, sources: Mapping[str, Source], constants: Mapping[str, float]
 ) -> list[str]:
-    """Return what the actuator's description says of a file and one of emaphm's own is read without."""
+    """Return what the actuator's description says of a file, and one of emaphm's own is read without.
+
+    By `reading` in place of the actuator's.
+    """
     entries = {name: actuator.channels.entry(name) for name in SCHEMA if name not in constants}
     entries = {name: entry for name, entry in entries.items() if entry != OWN_NAME}
     return [
         *(name for name in entries if name not in sources),
         *(f"the entry of {name}" for name in entries if name in sources and sources[name].entry == OWN_NAME),
-        *(["what [reading] asks for"] if actuator.reading != _longest_gap(actuator) else []),
+        *(["what [reading] asks for"] if actuator.reading != reading else []),
     ]
-
-
-def _longest_gap(actuator: Actuator) -> Reading:
-    """Return how a file is read that emaphm has written: it is cut and masked, and lacks columns for that."""
-    return Reading(longest_gap=actuator.reading.longest_gap)
 
 
 def _constants(known: Known, source: str) -> dict[str, float]:
