@@ -277,7 +277,7 @@ def test_a_calibrated_unit_is_diagnosed_where_its_description_misleads(
 
 def test_deviations_are_reported_in_text_and_json(diagnosed: Diagnosis) -> None:
     text = str(diagnosed)
-    assert "Deviation of the unit from its description (relative, if without a unit): inertia " in text
+    assert "Deviation of the unit from its description: inertia " in text
     names = [BASELINE + name for name in FREE]
     nuisances = diagnosed.to_dict()["nuisances"]
     assert list(nuisances) == ["load", "temperature", *names]

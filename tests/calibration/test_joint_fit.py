@@ -11,7 +11,7 @@ from emaphm.actuator import Actuator, Chirp
 from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
 from emaphm.calibration import Calibration, CampaignRow, calibrate
-from emaphm.calibration.conditions import common_factor, joint_objective
+from emaphm.calibration.conditions import common_factor, joint_objective, only_ratios
 from emaphm.errors import MethodError
 from emaphm.estimation.finite_differences import one_sided_jacobians
 from emaphm.estimation.space.parameter_variation import ParameterVariation
@@ -149,6 +149,15 @@ def test_a_known_load_is_no_nuisance() -> None:
     found = fitted(rows)
     assert found.nuisances == ({}, {})
     assert found.parameters["coulomb"].value == pytest.approx(THESIS.mechanics.dynamic_friction, rel=0.01)
+
+
+def test_only_a_load_that_acts_shows_the_scale_of_the_torques() -> None:
+    day = recorded(THESIS, 1, channels=CHANNELS[:4])
+    kept = {name: day[name] for name in CHANNELS[:4]}
+    for load, is_open in ((0.0, True), (0.1, False)):
+        loaded = Recording({**kept, "load_Nm": np.full(kept["time_s"].size, load)}, day.sampling, day.source)
+        free = (*FREE, "static", "torque_constant")
+        assert only_ratios([CampaignRow(loaded)], THESIS, free) is is_open
 
 
 def test_a_parameter_may_be_each_recordings_own() -> None:

@@ -86,6 +86,16 @@ def test_known_values_and_labels(columns: Columns, tmp_path: Path, thesis: Actua
     assert read_recording(tmp_path / "again.csv", thesis).labels["serial"] == "A-17"
 
 
+def test_a_serial_number_keeps_its_leading_zeros(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
+    path = save(columns | {"SN": ["0042"] * 2500, "step": [f"{i:04d}" for i in range(2500)]}, tmp_path)
+    actuator = rig(thesis, {"serial": "SN"}, load_Nm={"derived": "step / 2500"})
+    recording = read_recording(path, actuator)
+    assert recording.labels["serial"] == "0042"
+    np.testing.assert_allclose(recording["load_Nm"], np.arange(2500) / 2500)
+    write_recording(recording, tmp_path / "again.csv")
+    assert read_recording(tmp_path / "again.csv", thesis).labels["serial"] == "0042"
+
+
 @pytest.mark.parametrize(("sampling", "atol"), [("instant", 2e-8), ("mean", 2e-8)])
 @pytest.mark.parametrize("delay", [2e-3, 1.37e-3, -0.61e-3])
 def test_a_delay_is_taken_back(

@@ -117,8 +117,7 @@ def with_own(unit: ParameterVariation, actuator: Actuator, own: Mapping[str, flo
 def only_ratios(rows: Sequence[CampaignRow], actuator: Actuator, free: Sequence[str]) -> bool:
     """Return whether all recordings have information only on ratios of torques to the torque constant.
 
-    A voltage would show the constant by the speed, a known load by the current that holds it. A drive by
-    voltage shows it by the speed that it reaches.
+    A voltage, also as command, shows the constant by the speed, a known load by the current that holds it.
     """
     if actuator.drive_kind == "voltage":
         return False
@@ -139,4 +138,5 @@ def common_factor(actuator: Actuator, names: Sequence[str], deviations: Array) -
 def _scaled(row: CampaignRow, actuator: Actuator) -> bool:
     by_voltage = actuator.electrical is not None and has_signal(row.recording, "voltage_V")
     by_torque = any(row.known.get(name) for name in (*TORQUES, "load", "torque_constant"))
-    return by_voltage or by_torque or "load_Nm" in row.recording
+    by_load = "load_Nm" in row.recording and np.any(row.recording["load_Nm"])
+    return bool(by_voltage or by_torque or by_load)

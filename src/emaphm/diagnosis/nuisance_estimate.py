@@ -12,6 +12,9 @@ from emaphm.estimation.space.nuisances import BASELINE
 class NuisanceEstimate:
     """A parameter estimated with the faults: a value and its standard error in `unit`.
 
+    A deviation of the unit from its description is one of the logarithm, unless the parameter may have either
+    sign (`emaphm.actuator.unit.baseline.SIGNED`).
+
     `known` is false where the channels have next to no information on it, so that its prior is all there is.
     """
 

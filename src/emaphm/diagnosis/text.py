@@ -1,10 +1,12 @@
 """A diagnosis in words: the rows of its table, and the notes that go with it."""
 
+import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from emaphm.actuator import Actuator, Faults
 from emaphm.actuator.laws import LAWS, Law
-from emaphm.actuator.unit.baseline import PARTS
+from emaphm.actuator.unit.baseline import PARTS, SIGNED
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate, of_unit
 from emaphm.diagnosis.selection.settings import ROTOR_ZERO
 from emaphm.diagnosis.selection.varying_load import LOADS
@@ -138,6 +140,18 @@ def notes(
             "the prior uncertainty. Record more channels, or the quantity itself."
         )
     if unit:
-        values = ", ".join(f"{name.removeprefix(BASELINE)} {e}" for name, e in unit.items())
-        lines.append(f"Deviation of the unit from its description (relative, if without a unit): {values}.")
+        values = ", ".join(_deviation(name.removeprefix(BASELINE), one) for name, one in unit.items())
+        lines.append(f"Deviation of the unit from its description: {values}.")
     return lines
+
+
+def _deviation(name: str, estimate: NuisanceEstimate) -> str:
+    """Return by how much the unit's parameter `name` is off: in percent, where its logarithm is estimated."""
+    mark = "" if estimate.known else " (not identifiable)"
+    if name in SIGNED:
+        return f"{name} {estimate}{mark}"
+    factor = math.exp(estimate.value)
+    share = replace(
+        estimate, value=100 * (factor - 1), standard_error=100 * factor * estimate.standard_error, unit="%"
+    )
+    return f"{name} {share}{mark}"

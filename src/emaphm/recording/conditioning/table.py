@@ -265,7 +265,7 @@ def _derived(
 ) -> Array:
     expression = Expression.parse(str(where.entry.derived))
     operands = operands_of(
-        expression, {**held.numeric, **held.texts}, channels, source, f"{name} is derived from"
+        expression, {**held.texts, **held.numeric}, channels, source, f"{name} is derived from"
     )
     try:
         raw = np.asarray(expression.evaluate(operands), float)

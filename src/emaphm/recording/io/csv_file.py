@@ -108,6 +108,15 @@ def _add(columns: FileColumns, name: str, column: "pl.Series") -> None:
         columns.texts[name] = text.fill_null("").to_numpy()
     else:
         columns.numeric[name] = numbers.to_numpy()
+        if _are_padded(text):
+            columns.texts[name] = text.fill_null("").to_numpy()
+
+
+def _are_padded(text: "pl.Series") -> bool:
+    """Return whether all are whole numbers and some begin with a zero, as serial numbers do: 0042 is not 42."""
+    if not len(text) or not (text[0] or "0").isdigit():
+        return False
+    return bool(text.str.contains(r"^\d+$").all() and text.str.contains(r"^0\d").any())
 
 
 def _check_last_value(columns: FileColumns, names: list[str], rows: "pl.DataFrame", content: bytes) -> None:

@@ -17,8 +17,8 @@ class FileColumns:
 
     `numeric` holds arrays of shape (n,), NaN where a value is absent; `unusable` says of each other
     column why it is none, in words that continue "column 'x' …" and end with the remedy. `texts` holds those
-    of the unusable ones that are texts, shape (n,) of str. `times` holds the times [s] of the numeric columns
-    that have a time base of their own, as the format says.
+    of the unusable ones that are texts, shape (n,) of str, and what is both a number and a name, as 0042 is.
+    `times` holds the times [s] of the numeric columns that have a time base of their own, as the format says.
     """
 
     numeric: dict[str, Array]
