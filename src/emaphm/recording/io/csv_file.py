@@ -113,7 +113,7 @@ def _add(columns: FileColumns, name: str, column: "pl.Series") -> None:
 
 
 def _are_padded(text: "pl.Series") -> bool:
-    """Return whether all are whole numbers and some begin with a zero, as serial numbers do: 0042 is not 42."""
+    """Return whether all are digits and some begin with a zero, as serial numbers may: 0042 is not 42."""
     if not len(text) or not (text[0] or "0").isdigit():
         return False
     return bool(text.str.contains(r"^\d+$").all() and text.str.contains(r"^0\d").any())
