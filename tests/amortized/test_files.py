@@ -77,6 +77,14 @@ def replaced(name: str, content: bytes) -> Callable[[dict[str, bytes]], None]:
     return lambda members: members.__setitem__(name, content)
 
 
+def zeroed(name: str) -> Callable[[dict[str, bytes]], None]:
+    def change(members: dict[str, bytes]) -> None:
+        values = np.load(io.BytesIO(members[f"{name}.npy"]))
+        members[f"{name}.npy"] = array(np.zeros_like(values))
+
+    return change
+
+
 class Harm:
     """What prints when it is unpickled."""
 
@@ -94,6 +102,8 @@ WRONG = {
     "a huge network": (network(width=10**9), "network.width"),
     "other coordinates": (header(coordinates=["friction"] * 10), "coordinates"),
     "a member too many": (replaced("run.py", b"print(1)"), "'run.py'"),
+    "no unit": (zeroed("network.units"), "not above 0"),
+    "no scatter": (zeroed("update.scatter"), "not above 0"),
     "no number": (replaced("network.entry.bias.npy", array(np.full(4, np.nan, "<f2"))), "not finite"),
     "numbers of another kind": (
         replaced("network.entry.bias.npy", array(np.zeros(4))),

@@ -152,6 +152,9 @@ DOUBLE = (
 )
 """Last parts of the names of what is kept exactly."""
 
+POSITIVE = ("units", "scatter", "deviations", "temperature")
+"""Of these what others are divided or scaled by."""
+
 FIRST, UPDATE, DOUBT = "network", "update", "doubt"
 """Names of the networks."""
 
@@ -314,6 +317,8 @@ def _read_array(archive: zipfile.ZipFile, name: str, shape: tuple[int, ...], pat
     values = np.frombuffer(content, wanted, offset=len(headers[order])).reshape(shape, order=order)
     if not np.all(np.isfinite(values)):
         raise _no_estimator(path, f"'{name}' is not finite")
+    if name.rpartition(".")[2] in POSITIVE and not np.all(values > 0):
+        raise _no_estimator(path, f"'{name}' is not above 0")
     return np.asarray(values)
 
 
