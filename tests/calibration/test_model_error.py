@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from cases import THESIS
 from emaphm.actuator import Actuator, Chirp, Faults
@@ -23,6 +24,9 @@ from emaphm.study.rig import ForeignFeatures, Stribeck
 
 INTERVAL = 1e-3
 ROWS = 4000
+
+DECAY = 0.97
+"""Of an oscillation, from one row to the next."""
 
 
 def autoregressive(memory_s: float, rows: int, rng: np.random.Generator) -> Array:
@@ -51,6 +55,25 @@ def test_the_integral_time_is_that_of_the_process(memory_s: float) -> None:
     # The peak of a spectrum from so few rows, less what chance makes of it, is within a factor 2.
     assert true / 2 < integral_time(made, [INTERVAL] * 3) < 2 * true
     assert integral_time(made, [INTERVAL] * 3) >= INTERVAL
+
+
+@pytest.mark.parametrize("seconds", [(2.0, 2.0, 2.0, 2.0), (1.0, 1.6, 2.4, 4.0)])
+@pytest.mark.parametrize("frequency", [80.0, 300.0])
+def test_an_oscillation_is_remembered_whatever_the_lengths(
+    seconds: tuple[float, ...], frequency: float
+) -> None:
+    turn = 2 * np.pi * frequency * INTERVAL
+    # Of an autoregressive process of second order: the peak of its spectrum over its variance.
+    angles = np.linspace(0, np.pi, 100_001)
+    filtered = 1 - 2 * DECAY * np.cos(turn) * np.exp(-1j * angles) + DECAY**2 * np.exp(-2j * angles)
+    true = INTERVAL * np.max(np.abs(filtered) ** -2) / np.mean(np.abs(filtered) ** -2)
+    found = []
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        drawn = [rng.normal(size=round(s / INTERVAL) + 1000) for s in seconds]
+        made = [lfilter([1], [1, -2 * DECAY * np.cos(turn), DECAY**2], one)[1000:] for one in drawn]
+        found.append(integral_time(made, [INTERVAL] * 4))
+    assert 0.7 * true < np.median(found) < 1.5 * true
 
 
 def test_a_constant_error_is_remembered_all_along() -> None:

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from cases import INTERVAL, THESIS
 from emaphm.actuator import Actuator, Chirp, Faults
-from emaphm.actuator.lumped_parameters import with_lumped_parameters
+from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
 from emaphm.arrays import Array
 from emaphm.errors import MethodError, RecordingError
 from emaphm.estimation import replay, replay_all
-from emaphm.estimation.replay import relative_error, write_series
+from emaphm.estimation.replay import write_series
 from emaphm.estimation.replay.errors import ChannelError
 from emaphm.recording import Recording
 from emaphm.recording.schema import SCHEMA
@@ -28,11 +28,16 @@ FREQUENCY = 2 * np.pi * 15
 """The chirp's highest [rad/s]."""
 
 
+def relative(name: str, measured: Array, modelled: Array) -> float | None:
+    return ChannelError.of(name, [(measured, modelled)]).relative
+
+
 def test_the_relative_error_by_hand() -> None:
     # Differences 1, 0, 2, 2: rms 1.5. Measured 3, 3, 5, 1: rms sqrt(11).
     measured, modelled = np.array([3.0, 3.0, 5.0, 1.0]), np.array([2.0, 3.0, 3.0, -1.0])
-    assert relative_error("current_A", measured, modelled) == pytest.approx(1.5 / np.sqrt(11))
-    assert relative_error("current_A", measured, measured) == 0
+    assert relative("current_A", measured, modelled) == pytest.approx(1.5 / np.sqrt(11))
+    assert relative("current_A", measured, measured) == 0
+    assert relative("current_A", 0 * measured, modelled) is None
 
 
 @given(
@@ -40,9 +45,25 @@ def test_the_relative_error_by_hand() -> None:
     turns=arrays(np.int64, 10, elements=st.integers(-3, 3)),
 )
 def test_angles_are_compared_modulo_a_turn(angle: Array, turns: NDArray[np.int64]) -> None:
-    assert relative_error("angle_rad", angle, angle + 2 * np.pi * turns) == pytest.approx(0, abs=1e-14)
-    off = relative_error("angle_rad", angle, angle + 2 * np.pi * turns + 0.1)
+    assert relative("angle_rad", angle, angle + 2 * np.pi * turns) == pytest.approx(0, abs=1e-14)
+    off = relative("angle_rad", angle, angle + 2 * np.pi * turns + 0.1)
     assert off == pytest.approx(0.1 / np.sqrt(np.mean(angle**2)))
+
+
+def test_a_recorded_temperature_is_that_of_the_model() -> None:
+    hot = with_lumped_parameters(
+        THESIS,
+        {
+            "resistance": lumped_parameters(THESIS, ("resistance",))["resistance"] * (1 + 3.93e-3 * 60),
+            "torque_constant": lumped_parameters(THESIS, ("torque_constant",))["torque_constant"]
+            * (1 - 1.1e-3 * 60),
+        },
+    )
+    whole = simulate(hot, Chirp(stop_hz=15.0, duration=0.3), model="averaged", duration=0.3)
+    kept = {name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")}
+    known = kept | {"temperature_K": np.full(whole.samples, THESIS.electrical.temperature + 60.0)}
+    cold, found = (replay(Recording(one), THESIS).relative_error for one in (kept, known))
+    assert all(found[name] < 0.5 * cold[name] for name in cold)
 
 
 def test_every_shared_channel_of_the_schema_is_judged(healthy: Recording) -> None:

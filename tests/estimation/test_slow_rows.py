@@ -1,15 +1,20 @@
 """Slow rows: the noise on them, the commands that they allow, and what another command would change."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from cases import THESIS, USUAL
 from emaphm.actuator import Chirp, Command, Faults, Step
 from emaphm.diagnosis import Diagnosis, diagnose
+from emaphm.estimation.finite_differences import one_sided_jacobians
+from emaphm.estimation.objective import faults_objective
 from emaphm.estimation.problem import Problem
+from emaphm.estimation.uncertainty.slow_rows import step_by_other_command
 from emaphm.recording import Recording, other_curve, quiet_noise_level, reconstructed
 from emaphm.simulated_recording import simulate
-from emaphm.simulation import REFERENCE
+from emaphm.simulation import AVERAGED, REFERENCE
 from emaphm.simulation.engine import inputs
 
 KEPT = ("time_s", "command_rad", "current_A")
@@ -105,6 +110,27 @@ def test_a_ramp_is_possible_where_slow_rows_show_a_jump() -> None:
     jump = reconstructed(recording, "command_rad")(about)
     np.testing.assert_allclose(jump, Step(start=1.0)(about), atol=1e-12)
     assert np.all(np.diff(ramp(about)) > 0)
+
+
+def test_a_step_by_another_command_is_that_of_a_fit_under_it() -> None:
+    # Under the other command, the outputs at the stepped point are nearer to those of the estimate.
+    chirp = Chirp(stop_hz=15.0, duration=1.0)
+    whole = simulate(THESIS, chirp, model="averaged", duration=1.0, sample_rate=200.0)
+    objective = faults_objective(Problem.of(Recording({name: whole[name] for name in KEPT}), THESIS), ())
+    faults = Faults(friction=0.2, backlash=0.3, short_a=0.1, short_b=0.1, short_c=0.1, gain=0.4)
+    point = objective.space.points(faults.vector[np.newaxis])[0]
+    outputs = objective.outputs(point[np.newaxis])[0]
+    jacobians = one_sided_jacobians(
+        objective.outputs, point[np.newaxis], outputs[np.newaxis], objective.space, 1e-3
+    )
+    step = step_by_other_command(objective, point, np.full(outputs.size, 0.1), jacobians)
+    assert step is not None
+    driving = objective.problem.driving
+    other = replace(driving, command=driving.other_command).inputs(AVERAGED.step_for(THESIS))
+    under_other = replace(objective, problem=replace(objective.problem, inputs=other))
+    off = [under_other.outputs((point + share * step)[np.newaxis])[0] - outputs for share in (0.0, 1.0, -1.0)]
+    standing, stepped, opposite = (float(np.sum(one**2)) for one in off)
+    assert stepped < 0.9 * standing < opposite
 
 
 def test_signals_evaluated_in_parts_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:

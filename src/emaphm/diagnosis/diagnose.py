@@ -313,7 +313,7 @@ def conclude(
         channels=problem.channels,
         recording_notes=(
             *recording.notes,
-            *notes_on_means(recording.samples, problem),
+            *notes_on_means(problem),
             *((*idle_channels(problem), *unseen_inertia(objective)) if moves else ()),
         ),
         nuisances=nuisance_estimates(objective, result.point, known.covariance),

@@ -17,6 +17,7 @@ from emaphm.estimation.recorded_supply import with_recorded_supply
 from emaphm.estimation.run_counts import RunCounts
 from emaphm.estimation.sensors.counts import ROUNDING, visible_count
 from emaphm.estimation.sensors.sensor_model import all_as_described, as_described, described_noise
+from emaphm.estimation.space.nuisances import NO_NUISANCES
 from emaphm.estimation.uncertainty.model_error import row_errors
 from emaphm.recording import Recording, quiet_noise_level, with_equivalent_current
 from emaphm.recording.schema import RESPONSES
@@ -39,8 +40,8 @@ class Problem:
     (samples,) are not compared. `model_error` is the learned error of the model in each row, (samples,) by
     channel; empty where the actuator has none. `counts` are the steps in which channels visibly show their
     quantity, each in its unit; those without are left out. `band_spread` is the share by which the
-    hysteresis of the first and last of several runs is smaller and larger than described. `runs` counts the
-    simulations.
+    hysteresis of the first and last of several runs is smaller and larger than described. `averaged_rows` is
+    how many rows of the recording each of `samples` is the mean of. `runs` counts the simulations.
     """
 
     actuator: Actuator
@@ -58,6 +59,7 @@ class Problem:
     model_error: Mapping[str, Array] = field(default_factory=dict)
     counts: Mapping[str, float] = field(default_factory=dict)
     band_spread: float = 0.0
+    averaged_rows: int = 1
 
     @classmethod
     def of(
@@ -212,7 +214,12 @@ class Problem:
     def signals(
         self, faults: ArrayLike, parameters: Mapping[str, ArrayLike] | None = None
     ) -> dict[str, Array]:
-        """Return every channel of the model for one fault vector (8,) as sensed, each of shape (samples,)."""
+        """Return every channel of the model for one fault vector (8,) as sensed, each of shape (samples,).
+
+        Lumped `parameters` are those of the description at the known temperature where they are left out.
+        """
+        if parameters is None:
+            parameters = NO_NUISANCES.lumped_parameters(self.actuator, {}, self.temperature_rise_K)
         signals = run(self.model, Plant.of(self.actuator, faults, parameters), self.inputs, self.start)
         self.runs.add(self.model, 1)
         signals["angle_rad"] += self.start.rotor_offset

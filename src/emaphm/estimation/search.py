@@ -36,8 +36,8 @@ def search(
     """Return where `method` ends; `max_corrections` bounds the bias correction that follows least squares.
 
     With `starts` (n, d), points that are near the optimum, least squares begin there, without a global
-    stage; where they do not lead to an explanation, the search is made anew with one. No other search follows
-    one that `is_hopeless`.
+    stage; where they do not lead to an explanation, the search is made anew with one, unless the model's bias
+    by switching stays uncorrected. No other search follows one that `is_hopeless`.
 
     Raises
     ------
@@ -57,11 +57,12 @@ def search(
         return search_with_restarts(
             objective, method, max_corrections, seed, on_progress, starts, is_hopeless
         )
-    found = _uncorrected(objective, method, seed, on_progress, starts)
-    if max_corrections == 0 or not has_reference(objective.problem):
+    found = _once(objective, method, max_corrections, seed, on_progress, starts)
+    # The averaged model alone never explains switching: no search anew would.
+    if starts is None or found.down_to_noise or resolves_switching(objective.problem):
         return found
-    corrected = correct_bias(objective, found.point[np.newaxis], max_corrections, seed)
-    return replace(corrected, started=found.started)
+    anew = _once(objective, method, max_corrections, seed, None, None)
+    return min(found, anew, key=lambda one: one.residual_variance)
 
 
 def check_fitness(method: Method, fitness: str) -> None:
@@ -73,6 +74,22 @@ def check_fitness(method: Method, fitness: str) -> None:
             f"method '{method.name}' minimises least_squares; choose an optimiser alone for fitness "
             f"'{fitness}'"
         )
+
+
+def _once(
+    objective: MapObjective,
+    method: Method,
+    max_corrections: int,
+    seed: int,
+    on_progress: Progress | None,
+    starts: Array | None,
+) -> SearchResult:
+    """Return where one search by least squares ends, corrected where the reference model knows the drive."""
+    found = _uncorrected(objective, method, seed, on_progress, starts)
+    if max_corrections == 0 or not has_reference(objective.problem):
+        return found
+    corrected = correct_bias(objective, found.point[np.newaxis], max_corrections, seed)
+    return replace(corrected, started=found.started)
 
 
 def _uncorrected(

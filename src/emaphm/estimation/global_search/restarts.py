@@ -120,8 +120,10 @@ def _heavy_from_starts(
     The averaged model's own optimum is farther off than they are where the current is heavy.
     """
     rng = stream(seed, "reference runs", "starts")
-    none, points = np.zeros_like(objective.target), points[:REFERENCE_RUNS]
-    known = compared(objective, none, points, reference_problem(objective), rng)
+    none, reference = np.zeros_like(objective.target), reference_problem(objective)
+    # Each with two runs at least, between which the switching differs.
+    parts = np.array_split(points, -(-2 * len(points) // REFERENCE_RUNS))
+    known = [one for part in parts for one in compared(objective, none, part, reference, rng)]
     return replace(refine_by_ensemble(_best(known), seed, on_progress), started=True)
 
 

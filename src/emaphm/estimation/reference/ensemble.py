@@ -113,7 +113,9 @@ def refine_by_ensemble(
     if len(equal) > 1:
         scatter = scatter + np.cov(np.array(equal), rowvar=False)
     # The discrepancy at the point is the correction under which the point is the optimum.
-    return replace(end, correction=end.outputs_correction, scatter=scatter, converged=True)
+    return replace(
+        end, correction=end.outputs_correction, scatter=scatter, converged=len(equal) > settings.patience
+    )
 
 
 def _mean_square(one: SearchResult, objective: MapObjective) -> float:

@@ -51,7 +51,7 @@ def refine_by_reference(
     if result.residual_over_noise > settings.farthest or (result.down_to_noise and not oscillates):
         return result
     reference = reference_problem(result.objective)
-    idle, difference = 0, settings.jacobian_step
+    idle, difference, ended = 0, settings.jacobian_step, False
     for iteration in range(settings.iterations):
         result = result.reweighted()
         best = _step(result, reference, difference, seed, iteration, settings)
@@ -60,9 +60,10 @@ def refine_by_reference(
             result = best
         idle = 0 if progress else idle + 1
         difference *= 1.0 if progress else settings.reduction
-        if idle == settings.patience or (result.down_to_noise and not oscillates):
+        ended = idle == settings.patience or (result.down_to_noise and not oscillates)
+        if ended:
             break
-    return result
+    return replace(result, converged=ended)
 
 
 def _step(
@@ -90,4 +91,4 @@ def _step(
     outcomes = compared(objective, np.zeros_like(objective.target), points, reference, rng)
     best = min(outcomes, key=lambda one: one.misfit)
     # The discrepancy at the new point is the correction under which the point is the optimum.
-    return replace(best, correction=best.outputs_correction, scatter=result.scatter, converged=True)
+    return replace(best, correction=best.outputs_correction, scatter=result.scatter)

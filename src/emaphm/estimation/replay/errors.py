@@ -42,11 +42,6 @@ def difference(name: str, measured: Array, modelled: Array) -> Array:
     return wrap(measured - modelled) if name == "angle_rad" else measured - modelled
 
 
-def relative_error(name: str, measured: Array, modelled: Array) -> float:
-    """Return rms(measured - model) / rms(measured) of a channel."""
-    return rms(difference(name, measured, modelled)) / rms(measured)
-
-
 def relative_of(errors: Mapping[str, ChannelError]) -> dict[str, float]:
     """Return the relative errors that are defined, by channel."""
     return {name: one.relative for name, one in errors.items() if one.relative is not None}

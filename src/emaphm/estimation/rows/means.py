@@ -61,15 +61,16 @@ def over_swings(problem: Problem) -> Problem:
         measured={name: mean_rows(values, count) for name, values in problem.measured.items()},
         model_error={},
         counts={},
+        averaged_rows=count,
     )
     averaged = replace(averaged, model_error=row_errors(averaged))
     return averaged.weighted([rms(averaged.measured[name]) for name in averaged.channels])
 
 
-def notes_on_means(samples: int, problem: Problem) -> tuple[str, ...]:
-    """Return a note where a recording of `samples` rows is compared in fewer; none where it is not."""
-    count = samples // problem.samples
-    if count < 2:
+def notes_on_means(problem: Problem) -> tuple[str, ...]:
+    """Return a note where means of a recording's rows are compared; none where its rows are."""
+    count = problem.averaged_rows
+    if count == 1:
         return ()
     over_ms = 1e3 * problem.inputs.interval
     why = "the shaft gives, and its swing hides faults"
@@ -83,8 +84,5 @@ def mean_rows(values: Array, count: int) -> Array:
 
 def masks_of_means(masks: Mapping[str, Mask], problem: Problem) -> dict[str, Mask]:
     """Return which rows of `problem` a mask (samples,) by channel of the recording's rows touches."""
-    found = {}
-    for name, mask in masks.items():
-        count = mask.size // problem.samples
-        found[name] = np.asarray(mask[: count * problem.samples].reshape(problem.samples, count).any(axis=1))
-    return found
+    shape = problem.samples, problem.averaged_rows
+    return {name: mask[: shape[0] * shape[1]].reshape(shape).any(axis=1) for name, mask in masks.items()}

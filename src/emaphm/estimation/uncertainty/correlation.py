@@ -17,6 +17,9 @@ CHANCE = 0.05
 NOISE_BANDS = 8
 """Bands of a spectrum of which the least dense one is taken for the white noise alone."""
 
+ROUNDING = 1e-9
+"""What a number of frequencies may be off by the arithmetic."""
+
 
 def integral_time(residuals: Sequence[Array], intervals: Sequence[float]) -> float:
     """Return the largest integral time [s] of residuals (samples,) whose rows are `intervals` [s] apart.
@@ -35,20 +38,29 @@ def integral_time(residuals: Sequence[Array], intervals: Sequence[float]) -> flo
 
 
 def _largest(residuals: Sequence[Array], intervals: Sequence[float], width: int) -> float:
-    """Return the largest integral time [s] by bands of `width` frequencies, 0 where there is no such band."""
-    bands = min(len(one) // 2 // width for one in residuals)
+    """Return the largest integral time [s] by bands of `width` frequencies, 0 where there is no such band.
+
+    The frequencies are those of the shortest recording; longer ones have more to a band, and count the more.
+    """
+    lengths = np.array([len(one) for one in residuals])
+    durations = lengths * np.array(intervals)
+    per_band = width * durations / durations.min()
+    bands = int(np.min(lengths // 2 / per_band) + ROUNDING)
     if bands < 1:
         return 0.0
-    spectra = []
-    for residual, interval in zip(residuals, intervals, strict=True):
+    total, number = np.zeros(bands), np.zeros(bands)
+    for residual, interval, frequencies in zip(residuals, intervals, per_band, strict=True):
         square = float(np.mean(residual**2))
         if not square > 0:
             return 0.0
-        power = _power(residual)[: len(residual) // 2 // width * width].reshape(-1, width).mean(axis=1)
-        spectra.append(power[:bands] / square * interval)
-    mean = np.mean(spectra, axis=0)
-    freedom, peak = 2 * width * len(residuals), float(mean.max())
-    by_chance = chi_squared_quantile(freedom, 1 - CHANCE / (bands * len(BANDS))) / freedom * min(intervals)
+        power = _power(residual)
+        band = ((np.arange(power.size) + ROUNDING) / frequencies).astype(int)
+        total += np.bincount(band, power / square * interval, minlength=bands)[:bands]
+        number += np.bincount(band, minlength=bands)[:bands]
+    densest = int(np.argmax(total / number))
+    freedom, peak = 2 * int(number[densest]), float(total[densest] / number[densest])
+    white = float(np.average(intervals, weights=durations))
+    by_chance = chi_squared_quantile(freedom, 1 - CHANCE / (bands * len(BANDS))) / freedom * white
     return peak / (1 + (2 / freedom) ** 0.5) if peak > by_chance else 0.0
 
 

@@ -14,9 +14,9 @@ def step_by_other_command(
 ) -> Array | None:
     """Return how far the estimate at `point` (d,) would move if another command lay behind the rows, (d,).
 
-    A Gauss-Newton step by `jacobians` (n, d, channel rows), towards what the model makes of the other curve
-    that the rows of the command allow (`emaphm.recording.other_curve`); None where rows are dense enough that
-    there is none. `residual` (channel rows,) is the estimate's.
+    A Gauss-Newton step by `jacobians` (n, d, channel rows) of a fit under the other curve that the rows of
+    the command allow (`emaphm.recording.other_curve`), which makes up for what that changes of the model's
+    outputs; None where rows are dense enough that there is none. `residual` (channel rows,) is its own.
     """
     problem, rows = objective.problem, objective.channel_rows
     if problem.driving.other_command is None:
@@ -27,6 +27,6 @@ def step_by_other_command(
     both = [one.outputs(point[np.newaxis])[0, :rows] for one in (objective, under_other)]
     variance = max(float(np.mean(residual**2)), np.finfo(float).tiny)
     precision = information(jacobians) / variance + np.diag(objective.space.prior_deviations**-2)
-    gradient = jacobians.mean(axis=0) @ (both[1] - both[0]) / variance
+    gradient = jacobians.mean(axis=0) @ (both[0] - both[1]) / variance
     step = np.linalg.solve(precision, gradient)
     return np.asarray(objective.space.project(point + step) - point)
