@@ -51,6 +51,7 @@ def test_angles_are_compared_modulo_a_turn(angle: Array, turns: NDArray[np.int64
 
 
 def test_a_recorded_temperature_is_that_of_the_model() -> None:
+    assert THESIS.electrical is not None
     hot = with_lumped_parameters(
         THESIS,
         {

@@ -126,6 +126,7 @@ def test_a_step_by_another_command_is_that_of_a_fit_under_it() -> None:
     step = step_by_other_command(objective, point, np.full(outputs.size, 0.1), jacobians)
     assert step is not None
     driving = objective.problem.driving
+    assert driving.other_command is not None
     other = replace(driving, command=driving.other_command).inputs(AVERAGED.step_for(THESIS))
     under_other = replace(objective, problem=replace(objective.problem, inputs=other))
     off = [under_other.outputs((point + share * step)[np.newaxis])[0] - outputs for share in (0.0, 1.0, -1.0)]

@@ -85,4 +85,5 @@ def mean_rows(values: Array, count: int) -> Array:
 def masks_of_means(masks: Mapping[str, Mask], problem: Problem) -> dict[str, Mask]:
     """Return which rows of `problem` a mask (samples,) by channel of the recording's rows touches."""
     shape = problem.samples, problem.averaged_rows
-    return {name: mask[: shape[0] * shape[1]].reshape(shape).any(axis=1) for name, mask in masks.items()}
+    used = shape[0] * shape[1]
+    return {name: np.asarray(mask[:used].reshape(shape).any(axis=1)) for name, mask in masks.items()}
