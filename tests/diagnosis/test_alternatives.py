@@ -33,6 +33,13 @@ def test_a_verdict_is_what_the_interval_with_the_alternatives_says(
         assert bool(found.reason) or found.verdict != "cannot tell"
 
 
+def test_a_direction_that_is_open_stays_open() -> None:
+    healthy = estimates(SPACE, SPACE.points(HEALTHY.vector), np.diag(np.full(8, 0.01**2)))
+    phase = healthy["eccentricity_phase"]
+    assert phase.unconstrained
+    assert _including("eccentricity_phase", phase, phase, 0.9, 2e-4) == phase
+
+
 def test_the_phase_is_undecided_with_the_eccentricity() -> None:
     point = SPACE.points(Faults(eccentricity=0.06, eccentricity_phase=0.3).vector[np.newaxis])[0]
     before = estimates(SPACE, point, np.diag(np.full(8, 0.015**2)))

@@ -8,14 +8,20 @@ import pytest
 
 from cases import HEALTHY, THESIS, USUAL
 from emaphm.actuator import Chirp, Faults
+from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
 from emaphm.arrays import Array
 from emaphm.diagnosis import Diagnosis, diagnose
+from emaphm.diagnosis.explanation.known_values import contradicted_values
+from emaphm.diagnosis.explanation.motion import moves_at
 from emaphm.diagnosis.explanation.reasons import idle_channels, reasons_against, unseen_inertia
 from emaphm.diagnosis.explanation.recorded_noise import rounding_step, usual_noise
 from emaphm.diagnosis.explanation.sensor_scores import SensorScore, sensor_scores, taken_up_of_a_delay
-from emaphm.estimation.objective import faults_objective
+from emaphm.estimation.global_search.multistart import local_search
+from emaphm.estimation.objective import MapObjective, faults_objective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.space.nuisances import COPPER, MAGNETS, NuisanceSet, with_wider_priors
+from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
@@ -188,6 +194,54 @@ def test_the_true_temperature_is_believed_and_a_wrong_one_contradicted() -> None
     assert {one.verdict for one in wrong.components.values()} == {"cannot tell"}
     assert wrong.to_dict()["reasons"] == list(wrong.reasons)
     assert all(f"Not explained: {reason}." in str(wrong) for reason in wrong.reasons)
+
+
+def test_a_wrong_temperature_is_contradicted_where_a_sensor_is_wrong_too() -> None:
+    cold = lumped_parameters(THESIS, ("resistance", "torque_constant"))
+    hot = {
+        "resistance": cold["resistance"] * (1 + COPPER * 40),
+        "torque_constant": cold["torque_constant"] * (1 + MAGNETS * 40),
+    }
+    unit = with_lumped_parameters(THESIS, hot)
+    whole = simulate(unit, Chirp(), model="averaged", noise=0.05, duration=0.3)
+    columns = {name: whole[name] for name in ("time_s", "command_rad", *CHANNELS[:3])}
+    assert THESIS.electrical is not None
+    columns["position_rad"] = 1.15 * columns["position_rad"]
+    columns["temperature_K"] = np.full(whole.samples, THESIS.electrical.temperature)
+    problem = Problem.of(Recording(columns), THESIS, channels=None)
+    # As where the scale was selected: its prior is wide.
+    wide = with_wider_priors(THESIS, {"position_scale": 250.0})
+    nuisances = NuisanceSet.of(wide, ("load", "position_scale"), tuple(columns))
+    objective = MapObjective.of(problem, ParameterSpace.of(THESIS, nuisances))
+    start = objective.space.points(HEALTHY)
+    start[objective.space.coordinates.index("position_scale")] = 0.15 / nuisances.meaning[1, 1]
+    none = np.zeros_like(objective.target)
+    point = local_search(objective, start, none, np.random.default_rng(0)).best
+    (said,) = contradicted_values(SearchResult.at(objective, point), seed=0)
+    assert "asks for a temperature that is +" in said
+
+
+def test_a_current_that_never_changes_is_named() -> None:
+    dead = at_the_truth({"current_A": np.ones(WHOLE.samples)})
+    assert "current_A shows 1 throughout, while the actuator moves" in reasons(dead)
+
+
+@pytest.mark.parametrize(
+    ("command", "position", "moved"),
+    [
+        (np.full(500, 5e-3), 5e-3 + np.random.default_rng(0).normal(0, 1e-6, 500), False),
+        (np.full(500, 5e-3), 5e-3 + 1e-5 * (np.random.default_rng(1).random(500) < 0.3), False),
+        (np.full(500, 5e-3), 5e-3 * (1 - np.exp(-np.arange(500) / 30)), True),
+        (np.sin(0.9 * np.arange(60)), 0.8 * np.sin(0.9 * np.arange(60) - 0.3), True),
+        (np.sin(0.01 * np.arange(500)), np.zeros(500), False),
+    ],
+    ids=["noise", "counts", "a step at the start", "slow rows", "jammed"],
+)
+def test_noise_is_no_motion(command: Array, position: Array, moved: bool) -> None:
+    columns = {"time_s": np.arange(command.size) / 100, "command_rad": command}
+    columns |= {"current_A": np.sin(np.arange(command.size)), "position_rad": position}
+    objective = faults_objective(Problem.of(Recording(columns), THESIS), ())
+    assert moves_at(objective, objective.space.points(HEALTHY)) is moved
 
 
 @pytest.mark.usefixtures("one_search")

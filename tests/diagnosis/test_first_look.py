@@ -48,6 +48,12 @@ def either_inertia(result: SearchResult) -> tuple[MapObjective, Array]:
     return objective, points
 
 
+def test_a_supply_that_is_known_well_is_not_looked_for() -> None:
+    nuisances = THESIS.nuisances.model_copy(update={"supply": 5e-3})
+    found = seen(THESIS, THESIS.model_copy(update={"nuisances": nuisances}))
+    assert not found.shows_supply
+
+
 @pytest.mark.parametrize(
     ("present", "shown"),
     [

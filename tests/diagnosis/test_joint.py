@@ -63,6 +63,29 @@ def errors(diagnosis: JointDiagnosis) -> np.ndarray:
     return np.asarray(np.sqrt(np.diag(diagnosis.covariance)))
 
 
+@pytest.mark.usefixtures("one_search")
+def test_a_delay_that_looks_alike_leaves_the_gain_open_as_in_one_recording() -> None:
+    whole = simulate(THESIS, Chirp(duration=0.2), duration=0.2, noise=0.05, adc_bits=12)
+    late = np.clip(np.arange(whole.samples) - 1, 0, None)
+    day = Recording(
+        {"time_s": whole["time_s"], "command_rad": whole["command_rad"]}
+        | {name: whole[name][late] for name in ("current_A", "voltage_V")}
+    )
+    gain = diagnose_joint([day], THESIS, nuisances=USUAL).components["gain"]
+    assert gain.verdict == "cannot tell"
+    assert "0.2 ms late" in gain.reason
+
+
+def test_the_residual_is_that_of_the_rows_that_are_compared() -> None:
+    day = recorded(FAULTS, 2)
+    columns = {name: np.array(day[name]) for name in CHANNELS}
+    columns["current_A"][1500:3000] = columns["current_A"][1500]
+    found = joint([Recording(columns, "instant", "day 2")])
+    (one,) = found.recordings
+    assert one.misfit_ratio == pytest.approx(1.0, abs=0.02)
+    assert found.residual_rms_A == pytest.approx(one.residual_rms_A)
+
+
 def test_of_one_recording_it_is_the_diagnosis_of_that_recording() -> None:
     day = recorded(FAULTS, 1)
     together = joint([day])

@@ -246,6 +246,16 @@ def test_the_phase_shares_the_verdict_of_the_eccentricity() -> None:
     assert judged(0.01, eccentricity=0.30)["eccentricity_phase"].verdict == "degraded"
 
 
+def test_an_eccentricity_of_open_direction_is_not_called_insignificant() -> None:
+    point = SPACE.points(Faults(eccentricity=0.06).vector)
+    errors = np.full(8, 0.001)
+    errors[[i for i, name in enumerate(SPACE.coordinates) if name == "eccentricity_y"]] = 0.05
+    found = estimates(SPACE, point, np.diag(errors**2))
+    assert found["eccentricity"].verdict == "degraded"
+    assert found["eccentricity_phase"].verdict == "cannot tell"
+    assert "not its direction" in found["eccentricity_phase"].reason
+
+
 def test_full_eccentricity_in_any_direction_is_a_fault_vector() -> None:
     angles = np.linspace(-np.pi, np.pi, 500)
     points = np.full((500, 8), 0.5)

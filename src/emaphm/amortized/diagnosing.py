@@ -18,7 +18,8 @@ from emaphm.amortized.networks.mixture import Mixture
 from emaphm.amortized.other_explanations import other_explanations
 from emaphm.blas_threads import one_blas_thread
 from emaphm.diagnosis import Diagnosis, diagnose
-from emaphm.diagnosis.diagnose import moves_at, nuisance_estimates
+from emaphm.diagnosis.diagnose import nuisance_estimates
+from emaphm.diagnosis.explanation.motion import moves_at
 from emaphm.diagnosis.explanation.one_way import undecided_where_one_way
 from emaphm.diagnosis.explanation.reasons import reasons_against
 from emaphm.diagnosis.result import ESTIMATOR

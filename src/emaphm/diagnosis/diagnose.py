@@ -10,7 +10,8 @@ from emaphm.actuator import Actuator
 from emaphm.arrays import Array
 from emaphm.blas_threads import one_blas_thread
 from emaphm.diagnosis.explanation.alternatives import with_alternatives
-from emaphm.diagnosis.explanation.one_way import modelled_position, undecided_where_one_way
+from emaphm.diagnosis.explanation.motion import moves_at
+from emaphm.diagnosis.explanation.one_way import undecided_where_one_way
 from emaphm.diagnosis.explanation.open_phases import undecided_between_phases
 from emaphm.diagnosis.explanation.other_drive import other_drive
 from emaphm.diagnosis.explanation.reasons import idle_channels, reasons_against, unseen_inertia
@@ -21,7 +22,7 @@ from emaphm.diagnosis.result import Diagnosis
 from emaphm.diagnosis.selection.description_errors import suspected_parameters
 from emaphm.diagnosis.selection.deviations import select_deviations
 from emaphm.diagnosis.selection.supply.supply_scan import with_asked_supply
-from emaphm.diagnosis.verdict import VERDICT, estimates, unexplained
+from emaphm.diagnosis.verdict import VERDICT, Estimate, estimates, unexplained
 from emaphm.errors import MethodError, nearest
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS, over_all_phases, with_discrepancy
 from emaphm.estimation.methods import WITH_LEAST_SQUARES, Method, method_named
@@ -50,9 +51,6 @@ for; and of sampling the posterior, of the whole."""
 
 TORQUE_CURRENTS = ("current_A", "current_q_A")
 """Channels that show a motor's torque: one of them is compared in every diagnosis."""
-
-LEAST_MOTION = 0.01
-"""Share of the command's range that the position covers at least where a manoeuvre moves the actuator."""
 
 
 @one_blas_thread()
@@ -269,8 +267,13 @@ def conclude(
     method: str,
     fitness: str,
     seed: int,
+    *,
+    tests: bool = True,
 ) -> Diagnosis:
-    """Return the diagnosis at `result`; its counts and time are still to be filled in."""
+    """Return the diagnosis at `result`; its counts and time are still to be filled in.
+
+    Without `tests`, the verdicts are those of the intervals.
+    """
     objective, problem, space = result.objective, result.objective.problem, result.objective.space
     jacobians = jacobians_of(result, stream(seed, "Jacobians of the covariance"))
     moves = moves_at(objective, result.point)
@@ -285,11 +288,8 @@ def conclude(
     components = estimates(space, result.point, known.covariance, known.collinear_sets)
     if reasons:
         components = unexplained(components, space.fixed)
-    else:
-        components = with_alternatives(components, result, jacobians, seed)
-        components = tested_by_refits(components, result, jacobians, seed)
-        components = undecided_where_one_way(components, result)
-        components = undecided_between_phases(components, result)
+    elif tests:
+        components = tested(components, result, jacobians, seed)
     return Diagnosis(
         components=components,
         coordinates=space.coordinates,
@@ -324,6 +324,19 @@ def conclude(
     )
 
 
+def tested(
+    components: Mapping[str, Estimate], result: SearchResult, jacobians: Array, seed: int
+) -> dict[str, Estimate]:
+    """Return the `components` at `result`, undecided where something else explains the recording as well.
+
+    `jacobians` (n, d, channel rows) are those of the channels there.
+    """
+    components = with_alternatives(components, result, jacobians, seed)
+    components = tested_by_refits(components, result, jacobians, seed)
+    components = undecided_where_one_way(components, result)
+    return undecided_between_phases(components, result)
+
+
 def _explanation(
     result: SearchResult, jacobians: Array, seed: int, *, moves: bool
 ) -> tuple[Mapping[str, HealthyComparison], tuple[str, ...]]:
@@ -335,13 +348,6 @@ def _explanation(
         switching=result.switching_variances,
     )
     return healthy, reasons_against(result, jacobians, healthy, seed, moves=moves)
-
-
-def moves_at(objective: MapObjective, point: Array) -> bool:
-    """Return whether the actuator moved: by its recorded position, or else by the model's at `point` (d,)."""
-    measured, name = objective.problem.measured, "position_rad"
-    position = measured[name] if name in measured else modelled_position(objective, point)
-    return bool(np.ptp(position) > LEAST_MOTION * np.ptp(measured["command_rad"]))
 
 
 def nuisance_estimates(

@@ -80,14 +80,19 @@ def sensor_faults(
     findings
         Of the checks without a model.
     selected
-        Nuisances that deviate significantly; those that are errors of sensors count, if the recording is
-        `explained`: what causes a residual that stays is not known.
+        Nuisances that deviate significantly, of this recording or of others of a joint diagnosis; those of
+        this one that are errors of sensors count, if the recording is `explained`: what causes a residual
+        that stays is not known.
     nuisances, collinear_sets, channels
         As in `Diagnosis`.
     """
     found = [SensorFault(f.channel, f.kind, f.size, f.unit, None, f"{f.sentence}.") for f in findings]
     if explained:
-        errors = {name: error for name in selected if (error := sensor_error(name)) is not None}
+        errors = {
+            name: error
+            for name in selected
+            if name in nuisances and (error := sensor_error(name)) is not None
+        }
         for name, error in errors.items():
             size = abs(nuisances[name].value)
             if size <= CERTAIN * nuisances[name].standard_error:

@@ -223,6 +223,8 @@ def _eccentricity(
     size = _component(radius, error, healthy=0.0, collinear=collinear, ends=ends)
     if size.verdict != "degraded" or 2 * half > VERDICT.longest_interval:
         reason = "no significant eccentricity, so its direction is undefined"
+        if size.verdict == "degraded":
+            reason = "the recording shows the eccentricity, and not its direction"
         angle = _unknown(phase, min(turning, float(PRIOR_DEVIATION)), (0.0, 1.0), reason)
     else:
         # A direction is neither good nor bad: it shares the verdict of the eccentricity itself.

@@ -107,6 +107,12 @@ class MapObjective:
         """Rows of `outputs` that are channels; the nuisances follow."""
         return len(self.problem.channels) * self.problem.samples
 
+    @property
+    def compared_rows(self) -> float:
+        """Rows of channels that are compared: in the others no residual is counted."""
+        problem = self.problem
+        return problem.samples * sum(problem.compared_share(name) for name in problem.channels)
+
     def left(self, residual: Array) -> float:
         """Return the mean square of a weighted `residual` (rows,), and what visible counts leave open of it.
 

@@ -9,7 +9,7 @@ import numpy as np
 from emaphm.actuator import NAMES, Actuator
 from emaphm.actuator.faults import HEALTHY
 from emaphm.arrays import Array
-from emaphm.diagnosis.diagnose import LEAST_MOTION
+from emaphm.diagnosis.explanation.motion import LEAST_MOTION
 from emaphm.errors import MethodError, SignalError, nearest
 from emaphm.estimation.driving_signals import DrivingSignals
 from emaphm.estimation.objective import MapObjective, faults_objective

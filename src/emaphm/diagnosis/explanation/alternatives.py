@@ -144,6 +144,8 @@ def _including(name: str, estimate: Estimate, first: Estimate, other: float, del
     It is undecided where that is another value, and where the interval now says another thing. `first` is the
     estimate without alternatives; the alternative is known as well as that.
     """
+    if first.unconstrained:
+        return estimate
     low, high = first.interval95
     half_width = (high - low) / 2
     least, most = first.limits

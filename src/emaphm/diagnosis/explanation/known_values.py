@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from emaphm.actuator import Actuator
 from emaphm.estimation.global_search.multistart import local_search, with_descents
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.space.nuisances import (
@@ -43,6 +44,16 @@ class KnownValueSettings:
 KNOWN_VALUES = KnownValueSettings()
 
 
+def _widened(nuisances: NuisanceSet, actuator: Actuator) -> dict[str, float]:
+    """Return how many times as wide as described the priors are: those of selected nuisances are wide."""
+    priors = zip(nuisances.chosen, nuisances.prior_deviations[: len(nuisances.chosen)], strict=True)
+    return {
+        name: float(prior) / usual_deviation(actuator, name)
+        for name, prior in priors
+        if name not in nuisances.located
+    }
+
+
 def contradicted_values(result: SearchResult, seed: int) -> list[str]:
     """Return a sentence on each recorded load or temperature that the recording contradicts."""
     measured = result.objective.problem.measured
@@ -63,7 +74,7 @@ def _contradicted(result: SearchResult, name: str, seed: int) -> str:
         )
     others = tuple(one for one in objective.problem.measured if one != channel)
     nuisances = objective.space.nuisances
-    wider = with_wider_priors(actuator, {name: settings.widening})
+    wider = with_wider_priors(actuator, {**_widened(nuisances, actuator), name: settings.widening})
     duration = objective.problem.inputs.duration
     chosen = (*nuisances.chosen, name)
     free = NuisanceSet.of(wider, chosen, others, nuisances.unit, nuisances.located, duration=duration)

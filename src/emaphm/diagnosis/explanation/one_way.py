@@ -7,14 +7,12 @@ and one a friction; of 64 recordings of pulses and square waves, two had a frict
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
 from emaphm.actuator.faults import HEALTHY
-from emaphm.arrays import Array
+from emaphm.diagnosis.explanation.motion import modelled_position
 from emaphm.diagnosis.verdict import VERDICT, Estimate, undecided, with_phase_undecided
-from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import SearchResult
 
 SMALLEST_RETURN = 0.1
@@ -57,9 +55,3 @@ def moves_one_way(result: SearchResult) -> bool:
     moved = np.diff(modelled_position(result.objective, result.point))
     ways = (float(moved[moved > 0].sum()), float(-moved[moved < 0].sum()))
     return min(ways) < SMALLEST_RETURN * max(ways)
-
-
-def modelled_position(objective: MapObjective, point: Array) -> Array:
-    """Return the user's position by the model at `point` (d,), (samples,)."""
-    observing = replace(objective, problem=objective.problem.observing(("position_rad",)))
-    return np.asarray(observing.outputs(point[np.newaxis])[0, : objective.problem.samples])

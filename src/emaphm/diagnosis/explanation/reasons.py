@@ -99,7 +99,7 @@ def reasons_against(
        take up (`emaphm.diagnosis.explanation.sensor_scores`).
     6. No recorded load or temperature is contradicted (`emaphm.diagnosis.explanation.known_values`).
     7. Three recorded phase currents of a star add up to zero, within `phase_sum` of their size.
-    8. No sensor of the motion stands still where the model moves by more than its noise.
+    8. No sensor of the current or the motion shows one value throughout where the model moves.
     9. The residual shows no electrical zero of the rotor but the position's
        (`emaphm.diagnosis.explanation.rotor_zero`).
     10. No two sensors have another scale, each by more than `prior_deviations`: faults of sensors are rare,
@@ -257,8 +257,13 @@ def _phases(result: SearchResult) -> Iterator[str]:
 
 
 def _standing(result: SearchResult) -> Iterator[str]:
-    """Yield the sensors of the motion that show one value while the model moves."""
+    """Yield the sensors of current and motion that show one value while the model moves."""
     problem = result.objective.problem
+    if np.ptp(problem.recorded) == 0:
+        yield (
+            f"{problem.primary} shows {problem.recorded[0]:.3g} throughout, while the actuator moves; "
+            "check its sensor and its line"
+        )
     still = tuple(
         name
         for name in ("position_rad", "speed_rad_s")

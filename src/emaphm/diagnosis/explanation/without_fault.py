@@ -71,7 +71,7 @@ def _healthy(name: str) -> float:
 
 def _most_share(objective: MapObjective) -> float:
     """Return the share of the mean squared residual up to which an explanation is as good."""
-    return 1 + WITHOUT_FAULT.chi_square * objective.correlated_rows / objective.channel_rows
+    return 1 + WITHOUT_FAULT.chi_square * objective.correlated_rows / objective.compared_rows
 
 
 def _coordinates_of(name: str) -> tuple[str, ...]:

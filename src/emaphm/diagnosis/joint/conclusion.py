@@ -1,6 +1,6 @@
 """The conclusion of a joint diagnosis: verdicts, intervals, and contradictions between recordings."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from emaphm.actuator import NAMES
 from emaphm.arrays import Array
-from emaphm.diagnosis.diagnose import nuisance_estimates
-from emaphm.diagnosis.explanation.open_phases import undecided_between_phases
+from emaphm.diagnosis.diagnose import nuisance_estimates, tested
 from emaphm.diagnosis.identifiability import collinear_sets
 from emaphm.diagnosis.joint.result import JointDiagnosis, JointRecording
 from emaphm.diagnosis.nuisance_estimate import of_unit
@@ -22,7 +21,7 @@ from emaphm.estimation.joint.uncertainty import JointUncertainty
 from emaphm.estimation.problem import rms
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.uncertainty.fisher_information import information
-from emaphm.estimation.uncertainty.local_covariance import jacobians_at
+from emaphm.estimation.uncertainty.local_covariance import jacobians_at, jacobians_of
 from emaphm.random_streams import stream
 
 CONTRADICTED = "the recordings contradict each other"
@@ -62,7 +61,7 @@ def conclusion(
     elif not between.agree:
         components = {name: _undecided(one) for name, one in components.items()}
     else:
-        components = undecided_between_phases(components, results[0])
+        components = _tested_by_each(components, results, seed)
     parts = [
         _recording(one, *pair, contradicts=bool(flag))
         for one, pair, flag in zip(single, zip(alone, results, strict=True), between.named, strict=True)
@@ -70,7 +69,7 @@ def conclusion(
     first = single[0]
     kept = {field.name: getattr(first, field.name) for field in fields(first)}
     shared = [space.coordinates[i] for i in joint.terms[0].shared_places]
-    residual = np.concatenate([one.recorded - one.modelled for one in single])
+    residual = np.concatenate(list(map(_compared_residual, results)))
     channels = tuple(dict.fromkeys(name for one in single for name in one.channels))
     return JointDiagnosis(
         **kept
@@ -102,6 +101,31 @@ def conclusion(
             dict.fromkeys(NAMES[column] for i, column in enumerate(space.columns) if between.contradicted[i])
         ),
     )
+
+
+def _tested_by_each(
+    components: Mapping[str, Estimate], results: Sequence[SearchResult], seed: int
+) -> dict[str, Estimate]:
+    """Return the components of the unit, undecided where something else explains each recording as well.
+
+    What one of them excludes is excluded: where it keeps the verdict, its interval counts, of several the
+    shortest.
+    """
+    whole = dict[str, Estimate]()
+    for result in results:
+        jacobians = jacobians_of(result, stream(seed, "Jacobians of the covariance"))
+        found = tested(components, result, jacobians, seed)
+        whole = {
+            name: min(whole.get(name, one), one, key=_doubt(components[name])) for name, one in found.items()
+        }
+        if whole == components:
+            break
+    return whole
+
+
+def _doubt(first: Estimate) -> Callable[[Estimate], tuple[bool, float]]:
+    """Return what an estimate is ordered by: whether it has another verdict than `first`, then its length."""
+    return lambda one: (one.verdict != first.verdict, one.interval95[1] - one.interval95[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +176,7 @@ def _recording(
     single: Diagnosis, alone: SearchResult, result: SearchResult, *, contradicts: bool
 ) -> JointRecording:
     common = of_unit(single.nuisances)
-    own = float(np.sqrt(np.mean(alone.fitted_residual[: alone.objective.problem.samples] ** 2)))
+    own = rms(_compared_residual(alone))
     return JointRecording(
         single.recording,
         single.channels,
@@ -165,6 +189,12 @@ def _recording(
         {name: one for name, one in single.nuisances.items() if name not in common},
         single.load,
     )
+
+
+def _compared_residual(result: SearchResult) -> Array:
+    """Return the residual of the primary channel in the rows that are compared, (compared,)."""
+    problem = result.objective.problem
+    return problem.compared(problem.primary, result.fitted_residual[: problem.samples])
 
 
 def _of_all(single: Sequence[Diagnosis], of: Callable[[Diagnosis], Sequence[str]]) -> tuple[str, ...]:

@@ -102,6 +102,6 @@ def first_look(
     all_channels = np.array([compared_power(outcome) for outcome in outcomes])
     return FirstLook(
         all_channels[3 + len(supplies) :] / all_channels[:2].mean(),
-        float(np.min(with_supplies[1:]) / with_supplies[0]),
+        float(np.min(with_supplies[1:], initial=np.inf) / with_supplies[0]),
         answer_to_lag(with_lag),
     )

@@ -166,7 +166,7 @@ def _improbability(tried: SearchResult, before: SearchResult, name: str, share: 
     may be of any size. So 5 % of an inertia, described to 5 %, are likelier than 5 % of a voltage's scale,
     described to 1 %, though both leave the same.
     """
-    rows = before.objective.channel_rows / CORRELATED_ROWS
+    rows = before.objective.compared_rows / CORRELATED_ROWS
     squared = _deviation(tried, name) ** 2
     prior = 2 * np.log1p(squared) if sensor_error(name) else squared
     return float(rows * np.log(share) + prior)
@@ -198,7 +198,7 @@ def _is_of_a_sensor(tried: SearchResult, name: str, share: float) -> bool:
     objective = tried.objective
     if not tried.explained and share >= SENSOR_SELECTION.unexplained_share:
         return False
-    if share >= 1 - SENSOR_SELECTION.chance / objective.channel_rows:
+    if share >= 1 - SENSOR_SELECTION.chance / objective.compared_rows:
         return False
     value = float(objective.space.nuisance_values(tried.point[np.newaxis])[name][0])
     least = SENSOR_SELECTION.least_rows * objective.problem.inputs.interval

@@ -48,7 +48,11 @@ def ripple_powers(residuals: Sequence[RippleResidual], noise: float) -> Array:
     """
     switching = np.mean([one.switching for one in residuals], axis=0)
     in_mean = float(np.mean([1 / one.runs for one in residuals]))
-    weights = 1 / (switching * (1 + in_mean) + noise**2)
+    variance = switching * (1 + in_mean) + noise**2
+    # Neither switching nor noise: all rows say as much.
+    weights = (
+        1 / np.maximum(variance, np.finfo(float).eps * variance.max()) if variance.any() else variance + 1
+    )
     weights /= weights.sum()
     powers = [float(weights @ (one.residual**2 - one.switching / one.runs)) for one in residuals]
     return np.maximum(powers, np.finfo(float).tiny)
