@@ -35,13 +35,13 @@ STUDIES := accuracy limits plants loads data_sheets pmsm six_step thesis forms m
 
 study: evidence  ## run the long tests and what is missing of the studies in studies/, write their pages in docs/
 	for plan in $(STUDIES); do $(BIN)/emaphm study run $$plan --out studies/$$plan || exit 1; done
-	$(BIN)/emaphm study report studies/accuracy --out docs
-	$(BIN)/emaphm study report studies/limits --out docs
-	$(BIN)/emaphm study report studies/plants --out docs
-	$(BIN)/emaphm study report studies/loads --out docs
-	$(BIN)/emaphm study report studies/data_sheets --out docs
-	$(BIN)/emaphm study report studies/pmsm --out docs
-	$(BIN)/emaphm study report studies/six_step --out docs
+	$(BIN)/emaphm study report studies/accuracy --out docs --force
+	$(BIN)/emaphm study report studies/limits --out docs --force
+	$(BIN)/emaphm study report studies/plants --out docs --force
+	$(BIN)/emaphm study report studies/loads --out docs --force
+	$(BIN)/emaphm study report studies/data_sheets --out docs --force
+	$(BIN)/emaphm study report studies/pmsm --out docs --force
+	$(BIN)/emaphm study report studies/six_step --out docs --force
 	$(BIN)/python -m emaphm.report.comparison_page studies docs/comparison
 	$(BIN)/python -m emaphm.study.spoilt studies/spoilt
 	$(BIN)/python -m emaphm.report.spoilt_page studies/spoilt docs

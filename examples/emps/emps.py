@@ -9,6 +9,7 @@ folder named by the environment variable EMAPHM_DATA is searched, else `../share
 
 import argparse
 import os
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -77,4 +78,7 @@ def show(parameters: Mapping[str, Any], way: str, force_error: float) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except ema.EmaphmError as error:
+        sys.exit(f"error: {error}")

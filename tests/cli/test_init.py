@@ -75,6 +75,18 @@ def test_answers_that_end_early_write_nothing(answering: Emaphm, tmp_path: Path)
     assert not (tmp_path / "rig.toml").exists()
 
 
+def test_the_next_steps_run_as_they_are_printed(
+    emaphm: Emaphm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    printed = emaphm("init", "unit.toml", "--from", "dc").out.splitlines()
+    _, calibrate, diagnose = (line.split()[1:] for line in printed if line.startswith("  emaphm"))
+    # Nothing is amiss but the recordings and the calibration that are still to be made.
+    assert "healthy.csv" in emaphm(*calibrate).err
+    (tmp_path / "unit-calibrated.toml").write_bytes((tmp_path / "unit.toml").read_bytes())
+    assert "flight.csv" in emaphm(*diagnose).err
+
+
 def test_unknown_machine(answering: Emaphm) -> None:
     answer = answering("", "--from", "pmms")
     assert answer.code == 2

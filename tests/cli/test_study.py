@@ -83,8 +83,24 @@ def test_run_prints_a_line_for_each_method(plan: Path, emaphm: Emaphm) -> None:
 def test_run_answers_in_json(plan: Path, emaphm: Emaphm) -> None:
     code, out, err = emaphm(*RUN.split(), "--workers", "1", "--json")
     assert (code, err) == (0, "")
-    assert json.loads(out) == {"plan": "small", "folder": "out", "runs": 4, "done_again": []}
-    assert Store.open(plan.with_name("out")).results.height == 4
+    answer = json.loads(out)
+    methods = answer.pop("methods")
+    assert answer == {"plan": "small", "folder": "out", "runs": 4, "done_again": []}
+    results = Store.open(plan.with_name("out")).results
+    assert results.height == 4
+    assert {one["method"] for one in methods} == {"da", "dragonfly-thesis"}
+    for one in methods:
+        assert one["mean_error_percent"] == results.filter(method=one["method"])["error_percent"].mean()
+
+
+def test_a_report_replaces_no_files_unasked(study: Path, emaphm: Emaphm) -> None:
+    mine = study.with_name("mine")
+    mine.mkdir()
+    (mine / "report.md").write_text("my own")
+    code, _, err = emaphm("study", "report", study, "--out", mine)
+    assert code == 2
+    assert "--force" in err
+    assert (mine / "report.md").read_text() == "my own"
 
 
 @pytest.mark.usefixtures("study")

@@ -169,7 +169,9 @@ def test_a_study_has_the_same_results_on_a_cluster(
     code = main(["study", "run", str(plan), "-o", str(folder), "--scheduler", cluster.address, "--json"])
     out, err = capsys.readouterr()
     assert (code, err) == (0, "")
-    assert json.loads(out) == {"plan": "small", "folder": str(folder), "runs": 12, "done_again": []}
+    answer = json.loads(out)
+    assert {one["method"] for one in answer.pop("methods")} == set(small.table(Store.open(folder))["method"])
+    assert answer == {"plan": "small", "folder": str(folder), "runs": 12, "done_again": []}
     here = run_study(small.plan(), tmp_path / "here", workers=1)
     assert small.table(Store.open(folder)).equals(small.table(here))
 

@@ -34,7 +34,7 @@ def design(
     *,
     actuator: ActuatorFile = "thesis",
     command: CommandName = "chirp",
-    amplitude: Amplitude = 5e-3,
+    amplitude: Amplitude = None,
     frequency: Frequency = None,
     duration: Duration = 0.5,
     max_amplitude: Annotated[

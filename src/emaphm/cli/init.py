@@ -36,11 +36,14 @@ def init(
         described, answers = interview(template(machine), _ask, _say)
     heading = HEADING.format(name=described.name, machine=machine, meaning=MACHINES[machine][1])
     described.to_toml(out, comments=heading, ending=ENDING)
+    unit = out.with_name(f"{out.stem}-calibrated.toml")
     text = (
-        f"{out} written. Correct what you have data for, then\n"
-        f"  emaphm design --actuator {out} --out command.csv            for a command that shows the faults\n"
-        f"  emaphm calibrate healthy.csv --actuator {out} -o unit.toml  on recordings of the healthy unit\n"
-        "  emaphm diagnose flight.csv --actuator unit.toml"
+        f"{out} written. Correct what you have data for. Then, for a command that shows the faults,\n"
+        f"  emaphm design --actuator {out} --out command.csv\n"
+        "on recordings of the healthy unit,\n"
+        f"  emaphm calibrate healthy.csv --actuator {out} --free inertia,coulomb,viscous -o {unit}\n"
+        "and on those of its flights\n"
+        f"  emaphm diagnose flight.csv --actuator {unit}"
     )
     answer = {"actuator": str(out), "name": described.name, "machine": machine, "answers": answers}
     show(answer, text, as_json)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from emaphm.errors import ExecutionError, FaultError, RecordingError, SignalError
+from emaphm.errors import ExecutionError, FaultError, MethodError, RecordingError, SignalError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -74,7 +74,9 @@ FigureFile = Annotated[Path | None, Parameter(help="Draw measured against model:
 CommandName = Annotated[
     str, Parameter(help="chirp, decaying-chirp, step, ramp, sine, or a file with time_s and command_rad.")
 ]
-Amplitude = Annotated[float, Parameter(help="Of the command, at the user [rad].")]
+Amplitude = Annotated[
+    float | None, Parameter(help="Of a command by name, at the user [rad]; 0.005 if left out.")
+]
 Frequency = Annotated[
     float | None, Parameter(help="Of the sine, or the last of a chirp [Hz]; 4 and 15 if left out.")
 ]
@@ -82,6 +84,14 @@ Duration = Annotated[float, Parameter(help="Of the recording [s].")]
 SampleRate = Annotated[float, Parameter(help="Rows a second [Hz].")]
 
 FIGURES = (".png", ".svg", ".pdf")
+
+AMPLITUDE = 5e-3
+"""Of a command by name [rad]."""
+
+WITH_FREQUENCY = ("chirp", "decaying-chirp", "sine")
+
+CLOSE = 0.85
+"""Likeness of a name to a channel's from which on it is taken for a slip."""
 
 
 def check_seed(seed: int) -> None:
@@ -134,6 +144,7 @@ def known_values(assignments: tuple[str, ...]) -> dict[str, float | str]:
         if name in values:
             raise RecordingError(f"--known {name} is given twice; give it once")
         if name not in SCHEMA:
+            _check_label(name, value)
             values[name] = value
             continue
         try:
@@ -141,6 +152,27 @@ def known_values(assignments: tuple[str, ...]) -> dict[str, float | str]:
         except ValueError:
             raise RecordingError(f"--known {assignment}: {name} is a number in {SCHEMA[name].unit}") from None
     return values
+
+
+def _check_label(name: str, value: str) -> None:
+    """Refuse a number under a name that is nearly a channel's: as a label it would count for nothing."""
+    from difflib import get_close_matches
+
+    from emaphm.recording.schema import SCHEMA
+
+    whole = {one.lower(): one for one in SCHEMA}
+    of_quantity = {one.lower().rpartition("_")[0]: one for one in ("load_Nm", "temperature_K", "supply_V")}
+    close = get_close_matches(name.lower(), [*whole, *of_quantity], n=1, cutoff=CLOSE)
+    try:
+        float(value)
+    except ValueError:
+        return
+    if close:
+        meant = {**whole, **of_quantity}[close[0]]
+        raise RecordingError(
+            f"--known {name}={value}: no channel has that name (did you mean '{meant}'?); for a label give "
+            "another name"
+        )
 
 
 def fault_vector(assignments: tuple[str, ...]) -> "Faults":
@@ -159,17 +191,20 @@ def fault_vector(assignments: tuple[str, ...]) -> "Faults":
     return Faults.from_mapping(values)
 
 
-def command_named(name: str, amplitude: float, frequency: float | None, duration: float) -> "Command":
+def command_named(name: str, amplitude: float | None, frequency: float | None, duration: float) -> "Command":
     """Return the command that --command and its companions describe."""
     from emaphm import actuator
 
     if not duration > 0:
         raise SignalError(f"--duration {duration:g}: give more than 0 s")
-    if not (math.isfinite(amplitude) and math.isfinite(frequency or 0.0)):
+    if not (math.isfinite(amplitude or 0.0) and math.isfinite(frequency or 0.0)):
         raise SignalError(
-            f"the command is not finite with --amplitude {amplitude:g}, --frequency {frequency}; give numbers"
+            f"the command is not finite with --amplitude {amplitude}, --frequency {frequency}; give numbers"
         )
-    last = 15.0 if frequency is None else frequency
+    if frequency is not None and name not in WITH_FREQUENCY:
+        raise SignalError(f"--frequency is of {', '.join(WITH_FREQUENCY)}; leave it out with '{name}'")
+    by_name, last = amplitude is not None, 15.0 if frequency is None else frequency
+    amplitude = AMPLITUDE if amplitude is None else amplitude
     makers: dict[str, Callable[[], Command]] = {
         "chirp": lambda: actuator.Chirp(amplitude, stop_hz=last, duration=duration),
         "decaying-chirp": lambda: actuator.DecayingChirp(amplitude, stop_hz=last, duration=duration),
@@ -183,6 +218,8 @@ def command_named(name: str, amplitude: float, frequency: float | None, duration
         raise SignalError(
             f"unknown command '{name}' (known: {', '.join(makers)}); or give a file such as command.csv"
         )
+    if by_name:
+        raise SignalError(f"--amplitude is of {', '.join(makers)}; leave it out with a file")
     return _signal(name, "command_rad", duration)
 
 
@@ -211,4 +248,7 @@ def _signal(path: str, name: str, duration: float) -> "Command":
 
 def names_in(text: str) -> list[str]:
     """Return the names in `text`, which has commas between them; nothing for "none"."""
-    return [name.strip() for name in text.split(",") if name.strip() not in {"", "none"}]
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    if "none" in names and len(names) > 1:
+        raise MethodError(f"'{text}': give 'none' alone, or the names")
+    return [] if names == ["none"] else names

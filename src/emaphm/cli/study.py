@@ -1,12 +1,13 @@
 """`emaphm study …`: comparing methods over many cases."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
-from emaphm.cli.options import AsJson, Scheduler, Workers, check_workers
+from emaphm.cli.options import AsJson, Force, Scheduler, Workers, check_workers
 from emaphm.cli.output import counter, show
+from emaphm.errors import OutputError
 
 if TYPE_CHECKING:
     from emaphm.study import Plan, Store
@@ -48,6 +49,7 @@ def run(
         "folder": str(out),
         "runs": store.results.height,
         "done_again": list(store.damaged),
+        "methods": _methods(store),
     }
     show(values, f"{_summary(store)}\nResults in {out}; see them with: emaphm study report {out}", as_json)
 
@@ -59,6 +61,7 @@ def report(
     out: Annotated[
         Path | None, Parameter(name=("--out", "-o"), help="Folder for the report; FOLDER/report if left out.")
     ] = None,
+    force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Write the tables and figures of a study, finished or not: Markdown, CSV and one HTML page.
@@ -67,6 +70,10 @@ def report(
     """
     from emaphm.study import Store
 
+    if out is not None and not force and out.is_dir() and any(out.iterdir()):
+        raise OutputError(
+            f"{out}: holds files already; give another folder with --out, or --force to write there"
+        )
     store, place = Store.open(folder), out or folder / "report"
     plan, total = store.plan, store.plan.total
     if plan.page is not None:
@@ -82,6 +89,7 @@ def report(
         "runs": store.results.height,
         "of": total,
         "files": list(map(str, written)),
+        "methods": _methods(store),
     }
     pages = "\n".join(f"written: {path}" for path in written if path.suffix in (".html", ".md"))
     show(values, f"{_summary(store)}\n{pages}", as_json)
@@ -114,10 +122,24 @@ def _line(plan: "Plan") -> str:
     return f"{plan.name:<10}{plan.total:>5} runs  {plan.description}"
 
 
-def _summary(store: "Store") -> str:
-    """Return each method's errors, as a table of text."""
+def _methods(store: "Store") -> list[dict[str, Any]]:
+    """Return each method's errors, those of the least mean first."""
     import polars as pl
 
+    error = pl.col("error_percent")
+    by_method = store.results.group_by("method", maintain_order=True).agg(
+        error.median().alias("median_error_percent"),
+        error.mean().alias("mean_error_percent"),
+        error.max().alias("worst_error_percent"),
+        (100 * (error <= 2).mean()).alias("within_2_percent"),
+        pl.col("evaluations").mean().alias("mean_evaluations"),
+        pl.col("seconds").median().alias("median_seconds"),
+    )
+    return by_method.sort("mean_error_percent").to_dicts()
+
+
+def _summary(store: "Store") -> str:
+    """Return each method's errors, as a table of text."""
     from emaphm.text_table import format_table
 
     total = store.plan.total
@@ -127,26 +149,17 @@ def _summary(store: "Store") -> str:
         summary += f"; damaged, and {again}: {'; '.join(store.damaged)}"
     if store.results.is_empty():
         return summary
-    error = pl.col("error_percent")
-    by_method = store.results.group_by("method", maintain_order=True).agg(
-        error.median().alias("median"),
-        error.mean().alias("mean"),
-        error.max().alias("worst"),
-        (error <= 2).mean().alias("success"),
-        pl.col("evaluations").mean(),
-        pl.col("seconds").median(),
-    )
     rows = [
         (
-            row["method"],
-            f"{row['median']:.2f}",
-            f"{row['mean']:.2f}",
-            f"{row['worst']:.2f}",
-            f"{100 * row['success']:.0f}",
-            f"{row['evaluations']:.0f}",
-            f"{row['seconds']:.2f}",
+            name,
+            f"{median:.2f}",
+            f"{mean:.2f}",
+            f"{worst:.2f}",
+            f"{within:.0f}",
+            f"{runs:.0f}",
+            f"{seconds:.2f}",
         )
-        for row in by_method.sort("mean").iter_rows(named=True)
+        for name, median, mean, worst, within, runs, seconds in (one.values() for one in _methods(store))
     ]
     header = (
         "method",

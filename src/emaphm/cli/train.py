@@ -41,7 +41,7 @@ def train(
     out: Annotated[Path, Parameter(name=("--out", "-o"), help=f"Estimator to write: {ENDING}.")],
     actuator: ActuatorFile = "thesis",
     command: CommandName = "chirp",
-    amplitude: Amplitude = 5e-3,
+    amplitude: Amplitude = None,
     frequency: Frequency = None,
     duration: Duration = 0.5,
     sample_rate: SampleRate = 5000.0,

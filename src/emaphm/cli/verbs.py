@@ -30,6 +30,7 @@ from emaphm.cli.options import (
     Workers,
     check_output,
     check_seed,
+    check_workers,
     command_named,
     described_actuator,
     fault_vector,
@@ -62,7 +63,7 @@ def simulate(
     *,
     model: Annotated[str, Parameter(help="reference, monitor or averaged.")] = "reference",
     command: CommandName = "chirp",
-    amplitude: Amplitude = 5e-3,
+    amplitude: Amplitude = None,
     frequency: Frequency = None,
     fault: FaultList = (),
     noise: Annotated[float, Parameter(help="Sensor noise on the currents, rms [A].")] = 0.0,
@@ -212,6 +213,7 @@ def diagnose(
         fast=fast,
         seed=seed,
     )
+    check_workers(workers, scheduler)
     if several:
         if report:
             raise MethodError("--report is of one recording; diagnose that one alone, without --joint")

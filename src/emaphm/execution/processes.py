@@ -51,8 +51,8 @@ def run_on_processes(tasks: Sequence[Task], workers: int | None = None) -> Gener
             yield from _as_finished(pool, tasks, WAITING * workers)
     except BrokenProcessPool:
         raise ExecutionError(
-            "a worker process died, perhaps for want of memory; start again to go on, with fewer --workers "
-            "(in a script of your own: is it guarded by `if __name__ == '__main__':`?)"
+            "a worker process died, for want of `if __name__ == '__main__':` in a script of your own perhaps, "
+            "or of memory; start again to go on, with fewer --workers"
         ) from None
 
 

@@ -1,6 +1,6 @@
 """What is read of a history; each function reads from one state of it."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -39,18 +39,9 @@ def unit(connection: sa.Connection, serial_number: str) -> UnitRow:
     found = unit_or_none(connection, serial_number)
     if found is None:
         known = connection.execute(sa.select(UNITS.c.serial_number)).scalars().all()
-        hint = nearest_serial(serial_number, known) if known else "; the history is empty"
+        hint = nearest(serial_number, known) if known else "; the history is empty"
         raise HistoryError(f"no unit '{serial_number}' in the history{hint}")
     return found
-
-
-def nearest_serial(serial_number: str, known: Iterable[str]) -> str:
-    """Return a hint at the known serial number closest to one; capitals do not matter in the comparison."""
-    by_lower = {one.lower(): one for one in known}
-    hint = nearest(serial_number, by_lower)
-    for lower, one in by_lower.items():
-        hint = hint.replace(f"'{lower}'", f"'{one}'")
-    return hint
 
 
 def flights(connection: sa.Connection, unit_id: int) -> tuple[Flight, ...]:
