@@ -271,6 +271,29 @@ def test_friction_that_passes_smoothly_through_standstill() -> None:
     check(inverse_dynamics(recording, ACTUATOR, list(truth)), truth, 0.01)
 
 
+def test_a_value_that_would_be_negative_is_0() -> None:
+    # Something drives the shaft in proportion to its speed, which no friction does.
+    recording = machine(lambda _, speed, __: COULOMB * float(np.tanh(speed / 0.3)) - 0.2 * speed)
+    found = inverse_dynamics(recording, ACTUATOR, ["inertia", "viscous", "coulomb", "transition_speed"])
+    assert found.values["viscous"] == 0.0
+    assert found.at_bound == ("viscous",)
+    assert found.identified.mechanics.viscous == 0.0
+
+
+def test_static_friction_is_not_below_coulomb_friction() -> None:
+    def falling(_: float, speed: float, __: float) -> float:
+        level = COULOMB * (1 - 0.5 * np.exp(-((speed / 0.5) ** 2)))
+        return float(VISCOUS * speed + level * np.tanh(speed / 1e-4))
+
+    recording, plain = machine(falling, speed_gain=80.0), ["inertia", "viscous", "coulomb"]
+    found = inverse_dynamics(recording, ACTUATOR, [*plain, "static", "stribeck_speed"])
+    # Without a peak at low speed, the law adds nothing to Coulomb friction.
+    check(found, inverse_dynamics(recording, ACTUATOR, plain).values, 1e-4)
+    assert found.values["static"] == pytest.approx(found.values["coulomb"], rel=1e-4)
+    assert found.standard_errors["stribeck_speed"] > found.values["stribeck_speed"]
+    assert found.identified.mechanics.static_friction >= found.values["coulomb"]
+
+
 def test_friction_that_grows_with_motor_and_external_torque() -> None:
     def loaded(position: float, speed: float, torque: float) -> float:
         load = 4.0 * np.sin(position)
