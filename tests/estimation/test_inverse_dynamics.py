@@ -27,6 +27,7 @@ from emaphm.estimation.inverse_dynamics.filtering import (
 from emaphm.estimation.inverse_dynamics.result import with_parameters
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
+from emaphm.simulation import REFERENCE, Inputs, Plant, run
 
 RATE, DURATION = 1000.0, 10.0
 INERTIA, VISCOUS, COULOMB = 0.8, 1.5, 2.0
@@ -111,6 +112,15 @@ def check_values(found: Mapping[str, float], truth: Mapping[str, float], toleran
 
 def check(result: InverseDynamicsResult, truth: Mapping[str, float], tolerance: float) -> None:
     check_values(result.values, truth, tolerance)
+
+
+def check_gains(recording: Recording, actuator: Actuator) -> None:
+    check, c = controller_check(recording, actuator), actuator.controller
+    assert not check.contradicts
+    assert check.position_gain is not None
+    assert check.speed_gain is not None
+    assert check.position_gain.value == pytest.approx(c.position_gain, rel=0.02)
+    assert check.speed_gain.value == pytest.approx(c.speed_gain, rel=0.02)
 
 
 SPRING = {"inertia": INERTIA, "viscous": VISCOUS, "coulomb": COULOMB, "offset": 0.7, "hinge": 3.0}
@@ -461,6 +471,34 @@ def test_faults_that_are_no_gain_do_not_contradict_the_controller() -> None:
     for faults in (Faults(), Faults(friction=0.8), Faults(backlash=0.8), Faults(short_a=0.5)):
         assert not controller_contradicts(simulate(actuator, Chirp(), faults=faults), actuator)
     assert controller_contradicts(simulate(actuator, Chirp(), faults=Faults(gain=0.25)), actuator)
+
+
+@pytest.mark.parametrize("feedforward", [0.0, 0.5])
+def test_the_controller_follows_a_filtered_command(feedforward: float) -> None:
+    actuator = with_lumped_parameters(
+        Actuator.dc(), {"command_lag": 5e-3, "speed_feedforward": feedforward, "backlash": 0.0}
+    )
+    check_gains(simulate(actuator, Chirp()), actuator)
+
+
+def test_the_gains_show_where_the_drive_is_on() -> None:
+    actuator = with_lumped_parameters(
+        Actuator.dc(), {"speed_gain": 5e-3, "integral_gain": 0.5, "position_integral_gain": 5.0}
+    )
+    inputs = Inputs.of(
+        Chirp(),
+        samples=2500,
+        interval=2e-4,
+        step=1e-5,
+        enabled=lambda t: np.where((t > 0.3) & (t < 0.4), 0.0, 1.0),
+    )
+    measured = run(REFERENCE, Plant.of(actuator, Faults().vector), inputs)
+    names = ("position_rad", "speed_rad_s", "current_A")
+    driving = {"command_rad": inputs.rows(inputs.command), "enabled": inputs.rows(inputs.enabled)}
+    recorded = {"time_s": inputs.time_s, **driving, **{name: measured[name] for name in names}}
+    check_gains(Recording(recorded), actuator)
+    with pytest.raises(RecordingError, match="the drive is never on"):
+        controller_check(Recording(recorded | {"enabled": np.zeros(2500)}), actuator)
 
 
 LAWS: dict[str, dict[str, float]] = {
