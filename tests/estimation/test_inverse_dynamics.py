@@ -28,6 +28,7 @@ from emaphm.estimation.inverse_dynamics.result import with_parameters
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import REFERENCE, Inputs, Plant, run
+from emaphm.simulation.laws.sensors import sensed
 
 RATE, DURATION = 1000.0, 10.0
 INERTIA, VISCOUS, COULOMB = 0.8, 1.5, 2.0
@@ -174,6 +175,39 @@ def test_standard_errors_admit_correlated_residuals(plain: Recording) -> None:
         )
     # The rms of 50 deviations, correlated in part, is within 0.3 of 1; less where errors are wide.
     assert 0.6 < np.sqrt(np.mean(np.square(deviations))) < 1.3
+
+
+def test_described_errors_of_the_sensors_are_undone(plain: Recording) -> None:
+    sensors = {
+        "current_A": {"scale": 0.05, "offset": 0.3, "lag": 4e-3},
+        "position_rad": {"delay": 6.5e-3, "lag": 2e-3},
+    }
+    described = Actuator.from_dict({**ACTUATOR.model_dump(exclude_none=True), "sensors": sensors})
+    shown = {
+        name: sensed(plain[name], described.sensors.of(name), plain.interval_s) for name in plain.channels
+    }
+    recording = plain.with_channels(shown)
+    check(inverse_dynamics(recording, described, list(SPRING)), SPRING, 0.005)
+    check_gains(recording, described)
+    # Undescribed, they are taken for parameters and for another controller.
+    assert inverse_dynamics(recording, ACTUATOR, list(SPRING)).values["inertia"] > 1.03 * INERTIA
+    assert controller_contradicts(recording, ACTUATOR)
+
+
+def test_the_magnitude_of_a_current_shows_no_torque(plain: Recording) -> None:
+    sensors = {"current_A": {"unsigned": True}}
+    described = Actuator.from_dict({**ACTUATOR.model_dump(exclude_none=True), "sensors": sensors})
+    with pytest.raises(RecordingError, match="record 'current_A' with its sign"):
+        inverse_dynamics(plain, described, list(SPRING))
+
+
+def test_a_delay_as_long_as_the_recording_is_refused(plain: Recording) -> None:
+    sensors = {"position_rad": {"delay": DURATION}}
+    described = Actuator.from_dict({**ACTUATOR.model_dump(exclude_none=True), "sensors": sensors})
+    with pytest.raises(
+        MethodError, match=r"delay of 10 s shows nothing of recording, which has 10 s; correct"
+    ):
+        inverse_dynamics(plain, described, list(SPRING))
 
 
 def test_a_lone_reversal_is_no_standstill_but_sticking_is_left_out() -> None:

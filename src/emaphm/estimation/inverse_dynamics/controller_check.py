@@ -10,6 +10,7 @@ from emaphm.arrays import Array
 from emaphm.errors import RecordingError
 from emaphm.estimation.inverse_dynamics.filtering import FilterFrequencies, first_order_lag, low_pass
 from emaphm.estimation.inverse_dynamics.result import Estimate
+from emaphm.estimation.sensors.ideal_sensors import as_by_ideal_sensors
 from emaphm.estimation.uncertainty.covariance import sandwich_covariance
 from emaphm.recording import Recording, with_equivalent_current
 
@@ -97,7 +98,8 @@ def controller_check(recording: Recording, actuator: Actuator) -> ControllerChec
     drive is off, y is 0 and nothing is integrated. Both sides pass the low-pass that the position's noise
     asks for, since the gains multiply that noise. The gains that fit best are those of a regression in rows
     without a limit and with the drive on, all but G_prop and GAP as described; without speed feedback and
-    feed-forward only their product shows, and GAP is taken as described.
+    feed-forward only their product shows, and GAP is taken as described. The described errors of the sensors
+    are undone.
 
     Raises
     ------
@@ -105,6 +107,7 @@ def controller_check(recording: Recording, actuator: Actuator) -> ControllerChec
         There is no command, no position, or neither a current nor, of a drive by voltage, a duty cycle; or
         the drive is never on.
     """
+    recording = as_by_ideal_sensors(recording, actuator)
     for name in ("command_rad", "position_rad"):
         if name not in recording:
             raise RecordingError(

@@ -10,6 +10,7 @@ from emaphm.actuator import Actuator
 from emaphm.arrays import Array
 from emaphm.errors import MethodError, RecordingError, nearest
 from emaphm.estimation.inverse_dynamics.filtering import FilterFrequencies, first_order_lag, low_pass
+from emaphm.estimation.sensors.ideal_sensors import as_by_ideal_sensors
 from emaphm.recording import Recording, with_equivalent_current
 
 STILL_SPEED = 0.01
@@ -62,13 +63,15 @@ class Motion:
 
         Speed and acceleration are central differences of the motor's angle, or of the user's position
         divided by the gear ratio where that alone was recorded: a recorded speed often has a lag of its own.
-        A current passes the lag with which the torque follows it.
+        The described errors of the sensors are undone. A current passes the lag with which the torque
+        follows it.
 
         Raises
         ------
         RecordingError
             There is neither a position nor an angle, or neither a current nor a voltage; or nothing moves.
         """
+        recording = as_by_ideal_sensors(recording, actuator)
         ratio, interval = actuator.mechanics.gear_ratio, recording.interval_s
         if "angle_rad" in recording:
             angle = np.unwrap(recording["angle_rad"])
@@ -123,8 +126,8 @@ def _best_channel(recording: Recording, actuator: Actuator) -> str:
         if name in recording and actuator.electrical is not None:
             return name
     raise RecordingError(
-        f"{recording.source}: nothing shows the torque; record 'current_A', or 'voltage_V' or 'duty' with "
-        "[electrical] in the actuator's TOML"
+        f"{recording.source}: nothing shows the torque; record 'current_A' with its sign, or 'voltage_V' or "
+        "'duty' with [electrical] in the actuator's TOML"
     )
 
 
