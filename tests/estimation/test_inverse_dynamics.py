@@ -177,6 +177,22 @@ def test_standard_errors_admit_correlated_residuals(plain: Recording) -> None:
     assert 0.6 < np.sqrt(np.mean(np.square(deviations))) < 1.3
 
 
+def test_a_described_saturation_takes_its_part_of_the_torque(plain: Recording) -> None:
+    effective = plain["current_A"]
+    saturation = 0.15 / float(np.max(np.abs(effective)))
+    # i (1 - κ |i|) is the current that would make the torque without saturation.
+    current = 2 * effective / (1 + np.sqrt(1 - 4 * saturation * np.abs(effective)))
+    recording = plain.with_channels({**plain.channels, "current_A": current})
+    described = Actuator.from_dict(
+        {
+            **ACTUATOR.model_dump(exclude_none=True),
+            "motor": {"torque_constant": TORQUE_CONSTANT, "saturation": saturation},
+        }
+    )
+    check(inverse_dynamics(recording, described, list(SPRING)), SPRING, 0.005)
+    assert inverse_dynamics(recording, ACTUATOR, list(SPRING)).values["inertia"] > 1.03 * INERTIA
+
+
 def test_described_errors_of_the_sensors_are_undone(plain: Recording) -> None:
     sensors = {
         "current_A": {"scale": 0.05, "offset": 0.3, "lag": 4e-3},
