@@ -25,10 +25,13 @@ THESIS = write_toml(Actuator.thesis())
         ("°", "rad", np.pi / 90),
         ("turn", "rad", 4 * np.pi),
         ("rpm", "rad/s", 2 * np.pi / 30),
+        ("1/min", "rad/s", 2 * np.pi / 30),
+        ("min⁻¹", "rad/s", 2 * np.pi / 30),
         ("degC", "K", 275.15),
         ("%", "-", 0.02),
         ("kgf*m", "N·m", 2 * 9.80665),
         ("mNm", "N·m", 2e-3),
+        ("Ncm", "N·m", 2e-2),
         ("µs", "s", 2e-6),
     ],
 )

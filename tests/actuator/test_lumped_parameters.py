@@ -1,5 +1,6 @@
 """Totals referred to the motor shaft: reading them from an actuator and setting them."""
 
+import numpy as np
 import pytest
 from hypothesis import given
 
@@ -95,6 +96,11 @@ def test_what_cannot_be_set_is_refused() -> None:
     without = Actuator.from_dict(THESIS.model_dump(exclude={"electrical"}))
     with pytest.raises(MethodError, match=r"'resistance' needs an \[electrical\] section"):
         lumped_parameters(without, ("resistance",))
+
+
+def test_static_friction_follows_each_of_several_actuators() -> None:
+    plants = Plant.of(THESIS, np.tile(Faults().vector, (2, 1)), {"coulomb": [0.05, 0.1]})
+    assert plants.static == pytest.approx([0.1, 0.2])
 
 
 def test_a_drive_assumes_the_torque_constant_that_it_was_built_for() -> None:

@@ -151,6 +151,16 @@ def test_a_known_load_is_no_nuisance() -> None:
     assert found.parameters["coulomb"].value == pytest.approx(THESIS.mechanics.dynamic_friction, rel=0.01)
 
 
+def test_a_known_value_may_be_0_or_of_the_other_sign() -> None:
+    described = with_lumped_parameters(THESIS, {"offset": 0.05})
+    loads = (0.0, -0.08)
+    days = [recorded(unit(inertia=1.3), i, load=load) for i, load in enumerate(loads)]
+    rows = [CampaignRow(day, {"offset": load}) for day, load in zip(days, loads, strict=True)]
+    assert fitted(rows, ("inertia",), described).parameters["inertia"].value == pytest.approx(
+        1.3 * 2.5e-5, rel=0.01
+    )
+
+
 def test_only_a_load_that_acts_shows_the_scale_of_the_torques() -> None:
     day = recorded(THESIS, 1, channels=CHANNELS[:4])
     kept = {name: day[name] for name in CHANNELS[:4]}
@@ -211,7 +221,7 @@ def test_what_acts_alike_is_named_with_what_would_separate_it() -> None:
         ({"position_gian": 1.0}, (), r"did you mean 'position_gain'\?"),
         ({"inertia": 2e-5}, (), "'inertia' is known here, and free for all recordings; leave one"),
         ({"supply": 50.0}, ("supply",), "'supply' is both known and free here; leave one"),
-        ({"position_gain": -1e5}, (), "position_gain = -100000 has the wrong sign: .* above 0"),
+        ({"position_gain": -1e5}, (), "position_gain = -100000 cannot be: .* greater than 0"),
         ({"temperature": -5.0}, (), "give it in kelvin"),
         ({"load": float("nan")}, (), "is no finite number"),
         ({}, ("frction",), "unknown parameter 'frction'"),

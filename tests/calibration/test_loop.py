@@ -126,6 +126,13 @@ def test_each_recording_may_have_what_is_known_of_it_and_its_own(reference: Reco
     found = calibrate([reference, other], THESIS, FREE[:3], loop="measured")
     loads = [one.nuisances["load"] for one in found.recordings]
     assert loads == pytest.approx([0.02, -0.05], abs=1e-3)
+    # It adds to the load that is described.
+    loaded = with_lumped_parameters(THESIS, {"offset": 0.05})
+    (found_again,) = calibrate(reference, loaded, FREE[:3], loop="measured").recordings
+    assert found_again.nuisances["load"] == pytest.approx(-0.03, abs=1e-3)
+    assert found_again.replay.relative_error["current_A"] == pytest.approx(
+        found.recordings[0].replay.relative_error["current_A"], rel=0.02
+    )
 
 
 def test_recordings_that_contradict_each_other_are_doubtful_by_measured_motion_too(

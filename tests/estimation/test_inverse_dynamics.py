@@ -27,6 +27,8 @@ from emaphm.estimation.inverse_dynamics.filtering import (
 from emaphm.estimation.inverse_dynamics.result import with_parameters
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
+from emaphm.simulation import REFERENCE, Inputs, Plant, run
+from emaphm.simulation.laws.sensors import sensed
 
 RATE, DURATION = 1000.0, 10.0
 INERTIA, VISCOUS, COULOMB = 0.8, 1.5, 2.0
@@ -113,6 +115,15 @@ def check(result: InverseDynamicsResult, truth: Mapping[str, float], tolerance: 
     check_values(result.values, truth, tolerance)
 
 
+def check_gains(recording: Recording, actuator: Actuator) -> None:
+    check, c = controller_check(recording, actuator), actuator.controller
+    assert not check.contradicts
+    assert check.position_gain is not None
+    assert check.speed_gain is not None
+    assert check.position_gain.value == pytest.approx(c.position_gain, rel=0.02)
+    assert check.speed_gain.value == pytest.approx(c.speed_gain, rel=0.02)
+
+
 SPRING = {"inertia": INERTIA, "viscous": VISCOUS, "coulomb": COULOMB, "offset": 0.7, "hinge": 3.0}
 
 
@@ -164,6 +175,55 @@ def test_standard_errors_admit_correlated_residuals(plain: Recording) -> None:
         )
     # The rms of 50 deviations, correlated in part, is within 0.3 of 1; less where errors are wide.
     assert 0.6 < np.sqrt(np.mean(np.square(deviations))) < 1.3
+
+
+def test_a_described_saturation_takes_its_part_of_the_torque(plain: Recording) -> None:
+    effective = plain["current_A"]
+    saturation = 0.15 / float(np.max(np.abs(effective)))
+    # i (1 - κ |i|) is the current that would make the torque without saturation.
+    current = 2 * effective / (1 + np.sqrt(1 - 4 * saturation * np.abs(effective)))
+    recording = plain.with_channels({**plain.channels, "current_A": current})
+    described = Actuator.from_dict(
+        {
+            **ACTUATOR.model_dump(exclude_none=True),
+            "motor": {"torque_constant": TORQUE_CONSTANT, "saturation": saturation},
+        }
+    )
+    check(inverse_dynamics(recording, described, list(SPRING)), SPRING, 0.005)
+    assert inverse_dynamics(recording, ACTUATOR, list(SPRING)).values["inertia"] > 1.03 * INERTIA
+
+
+def test_described_errors_of_the_sensors_are_undone(plain: Recording) -> None:
+    sensors = {
+        "current_A": {"scale": 0.05, "offset": 0.3, "lag": 4e-3},
+        "position_rad": {"delay": 6.5e-3, "lag": 2e-3},
+    }
+    described = Actuator.from_dict({**ACTUATOR.model_dump(exclude_none=True), "sensors": sensors})
+    shown = {
+        name: sensed(plain[name], described.sensors.of(name), plain.interval_s) for name in plain.channels
+    }
+    recording = plain.with_channels(shown)
+    check(inverse_dynamics(recording, described, list(SPRING)), SPRING, 0.005)
+    check_gains(recording, described)
+    # Undescribed, they are taken for parameters and for another controller.
+    assert inverse_dynamics(recording, ACTUATOR, list(SPRING)).values["inertia"] > 1.03 * INERTIA
+    assert controller_contradicts(recording, ACTUATOR)
+
+
+def test_the_magnitude_of_a_current_shows_no_torque(plain: Recording) -> None:
+    sensors = {"current_A": {"unsigned": True}}
+    described = Actuator.from_dict({**ACTUATOR.model_dump(exclude_none=True), "sensors": sensors})
+    with pytest.raises(RecordingError, match="record 'current_A' with its sign"):
+        inverse_dynamics(plain, described, list(SPRING))
+
+
+def test_a_delay_as_long_as_the_recording_is_refused(plain: Recording) -> None:
+    sensors = {"position_rad": {"delay": DURATION}}
+    described = Actuator.from_dict({**ACTUATOR.model_dump(exclude_none=True), "sensors": sensors})
+    with pytest.raises(
+        MethodError, match=r"delay of 10 s shows nothing of recording, which has 10 s; correct"
+    ):
+        inverse_dynamics(plain, described, list(SPRING))
 
 
 def test_a_lone_reversal_is_no_standstill_but_sticking_is_left_out() -> None:
@@ -269,6 +329,29 @@ def test_friction_that_passes_smoothly_through_standstill() -> None:
     recording = machine(lambda _, speed, __: VISCOUS * speed + COULOMB * float(np.tanh(speed / 0.3)))
     truth = {"inertia": INERTIA, "viscous": VISCOUS, "coulomb": COULOMB, "transition_speed": 0.3}
     check(inverse_dynamics(recording, ACTUATOR, list(truth)), truth, 0.01)
+
+
+def test_a_value_that_would_be_negative_is_0() -> None:
+    # Something drives the shaft in proportion to its speed, which no friction does.
+    recording = machine(lambda _, speed, __: COULOMB * float(np.tanh(speed / 0.3)) - 0.2 * speed)
+    found = inverse_dynamics(recording, ACTUATOR, ["inertia", "viscous", "coulomb", "transition_speed"])
+    assert found.values["viscous"] == 0.0
+    assert found.at_bound == ("viscous",)
+    assert found.identified.mechanics.viscous == 0.0
+
+
+def test_static_friction_is_not_below_coulomb_friction() -> None:
+    def falling(_: float, speed: float, __: float) -> float:
+        level = COULOMB * (1 - 0.5 * np.exp(-((speed / 0.5) ** 2)))
+        return float(VISCOUS * speed + level * np.tanh(speed / 1e-4))
+
+    recording, plain = machine(falling, speed_gain=80.0), ["inertia", "viscous", "coulomb"]
+    found = inverse_dynamics(recording, ACTUATOR, [*plain, "static", "stribeck_speed"])
+    # Without a peak at low speed, the law adds nothing to Coulomb friction.
+    check(found, inverse_dynamics(recording, ACTUATOR, plain).values, 1e-4)
+    assert found.values["static"] == pytest.approx(found.values["coulomb"], rel=1e-4)
+    assert found.standard_errors["stribeck_speed"] > found.values["stribeck_speed"]
+    assert found.identified.mechanics.static_friction >= found.values["coulomb"]
 
 
 def test_friction_that_grows_with_motor_and_external_torque() -> None:
@@ -438,6 +521,34 @@ def test_faults_that_are_no_gain_do_not_contradict_the_controller() -> None:
     for faults in (Faults(), Faults(friction=0.8), Faults(backlash=0.8), Faults(short_a=0.5)):
         assert not controller_contradicts(simulate(actuator, Chirp(), faults=faults), actuator)
     assert controller_contradicts(simulate(actuator, Chirp(), faults=Faults(gain=0.25)), actuator)
+
+
+@pytest.mark.parametrize("feedforward", [0.0, 0.5])
+def test_the_controller_follows_a_filtered_command(feedforward: float) -> None:
+    actuator = with_lumped_parameters(
+        Actuator.dc(), {"command_lag": 5e-3, "speed_feedforward": feedforward, "backlash": 0.0}
+    )
+    check_gains(simulate(actuator, Chirp()), actuator)
+
+
+def test_the_gains_show_where_the_drive_is_on() -> None:
+    actuator = with_lumped_parameters(
+        Actuator.dc(), {"speed_gain": 5e-3, "integral_gain": 0.5, "position_integral_gain": 5.0}
+    )
+    inputs = Inputs.of(
+        Chirp(),
+        samples=2500,
+        interval=2e-4,
+        step=1e-5,
+        enabled=lambda t: np.where((t > 0.3) & (t < 0.4), 0.0, 1.0),
+    )
+    measured = run(REFERENCE, Plant.of(actuator, Faults().vector), inputs)
+    names = ("position_rad", "speed_rad_s", "current_A")
+    driving = {"command_rad": inputs.rows(inputs.command), "enabled": inputs.rows(inputs.enabled)}
+    recorded = {"time_s": inputs.time_s, **driving, **{name: measured[name] for name in names}}
+    check_gains(Recording(recorded), actuator)
+    with pytest.raises(RecordingError, match="the drive is never on"):
+        controller_check(Recording(recorded | {"enabled": np.zeros(2500)}), actuator)
 
 
 LAWS: dict[str, dict[str, float]] = {

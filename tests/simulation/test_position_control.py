@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from emaphm.actuator import Sine
+from emaphm.actuator import Faults, Sine
+from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.arrays import Array
-from emaphm.simulation import AVERAGED
+from emaphm.simulation import AVERAGED, Inputs, Plant, run
 from simulation.rig import FREE, altered, record
 
 INERTIA, VISCOUS, RATIO = 2.5e-5, 1e-4, 1 / 500
@@ -96,3 +97,24 @@ def test_a_loop_moves_as_its_equation(
     # at which the command's rate jumps, has no rate yet.
     assert max(errors[0]) < 0.06
     assert np.all(np.array(errors[1]) < 0.35 * np.array(errors[0]) + 1e-6)
+
+
+@pytest.mark.parametrize(
+    "parameter",
+    [
+        {"position_integral_gain": 50.0},
+        {"position_derivative_gain": 2e-3},
+        {"speed_feedforward": 0.8},
+        {"speed_feedback": 0.8},
+        {"command_lag": 5e-3},
+    ],
+    ids=lambda one: next(iter(one)),
+)
+def test_a_parameter_that_is_given_acts_as_a_described_one(parameter: dict[str, float]) -> None:
+    actuator = altered(electrical=None, controller={"position_gain": GAIN, "speed_gain": SPEED_GAIN})
+    described = with_lumped_parameters(actuator, parameter)
+    inputs = Inputs.of(Sine(AMPLITUDE, 10.0), samples=100, interval=1e-3, step=5e-5)
+    healthy = Faults().vector
+    given = run(AVERAGED, Plant.of(actuator, healthy, parameter), inputs)["position_rad"]
+    np.testing.assert_array_equal(given, run(AVERAGED, Plant.of(described, healthy), inputs)["position_rad"])
+    assert np.any(given != run(AVERAGED, Plant.of(actuator, healthy), inputs)["position_rad"])

@@ -65,7 +65,7 @@ def static_follows(actuator: Actuator, values: Mapping[str, Any]) -> dict[str, A
     if "coulomb" in following and "static" not in following:
         m = actuator.mechanics
         if m.dynamic_friction > 0:
-            following["static"] = m.static_friction / m.dynamic_friction * following["coulomb"]
+            following["static"] = m.static_friction / m.dynamic_friction * np.asarray(following["coulomb"])
         else:
             following["static"] = np.maximum(m.static_friction, following["coulomb"])
     return following

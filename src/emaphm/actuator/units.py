@@ -17,11 +17,13 @@ ALIASES = {
     "°C": "degC",
     "-": "dimensionless",
     "": "dimensionless",
+    "1/min": "rpm",
+    "min⁻¹": "rpm",
     "µ": "u",
     "·": "*",
     "²": "**2",
 }
-"""Signs of units that are written otherwise than pint reads them."""
+"""Units, and signs of them, that are written otherwise than pint reads them. Turns are what is per minute."""
 
 LONGEST = 40
 """Longest unit [characters]."""
@@ -81,6 +83,7 @@ def _registry() -> "pint.UnitRegistry[Any]":
     import pint
 
     registry: pint.UnitRegistry[Any] = pint.UnitRegistry()
-    # "Nm" is how torque is written on data sheets; pint takes it for no unit.
+    # How data sheets write torque; pint takes it for no unit.
     registry.define("newton_meter = newton * meter = Nm")
+    registry.define("newton_centimeter = newton * centimeter = Ncm")
     return registry

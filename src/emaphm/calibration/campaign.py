@@ -128,12 +128,6 @@ def check_row(row: CampaignRow, actuator: Actuator, shared: Sequence[str]) -> No
         check_lumped_parameters(actuator, (*row.parameters, *row.free))
     except MethodError as error:
         raise MethodError(f"{row.where}: {error}") from None
-    for name, value in row.parameters.items():
-        if value <= 0 < lumped_parameters(actuator, (name,))[name]:
-            raise MethodError(
-                f"{row.where}: {name} = {value:g} has the wrong sign: '{name}' is above 0 in actuator "
-                f"'{actuator.name}'; give a value above 0"
-            )
     row.described(actuator, shared)
 
 

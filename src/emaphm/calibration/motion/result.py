@@ -209,8 +209,10 @@ def _recording(
     row: CampaignRow, force: ForceReplay, loads: Sequence[str], calibrated: Actuator
 ) -> RecordingResult:
     own = {name: force.values[name] for name in row.free if name in force.values}
-    nuisances = {name: force.values[SAME_PARAMETER[name]] for name in loads}
-    that_day = {SAME_PARAMETER[name]: value for name, value in nuisances.items()}
+    that_day = {SAME_PARAMETER[name]: force.values[SAME_PARAMETER[name]] for name in loads}
+    # What is unknown of a recording adds to the description.
+    usual = lumped_parameters(calibrated, tuple(that_day))
+    nuisances = {name: that_day[SAME_PARAMETER[name]] - usual[SAME_PARAMETER[name]] for name in loads}
     described = with_lumped_parameters(calibrated, {**that_day, **row.parameters, **own})
     return RecordingResult(
         replay(row.completed(), described), nuisances, own, dict(row.known), None, force.relative_error

@@ -3,12 +3,14 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator
 from emaphm.arrays import Array
 from emaphm.errors import RecordingError
 from emaphm.estimation.inverse_dynamics.filtering import FilterFrequencies, first_order_lag, low_pass
 from emaphm.estimation.inverse_dynamics.result import Estimate
+from emaphm.estimation.sensors.ideal_sensors import as_by_ideal_sensors
 from emaphm.estimation.uncertainty.covariance import sandwich_covariance
 from emaphm.recording import Recording, with_equivalent_current
 
@@ -91,17 +93,21 @@ def controller_check(recording: Recording, actuator: Actuator) -> ControllerChec
         e = clip(G_prop (ε + ∫ε dt / T_i + T_d dε/dt) + k_ff θ̇_cmd / τ, ±ω_max) - β ω_f,   ε = θ_cmd - θ
         y = clip((GAP e + GAI ∫e dt) / k_t, ±y_max)
 
-    from the recorded command, position and speed; ω_f lags by the described time constant. y is the recorded
-    current, or the duty cycle where the drive is driven by voltage (k_t = 1, y_max = 1). Both sides pass the
-    low-pass that the position's noise asks for, since the gains multiply that noise. The gains that fit best
-    are those of a regression in rows without a limit, all but G_prop and GAP as described; without speed
-    feedback and feed-forward only their product shows, and GAP is taken as described.
+    from the recorded command, position and speed; θ_cmd and ω_f lag by the described time constants. y is the
+    recorded current, or the duty cycle where the drive is driven by voltage (k_t = 1, y_max = 1). While the
+    drive is off, y is 0 and nothing is integrated. Both sides pass the low-pass that the position's noise
+    asks for, since the gains multiply that noise. The gains that fit best are those of a regression in rows
+    without a limit and with the drive on, all but G_prop and GAP as described; without speed feedback and
+    feed-forward only their product shows, and GAP is taken as described. The described errors of the sensors
+    are undone.
 
     Raises
     ------
     RecordingError
-        There is no command, no position, or neither a current nor, of a drive by voltage, a duty cycle.
+        There is no command, no position, or neither a current nor, of a drive by voltage, a duty cycle; or
+        the drive is never on.
     """
+    recording = as_by_ideal_sensors(recording, actuator)
     for name in ("command_rad", "position_rad"):
         if name not in recording:
             raise RecordingError(
@@ -109,30 +115,36 @@ def controller_check(recording: Recording, actuator: Actuator) -> ControllerChec
             )
     c, interval = actuator.controller, recording.interval_s
     measured, unit, largest = _output(recording, actuator)
+    on = recording["enabled"] > 0 if "enabled" in recording else np.ones(recording.samples, bool)
+    if not on.any():
+        raise RecordingError(
+            f"{recording.source}: the drive is never on, so that nothing shows its controller"
+        )
     cutoff = FilterFrequencies.of(recording["position_rad"], interval).regression_hz
 
     def smooth(values: Array) -> Array:
         return low_pass(values, cutoff, interval)
 
-    by_position, by_speed = _loop_inputs(recording, actuator)
+    by_position, rate, by_speed = _loop_inputs(recording, actuator, on)
     limit = np.inf if c.speed_limit is None else c.speed_limit
-    rate = c.speed_feedforward * _rate(recording["command_rad"], interval) / actuator.mechanics.gear_ratio
     demand = np.clip(c.position_gain * by_position + rate, -limit, limit)
     error = demand + by_speed
-    output = (c.speed_gain * error + c.integral_gain * interval * np.cumsum(error)) / unit
-    target = smooth(measured)
-    relative_error = _relative(target, smooth(np.clip(output, -largest, largest)))
-    free = (np.abs(demand) < LIMITED * limit) & (np.abs(measured) < LIMITED * largest)
+    output = (c.speed_gain * error + c.integral_gain * _integral(error, on, interval)) / unit
+    predicted = np.where(on, np.clip(output, -largest, largest), 0.0)
+    relative_error = _relative(smooth(np.where(on, measured, 0.0)), smooth(predicted))
+    free = on & (np.abs(demand) < LIMITED * limit) & (np.abs(measured) < LIMITED * largest)
     columns = [by_position, by_speed + rate]
     if c.integral_gain:
-        columns += [interval * np.cumsum(column) for column in columns]
+        columns += [_integral(column, on, interval) for column in columns]
     shown = [column for column in columns if np.any(column)]
-    regressors = np.stack([smooth(column)[free] for column in shown])
+    # The low-pass would carry rows with a limit into those without.
+    regressors = np.stack([smooth(np.where(free, column, 0.0))[free] for column in shown])
+    torque = unit * smooth(np.where(free, measured, 0.0))[free]
     described = (c.position_gain, c.speed_gain)
-    gains = _regressed(regressors, unit * target[free], None if np.any(columns[1]) else c.speed_gain)
+    gains = _regressed(regressors, torque, None if np.any(columns[1]) else c.speed_gain)
     if gains is None:
         return ControllerCheck(relative_error, None, None, None, described)
-    best = _relative(unit * target[free], gains.product @ regressors)
+    best = _relative(torque, gains.product @ regressors)
     return ControllerCheck(relative_error, best, *gains.estimates, described)
 
 
@@ -153,17 +165,32 @@ def _output(recording: Recording, actuator: Actuator) -> tuple[Array, float, flo
     return recording["duty"], 1.0, 1.0
 
 
-def _loop_inputs(recording: Recording, actuator: Actuator) -> tuple[Array, Array]:
-    """Return what the position gain multiplies [rad], and the speed fed back with its sign turned [rad/s]."""
+def _loop_inputs(
+    recording: Recording, actuator: Actuator, on: NDArray[np.bool_]
+) -> tuple[Array, Array, Array]:
+    """Return what enters the loop, (n,) each, by the rows in which the drive is `on`.
+
+    What the position gain multiplies [rad], the speed demand that is fed forward, and the speed that is fed
+    back with its sign turned [rad/s].
+    """
     c, interval = actuator.controller, recording.interval_s
-    error = recording["command_rad"] - recording["position_rad"]
+    command = first_order_lag(recording["command_rad"], c.command_lag, interval)
+    error = command - recording["position_rad"]
     by_position = (
         error
-        + c.position_integral_gain * interval * np.cumsum(error)
+        + c.position_integral_gain * _integral(error, on, interval)
         + c.position_derivative_gain * _rate(error, interval)
     )
+    forward = c.speed_feedforward * _rate(command, interval) / actuator.mechanics.gear_ratio
     speed = first_order_lag(_motor_speed(recording, actuator), c.speed_lag, interval)
-    return by_position, -c.speed_feedback * speed
+    return by_position, forward, -c.speed_feedback * speed
+
+
+def _integral(values: Array, on: NDArray[np.bool_], interval: float) -> Array:
+    """Return the integral of `values` (n,) up to each row, from 0 where the drive was last not `on`, (n,)."""
+    summed = np.concatenate([[0.0], np.cumsum(values)])
+    off = np.maximum.accumulate(np.where(on, 0, np.arange(1, values.size + 1)))
+    return np.asarray(interval * (summed[1:] - summed[off]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -131,7 +131,7 @@ def inverse_dynamics(
     size = np.linalg.norm(found.jacobian, axis=0)
     scaled = (found.jacobian / size).T[np.newaxis]
     covariance = sandwich_covariance(scaled, residual, np.full(found.point.size, np.inf)).covariance
-    covariance = covariance / np.outer(size, size)
+    covariance = problem.parameter_covariance(covariance / np.outer(size, size))
     return _result(problem, found.point, covariance, residual, found.at_bound, actuator)
 
 
@@ -197,12 +197,12 @@ def _result(
     actuator: Actuator,
 ) -> InverseDynamicsResult:
     shared = [k for k, (_, recording) in enumerate(problem.keys) if recording is None]
-    errors = np.sqrt(np.diag(covariance))
+    values, errors = problem.parameters(point), np.sqrt(np.diag(covariance))
     parameters = {}
     for k in shared:
         name = problem.keys[k][0]
         unit = unit_for(LUMPED_PARAMETERS[name], actuator.coordinates)
-        parameters[name] = Estimate(float(point[k]), float(errors[k]), unit)
+        parameters[name] = Estimate(float(values[k]), float(errors[k]), unit)
     channels = tuple(dict.fromkeys(motion.channel for motion in problem.motions))
     collinear = tuple(
         CollinearSet(tuple(problem.labels[k] for k in members), channels)
@@ -240,7 +240,7 @@ def _replay(problem: InverseProblem, i: int, point: Array) -> ForceReplay:
             **problem.known[i],
             **{
                 name: float(value)
-                for (name, recording), value in zip(problem.keys, point, strict=True)
+                for (name, recording), value in zip(problem.keys, problem.parameters(point), strict=True)
                 if recording == i
             },
         },

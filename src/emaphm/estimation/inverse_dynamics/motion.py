@@ -10,7 +10,9 @@ from emaphm.actuator import Actuator
 from emaphm.arrays import Array
 from emaphm.errors import MethodError, RecordingError, nearest
 from emaphm.estimation.inverse_dynamics.filtering import FilterFrequencies, first_order_lag, low_pass
+from emaphm.estimation.sensors.ideal_sensors import as_by_ideal_sensors
 from emaphm.recording import Recording, with_equivalent_current
+from emaphm.simulation.laws.saturation import flux_left
 
 STILL_SPEED = 0.01
 """Speed below which a shaft counts as still, relative to the rms speed, where its noise is lower."""
@@ -28,7 +30,8 @@ class Motion:
 
     `position` [rad] is the user's; `angle` [rad], `speed` [rad/s] and `acceleration` [rad/s²] are the
     motor's, through the low-pass of `frequencies`. `load` [N·m] is what was recorded of it. `response` is
-    the channel `channel` as the torque follows it: a current [A] behind the torque's lag, or a voltage [V].
+    the channel `channel` as the torque follows it: a current [A] less what saturation takes of its torque,
+    behind the torque's lag, or a voltage [V].
     `still_speed` [rad/s] is the speed below which the shaft counts as still, `moving` whether it was faster
     while the drive was on.
     """
@@ -62,13 +65,15 @@ class Motion:
 
         Speed and acceleration are central differences of the motor's angle, or of the user's position
         divided by the gear ratio where that alone was recorded: a recorded speed often has a lag of its own.
-        A current passes the lag with which the torque follows it.
+        The described errors of the sensors are undone. A current loses what saturation takes of its torque,
+        and passes the lag with which the torque follows it.
 
         Raises
         ------
         RecordingError
             There is neither a position nor an angle, or neither a current nor a voltage; or nothing moves.
         """
+        recording = as_by_ideal_sensors(recording, actuator)
         ratio, interval = actuator.mechanics.gear_ratio, recording.interval_s
         if "angle_rad" in recording:
             angle = np.unwrap(recording["angle_rad"])
@@ -123,8 +128,8 @@ def _best_channel(recording: Recording, actuator: Actuator) -> str:
         if name in recording and actuator.electrical is not None:
             return name
     raise RecordingError(
-        f"{recording.source}: nothing shows the torque; record 'current_A', or 'voltage_V' or 'duty' with "
-        "[electrical] in the actuator's TOML"
+        f"{recording.source}: nothing shows the torque; record 'current_A' with its sign, or 'voltage_V' or "
+        "'duty' with [electrical] in the actuator's TOML"
     )
 
 
@@ -134,7 +139,8 @@ def _response(recording: Recording, actuator: Actuator, channel: str) -> Array:
         raise MethodError(f"'{channel}' does not show the torque{nearest(channel, RESPONSES)}")
     if channel == "current_A":
         current = with_equivalent_current(recording, actuator)["current_A"]
-        return first_order_lag(current, actuator.motor.torque_lag, recording.interval_s)
+        effective = flux_left(actuator.motor.saturation or 0.0, current) * current
+        return first_order_lag(effective, actuator.motor.torque_lag, recording.interval_s)
     if actuator.electrical is None:
         raise MethodError(
             f"a voltage shows the torque where the resistance is known; add [electrical] to '{actuator.name}'"

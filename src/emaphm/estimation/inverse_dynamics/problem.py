@@ -30,7 +30,8 @@ LEAST_SHARE = 1e-3
 class InverseProblem:
     """Free parameters `keys` of `motions`, described and known values, and the weight of each recording.
 
-    A point (p,) holds a value for each key. `targets` are the recorded channels of the regression's rows.
+    A point (p,) holds a value for each key; for static friction that by which it exceeds Coulomb friction,
+    which cannot be below 0. `targets` are the recorded channels of the regression's rows.
     """
 
     motions: tuple[Motion, ...]
@@ -81,8 +82,11 @@ class InverseProblem:
 
     @property
     def start(self) -> Array:
-        """The described values of the free parameters, shape (p,)."""
-        return np.array([self.described.get(name, 0.0) for name, _ in self.keys])
+        """The description as a point, shape (p,)."""
+        described = {name: self.described.get(name, 0.0) for name, _ in self.keys}
+        if "static" in described:
+            described["static"] -= self.described.get("coulomb", 0.0)
+        return np.array([described[name] for name, _ in self.keys])
 
     def reweighted(self, point: Array) -> Self:
         """Return the problem with each recording weighted by the inverse of its residual at `point` (p,)."""
@@ -100,10 +104,31 @@ class InverseProblem:
             if i in (None, recording)
         }
         found = {**self.described, **own, **self.known[recording]}
+        if "static" in self.known[recording]:
+            return found
         dry, still = self.described.get("coulomb", 0.0), self.described.get("static", 0.0)
-        if "static" not in own and "static" not in self.known[recording] and dry > 0:
+        if "static" in own:
+            found["static"] = found["coulomb"] + own["static"]
+        elif dry > 0:
             found["static"] = still / dry * found["coulomb"]
         return found
+
+    def parameters(self, point: Array) -> Array:
+        """Return the values of the free parameters at `point` (p,), shape (p,)."""
+        values = point.copy()
+        for k, (name, recording) in enumerate(self.keys):
+            if name != "static":
+                continue
+            shared = {other: value for (other, i), value in zip(self.keys, point, strict=True) if i is None}
+            others = {**self.described, **shared} if recording is None else self.values(point, recording)
+            values[k] += others["coulomb"]
+        return values
+
+    def parameter_covariance(self, covariance: Array) -> Array:
+        """Return the free parameters' covariance (p, p) for that of a point, in which they are linear."""
+        origin = self.parameters(np.zeros(len(self.keys)))
+        effects = np.stack([self.parameters(one) - origin for one in np.eye(len(self.keys))], axis=1)
+        return np.asarray(effects @ covariance @ effects.T)
 
     def torque(self, point: Array, recording: int) -> Array:
         """Return the motor's torque that the motion of a recording requires, every row (n,) [N·m]."""

@@ -8,13 +8,17 @@ from numpy.typing import NDArray
 
 from emaphm.arrays import Array
 from emaphm.estimation.inverse_dynamics.problem import InverseProblem
-from emaphm.estimation.inverse_dynamics.torque_balance import LOADS
+from emaphm.estimation.inverse_dynamics.torque_balance import LOADS, measured_torque
 
 LINEAR = ("inertia", "viscous", "quadratic", "coulomb", "static", "offset", "hinge", "gravity")
 """Parameters that the torque balance is linear in, in addition to the torque ripple's."""
 
-NOT_NEGATIVE = ("inertia", "viscous", "quadratic", "coulomb", "static", "gravity")
+NOT_NEGATIVE = ("inertia", "viscous", "quadratic", "coulomb", "gravity")
 """Linear parameters that have one sign."""
+
+LEAST_PEAK = 1e-6
+"""Least excess of static over Coulomb friction, relative to the rms torque: at 0, a Stribeck speed has no
+derivative."""
 
 SPEEDS = ("stribeck_speed", "transition_speed")
 """Parameters that the search starts at several values of."""
@@ -98,6 +102,8 @@ def minimised(problem: InverseProblem, start: Array | None = None) -> Minimum:
             bounds=(lower, upper),
             x_scale="jac",
         ).x
+        # That search stays within its bounds, by 1e-22 or so; here a value that asks for a bound lies on it.
+        best = _solved(problem, best, linear, lower, upper)
     width = upper - lower
     distance = np.minimum(best - lower, upper - best)
     near = np.where(np.isfinite(width), distance < AT_BOUND * width, distance <= 0)
@@ -188,6 +194,8 @@ def _bounds(problem: InverseProblem) -> tuple[Array, Array]:
     """Return the lowest and highest values (p,) that a search may reach; infinite where it is free."""
     slowest = STILL_SHARE * min(motion.still_speed for motion in problem.motions)
     fastest = max(float(np.max(np.abs(motion.speed))) for motion in problem.motions)
+    shown = [measured_torque(motion, problem.described) for motion in problem.motions]
+    torque = np.sqrt(np.mean([np.mean(one**2) for one in shown]))
     described = problem.start
     lower, upper = np.full(described.size, -np.inf), np.full(described.size, np.inf)
     for k, (name, _) in enumerate(problem.keys):
@@ -197,6 +205,8 @@ def _bounds(problem: InverseProblem) -> tuple[Array, Array]:
             lower[k], upper[k] = LEAST_LOAD, MOST_LOAD[name.rpartition("_")[2]]
         elif name in NOT_NEGATIVE:
             lower[k] = 0.0
+        elif name == "static":
+            lower[k] = LEAST_PEAK * torque
         elif name.endswith("_asymmetry"):
             lower[k], upper[k] = -LARGEST_ASYMMETRY, LARGEST_ASYMMETRY
         elif name in POSITIVE:

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from emaphm.actuator import Actuator
 from emaphm.actuator.faults import NAMES, SHORTEST_WINDING, check_vectors
 from emaphm.actuator.lumped_parameters import check_lumped_parameters, static_follows
+from emaphm.actuator.parameters import Controller
 from emaphm.actuator.unit.baseline import COMMUTATION, HALL_SENSORS, SECTIONS
 from emaphm.actuator.unit.baseline import SIGNED as OF_EITHER_SIGN
 from emaphm.arrays import Array
@@ -35,6 +36,15 @@ NEVER_ZERO = (
 )
 
 SIGNED = (*OF_EITHER_SIGN, "hinge")
+
+OF_POSITION_PID = (
+    "position_integral_gain",
+    "position_derivative_gain",
+    "command_lag",
+    "speed_feedforward",
+    "speed_feedback",
+)
+"""Quantities that only the controller with more than a proportional position loop has."""
 
 FRICTIONS = (
     "coulomb",
@@ -173,7 +183,13 @@ class Plant:
         _apply_faults(columns, actuator, k)
         steps = steps.reshape(len(steps) // len(STEP_PARTS), len(STEP_PARTS), len(k))
         columns |= {"load_variation": varying, "load_steps": steps}
-        structure = structure_of(actuator)._replace(load_variation=len(varying), load_steps=len(steps))
+        described = structure_of(actuator)
+        structure = described._replace(
+            # A parameter that is given has its law, whatever the description has of it.
+            position_pid=described.position_pid or any(name in given for name in OF_POSITION_PID),
+            load_variation=len(varying),
+            load_steps=len(steps),
+        )
         return Plant(**columns, structure=structure)
 
     @property
@@ -271,9 +287,8 @@ def structure_of(actuator: Actuator) -> Structure:
     return Structure(
         drive=actuator.drive_kind,
         position_pid=any(
-            (c.position_integral_gain, c.position_derivative_gain, c.speed_feedforward, c.command_lag)
-        )
-        or c.speed_feedback != 1,
+            getattr(c, name) != Controller.model_fields[name].default for name in OF_POSITION_PID
+        ),
         stribeck=described("stribeck_speed"),
         load_dependent=described(
             "load_friction", "load_motor", "load_external", "stribeck_load_motor", "stribeck_load_external"
