@@ -13,8 +13,8 @@ from emaphm.actuator.expression import Expression
 from emaphm.actuator.quantity import unit_for
 from emaphm.arrays import Array
 from emaphm.errors import RecordingError
-from emaphm.recording.conditioning.gaps import FEWEST_ROWS
-from emaphm.recording.conditioning.interpolation import HELD, continuous, curve, moved
+from emaphm.recording.conditioning.gaps import FEWEST_ROWS, covered_rows
+from emaphm.recording.conditioning.interpolation import HELD, continuous, curve, last_state, moved
 from emaphm.recording.io.channel_names import Source, columns_of, missing_name, resolved
 from emaphm.recording.io.file_columns import FileColumns
 from emaphm.recording.schema import SCHEMA
@@ -134,7 +134,7 @@ def _on_one_base(
 ) -> tuple[FileColumns, Array]:
     """Return the file with all `wanted` columns on the times of the command, and these times (n,) [s].
 
-    Of `states` the nearest row is taken.
+    States hold until their next row. Rows that one of the columns does not cover are left out.
     """
     times = dict(held.times)
     for where in sources.values():
@@ -164,7 +164,16 @@ def _on_one_base(
         f"{', '.join(names)}: brought from times of their own to those of the command"
         for names in bases.values()
     ]
-    return FileColumns(numeric, held.unusable, held.texts), base
+    brought = {name: numeric[name] for names in bases.values() for name in names}
+    rows, left_out = covered_rows(brought, base.size, source)
+    notes += left_out
+    texts = {name: _cut(values, rows, base.size) for name, values in held.texts.items()}
+    numeric = {name: _cut(values, rows, base.size) for name, values in numeric.items()}
+    return FileColumns(numeric, held.unusable, texts), base[rows]
+
+
+def _cut(values: NDArray[Any], rows: slice, size: int) -> NDArray[Any]:
+    return values[rows] if values.size == size else values
 
 
 def _without_turns(angle: Source, raw: Array, actuator: Actuator, source: str) -> Array:
@@ -202,15 +211,17 @@ def _moved(
             f"{source}: column '{name}' has {values.size} rows, its times have {times.size}; give the "
             "times of this column"
         )
+    if base.size < 2:
+        raise RecordingError(f"{source}: too short: {base.size} rows; record a longer manoeuvre")
     known = np.isfinite(values) & np.isfinite(times)
     seen, steps = times[known], np.diff(times[known])
-    if seen.size < 2 or np.any(steps <= 0) or np.any(np.diff(base) <= 0):
+    if seen.size < (1 if holds else 2) or np.any(steps <= 0) or np.any(np.diff(base) <= 0):
         raise RecordingError(
             f"{source}: column '{name}' has times of its own, which do not increase; export it with the "
             "times of the command"
         )
     if holds:
-        return moved(seen, values[known], base, actuator.channels.sampling, holds=True)
+        return last_state(seen, values[known], base)
     found = moved(*_between(times, values, known), base, actuator.channels.sampling)
     # Of a column that is written when it changes, a long step is no gap.
     usual = float(np.percentile(steps, 90))
