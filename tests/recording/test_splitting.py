@@ -83,6 +83,13 @@ def test_by_columns_of_numbers_and_texts(tmp_path: Path, thesis: Actuator, refus
     assert "no column 'rnu' to cut by (did you mean 'run'?)" in text
 
 
+def test_runs_of_large_numbers_have_names_of_their_own(tmp_path: Path, thesis: Actuator) -> None:
+    run = np.repeat([20240101, 20240102, 0.1], [1000, 1000, 3400])
+    found = read_recordings(long_file(tmp_path, run=run), thesis, split="run")
+    names = [one.source.rpartition(": ")[2] for one in found]
+    assert names == ["run 20240101", "run 20240102", "run 0.1"]
+
+
 def test_at_gaps_masks_and_restarts_of_time(tmp_path: Path, thesis: Actuator) -> None:
     command = trapezoids(4.0, 1000)
     time = np.arange(4000) / 1e3

@@ -169,7 +169,7 @@ def _label(value: object) -> Label:
 
 
 def _text(value: Label) -> str:
-    return value if isinstance(value, str) else f"{value:g}"
+    return value if isinstance(value, str) else f"{value:.15g}"
 
 
 def _periods(table: Table, piece: Piece, longest_gap: int, source: str) -> list[Piece]:
