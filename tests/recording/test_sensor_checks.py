@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cases import THESIS
-from emaphm.actuator import Actuator, Chirp, Faults, Sine
+from emaphm.actuator import Actuator, Chirp, Faults, Sine, Step
 from emaphm.arrays import Array
 from emaphm.errors import RecordingError
 from emaphm.recording import Recording, read_recording, with_equivalent_current, write_recording
@@ -55,6 +55,21 @@ def test_a_resting_actuator_raises_no_alarm() -> None:
 
     recording = simulate(THESIS, there, duration=0.4, noise=0.05, adc_bits=12)
     assert kinds(Recording({name: recording[name] for name in LINE})) == []
+
+
+@pytest.mark.parametrize(
+    ("actuator", "bits"),
+    [(THESIS, None), (Actuator.load("six-step"), 16), (Actuator.pmsm(), 12)],
+    ids=["thesis", "six-step", "pmsm"],
+)
+def test_an_actuator_that_settles_at_a_constant_command_raises_no_alarm(
+    actuator: Actuator, bits: int | None
+) -> None:
+    # A step at the start: no row of the command differs from another.
+    recording = simulate(actuator, Step(3e-3), duration=0.5, sample_rate=1000.0, adc_bits=bits)
+    line = Recording({name: recording[name] for name in LINE if name in recording})
+    assert np.ptp(line["command_rad"]) == 0
+    assert check_sensors(line, actuator).findings == ()
 
 
 @pytest.mark.parametrize("actuator", [Actuator.pmsm(), Actuator.dc()], ids=["pmsm", "dc"])
