@@ -127,6 +127,38 @@ def test_texts_of_a_parquet_file_cut_it(columns: Columns, tmp_path: Path, thesis
     assert [(one.labels["profile"], one.samples) for one in found] == [("trap", 1000), ("sine", 1500)]
 
 
+def test_flags_and_categories_of_a_parquet_file_are_named(
+    columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refusal
+) -> None:
+    import polars as pl
+
+    late, steps = columns["time_s"] >= 0.1, np.repeat(["warm", "cold"], [1500, 1000])
+    frame = pl.DataFrame({**columns, "on": late, "step": steps, "day": columns["time_s"]}).with_columns(
+        pl.col("step").cast(pl.Categorical), same=pl.col("step").cast(pl.Enum(["warm", "cold"])),
+        day=pl.from_epoch("day"),
+    )  # fmt: skip
+    frame.write_parquet(tmp_path / "rec.parquet")
+    kept = rig(thesis, {"keep": "on and same == step"})
+    found = read_recordings(tmp_path / "rec.parquet", kept, split="step")
+    assert [(one.labels["step"], one.samples) for one in found] == [("warm", 1000), ("cold", 1000)]
+    enabled = read_recording(tmp_path / "rec.parquet", rig(thesis, enabled="on"))["enabled"]
+    np.testing.assert_array_equal(enabled, late)
+    for refused in (
+        lambda: read_recordings(tmp_path / "rec.parquet", thesis, split="day"),
+        lambda: read_recording(tmp_path / "rec.parquet", rig(thesis, {"keep": "day > 1"})),
+    ):
+        assert "column 'day' is of type Datetime" in refusal(refused)
+
+
+def test_flags_of_an_hdf5_file(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
+    h5py = pytest.importorskip("h5py", reason="HDF5 files need h5py")
+    with h5py.File(tmp_path / "rec.h5", "w") as file:
+        for name, values in {**columns, "on": columns["time_s"] >= 0.1}.items():
+            file[name] = values
+    recording = read_recording(tmp_path / "rec.h5", rig(thesis, {"keep": "on"}))
+    np.testing.assert_array_equal(recording["time_s"], columns["time_s"][columns["time_s"] >= 0.1])
+
+
 BAD = {
     "no such group": ("tdms", "Drives/current_A", ["no group 'Drives'", "did you mean 'Drive'"]),
     "no such channel": ("tdms", "Drive/curent_A", ["'Drive/curent_A'", "did you mean 'Drive/current_A'"]),

@@ -83,16 +83,14 @@ def table_of(
     Raises
     ------
     RecordingError
-        A unit is of another quantity than its channel, a column of an expression is absent, lengths differ,
-        or times of a column cannot be used.
+        A unit is of another quantity than its channel, a column of an expression is absent, a named one
+        holds neither numbers nor texts, lengths differ, or times of a column cannot be used.
     """
     notes: list[str] = []
-    every = [*held.numeric, *held.unusable]
-    signals = {where.column for where in sources.values() if where.column is not None}
-    for where in sources.values():
-        if where.entry.derived is not None:
-            signals |= set(columns_of(Expression.parse(where.entry.derived), every, source).values())
+    signals = _signals(held, sources, source)
     wanted = signals | set(needed)
+    for name in sorted(wanted & held.unusable.keys() - held.texts.keys() - sources.keys()):
+        raise RecordingError(f"{source}: column '{name}' {held.unusable[name]}")
     # What a condition or a cut names is a state: nothing lies between two of them.
     states = wanted - signals
     names = [name for name in held.numeric if name in wanted]
@@ -121,6 +119,16 @@ def table_of(
     }
     ordered = {name: {**channels, **constants}[name] for name in SCHEMA if name in {*channels, *constants}}
     return Table(ordered, further, sources, tuple(constants), notes)
+
+
+def _signals(held: FileColumns, sources: Mapping[str, Source], source: str) -> set[str]:
+    """Return the columns that channels are, or are derived from."""
+    every = [*held.numeric, *held.unusable]
+    signals = {where.column for where in sources.values() if where.column is not None}
+    for where in sources.values():
+        if where.entry.derived is not None:
+            signals |= set(columns_of(Expression.parse(where.entry.derived), every, source).values())
+    return signals
 
 
 def _on_one_base(

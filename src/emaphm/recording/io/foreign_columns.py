@@ -19,6 +19,9 @@ import numpy as np
 TEXT_CLASS = "char"
 """MATLAB stores text as numbers; only the attribute MATLAB_class of the variable says so."""
 
+NUMBERS = "fiub"
+"""Kinds of NumPy's types that are read as numbers: of true and false 1 and 0."""
+
 
 class UnreadableError(Exception):
     """The file cannot be read; the text says why, in one line."""
@@ -88,7 +91,7 @@ def _parquet(path: str, most: Most, _: Collection[str]) -> Held:
         file.seek(0)
         frame = pl.read_parquet(file)
     for column in frame.get_columns():
-        if column.dtype.is_numeric():
+        if column.dtype.is_numeric() or column.dtype == pl.Boolean:
             held.numeric[column.name] = np.asarray(column.cast(float).to_numpy(), float)
             continue
         first = repr(column[0]) if len(column) else "nothing"
@@ -96,7 +99,7 @@ def _parquet(path: str, most: Most, _: Collection[str]) -> Held:
         held.unusable[column.name] = (
             f"is of type {column.dtype} (row 1: {shown}), not numeric; store it as numbers in its SI unit"
         )
-        if column.dtype in {pl.String, pl.Categorical, pl.Enum}:
+        if isinstance(column.dtype, (pl.String, pl.Categorical, pl.Enum)):
             _add_text(held, column.name, column.cast(pl.String).fill_null("").to_numpy())
     return held
 
@@ -179,7 +182,7 @@ def _tdms(path: str, most: Most, _: Collection[str]) -> Held:
             kind = getattr(one.dtype, "kind", "O")
             if kind == "M":
                 stamps[name] = np.asarray(one[:])
-            elif kind not in "fiu":
+            elif kind not in NUMBERS:
                 held.unusable[name] = "is not numeric; store it as numbers"
                 if kind in "OSU":
                     _add_text(held, name, np.asarray([str(value) for value in one[:]], object))
@@ -236,7 +239,7 @@ def _group_labels(file: Any) -> list[str]:
 
 def _add_signal(held: Held, key: str, signal: Any) -> None:
     values = np.asarray(signal.samples)
-    if values.ndim == 1 and values.dtype.kind in "fiu":
+    if values.ndim == 1 and values.dtype.kind in NUMBERS:
         held.numeric[key] = values.astype(float)
         held.times[key] = np.asarray(signal.timestamps, float)
         return
@@ -264,7 +267,7 @@ READERS = {
 def _complaint(item: Any, dtype: Any) -> str | None:
     what = item.attrs.get("MATLAB_class", "")
     what = what.decode(errors="replace") if isinstance(what, bytes) else str(what)
-    if not hasattr(item, "shape") or what == TEXT_CLASS or dtype.kind not in "fiu":
+    if not hasattr(item, "shape") or what == TEXT_CLASS or dtype.kind not in NUMBERS:
         kind = "a struct" if what == "struct" else "not numeric"
         return f"is {kind}; save it as a vector of real numbers under this name"
     if item.is_virtual or item.external:
