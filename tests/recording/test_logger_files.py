@@ -30,10 +30,10 @@ def measured(columns: Columns) -> Columns:
     return {name: columns[name] for name in ("command_rad", "position_rad", "current_A")}
 
 
-def tdms(columns: Columns, folder: Path, late_s: float = 0.0) -> Path:
-    """Save waveforms at 5 kHz in one group, and another at 100 Hz in a second one, which begins later."""
+def tdms(columns: Columns, folder: Path, late_s: float = 0.0, start: np.datetime64 = START) -> Path:
+    """Save waveforms at 5 kHz from `start` on in a group, and at 100 Hz in a second, which begins later."""
     nptdms = pytest.importorskip("nptdms", reason="TDMS files need npTDMS")
-    fast = {"wf_increment": 2e-4, "wf_start_time": START}
+    fast = {"wf_increment": 2e-4, "wf_start_time": start}
     later = START + np.timedelta64(round(1e6 * late_s), "us")
     slow = {"wf_increment": 1e-2, "wf_start_time": later}
     temperature = 20 + np.arange(60) * 0.1
@@ -116,6 +116,15 @@ def test_waveforms_that_begin_at_other_times(columns: Columns, tmp_path: Path, t
     np.testing.assert_allclose(
         recording["temperature_K"], 293.15 + 10 * (recording["time_s"] - 0.1), atol=1e-9
     )
+
+
+def test_waveforms_without_a_start_begin_with_the_others(
+    columns: Columns, tmp_path: Path, thesis: Actuator
+) -> None:
+    path = tdms(columns, tmp_path, start=np.datetime64("1904-01-01T00:00:00"))  # LabVIEW's none
+    recording = read_recording(path, rig(thesis, temperature_K=SLOW))
+    np.testing.assert_allclose(recording["time_s"], columns["time_s"], atol=1e-12)
+    np.testing.assert_allclose(recording["temperature_K"], 293.15 + 10 * columns["time_s"], atol=1e-9)
 
 
 def test_texts_of_a_parquet_file_cut_it(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:

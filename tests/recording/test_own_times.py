@@ -82,3 +82,16 @@ def test_columns_on_clocks_that_do_not_overlap_are_refused(
 def test_a_command_without_rows_is_refused(thesis: Actuator, refusal: Refusal, sampling: str) -> None:
     nothing = (TIME[:0], TIME[:0])
     assert "too short: 0 rows" in refusal(lambda: read(logged({"command_rad": nothing}), thesis, sampling))
+
+
+def test_a_column_of_times_comes_before_those_of_the_format(thesis: Actuator) -> None:
+    # By the format, all of the group have a row each second; another group counts from 0 as it does.
+    own, shown = np.arange(2000.0), TIME + 5.0
+    slow = np.arange(-1.0, 2001.0, 4.0)
+    numeric = {f"Drive/{name}": values for name, values in (FAST | {"time_s": shown}).items()}
+    times = dict.fromkeys(("Drive/command_rad", "Drive/current_A"), own) | {"Slow/temperature_K": slow}
+    columns = FileColumns(numeric | {"Slow/temperature_K": 293.0 + slow}, {}, times=times)
+    recording = read(columns, thesis, "instant")
+    np.testing.assert_array_equal(recording["time_s"], shown)
+    np.testing.assert_array_equal(recording["current_A"], FAST["current_A"])
+    np.testing.assert_allclose(recording["temperature_K"], 293.0 + own, atol=1e-6)

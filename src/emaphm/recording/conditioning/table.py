@@ -144,29 +144,32 @@ def _on_one_base(
 
     States hold until their next row. Rows that one of the columns does not cover are left out.
     """
-    times = dict(held.times)
-    for where in sources.values():
-        if where.column is not None and where.entry.time is not None:
-            times[where.column] = _times_in_file(where.entry, held, sources, actuator, source)
+    named = {
+        where.column: _times_in_file(where.entry, held, sources, actuator, source)
+        for where in sources.values()
+        if where.column is not None and where.entry.time is not None
+    }
+    times = {**held.times, **named}
     if "time_s" in sources:
         where = sources["time_s"]
         base = _converted("time_s", where, held.numeric[str(where.column)], actuator, source)
+        clock = _times_of_format(str(where.column), wanted, held, base)
     else:
         leading = sources["command_rad"].column
         leading = leading if leading in times else next(name for name in wanted if name in times)
-        base = times[leading]
+        base = clock = times[leading]
     numeric = dict(held.numeric)
     holding = {*states, *(where.column for name, where in sources.items() if name in HELD)}
     turning = sources.get("angle_rad", Source(OWN_NAME))
     bases: dict[int, list[str]] = {}
     for name in wanted:
-        own = times.get(name)
-        if own is None or (own.shape == base.shape and np.array_equal(own, base)):
+        own, rows_at = times.get(name), base if name in named else clock
+        if own is None or np.array_equal(own, rows_at):
             continue
         values = numeric[name]
         if name == turning.column:
             values = _without_turns(turning, values, actuator, source)
-        numeric[name] = _moved(name, own, values, base, actuator, source, holds=name in holding)
+        numeric[name] = _moved(name, own, values, rows_at, actuator, source, holds=name in holding)
         bases.setdefault(own.size, []).append(name)
     notes += [
         f"{', '.join(names)}: brought from times of their own to those of the command"
@@ -178,6 +181,20 @@ def _on_one_base(
     texts = {name: _cut(values, rows, base.size) for name, values in held.texts.items()}
     numeric = {name: _cut(values, rows, base.size) for name, values in numeric.items()}
     return FileColumns(numeric, held.unusable, texts), base[rows]
+
+
+def _times_of_format(time: str, wanted: Sequence[str], held: FileColumns, base: Array) -> Array:
+    """Return the format's times (n,) [s] of the rows whose column `time` holds `base` (n,); else `base`.
+
+    A column of times comes before what the format says, which may be a default only, and may count from
+    another start: columns of other groups are brought to these rows by the format's times alone.
+    """
+    group = time.rpartition("/")[0]
+    for name in (time, *wanted):
+        own = held.times.get(name)
+        if own is not None and own.size == base.size and name.rpartition("/")[0] == group:
+            return own
+    return base
 
 
 def _cut(values: NDArray[Any], rows: slice, size: int) -> NDArray[Any]:

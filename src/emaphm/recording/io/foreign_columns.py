@@ -164,6 +164,10 @@ def _add_data_set(held: Held, key: str, item: Any, most: Most, *, deep: bool) ->
     return True
 
 
+NO_START = np.datetime64("1904-01-01T00:00:00")
+"""The start of LabVIEW's times, which it writes as that of a waveform whose start is not known."""
+
+
 def _tdms(path: str, most: Most, _: Collection[str]) -> Held:
     from nptdms import TdmsFile
 
@@ -173,10 +177,9 @@ def _tdms(path: str, most: Most, _: Collection[str]) -> Held:
         held.rows, held.columns = max(map(len, channels.values()), default=0), len(channels)
         if most.exceeded(held.rows, held.columns):
             return held
-        starts = {name: one.properties.get("wf_start_time") for name, one in channels.items()}
-        # A start of 1904 is how LabVIEW writes none.
-        known = [np.datetime64(one) for one in starts.values() if one is not None]
-        first = min(known) if known else None
+        starts = {name: np.datetime64(one.properties.get("wf_start_time")) for name, one in channels.items()}
+        starts = {name: one for name, one in starts.items() if not np.isnat(one) and one != NO_START}
+        first = min(starts.values(), default=NO_START)
         stamps: dict[str, Any] = {}
         for name, one in channels.items():
             kind = getattr(one.dtype, "kind", "O")
@@ -190,8 +193,7 @@ def _tdms(path: str, most: Most, _: Collection[str]) -> Held:
                 held.numeric[name] = np.asarray(one[:], float)
                 increment = float(one.properties.get("wf_increment", 0.0) or 0.0)
                 if increment > 0:
-                    start = np.datetime64(starts[name]) if starts[name] is not None else first
-                    late = (start - first) / np.timedelta64(1, "s") if first is not None else 0.0
+                    late = float((starts.get(name, first) - first) / np.timedelta64(1, "s"))
                     late += float(one.properties.get("wf_start_offset", 0.0) or 0.0)
                     held.times[name] = late + increment * np.arange(len(one))
         begin = min((values.min() for values in stamps.values() if values.size), default=None)
