@@ -38,7 +38,7 @@ def with_lost_rows(channels: Columns, longest: int) -> tuple[Columns, tuple[str,
     """Return channels with interpolated rows where at most `longest` in a row were lost.
 
     A row is lost where a time step is a whole multiple of the usual one, to a quarter of it. Columns beyond
-    the schema are left empty there.
+    the schema are left empty there, but for constant ones: these are labels.
     """
     time = channels["time_s"]
     interval = interval_of(time)
@@ -54,7 +54,7 @@ def with_lost_rows(channels: Columns, longest: int) -> tuple[Columns, tuple[str,
     share = np.concatenate([np.arange(1, n + 1) / (n + 1) for n in lost])
     times = time[before - 1] + share * (time[before] - time[before - 1])
     at = before + np.arange(before.size)
-    filled = {name: np.insert(values, before, np.nan) for name, values in channels.items()}
+    filled = {name: np.insert(values, before, _in_lost_rows(values)) for name, values in channels.items()}
     filled["time_s"] = np.insert(time, before, times)
     for name in filled.keys() & SCHEMA.keys() - {"time_s"}:
         filled[name] = _interpolated(name, filled["time_s"], filled[name], at)
@@ -63,6 +63,11 @@ def with_lost_rows(channels: Columns, longest: int) -> tuple[Columns, tuple[str,
         f"{time[places[0]]:.6g} s, interpolated"
     )
     return filled, (note,)
+
+
+def _in_lost_rows(values: Array) -> float:
+    """Return what stands where rows of a column (n,) were lost: its value if it has one only, else NaN."""
+    return float(values[0]) if np.all(values == values[0]) else float("nan")
 
 
 def without_short_gaps(channels: Columns, longest: int) -> tuple[Columns, tuple[str, ...]]:
