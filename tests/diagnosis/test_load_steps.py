@@ -1,5 +1,6 @@
 """A load that steps while an actuator is recorded: found with the faults, and not taken for them."""
 
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.diagnosis.diagnose import objective_for
+from emaphm.diagnosis.selection.load_steps import _best_set
 from emaphm.diagnosis.selection.varying_load import LOAD_STEP, LOADS, with_varying_load
 from emaphm.errors import MethodError
 from emaphm.estimation.methods import method_named
@@ -117,6 +119,24 @@ def test_a_step_cannot_be_asked_for() -> None:
 def test_another_law_of_friction_is_no_load() -> None:
     stribeck = with_lumped_parameters(LAWS["stribeck"].added_to(THESIS), {"stribeck_speed": 20.0})
     assert _loaded(recorded(0.03, stribeck)) is None
+
+
+def test_the_best_instants_leave_least() -> None:
+    rng = np.random.default_rng(3)
+    columns, left = rng.normal(size=(6, 40)), rng.normal(size=40)
+    columns[5] = 0.0  # a step after the last row
+    sets = np.array(list(combinations(range(6), 2)))
+    rests = [np.linalg.lstsq(columns[pair].T, left, rcond=None)[0] @ columns[pair] - left for pair in sets]
+    squares = [float(np.mean(rest**2)) for rest in rests]
+    best, mean_square = _best_set(left, columns, sets)
+    np.testing.assert_array_equal(best, sets[int(np.argmin(squares))])
+    assert mean_square == pytest.approx(min(squares), rel=1e-6)
+
+
+def test_steps_that_do_nothing_leave_all() -> None:
+    left = np.ones(40)
+    _, mean_square = _best_set(left, np.zeros((6, 40)), np.array(list(combinations(range(6), 2))))
+    assert mean_square == 1.0
 
 
 def _loaded(recording: Recording) -> tuple[SearchResult, tuple[str, ...]] | None:

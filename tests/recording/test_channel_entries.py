@@ -86,14 +86,30 @@ def test_known_values_and_labels(columns: Columns, tmp_path: Path, thesis: Actua
     assert read_recording(tmp_path / "again.csv", thesis).labels["serial"] == "A-17"
 
 
-def test_a_serial_number_keeps_its_leading_zeros(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
-    path = save(columns | {"SN": ["0042"] * 2500, "step": [f"{i:04d}" for i in range(2500)]}, tmp_path)
+@pytest.mark.parametrize("serial", ["0042", "1E5"])
+def test_a_serial_number_that_looks_like_another_number_is_kept(
+    columns: Columns, tmp_path: Path, thesis: Actuator, serial: str
+) -> None:
+    path = save(columns | {"SN": [serial] * 2500, "step": [f"{i:04d}" for i in range(2500)]}, tmp_path)
     actuator = rig(thesis, {"serial": "SN"}, load_Nm={"derived": "step / 2500"})
     recording = read_recording(path, actuator)
-    assert recording.labels["serial"] == "0042"
+    assert recording.labels["serial"] == serial
     np.testing.assert_allclose(recording["load_Nm"], np.arange(2500) / 2500)
     write_recording(recording, tmp_path / "again.csv")
-    assert read_recording(tmp_path / "again.csv", thesis).labels["serial"] == "0042"
+    assert read_recording(tmp_path / "again.csv", thesis).labels["serial"] == serial
+
+
+def test_a_label_is_kept_where_a_row_was_lost(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
+    kept = np.delete(np.arange(2500), [700, 701, 1200])
+    lost = {**columns, "run": np.ones(2500), "ambient": np.sin(columns["time_s"])}
+    path = save({name: values[kept] for name, values in lost.items()}, tmp_path)
+    recording = read_recording(path, thesis)
+    assert recording.samples == 2500
+    # Nothing is known of what changes.
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(recording["ambient"])), [700, 701, 1200])
+    write_recording(recording, tmp_path / "again.csv")
+    again = read_recording(tmp_path / "again.csv", thesis)
+    assert again.labels["run"] == recording.labels["run"] == 1.0
 
 
 @pytest.mark.parametrize(("sampling", "atol"), [("instant", 2e-8), ("mean", 2e-8)])

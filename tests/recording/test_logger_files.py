@@ -30,10 +30,10 @@ def measured(columns: Columns) -> Columns:
     return {name: columns[name] for name in ("command_rad", "position_rad", "current_A")}
 
 
-def tdms(columns: Columns, folder: Path, late_s: float = 0.0) -> Path:
-    """Save waveforms at 5 kHz in one group, and another at 100 Hz in a second one, which begins later."""
+def tdms(columns: Columns, folder: Path, late_s: float = 0.0, start: np.datetime64 = START) -> Path:
+    """Save waveforms at 5 kHz from `start` on in a group, and at 100 Hz in a second, which begins later."""
     nptdms = pytest.importorskip("nptdms", reason="TDMS files need npTDMS")
-    fast = {"wf_increment": 2e-4, "wf_start_time": START}
+    fast = {"wf_increment": 2e-4, "wf_start_time": start}
     later = START + np.timedelta64(round(1e6 * late_s), "us")
     slow = {"wf_increment": 1e-2, "wf_start_time": later}
     temperature = 20 + np.arange(60) * 0.1
@@ -111,11 +111,20 @@ def test_round_trip(columns: Columns, saved: Saved, thesis: Actuator, ending: st
 
 def test_waveforms_that_begin_at_other_times(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
     path = tdms(columns, tmp_path, late_s=0.1)
-    recording = read_recording(path, rig(thesis, {"longest_gap": 500}, temperature_K=SLOW))
+    recording = read_recording(path, rig(thesis, temperature_K=SLOW))
     np.testing.assert_allclose(recording["time_s"][[0, -1]], [0.1, 0.4998])
     np.testing.assert_allclose(
         recording["temperature_K"], 293.15 + 10 * (recording["time_s"] - 0.1), atol=1e-9
     )
+
+
+def test_waveforms_without_a_start_begin_with_the_others(
+    columns: Columns, tmp_path: Path, thesis: Actuator
+) -> None:
+    path = tdms(columns, tmp_path, start=np.datetime64("1904-01-01T00:00:00"))  # LabVIEW's none
+    recording = read_recording(path, rig(thesis, temperature_K=SLOW))
+    np.testing.assert_allclose(recording["time_s"], columns["time_s"], atol=1e-12)
+    np.testing.assert_allclose(recording["temperature_K"], 293.15 + 10 * columns["time_s"], atol=1e-9)
 
 
 def test_texts_of_a_parquet_file_cut_it(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
@@ -125,6 +134,38 @@ def test_texts_of_a_parquet_file_cut_it(columns: Columns, tmp_path: Path, thesis
     pl.DataFrame({**columns, "profile": profile}).write_parquet(tmp_path / "rec.parquet")
     found = read_recordings(tmp_path / "rec.parquet", thesis, split="profile")
     assert [(one.labels["profile"], one.samples) for one in found] == [("trap", 1000), ("sine", 1500)]
+
+
+def test_flags_and_categories_of_a_parquet_file_are_named(
+    columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refusal
+) -> None:
+    import polars as pl
+
+    late, steps = columns["time_s"] >= 0.1, np.repeat(["warm", "cold"], [1500, 1000])
+    frame = pl.DataFrame({**columns, "on": late, "step": steps, "day": columns["time_s"]}).with_columns(
+        pl.col("step").cast(pl.Categorical), same=pl.col("step").cast(pl.Enum(["warm", "cold"])),
+        day=pl.from_epoch("day"),
+    )  # fmt: skip
+    frame.write_parquet(tmp_path / "rec.parquet")
+    kept = rig(thesis, {"keep": "on and same == step"})
+    found = read_recordings(tmp_path / "rec.parquet", kept, split="step")
+    assert [(one.labels["step"], one.samples) for one in found] == [("warm", 1000), ("cold", 1000)]
+    enabled = read_recording(tmp_path / "rec.parquet", rig(thesis, enabled="on"))["enabled"]
+    np.testing.assert_array_equal(enabled, late)
+    for refused in (
+        lambda: read_recordings(tmp_path / "rec.parquet", thesis, split="day"),
+        lambda: read_recording(tmp_path / "rec.parquet", rig(thesis, {"keep": "day > 1"})),
+    ):
+        assert "column 'day' is of type Datetime" in refusal(refused)
+
+
+def test_flags_of_an_hdf5_file(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
+    h5py = pytest.importorskip("h5py", reason="HDF5 files need h5py")
+    with h5py.File(tmp_path / "rec.h5", "w") as file:
+        for name, values in {**columns, "on": columns["time_s"] >= 0.1}.items():
+            file[name] = values
+    recording = read_recording(tmp_path / "rec.h5", rig(thesis, {"keep": "on"}))
+    np.testing.assert_array_equal(recording["time_s"], columns["time_s"][columns["time_s"] >= 0.1])
 
 
 BAD = {
@@ -186,6 +227,5 @@ def test_a_state_with_times_of_its_own_is_never_between_two(
         file.save(tmp_path / "day.mf4", overwrite=True)
     actuator = rig(thesis).model_copy(update={"reading": Reading(keep="mode == 7")})
     recording = read_recording(tmp_path / "day.mf4", actuator)
-    # The nearest row of 10 ms.
-    assert recording["time_s"][0] == pytest.approx(0.195, abs=3e-4)
+    assert recording["time_s"][0] == pytest.approx(0.2, abs=1e-9)
     assert recording["time_s"][-1] == columns["time_s"][-1]

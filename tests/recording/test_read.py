@@ -1,5 +1,6 @@
 """Reading: foreign names, all formats, and files that cannot be read."""
 
+import struct
 import sys
 import warnings
 from collections.abc import Callable
@@ -18,6 +19,7 @@ from emaphm.actuator.channels import Channels
 from emaphm.errors import RecordingError
 from emaphm.recording import read_recording
 from emaphm.recording.io.limits import ReadLimits
+from emaphm.recording.io.mat_file import read_mat
 
 from .conftest import Columns, Refusal
 
@@ -172,6 +174,25 @@ def test_mat_versions(columns: Columns, tmp_path: Path, thesis: Actuator, option
     np.testing.assert_array_equal(recording["current_A"], columns["current_A"])
     assert "kp" not in recording
     assert "gains" not in recording
+
+
+def _mat_element(kind: int, content: bytes) -> bytes:
+    return struct.pack("<II", kind, len(content)) + content + b"\0" * (-len(content) % 8)
+
+
+def test_mat_file_with_a_string_object(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
+    path = tmp_path / "rec.mat"
+    scipy.io.savemat(path, dict(columns))
+    # MATLAB alone writes these: class 17, a name, the type system, the class, and a number of the object.
+    numbers = _mat_element(6, struct.pack("<II", 13, 0)) + _mat_element(5, struct.pack("<ii", 6, 1))
+    numbers += _mat_element(1, b"") + _mat_element(6, struct.pack("<6I", 0xDD000000, 2, 1, 1, 1, 1))
+    parts = [_mat_element(6, struct.pack("<II", 17, 0))]
+    parts += [_mat_element(1, text) for text in (b"operator", b"MCOS", b"string")]
+    path.write_bytes(path.read_bytes() + _mat_element(14, b"".join([*parts, _mat_element(14, numbers)])))
+    # SciPy gives objects no name of their own.
+    assert scipy.io.loadmat(path)["None"][0][0] == b"operator"
+    np.testing.assert_array_equal(read_recording(path, thesis)["current_A"], columns["current_A"])
+    assert "is not numeric" in read_mat(path, ReadLimits()).unusable["operator"]
 
 
 def _save_mat73(columns: Columns, path: Path) -> Path:

@@ -1,15 +1,16 @@
 """What a sensor's own signal shows of its faults is found, and a healthy one raises no alarm."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from cases import THESIS
-from emaphm.actuator import Actuator, Chirp, Faults, Sine
+from emaphm.actuator import Actuator, Chirp, Faults, Sine, Step
 from emaphm.arrays import Array
 from emaphm.errors import RecordingError
-from emaphm.recording import Recording
+from emaphm.recording import Recording, read_recording, with_equivalent_current, write_recording
 from emaphm.recording.schema import PHASES
 from emaphm.recording.sensor_checks import check_sensors
 from emaphm.recording.sensor_checks.clipping import clipped_rows
@@ -54,6 +55,21 @@ def test_a_resting_actuator_raises_no_alarm() -> None:
 
     recording = simulate(THESIS, there, duration=0.4, noise=0.05, adc_bits=12)
     assert kinds(Recording({name: recording[name] for name in LINE})) == []
+
+
+@pytest.mark.parametrize(
+    ("actuator", "bits"),
+    [(THESIS, None), (Actuator.load("six-step"), 16), (Actuator.pmsm(), 12)],
+    ids=["thesis", "six-step", "pmsm"],
+)
+def test_an_actuator_that_settles_at_a_constant_command_raises_no_alarm(
+    actuator: Actuator, bits: int | None
+) -> None:
+    # A step at the start: no row of the command differs from another.
+    recording = simulate(actuator, Step(3e-3), duration=0.5, sample_rate=1000.0, adc_bits=bits)
+    line = Recording({name: recording[name] for name in LINE if name in recording})
+    assert np.ptp(line["command_rad"]) == 0
+    assert check_sensors(line, actuator).findings == ()
 
 
 @pytest.mark.parametrize("actuator", [Actuator.pmsm(), Actuator.dc()], ids=["pmsm", "dc"])
@@ -230,6 +246,43 @@ def test_phases_in_each_others_place_are_put_right(whole: Recording, order: tupl
     assert [one.kind for one in checked.findings] == ["swapped"]
     for name in PHASES:
         np.testing.assert_array_equal(checked.recording[name], whole[name])
+
+
+def _frozen_b(columns: dict[str, Array]) -> None:
+    columns["current_b_A"][600:900] = columns["current_b_A"][600]
+
+
+def _reversed_b(columns: dict[str, Array]) -> None:
+    columns["current_b_A"] *= -1
+
+
+def _exchanged(columns: dict[str, Array]) -> None:
+    columns["current_a_A"], columns["current_b_A"] = columns["current_b_A"], columns["current_a_A"]
+
+
+@pytest.mark.parametrize("spoil", [_frozen_b, _reversed_b, _exchanged])
+def test_phases_that_reading_made_a_current_of_are_checked(
+    whole: Recording, spoil: Callable[[dict[str, Array]], None], tmp_path: Path
+) -> None:
+    in_memory = with_fault(whole, OF_PHASES, spoil)
+    write_recording(in_memory, tmp_path / "phases.csv")
+    from_file = read_recording(tmp_path / "phases.csv", THESIS)
+    assert "current_A" in from_file
+    expected, checked = check_sensors(in_memory, THESIS), check_sensors(from_file, THESIS)
+    assert [one.sentence for one in checked.findings] == [one.sentence for one in expected.findings]
+    assert checked.findings
+    made, right = (with_equivalent_current(one.recording, THESIS) for one in (checked, expected))
+    np.testing.assert_array_equal(made["current_A"], right["current_A"])
+    assert checked.unusable.keys() == expected.unusable.keys()
+    for name, rows in expected.unusable.items():
+        np.testing.assert_array_equal(checked.unusable[name], rows)
+
+
+def test_a_measured_current_is_checked_although_the_phases_were_recorded_too(whole: Recording) -> None:
+    def freeze(columns: dict[str, Array]) -> None:
+        columns["current_A"][600:900] = columns["current_A"][600]
+
+    assert kinds(with_fault(whole, (*OF_PHASES, "current_A"), freeze)) == [("current_A", "frozen")]
 
 
 def test_a_recording_whose_current_is_mostly_frozen_is_refused(whole: Recording) -> None:

@@ -83,6 +83,13 @@ def test_by_columns_of_numbers_and_texts(tmp_path: Path, thesis: Actuator, refus
     assert "no column 'rnu' to cut by (did you mean 'run'?)" in text
 
 
+def test_runs_of_large_numbers_have_names_of_their_own(tmp_path: Path, thesis: Actuator) -> None:
+    run = np.repeat([20240101, 20240102, 0.1], [1000, 1000, 3400])
+    found = read_recordings(long_file(tmp_path, run=run), thesis, split="run")
+    names = [one.source.rpartition(": ")[2] for one in found]
+    assert names == ["run 20240101", "run 20240102", "run 0.1"]
+
+
 def test_at_gaps_masks_and_restarts_of_time(tmp_path: Path, thesis: Actuator) -> None:
     command = trapezoids(4.0, 1000)
     time = np.arange(4000) / 1e3
@@ -178,3 +185,13 @@ def test_lost_rows_and_empty_cells_shift_no_period(tmp_path: Path, thesis: Actua
     found = read_recordings(tmp_path / "day.csv", thesis, split="period")
     assert [one.samples for one in found] == [500] * 10
     assert [one["time_s"][0] % 0.5 for one in found] == pytest.approx([0.0] * 10, abs=1e-9)
+
+
+def test_rounded_times_shift_no_period(tmp_path: Path, thesis: Actuator) -> None:
+    # At 3 kHz, written in µs: the median step is 333 µs, the mean one 333.33.
+    rows = np.arange(60_000)
+    frame = {"time_s": np.round(rows / 3000.0, 6), "command_rad": 5e-3 * np.sin(2 * np.pi * rows / 1000)}
+    found = read_recordings(save({**frame, "current_A": np.cos(rows)}, tmp_path), thesis, split="period")
+    assert [one.samples for one in found] == [1000] * 60
+    np.testing.assert_allclose([one["time_s"][0] for one in found], np.arange(60) / 3, atol=1e-6)
+    assert not any(one.notes for one in found)

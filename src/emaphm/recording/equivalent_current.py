@@ -21,6 +21,9 @@ was off by 0.01 A with steps of 4 degrees, by 0.03 with 9, and by 0.05 to 0.12 w
 NOT_COMPARED = "the phase currents are not compared"
 """How the note begins on phases that no equivalent current can be made of."""
 
+MADE_OF = (*PHASES, "angle_rad")
+"""Channels that the equivalent current is made of."""
+
 
 def equivalent_current(
     phases: ArrayLike, angle: ArrayLike, pole_pairs: int, form: Form = "torque"
@@ -142,7 +145,7 @@ def with_equivalent_current(recording: Recording, actuator: Actuator) -> Recordi
     phases_recorded = [name for name in PHASES if name in recording]
     if "current_A" in recording or not phases_recorded:
         return recording
-    missing = [name for name in (*PHASES, "angle_rad") if name not in recording]
+    missing = [name for name in MADE_OF if name not in recording]
     others = any(name in recording for name in RESPONSES)
     if missing:
         why = f"no {', '.join(missing)}"
@@ -162,6 +165,21 @@ def with_equivalent_current(recording: Recording, actuator: Actuator) -> Recordi
     current = of_motor(phases, rotor_angle(recording, actuator.electrical), actuator.electrical.pole_pairs)
     notes = _notes_on_angle(recording["angle_rad"], actuator.electrical.pole_pairs)
     return recording.with_channels({**recording.channels, "current_A": current}, notes)
+
+
+def without_equivalent_current(recording: Recording, actuator: Actuator) -> Recording:
+    """Return `recording` without a `current_A` that is the equivalent current of its phases to rounding.
+
+    Such a one was not measured: it has the errors of the phases' sensors, and can be made again. A sensor of
+    its own has noise of its own.
+    """
+    if actuator.electrical is None or not all(name in recording for name in (*MADE_OF, "current_A")):
+        return recording
+    measured = {name: values for name, values in recording.channels.items() if name != "current_A"}
+    without = recording.with_channels(measured)
+    made = with_equivalent_current(without, actuator)["current_A"]
+    rounding = 1e-9 * float(np.max(np.abs(made)))
+    return without if np.allclose(recording["current_A"], made, rtol=0.0, atol=rounding) else recording
 
 
 def _notes_on_angle(angle: Array, pole_pairs: int) -> list[str]:

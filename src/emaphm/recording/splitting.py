@@ -169,7 +169,7 @@ def _label(value: object) -> Label:
 
 
 def _text(value: Label) -> str:
-    return value if isinstance(value, str) else f"{value:g}"
+    return value if isinstance(value, str) else f"{value:.15g}"
 
 
 def _periods(table: Table, piece: Piece, longest_gap: int, source: str) -> list[Piece]:
@@ -184,8 +184,9 @@ def _periods(table: Table, piece: Piece, longest_gap: int, source: str) -> list[
             f"{source}: the command does not repeat itself within the {piece.rows} rows from row "
             f"{piece.start + 1}; cut at rests, or by a column"
         )
-    interval = interval_of(time)
-    cuts = time[0] + interval * (np.round(np.arange(0.0, command.size + 0.5, period)) - 0.5)
+    # Where a cut before each row would be, and one after the last.
+    before = np.concatenate([time[:1], (time[1:] + time[:-1]) / 2, [np.nextafter(time[-1], np.inf)]])
+    cuts = before[np.round(np.arange(0.0, command.size + 0.5, period)).astype(int)]
     starts = np.searchsorted(own["time_s"], cuts) + piece.start
     pieces = [Piece(a, b) for a, b in pairwise(starts.tolist())]
     rest = piece.stop - int(starts[-1])

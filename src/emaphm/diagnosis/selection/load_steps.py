@@ -96,14 +96,16 @@ class _Scan:
         first, last = instants[[0, -1]]
         spacing = float(instants[1] - instants[0])
         sets = np.array(list(combinations(range(STEPS.instants), count)))
-        best, left = self._least(instants, columns, sets)
+        places, left = _best_set(self.model.left, columns, sets)
+        best = instants[places]
         while spacing > STEPS.near:
             finer = np.linspace(-spacing, spacing, STEPS.finer)
             for i in range(count):
                 held = np.delete(best, i)
                 near = np.append(held, np.clip(best[i] + finer, first, last))
                 sets = np.array([[*range(count - 1), count - 1 + k] for k in range(STEPS.finer)])
-                best, left = self._least(near, self._columns(near), sets)
+                places, left = _best_set(self.model.left, self._columns(near), sets)
+                best = near[places]
             spacing = float(finer[1] - finer[0])
         return np.sort(best), self.model.share_of(left)
 
@@ -113,20 +115,6 @@ class _Scan:
         first, last = np.array([STEPS.ends, 1 - STEPS.ends]) * self.objective.problem.inputs.duration
         instants = np.linspace(first, last, STEPS.instants)
         return instants, self._columns(instants)
-
-    def _least(self, instants: Array, columns: Array, sets: NDArray[np.intp]) -> tuple[Array, float]:
-        """Return those of `instants` (n,) that leave least, and its mean square.
-
-        `columns` (n, samples) are theirs, and `sets` (m, count) are places among them.
-        """
-        left = self.model.left
-        products, along = columns @ columns.T, columns @ left
-        products += SINGULAR * float(np.trace(products)) * np.eye(len(instants))
-        of_sets = products[sets[:, :, np.newaxis], sets[:, np.newaxis, :]]
-        sizes = np.linalg.solve(of_sets, along[sets][..., np.newaxis])[..., 0]
-        gained = np.sum(along[sets] * sizes, axis=1)
-        best = int(gained.argmax())
-        return instants[sets[best]], float((left @ left - gained[best]) / left.size)
 
     def _columns(self, instants: Array) -> Array:
         """Return what a step at each of `instants` (n,) does and no parameter can, (n, samples)."""
@@ -142,3 +130,18 @@ class _Scan:
             up[:, size], down[:, size] = SIZE, -SIZE
             columns[some] = (self.objective.outputs(up) - self.objective.outputs(down))[:, :samples]
         return self.model.without(columns)
+
+
+def _best_set(left: Array, columns: Array, sets: NDArray[np.intp]) -> tuple[NDArray[np.intp], float]:
+    """Return the set of `columns` (n, samples) that leaves least of `left` (samples,), and its mean square.
+
+    `sets` (m, count) are places among the columns.
+    """
+    products, along = columns @ columns.T, columns @ left
+    # Where friction holds the actuator no load does anything: every size is as right, and 0 is taken.
+    products += (SINGULAR * float(np.trace(products)) or 1.0) * np.eye(len(columns))
+    of_sets = products[sets[:, :, np.newaxis], sets[:, np.newaxis, :]]
+    sizes = np.linalg.solve(of_sets, along[sets][..., np.newaxis])[..., 0]
+    gained = np.sum(along[sets] * sizes, axis=1)
+    best = int(gained.argmax())
+    return sets[best], float((left @ left - gained[best]) / left.size)

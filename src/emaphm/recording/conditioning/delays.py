@@ -9,7 +9,7 @@ from emaphm.arrays import Array
 from emaphm.errors import RecordingError
 from emaphm.recording.checks import is_uniform
 from emaphm.recording.conditioning.gaps import interval_of
-from emaphm.recording.conditioning.interpolation import HELD, continuous, moved
+from emaphm.recording.conditioning.interpolation import HELD, continuous, last_state, moved
 
 WHOLE = 1e-6
 """Deviation of a delay from a whole number of intervals that is taken for rounding [-]."""
@@ -78,5 +78,7 @@ def _taken_later(
         else:
             taken[-whole:] = values[:whole]
         return taken
+    if name in HELD:
+        return np.where(time + delay <= time[-1], last_state(time, values, time + delay), np.nan)
     recorded = continuous(values) if name == "angle_rad" else values
-    return moved(time, recorded, time + delay, sampling, holds=name in HELD)
+    return moved(time, recorded, time + delay, sampling)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.arrays import Array, runs
+from emaphm.errors import RecordingError
 from emaphm.recording.checks import GAP
 from emaphm.recording.conditioning.interpolation import HELD, continuous, curve
 from emaphm.recording.schema import SCHEMA
@@ -37,7 +38,7 @@ def with_lost_rows(channels: Columns, longest: int) -> tuple[Columns, tuple[str,
     """Return channels with interpolated rows where at most `longest` in a row were lost.
 
     A row is lost where a time step is a whole multiple of the usual one, to a quarter of it. Columns beyond
-    the schema are left empty there.
+    the schema are left empty there, but for constant ones: these are labels.
     """
     time = channels["time_s"]
     interval = interval_of(time)
@@ -53,7 +54,7 @@ def with_lost_rows(channels: Columns, longest: int) -> tuple[Columns, tuple[str,
     share = np.concatenate([np.arange(1, n + 1) / (n + 1) for n in lost])
     times = time[before - 1] + share * (time[before] - time[before - 1])
     at = before + np.arange(before.size)
-    filled = {name: np.insert(values, before, np.nan) for name, values in channels.items()}
+    filled = {name: np.insert(values, before, _in_lost_rows(values)) for name, values in channels.items()}
     filled["time_s"] = np.insert(time, before, times)
     for name in filled.keys() & SCHEMA.keys() - {"time_s"}:
         filled[name] = _interpolated(name, filled["time_s"], filled[name], at)
@@ -62,6 +63,11 @@ def with_lost_rows(channels: Columns, longest: int) -> tuple[Columns, tuple[str,
         f"{time[places[0]]:.6g} s, interpolated"
     )
     return filled, (note,)
+
+
+def _in_lost_rows(values: Array) -> float:
+    """Return what stands where rows of a column (n,) were lost: its value if it has one only, else NaN."""
+    return float(values[0]) if np.all(values == values[0]) else float("nan")
 
 
 def without_short_gaps(channels: Columns, longest: int) -> tuple[Columns, tuple[str, ...]]:
@@ -119,10 +125,50 @@ def _without_open_ends(channels: Columns, longest: int) -> tuple[Columns, tuple[
             names.append(name)
     if not names:
         return channels, ()
-    left_out = [f"the first {_count(first, 'row')}"] if first else []
-    left_out += [f"the last {_count(rows - last, 'row')}"] if last < rows else []
-    note = f"{' and '.join(left_out)} left out, where {', '.join(dict.fromkeys(names))} is empty"
+    note = f"{_ends(first, last, rows)} left out, where {', '.join(dict.fromkeys(names))} is empty"
     return {name: values[first:last] for name, values in channels.items()}, (note,)
+
+
+def covered_rows(columns: Mapping[str, Array], rows: int, source: str) -> tuple[slice, tuple[str, ...]]:
+    """Return the rows from the first that all columns (rows,) know to the last that they do, and a note.
+
+    Parameters
+    ----------
+    columns
+        What was brought from times of its own, by name in the file; NaN where it is not known.
+    rows
+        Number of rows.
+    source
+        The file's name, for errors.
+
+    Raises
+    ------
+    RecordingError
+        There is no such row.
+    """
+    first, last = 0, rows
+    names = []
+    for name, values in columns.items():
+        known = np.flatnonzero(np.isfinite(values))
+        start, stop = (int(known[0]), int(known[-1]) + 1) if known.size else (rows, 0)
+        first, last = max(first, start), min(last, stop)
+        names += [name] if start > 0 or stop < rows else []
+    if not names:
+        return slice(0, rows), ()
+    if first >= last:
+        raise RecordingError(
+            f"{source}: the times of {', '.join(names)} do not overlap with those of the command; export all "
+            "columns on the same clock"
+        )
+    note = f"{_ends(first, last, rows)} left out, which the times of {', '.join(names)} do not cover"
+    return slice(first, last), (note,)
+
+
+def _ends(first: int, last: int, rows: int) -> str:
+    """Return what the rows before `first` and from `last` on are called."""
+    ends = [f"the first {_count(first, 'row')}"] if first else []
+    ends += [f"the last {_count(rows - last, 'row')}"] if last < rows else []
+    return " and ".join(ends)
 
 
 def _increases(time: Array) -> bool:

@@ -39,9 +39,29 @@ def edges_of(times: Array) -> Array:
     return np.append(times, times[-1] + np.diff(times).mean())
 
 
-def moved(
-    times: Array, values: Array, at: Array, sampling: Literal["mean", "instant"], *, holds: bool = False
-) -> Array:
+def last_state(times: Array, values: Array, at: Array) -> Array:
+    """Return a state that was written when it changed at other times: it holds until the next row.
+
+    Parameters
+    ----------
+    times
+        When it was written, shape (n,) [s], increasing.
+    values
+        What it became, shape (n,).
+    at
+        When it is asked for, shape (m,) [s], increasing.
+
+    Returns
+    -------
+    Shape (m,), NaN before the first of `times`.
+    """
+    # Times of loggers are decimal fractions: rounding must not cost a row.
+    slack = 1e-6 * float(np.ptp(at)) / at.size
+    rows = np.searchsorted(times, at + slack, side="right") - 1
+    return np.where(rows >= 0, values[np.maximum(rows, 0)], np.nan)
+
+
+def moved(times: Array, values: Array, at: Array, sampling: Literal["mean", "instant"]) -> Array:
     """Return a channel at other times.
 
     Instants are joined by Akima's curve; means by that of their integral, as in
@@ -57,8 +77,6 @@ def moved(
         When it is asked for, shape (m,) [s], increasing.
     sampling
         What a row is.
-    holds
-        Whether it switches: then the nearest row is taken.
 
     Returns
     -------
@@ -68,9 +86,6 @@ def moved(
     # Times of loggers are decimal fractions: rounding must not cost a row at either end.
     slack = 1e-6 * float(np.diff(times).mean())
     first, last = from_edges[0] - slack, from_edges[-1] + slack
-    if holds:
-        nearest = np.searchsorted((times[1:] + times[:-1]) / 2, at)
-        return np.where((at >= times[0] - slack) & (at <= last), values[nearest], np.nan)
     inside = np.clip(to_edges, from_edges[0], from_edges[-1])
     if sampling == "instant":
         found = curve(times, values, inside)

@@ -13,8 +13,8 @@ from emaphm.actuator.expression import Expression
 from emaphm.actuator.quantity import unit_for
 from emaphm.arrays import Array
 from emaphm.errors import RecordingError
-from emaphm.recording.conditioning.gaps import FEWEST_ROWS
-from emaphm.recording.conditioning.interpolation import HELD, continuous, curve, moved
+from emaphm.recording.conditioning.gaps import FEWEST_ROWS, covered_rows
+from emaphm.recording.conditioning.interpolation import HELD, continuous, curve, last_state, moved
 from emaphm.recording.io.channel_names import Source, columns_of, missing_name, resolved
 from emaphm.recording.io.file_columns import FileColumns
 from emaphm.recording.schema import SCHEMA
@@ -83,16 +83,14 @@ def table_of(
     Raises
     ------
     RecordingError
-        A unit is of another quantity than its channel, a column of an expression is absent, lengths differ,
-        or times of a column cannot be used.
+        A unit is of another quantity than its channel, a column of an expression is absent, a named one
+        holds neither numbers nor texts, lengths differ, or times of a column cannot be used.
     """
     notes: list[str] = []
-    every = [*held.numeric, *held.unusable]
-    signals = {where.column for where in sources.values() if where.column is not None}
-    for where in sources.values():
-        if where.entry.derived is not None:
-            signals |= set(columns_of(Expression.parse(where.entry.derived), every, source).values())
+    signals = _signals(held, sources, source)
     wanted = signals | set(needed)
+    for name in sorted(wanted & held.unusable.keys() - held.texts.keys() - sources.keys()):
+        raise RecordingError(f"{source}: column '{name}' {held.unusable[name]}")
     # What a condition or a cut names is a state: nothing lies between two of them.
     states = wanted - signals
     names = [name for name in held.numeric if name in wanted]
@@ -123,6 +121,16 @@ def table_of(
     return Table(ordered, further, sources, tuple(constants), notes)
 
 
+def _signals(held: FileColumns, sources: Mapping[str, Source], source: str) -> set[str]:
+    """Return the columns that channels are, or are derived from."""
+    every = [*held.numeric, *held.unusable]
+    signals = {where.column for where in sources.values() if where.column is not None}
+    for where in sources.values():
+        if where.entry.derived is not None:
+            signals |= set(columns_of(Expression.parse(where.entry.derived), every, source).values())
+    return signals
+
+
 def _on_one_base(
     held: FileColumns,
     sources: Mapping[str, Source],
@@ -134,37 +142,63 @@ def _on_one_base(
 ) -> tuple[FileColumns, Array]:
     """Return the file with all `wanted` columns on the times of the command, and these times (n,) [s].
 
-    Of `states` the nearest row is taken.
+    States hold until their next row. Rows that one of the columns does not cover are left out.
     """
-    times = dict(held.times)
-    for where in sources.values():
-        if where.column is not None and where.entry.time is not None:
-            times[where.column] = _times_in_file(where.entry, held, sources, actuator, source)
+    named = {
+        where.column: _times_in_file(where.entry, held, sources, actuator, source)
+        for where in sources.values()
+        if where.column is not None and where.entry.time is not None
+    }
+    times = {**held.times, **named}
     if "time_s" in sources:
         where = sources["time_s"]
         base = _converted("time_s", where, held.numeric[str(where.column)], actuator, source)
+        clock = _times_of_format(str(where.column), wanted, held, base)
     else:
         leading = sources["command_rad"].column
         leading = leading if leading in times else next(name for name in wanted if name in times)
-        base = times[leading]
+        base = clock = times[leading]
     numeric = dict(held.numeric)
     holding = {*states, *(where.column for name, where in sources.items() if name in HELD)}
     turning = sources.get("angle_rad", Source(OWN_NAME))
     bases: dict[int, list[str]] = {}
     for name in wanted:
-        own = times.get(name)
-        if own is None or (own.shape == base.shape and np.array_equal(own, base)):
+        own, rows_at = times.get(name), base if name in named else clock
+        if own is None or np.array_equal(own, rows_at):
             continue
         values = numeric[name]
         if name == turning.column:
             values = _without_turns(turning, values, actuator, source)
-        numeric[name] = _moved(name, own, values, base, actuator, source, holds=name in holding)
+        numeric[name] = _moved(name, own, values, rows_at, actuator, source, holds=name in holding)
         bases.setdefault(own.size, []).append(name)
     notes += [
         f"{', '.join(names)}: brought from times of their own to those of the command"
         for names in bases.values()
     ]
-    return FileColumns(numeric, held.unusable, held.texts), base
+    brought = {name: numeric[name] for names in bases.values() for name in names}
+    rows, left_out = covered_rows(brought, base.size, source)
+    notes += left_out
+    texts = {name: _cut(values, rows, base.size) for name, values in held.texts.items()}
+    numeric = {name: _cut(values, rows, base.size) for name, values in numeric.items()}
+    return FileColumns(numeric, held.unusable, texts), base[rows]
+
+
+def _times_of_format(time: str, wanted: Sequence[str], held: FileColumns, base: Array) -> Array:
+    """Return the format's times (n,) [s] of the rows whose column `time` holds `base` (n,); else `base`.
+
+    A column of times comes before what the format says, which may be a default only, and may count from
+    another start: columns of other groups are brought to these rows by the format's times alone.
+    """
+    group = time.rpartition("/")[0]
+    for name in (time, *wanted):
+        own = held.times.get(name)
+        if own is not None and own.size == base.size and name.rpartition("/")[0] == group:
+            return own
+    return base
+
+
+def _cut(values: NDArray[Any], rows: slice, size: int) -> NDArray[Any]:
+    return values[rows] if values.size == size else values
 
 
 def _without_turns(angle: Source, raw: Array, actuator: Actuator, source: str) -> Array:
@@ -202,15 +236,17 @@ def _moved(
             f"{source}: column '{name}' has {values.size} rows, its times have {times.size}; give the "
             "times of this column"
         )
+    if base.size < 2:
+        raise RecordingError(f"{source}: too short: {base.size} rows; record a longer manoeuvre")
     known = np.isfinite(values) & np.isfinite(times)
     seen, steps = times[known], np.diff(times[known])
-    if seen.size < 2 or np.any(steps <= 0) or np.any(np.diff(base) <= 0):
+    if seen.size < (1 if holds else 2) or np.any(steps <= 0) or np.any(np.diff(base) <= 0):
         raise RecordingError(
             f"{source}: column '{name}' has times of its own, which do not increase; export it with the "
             "times of the command"
         )
     if holds:
-        return moved(seen, values[known], base, actuator.channels.sampling, holds=True)
+        return last_state(seen, values[known], base)
     found = moved(*_between(times, values, known), base, actuator.channels.sampling)
     # Of a column that is written when it changes, a long step is no gap.
     usual = float(np.percentile(steps, 90))

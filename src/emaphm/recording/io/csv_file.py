@@ -108,15 +108,18 @@ def _add(columns: FileColumns, name: str, column: "pl.Series") -> None:
         columns.texts[name] = text.fill_null("").to_numpy()
     else:
         columns.numeric[name] = numbers.to_numpy()
-        if _are_padded(text):
+        if _are_names(text):
             columns.texts[name] = text.fill_null("").to_numpy()
 
 
-def _are_padded(text: "pl.Series") -> bool:
-    """Return whether all are digits and some begin with a zero, as serial numbers may: 0042 is not 42."""
-    if not len(text) or not (text[0] or "0").isdigit():
+def _are_names(text: "pl.Series") -> bool:
+    """Return whether all are digits, as serial numbers are, and some are not the number: 0042 and 1E5.
+
+    Programs write exponents with a sign, a point before, or a small e.
+    """
+    if not len(text) or not (text[0] or "0")[0].isdigit():
         return False
-    return bool(text.str.contains(r"^\d+$").all() and text.str.contains(r"^0\d").any())
+    return bool(text.str.contains(r"^\d+(E\d+)?$").all() and text.str.contains(r"^0\d|E").any())
 
 
 def _check_last_value(columns: FileColumns, names: list[str], rows: "pl.DataFrame", content: bytes) -> None:

@@ -19,6 +19,9 @@ import numpy as np
 TEXT_CLASS = "char"
 """MATLAB stores text as numbers; only the attribute MATLAB_class of the variable says so."""
 
+NUMBERS = "fiub"
+"""Kinds of NumPy's types that are read as numbers: of true and false 1 and 0."""
+
 
 class UnreadableError(Exception):
     """The file cannot be read; the text says why, in one line."""
@@ -88,7 +91,7 @@ def _parquet(path: str, most: Most, _: Collection[str]) -> Held:
         file.seek(0)
         frame = pl.read_parquet(file)
     for column in frame.get_columns():
-        if column.dtype.is_numeric():
+        if column.dtype.is_numeric() or column.dtype == pl.Boolean:
             held.numeric[column.name] = np.asarray(column.cast(float).to_numpy(), float)
             continue
         first = repr(column[0]) if len(column) else "nothing"
@@ -96,7 +99,7 @@ def _parquet(path: str, most: Most, _: Collection[str]) -> Held:
         held.unusable[column.name] = (
             f"is of type {column.dtype} (row 1: {shown}), not numeric; store it as numbers in its SI unit"
         )
-        if column.dtype in {pl.String, pl.Categorical, pl.Enum}:
+        if isinstance(column.dtype, (pl.String, pl.Categorical, pl.Enum)):
             _add_text(held, column.name, column.cast(pl.String).fill_null("").to_numpy())
     return held
 
@@ -161,6 +164,10 @@ def _add_data_set(held: Held, key: str, item: Any, most: Most, *, deep: bool) ->
     return True
 
 
+NO_START = np.datetime64("1904-01-01T00:00:00")
+"""The start of LabVIEW's times, which it writes as that of a waveform whose start is not known."""
+
+
 def _tdms(path: str, most: Most, _: Collection[str]) -> Held:
     from nptdms import TdmsFile
 
@@ -170,16 +177,15 @@ def _tdms(path: str, most: Most, _: Collection[str]) -> Held:
         held.rows, held.columns = max(map(len, channels.values()), default=0), len(channels)
         if most.exceeded(held.rows, held.columns):
             return held
-        starts = {name: one.properties.get("wf_start_time") for name, one in channels.items()}
-        # A start of 1904 is how LabVIEW writes none.
-        known = [np.datetime64(one) for one in starts.values() if one is not None]
-        first = min(known) if known else None
+        starts = {name: np.datetime64(one.properties.get("wf_start_time")) for name, one in channels.items()}
+        starts = {name: one for name, one in starts.items() if not np.isnat(one) and one != NO_START}
+        first = min(starts.values(), default=NO_START)
         stamps: dict[str, Any] = {}
         for name, one in channels.items():
             kind = getattr(one.dtype, "kind", "O")
             if kind == "M":
                 stamps[name] = np.asarray(one[:])
-            elif kind not in "fiu":
+            elif kind not in NUMBERS:
                 held.unusable[name] = "is not numeric; store it as numbers"
                 if kind in "OSU":
                     _add_text(held, name, np.asarray([str(value) for value in one[:]], object))
@@ -187,8 +193,7 @@ def _tdms(path: str, most: Most, _: Collection[str]) -> Held:
                 held.numeric[name] = np.asarray(one[:], float)
                 increment = float(one.properties.get("wf_increment", 0.0) or 0.0)
                 if increment > 0:
-                    start = np.datetime64(starts[name]) if starts[name] is not None else first
-                    late = (start - first) / np.timedelta64(1, "s") if first is not None else 0.0
+                    late = float((starts.get(name, first) - first) / np.timedelta64(1, "s"))
                     late += float(one.properties.get("wf_start_offset", 0.0) or 0.0)
                     held.times[name] = late + increment * np.arange(len(one))
         begin = min((values.min() for values in stamps.values() if values.size), default=None)
@@ -236,7 +241,7 @@ def _group_labels(file: Any) -> list[str]:
 
 def _add_signal(held: Held, key: str, signal: Any) -> None:
     values = np.asarray(signal.samples)
-    if values.ndim == 1 and values.dtype.kind in "fiu":
+    if values.ndim == 1 and values.dtype.kind in NUMBERS:
         held.numeric[key] = values.astype(float)
         held.times[key] = np.asarray(signal.timestamps, float)
         return
@@ -264,7 +269,7 @@ READERS = {
 def _complaint(item: Any, dtype: Any) -> str | None:
     what = item.attrs.get("MATLAB_class", "")
     what = what.decode(errors="replace") if isinstance(what, bytes) else str(what)
-    if not hasattr(item, "shape") or what == TEXT_CLASS or dtype.kind not in "fiu":
+    if not hasattr(item, "shape") or what == TEXT_CLASS or dtype.kind not in NUMBERS:
         kind = "a struct" if what == "struct" else "not numeric"
         return f"is {kind}; save it as a vector of real numbers under this name"
     if item.is_virtual or item.external:

@@ -28,8 +28,8 @@ TYPES_4 = ("f8", "f4", "i4", "i2", "u2", "u1")
 INT8, INT32, UINT32, MATRIX, COMPRESSED, UTF8 = 1, 5, 6, 14, 15, 16
 """Further data types: of names, shapes, flags, variables."""
 
-STRUCT, FIRST_NUMERIC, LAST_NUMERIC = 2, 6, 15
-"""Classes of arrays: a struct, and double to uint64."""
+STRUCT, FIRST_NUMERIC, LAST_NUMERIC, OPAQUE = 2, 6, 15, 17
+"""Classes of arrays: a struct, double to uint64, and objects such as strings, tables and times."""
 
 COMPLEX = 0x08
 
@@ -154,16 +154,15 @@ def _variable(body: bytes, order: str) -> Variable:
         raise MatError("the flags of a variable are damaged")
     flag = int(np.frombuffer(flags, f"{order}u4", 1)[0])
     array_class = flag & 0xFF
+    if array_class == OPAQUE:  # these have no shape
+        return Variable(_name(body, position, order)[0], (), complaint=NOT_NUMERIC)
     kind, sizes, position = _element(body, position, order)
-    if kind != INT32 or len(sizes) % 4 or not 8 <= len(sizes) <= 4 * MOST_DIMENSIONS:
+    if kind not in {INT32, UINT32} or len(sizes) % 4 or not 8 <= len(sizes) <= 4 * MOST_DIMENSIONS:
         raise MatError("the shape of a variable is damaged")
     shape = tuple(np.frombuffer(sizes, f"{order}i4").tolist())
     if min(shape) < 0:
         raise MatError("the shape of a variable is damaged")
-    kind, letters, position = _element(body, position, order)
-    if kind not in {INT8, UTF8}:
-        raise MatError("the name of a variable is damaged")
-    name = letters.rstrip(b"\0").decode("latin-1")
+    name, position = _name(body, position, order)
     if array_class == STRUCT:
         return Variable(name, shape, complaint=IS_STRUCT)
     if not FIRST_NUMERIC <= array_class <= LAST_NUMERIC or (flag >> 8) & COMPLEX:
@@ -178,3 +177,11 @@ def _variable(body: bytes, order: str) -> Variable:
             f"variable '{name}' has {len(numbers)} bytes where its shape needs {count * dtype.itemsize}"
         )
     return Variable(name, shape, np.frombuffer(numbers, dtype).astype(float))
+
+
+def _name(body: bytes, position: int, order: str) -> tuple[str, int]:
+    """Return the name at `position`, and where the next element begins."""
+    kind, letters, position = _element(body, position, order)
+    if kind not in {INT8, UTF8}:
+        raise MatError("the name of a variable is damaged")
+    return letters.rstrip(b"\0").decode("latin-1"), position

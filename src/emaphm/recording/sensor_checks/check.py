@@ -9,8 +9,9 @@ from emaphm.actuator import Actuator
 from emaphm.actuator.quantity import unit_for
 from emaphm.arrays import Array
 from emaphm.errors import RecordingError
+from emaphm.recording.equivalent_current import MADE_OF, without_equivalent_current
 from emaphm.recording.recording import Recording
-from emaphm.recording.schema import CURRENTS, PHASES, SCHEMA
+from emaphm.recording.schema import CURRENTS, SCHEMA
 from emaphm.recording.sensor_checks.clipping import clipped_rows
 from emaphm.recording.sensor_checks.finding import SensorFinding
 from emaphm.recording.sensor_checks.freezing import frozen_rows
@@ -43,13 +44,16 @@ def check_sensors(recording: Recording, actuator: Actuator) -> CheckedRecording:
 
     Single rows that were held are interpolated. Frozen and clipped rows are not to be compared; a channel
     with more than `MOST_UNUSABLE` of them is left out. A phase with another scale is made of the other two,
-    phases in each other's place are put right.
+    phases in each other's place are put right. A `current_A` that was made of the phases is not checked, and
+    left out where something is found, to be made of what is left.
 
     Raises
     ------
     RecordingError
         The only channel that could be compared has too many spoilt rows.
     """
+    given = recording
+    recording = without_equivalent_current(recording, actuator)
     columns = dict(recording.channels)
     corrected, findings = phase_findings(recording, actuator)
     columns |= corrected
@@ -66,13 +70,13 @@ def check_sensors(recording: Recording, actuator: Actuator) -> CheckedRecording:
             columns[name] = interpolated(columns[name], held)
             findings.append(_held(name, held))
     if not findings:
-        return CheckedRecording(recording, {}, ())
+        return CheckedRecording(given, {}, ())
     left_out = [name for name, rows in unusable.items() if rows.mean() > MOST_UNUSABLE]
     kept = {name: values for name, values in columns.items() if name not in left_out}
     _check_left(kept, recording, findings)
     notes = [finding.sentence for finding in findings]
     rows = {name: unusable[name] for name in unusable if name not in left_out}
-    of_phases = [rows[name] for name in (*PHASES, "angle_rad") if name in rows]
+    of_phases = [rows[name] for name in MADE_OF if name in rows]
     if of_phases and "current_A" not in recording:
         rows["current_A"] = np.any(of_phases, axis=0)
     return CheckedRecording(recording.with_channels(kept, notes), rows, tuple(findings))
@@ -120,7 +124,7 @@ def _place(rows: Mask) -> str:
 
 def _check_left(kept: Mapping[str, Array], recording: Recording, findings: list[SensorFinding]) -> None:
     """Refuse a recording that nothing is left of."""
-    ways = (("current_A",), ("current_q_A",), (*PHASES, "angle_rad"))
+    ways = (("current_A",), ("current_q_A",), MADE_OF)
 
     def measured(columns: Container[str]) -> bool:
         return any(all(name in columns for name in way) for way in ways)

@@ -51,7 +51,8 @@ def frozen_rows(values: Array, channel: str, command: Array, actuator: Actuator)
         end, level = start + length, float(values[start])
         # A signal at zero rests, or its drive is off.
         rests = level == 0 or is_hardware_limit(level, channel, actuator)
-        if rests or np.ptp(command[start : end - FREEZING.answer]) < moved:
+        swing = float(np.ptp(command[start : end - FREEZING.answer]))
+        if rests or swing == 0 or swing < moved:
             continue
         if usual.cannot_stay(values, start) or usual.cannot_leave(values[end - 1 :]):
             frozen[start + 1 : end] = True
