@@ -12,6 +12,16 @@ from emaphm.errors import OutputError
 if TYPE_CHECKING:
     from emaphm.study import Plan, Store
 
+COLUMNS = {
+    "median_error_percent": ("median error, %", ".2f"),
+    "mean_error_percent": ("mean, %", ".2f"),
+    "worst_error_percent": ("worst, %", ".2f"),
+    "within_2_percent": ("within 2 %, % of runs", ".0f"),
+    "mean_evaluations": ("evaluations", ".0f"),
+    "median_seconds": ("time of a run, s", ".2f"),
+}
+"""What is said of a method, by its name in the JSON: the column's heading and its format."""
+
 app = App(name="study", help="Compare methods of identification over many cases.")
 
 
@@ -123,11 +133,18 @@ def _line(plan: "Plan") -> str:
 
 
 def _methods(store: "Store") -> list[dict[str, Any]]:
-    """Return each method's errors, those of the least mean first."""
+    """Return each method's errors, over the cases that all methods have run.
+
+    Of a study with several variants, those of each, with what they differ by.
+    """
     import polars as pl
 
+    from emaphm.study.analysis.statistics import VARIANT, comparable, prepared
+
+    runs = comparable(prepared(store.results))
+    variant = [name for name in VARIANT if store.results[name].n_unique() > 1]
     error = pl.col("error_percent")
-    by_method = store.results.group_by("method", maintain_order=True).agg(
+    by_method = runs.group_by(*variant, "method", maintain_order=True).agg(
         error.median().alias("median_error_percent"),
         error.mean().alias("mean_error_percent"),
         error.max().alias("worst_error_percent"),
@@ -135,7 +152,7 @@ def _methods(store: "Store") -> list[dict[str, Any]]:
         pl.col("evaluations").mean().alias("mean_evaluations"),
         pl.col("seconds").median().alias("median_seconds"),
     )
-    return by_method.sort("mean_error_percent").to_dicts()
+    return by_method.sort(*variant, "mean_error_percent").to_dicts()
 
 
 def _summary(store: "Store") -> str:
@@ -147,27 +164,14 @@ def _summary(store: "Store") -> str:
     if store.damaged:
         again = "done again" if store.results.height == total else "to be done again"
         summary += f"; damaged, and {again}: {'; '.join(store.damaged)}"
-    if store.results.is_empty():
+    methods = _methods(store)
+    if not methods:
         return summary
+    header = tuple(COLUMNS.get(name, (name.replace("_", " "),))[0] for name in methods[0])
     rows = [
-        (
-            name,
-            f"{median:.2f}",
-            f"{mean:.2f}",
-            f"{worst:.2f}",
-            f"{within:.0f}",
-            f"{runs:.0f}",
-            f"{seconds:.2f}",
+        tuple(
+            format(value, COLUMNS[name][1]) if name in COLUMNS else str(value) for name, value in one.items()
         )
-        for name, median, mean, worst, within, runs, seconds in (one.values() for one in _methods(store))
+        for one in methods
     ]
-    header = (
-        "method",
-        "median error, %",
-        "mean, %",
-        "worst, %",
-        "within 2 %, % of runs",
-        "evaluations",
-        "time of a run, s",
-    )
     return f"{summary}\n{format_table(header, rows)}"
