@@ -229,6 +229,18 @@ def test_what_cannot_be_used_is_refused_once_and_tried_again_at_the_next_start(
     assert once(inbox, history).judged == 1
 
 
+def test_names_that_are_no_utf_8_are_names_like_others(history: History, tmp_path: Path) -> None:
+    inbox = tmp_path / os.fsdecode(b"bo\xeete")
+    inbox.mkdir()
+    put(inbox, 0)
+    (inbox / os.fsdecode(b"caf\xe9.csv")).write_text("no recording")
+    done = once(inbox, history, name="")
+    assert (done.judged, done.refused) == (1, 1)
+    (refused,) = history.events()
+    assert refused.subject == r"caf\udce9.csv"
+    assert once(inbox, history, name="").judged == 0
+
+
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")
 def test_an_unreadable_file_is_refused(inbox: Path, history: History) -> None:
     put(inbox, 0, 1)

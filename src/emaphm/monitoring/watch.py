@@ -15,6 +15,7 @@ from emaphm.actuator import Actuator
 from emaphm.errors import EmaphmError, HistoryFormError, HistoryUnavailableError, MonitoringError
 from emaphm.execution.one_process import Calls, EndedError, StoppedError
 from emaphm.history import Entry, Event, History
+from emaphm.history.writing import storable
 from emaphm.monitoring.arrival import Arrival, Call, Source, call_here
 from emaphm.monitoring.delivery import Delivery, Receiver, close_all
 from emaphm.monitoring.diagnosers import Diagnose, load, search
@@ -110,7 +111,9 @@ class Task:
     @property
     def watcher(self) -> str:
         """The name of the watcher."""
-        return self.name or (STDIN if isinstance(self.source, int) else str(self.source.absolute()))
+        return storable(
+            self.name or (STDIN if isinstance(self.source, int) else str(self.source.absolute()))
+        )
 
     def check(self) -> None:
         """Refuse a folder or an address that cannot be used, `MonitoringError`."""
