@@ -21,7 +21,7 @@ from emaphm.errors import HistoryFormError, HistoryUnavailableError, MonitoringE
 from emaphm.history import Event, History
 from emaphm.history.database import Database
 from emaphm.history.schema import VERSION
-from emaphm.monitoring import NamePattern, Ownership, Task, Watching, WatchSettings, watch
+from emaphm.monitoring import NamePattern, Ownership, Task, Watching, WatchSettings, folder, watch
 from emaphm.monitoring.receivers import Webhook
 from emaphm.monitoring.settings import PressureSettings
 from emaphm.monitoring.watch_state import WatchState
@@ -364,6 +364,24 @@ def test_a_defect_of_a_diagnosis_does_not_end_the_watching(inbox: Path, history:
     done = once(inbox, history, said, diagnose=diagnose)
     assert (done.judged, done.refused) == (1, 1)
     assert any("Traceback" in line for line in said)
+
+
+def test_a_defect_of_a_reader_does_not_end_the_watching(
+    inbox: Path, history: History, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    put(inbox, 0, 1)
+
+    def read(path: Path, *values: Any, real: Any = folder.read_recordings, **options: Any) -> Any:
+        if path.name == stand_in.name(1, 0):
+            raise ZeroDivisionError
+        return real(path, *values, **options)
+
+    monkeypatch.setattr(folder, "read_recordings", read)
+    said: list[str] = []
+    done = once(inbox, history, said)
+    assert (done.judged, done.refused) == (1, 1)
+    assert any("Traceback" in line for line in said)
+    assert "a defect of emaphm" in history.events()[0].message
 
 
 def test_back_pressure_is_said_and_taken_back(inbox: Path, history: History) -> None:

@@ -283,7 +283,7 @@ class _Watcher:
             try:
                 for entry, recording in arrival.read():
                     self._judge_parts(arrival, entry, recording, refused)
-            except HistoryFormError:
+            except (HistoryFormError, StoppedError):
                 raise
             except EmaphmError as error:
                 refused.append(str(error))
@@ -295,6 +295,8 @@ class _Watcher:
                     continue
                 refused.append(f"{arrival.name}: {error}, for the second time; {NOT_AGAIN}")
                 outcome = SET_ASIDE
+            except Exception as error:  # noqa: BLE001 - a defect of ours must not end the watching of all others
+                refused.append(self._defect(arrival.name, error))
             outcome = outcome or (JUDGED if self.done.judged + self.done.known > before else REFUSED)
         self.done.refused += len(refused)
         events = [self._refusal(arrival, reason) for reason in dict.fromkeys(refused)]
@@ -320,9 +322,13 @@ class _Watcher:
             raise
         except EmaphmError as error:
             refused.append(str(error))
-        except Exception as error:  # noqa: BLE001 - a defect of ours must not end the watching of all others
-            self.say("".join(traceback.format_exception(error)).strip())
-            refused.append(f"{recording.source}: a defect of emaphm, please report it: {error!r}")
+        except Exception as error:  # noqa: BLE001 - nor that of the other recordings of the file
+            refused.append(self._defect(recording.source, error))
+
+    def _defect(self, name: str, error: Exception) -> str:
+        """Return what is said of something that a defect has ended, after its traceback."""
+        self.say("".join(traceback.format_exception(error)).strip())
+        return f"{name}: a defect of emaphm, please report it: {error!r}"
 
     def _judge_one(self, arrival: Arrival, entry: Entry, part: Recording) -> None:
         diagnosis = self._insist(lambda: self.judge.judged(entry, part))
