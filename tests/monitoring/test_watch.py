@@ -139,6 +139,45 @@ def test_each_piece_of_a_file_is_its_own_unit_s(inbox: Path, history: History) -
     assert "more digits than a number keeps" in history.events(kinds=["refused"])[-1].message
 
 
+def of_units(*units: str) -> str:
+    """Return the CSV of a file with a recording of each unit."""
+    header = stand_in.content(1, 0).splitlines()[0]
+    rows = [
+        f"{row},{unit},{number}"
+        for number, unit in enumerate(units)
+        for row in stand_in.content(1, number).splitlines()[1:]
+    ]
+    return "\n".join([f"{header},unit,hours", *rows]) + "\n"
+
+
+def test_a_refused_piece_of_a_file_is_tried_again_at_the_next_start(inbox: Path, history: History) -> None:
+    stand_in.fly(history, [0.1])
+    (inbox / "day.csv").write_text(of_units("S1", "S2"))
+
+    def found(**options: Any) -> tuple[int, int, int]:
+        done = once(inbox, history, ownership=Ownership(THESIS.name), split="unit", **options)
+        return done.judged, done.known, done.refused
+
+    assert found(takes_new_units=False) == (1, 0, 1)
+    assert found(takes_new_units=False) == (0, 1, 1)
+    assert len(history.events(kinds=["refused"])) == 1
+    assert found() == (1, 1, 0)
+    assert found() == (0, 0, 0)
+    assert judged(history) == [("S1", 0.0), ("S1", 0.0), ("S2", 1.0)]
+
+
+def test_a_file_that_was_judged_in_part_is_not_judged_again_when_it_changes(
+    inbox: Path, history: History
+) -> None:
+    stand_in.fly(history, [0.1])
+    for units in (("S1", "S2"), ("S1", "S2", "S1")):
+        (inbox / "day.csv").write_text(of_units(*units))
+        options = {"ownership": Ownership(THESIS.name), "split": "unit", "takes_new_units": False}
+        assert once(inbox, history, **options).refused == 1
+    assert "was changed after it was judged" in history.events(kinds=["refused"])[-1].message
+    assert len(judged(history)) == 2
+
+
 def test_events_are_lines_once(inbox: Path, history: History, tmp_path: Path) -> None:
     put(inbox, *range(19, 25))
     with (tmp_path / "lines").open("wb") as lines:

@@ -27,7 +27,7 @@ from emaphm.monitoring.pressure import Pressure
 from emaphm.monitoring.receivers import Lines, Webhook
 from emaphm.monitoring.settings import WATCH, IsolationSettings, WatchSettings
 from emaphm.monitoring.stream.source import StreamSource
-from emaphm.monitoring.watch_state import JUDGED, REFUSED, SET_ASIDE, WatchState
+from emaphm.monitoring.watch_state import JUDGED, PARTLY, REFUSED, SET_ASIDE, WatchState
 from emaphm.recording import Recording
 
 if TYPE_CHECKING:
@@ -297,7 +297,8 @@ class _Watcher:
                 outcome = SET_ASIDE
             except Exception as error:  # noqa: BLE001 - a defect of ours must not end the watching of all others
                 refused.append(self._defect(arrival.name, error))
-            outcome = outcome or (JUDGED if self.done.judged + self.done.known > before else REFUSED)
+            found_any = self.done.judged + self.done.known > before
+            outcome = outcome or (JUDGED if not refused else PARTLY if found_any else REFUSED)
         self.done.refused += len(refused)
         events = [self._refusal(arrival, reason) for reason in dict.fromkeys(refused)]
         if self._insist(lambda: arrival.finish(outcome, events)) < len(events):
