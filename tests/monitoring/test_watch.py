@@ -659,14 +659,69 @@ def test_units_of_one_stream_are_kept_apart(history: History) -> None:
     assert judged(history) == [("S1", 1.0)] * 2 + [("S2", 5.0)] * 2
 
 
+def test_of_more_units_at_once_than_are_held_some_are_judged_and_the_others_said(history: History) -> None:
+    most = QUICK.stream.most_units
+    each = [rows(1.0, unit=f"S{number}", fault=0.01 * number) for number in range(most + 2)]
+    mixed = [line for lines in zip(*each, strict=True) for line in lines]
+    assert stream(mixed, history).judged == most
+    assert len(judged(history)) == most
+    left_out = [one.details for one in history.events(kinds=["rows_skipped"])]
+    # All rows of two units, but those by which the others were seen to be more.
+    assert sum(one[f"of more than {most} units at once"] for one in left_out) == 2 * len(each[0]) - 2
+
+
+def test_more_units_one_after_the_other_are_all_judged(history: History) -> None:
+    most = QUICK.stream.most_units
+    each = [rows(1.0, unit=f"S{number}", fault=0.01 * number) for number in range(most + 2)]
+    assert stream([line for lines in each for line in lines], history).judged == most + 2
+    assert not history.events(kinds=["rows_skipped"])
+
+
+def relabelled(lines: list[str], first: int, **labels: float) -> list[str]:
+    """Return rows of which those from `first` on have other labels."""
+    return [*lines[:first], *(json.dumps(json.loads(line) | labels) + "\n" for line in lines[first:])]
+
+
+def test_hours_that_tick_in_a_movement_end_it_and_what_follows_is_not_judged(history: History) -> None:
+    lines = rows(1.0, movements=3)
+    assert stream(relabelled(lines, 600, hours=1.1), history).judged == 3
+    spans = [one.recording.partition(" at ")[2] for one in history.unit("S1").diagnoses()]
+    assert spans == ["1 h, 0.000 to 3.500 s", "1 h, 3.510 to 5.990 s", "1.1 h, 7.500 to 11.500 s"]
+    (event,) = history.events(kinds=["rows_skipped"])
+    # From 6 s until the command has rested for 1 s, since 6.5 s.
+    assert event.details == {"in a movement whose beginning is not known": 150}
+    assert stream(relabelled(rows(2.0, movements=2), 400, hours=2.1), history).judged == 2
+
+
+def test_cycles_that_tick_in_a_movement_are_those_of_its_flight(history: History) -> None:
+    lines = relabelled(relabelled(rows(1.0, movements=3), 0, cycles=100), 600, cycles=101)
+    done = stream(lines, history)
+    assert (done.judged, done.refused) == (3, 0)
+    (flight,) = history.unit("S1").flights()
+    assert flight.cycles == 100
+
+
+def test_the_rest_of_a_movement_that_was_judged_in_part_is_not_judged(history: History) -> None:
+    lines = rows(1.0, movements=2)
+    assert stream(lines[:200], history).judged == 1
+    assert stream(lines, history).judged == 1
+    spans = [one.recording.partition(", ")[2] for one in history.unit("S1").diagnoses()]
+    assert spans == ["0.000 to 1.990 s", "3.500 to 7.500 s"]
+
+
 def test_rows_that_are_none_are_counted(history: History) -> None:
     lines = rows(1.0)
-    odd = ["nonsense\n", '{"unit": "S1", "hours": 1.0, "time_s": 9}\n', '{"time_s": 9, "command_rad": 0}\n']
+    odd = [
+        "nonsense\n",
+        '{"unit": "S1", "hours": 1.0, "time_s": 9}\n',
+        '{"time_s": 9, "command_rad": 0}\n',
+        '{"unit": "S1", "hours": 1.0, "time_s": 9, "command_rad": Infinity}\n',
+    ]
     assert stream(lines[:100] + odd + lines[100:], history).judged == 1
     # One event, or two: what was left out so far is said at once, the rest at the end.
     events = history.events()
     assert {one.kind for one in events} == {"rows_skipped"}
-    assert sum(sum(one.details.values()) for one in events) == 3
+    assert sum(sum(one.details.values()) for one in events) == 4
 
 
 def test_a_stream_as_csv_by_the_command_alone(history: History) -> None:

@@ -242,9 +242,7 @@ def _complaint(address: Address, error: BaseException) -> HistoryError:
         (remedy for words, remedy in REMEDIES.items() if words in lower),
         "check the address, and that the database runs there",
     )
-    return HistoryUnavailableError(
-        f"{address.shown}: the database cannot be used ({said}); {remedy}"
-    )
+    return HistoryUnavailableError(f"{address.shown}: the database cannot be used ({said}); {remedy}")
 
 
 def _words(error: BaseException) -> str:

@@ -28,8 +28,9 @@ class StreamSettings:
     gap in the times begins a new one. `longest_s` [s] and `most_rows`: longest movement that is held; what
     follows it until the next rest is skipped. `reorder_rows`: rows that one may come late by; as many
     late ones in succession are a clock that was set back. `idle_s`: time without rows [s] after which what is
-    there is judged. `queue`: movements that wait for the diagnosis, before the stream is held back.
-    `most_units`: of which movements are held at once. `longest_line`: longer ones are no rows [bytes].
+    there is judged, and a unit may give way to one that comes back. `queue`: movements that wait for the
+    diagnosis, before the stream is held back. `most_units`: of which movements are held at once.
+    `longest_line`: longer ones are no rows [bytes].
     """
 
     rest_s: float = 1.0

@@ -111,9 +111,7 @@ class Task:
     @property
     def watcher(self) -> str:
         """The name of the watcher."""
-        return storable(
-            self.name or (STDIN if isinstance(self.source, int) else str(self.source.absolute()))
-        )
+        return storable(self.name or (STDIN if isinstance(self.source, int) else str(self.source.absolute())))
 
     def check(self) -> None:
         """Refuse a folder or an address that cannot be used, `MonitoringError`."""
