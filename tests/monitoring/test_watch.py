@@ -21,11 +21,11 @@ from emaphm.errors import HistoryFormError, HistoryUnavailableError, MonitoringE
 from emaphm.history import Event, History
 from emaphm.history.database import Database
 from emaphm.history.schema import VERSION
-from emaphm.monitoring import NamePattern, Ownership, Task, Watching, WatchSettings, folder, watch
+from emaphm.monitoring import NamePattern, Ownership, Task, Watching, WatchSettings, watch
 from emaphm.monitoring.receivers import Webhook
 from emaphm.monitoring.settings import PressureSettings
 from emaphm.monitoring.watch_state import WatchState
-from emaphm.recording import Recording
+from emaphm.recording import Recording, read_recordings
 
 from . import stand_in
 from .hooks import webhook
@@ -172,8 +172,8 @@ def test_a_file_that_was_judged_in_part_is_not_judged_again_when_it_changes(
     stand_in.fly(history, [0.1])
     for units in (("S1", "S2"), ("S1", "S2", "S1")):
         (inbox / "day.csv").write_text(of_units(*units))
-        options = {"ownership": Ownership(THESIS.name), "split": "unit", "takes_new_units": False}
-        assert once(inbox, history, **options).refused == 1
+        done = once(inbox, history, ownership=Ownership(THESIS.name), split="unit", takes_new_units=False)
+        assert done.refused == 1
     assert "was changed after it was judged" in history.events(kinds=["refused"])[-1].message
     assert len(judged(history)) == 2
 
@@ -410,12 +410,12 @@ def test_a_defect_of_a_reader_does_not_end_the_watching(
 ) -> None:
     put(inbox, 0, 1)
 
-    def read(path: Path, *values: Any, real: Any = folder.read_recordings, **options: Any) -> Any:
+    def read(path: Path, *values: Any, real: Any = read_recordings, **options: Any) -> Any:
         if path.name == stand_in.name(1, 0):
             raise ZeroDivisionError
         return real(path, *values, **options)
 
-    monkeypatch.setattr(folder, "read_recordings", read)
+    monkeypatch.setattr("emaphm.monitoring.folder.read_recordings", read)
     said: list[str] = []
     done = once(inbox, history, said)
     assert (done.judged, done.refused) == (1, 1)

@@ -279,22 +279,15 @@ class _Watcher:
         while not outcome:
             refused = list[str]()
             try:
-                for entry, recording in arrival.read():
-                    self._judge_parts(arrival, entry, recording, refused)
-            except (HistoryFormError, StoppedError):
-                raise
-            except EmaphmError as error:
-                refused.append(str(error))
-            except MemoryError:
-                refused.append(f"{arrival.name}: {TOO_MUCH_MEMORY}")
+                with self._refusing(arrival.name, refused):
+                    for entry, recording in arrival.read():
+                        self._judge_parts(arrival, entry, recording, refused)
             except EndedError as error:
                 if self._insist(arrival.once_more):
                     self.say(f"{arrival.name}: {error}; it is tried once more")
                     continue
                 refused.append(f"{arrival.name}: {error}, for the second time; {NOT_AGAIN}")
                 outcome = SET_ASIDE
-            except Exception as error:  # noqa: BLE001 - a defect of ours must not end the watching of all others
-                refused.append(self._defect(arrival.name, error))
             found_any = self.done.judged + self.done.known > before
             outcome = outcome or (JUDGED if not refused else PARTLY if found_any else REFUSED)
         self.done.refused += len(refused)
@@ -308,26 +301,26 @@ class _Watcher:
 
     def _judge_parts(self, arrival: Arrival, entry: Entry, recording: Recording, refused: list[str]) -> None:
         """Judge a recording; what cannot be is added to `refused`, and what can is done all the same."""
-        try:
+        with self._refusing(recording.source, refused):
             self._insist(partial(self.judge.check, entry))
             for part in self.judge.parts(recording):
-                try:
+                with self._refusing(part.source, refused):
                     self._judge_one(arrival, entry, part)
-                except (HistoryFormError, StoppedError):
-                    raise
-                except EmaphmError as error:
-                    refused.append(str(error))
-        except (HistoryFormError, StoppedError, EndedError, MemoryError):
+
+    @contextmanager
+    def _refusing(self, name: str, refused: list[str]) -> Iterator[None]:
+        """Add to `refused` why the body cannot be done, so that what else arrives is judged all the same."""
+        try:
+            yield
+        except (HistoryFormError, StoppedError, EndedError):
             raise
         except EmaphmError as error:
             refused.append(str(error))
-        except Exception as error:  # noqa: BLE001 - nor that of the other recordings of the file
-            refused.append(self._defect(recording.source, error))
-
-    def _defect(self, name: str, error: Exception) -> str:
-        """Return what is said of something that a defect has ended, after its traceback."""
-        self.say("".join(traceback.format_exception(error)).strip())
-        return f"{name}: a defect of emaphm, please report it: {error!r}"
+        except MemoryError:
+            refused.append(f"{name}: {TOO_MUCH_MEMORY}")
+        except Exception as error:  # noqa: BLE001 - a defect of ours must not end the watching of all others
+            self.say("".join(traceback.format_exception(error)).strip())
+            refused.append(f"{name}: a defect of emaphm, please report it: {error!r}")
 
     def _judge_one(self, arrival: Arrival, entry: Entry, part: Recording) -> None:
         diagnosis = self._insist(lambda: self.judge.judged(entry, part))

@@ -25,9 +25,10 @@ JUDGED, PARTLY, AGAIN, REFUSED, CHANGED, TRIED, SET_ASIDE = OUTCOMES = (
     "tried",
     "set aside",
 )
-"""What became of a file. Partly: something of it is judged and something refused; again: so by an earlier run,
-what was refused is to be tried again. Changed: after something of it was judged. Tried: the process that judged
-it has died of it once, it is tried once more; set aside: that happened twice, it is never tried again."""
+"""What became of a file. Partly: something of it is judged and something refused; again: so by an earlier
+run, what was refused is to be tried again. Changed: after something of it was judged. Tried: the process that
+judged it has died of it once, it is tried once more; set aside: that happened twice, it is never tried
+again."""
 
 _Put = tuple[sa.Table, Mapping[str, Any], Mapping[str, Any]]
 """A row of a table: what it is found by, and what is written."""

@@ -264,7 +264,7 @@ class StreamSource:
         return self._entries[key]
 
     def _flight(self, entry: Entry, time_s: float) -> _Flight | None:
-        """Return what is held of a unit, after ending its flight before; None where others take all places."""
+        """Return what is held of a unit, after ending its flight before; None where there is no place."""
         held = self._flights.get(entry.unit)
         if held is not None and held.entry.hours == entry.hours:
             return held
