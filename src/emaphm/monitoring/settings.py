@@ -48,9 +48,9 @@ class AlarmSettings:
     """From when on a condition is an alarm, and from when on no longer.
 
     `raise_after`, `clear_after`: diagnoses in succession that must agree. `window`: diagnoses that are looked
-    back at, and more where few of them decide. `false_verdicts`: share of healthy recordings of which a component is called degraded: 0 of 500
-    (`emaphm study run accuracy`, docs/accuracy.md), so 0.6 % at most with 95 % confidence (Clopper and
-    Pearson).
+    back at, and more where few of them decide. `false_verdicts`: share of healthy recordings of which a
+    component is called degraded: 0 of 500 (`emaphm study run accuracy`, docs/accuracy.md), so 0.6 % at most
+    with 95 % confidence (Clopper and Pearson).
     """
 
     raise_after: int = 3
