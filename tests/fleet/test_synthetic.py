@@ -21,7 +21,6 @@ from emaphm.fleet.synthetic.unit import aged
 from emaphm.history import Entry, History
 from emaphm.recording import read_recording
 from emaphm.study.fleet.clairvoyant import clairvoyant
-
 from history.made_up import diagnosis
 
 from .files import QUICK
