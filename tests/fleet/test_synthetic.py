@@ -18,9 +18,10 @@ from emaphm.fleet.synthetic import FleetPlan, drawn_unit, population, tasks
 from emaphm.fleet.synthetic.growth import LAWS
 from emaphm.fleet.synthetic.population import FLEET, POPULATIONS, Stress, Wear
 from emaphm.fleet.synthetic.unit import aged
-from emaphm.history import History
+from emaphm.history import Entry, History
 from emaphm.recording import read_recording
 from emaphm.study.fleet.clairvoyant import clairvoyant
+from history.made_up import diagnosis
 
 from .files import QUICK
 
@@ -139,6 +140,30 @@ def test_the_chain_runs_in_one_command_and_goes_on(
     assert read_recording(next(iter(written)), THESIS).labels["origin"] == "synthetic"
     assert main(["fleet", "simulate", "-o", str(folder), "--units", "3", "--flights", "1"]) == 2
     assert "holds another synthetic fleet: 'plan.units' (2 there, 3 here)" in capsys.readouterr().err
+
+
+def test_a_history_is_of_one_synthetic_fleet(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    db = tmp_path / "shared.sqlite"
+
+    def no_more(*_: object) -> None:
+        raise ExecutionError("a diagnosis is to be made")
+
+    monkeypatch.setattr("emaphm.fleet.synthetic.chain.diagnose_flight", no_more)
+    line = ["fleet", "simulate", "--units", "1", "--flights", "1", "--workers", "1", "--db", str(db), "-o"]
+    for seed in ("0", "1"):
+        assert main([*line, str(tmp_path / seed), "--seed", seed, "--simulate-only"]) == 0
+    (first,) = (tmp_path / "0").rglob("flight-*.parquet")
+    with History.open(db, create=True) as history:
+        made = diagnosis(1)
+        history.add(Entry("SYNTHETIC-0000", "SYNTHETIC", 80.0), read_recording(first, THESIS), made)
+    for seed, complaint in (
+        ("0", "a diagnosis is to be made"),  # the same fleet is gone on with
+        ("1", "unit 'SYNTHETIC-0000' there is of another synthetic fleet"),
+    ):
+        assert main([*line, str(tmp_path / seed), "--seed", seed]) == 2
+        assert complaint in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """Events and prognoses in a history: each once, in their order, found by unit, kind and time."""
 
+import os
 import sqlite3
 import threading
 from dataclasses import replace
@@ -90,6 +91,16 @@ def test_a_condition_is_open_until_it_is_cleared(history: History) -> None:
 def test_an_unknown_kind_is_refused() -> None:
     with pytest.raises(HistoryError, match="did you mean 'alarm'"):
         event(kind="allarm")
+
+
+def test_texts_that_no_database_holds_are_written_with_escapes(history: History) -> None:
+    """A name that is no UTF-8, and bytes of zeros, as Python reads them from a file system and a file."""
+    name = os.fsdecode(b"caf\xe9.csv")
+    odd = Event("refused", "raised", "warning", f"{name}: no \0", name, recording=name, watcher=name)
+    assert history.add_events(odd, odd) == 1
+    (kept,) = history.events()
+    assert (kept.subject, kept.message) == (r"caf\udce9.csv", r"caf\udce9.csv: no ")
+    assert (kept.key, kept.condition) == (odd.key, odd.condition)
 
 
 def test_events_of_writers_at_once_are_all_there(history: History) -> None:

@@ -11,12 +11,13 @@ from pathlib import Path
 import pytest
 import sqlalchemy as sa
 
-from emaphm.errors import HistoryError
+from emaphm.errors import HistoryError, HistoryUnavailableError
 from emaphm.history import Entry, Finding, History, Removal, database
 from emaphm.history.address import Address
 from emaphm.history.blocks import unit_blocks
 from emaphm.history.database import Database
 from emaphm.history.schema import VERSION
+from emaphm.history.tables import UNITS
 
 from . import made_up
 from .conftest import server
@@ -79,6 +80,25 @@ def test_a_contradiction_is_refused_before_and_after_the_diagnosis(flown: Histor
         assert "check --" in refusal(added), name
         assert unit_blocks(flown.unit("SN-0042")) == before, name
         assert len(flown.units()) == 1, name
+
+
+def test_a_value_that_the_database_refuses_is_not_called_a_database_that_is_away(history: History) -> None:
+    """Who holds what is to be written would try it again without end."""
+    unit = {"serial_number": "S1", "part_number": "P", "added_at": "2026-01-01T00:00:00Z"}
+
+    def twice() -> None:
+        with history.database.writing() as connection:
+            for _ in range(2):
+                connection.execute(UNITS.insert().values(unit))
+
+    assert "the database refuses a value" in refusal(twice)
+    if not history.database.is_file:  # SQLite holds it
+        assert "NUL" in refusal(lambda: history.unit("S\0"))
+    for call in (twice, lambda: history.unit("S\0")):
+        with pytest.raises(HistoryError) as caught:
+            call()
+        assert not isinstance(caught.value, HistoryUnavailableError)
+    assert not history.units()
 
 
 def test_an_old_recording_may_be_added_late(flown: History) -> None:

@@ -3,18 +3,21 @@
 import json
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from emaphm.history import Event, Flight, KeptDiagnosis, KeptSettings, Replacement
+from emaphm.diagnosis import Diagnosis
+from emaphm.history import Entry, Event, Flight, History, KeptDiagnosis, KeptSettings, Replacement
 from emaphm.history.columns import columns_of
 from emaphm.monitoring.conditions import Situation, health_events
 from emaphm.monitoring.false_alarms import FalseAlarmRate
+from emaphm.monitoring.judging import Judge
 from emaphm.monitoring.settings import WATCH
 from emaphm.recording import Recording
 
-from .stand_in import THESIS, diagnosis
+from .stand_in import THESIS, diagnosed, diagnosis
 
 RECORDING = Recording({name: np.arange(60.0) for name in ("time_s", "command_rad", "current_A")})
 
@@ -142,21 +145,47 @@ def test_an_alarm_states_its_false_alarm_rate() -> None:
     assert rate["per_1000_h_if_independent"] == pytest.approx(1000 * 0.006**3)
 
 
-def test_false_alarms_of_independent_verdicts_stay_below_what_is_stated() -> None:
+def undecided(diagnosis: Diagnosis) -> Diagnosis:
+    """Return the diagnosis with a friction of which it cannot tell."""
+    friction = replace(diagnosis.components["friction"], verdict="cannot tell")
+    return replace(diagnosis, components={**diagnosis.components, "friction": friction})
+
+
+@pytest.mark.parametrize("decided", [1.0, 0.4])
+def test_false_alarms_of_independent_verdicts_stay_below_what_is_stated(decided: float) -> None:
     """By simulation, with false verdicts so frequent that alarms can be counted.
 
-    The onsets of runs of k have the rate (1 - p) p^k where alarms are cleared at once; the bound leaves out
-    the factor, and that clearing takes time.
+    Among those that decide, the onsets of runs of k have the rate (1 - f) f^k, with the share f of false ones
+    of them, where alarms are cleared at once; the bound leaves out the factor, and that clearing takes time.
     """
-    false, count = 0.2, 2000
-    dice = np.random.default_rng(0).random(count) < false
-    of = {False: kept(0.0), True: kept(0.0, 0.5)}
-    diagnoses = [replace(of[bool(one)], flight=Flight(float(i), None, None)) for i, one in enumerate(dice)]
+    share, count = 0.3, 1500
+    random = np.random.default_rng(0)
+    decides, false = random.random(count) < decided, random.random(count) < share
+    cannot = json.loads(columns_of(undecided(diagnosis(RECORDING, THESIS, 0.0)))["document"])
+    of = {False: kept(0.0), True: kept(0.0, 0.5), None: kept(0.0, faults=cannot["faults"])}
+    diagnoses = [
+        replace(of[bool(wrong) if sure else None], flight=Flight(float(i), None, None))
+        for i, (sure, wrong) in enumerate(zip(decides, false, strict=True))
+    ]
     alarms = sum(state == "raised" for _, state in shown(run(diagnoses)))
-    rate = FalseAlarmRate(false, 1.0, WATCH.alarm.raise_after)
+    rate = FalseAlarmRate(share * decided, 1.0, WATCH.alarm.raise_after, decided)
     assert rate.independent is not None
-    assert rate.together == pytest.approx(200.0)
+    assert rate.together == pytest.approx(1000 * share * decided)
     stated = rate.independent * count / 1000
-    exact = (1 - false) * stated
+    exact = (1 - share) * stated
     assert 0.3 * exact < alarms < exact + 3 * exact**0.5
     assert alarms < stated
+
+
+def test_an_alarm_comes_however_many_cannot_tell_in_between(tmp_path: Path) -> None:
+    settings = replace(WATCH.alarm, window=5)
+    found = []
+    with History.open(tmp_path / "history.sqlite", create=True) as history:
+        judge = Judge(history, THESIS, settings, diagnosed, None)
+        for i in range(15):
+            recording = Recording({name: np.arange(60.0) + i for name in RECORDING.channels})
+            made = diagnosis(recording, THESIS, 0.5)
+            made = undecided(made) if i % 7 else made
+            found += judge.filed(Entry("S1", THESIS.name, float(i)), recording, made, {})
+    assert [(one.kind, one.hours) for one in found] == [("health_changed", 0.0), ("alarm", 14.0)]
+    assert found[1].details["false_alarms"]["decided_share"] == pytest.approx(3 / 15)

@@ -110,6 +110,33 @@ def test_movements_are_cut_at_rests() -> None:
     assert gathering.skipped == 0
 
 
+@pytest.mark.parametrize("wild", [60.0, -1e6])
+def test_a_wild_value_of_the_command_does_not_hide_the_movements_behind_it(wild: float) -> None:
+    times = np.arange(0, 40, 0.01)
+    moving = (times % 10 > 3) & (times % 10 < 5)
+    command = np.where(moving, 0.005 * np.sin(20 * times), 0.0)
+    ends = [one.last for one in gathered(times, command)[0]]
+    command[800] = wild  # in the rest behind the first movement, a row that moves and rests again
+    movements, gathering = gathered(times, command)
+    assert [one.last for one in movements] == pytest.approx(sorted([*ends, 9.01]))
+    assert gathering.skipped == 0
+
+
+def test_what_goes_on_from_a_motion_that_was_judged_is_skipped_and_from_a_rest_is_not() -> None:
+    times = np.arange(0, 20, 0.01)
+    moving = (times % 10 > 3) & (times % 10 < 5)
+    command = np.where(moving, np.sin(20 * times), 0.0)
+    for until, skipped_until, expected in ((4.0, 6.0, [16.0]), (6.5, 6.5, [16.0]), (13.0, 13.0, [16.0])):
+        gathering, movements = Gathering(SETTINGS), []
+        for time, value in zip(times.tolist(), command.tolist(), strict=True):
+            if time < until:
+                gathering.pass_over(time, value)
+            else:
+                movements += list(gathering.add(time, value, {"time_s": time}))
+        assert [one.last for one in movements] == pytest.approx(expected, abs=0.05), until
+        assert 0.01 * gathering.skipped == pytest.approx(skipped_until - until, abs=0.05), until
+
+
 def test_what_is_held_is_bounded_and_the_rest_until_a_rest_is_skipped() -> None:
     settings = StreamSettings(longest_s=5.0)
     times = np.arange(0, 57, 0.01)

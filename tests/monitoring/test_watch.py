@@ -25,7 +25,7 @@ from emaphm.monitoring import NamePattern, Ownership, Task, Watching, WatchSetti
 from emaphm.monitoring.receivers import Webhook
 from emaphm.monitoring.settings import PressureSettings
 from emaphm.monitoring.watch_state import WatchState
-from emaphm.recording import Recording
+from emaphm.recording import Recording, read_recordings
 
 from . import stand_in
 from .hooks import webhook
@@ -139,6 +139,45 @@ def test_each_piece_of_a_file_is_its_own_unit_s(inbox: Path, history: History) -
     assert "more digits than a number keeps" in history.events(kinds=["refused"])[-1].message
 
 
+def of_units(*units: str) -> str:
+    """Return the CSV of a file with a recording of each unit."""
+    header = stand_in.content(1, 0).splitlines()[0]
+    rows = [
+        f"{row},{unit},{number}"
+        for number, unit in enumerate(units)
+        for row in stand_in.content(1, number).splitlines()[1:]
+    ]
+    return "\n".join([f"{header},unit,hours", *rows]) + "\n"
+
+
+def test_a_refused_piece_of_a_file_is_tried_again_at_the_next_start(inbox: Path, history: History) -> None:
+    stand_in.fly(history, [0.1])
+    (inbox / "day.csv").write_text(of_units("S1", "S2"))
+
+    def found(**options: Any) -> tuple[int, int, int]:
+        done = once(inbox, history, ownership=Ownership(THESIS.name), split="unit", **options)
+        return done.judged, done.known, done.refused
+
+    assert found(takes_new_units=False) == (1, 0, 1)
+    assert found(takes_new_units=False) == (0, 1, 1)
+    assert len(history.events(kinds=["refused"])) == 1
+    assert found() == (1, 1, 0)
+    assert found() == (0, 0, 0)
+    assert judged(history) == [("S1", 0.0), ("S1", 0.0), ("S2", 1.0)]
+
+
+def test_a_file_that_was_judged_in_part_is_not_judged_again_when_it_changes(
+    inbox: Path, history: History
+) -> None:
+    stand_in.fly(history, [0.1])
+    for units in (("S1", "S2"), ("S1", "S2", "S1")):
+        (inbox / "day.csv").write_text(of_units(*units))
+        done = once(inbox, history, ownership=Ownership(THESIS.name), split="unit", takes_new_units=False)
+        assert done.refused == 1
+    assert "was changed after it was judged" in history.events(kinds=["refused"])[-1].message
+    assert len(judged(history)) == 2
+
+
 def test_events_are_lines_once(inbox: Path, history: History, tmp_path: Path) -> None:
     put(inbox, *range(19, 25))
     with (tmp_path / "lines").open("wb") as lines:
@@ -227,6 +266,18 @@ def test_what_cannot_be_used_is_refused_once_and_tried_again_at_the_next_start(
     assert "cannot be of 'U03' too" in refused["U03_7.csv"]
     (inbox / "U01_5.csv").write_text(stand_in.content(1, 5))
     assert once(inbox, history).judged == 1
+
+
+def test_names_that_are_no_utf_8_are_names_like_others(history: History, tmp_path: Path) -> None:
+    inbox = tmp_path / os.fsdecode(b"bo\xeete")
+    inbox.mkdir()
+    put(inbox, 0)
+    (inbox / os.fsdecode(b"caf\xe9.csv")).write_text("no recording")
+    done = once(inbox, history, name="")
+    assert (done.judged, done.refused) == (1, 1)
+    (refused,) = history.events()
+    assert refused.subject == r"caf\udce9.csv"
+    assert once(inbox, history, name="").judged == 0
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")
@@ -352,6 +403,24 @@ def test_a_defect_of_a_diagnosis_does_not_end_the_watching(inbox: Path, history:
     done = once(inbox, history, said, diagnose=diagnose)
     assert (done.judged, done.refused) == (1, 1)
     assert any("Traceback" in line for line in said)
+
+
+def test_a_defect_of_a_reader_does_not_end_the_watching(
+    inbox: Path, history: History, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    put(inbox, 0, 1)
+
+    def read(path: Path, *values: Any, real: Any = read_recordings, **options: Any) -> Any:
+        if path.name == stand_in.name(1, 0):
+            raise ZeroDivisionError
+        return real(path, *values, **options)
+
+    monkeypatch.setattr("emaphm.monitoring.folder.read_recordings", read)
+    said: list[str] = []
+    done = once(inbox, history, said)
+    assert (done.judged, done.refused) == (1, 1)
+    assert any("Traceback" in line for line in said)
+    assert "a defect of emaphm" in history.events()[0].message
 
 
 def test_back_pressure_is_said_and_taken_back(inbox: Path, history: History) -> None:
@@ -590,14 +659,69 @@ def test_units_of_one_stream_are_kept_apart(history: History) -> None:
     assert judged(history) == [("S1", 1.0)] * 2 + [("S2", 5.0)] * 2
 
 
+def test_of_more_units_at_once_than_are_held_some_are_judged_and_the_others_said(history: History) -> None:
+    most = QUICK.stream.most_units
+    each = [rows(1.0, unit=f"S{number}", fault=0.01 * number) for number in range(most + 2)]
+    mixed = [line for lines in zip(*each, strict=True) for line in lines]
+    assert stream(mixed, history).judged == most
+    assert len(judged(history)) == most
+    left_out = [one.details for one in history.events(kinds=["rows_skipped"])]
+    # All rows of two units, but those by which the others were seen to be more.
+    assert sum(one[f"of more than {most} units at once"] for one in left_out) == 2 * len(each[0]) - 2
+
+
+def test_more_units_one_after_the_other_are_all_judged(history: History) -> None:
+    most = QUICK.stream.most_units
+    each = [rows(1.0, unit=f"S{number}", fault=0.01 * number) for number in range(most + 2)]
+    assert stream([line for lines in each for line in lines], history).judged == most + 2
+    assert not history.events(kinds=["rows_skipped"])
+
+
+def relabelled(lines: list[str], first: int, **labels: float) -> list[str]:
+    """Return rows of which those from `first` on have other labels."""
+    return [*lines[:first], *(json.dumps(json.loads(line) | labels) + "\n" for line in lines[first:])]
+
+
+def test_hours_that_tick_in_a_movement_end_it_and_what_follows_is_not_judged(history: History) -> None:
+    lines = rows(1.0, movements=3)
+    assert stream(relabelled(lines, 600, hours=1.1), history).judged == 3
+    spans = [one.recording.partition(" at ")[2] for one in history.unit("S1").diagnoses()]
+    assert spans == ["1 h, 0.000 to 3.500 s", "1 h, 3.510 to 5.990 s", "1.1 h, 7.500 to 11.500 s"]
+    (event,) = history.events(kinds=["rows_skipped"])
+    # From 6 s until the command has rested for 1 s, since 6.5 s.
+    assert event.details == {"in a movement whose beginning is not known": 150}
+    assert stream(relabelled(rows(2.0, movements=2), 400, hours=2.1), history).judged == 2
+
+
+def test_cycles_that_tick_in_a_movement_are_those_of_its_flight(history: History) -> None:
+    lines = relabelled(relabelled(rows(1.0, movements=3), 0, cycles=100), 600, cycles=101)
+    done = stream(lines, history)
+    assert (done.judged, done.refused) == (3, 0)
+    (flight,) = history.unit("S1").flights()
+    assert flight.cycles == 100
+
+
+def test_the_rest_of_a_movement_that_was_judged_in_part_is_not_judged(history: History) -> None:
+    lines = rows(1.0, movements=2)
+    assert stream(lines[:200], history).judged == 1
+    assert stream(lines, history).judged == 1
+    spans = [one.recording.partition(", ")[2] for one in history.unit("S1").diagnoses()]
+    assert spans == ["0.000 to 1.990 s", "3.500 to 7.500 s"]
+
+
 def test_rows_that_are_none_are_counted(history: History) -> None:
     lines = rows(1.0)
-    odd = ["nonsense\n", '{"unit": "S1", "hours": 1.0, "time_s": 9}\n', '{"time_s": 9, "command_rad": 0}\n']
+    odd = [
+        "nonsense\n",
+        '{"unit": "S1", "hours": 1.0, "time_s": 9}\n',
+        '{"time_s": 9, "command_rad": 0}\n',
+        '{"unit": "S1", "hours": 1.0, "time_s": 9, "command_rad": Infinity}\n',
+    ]
     assert stream(lines[:100] + odd + lines[100:], history).judged == 1
     # One event, or two: what was left out so far is said at once, the rest at the end.
     events = history.events()
     assert {one.kind for one in events} == {"rows_skipped"}
-    assert sum(sum(one.details.values()) for one in events) == 3
+    assert sum(sum(one.details.values()) for one in events) == 4
 
 
 def test_a_stream_as_csv_by_the_command_alone(history: History) -> None:

@@ -14,7 +14,7 @@ from importlib.util import find_spec
 from typing import Any, Self
 
 import sqlalchemy as sa
-from sqlalchemy.exc import DBAPIError, SQLAlchemyError
+from sqlalchemy.exc import DataError, DBAPIError, IntegrityError, SQLAlchemyError
 from sqlalchemy.pool import QueuePool
 
 from emaphm.errors import HistoryError, HistoryUnavailableError
@@ -123,6 +123,11 @@ class Database:
     def _errors(self) -> Iterator[None]:
         try:
             yield
+        except (DataError, IntegrityError) as error:  # of the values: no later attempt would succeed
+            raise HistoryError(
+                f"{self.address.shown}: the database refuses a value ({_words(error.orig or error)}); "
+                "correct it, or report it as a defect of emaphm"
+            ) from None
         except DBAPIError as error:
             raise _complaint(self.address, error.orig or error) from None
         except SQLAlchemyError as error:
@@ -231,12 +236,15 @@ REMEDIES = {
 
 
 def _complaint(address: Address, error: BaseException) -> HistoryError:
-    said = " ".join(str(error).split()) or type(error).__name__
+    said = _words(error)
     lower = said.lower()
     remedy = next(
         (remedy for words, remedy in REMEDIES.items() if words in lower),
         "check the address, and that the database runs there",
     )
-    return HistoryUnavailableError(
-        f"{address.shown}: the database cannot be used ({said[:LONGEST_REASON]}); {remedy}"
-    )
+    return HistoryUnavailableError(f"{address.shown}: the database cannot be used ({said}); {remedy}")
+
+
+def _words(error: BaseException) -> str:
+    """Return what a database says, on one line."""
+    return " ".join(str(error).split())[:LONGEST_REASON] or type(error).__name__

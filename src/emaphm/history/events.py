@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from datetime import UTC, datetime
 from typing import Any
 
@@ -11,6 +11,7 @@ import sqlalchemy as sa
 
 from emaphm.errors import HistoryError, nearest
 from emaphm.history.tables import EVENTS
+from emaphm.history.writing import storable
 from emaphm.strict_json import finite
 
 KINDS = (
@@ -46,7 +47,7 @@ CONDITIONS = (
 
 @dataclass(frozen=True)
 class Event:
-    """One event.
+    """One event; what a database cannot hold of its texts is written with escapes.
 
     Attributes
     ----------
@@ -93,6 +94,10 @@ class Event:
         for value, known in ((self.kind, KINDS), (self.state, STATES), (self.severity, SEVERITIES)):
             if value not in known:
                 raise HistoryError(f"unknown '{value}' of an event{nearest(value, known)}")
+        # Here, so that its key and its condition are the same before it is in a history and after.
+        for one in fields(self):
+            if isinstance(text := getattr(self, one.name), str):
+                object.__setattr__(self, one.name, storable(text))
 
     @property
     def key(self) -> str:

@@ -73,10 +73,24 @@ class Situation:
         """Return the event that raised a condition which is still open."""
         return next((one for one in self.open if (one.kind, one.subject) == (kind, subject)), None)
 
-    def false_alarms(self, per_recording: float) -> FalseAlarmRate:
-        """Return the rate of false alarms of this unit."""
-        rate = recordings_per_hour([one.hours for one in self.diagnoses])
-        return FalseAlarmRate(per_recording, rate, self.settings.raise_after)
+    def false_alarms(self, per_recording: float, decided: float = 1.0) -> FalseAlarmRate:
+        """Return the rate of false alarms of this unit; `decided` is the share of recordings that decide."""
+        rate = recordings_per_hour([one.hours for one in self.diagnoses[-self.settings.window :]])
+        return FalseAlarmRate(per_recording, rate, self.settings.raise_after, decided)
+
+
+def reach_far_enough(diagnoses: Sequence[KeptDiagnosis], settings: AlarmSettings) -> bool:
+    """Return whether a unit's latest diagnoses suffice to judge all that the last of them decides.
+
+    Those that cannot tell do not count, so that the last few that can may lie far behind.
+    """
+    new, fewest = diagnoses[-1], max(settings.raise_after, settings.clear_after) + 1
+    counts = [
+        sum(_is_decided(one, name) for one in diagnoses) for name in COMPONENTS if _is_decided(new, name)
+    ]
+    if "detector" in new.document:
+        counts.append(sum("detector" in one.document for one in diagnoses))
+    return all(count >= fewest for count in counts)
 
 
 def health_events(now: Situation) -> list[Event]:
@@ -92,9 +106,9 @@ def _of_component(now: Situation, name: str) -> Iterator[Event]:
     if alarm is not None and renewed is not None and renewed >= (alarm.hours or 0.0):
         yield now.event("alarm", "cleared", "info", f"{name} was replaced at {renewed:g} h", name)
         alarm = None
-    decided = [one for one in now.diagnoses if one.explained and one.verdicts[name] != "cannot tell"]
+    decided = [one for one in now.diagnoses if _is_decided(one, name)]
     verdicts = [one.verdicts[name] for one in decided if renewed is None or one.hours > renewed]
-    if not (now.new.explained and verdicts and now.new.verdicts[name] != "cannot tell"):
+    if not (verdicts and _is_decided(now.new, name)):
         return
     fault = now.new.document["faults"][name]
     size = f"{fault['value']:.3g} (95 %: {fault['interval95'][0]:.3g} to {fault['interval95'][1]:.3g})"
@@ -110,7 +124,7 @@ def _of_component(now: Situation, name: str) -> Iterator[Event]:
         severity = "warning" if verdicts[-1] == "degraded" else "info"
         yield now.event("health_changed", "raised", severity, message, name, verdict=verdicts[-1], **values)
     if alarm is None and _all_last(verdicts, "degraded", now.settings.raise_after):
-        rate = now.false_alarms(now.settings.false_verdicts)
+        rate = now.false_alarms(now.settings.false_verdicts, len(decided) / len(now.diagnoses))
         message = f"{name} is degraded in {now.settings.raise_after} diagnoses in succession, {size}"
         yield now.event("alarm", "raised", "alarm", message, name, **values, false_alarms=rate.to_dict())
     elif alarm is not None and _all_last(verdicts, "healthy", now.settings.clear_after):
@@ -154,6 +168,10 @@ def _not_explained(now: Situation) -> Iterator[Event]:
         yield now.event("not_explained", "raised", "warning", message, reasons=reasons)
     elif now.new.explained and is_open:
         yield now.event("not_explained", "cleared", "info", "recordings are explained again")
+
+
+def _is_decided(diagnosis: KeptDiagnosis, name: str) -> bool:
+    return diagnosis.explained and diagnosis.verdicts[name] != "cannot tell"
 
 
 def _all_last(values: Sequence[str], value: str, count: int) -> bool:

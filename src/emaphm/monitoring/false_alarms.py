@@ -11,11 +11,12 @@ HOURS = 1000.0
 class FalseAlarmRate:
     """False alarms in 1,000 flight hours of a healthy unit, at most.
 
-    With the share p of healthy recordings that are called degraded, r recordings an hour, and an alarm after
-    k in succession, it is
+    With the share p of healthy recordings that are called degraded, the share q of recordings that decide
+    (p of them falsely, whatever the others say: they do not interrupt a succession), r recordings an hour,
+    and an alarm after k decided ones in succession, it is
 
-        1000 r p^k   where false verdicts come independently of each other,
-        1000 r p     where one is always followed by another: an alarm cannot begin more often.
+        1000 r q (p/q)^k   where false verdicts come independently of each other; p/q is 1 at most,
+        1000 r p           where one is always followed by another: an alarm cannot begin more often.
 
     Attributes
     ----------
@@ -25,16 +26,20 @@ class FalseAlarmRate:
         r, None where it is not known yet.
     raise_after
         k.
+    decided
+        q, above 0.
     """
 
     per_recording: float
     recordings_per_hour: float | None
     raise_after: int
+    decided: float = 1.0
 
     @property
     def independent(self) -> float | None:
         """False alarms in 1,000 h where false verdicts come independently."""
-        return self._in_hours(self.per_recording**self.raise_after)
+        false = min(self.per_recording / self.decided, 1.0)
+        return self._in_hours(self.per_recording * false ** (self.raise_after - 1))
 
     @property
     def together(self) -> float | None:
@@ -47,6 +52,7 @@ class FalseAlarmRate:
             "per_recording_at_most": self.per_recording,
             "recordings_per_hour": self.recordings_per_hour,
             "raise_after": self.raise_after,
+            "decided_share": self.decided,
             "per_1000_h_if_independent": self.independent,
             "per_1000_h_if_together": self.together,
         }

@@ -15,7 +15,7 @@ from emaphm.history import Entry, Event
 from emaphm.monitoring.arrival import Arrival, Call, call_here
 from emaphm.monitoring.ownership import HOURS_LABEL, Ownership
 from emaphm.monitoring.settings import FolderSettings
-from emaphm.monitoring.watch_state import CHANGED, REFUSED, SET_ASIDE, TRIED, WatchedFile, WatchState
+from emaphm.monitoring.watch_state import AGAIN, CHANGED, REFUSED, SET_ASIDE, TRIED, WatchedFile, WatchState
 from emaphm.recording import Recording, read_recordings
 from emaphm.recording.io.read import READERS
 
@@ -134,7 +134,7 @@ class FolderSource:
             done = self.state.files([name for name, _ in group])
             for name, found in group:
                 one, before = Candidate(name, found.st_size, found.st_mtime_ns, now), done.get(name)
-                if before is None or before.outcome == TRIED or not one.same_as(before):
+                if before is None or before.outcome in {AGAIN, TRIED} or not one.same_as(before):
                     yield one
 
     def _every_file(self) -> Iterator[tuple[str, os.stat_result]]:
@@ -246,4 +246,6 @@ def _done(candidate: Candidate, digest: str, outcome: str) -> WatchedFile:
 
 def _is_open(before: WatchedFile, digest: str) -> bool:
     """Return whether a file is still to be judged that was seen before, its content now `digest`."""
-    return before.outcome in {REFUSED, TRIED} or (before.outcome == SET_ASIDE and before.digest != digest)
+    if before.digest == digest:
+        return before.outcome in {AGAIN, REFUSED, TRIED}
+    return before.outcome in {REFUSED, TRIED, SET_ASIDE}

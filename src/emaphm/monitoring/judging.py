@@ -11,7 +11,7 @@ from emaphm.history.events import read_events
 from emaphm.history.fingerprint import recording_hash
 from emaphm.history.reading import unit_or_none
 from emaphm.monitoring.arrival import Call, call_here
-from emaphm.monitoring.conditions import Situation, health_events
+from emaphm.monitoring.conditions import Situation, health_events, reach_far_enough
 from emaphm.monitoring.diagnosers import Diagnose, methods_of
 from emaphm.monitoring.settings import AlarmSettings
 from emaphm.recording import Recording
@@ -147,9 +147,11 @@ class Judge:
             # Another watcher, or the server, may have seen the same recording.
             before = read_events(connection, unit=entry.unit, recording_hash=key)
         unit = self.history.unit(entry.unit)
-        diagnoses = unit.diagnoses(self.settings.window)
+        diagnoses = unit.diagnoses(count := self.settings.window)
         if not diagnoses or diagnoses[-1].recording_hash != key:
             return []
+        while len(diagnoses) == count and not reach_far_enough(diagnoses, self.settings):
+            diagnoses = unit.diagnoses(count := 2 * count)
         now = Situation(
             entry.unit,
             diagnoses,

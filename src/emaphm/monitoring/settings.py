@@ -28,8 +28,9 @@ class StreamSettings:
     gap in the times begins a new one. `longest_s` [s] and `most_rows`: longest movement that is held; what
     follows it until the next rest is skipped. `reorder_rows`: rows that one may come late by; as many
     late ones in succession are a clock that was set back. `idle_s`: time without rows [s] after which what is
-    there is judged. `queue`: movements that wait for the diagnosis, before the stream is held back.
-    `most_units`: of which movements are held at once. `longest_line`: longer ones are no rows [bytes].
+    there is judged, and a unit may give way to one that comes back. `queue`: movements that wait for the
+    diagnosis, before the stream is held back. `most_units`: of which movements are held at once.
+    `longest_line`: longer ones are no rows [bytes].
     """
 
     rest_s: float = 1.0
@@ -47,9 +48,9 @@ class AlarmSettings:
     """From when on a condition is an alarm, and from when on no longer.
 
     `raise_after`, `clear_after`: diagnoses in succession that must agree. `window`: diagnoses that are looked
-    back at. `false_verdicts`: share of healthy recordings of which a component is called degraded: 0 of 500
-    (`emaphm study run accuracy`, docs/accuracy.md), so 0.6 % at most with 95 % confidence (Clopper and
-    Pearson).
+    back at, and more where few of them decide. `false_verdicts`: share of healthy recordings of which a
+    component is called degraded: 0 of 500 (`emaphm study run accuracy`, docs/accuracy.md), so 0.6 % at most
+    with 95 % confidence (Clopper and Pearson).
     """
 
     raise_after: int = 3

@@ -15,6 +15,7 @@ from emaphm.actuator import Actuator
 from emaphm.errors import EmaphmError, HistoryFormError, HistoryUnavailableError, MonitoringError
 from emaphm.execution.one_process import Calls, EndedError, StoppedError
 from emaphm.history import Entry, Event, History
+from emaphm.history.writing import storable
 from emaphm.monitoring.arrival import Arrival, Call, Source, call_here
 from emaphm.monitoring.delivery import Delivery, Receiver, close_all
 from emaphm.monitoring.diagnosers import Diagnose, load, search
@@ -26,7 +27,7 @@ from emaphm.monitoring.pressure import Pressure
 from emaphm.monitoring.receivers import Lines, Webhook
 from emaphm.monitoring.settings import WATCH, IsolationSettings, WatchSettings
 from emaphm.monitoring.stream.source import StreamSource
-from emaphm.monitoring.watch_state import JUDGED, REFUSED, SET_ASIDE, WatchState
+from emaphm.monitoring.watch_state import JUDGED, PARTLY, REFUSED, SET_ASIDE, WatchState
 from emaphm.recording import Recording
 
 if TYPE_CHECKING:
@@ -110,7 +111,7 @@ class Task:
     @property
     def watcher(self) -> str:
         """The name of the watcher."""
-        return self.name or (STDIN if isinstance(self.source, int) else str(self.source.absolute()))
+        return storable(self.name or (STDIN if isinstance(self.source, int) else str(self.source.absolute())))
 
     def check(self) -> None:
         """Refuse a folder or an address that cannot be used, `MonitoringError`."""
@@ -278,21 +279,17 @@ class _Watcher:
         while not outcome:
             refused = list[str]()
             try:
-                for entry, recording in arrival.read():
-                    self._judge_parts(arrival, entry, recording, refused)
-            except HistoryFormError:
-                raise
-            except EmaphmError as error:
-                refused.append(str(error))
-            except MemoryError:
-                refused.append(f"{arrival.name}: {TOO_MUCH_MEMORY}")
+                with self._refusing(arrival.name, refused):
+                    for entry, recording in arrival.read():
+                        self._judge_parts(arrival, entry, recording, refused)
             except EndedError as error:
                 if self._insist(arrival.once_more):
                     self.say(f"{arrival.name}: {error}; it is tried once more")
                     continue
                 refused.append(f"{arrival.name}: {error}, for the second time; {NOT_AGAIN}")
                 outcome = SET_ASIDE
-            outcome = outcome or (JUDGED if self.done.judged + self.done.known > before else REFUSED)
+            found_any = self.done.judged + self.done.known > before
+            outcome = outcome or (JUDGED if not refused else PARTLY if found_any else REFUSED)
         self.done.refused += len(refused)
         events = [self._refusal(arrival, reason) for reason in dict.fromkeys(refused)]
         if self._insist(lambda: arrival.finish(outcome, events)) < len(events):
@@ -304,22 +301,26 @@ class _Watcher:
 
     def _judge_parts(self, arrival: Arrival, entry: Entry, recording: Recording, refused: list[str]) -> None:
         """Judge a recording; what cannot be is added to `refused`, and what can is done all the same."""
-        try:
+        with self._refusing(recording.source, refused):
             self._insist(partial(self.judge.check, entry))
             for part in self.judge.parts(recording):
-                try:
+                with self._refusing(part.source, refused):
                     self._judge_one(arrival, entry, part)
-                except (HistoryFormError, StoppedError):
-                    raise
-                except EmaphmError as error:
-                    refused.append(str(error))
-        except (HistoryFormError, StoppedError, EndedError, MemoryError):
+
+    @contextmanager
+    def _refusing(self, name: str, refused: list[str]) -> Iterator[None]:
+        """Add to `refused` why the body cannot be done, so that what else arrives is judged all the same."""
+        try:
+            yield
+        except (HistoryFormError, StoppedError, EndedError):
             raise
         except EmaphmError as error:
             refused.append(str(error))
+        except MemoryError:
+            refused.append(f"{name}: {TOO_MUCH_MEMORY}")
         except Exception as error:  # noqa: BLE001 - a defect of ours must not end the watching of all others
             self.say("".join(traceback.format_exception(error)).strip())
-            refused.append(f"{recording.source}: a defect of emaphm, please report it: {error!r}")
+            refused.append(f"{name}: a defect of emaphm, please report it: {error!r}")
 
     def _judge_one(self, arrival: Arrival, entry: Entry, part: Recording) -> None:
         diagnosis = self._insist(lambda: self.judge.judged(entry, part))

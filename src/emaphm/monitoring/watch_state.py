@@ -16,9 +16,19 @@ from emaphm.history.schema import check_revision
 from emaphm.history.tables import DELIVERED, WATCHED_FILES, WATCHED_ROWS
 from emaphm.history.writing import storable
 
-JUDGED, REFUSED, CHANGED, TRIED, SET_ASIDE = OUTCOMES = ("judged", "refused", "changed", "tried", "set aside")
-"""What became of a file. Changed: after it was judged. Tried: the process that judged it has died of it once,
-it is tried once more; set aside: that happened twice, it is never tried again."""
+JUDGED, PARTLY, AGAIN, REFUSED, CHANGED, TRIED, SET_ASIDE = OUTCOMES = (
+    "judged",
+    "partly",
+    "again",
+    "refused",
+    "changed",
+    "tried",
+    "set aside",
+)
+"""What became of a file. Partly: something of it is judged and something refused; again: so by an earlier
+run, what was refused is to be tried again. Changed: after something of it was judged. Tried: the process that
+judged it has died of it once, it is tried once more; set aside: that happened twice, it is never tried
+again."""
 
 _Put = tuple[sa.Table, Mapping[str, Any], Mapping[str, Any]]
 """A row of a table: what it is found by, and what is written."""
@@ -72,14 +82,13 @@ class WatchState:
             }
 
     def forget_refused(self) -> None:
-        """Let the files that were refused be tried again."""
+        """Let the files be tried again that were refused, or of which something was."""
+        mine = WATCHED_FILES.c.watcher == self.watcher
         with self.history.database.writing() as connection:
             check_revision(connection, self.history.database.address.shown)
-            connection.execute(
-                WATCHED_FILES.delete().where(
-                    WATCHED_FILES.c.watcher == self.watcher, WATCHED_FILES.c.outcome == REFUSED
-                )
-            )
+            connection.execute(WATCHED_FILES.delete().where(mine, WATCHED_FILES.c.outcome == REFUSED))
+            partly = WATCHED_FILES.update().where(mine, WATCHED_FILES.c.outcome == PARTLY)
+            connection.execute(partly.values(outcome=AGAIN))
 
     def finish_file(self, file: WatchedFile, events: Sequence[Event] = ()) -> int:
         """Note what became of a file, and add events, in one step; return how many of these are new."""

@@ -16,6 +16,7 @@ from emaphm.fleet.synthetic.recordings import PART_NUMBER, fleet_actuator
 from emaphm.fleet.synthetic.tasks import diagnose_flight, record_unit
 from emaphm.fleet.synthetic.unit import SyntheticUnit, drawn_unit
 from emaphm.history import Entry, Finding, History, Removal
+from emaphm.history.fingerprint import recording_hash
 from emaphm.prognosis import Evidence
 from emaphm.recording import read_recording
 
@@ -61,7 +62,8 @@ def run_chain(chain: Chain, *, simulate_only: bool = False) -> list[SyntheticUni
     Raises
     ------
     ExecutionError
-        The folder holds another fleet, workers cannot be used, or some tasks failed; the others are kept.
+        The folder or the named history holds another fleet, workers cannot be used, or some tasks failed; the
+        others are kept.
     HistoryError, OutputError
         The history or the folder cannot be used.
     """
@@ -107,7 +109,7 @@ def _diagnose(chain: Chain, units: list[SyntheticUnit], history: History) -> Non
     actuator, expected, seed = fleet_actuator(chain.plan.drawn_from), revision(), chain.plan.seed
     place = FleetFolder(chain.folder.path.absolute())
     flights = [flight for unit in units for flight in place.flights(unit, chain.plan)]
-    known = {(unit.serial_number, one.hours) for unit in history.units(PART_NUMBER) for one in unit.flights()}
+    known = _known(chain, flights, history)
 
     def is_missing(flight: CheckFlight) -> bool:
         if (flight.unit, flight.hours) not in known:
@@ -134,6 +136,30 @@ def _diagnose(chain: Chain, units: list[SyntheticUnit], history: History) -> Non
         lambda outcome: keep(by_index[outcome.index], outcome.result),
         len(flights),
     )
+
+
+def _known(chain: Chain, flights: list[CheckFlight], history: History) -> set[tuple[str, float]]:
+    """Return unit and hours of the check flights that the history has a recording of.
+
+    Refuses a named history that holds another synthetic fleet, `ExecutionError`: its units would have the
+    serial numbers of these, and each two lives in one.
+    """
+    units = history.units(PART_NUMBER)
+    if chain.history is None:
+        return {(unit.serial_number, one.hours) for unit in units for one in unit.flights()}
+    actuator = fleet_actuator(chain.plan.drawn_from)
+    paths, known = {(one.unit, one.hours): one.path for one in flights}, set[tuple[str, float]]()
+    for unit in units:
+        for one in unit.diagnoses():
+            key = (unit.serial_number, one.hours)
+            path = paths.get(key)
+            if path is None or recording_hash(read_recording(path, actuator)) != one.recording_hash:
+                raise ExecutionError(
+                    f"{history.database.address.shown}: unit '{unit.serial_number}' there is of another "
+                    "synthetic fleet; give each fleet a history of its own with --db"
+                )
+            known.add(key)
+    return known
 
 
 def _entry(flight: CheckFlight) -> Entry:

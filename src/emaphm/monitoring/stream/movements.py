@@ -56,39 +56,52 @@ class Gathering:
     `longest_s` or `most_rows` is passed on as far as it is held; the rest, until the command rests, is
     skipped: how the actuator stood at its beginning is not known. So it is behind a gap of less than
     `rest_s`. A longer one is taken for a recorder that was switched off.
+
+    The first rows are taken to begin where the actuator rests, as those of a file, unless `waits_for_rest`.
+    What moves is known by the range of the command, without what a single row exceeds: that may be a value
+    that was recorded or sent wrongly.
     """
 
     settings: StreamSettings
+    waits_for_rest: bool = False
     skipped: int = 0
     _columns: dict[str, "array[float]"] = field(default_factory=dict)
     _times: "array[float]" = field(default_factory=lambda: array("d"))
-    _previous: float = -math.inf
+    _previous: float = math.nan
     _least: float = math.inf
     _most: float = -math.inf
+    _last: float = math.nan
     _reference: float = math.nan
     _rest_from: float = 0.0
     _moves_from: float = 0.0
     _moves: bool = False
-    _waits_for_rest: bool = False
 
     def add(self, time_s: float, command: float, numbers: Mapping[str, float]) -> Iterator[Movement]:
         """Add a row; yield the movement that it ends, without it where it is behind a gap."""
         yield from self._cut_at_gap(time_s)
-        self._previous = time_s
-        self._follow(time_s, command)
-        rests = time_s - self._rest_from >= self.settings.rest_s
-        if self._waits_for_rest and not rests:
+        has_moved = self._follow(time_s, command)
+        rests = self._rests(time_s)
+        if self.waits_for_rest and not rests:
             self.skipped += 1
             return
-        self._waits_for_rest = False
+        self.waits_for_rest = False
+        if has_moved and not self._moves:
+            self._moves, self._moves_from = True, time_s
         self._keep(time_s, numbers)
         if self._moves and rests:
             yield from self.end()
         elif self._moves and self._is_full(time_s):
             yield from self.end()
-            self._waits_for_rest = True
+            self.waits_for_rest = True
         elif not self._moves and time_s - self._times[0] > 2 * self.settings.rest_s:
             self._forget(len(self._times) // 2)
+
+    def pass_over(self, time_s: float, command: float) -> None:
+        """Follow a row that was judged before: what goes on from a motion there is skipped."""
+        if self._follow(time_s, command):
+            self.waits_for_rest = True
+        elif self._rests(time_s):
+            self.waits_for_rest = False
 
     def end(self) -> Iterator[Movement]:
         """Yield what is held if it moves, and begin anew."""
@@ -102,28 +115,33 @@ class Gathering:
         """Yield what is held, as `end`; if it moves, what follows it without a rest is skipped."""
         was_moving = self._moves
         yield from self.end()
-        self._waits_for_rest = self._waits_for_rest or was_moving
+        self.waits_for_rest = self.waits_for_rest or was_moving
 
     def _cut_at_gap(self, time_s: float) -> Iterator[Movement]:
         step = time_s - self._previous
         held = len(self._times)
         if step >= self.settings.rest_s:
             yield from self.end()
-            self._reference, self._waits_for_rest = math.nan, False
+            self._reference, self.waits_for_rest = math.nan, False
         elif held > 1 and step > GAPS * (self._times[-1] - self._times[0]) / (held - 1):
             yield from self.interrupt()
             self._rest_from = time_s
 
-    def _follow(self, time_s: float, command: float) -> None:
-        """Note whether the command moves, and since when it rests."""
-        self._least, self._most = min(self._least, command), max(self._most, command)
-        if math.isnan(self._reference):
-            self._reference, self._rest_from = command, time_s
-        elif abs(command - self._reference) > AT_REST * (self._most - self._least):
-            self._reference, self._rest_from = command, time_s
-            if not self._moves:
-                self._moves_from = time_s
-            self._moves = not self._waits_for_rest
+    def _follow(self, time_s: float, command: float) -> bool:
+        """Return whether the command has moved; note since when it rests."""
+        self._previous = time_s
+        if not math.isnan(self._last):
+            self._least = min(self._least, max(command, self._last))
+            self._most = max(self._most, min(command, self._last))
+        self._last = command
+        is_first = math.isnan(self._reference)
+        if not is_first and abs(command - self._reference) <= AT_REST * max(self._most - self._least, 0.0):
+            return False
+        self._reference, self._rest_from = command, time_s
+        return not is_first
+
+    def _rests(self, time_s: float) -> bool:
+        return time_s - self._rest_from >= self.settings.rest_s
 
     def _keep(self, time_s: float, numbers: Mapping[str, float]) -> None:
         if not self._times:

@@ -56,6 +56,10 @@ class _Flight:
     judged: RowsJudged | None
     read_at: float = 0.0
 
+    def moves_until(self, time_s: float, rest_s: float) -> bool:
+        """Whether a row at this time goes on from a motion, or from rows that were left out."""
+        return self.gathering.waits_for_rest and 0 < time_s - self.order.last < rest_s
+
 
 @dataclass(eq=False)
 class StreamSource:
@@ -87,6 +91,7 @@ class StreamSource:
         self._entries: dict[tuple[object, ...], Entry | str] = {}
         self._seconds = _seconds(self.actuator.channels.time_s)
         self._flights: dict[str, _Flight] = {}
+        self._gave_way: dict[str, _Flight] = {}
         self._skipped: dict[str, int] = {}
         self._said_at = -math.inf
         self._is_held_back = False
@@ -219,17 +224,21 @@ class StreamSource:
 
     def _row(self, row: Cells) -> None:
         time_s, command = self._time(row), row.get(self._column("command_rad", row))
-        if time_s is None or not isinstance(command, float) or math.isnan(command):
+        if time_s is None or not isinstance(command, float) or not math.isfinite(command):
             self._skip("without a time or a command")
             return
         entry = self._entry(row)
         if isinstance(entry, str):
             self._skip(entry)
             return
-        flight = self._flight(entry)
+        flight = self._flight(entry, time_s)
+        if flight is None:
+            self._skip(f"of more than {self.settings.most_units} units at once")
+            return
         flight.read_at = time.monotonic()
         if flight.judged is not None:
             if flight.judged.covers(entry.hours, time_s):
+                flight.gathering.pass_over(time_s, command)
                 self._skip("that were judged before")
                 return
             flight.judged = self._judged[entry.unit] = None
@@ -254,28 +263,51 @@ class StreamSource:
                 self._entries[key] = str(error).removeprefix("row: ")
         return self._entries[key]
 
-    def _flight(self, entry: Entry) -> _Flight:
-        """Return what is held of a unit, after ending its flight before."""
+    def _flight(self, entry: Entry, time_s: float) -> _Flight | None:
+        """Return what is held of a unit, after ending its flight before; None where there is no place."""
         held = self._flights.get(entry.unit)
-        if held is not None and held.entry == entry:
+        if held is not None and held.entry.hours == entry.hours:
             return held
         if held is not None:
             self._end(held)
-        elif len(self._flights) >= self.settings.most_units:
-            self._end(min(self._flights.values(), key=lambda one: one.read_at))
+        elif not self._has_place(entry, time_s):
+            return None
+        before = held or self._gave_way.pop(entry.unit, None)
+        waits = before is not None and before.moves_until(time_s, self.settings.rest_s)
+        gathering = Gathering(self.settings, waits_for_rest=waits)
         judged = self._judged.get(entry.unit)
         if judged is not None and judged.hours < entry.hours:
             judged = None
         last = judged.time_s if judged is not None and judged.hours == entry.hours else -math.inf
-        made = _Flight(entry, RowOrder(self.settings.reorder_rows, last), Gathering(self.settings), judged)
+        made = _Flight(entry, RowOrder(self.settings.reorder_rows, last), gathering, judged)
         self._flights[entry.unit] = made
         return made
+
+    def _has_place(self, entry: Entry, time_s: float) -> bool:
+        """Return whether a further unit may be held, after ending the one that was read longest ago.
+
+        One that comes back in the flight in which it gave way has no place while the others are read: else
+        each would end the next, and no movement would be whole.
+        """
+        if len(self._flights) < self.settings.most_units:
+            return True
+        oldest = min(self._flights.values(), key=lambda one: one.read_at)
+        again = self._gave_way.get(entry.unit)
+        is_read = time.monotonic() - oldest.read_at < self.settings.idle_s
+        if again is not None and again.entry.hours == entry.hours and is_read:
+            again.order.last, again.gathering.waits_for_rest = time_s, True
+            return False
+        self._end(oldest)
+        self._gave_way[oldest.entry.unit] = oldest
+        return True
 
     def _gather(self, flight: _Flight, time_s: float, row: Cells) -> None:
         command = row[self._column("command_rad", row)]
         numbers = {name: value for name, value in row.items() if isinstance(value, float)}
         assert isinstance(command, float)  # noqa: S101 - for the type checker, `_row` has looked
+        skipped = flight.gathering.skipped
         self._hand_over(flight, flight.gathering.add(time_s, command, numbers))
+        self._skip("in a movement whose beginning is not known", flight.gathering.skipped - skipped)
 
     def _hand_over(self, flight: _Flight, movements: Iterator[Movement]) -> None:
         for movement in movements:
@@ -292,9 +324,8 @@ class StreamSource:
     def _end(self, flight: _Flight) -> None:
         for passed in flight.order.flush():
             self._gather(flight, *passed)
-        self._hand_over(flight, flight.gathering.end())
+        self._hand_over(flight, flight.gathering.interrupt())
         self._skip("late, or with a time that was there before", flight.order.left_out)
-        self._skip("in a movement whose beginning is not known", flight.gathering.skipped)
         del self._flights[flight.entry.unit]
 
     def _judge_what_is_there(self) -> None:
