@@ -52,9 +52,14 @@ class Fellows:
     exponents: Array
 
     def pooled(
-        self, times: "FailureTimes", belief: "Belief", evidence: "Evidence", ahead: Stress | None
+        self,
+        times: "FailureTimes",
+        level: Array,
+        belief: "Belief",
+        evidence: "Evidence",
+        ahead: Stress | None,
     ) -> "FailureTimes":
-        """Return the failure times of a forecast with n / (n + 8) of its paths drawn by the fellows' pace.
+        """Return the failure times of a forecast, n / (n + 8) of its paths that work by the fellows' pace.
 
         n is the number of fellows. It stays as it is where a limit is on a measure or passed by a new unit,
         where they are fewer than 8 or none has shown any pace, where the last diagnosis knows a level worse
@@ -62,6 +67,8 @@ class Fellows:
 
         Parameters
         ----------
+        level
+            Where the paths begin, (n, 8): by the belief, as the last diagnosis alone errs.
         belief
             That the forecast was made from: hours and seed are its.
         evidence
@@ -83,17 +90,15 @@ class Fellows:
         population = self._population(times.limits, belief.seed)
         if population is None or not any(one.passed for one in gone):
             return times
-        count = times.hours.shape[1]
         random = stream(belief.seed, "fellows' pace", evidence.unit, belief.steps)
         share = len(self.units) / (len(self.units) + WEIGHT_OF_FILTER)
-        chosen = random.permutation(count)[: round(share * count)]
+        working = np.flatnonzero(times.first > 0)
+        chosen = random.permutation(working)[: round(share * working.size)]
         hours = times.hours.copy()
         for i, limit in enumerate(times.limits):
-            column, age = _columns(limit)[0], ways[i][0]
-            drawn = hours_left(population, i, gone[i], 2 * chosen.size, random)
+            column = _columns(limit)[0]
             now = self._aged(evidence, column, born[i], belief.hours)
-            since = now - (age[-1] if age.size else 0.0)
-            drawn = _after(drawn, since, chosen.size)
+            drawn = hours_left(population, i, gone[i].waiting(now), self._gone(limit, level[chosen]), random)
             hours[i, chosen] = drawn / self._pace(evidence, column, belief.hours, ahead)
         return replace(times, hours=hours)
 
@@ -143,8 +148,12 @@ class Fellows:
         column = _columns(limit)[0]
         seen = [one for one in unit.used if born < one.hours <= until and self._is_known(one, limit)]
         level = np.array([one.level for one in seen]).reshape(len(seen), len(CARTESIAN_NAMES))
-        way = 1 - limit.margin(level_of(level, str(limit.component))) / self._whole(limit)
-        return np.array([self._aged(unit, column, born, one.hours) for one in seen]), np.asarray(way)
+        ages = np.array([self._aged(unit, column, born, one.hours) for one in seen])
+        return ages, self._gone(limit, level)
+
+    def _gone(self, limit: "Limit", level: Array) -> Array:
+        """Return the share of the way that is gone at levels (n, 8), shape (n,)."""
+        return np.asarray(1 - limit.margin(level_of(level, str(limit.component))) / self._whole(limit))
 
     def _whole(self, limit: "Limit") -> float:
         """Return the whole way: the margin that a new unit has."""
@@ -180,12 +189,3 @@ def _ahead(age: Array, way: Array, end: float) -> float:
     hours = ages[1] - ages[0]
     slope = max((ways[1] - ways[0]) / hours, 0.0) if hours > 0 else 0.0
     return float(ways[1] + slope * (end - ages[1]))
-
-
-def _after(hours: Array, since: float, count: int) -> Array:
-    """Return `count` of the `hours` (n,) that are left `since` [h] later, of a component that works then."""
-    left = hours - since
-    works = left[left > 0]
-    if not works.size:
-        return np.zeros(count)
-    return np.resize(works, count)

@@ -41,17 +41,20 @@ class FailureTimes:
         failed = self.hours.argmin(axis=0)[np.isfinite(self.first)]
         return int(np.bincount(failed).argmax()) if failed.size else None
 
-    def by_fleet(self, belief: "Belief", evidence: "Evidence", ahead: "Stress | None") -> "FailureTimes":
+    def by_fleet(
+        self, level: Array, belief: "Belief", evidence: "Evidence", ahead: "Stress | None"
+    ) -> "FailureTimes":
         """Return those of a forecast from `belief` as the fleet changes them.
 
         Its record of predictions corrects them, and they are pooled with those by its units' pace
-        (`Fellows.pooled`). `evidence` is of the unit, `ahead` the stress to come.
+        (`Fellows.pooled`). `level` (n, 8) is where the paths begin, `evidence` is of the unit, `ahead` the
+        stress to come.
         """
         recalibration, fellows = belief.prior.recalibration, belief.prior.fellows
         times = self
         if recalibration is not None:
             times = replace(self, hours=recalibration.corrected(self.hours, belief.age))
-        return times if fellows is None else fellows.pooled(times, belief, evidence, ahead)
+        return times if fellows is None else fellows.pooled(times, level, belief, evidence, ahead)
 
 
 def failure_times(made: Paths, requirements: Requirements, *, seed: int) -> FailureTimes:
