@@ -208,6 +208,19 @@ def test_a_last_diagnosis_beyond_the_limit_fails_only_what_the_filter_says_has_f
     assert np.mean(found[found > 0] != 500.0) == pytest.approx(24 / 32, abs=0.01)
 
 
+def test_a_unit_passes_a_wider_limit_after_a_tighter_one_by_the_pace_too() -> None:
+    one, by = unit(2500.0, 100, 1800.0), of(fellows())
+    bounds = (0.63, LIMIT)
+    requirements = tuple(Requirement(component="friction", at_most=bound) for bound in bounds)
+    limits = Requirements(ACTUATOR.model_copy(update={"requirements": requirements})).limits
+    times, belief = np.full((2, 400), 2000.0), replace(Belief.new(Prior()), hours=one.hours)
+    hours = by.pooled(FailureTimes(limits, times), last_level(one, times), belief, one, None).hours
+    assert np.all(hours[0] >= hours[1])
+    alone = pooled(by, one, times[1:])
+    # Medians of samples of another population's draws, of the same fellows.
+    assert np.median(hours.min(axis=0)) == pytest.approx(np.median(alone), rel=0.1)
+
+
 def test_a_unit_that_has_gone_nowhere_is_the_filters() -> None:
     times = np.linspace(1000.0, 3000.0, 50)[np.newaxis]
     for one in (Evidence("new", "part", 0.0), unit(2500.0, 100, 400.0)):

@@ -178,6 +178,25 @@ def test_a_measure_fails_where_its_level_does() -> None:
     assert responsible(made, times, 1, requirements) == "backlash"
 
 
+def test_a_wider_limit_shortens_no_life() -> None:
+    """Of a level that scatters much; all limits of each component are passed by the same path."""
+    random, hours = np.random.default_rng(0), np.linspace(0, 1000, 6)
+    level = np.tile(NEW, (6, 400, 1))
+    level[1:, :, 0] = 0.12 * np.arange(1, 6)[:, np.newaxis] + 0.05 * random.standard_normal((5, 400))
+    made = Paths(hours, level, np.full((5, 400, 8), 0.01))
+    one, several = (
+        failure_times(
+            made,
+            Requirements(requiring(*(Requirement(component="friction", at_most=x) for x in bounds))),
+            seed=0,
+        )
+        for bounds in ((0.4,), (0.5, 0.4, 0.41))
+    )
+    assert np.array_equal(several.first, one.first)
+    assert several.limits[several.commonest or 0].bound == 0.4
+    assert np.all(several.hours[0] >= several.hours[2])
+
+
 @pytest.mark.evidence
 @pytest.mark.usefixtures("few_paths")
 def test_transforms_of_units_from_the_prior_are_uniform() -> None:

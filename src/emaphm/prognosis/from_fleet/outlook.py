@@ -100,6 +100,9 @@ class Fellows:
             now = self._aged(evidence, column, born[i], belief.hours)
             drawn = hours_left(population, i, gone[i].waiting(now), self._gone(limit, level[chosen]), random)
             hours[i, chosen] = drawn / self._pace(evidence, column, belief.hours, ahead)
+        for side in times.sides:
+            rows = np.array(side)[:, np.newaxis]
+            hours[rows, chosen] = _as_of_one_path(hours[rows, chosen])
         return replace(times, hours=hours)
 
     @cached_property
@@ -189,3 +192,12 @@ def _ahead(age: Array, way: Array, end: float) -> float:
     hours = ages[1] - ages[0]
     slope = max((ways[1] - ways[0]) / hours, 0.0) if hours > 0 else 0.0
     return float(ways[1] + slope * (end - ages[1]))
+
+
+def _as_of_one_path(hours: Array) -> Array:
+    """Return `hours` (k, n) of limits on one side of a level, the tightest first, as of n paths.
+
+    What passes one limit early passes all of them early, and none before a tighter one.
+    """
+    rank = hours[0].argsort().argsort()
+    return np.asarray(np.maximum.accumulate(np.sort(hours, axis=1)[:, rank], axis=0))

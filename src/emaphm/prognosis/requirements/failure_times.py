@@ -1,5 +1,6 @@
 """When each path of a forecast fails each requirement, and which component is responsible."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -36,6 +37,11 @@ class FailureTimes:
         return np.asarray(self.hours.min(axis=0))
 
     @property
+    def sides(self) -> list[list[int]]:
+        """Places of the limits on one side of one level, for each such side, the tightest first."""
+        return sides_of(self.limits)
+
+    @property
     def commonest(self) -> int | None:
         """The limit that most paths fail first; None where none fails."""
         failed = self.hours.argmin(axis=0)[np.isfinite(self.first)]
@@ -60,7 +66,8 @@ class FailureTimes:
 def failure_times(made: Paths, requirements: Requirements, *, seed: int) -> FailureTimes:
     """Return when the paths fail the requirements of an actuator.
 
-    A level's first passage is exact between two times of the forecast (`first_passage`). That of a measure is
+    A level's first passage is exact between two times of the forecast (`first_passage`), those of several
+    limits on one side of it are of one path: a wider limit fails after a tighter one. That of a measure is
     found by bisection along each path at those times: it takes a measure that has failed to stay so.
 
     Raises
@@ -69,11 +76,15 @@ def failure_times(made: Paths, requirements: Requirements, *, seed: int) -> Fail
         The averaged model did not stay finite.
     """
     random = stream(seed, "forecast", "first passage")
-    rows = {
-        i: first_passage(made.hours, *_margin_of_level(made, limit), random)
-        for i, limit in enumerate(requirements.limits)
-        if limit.component is not None
-    }
+    rows: dict[int, Array] = {}
+    for side in sides_of(requirements.limits):
+        passed: Array | float = 0.0
+        tighter = requirements.limits[side[0]]
+        for i in side:
+            limit = requirements.limits[i]
+            ahead = abs(limit.bound - tighter.bound)
+            passed = first_passage(made.hours, *_margin_of_level(made, limit), random, passed, ahead)
+            rows[i], tighter = passed, limit
     measures = [limit for limit in requirements.limits if limit.component is None]
     if measures:
         rows |= {
@@ -81,6 +92,18 @@ def failure_times(made: Paths, requirements: Requirements, *, seed: int) -> Fail
             for limit, times in zip(measures, _of_measures(made, requirements, measures), strict=True)
         }
     return FailureTimes(requirements.limits, np.stack([rows[i] for i in range(len(rows))]))
+
+
+def sides_of(limits: Sequence[Limit]) -> list[list[int]]:
+    """Return the places of the `limits` on one side of one level, for each such side, the tightest first."""
+    found: dict[tuple[str, bool], list[int]] = {}
+    for i, one in enumerate(limits):
+        if one.component is not None:
+            found.setdefault((one.component, one.upper), []).append(i)
+    return [
+        sorted(side, key=lambda i: limits[i].bound if limits[i].upper else -limits[i].bound)
+        for side in found.values()
+    ]
 
 
 def responsible(made: Paths, times: FailureTimes, limit: int, requirements: Requirements) -> str | None:
