@@ -208,6 +208,13 @@ def test_a_last_diagnosis_beyond_the_limit_fails_only_what_the_filter_says_has_f
     assert np.mean(found[found > 0] != 500.0) == pytest.approx(24 / 32, abs=0.01)
 
 
+def test_a_unit_that_has_outlived_the_pace_of_its_fellows_is_the_filters() -> None:
+    by, times = of(fellows()), np.full((1, 400), 900.0)
+    seen = unit(2500.0, 100, 1800.0)
+    assert np.mean(pooled(by, replace(seen, hours=1900.0), times) != 900.0) > 0.7
+    assert pooled(by, replace(seen, hours=9000.0), times).tolist() == times[0].tolist()
+
+
 def test_a_unit_passes_a_wider_limit_after_a_tighter_one_by_the_pace_too() -> None:
     one, by = unit(2500.0, 100, 1800.0), of(fellows())
     bounds = (0.63, LIMIT)

@@ -36,6 +36,12 @@ LARGEST_ERROR = 0.05
 LARGEST_SURPRISE = 0.5
 """Probability that the last diagnosis of a level is an outlier or a jump: a pace takes it as stated."""
 
+LEAST_WORKING = 0.05
+"""Probability by the fellows' pace that a unit which works does so, below which their pace is not its own."""
+
+DRAWN = 400
+"""Lives by the fellows' pace of which that probability is taken: right to 1 %, one standard error."""
+
 POPULATIONS: Memory[Population | None] = Memory(40)
 
 
@@ -63,7 +69,8 @@ class Fellows:
 
         n is the number of fellows. It stays as it is where a limit is on a measure or passed by a new unit,
         where they are fewer than 8 or none has shown any pace, where the last diagnosis knows a level worse
-        than to 5 % of its way, where the unit has gone no tenth of any way, and where most paths have failed.
+        than to 5 % of its way, where the unit has gone no tenth of any way, where it has worked for longer
+        since its last diagnosis than 95 % of its fellows would, and where most paths have failed.
 
         Parameters
         ----------
@@ -97,8 +104,12 @@ class Fellows:
         hours = times.hours.copy()
         for i, limit in enumerate(times.limits):
             column = _columns(limit)[0]
-            now = self._aged(evidence, column, born[i], belief.hours)
-            drawn = hours_left(population, i, gone[i].waiting(now), self._gone(limit, level[chosen]), random)
+            age, now = ways[i][0], self._aged(evidence, column, born[i], belief.hours)
+            since = now - age[-1] if age.size else 0.0
+            if _has_outlived(population, i, gone[i], since, random):
+                return times
+            share_now = self._gone(limit, level[chosen])
+            drawn = hours_left(population, i, gone[i].waiting(now), share_now, random)
             hours[i, chosen] = drawn / self._pace(evidence, column, belief.hours, ahead)
         for side in times.sides:
             rows = np.array(side)[:, np.newaxis]
@@ -192,6 +203,19 @@ def _ahead(age: Array, way: Array, end: float) -> float:
     hours = ages[1] - ages[0]
     slope = max((ways[1] - ways[0]) / hours, 0.0) if hours > 0 else 0.0
     return float(ways[1] + slope * (end - ages[1]))
+
+
+def _has_outlived(
+    population: Population, component: int, last: Passages, since: float, random: np.random.Generator
+) -> bool:
+    """Return whether what works `since` its `last` diagnosis [h] has outlived the pace of its fellows.
+
+    From as far back on its way as a diagnosis that teaches may err.
+    """
+    if since <= 0:
+        return False
+    left = hours_left(population, component, last, np.full(DRAWN, last.share - LARGEST_ERROR), random)
+    return bool(np.mean(left > since) < LEAST_WORKING)
 
 
 def _as_of_one_path(hours: Array) -> Array:
