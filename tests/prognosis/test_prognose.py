@@ -143,9 +143,10 @@ def test_what_no_diagnosis_sees_is_taken_as_healthy_and_named() -> None:
     observations = tuple(
         Observation(one.hours, one.level, one.covariance, unseen) for one in wearing(10).observations
     )
-    made = prognose(Evidence("S1", "P1", 500.0, observations), THESIS)
+    narrow = requiring(Requirement(component="short_a", at_most=0.02))
+    made = prognose(Evidence("S1", "P1", 500.0, observations), narrow, Question(horizon=20_000.0))
     assert "never seen by a diagnosis, and taken as healthy: short_a, short_b, short_c" in made.notes
-    assert made.probabilities()["short_a at most 1"] == 0
+    assert made.probabilities()["short_a at most 0.02"] == 0
 
 
 @pytest.mark.usefixtures("few_paths")

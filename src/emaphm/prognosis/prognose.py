@@ -214,6 +214,7 @@ def _paths(
     made, hidden = paths(state, belief.prior, seed=belief.seed, pace=pace, settings=settings), ~evidence.seen
     if hidden.any():
         made.level[:, :, hidden] = NEW[hidden]
+        made.noise[:, :, hidden] = 0.0
     return made
 
 
