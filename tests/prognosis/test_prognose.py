@@ -179,6 +179,16 @@ def test_a_measure_fails_where_its_level_does() -> None:
     assert responsible(made, times, 1, requirements) == "backlash"
 
 
+def test_a_measure_that_fails_whatever_the_faults_has_no_component() -> None:
+    """A step against a load that is larger than the motor's torque does not settle."""
+    requirements = Requirements(requiring(Requirement(measure="settling_time", at_most=0.1, load=5.0)))
+    hours, level = np.array([0.0, 100.0]), np.tile(NEW, (2, 5, 1))
+    made = Paths(hours, level, np.zeros((1, 5, 8)))
+    times = failure_times(made, requirements, seed=0)
+    assert not times.first.any()
+    assert responsible(made, times, 0, requirements) is None
+
+
 def test_a_wider_limit_shortens_no_life() -> None:
     """Of a level that scatters much; all limits of each component are passed by the same path."""
     random, hours = np.random.default_rng(0), np.linspace(0, 1000, 6)

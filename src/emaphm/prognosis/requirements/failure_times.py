@@ -107,9 +107,10 @@ def sides_of(limits: Sequence[Limit]) -> list[list[int]]:
 
 
 def responsible(made: Paths, times: FailureTimes, limit: int, requirements: Requirements) -> str | None:
-    """Return the component whose degradation makes most paths fail a limit; None where none fails it.
+    """Return the component whose degradation makes most paths fail a limit; None where none does.
 
-    Of a measure: the component without whose fault the margin at the failure would be largest.
+    Of a measure: the component without whose fault the margin at the failure would be largest. Failures at
+    which it would be the same without any of the faults count for none.
     """
     chosen = times.limits[limit]
     if chosen.component is not None:
@@ -122,8 +123,11 @@ def responsible(made: Paths, times: FailureTimes, limit: int, requirements: Requ
     without = np.repeat(vectors[np.newaxis], len(COMPONENTS), axis=0)
     for i, name in enumerate(COMPONENTS):
         without[i, :, NAMES.index(name)] = HEALTHY.vector[NAMES.index(name)]
-    margins = requirements.margins(without.reshape(-1, len(NAMES)), [chosen])
-    best = margins.reshape(len(COMPONENTS), -1).argmax(axis=0)
+    margins = requirements.margins(without.reshape(-1, len(NAMES)), [chosen]).reshape(len(COMPONENTS), -1)
+    margins = margins[:, margins.max(axis=0) > margins.min(axis=0)]
+    if not margins.size:
+        return None
+    best = margins.argmax(axis=0)
     return COMPONENTS[int(np.bincount(best, minlength=len(COMPONENTS)).argmax())]
 
 
