@@ -93,6 +93,15 @@ def test_a_requirement_that_no_fault_can_violate_is_named() -> None:
 
 
 @pytest.mark.usefixtures("few_paths")
+def test_a_level_cannot_fall_below_the_end_of_its_scale() -> None:
+    """As `failure_levels` has it of a healthy unit, of which diagnoses scatter to both sides of 0."""
+    made = prognose(wearing(6, rate=0.0), requiring(Requirement(component="friction", at_least=0.0)))
+    assert math.isinf(made.median)
+    assert made.probability_of_failure == 0
+    assert "no single fault at the end of its scale violates: friction at least 0" in made.notes
+
+
+@pytest.mark.usefixtures("few_paths")
 def test_an_unexplained_diagnosis_is_not_fed() -> None:
     usual = wearing(8)
     odd = observation(390.0, friction=0.9, explained=False)

@@ -292,7 +292,7 @@ def _notes(evidence: Evidence, requirements: Requirements, times: FailureTimes, 
     never = [
         limit
         for limit, row in zip(times.limits, times.hours, strict=True)
-        if limit.component is None and not np.isfinite(row).any()
+        if (limit.component is None or limit.holds_always) and not np.isfinite(row).any()
     ]
     harmless = [one.label for one in never if not requirements.can_fail(one)]
     if harmless:

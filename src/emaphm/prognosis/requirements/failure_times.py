@@ -67,7 +67,8 @@ def failure_times(made: Paths, requirements: Requirements, *, seed: int) -> Fail
     """Return when the paths fail the requirements of an actuator.
 
     A level's first passage is exact between two times of the forecast (`first_passage`), those of several
-    limits on one side of it are of one path: a wider limit fails after a tighter one. That of a measure is
+    limits on one side of it are of one path: a wider limit fails after a tighter one. A limit at the end of
+    the scale, where the level is healthy, does not fail: only noise is beyond it. That of a measure is
     found by bisection along each path at those times: it takes a measure that has failed to stay so.
 
     Raises
@@ -84,7 +85,7 @@ def failure_times(made: Paths, requirements: Requirements, *, seed: int) -> Fail
             limit = requirements.limits[i]
             ahead = abs(limit.bound - tighter.bound)
             passed = first_passage(made.hours, *_margin_of_level(made, limit), random, passed, ahead)
-            rows[i], tighter = passed, limit
+            rows[i], tighter = np.where(limit.holds_always, np.inf, passed), limit
     measures = [limit for limit in requirements.limits if limit.component is None]
     if measures:
         rows |= {
