@@ -22,6 +22,23 @@ def test_a_unit_of_known_life_is_replaced_before_the_risk_is_too_large() -> None
     assert given.action == "replace before"
     assert given.hours == pytest.approx(550.0)
     assert given.risk == pytest.approx(0.05, abs=0.002)
+    assert given.risk <= 0.05
+
+
+def test_the_risk_that_is_stated_is_that_of_the_sample() -> None:
+    """Of 1,000 paths: 600 have failed, 300 have, and 50 fail before the one that exceeds 5 %."""
+    sample = np.linspace(1, 1000, 1000)
+    for failed, expected in ((600, 0.6), (300, 0.3), (20, 0.05)):
+        given = advice(np.where(sample <= failed, 0.0, sample), 900.0, risk=0.05)
+        assert given.risk == expected, failed
+
+
+def test_a_risk_that_the_paths_do_not_resolve_is_said_to_be_one() -> None:
+    sample = np.linspace(100, 1000, 1000)
+    given = advice(sample, 5000.0, risk=1e-4)
+    assert (given.hours, given.risk) == (100.0, 0.0)
+    assert "the first of 1000 paths, too few for a risk of 0.01 %, fails then" in given.reason
+    assert "paths" not in advice(sample, 5000.0, risk=1e-3).reason
 
 
 def test_where_little_is_known_an_inspection_comes_first() -> None:

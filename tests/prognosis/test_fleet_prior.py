@@ -1,5 +1,6 @@
 """What other units teach: the ways that they went, in whose time, and by how much units differ."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -78,6 +79,12 @@ def flown(time: float, amplitude: float, seed: int, upto: float = 2000.0) -> Evi
     return Evidence(f"unit {seed}", "part", upto, tuple(observations))
 
 
+def hastened(unit: Evidence, factor: float) -> Evidence:
+    """Return a unit to which all happens in the hours over `factor`."""
+    observations = tuple(replace(one, hours=one.hours / factor) for one in unit.observations)
+    return replace(unit, hours=unit.hours / factor, observations=observations)
+
+
 @pytest.fixture(scope="module")
 def fleet() -> list[Evidence]:
     times = np.exp(0.2 * np.random.default_rng(1).standard_normal(4))
@@ -89,6 +96,15 @@ def test_a_new_unit_is_believed_to_go_the_way_of_its_fleet(fleet: list[Evidence]
     belief = follow(flown(0.9, 1.0, 99, upto=1200.0), prior).belief
     assert belief.law_probabilities()[0, AS_ANOTHER] > 0.7
     assert belief.law_probabilities()[0].sum() == pytest.approx(1.0)
+
+
+def test_units_that_live_for_a_hundred_hours_teach_a_life_of_as_many(fleet: list[Evidence]) -> None:
+    """All hours a twentieth: the time of the others' way is below the least that a law's has."""
+    prior = fleet_prior([hastened(one, 20.0) for one in fleet[:3]])
+    belief = follow(hastened(flown(0.9, 1.0, 99, upto=1200.0), 20.0), prior).belief
+    as_others = belief.law[:, 0] == AS_ANOTHER
+    assert belief.law_probabilities()[0, AS_ANOTHER] > 0.7
+    assert np.median(belief.life_scale[as_others, 0]) == pytest.approx(0.9 * 2000.0 / 20.0, rel=0.3)
 
 
 def test_units_that_teach_in_any_way_count_once(fleet: list[Evidence]) -> None:

@@ -81,6 +81,19 @@ def test_a_bridge_between_coarse_times_is_exact() -> None:
         assert share == pytest.approx(exact.cdf(t), abs=4 * np.sqrt(0.25 / n)), t
 
 
+def test_from_one_limit_to_a_wider_one_takes_the_hours_of_a_path_that_begins_there() -> None:
+    """A Wiener process begins anew where it is: these hours are inverse Gaussian as well, of the distance."""
+    settings = ForecastSettings(longest_hours=60_000.0, steps=30)
+    made = paths(states(LINEAR, 4000, level=0.2, rate=1e-3), Prior(NOISY), seed=1, settings=settings)
+    level, noise, random = made.level[:, :, 0], made.noise[:, :, 0], np.random.default_rng(4)
+    tight = first_passage(made.hours, 0.4 - level, noise, random)
+    wide = first_passage(made.hours, 0.5 - level, noise, random, tight, 0.1)
+    mean, shape = 0.1 / 1e-3, 0.1**2 / (NOISY.noise**2 / 1000)
+    assert kstest(wide - tight, invgauss(mean / shape, scale=shape).cdf).pvalue > 0.01
+    again = first_passage(made.hours, 0.4 - level, noise, random, tight, 0.0)
+    assert np.array_equal(again, tight)
+
+
 def test_without_noise_a_margin_passes_where_the_line_does() -> None:
     margin = np.array([[1.0, 1.0, -0.1], [0.5, 0.9, 1.0], [-0.5, 0.8, 1.0]])
     passed = first_passage(np.array([0.0, 10.0, 20.0]), margin, np.zeros((2, 3)), np.random.default_rng(0))

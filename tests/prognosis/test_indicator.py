@@ -127,6 +127,8 @@ def _passed(t: np.ndarray, a: float, v: float, q2: float) -> np.ndarray:
         lambda: Indicator("A", 1.0, 1.1, (Reading(4.0, 1.0, 0.04),), 5.0),
         lambda: Indicator("A", 1.0, math.inf, (), 5.0),
         lambda: Indicator("A", 1.0, 2.0, (Reading(6.0, 1.0, 1.0),), 5.0),
+        lambda: Indicator("A", 1.0, 2.0, (), -5.0),
+        lambda: Indicator("A", 1.0, 2.0, (), math.nan),
     ],
 )
 def test_what_is_impossible_is_refused(wrong: object) -> None:

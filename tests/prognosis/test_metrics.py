@@ -96,6 +96,12 @@ def test_the_cone_narrows() -> None:
     assert not alpha_lambda([half], 100.0, 0.0, beta=0.51)
 
 
+def test_a_prediction_at_a_share_of_life_is_found_at_that_share() -> None:
+    """In floating-point numbers, 0.29 × 100 h is less than 29 h."""
+    predictions = [sure(i, 100 - i) for i in range(100)]
+    assert [at_share_of_life(predictions, 100.0, i / 100).hours for i in range(100)] == list(range(100))
+
+
 def test_accuracy_is_of_the_remaining_life_and_not_of_the_whole() -> None:
     """As converted, it is what `progpy` computes on the time of the event."""
     one, failure = sure(80, 30), 100.0

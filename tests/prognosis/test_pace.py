@@ -65,7 +65,13 @@ def of(units: list[Evidence]) -> Fellows:
 def pooled(by: Fellows, evidence: Evidence, times: Array, ahead: Stress | None = None) -> Array:
     born = np.full(8, max((hours for hours, _ in evidence.replacements), default=0.0))
     belief = replace(Belief.new(Prior()), hours=evidence.hours, born=born)
-    return by.pooled(FailureTimes(LIMITS, times), belief, evidence, ahead).first
+    return by.pooled(FailureTimes(LIMITS, times), last_level(evidence, times), belief, evidence, ahead).first
+
+
+def last_level(evidence: Evidence, times: Array) -> Array:
+    """Return levels of each path of the `times`: those of the last diagnosis."""
+    level = evidence.used[-1].level if evidence.used else NEW
+    return np.tile(level, (times.shape[1], 1))
 
 
 def one_class(mean: Array, covariance: Array, at_rest: float = 1e-6) -> Population:
@@ -109,14 +115,17 @@ def test_the_last_step_given_those_before_is_that_of_the_normal_distribution() -
     errors = covariance[:9, :9] + LEAST_VARIANCE * np.eye(9)
     gain = np.linalg.solve(errors, covariance[:9, 9])
     mean, variance = 5.0 + gain @ (gone - 5.0), covariance[9, 9] - gain @ covariance[:9, 9]
-    hours = hours_left(one_class(FLAT, covariance), 0, one, 100_000, np.random.default_rng(1))
+    now = np.full(100_000, SHARES[8])
+    hours = hours_left(one_class(FLAT, covariance), 0, one, now, np.random.default_rng(1))
     assert kstest((np.log(hours) - mean) / np.sqrt(variance), "norm").pvalue > 0.01
 
 
 def test_a_component_that_waits_is_at_rest_as_probably_as_bayes_says() -> None:
     covariance, at_rest, waited = general_covariance(), 0.4, 240.0
     one = Passages.of(np.array([waited]), np.array([0.0]))
-    hours = hours_left(one_class(FLAT, covariance, at_rest), 0, one, 20_000, np.random.default_rng(2))
+    hours = hours_left(
+        one_class(FLAT, covariance, at_rest), 0, one, np.zeros(20_000), np.random.default_rng(2)
+    )
     later = norm.sf((np.log(waited) - 5.0) / np.sqrt(covariance[0, 0])) / SHARES[0]
     resting = at_rest * norm.pdf(0.0, 0.0, AT_REST)
     assert np.mean(np.isinf(hours)) == pytest.approx(resting / (resting + (1 - at_rest) * later), abs=0.01)
@@ -172,9 +181,51 @@ def test_a_last_diagnosis_that_surprised_the_filter_teaches_no_pace() -> None:
     one, times = unit(2500.0, 100, 1500.0), np.linspace(100.0, 900.0, 50)[np.newaxis]
     belief = replace(Belief.new(Prior()), hours=one.hours, surprise=0.9 * np.eye(8)[0])
     by = of(fellows())
-    assert by.pooled(FailureTimes(LIMITS, times), belief, one, None).first.tolist() == times[0].tolist()
+    level, filtered = last_level(one, times), FailureTimes(LIMITS, times)
+    assert by.pooled(filtered, level, belief, one, None).first.tolist() == times[0].tolist()
     other = replace(belief, surprise=0.9 * np.eye(8)[1])
-    assert by.pooled(FailureTimes(LIMITS, times), other, one, None).first.tolist() != times[0].tolist()
+    assert by.pooled(filtered, level, other, one, None).first.tolist() != times[0].tolist()
+
+
+def test_what_is_left_is_by_where_a_component_is_and_not_by_its_last_diagnosis() -> None:
+    """One was seen at its limit, each step of its way having taken 150 h: it may be at 84 to 99 % of it."""
+    one, now = Passages.of(150.0 * np.arange(1.0, 11.0), SHARES), np.linspace(0.84, 0.99, 50)
+    population = one_class(np.full(SHARES.size, np.log(150.0)), 1e-4 * np.eye(SHARES.size))
+    hours = hours_left(population, 0, one, now, np.random.default_rng(5))
+    assert hours == pytest.approx(150.0 * (1 - now) / 0.1, rel=0.05)
+
+
+def test_a_last_diagnosis_beyond_the_limit_fails_only_what_the_filter_says_has_failed() -> None:
+    one = unit(2500.0, 100, 2200.0)
+    beyond = replace(one.observations[-1], level=NEW + 1.01 * LIMIT * (np.arange(8) == 0))
+    seen = replace(one, observations=(*one.observations[:-1], beyond))
+    level = np.tile(NEW, (400, 1))
+    level[:, 0] = LIMIT * np.linspace(0.9, 1.02, 400)
+    times = np.where(level[:, 0] < LIMIT, 500.0, 0.0)[np.newaxis]
+    belief = replace(Belief.new(Prior()), hours=one.hours)
+    found = of(fellows()).pooled(FailureTimes(LIMITS, times), level, belief, seen, None).first
+    assert np.array_equal(found == 0, times[0] == 0)
+    assert np.mean(found[found > 0] != 500.0) == pytest.approx(24 / 32, abs=0.01)
+
+
+def test_a_unit_that_has_outlived_the_pace_of_its_fellows_is_the_filters() -> None:
+    by, times = of(fellows()), np.full((1, 400), 900.0)
+    seen = unit(2500.0, 100, 1800.0)
+    assert np.mean(pooled(by, replace(seen, hours=1900.0), times) != 900.0) > 0.7
+    assert pooled(by, replace(seen, hours=9000.0), times).tolist() == times[0].tolist()
+
+
+def test_a_unit_passes_a_wider_limit_after_a_tighter_one_by_the_pace_too() -> None:
+    one, by = unit(2500.0, 100, 1800.0), of(fellows())
+    bounds = (0.63, LIMIT)
+    requirements = tuple(Requirement(component="friction", at_most=bound) for bound in bounds)
+    limits = Requirements(ACTUATOR.model_copy(update={"requirements": requirements})).limits
+    times, belief = np.full((2, 400), 2000.0), replace(Belief.new(Prior()), hours=one.hours)
+    hours = by.pooled(FailureTimes(limits, times), last_level(one, times), belief, one, None).hours
+    assert np.all(hours[0] >= hours[1])
+    alone = pooled(by, one, times[1:])
+    # Medians of samples of another population's draws, of the same fellows.
+    assert np.median(hours.min(axis=0)) == pytest.approx(np.median(alone), rel=0.1)
 
 
 def test_a_unit_that_has_gone_nowhere_is_the_filters() -> None:
@@ -202,7 +253,10 @@ def test_a_replacement_after_a_diagnosis_of_the_same_hours_says_nothing_of_then(
     then = unit(2500.0, 100, 1800.0)
     belief = replace(Belief.new(Prior()), hours=then.hours)
     since = replace(then, replacements=((then.hours, "friction"),))
-    one, other = (by.pooled(FailureTimes(LIMITS, times), belief, each, None).first for each in (then, since))
+    one, other = (
+        by.pooled(FailureTimes(LIMITS, times), last_level(then, times), belief, each, None).first
+        for each in (then, since)
+    )
     assert np.array_equal(one, other)
 
 

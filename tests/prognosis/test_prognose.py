@@ -93,6 +93,15 @@ def test_a_requirement_that_no_fault_can_violate_is_named() -> None:
 
 
 @pytest.mark.usefixtures("few_paths")
+def test_a_level_cannot_fall_below_the_end_of_its_scale() -> None:
+    """As `failure_levels` has it of a healthy unit, of which diagnoses scatter to both sides of 0."""
+    made = prognose(wearing(6, rate=0.0), requiring(Requirement(component="friction", at_least=0.0)))
+    assert math.isinf(made.median)
+    assert made.probability_of_failure == 0
+    assert "no single fault at the end of its scale violates: friction at least 0" in made.notes
+
+
+@pytest.mark.usefixtures("few_paths")
 def test_an_unexplained_diagnosis_is_not_fed() -> None:
     usual = wearing(8)
     odd = observation(390.0, friction=0.9, explained=False)
@@ -143,9 +152,10 @@ def test_what_no_diagnosis_sees_is_taken_as_healthy_and_named() -> None:
     observations = tuple(
         Observation(one.hours, one.level, one.covariance, unseen) for one in wearing(10).observations
     )
-    made = prognose(Evidence("S1", "P1", 500.0, observations), THESIS)
+    narrow = requiring(Requirement(component="short_a", at_most=0.02))
+    made = prognose(Evidence("S1", "P1", 500.0, observations), narrow, Question(horizon=20_000.0))
     assert "never seen by a diagnosis, and taken as healthy: short_a, short_b, short_c" in made.notes
-    assert made.probabilities()["short_a at most 1"] == 0
+    assert made.probabilities()["short_a at most 0.02"] == 0
 
 
 @pytest.mark.usefixtures("few_paths")
@@ -176,6 +186,35 @@ def test_a_measure_fails_where_its_level_does() -> None:
     times = failure_times(made, requirements, seed=0)
     assert times.hours[1] == pytest.approx(times.hours[0], rel=1e-3)
     assert responsible(made, times, 1, requirements) == "backlash"
+
+
+def test_a_measure_that_fails_whatever_the_faults_has_no_component() -> None:
+    """A step against a load that is larger than the motor's torque does not settle."""
+    requirements = Requirements(requiring(Requirement(measure="settling_time", at_most=0.1, load=5.0)))
+    hours, level = np.array([0.0, 100.0]), np.tile(NEW, (2, 5, 1))
+    made = Paths(hours, level, np.zeros((1, 5, 8)))
+    times = failure_times(made, requirements, seed=0)
+    assert not times.first.any()
+    assert responsible(made, times, 0, requirements) is None
+
+
+def test_a_wider_limit_shortens_no_life() -> None:
+    """Of a level that scatters much; all limits of each component are passed by the same path."""
+    random, hours = np.random.default_rng(0), np.linspace(0, 1000, 6)
+    level = np.tile(NEW, (6, 400, 1))
+    level[1:, :, 0] = 0.12 * np.arange(1, 6)[:, np.newaxis] + 0.05 * random.standard_normal((5, 400))
+    made = Paths(hours, level, np.full((5, 400, 8), 0.01))
+    one, several = (
+        failure_times(
+            made,
+            Requirements(requiring(*(Requirement(component="friction", at_most=x) for x in bounds))),
+            seed=0,
+        )
+        for bounds in ((0.4,), (0.5, 0.4, 0.41))
+    )
+    assert np.array_equal(several.first, one.first)
+    assert several.limits[several.commonest or 0].bound == 0.4
+    assert np.all(several.hours[0] >= several.hours[2])
 
 
 @pytest.mark.evidence

@@ -23,7 +23,7 @@ def described(*requirements: dict[str, object]) -> Actuator:
 
 
 def measure(name: str, *faults: Faults, **settings: object) -> list[float]:
-    requirement = Requirement.model_validate({"measure": name, "at_most": 1.0, **settings})
+    requirement = Requirement.model_validate({"measure": name, "at_most": 0.5, **settings})
     vectors = np.stack([one.vector for one in faults])
     return [float(x) for x in measured(THESIS, requirement, vectors)]
 
@@ -89,6 +89,14 @@ def test_a_step_settles_later_with_half_the_gain_and_never_against_too_large_a_l
 def test_peak_current_grows_with_friction() -> None:
     healthy, worn = measure("peak_current", Faults(), Faults(friction=1.0))
     assert 0 < healthy < worn <= 22.5 * 1.1
+
+
+def test_a_measure_that_reaches_as_far_as_is_looked_holds_the_limit_there() -> None:
+    actuator = described(
+        {"measure": "bandwidth", "at_least": 5.0, "frequency_hz": 5.0, "amplitude": 1e-3},
+        {"measure": "stall_margin", "at_least": 4.0, "load": 0.1},
+    )
+    assert np.all(Requirements(actuator).margins(HEALTHY[np.newaxis]) == 0)
 
 
 def test_levels_fail_at_their_limits_and_play_where_it_is_too_large() -> None:
@@ -164,6 +172,12 @@ WRONG: dict[str, dict[str, object]] = {
     "must be below": {"component": "gain", "at_most": 0.3, "at_least": 0.7},
     "a level lies in [0, 1]": {"component": "friction", "at_most": 60.0},
     "give load": {"measure": "stall_margin", "at_least": 1.5},
+    "from 2 to 100 Hz": {"measure": "bandwidth", "at_least": 120.0},
+    "from 2 to 10 Hz": {"measure": "bandwidth", "at_least": 15.0, "frequency_hz": 10.0},
+    "give limits above 2": {"measure": "bandwidth", "at_least": 1.0},
+    "give a frequency_hz above 2": {"measure": "bandwidth", "at_least": 1.5, "frequency_hz": 1.0},
+    "4 at most, of a larger load": {"measure": "stall_margin", "at_least": 5.0, "load": 0.05},
+    "give a longer duration": {"measure": "settling_time", "at_most": 0.8},
     "did you mean 'at_most'": {"component": "friction", "atmost": 0.6},
     "'friction', 'backlash'": {"component": "frictoin", "at_most": 0.6},
 }

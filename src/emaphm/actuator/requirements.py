@@ -26,6 +26,13 @@ MEASURE_UNITS: dict[str, str] = {
 """Units of the measures, of a rotary actuator."""
 
 
+LOWEST_HZ, HIGHEST_HZ = 2.0, 100.0
+"""Where bandwidths are looked for, unless `frequency_hz` says how high they may be."""
+
+LARGEST_STALL_MARGIN = 4.0
+"""Multiple of the load up to which the load is raised."""
+
+
 class Requirement(Section):
     """One requirement: a fault's level, or a measure of what the actuator does, is within its limits.
 
@@ -85,4 +92,30 @@ class Requirement(Section):
                 raise ValueError(f"a level lies in [0, 1], got the limit {limit:g}; give it normalised")
         if self.measure == "stall_margin" and self.load == 0:
             raise ValueError("a stall_margin is a multiple of the load that must be held: give load")
+        self._check_range()
         return self
+
+    def _check_range(self) -> None:
+        """Refuse limits outside the range in which the measure is looked for: they hold never, or always."""
+        limits = [one for one in (self.at_least, self.at_most) if one is not None]
+        if self.measure == "bandwidth":
+            highest = self.frequency_hz or HIGHEST_HZ
+            if highest <= LOWEST_HZ:
+                raise ValueError(
+                    f"a bandwidth is looked for from {LOWEST_HZ:g} Hz up to frequency_hz = {highest:g} Hz: "
+                    f"give a frequency_hz above {LOWEST_HZ:g}"
+                )
+            if not all(LOWEST_HZ < one <= highest for one in limits):
+                raise ValueError(
+                    f"a bandwidth is looked for from {LOWEST_HZ:g} to {highest:g} Hz: give limits above "
+                    f"{LOWEST_HZ:g}, or as frequency_hz how high it may be"
+                )
+        if self.measure == "stall_margin" and max(limits) > LARGEST_STALL_MARGIN:
+            raise ValueError(
+                f"the load is raised to {LARGEST_STALL_MARGIN:g} times itself: give a stall_margin of "
+                f"{LARGEST_STALL_MARGIN:g} at most, of a larger load"
+            )
+        if self.measure == "settling_time" and max(limits) > self.duration:
+            raise ValueError(
+                f"a settling_time is looked for within duration = {self.duration:g} s: give a longer duration"
+            )

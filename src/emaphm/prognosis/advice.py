@@ -42,7 +42,7 @@ class Costs:
 class Advice:
     """One of "fly on", "inspect by", "replace before", in how many hours [h], and the risk until then.
 
-    `risk` is the probability of failure within these hours.
+    `risk` is the probability of failure before that, of having failed already where it is now.
     """
 
     action: str
@@ -87,14 +87,13 @@ def advice(
     [1] Barlow, Hunter: Optimum preventive maintenance policies, Operations Research 8 (1960).
     """
     ordered = np.sort(np.asarray(sample, float))
-    within = float(np.mean(ordered <= horizon))
+    failed = float(np.mean(ordered == 0))
     if ordered[int(0.5 * (ordered.size - 1))] == 0:
-        return Advice("replace before", 0.0, 1.0, "a requirement is violated already")
+        return Advice("replace before", 0.0, failed, "a requirement is violated already")
     limit, why = _until(ordered, risk, age, costs)
     if limit >= horizon:
-        return Advice("fly on", horizon, within, f"{why} beyond the horizon")
-    limit = max(limit, 0.0)
-    until = float(np.mean(ordered <= limit))
+        return Advice("fly on", horizon, float(np.mean(ordered < horizon)), f"{why} beyond the horizon")
+    until = max(float(np.mean(ordered < limit)), failed)
     median = float(ordered[(ordered.size - 1) // 2])
     if median > WIDE * limit:
         return Advice(
@@ -110,7 +109,10 @@ def _until(ordered: Array, risk: float, age: float, costs: Costs | None) -> tupl
     """Return how long to fly [h], and what happens then."""
     if costs is None:
         allowed = math.floor(risk * ordered.size + 1e-9)
-        return float(ordered[min(allowed, ordered.size - 1)]), f"the risk exceeds {100 * risk:g} %"
+        why = f"the risk exceeds {100 * risk:g} %"
+        if not allowed:
+            why = f"the first of {ordered.size} paths, too few for a risk of {100 * risk:g} %, fails"
+        return float(ordered[min(allowed, ordered.size - 1)]), why
     ends = np.unique(ordered[np.isfinite(ordered)])
     if not ends.size:
         return math.inf, "a replacement is cheaper"

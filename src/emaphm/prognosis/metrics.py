@@ -28,6 +28,9 @@ from numpy.typing import ArrayLike
 from emaphm.arrays import Array
 from emaphm.errors import PrognosisError
 
+ROUNDING = 1e-9
+"""Share of a life by which hours that are computed in different ways may differ."""
+
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
@@ -104,7 +107,7 @@ def prognostic_horizon(
 
 
 def at_share_of_life(predictions: Sequence[Prediction], failure: float, share: float) -> Prediction:
-    """Return the last prediction at or before t_λ, λ being `share`.
+    """Return the last prediction at or before t_λ, λ being `share`; one at t_λ but for rounding counts.
 
     Raises
     ------
@@ -117,7 +120,7 @@ def at_share_of_life(predictions: Sequence[Prediction], failure: float, share: f
     if not before:
         raise PrognosisError(f"no prediction before the failure at {failure:g} h; predict earlier")
     reached = before[0].hours + share * (failure - before[0].hours)
-    return [one for one in before if one.hours <= reached][-1]
+    return [one for one in before if one.hours <= reached + ROUNDING * failure][-1]
 
 
 def alpha_lambda(

@@ -104,7 +104,7 @@ def prognose(
     requirements = Requirements(actuator)
     followed = follow(evidence, prior, seed=seed, keep_past=keep_past)
     made, forecast = _forecast(followed.belief, evidence, requirements, settings, question.ahead)
-    times = forecast.by_fleet(followed.belief, evidence, question.ahead)
+    times = forecast.by_fleet(made.level[0], followed.belief, evidence, question.ahead)
     limit = times.commonest
     component = None if limit is None else responsible(made, forecast, limit, requirements)
     born = followed.belief.born[columns_of(component)[0]] if component else 0.0
@@ -157,8 +157,11 @@ def lives(
     `ahead` is the stress to come, as in `prognose`.
     """
     requirements = Requirements(actuator)
-    forecasts = [(one, _forecast(one, evidence, requirements, settings, ahead)[1]) for one in beliefs]
-    return [(one.hours, times.by_fleet(one, evidence, ahead).first) for one, times in forecasts]
+    found = []
+    for one in beliefs:
+        made, times = _forecast(one, evidence, requirements, settings, ahead)
+        found.append((one.hours, times.by_fleet(made.level[0], one, evidence, ahead).first))
+    return found
 
 
 def uncorrected(
@@ -211,6 +214,7 @@ def _paths(
     made, hidden = paths(state, belief.prior, seed=belief.seed, pace=pace, settings=settings), ~evidence.seen
     if hidden.any():
         made.level[:, :, hidden] = NEW[hidden]
+        made.noise[:, :, hidden] = 0.0
     return made
 
 
@@ -288,7 +292,7 @@ def _notes(evidence: Evidence, requirements: Requirements, times: FailureTimes, 
     never = [
         limit
         for limit, row in zip(times.limits, times.hours, strict=True)
-        if limit.component is None and not np.isfinite(row).any()
+        if (limit.component is None or limit.holds_always) and not np.isfinite(row).any()
     ]
     harmless = [one.label for one in never if not requirements.can_fail(one)]
     if harmless:

@@ -325,9 +325,11 @@ def _resampled(belief: Belief, few: Mask, settings: FilterSettings) -> Belief:
     shape = np.where(np.isin(after.law, list(ranges)), apart(after.shape), after.shape)
     for law, ends in ranges.items():
         shape = np.where(after.law == law, np.clip(shape, *ends), shape)
+    scale = apart(after.life_scale)
     return replace(
         after,
-        life_scale=np.clip(apart(after.life_scale), *s.life_scale),
+        # The time of another unit's way is about what that unit took, however short.
+        life_scale=np.where(after.law == AS_ANOTHER, scale, np.clip(scale, *s.life_scale)),
         shape=shape,
         roughness=np.clip(apart(after.roughness), *s.roughness),
         unevenness=np.clip(apart(after.unevenness), *s.unevenness),

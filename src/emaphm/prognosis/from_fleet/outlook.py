@@ -36,6 +36,12 @@ LARGEST_ERROR = 0.05
 LARGEST_SURPRISE = 0.5
 """Probability that the last diagnosis of a level is an outlier or a jump: a pace takes it as stated."""
 
+LEAST_WORKING = 0.05
+"""Probability by the fellows' pace that a unit which works does so, below which their pace is not its own."""
+
+DRAWN = 400
+"""Lives by the fellows' pace of which that probability is taken: right to 1 %, one standard error."""
+
 POPULATIONS: Memory[Population | None] = Memory(40)
 
 
@@ -52,16 +58,24 @@ class Fellows:
     exponents: Array
 
     def pooled(
-        self, times: "FailureTimes", belief: "Belief", evidence: "Evidence", ahead: Stress | None
+        self,
+        times: "FailureTimes",
+        level: Array,
+        belief: "Belief",
+        evidence: "Evidence",
+        ahead: Stress | None,
     ) -> "FailureTimes":
-        """Return the failure times of a forecast with n / (n + 8) of its paths drawn by the fellows' pace.
+        """Return the failure times of a forecast, n / (n + 8) of its paths that work by the fellows' pace.
 
         n is the number of fellows. It stays as it is where a limit is on a measure or passed by a new unit,
         where they are fewer than 8 or none has shown any pace, where the last diagnosis knows a level worse
-        than to 5 % of its way, where the unit has gone no tenth of any way, and where most paths have failed.
+        than to 5 % of its way, where the unit has gone no tenth of any way, where it has worked for longer
+        since its last diagnosis than 95 % of its fellows would, and where most paths have failed.
 
         Parameters
         ----------
+        level
+            Where the paths begin, (n, 8): by the belief, as the last diagnosis alone errs.
         belief
             That the forecast was made from: hours and seed are its.
         evidence
@@ -83,18 +97,23 @@ class Fellows:
         population = self._population(times.limits, belief.seed)
         if population is None or not any(one.passed for one in gone):
             return times
-        count = times.hours.shape[1]
         random = stream(belief.seed, "fellows' pace", evidence.unit, belief.steps)
         share = len(self.units) / (len(self.units) + WEIGHT_OF_FILTER)
-        chosen = random.permutation(count)[: round(share * count)]
+        working = np.flatnonzero(times.first > 0)
+        chosen = random.permutation(working)[: round(share * working.size)]
         hours = times.hours.copy()
         for i, limit in enumerate(times.limits):
-            column, age = _columns(limit)[0], ways[i][0]
-            drawn = hours_left(population, i, gone[i], 2 * chosen.size, random)
-            now = self._aged(evidence, column, born[i], belief.hours)
-            since = now - (age[-1] if age.size else 0.0)
-            drawn = _after(drawn, since, chosen.size)
+            column = _columns(limit)[0]
+            age, now = ways[i][0], self._aged(evidence, column, born[i], belief.hours)
+            since = now - age[-1] if age.size else 0.0
+            if _has_outlived(population, i, gone[i], since, random):
+                return times
+            share_now = self._gone(limit, level[chosen])
+            drawn = hours_left(population, i, gone[i].waiting(now), share_now, random)
             hours[i, chosen] = drawn / self._pace(evidence, column, belief.hours, ahead)
+        for side in times.sides:
+            rows = np.array(side)[:, np.newaxis]
+            hours[rows, chosen] = _as_of_one_path(hours[rows, chosen])
         return replace(times, hours=hours)
 
     @cached_property
@@ -143,8 +162,12 @@ class Fellows:
         column = _columns(limit)[0]
         seen = [one for one in unit.used if born < one.hours <= until and self._is_known(one, limit)]
         level = np.array([one.level for one in seen]).reshape(len(seen), len(CARTESIAN_NAMES))
-        way = 1 - limit.margin(level_of(level, str(limit.component))) / self._whole(limit)
-        return np.array([self._aged(unit, column, born, one.hours) for one in seen]), np.asarray(way)
+        ages = np.array([self._aged(unit, column, born, one.hours) for one in seen])
+        return ages, self._gone(limit, level)
+
+    def _gone(self, limit: "Limit", level: Array) -> Array:
+        """Return the share of the way that is gone at levels (n, 8), shape (n,)."""
+        return np.asarray(1 - limit.margin(level_of(level, str(limit.component))) / self._whole(limit))
 
     def _whole(self, limit: "Limit") -> float:
         """Return the whole way: the margin that a new unit has."""
@@ -182,10 +205,23 @@ def _ahead(age: Array, way: Array, end: float) -> float:
     return float(ways[1] + slope * (end - ages[1]))
 
 
-def _after(hours: Array, since: float, count: int) -> Array:
-    """Return `count` of the `hours` (n,) that are left `since` [h] later, of a component that works then."""
-    left = hours - since
-    works = left[left > 0]
-    if not works.size:
-        return np.zeros(count)
-    return np.resize(works, count)
+def _has_outlived(
+    population: Population, component: int, last: Passages, since: float, random: np.random.Generator
+) -> bool:
+    """Return whether what works `since` its `last` diagnosis [h] has outlived the pace of its fellows.
+
+    From as far back on its way as a diagnosis that teaches may err.
+    """
+    if since <= 0:
+        return False
+    left = hours_left(population, component, last, np.full(DRAWN, last.share - LARGEST_ERROR), random)
+    return bool(np.mean(left > since) < LEAST_WORKING)
+
+
+def _as_of_one_path(hours: Array) -> Array:
+    """Return `hours` (k, n) of limits on one side of a level, the tightest first, as of n paths.
+
+    What passes one limit early passes all of them early, and none before a tighter one.
+    """
+    rank = hours[0].argsort().argsort()
+    return np.asarray(np.maximum.accumulate(np.sort(hours, axis=1)[:, rank], axis=0))

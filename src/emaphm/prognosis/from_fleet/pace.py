@@ -111,15 +111,14 @@ def learnt(fleet: Passages, random: np.random.Generator) -> Population:
 
 
 def hours_left(
-    population: Population, component: int, one: Passages, count: int, random: np.random.Generator
+    population: Population, component: int, one: Passages, share: Array, random: np.random.Generator
 ) -> Array:
-    """Return hours of ageing until a component is at its limit, (count,) [h]; `inf` if it does not degrade.
+    """Return hours of ageing until a component is at its limit, (n,) [h]; `inf` if it does not degrade.
 
-    `component` is its place in the population; `one` what is known of it.
+    `component` is its place in the population; `one` what is known of its pace; `share` (n,) below 1, of its
+    way, are as many draws of where it is now. Diagnoses err, so that `one` alone does not say that.
     """
-    passed = int(one.passed)
-    if passed >= STEPS:
-        return np.zeros(count)
+    passed, count = int(one.passed), share.size
     mean, precision, log_shares = (draws[:, component] for draws in population)
     each = Passages(*(np.broadcast_to(part, (len(mean), 1, *part.shape)) for part in one))
     weights, given = _agreement(mean, precision, log_shares, each)
@@ -127,17 +126,18 @@ def hours_left(
     if passed == 0:
         # What a wait says of the population as a whole is little, and its draws differ most where it is long.
         weights = weights - np.logaddexp.reduce(weights, axis=1)[:, np.newaxis]
-    share = np.exp(weights - weights.max()).ravel()
-    drawn = random.choice(share.size, count, p=share / share.sum())
+    weight = np.exp(weights - weights.max()).ravel()
+    drawn = random.choice(weight.size, count, p=weight / weight.sum())
     draw, of_class = np.divmod(drawn, CLASSES + 1)
     chosen = draw, np.minimum(of_class, CLASSES - 1), 0
     slowness = _drawn(_Given(*(part[chosen] for part in given)), np.full(count, one.waited), random)
     hours = np.exp(np.minimum(slowness, LONGEST))
+    left = np.clip((SHARES - share[:, np.newaxis]) / np.diff(SHARES, prepend=0.0), 0.0, 1.0)
     if passed == 0:
-        rest = hours.sum(axis=1) - np.exp(one.waited)
-    else:
-        rest = hours[:, passed] * (1 - one.part) + hours[:, passed + 1 :].sum(axis=1)
-    return np.where(of_class == CLASSES, np.inf, rest)
+        # Of a step that may not have begun, the time says more than the share.
+        hours[:, 0] -= np.exp(one.waited)
+        left[:, 0] = share < SHARES[0]
+    return np.where(of_class == CLASSES, np.inf, np.sum(left * hours, axis=1))
 
 
 class _Given(NamedTuple):

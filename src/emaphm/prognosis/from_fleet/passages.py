@@ -90,6 +90,10 @@ class Passages(NamedTuple):
         numbers = (np.asarray(x, float) for x in (waited, passed, way[-1], part))
         return cls(slowness, precision, *numbers)
 
+    def waiting(self, age: float) -> "Passages":
+        """Return it of one component that is at `age` [h] now: one that waits has done so up to then."""
+        return self if self.passed else self._replace(waited=np.asarray(np.log(max(age, 1.0))))
+
     @classmethod
     def stacked(cls, each: "Sequence[Passages]") -> "Passages":
         """Return several of the same shape, one or more, with an axis more, the first."""

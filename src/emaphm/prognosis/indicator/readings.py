@@ -67,8 +67,8 @@ class Indicator:
     Raises
     ------
     PrognosisError
-        `healthy` and `fails_at` are not finite, or no further apart than a reading's standard error; or a
-        reading is later than `hours`.
+        `healthy` and `fails_at` are not finite, or no further apart than a reading's standard error; a
+        reading is later than `hours`; or these are below 0.
     """
 
     unit: str
@@ -92,11 +92,13 @@ class Indicator:
                 f"further apart than a reading's standard error, {error:.2g}; give another level to fail at"
             )
         late = [one.hours for one in self.readings if one.hours > self.hours]
-        if late or not math.isfinite(self.hours):
+        if late:
             raise PrognosisError(
-                f"unit '{self.unit}' has {self.hours:g} h"
-                + (f", and a reading at {late[0]:g} h; give the hours of now" if late else "; give a number")
+                f"unit '{self.unit}' has {self.hours:g} h, and a reading at {late[0]:g} h; give the hours "
+                "of now"
             )
+        if not 0 <= self.hours < math.inf:
+            raise PrognosisError(f"unit '{self.unit}' has {self.hours:g} h; give a number of 0 or more")
 
     def level(self, value: Array | float) -> Array:
         """Return values as levels of the filter, 0 healthy and `FAILING` at the limit."""

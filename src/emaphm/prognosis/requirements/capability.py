@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from emaphm.actuator import Actuator, Chirp, Command, Load, Sine, Step
-from emaphm.actuator.requirements import Requirement
+from emaphm.actuator.requirements import HIGHEST_HZ, LARGEST_STALL_MARGIN, LOWEST_HZ, Requirement
 from emaphm.arrays import Array
 from emaphm.simulation import AVERAGED, OBSERVABLE, Inputs, Plant, observe_batch
 
@@ -25,14 +25,8 @@ SETTLED = 0.05
 FREQUENCIES = 10
 """Sines that the bandwidth is interpolated between: a factor of 1.5 from one to the next."""
 
-LOWEST_HZ, HIGHEST_HZ = 2.0, 100.0
-"""Where bandwidths are looked for."""
-
 PERIODS, PERIOD_SAMPLES = 3, 64
 """Of each sine; its amplitude is that of the last period."""
-
-LARGEST_STALL_MARGIN = 4.0
-"""Multiple of the load up to which the load is raised."""
 
 STILL = 0.1
 """Share of the amplitude below which a position under load has not begun to give way."""

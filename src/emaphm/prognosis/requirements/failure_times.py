@@ -1,5 +1,6 @@
 """When each path of a forecast fails each requirement, and which component is responsible."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -36,28 +37,38 @@ class FailureTimes:
         return np.asarray(self.hours.min(axis=0))
 
     @property
+    def sides(self) -> list[list[int]]:
+        """Places of the limits on one side of one level, for each such side, the tightest first."""
+        return sides_of(self.limits)
+
+    @property
     def commonest(self) -> int | None:
         """The limit that most paths fail first; None where none fails."""
         failed = self.hours.argmin(axis=0)[np.isfinite(self.first)]
         return int(np.bincount(failed).argmax()) if failed.size else None
 
-    def by_fleet(self, belief: "Belief", evidence: "Evidence", ahead: "Stress | None") -> "FailureTimes":
+    def by_fleet(
+        self, level: Array, belief: "Belief", evidence: "Evidence", ahead: "Stress | None"
+    ) -> "FailureTimes":
         """Return those of a forecast from `belief` as the fleet changes them.
 
         Its record of predictions corrects them, and they are pooled with those by its units' pace
-        (`Fellows.pooled`). `evidence` is of the unit, `ahead` the stress to come.
+        (`Fellows.pooled`). `level` (n, 8) is where the paths begin, `evidence` is of the unit, `ahead` the
+        stress to come.
         """
         recalibration, fellows = belief.prior.recalibration, belief.prior.fellows
         times = self
         if recalibration is not None:
             times = replace(self, hours=recalibration.corrected(self.hours, belief.age))
-        return times if fellows is None else fellows.pooled(times, belief, evidence, ahead)
+        return times if fellows is None else fellows.pooled(times, level, belief, evidence, ahead)
 
 
 def failure_times(made: Paths, requirements: Requirements, *, seed: int) -> FailureTimes:
     """Return when the paths fail the requirements of an actuator.
 
-    A level's first passage is exact between two times of the forecast (`first_passage`). That of a measure is
+    A level's first passage is exact between two times of the forecast (`first_passage`), those of several
+    limits on one side of it are of one path: a wider limit fails after a tighter one. A limit at the end of
+    the scale, where the level is healthy, does not fail: only noise is beyond it. That of a measure is
     found by bisection along each path at those times: it takes a measure that has failed to stay so.
 
     Raises
@@ -66,11 +77,15 @@ def failure_times(made: Paths, requirements: Requirements, *, seed: int) -> Fail
         The averaged model did not stay finite.
     """
     random = stream(seed, "forecast", "first passage")
-    rows = {
-        i: first_passage(made.hours, *_margin_of_level(made, limit), random)
-        for i, limit in enumerate(requirements.limits)
-        if limit.component is not None
-    }
+    rows: dict[int, Array] = {}
+    for side in sides_of(requirements.limits):
+        passed: Array | float = 0.0
+        tighter = requirements.limits[side[0]]
+        for i in side:
+            limit = requirements.limits[i]
+            ahead = abs(limit.bound - tighter.bound)
+            passed = first_passage(made.hours, *_margin_of_level(made, limit), random, passed, ahead)
+            rows[i], tighter = np.where(limit.holds_always, np.inf, passed), limit
     measures = [limit for limit in requirements.limits if limit.component is None]
     if measures:
         rows |= {
@@ -80,10 +95,23 @@ def failure_times(made: Paths, requirements: Requirements, *, seed: int) -> Fail
     return FailureTimes(requirements.limits, np.stack([rows[i] for i in range(len(rows))]))
 
 
-def responsible(made: Paths, times: FailureTimes, limit: int, requirements: Requirements) -> str | None:
-    """Return the component whose degradation makes most paths fail a limit; None where none fails it.
+def sides_of(limits: Sequence[Limit]) -> list[list[int]]:
+    """Return the places of the `limits` on one side of one level, for each such side, the tightest first."""
+    found: dict[tuple[str, bool], list[int]] = {}
+    for i, one in enumerate(limits):
+        if one.component is not None:
+            found.setdefault((one.component, one.upper), []).append(i)
+    return [
+        sorted(side, key=lambda i: limits[i].bound if limits[i].upper else -limits[i].bound)
+        for side in found.values()
+    ]
 
-    Of a measure: the component without whose fault the margin at the failure would be largest.
+
+def responsible(made: Paths, times: FailureTimes, limit: int, requirements: Requirements) -> str | None:
+    """Return the component whose degradation makes most paths fail a limit; None where none does.
+
+    Of a measure: the component without whose fault the margin at the failure would be largest. Failures at
+    which it would be the same without any of the faults count for none.
     """
     chosen = times.limits[limit]
     if chosen.component is not None:
@@ -96,8 +124,11 @@ def responsible(made: Paths, times: FailureTimes, limit: int, requirements: Requ
     without = np.repeat(vectors[np.newaxis], len(COMPONENTS), axis=0)
     for i, name in enumerate(COMPONENTS):
         without[i, :, NAMES.index(name)] = HEALTHY.vector[NAMES.index(name)]
-    margins = requirements.margins(without.reshape(-1, len(NAMES)), [chosen])
-    best = margins.reshape(len(COMPONENTS), -1).argmax(axis=0)
+    margins = requirements.margins(without.reshape(-1, len(NAMES)), [chosen]).reshape(len(COMPONENTS), -1)
+    margins = margins[:, margins.max(axis=0) > margins.min(axis=0)]
+    if not margins.size:
+        return None
+    best = margins.argmax(axis=0)
     return COMPONENTS[int(np.bincount(best, minlength=len(COMPONENTS)).argmax())]
 
 

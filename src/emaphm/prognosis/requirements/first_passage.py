@@ -5,7 +5,14 @@ import numpy as np
 from emaphm.arrays import Array
 
 
-def first_passage(hours: Array, margin: Array, noise: Array, random: np.random.Generator) -> Array:
+def first_passage(
+    hours: Array,
+    margin: Array,
+    noise: Array,
+    random: np.random.Generator,
+    since: Array | float = 0.0,
+    ahead: float = 0.0,
+) -> Array:
     """Return when each of n margins first falls to 0 [h], shape (n,); `inf` where it does not.
 
     Between two times the margin is a Brownian bridge. From m_0 to m_1, both above 0, in h hours it touches 0
@@ -20,6 +27,9 @@ def first_passage(hours: Array, margin: Array, noise: Array, random: np.random.G
         At these times, (m, n). The first passage is at 0 where it begins at 0 or less.
     noise
         q, standard deviation of the margin's Wiener process in each step [1/√h], (m - 1, n).
+    since, ahead
+        When each margin first falls to `ahead` [h], (n,), where that is known of a tighter limit of the same
+        level: the way from there to 0 is drawn.
 
     References
     ----------
@@ -28,17 +38,20 @@ def first_passage(hours: Array, margin: Array, noise: Array, random: np.random.G
         Society B 40 (1978).
     """
     n = margin.shape[1]
+    since = np.broadcast_to(since, n)
     passed = np.where(margin[0] <= 0, 0.0, np.inf)
-    for i, step in enumerate(np.diff(hours)):
-        start, end = margin[i], margin[i + 1]
-        variance = noise[i] ** 2 * step
+    for i in range(hours.size - 1):
+        is_within = (since > hours[i]) & (since < hours[i + 1])
+        begin = np.where(is_within, since, hours[i])
+        start, end, length = np.where(is_within, ahead, margin[i]), margin[i + 1], hours[i + 1] - begin
+        variance = noise[i] ** 2 * length
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             touches = np.where(end <= 0, 1.0, np.exp(-2 * start * end / variance))
-        crosses = np.isinf(passed) & (random.random(n) < np.nan_to_num(touches))
+        crosses = np.isinf(passed) & (random.random(n) < np.nan_to_num(touches)) & (since < hours[i + 1])
         if not crosses.any():
             continue
         a, b = start[crosses], np.maximum(np.abs(end[crosses]), 1e-12)
-        smooth = np.maximum(variance[crosses], 1e-12 * a**2)
+        smooth = np.maximum(variance[crosses], np.maximum(1e-12 * a**2, 1e-300))
         ratio = random.wald(np.maximum(a / b, 1e-300), np.maximum(a**2 / smooth, 1e-300))
-        passed[crosses] = hours[i] + step * ratio / (1 + ratio)
+        passed[crosses] = begin[crosses] + length[crosses] * ratio / (1 + ratio)
     return passed

@@ -38,6 +38,13 @@ class Limit:
         """The component whose level it limits, None where it limits a measure."""
         return self.requirement.component
 
+    @property
+    def holds_always(self) -> bool:
+        """Whether no level is beyond it: at least 0, of a component that is healthy at 0."""
+        if self.component is None or self.upper:
+            return False
+        return bool(self.bound == HEALTHY.vector[NAMES.index(self.component)] == 0)
+
     def margin(self, value: Array) -> Array:
         """Return how far `value`, any shape, is from the bound, in its unit; negative beyond it."""
         return self.bound - value if self.upper else value - self.bound
