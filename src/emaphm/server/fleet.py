@@ -149,13 +149,13 @@ class FleetView:
                 self._prognoses = read_prognoses(connection)
             if before is None or before.event != now.event:
                 self._alarms = _alarms(connection)
+            rows = tuple(
+                _row(one, self._prognoses.get(one.serial_number), self._alarms.get(one.serial_number, ()))
+                for one in self._states.values()
+            )
+            self._fleet = Fleet(self._fleet.version + 1, rows)
             self._marks = now
-        rows = tuple(
-            _row(one, self._prognoses.get(one.serial_number), self._alarms.get(one.serial_number, ()))
-            for one in self._states.values()
-        )
-        self._fleet = Fleet(self._fleet.version + 1, rows)
-        return self._fleet
+            return self._fleet
 
     def ids(self) -> dict[str, int]:
         """Return the id of each unit by its serial number."""

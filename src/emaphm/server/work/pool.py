@@ -99,6 +99,10 @@ class Pool:
                 except EmaphmError as error:  # the disk of the queue is full, or the history is away
                     LOG.warning("%s", error)
                     found = False
+                except Exception:
+                    LOG.exception("a defect of emaphm; the server goes on")
+                    process.end()  # what it answers yet must not be taken for the next job's
+                    found = False
                 if not found:
                     with self._woken:
                         if not self._stopping:
