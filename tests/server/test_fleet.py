@@ -1,4 +1,4 @@
-"""The fleet in memory: many ask for it at once."""
+"""The fleet in memory: many ask for it at once, and its prognoses are renewed."""
 
 import threading
 from concurrent.futures import ThreadPoolExecutor
@@ -10,6 +10,7 @@ import pytest
 from emaphm.history import Entry, History
 from emaphm.server import fleet as room
 from emaphm.server.fleet import FleetRow, FleetView
+from emaphm.server.work.queue import AGAIN, FAILED, REFUSED
 
 from .conftest import UNITS
 from .made_up import diagnosis, recording
@@ -38,3 +39,16 @@ def test_what_is_added_while_another_looks_is_shown(fleet: Path, monkeypatch: py
         counts = [len(one.result().rows) for one in (first, second)]
         assert counts == [UNITS, UNITS + 1]
         assert len(view.fleet().rows) == UNITS + 1
+
+
+def test_a_prognosis_that_is_to_be_tried_again_is_out_of_date_again(fleet: Path) -> None:
+    with History.open(str(fleet)) as history:
+        view = FleetView(history)
+        assert view.outdated() is None
+        held = recording(1000)
+        history.add(Entry("SN-new", "EMA-9", 5.0), held, diagnosis(held, 0.3))
+        found = []
+        for state in (AGAIN, REFUSED, FAILED):
+            found.append(view.outdated())
+            view.forecast("SN-new", state)
+        assert found == ["SN-new", "SN-new", None]
