@@ -8,11 +8,13 @@ from pathlib import Path
 import pytest
 
 from emaphm.actuator import Actuator
+from emaphm.errors import OutputError
 from emaphm.history import Entry, History
 from emaphm.recording import Recording, read_recording
 from emaphm.server.folders import ServerFolder
 from emaphm.server.run import running
 from emaphm.server.work import worker
+from emaphm.server.work.queue import DONE
 from emaphm.server.work.worker import Outcome, Place, Upload
 from monitoring import stand_in
 
@@ -88,3 +90,21 @@ def test_a_browser_keeps_a_figure_for_good_under_the_key_of_its_diagnosis_alone(
             for path in (shown, "/diagnoses/1/fit.svg", "/diagnoses/1/fit.svg?v=1")
         ]
     assert kept == [True, False, False]
+
+
+@pytest.mark.parametrize("error", [OutputError("/srv/reports/1.html: No space left"), MemoryError()])
+def test_an_upload_is_done_though_its_report_cannot_be_kept(
+    error: Exception, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr("emaphm.report.write_report", full)
+    folder, db = ServerFolder(tmp_path / "work"), tmp_path / "fleet.sqlite"
+    with folder.locked():
+        outcome = uploaded(flight(tmp_path, 1), db, folder)
+    assert (outcome.state, outcome.result["diagnosis"]) == (DONE, 1)
+    assert outcome.message == "is in the history, but its report could not be kept"
+    assert "no report of diagnosis 1" in caplog.text
+    with History.open(db) as history:
+        assert len(history.unit("U01").diagnoses()) == 1

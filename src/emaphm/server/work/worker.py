@@ -1,5 +1,6 @@
 """What a worker process does: it diagnoses uploads and makes prognoses, one at a time."""
 
+import logging
 import os
 import re
 from contextlib import suppress
@@ -9,7 +10,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from emaphm.errors import EmaphmError, HistoryError, HistoryUnavailableError
+from emaphm.errors import EmaphmError, HistoryError, HistoryUnavailableError, OutputError
 from emaphm.execution.one_process import prepare_worker
 from emaphm.monitoring.settings import WATCH, PrognosisSettings
 from emaphm.server.folders import ServerFolder
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
     from emaphm.history.reading import UnitRow
     from emaphm.progress import Progress
     from emaphm.recording import Recording
+
+LOG = logging.getLogger("emaphm.server")
 
 SERVER = "server"
 """The watcher of events that follow from what the server has diagnosed and forecast."""
@@ -154,7 +157,11 @@ def _diagnosed(job: Upload, history: "History", place: Place, orders: Connection
     }
     if diagnosis is None:
         return Outcome(DONE, "is in the history already", result)
-    _write_report(diagnosis, kept, place.folder)
+    try:
+        _write_report(diagnosis, kept, place.folder)
+    except (OutputError, MemoryError) as error:  # the diagnosis is in the history all the same
+        LOG.warning("no report of diagnosis %d: %s", number, error or "it takes too much memory")
+        return Outcome(DONE, "is in the history, but its report could not be kept", result)
     return Outcome(DONE, "", result)
 
 
