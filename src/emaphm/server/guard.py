@@ -34,7 +34,7 @@ OPEN = ("/login", "/static/")
 
 UPLOADS = ("/upload", "/api/v1/recordings")
 
-READING = ("GET", "HEAD", "OPTIONS")
+READING = ("GET", "OPTIONS")
 
 
 class Guard:
@@ -59,6 +59,8 @@ class Guard:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
+        if scope["method"] == "HEAD":
+            scope, send = {**scope, "method": "GET"}, _without_body(send)
         headers = {
             name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]
         }
@@ -182,6 +184,13 @@ def _with_headers(send: "Send") -> "Send":
             ]
             message = {**message, "headers": [*message.get("headers", ()), *added]}
         await send(message)
+
+    return sending
+
+
+def _without_body(send: "Send") -> "Send":
+    async def sending(message: "Message") -> None:
+        await send({**message, "body": b""} if message["type"] == "http.response.body" else message)
 
     return sending
 
