@@ -83,3 +83,11 @@ def test_the_schema_names_every_way_in(client: "TestClient") -> None:
     paths = client.get("/openapi.json").json()["paths"]
     assert all(path.startswith(API) for path in paths)
     assert "multipart/form-data" in paths[f"{API}/recordings"]["post"]["requestBody"]["content"]
+
+
+@pytest.mark.parametrize("path", ["/api/v1/units", "/", "/static/style.css", "/api/v1/units/999"])
+def test_the_head_alone_is_that_of_the_whole(client: "TestClient", path: str) -> None:
+    whole, head = client.get(path), client.head(path)
+    assert head.status_code == whole.status_code
+    assert head.headers == whole.headers
+    assert head.content == b""

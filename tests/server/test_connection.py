@@ -1,8 +1,8 @@
-"""Connections: a silent one is closed, one that has asked is kept."""
+"""Connections: a silent or slow one is closed, one that has asked is kept."""
 
+import asyncio
 import socket
 import threading
-import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -13,8 +13,12 @@ uvicorn = pytest.importorskip("uvicorn")
 HEAD_S = 0.3
 
 
+ANSWER_S = 2 * HEAD_S
+
+
 async def app(_: Any, __: Any, send: Any) -> None:
-    """Answer everything with nothing."""
+    """Answer everything with nothing, and slowly."""
+    await asyncio.sleep(ANSWER_S)
     await send({"type": "http.response.start", "status": 200, "headers": [(b"content-length", b"0")]})
     await send({"type": "http.response.body", "body": b""})
 
@@ -41,11 +45,29 @@ def test_one_that_asks_nothing_is_closed(address: tuple[str, int], sent: bytes) 
         assert silent.recv(1) == b""
 
 
-def test_one_that_has_asked_is_kept(address: tuple[str, int]) -> None:
+def asked(connection: socket.socket, method: str = "GET", fields: str = "") -> None:
+    """Send a request, and take the answer."""
+    connection.sendall(f"{method} / HTTP/1.1\r\nHost: a\r\n{fields}\r\n".encode())
+    assert connection.recv(12) == b"HTTP/1.1 200"
+    while b"\r\n\r\n" not in connection.recv(4096):
+        pass
+
+
+def test_one_that_has_asked_is_kept_however_long_the_answer_takes(address: tuple[str, int]) -> None:
     with socket.create_connection(address, timeout=30) as asking:
         for _ in range(2):
-            asking.sendall(b"GET / HTTP/1.1\r\nHost: a\r\n\r\n")
-            assert asking.recv(12) == b"HTTP/1.1 200"
-            while b"\r\n\r\n" not in asking.recv(4096):
-                pass
-            time.sleep(2 * HEAD_S)
+            asked(asking)
+
+
+@pytest.mark.parametrize(
+    ("method", "fields", "sent"),
+    [("GET", "", b"GET / HTTP/1.1\r\nHost: a"), ("POST", "Content-Length: 100\r\n", b"x")],
+    ids=["half a head", "a body that was not read"],
+)
+def test_one_that_goes_on_with_a_part_is_closed(
+    address: tuple[str, int], method: str, fields: str, sent: bytes
+) -> None:
+    with socket.create_connection(address, timeout=30) as slow:
+        asked(slow, method, fields)
+        slow.sendall(sent)
+        assert slow.recv(1) == b""

@@ -94,9 +94,14 @@ def test_another_site_can_neither_read_nor_send(client: "TestClient") -> None:
 
 
 def asked(
-    guard: Guard, body: list[dict[str, Any]], *, declared: bytes | None = None, pause_s: float = 0.0
+    guard: Guard,
+    body: list[dict[str, Any]],
+    *,
+    path: str = "/api/v1/recordings",
+    declared: bytes | None = None,
+    pause_s: float = 0.0,
 ) -> int:
-    """Return the status with which an upload of `body` is answered."""
+    """Return the status with which `body` is answered, an upload unless `path` says otherwise."""
     sent: list[Any] = []
 
     async def receive() -> Any:
@@ -108,7 +113,7 @@ def asked(
 
     headers = [(b"host", b"localhost"), (b"content-type", b"multipart/form-data; boundary=x")]
     headers += [(b"content-length", declared)] if declared is not None else []
-    scope = {"type": "http", "method": "POST", "path": "/api/v1/recordings", "headers": headers}
+    scope = {"type": "http", "method": "POST", "path": path, "headers": headers}
     asyncio.run(guard(scope, receive, send))
     return int(sent[0]["status"])
 
@@ -132,7 +137,7 @@ def chunk(size: int, *, more: bool = True) -> dict[str, Any]:
 
 
 def test_too_large_too_slow_too_many() -> None:
-    few = replace(SMALL, upload_seconds=0.05, uploads_at_once=1)
+    few = replace(SMALL, upload_seconds=0.05, uploads_at_once=1, other_seconds=0.05)
     guard = Guard(reader, settings=few, doorkeeper=None, only_loopback=True)
     assert asked(guard, [chunk(10, more=False)]) == 200
     assert asked(guard, [], declared=b"2147483648") == 413
@@ -140,5 +145,6 @@ def test_too_large_too_slow_too_many() -> None:
     assert asked(guard, [], declared=b"-1") == 413
     assert asked(guard, [chunk(200_000), chunk(200_000), chunk(1, more=False)]) == 413
     assert asked(guard, [chunk(1)] * 100, pause_s=0.01) == 408
+    assert asked(guard, [chunk(1)] * 100, path="/login", pause_s=0.01) == 408
     guard._uploading = 1
     assert asked(guard, [chunk(10, more=False)]) == 503

@@ -31,6 +31,9 @@ BANDS = ((0, 4, 0.18), (1, 3, 0.35))
 
 MEDIAN = PROBABILITIES.index(0.5)
 
+BAR = 8.0
+"""Width [pt] of an interval where there is one forecast only."""
+
 LONGEST_NAME = 40
 
 NARROW_WIDTH = 4.0
@@ -78,15 +81,11 @@ def draw_fan(curves: Curves, *, narrow: bool = False) -> "Figure":
     axis = figure.subplots()
     hours, *quantiles = np.array(curves.fan).T
     for low, high, opacity in BANDS:
-        axis.fill_between(
-            hours,
-            quantiles[low],
-            quantiles[high],
-            color=BLUE,
-            alpha=opacity,
-            linewidth=0,
-            label=_band(low, high),
-        )
+        ends, label = (quantiles[low], quantiles[high]), _band(low, high)
+        if len(hours) > 1:
+            axis.fill_between(hours, *ends, color=BLUE, alpha=opacity, linewidth=0, label=label)
+        else:  # a band of one forecast has no width
+            axis.vlines(hours, *ends, color=BLUE, alpha=opacity, linewidth=BAR, label=label)
     axis.plot(hours, quantiles[MEDIAN], "o-", color=BLUE, markersize=3, label="median")
     axis.set_ylim(bottom=0)
     style_axis(axis, "RUL as forecast", "flight hours [h]", f"RUL [h], at most {curves.longest:,.0f}")

@@ -8,6 +8,7 @@ from pydantic import BaseModel, Field
 
 from emaphm.history.blocks import diagnosis_blocks
 from emaphm.history.events import KINDS, read_events
+from emaphm.history.kept_diagnosis import KeptDiagnosis
 from emaphm.history.kept_prognosis import KeptPrognosis
 from emaphm.history.reading import UnitRow
 from emaphm.history.unit import Unit
@@ -179,11 +180,7 @@ def diagnoses(
 @router.get("/diagnoses/{diagnosis_id}", responses=NOT_FOUND)
 def one_diagnosis(server: Server, diagnosis_id: Id) -> dict[str, Any]:
     """Return a diagnosis in the blocks of ISO 13374."""
-    with server.history.database.reading() as connection:
-        found = diagnosis(connection, diagnosis_id)
-    if found is None:
-        raise HTTPException(404, f"no diagnosis {diagnosis_id} in the history")
-    row, kept, _ = found
+    row, kept, _ = diagnosis_of(server, diagnosis_id)
     return _finite(
         {
             "id": diagnosis_id,
@@ -320,6 +317,15 @@ def row_of(server: ServerState, unit_id: int) -> FleetRow:
     found = server.fleet.row(unit_id)
     if found is None:
         raise HTTPException(404, f"no unit {unit_id} in the history")
+    return found
+
+
+def diagnosis_of(server: ServerState, diagnosis_id: int) -> tuple[UnitRow, KeptDiagnosis, str]:
+    """Return a diagnosis with its unit and the TOML of its description; 404 where there is none."""
+    with server.history.database.reading() as connection:
+        found = diagnosis(connection, diagnosis_id)
+    if found is None:
+        raise HTTPException(404, f"no diagnosis {diagnosis_id} in the history")
     return found
 
 

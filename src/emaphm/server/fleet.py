@@ -9,6 +9,7 @@ from emaphm.history.events import read_open_conditions
 from emaphm.history.kept_prognosis import KeptPrognosis, read_prognoses
 from emaphm.history.views import NO_PROGNOSES, Marks, UnitState, changed_units, marks, states
 from emaphm.prognosis.keeping import is_current
+from emaphm.server.work.queue import AGAIN, DONE
 
 if TYPE_CHECKING:
     from sqlalchemy import Connection
@@ -149,13 +150,13 @@ class FleetView:
                 self._prognoses = read_prognoses(connection)
             if before is None or before.event != now.event:
                 self._alarms = _alarms(connection)
+            rows = tuple(
+                _row(one, self._prognoses.get(one.serial_number), self._alarms.get(one.serial_number, ()))
+                for one in self._states.values()
+            )
+            self._fleet = Fleet(self._fleet.version + 1, rows)
             self._marks = now
-        rows = tuple(
-            _row(one, self._prognoses.get(one.serial_number), self._alarms.get(one.serial_number, ()))
-            for one in self._states.values()
-        )
-        self._fleet = Fleet(self._fleet.version + 1, rows)
-        return self._fleet
+            return self._fleet
 
     def ids(self) -> dict[str, int]:
         """Return the id of each unit by its serial number."""
@@ -171,19 +172,27 @@ class FleetView:
 
     def outdated(self) -> str | None:
         """Return a unit whose prognosis is out of date and was not asked for since; the most urgent first."""
-        for row in Choice().of(self.fleet().rows):
-            state = self._states[row.id]
-            what = (state.diagnoses, state.changed)
-            if not row.current and self._asked.get(row.unit) != what:
-                self._asked[row.unit] = what
-                return row.unit
+        rows = Choice().of(self.fleet().rows)
+        with self._lock:
+            for row in rows:
+                state = self._states[row.id]
+                what = (state.diagnoses, state.changed)
+                if not row.current and self._asked.get(row.unit) != what:
+                    self._asked[row.unit] = what
+                    return row.unit
         return None
 
-    def forecast(self, unit: str, made: bool) -> None:  # noqa: ARG002 - one that failed is not tried again
-        """Read the prognoses again: one has been made."""
+    def forecast(self, unit: str, state: str) -> None:
+        """Take note of the state that the prognosis of a unit has ended in.
+
+        One that is done is read. One that is to be tried again is out of date as before. Others wait until
+        something is added.
+        """
         with self._lock:
-            if made and self._marks is not None:
+            if state == DONE and self._marks is not None:
                 self._marks = self._marks._replace(prognoses=NO_PROGNOSES)
+            if state == AGAIN:
+                self._asked.pop(unit, None)
 
 
 def _alarms(connection: "Connection") -> dict[str, tuple[str, ...]]:

@@ -1,15 +1,20 @@
 """The server's own folder: the queue, uploads that wait, reports. No name in it comes from a client."""
 
 import fcntl
+import hashlib
 import os
 import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from emaphm.errors import ServerError
 from emaphm.output_files import make_folder
+
+if TYPE_CHECKING:
+    from emaphm.history.kept_diagnosis import KeptDiagnosis
 
 PARTIAL = ".part"
 """Ending of an upload that is being received."""
@@ -35,13 +40,13 @@ class ServerFolder:
         """Return the path of an upload of the name that `new_upload` gave."""
         return self.uploads / name
 
-    def report(self, diagnosis: int) -> Path:
+    def report(self, diagnosis: "KeptDiagnosis") -> Path:
         """Return the path of a diagnosis's report."""
-        return self.path / "reports" / f"{diagnosis}.html"
+        return self.path / "reports" / f"{content_key(diagnosis)}.html"
 
-    def figure(self, diagnosis: int, name: str) -> Path:
+    def figure(self, diagnosis: "KeptDiagnosis", name: str) -> Path:
         """Return the path of a figure of a diagnosis that was drawn with its report."""
-        return self.path / "reports" / f"{diagnosis}-{name}.svg"
+        return self.path / "reports" / f"{content_key(diagnosis)}-{name}.svg"
 
     @contextmanager
     def locked(self) -> Iterator[None]:
@@ -67,6 +72,15 @@ class ServerFolder:
             for partial in self.uploads.glob(f"*{PARTIAL}"):
                 partial.unlink(missing_ok=True)
             yield
+
+
+def content_key(diagnosis: "KeptDiagnosis") -> str:
+    """Return the SHA-256 of a diagnosis: of its recording, the actuator's description and the result.
+
+    Its number in the history would not do: a history that is begun anew, or restored, gives it again.
+    """
+    parts = (diagnosis.recording_hash, diagnosis.settings.description, diagnosis.text)
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 
 def new_upload(ending: str) -> str:

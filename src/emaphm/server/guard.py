@@ -34,7 +34,7 @@ OPEN = ("/login", "/static/")
 
 UPLOADS = ("/upload", "/api/v1/recordings")
 
-READING = ("GET", "HEAD", "OPTIONS")
+READING = ("GET", "OPTIONS")
 
 
 class Guard:
@@ -59,6 +59,8 @@ class Guard:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
+        if scope["method"] == "HEAD":
+            scope, send = {**scope, "method": "GET"}, _without_body(send)
         headers = {
             name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]
         }
@@ -69,7 +71,7 @@ class Guard:
         if scope["method"] == "POST" and scope["path"] in UPLOADS:
             await self._upload(scope, receive, send)
             return
-        body = _Bounded(receive, self._settings.other_bytes)
+        body = _Bounded(receive, self._settings.other_bytes, self._settings.other_seconds)
         await self._run(scope, body, _with_headers(send))
 
     async def _upload(self, scope: "Scope", receive: "Receive", send: "Send") -> None:
@@ -82,17 +84,10 @@ class Guard:
             return
         self._uploading += 1
         # Fields and boundaries come on top of the file.
-        body = _Bounded(receive, self._settings.upload_bytes + self._settings.other_bytes)
+        most = self._settings.upload_bytes + self._settings.other_bytes
+        body = _Bounded(receive, most, self._settings.upload_seconds)
         try:
-            async with asyncio.timeout(self._settings.upload_seconds) as body.timer:
-                await self._run(scope, body, _with_headers(send))
-        except TimeoutError:
-            late = _said(
-                scope,
-                408,
-                f"the upload took longer than {self._settings.upload_seconds:g} s; send less of it",
-            )
-            await late(scope, receive, _with_headers(send))
+            await self._run(scope, body, _with_headers(send))
         finally:
             self._uploading -= 1
 
@@ -127,26 +122,33 @@ class Guard:
 
 
 class _Bounded:
-    """The body of a request, of a limited size; `timer` ends with its last byte."""
+    """The body of a request, of a limited size [bytes], in limited time [s] from now to its last byte."""
 
-    def __init__(self, receive: "Receive", most: int) -> None:
+    def __init__(self, receive: "Receive", most: int, seconds: float) -> None:
         self._receive = receive
         self._most = most
+        self._seconds = seconds
+        self._deadline: float | None = asyncio.get_running_loop().time() + seconds
         self._seen = 0
-        self.timer: asyncio.Timeout | None = None
 
     @property
     def reason(self) -> str:
         return f"more than {self._most / 2**20:.3g} MiB; cut one manoeuvre out of the recording"
 
     async def __call__(self) -> "Message":
-        message = await self._receive()
+        try:
+            async with asyncio.timeout_at(self._deadline):
+                message = await self._receive()
+        except TimeoutError:
+            raise HTTPException(
+                408, f"took longer than {self._seconds:g} s to send; send less of it", {"connection": "close"}
+            ) from None
         if message["type"] == "http.request":
             self._seen += len(message.get("body", b""))
             if self._seen > self._most:
                 raise HTTPException(413, self.reason, {"connection": "close"})
-            if self.timer is not None and not message.get("more_body", False):
-                self.timer.reschedule(None)
+            if not message.get("more_body", False):
+                self._deadline = None
         return message
 
     def declared_too_large(self, scope: "Scope") -> bool:
@@ -182,6 +184,13 @@ def _with_headers(send: "Send") -> "Send":
             ]
             message = {**message, "headers": [*message.get("headers", ()), *added]}
         await send(message)
+
+    return sending
+
+
+def _without_body(send: "Send") -> "Send":
+    async def sending(message: "Message") -> None:
+        await send({**message, "body": b""} if message["type"] == "http.response.body" else message)
 
     return sending
 

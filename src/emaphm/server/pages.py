@@ -12,11 +12,12 @@ from starlette.responses import FileResponse, HTMLResponse, RedirectResponse, Re
 
 from emaphm.errors import EmaphmError
 from emaphm.history.events import KINDS
-from emaphm.history.views import diagnosis, diagnosis_lines, read_curves
+from emaphm.history.views import diagnosis_lines, read_curves
 from emaphm.recording.io.read import READERS
 from emaphm.server import api
 from emaphm.server.api import Id, Server
 from emaphm.server.fleet import ACTIONS, HEALTHS, SORTS, Choice
+from emaphm.server.folders import content_key
 from emaphm.server.guard import COOKIE, session_in
 from emaphm.server.html import render
 from emaphm.server.state import ServerState
@@ -35,6 +36,9 @@ MOST_LISTED = 200
 """Recordings and events on the page of a unit."""
 
 FIGURES = ("health", "life", "fan")
+
+RECORDED = ("fit", "residual")
+"""Figures of a diagnosis that need its recording: they are drawn when it is uploaded, and kept."""
 
 SORT_NAMES = {
     "urgency": "urgency",
@@ -152,11 +156,7 @@ def unit_figure(server: Server, unit_id: Id, name: str, v: str = "", narrow: boo
 @router.get("/diagnoses/{diagnosis_id}")
 def one_diagnosis(request: Request, server: Server, diagnosis_id: Id) -> Response:
     """Return the page of a diagnosis."""
-    with server.history.database.reading() as connection:
-        found = diagnosis(connection, diagnosis_id)
-    if found is None:
-        raise HTTPException(404, f"no diagnosis {diagnosis_id} in the history")
-    row, kept, toml = found
+    row, kept, toml = api.diagnosis_of(server, diagnosis_id)
     return _html(
         "diagnosis.html.jinja",
         request,
@@ -166,35 +166,32 @@ def one_diagnosis(request: Request, server: Server, diagnosis_id: Id) -> Respons
         document=kept.document,
         components=estimates(kept.document),
         toml=toml,
-        has_report=server.folder.report(diagnosis_id).exists(),
-        has_figures=server.folder.figure(diagnosis_id, "fit").exists(),
+        version=content_key(kept),
+        has_report=server.folder.report(kept).exists(),
+        has_figures=all(server.folder.figure(kept, name).exists() for name in RECORDED),
     )
 
 
 @router.get("/diagnoses/{diagnosis_id}/report.html")
 def report(server: Server, diagnosis_id: Id) -> Response:
     """Return the report of a diagnosis as a file to keep."""
-    path = server.folder.report(diagnosis_id)
+    _, kept, _ = api.diagnosis_of(server, diagnosis_id)
+    path = server.folder.report(kept)
     if not path.exists():
         raise HTTPException(404, "reports are kept of recordings that were uploaded here")
     return FileResponse(path, media_type="text/html", filename=f"diagnosis-{diagnosis_id}.html")
 
 
 @router.get("/diagnoses/{diagnosis_id}/{name}.svg")
-def diagnosis_figure(server: Server, diagnosis_id: Id, name: str) -> Response:
-    """Return a figure of a diagnosis."""
-    if name in {"fit", "residual"}:
-        path = server.folder.figure(diagnosis_id, name)
-        if path.exists():
-            return _picture(path.read_bytes(), forever=True)
-    elif name == "faults":
-        with server.history.database.reading() as connection:
-            found = diagnosis(connection, diagnosis_id)
-        if found is not None:
-            content = server.drawer.figure(
-                ("diagnosis", diagnosis_id), "faults", {"faults": found[1].document["faults"]}
-            )
-            return _picture(content, forever=True)
+def diagnosis_figure(server: Server, diagnosis_id: Id, name: str, v: str = "") -> Response:
+    """Return a figure of a diagnosis, for good where `v` is the diagnosis's `content_key`."""
+    _, kept, _ = api.diagnosis_of(server, diagnosis_id)
+    key = content_key(kept)
+    if name == "faults":
+        faults = {"faults": kept.document["faults"]}
+        return _picture(server.drawer.figure(("diagnosis", key), name, faults), forever=v == key)
+    if name in RECORDED and (path := server.folder.figure(kept, name)).exists():
+        return _picture(path.read_bytes(), forever=v == key)
     raise HTTPException(404, f"no figure '{name[:20]}' of diagnosis {diagnosis_id}")
 
 

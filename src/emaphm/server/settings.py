@@ -25,6 +25,9 @@ class ServerSettings:
     other_bytes: int = 64 * 2**10
     """Of any other request's body [bytes]: a form with a token."""
 
+    other_seconds: float = 10.0
+    """Of any other request's body, from its first byte to its last [s]."""
+
     most_waiting: int = 200
     """Uploads that wait for a process: 12 GiB on disk at most. A further one is asked to come again."""
 

@@ -21,7 +21,7 @@ IDLE_S = 1.0
 """Between two looks into the queue [s]; an upload ends the wait."""
 
 AGAIN_S = 5.0
-"""Until a job is tried again that the history was not there for [s]."""
+"""Until a job or a prognosis is tried again that the history was not there for [s]."""
 
 TOO_LONG = "took longer than {:g} s; cut one manoeuvre out of the recording"
 KILLED = "the process that diagnosed it was killed twice; cut one manoeuvre out of the recording"
@@ -35,7 +35,8 @@ class Pool:
     spare
         Called for the serial number of a unit whose prognosis is out of date, None where there is none.
     on_forecast
-        Called with the serial number, and whether it could be made, when a prognosis has ended.
+        Called with the serial number and the state when a prognosis has ended: done, refused, failed, or
+        again, where the history was away or the process has died of it for the first time.
     on_news
         Called when a job or a prognosis may have made events.
     """
@@ -46,7 +47,7 @@ class Pool:
         place: Place,
         settings: ServerSettings,
         spare: Callable[[], str | None],
-        on_forecast: Callable[[str, bool], None],
+        on_forecast: Callable[[str, str], None],
         on_news: Callable[[], None] = lambda: None,
     ) -> None:
         self._queue = queue
@@ -56,6 +57,7 @@ class Pool:
         self._on_forecast = on_forecast
         self._on_news = on_news
         self._progress: dict[int, float] = {}
+        self._killed: set[str] = set()  # units whose prognosis a process has died of, once
         self._stopping = False
         self._woken = threading.Condition()
         # Uploads need not wait for prognoses, unless there is one process only.
@@ -99,10 +101,12 @@ class Pool:
                 except EmaphmError as error:  # the disk of the queue is full, or the history is away
                     LOG.warning("%s", error)
                     found = False
+                except Exception:
+                    LOG.exception("a defect of emaphm; the server goes on")
+                    process.end()  # what it answers yet must not be taken for the next job's
+                    found = False
                 if not found:
-                    with self._woken:
-                        if not self._stopping:
-                            self._woken.wait(IDLE_S)
+                    self._wait(IDLE_S)
         finally:
             process.end()
 
@@ -118,16 +122,32 @@ class Pool:
             unit = self._spare()
             if unit is None:
                 return False
-            outcome = self._done(process, Forecast(unit), lambda _: None)
-            if self._stopping:
-                return True
-            if outcome is None or outcome.state != DONE:
-                LOG.warning("no prognosis of %r: %s", unit, outcome.message if outcome else "killed")
-            self._on_forecast(unit, outcome is not None and outcome.state == DONE)
-            self._on_news()
+            self._forecast(unit, process)
             return True
         finally:
             self._forecasts.release()
+
+    def _wait(self, seconds: float) -> None:
+        """Wait until there is an upload or the pool stops, `seconds` [s] at most."""
+        with self._woken:
+            if not self._stopping:
+                self._woken.wait(seconds)
+
+    def _forecast(self, unit: str, process: OneProcess) -> None:
+        outcome = self._done(process, Forecast(unit), lambda _: None)
+        if self._stopping:
+            return
+        if outcome is None:
+            outcome = Outcome(FAILED if unit in self._killed else AGAIN, "its process has died")
+            self._killed.add(unit)
+        if outcome.state != AGAIN:
+            self._killed.discard(unit)
+        if outcome.state != DONE:
+            LOG.warning("no prognosis of %r: %s", unit, outcome.message)
+        if outcome.state == AGAIN:
+            self._wait(AGAIN_S)
+        self._on_forecast(unit, outcome.state)
+        self._on_news()
 
     def _upload(self, job: Job, process: OneProcess) -> None:
         order = Upload(self._place.folder.upload(job.file), job.request["name"], job.request)
@@ -143,9 +163,7 @@ class Pool:
         if outcome.state == AGAIN:
             LOG.warning("job %d: %s; it is tried again", job.id, outcome.message)
             self._queue.again(job.id)
-            with self._woken:
-                if not self._stopping:
-                    self._woken.wait(AGAIN_S)
+            self._wait(AGAIN_S)
             return
         self._queue.end(job.id, outcome.state, outcome.message, outcome.result)
         self._on_news()

@@ -17,7 +17,10 @@ STATES = (WAITING, RUNNING, DONE, REFUSED, FAILED)
 """Of a job. Refused: the recording or what was said of it cannot be used. Failed: it was killed twice."""
 
 AGAIN = "again"
-"""What becomes of a job that the history was not there for: it waits again, and is not counted as killed."""
+"""What becomes of a job or a prognosis that the history was not there for: it waits again.
+
+It is not counted as killed.
+"""
 
 FORM = 1
 """Of the table; a file of another form is refused."""

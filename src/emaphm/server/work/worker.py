@@ -1,5 +1,6 @@
 """What a worker process does: it diagnoses uploads and makes prognoses, one at a time."""
 
+import logging
 import os
 import re
 from contextlib import suppress
@@ -9,7 +10,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from emaphm.errors import EmaphmError, HistoryError, HistoryUnavailableError
+from emaphm.errors import EmaphmError, HistoryError, HistoryUnavailableError, OutputError
 from emaphm.execution.one_process import prepare_worker
 from emaphm.monitoring.settings import WATCH, PrognosisSettings
 from emaphm.server.folders import ServerFolder
@@ -20,8 +21,12 @@ if TYPE_CHECKING:
     from emaphm.detection import Detector
     from emaphm.diagnosis import Diagnosis
     from emaphm.history import History, Unit
+    from emaphm.history.kept_diagnosis import KeptDiagnosis
+    from emaphm.history.reading import UnitRow
     from emaphm.progress import Progress
     from emaphm.recording import Recording
+
+LOG = logging.getLogger("emaphm.server")
 
 SERVER = "server"
 """The watcher of events that follow from what the server has diagnosed and forecast."""
@@ -141,10 +146,22 @@ def _diagnosed(job: Upload, history: "History", place: Place, orders: Connection
     )
     diagnosis = judge.judged(entry, recording)
     events = judge.filed(entry, recording, diagnosis, {})
-    result = _result(history, recording) | {"events": [one.message for one in events]}
+    number, unit, kept = _filed(history, recording)
+    result = {
+        "diagnosis": number,
+        "unit_id": unit.id,
+        "recording_hash": kept.recording_hash,
+        "explained": kept.explained,
+        "degraded": [name for name, verdict in kept.verdicts.items() if verdict == "degraded"],
+        "events": [one.message for one in events],
+    }
     if diagnosis is None:
         return Outcome(DONE, "is in the history already", result)
-    _write_report(diagnosis, result["diagnosis"], place.folder)
+    try:
+        _write_report(diagnosis, kept, place.folder)
+    except (OutputError, MemoryError) as error:  # the diagnosis is in the history all the same
+        LOG.warning("no report of diagnosis %d: %s", number, error or "it takes too much memory")
+        return Outcome(DONE, "is in the history, but its report could not be kept", result)
     return Outcome(DONE, "", result)
 
 
@@ -169,7 +186,8 @@ def _described(history: "History", known: "Unit | None", request: dict[str, Any]
     return known.actuator
 
 
-def _result(history: "History", recording: "Recording") -> dict[str, Any]:
+def _filed(history: "History", recording: "Recording") -> "tuple[int, UnitRow, KeptDiagnosis]":
+    """Return the last diagnosis of a recording: its number, its unit, and itself."""
     from emaphm.history.fingerprint import recording_hash
     from emaphm.history.views import diagnosis, last_diagnosis
 
@@ -177,19 +195,13 @@ def _result(history: "History", recording: "Recording") -> dict[str, Any]:
     with history.database.reading() as connection:
         number = last_diagnosis(connection, key)
         found = None if number is None else diagnosis(connection, number)
-    if found is None:
+    if number is None or found is None:
         raise HistoryError("the diagnosis is not in the history; upload the recording again")
     unit, kept, _ = found
-    return {
-        "diagnosis": number,
-        "unit_id": unit.id,
-        "recording_hash": key,
-        "explained": kept.explained,
-        "degraded": [name for name, verdict in kept.verdicts.items() if verdict == "degraded"],
-    }
+    return number, unit, kept
 
 
-def _write_report(diagnosis: "Diagnosis", number: int, folder: ServerFolder) -> None:
+def _write_report(diagnosis: "Diagnosis", kept: "KeptDiagnosis", folder: ServerFolder) -> None:
     """Write the report and the figures of the recording, which the history does not hold."""
     from emaphm.output_files import written_whole
     from emaphm.plotting.diagnosis import draw_fit, draw_residual
@@ -199,6 +211,6 @@ def _write_report(diagnosis: "Diagnosis", number: int, folder: ServerFolder) -> 
     with plain_style():
         figures = {"fit": svg(draw_fit(diagnosis)), "residual": svg(draw_residual(diagnosis))}
     for name, content in figures.items():
-        with written_whole(folder.figure(number, name)) as temporary:
+        with written_whole(folder.figure(kept, name)) as temporary:
             temporary.write_bytes(content)
-    write_report(diagnosis, folder.report(number), force=True)
+    write_report(diagnosis, folder.report(kept), force=True)
