@@ -200,6 +200,12 @@ def test_files_of_the_schema_need_a_unit(desk: Path, capfd: pytest.CaptureFixtur
     assert main(["watch", "in", "--once", "--settle", "0"]) == 0
     (event,) = [json.loads(line) for line in capfd.readouterr().out.splitlines()]
     assert "its unit is not known; give --unit" in event["message"]
+    assert (
+        main(["watch", "in", "--name", "{unit}_{hours}.csv", "--once", "--settle", "0", "--db", "2.sqlite"])
+        == 0
+    )
+    (event,) = [json.loads(line) for line in capfd.readouterr().out.splitlines()]
+    assert "matches --name {unit}_{hours}.csv, as this one does not" in event["message"]
 
 
 @pytest.mark.usefixtures("no_prognoses")

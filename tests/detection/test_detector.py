@@ -53,6 +53,20 @@ def test_a_healthy_run_is_like_healthy(detector: Detector) -> None:
     assert all(detector.judge(one).like_healthy for one in recordings)
 
 
+def test_a_channel_that_never_varies_is_not_looked_at() -> None:
+    healthy, _ = runs(HEALTHY, 12, seed=0)
+    noisy = [one["current_A"] for one in healthy]
+    kept = ("time_s", "command_rad", "load_Nm", "position_rad")
+    first = {name: healthy[0][name] for name in kept if name in healthy[0]}
+    alike = [Recording(first | {"current_A": current}) for current in noisy]
+    known = Detector.learn(alike)
+    assert known.channels == ("current_A",)
+    slightly_off = Recording(first | {"current_A": noisy[0], "position_rad": 1.001 * first["position_rad"]})
+    assert known.judge(slightly_off).t2 < 2 * known.judge(alike[0]).t2_threshold
+    with pytest.raises(RecordingError, match="are the same, row by row; give independent runs"):
+        Detector.learn([alike[0]] * 12)
+
+
 def test_the_mean_of_a_run_is_more_sensitive_than_a_cycle() -> None:
     single, together = [], []
     for seed in range(4):

@@ -60,6 +60,7 @@ def learn(
     from dataclasses import replace
 
     from emaphm.detection import DETECTOR, Detector
+    from emaphm.detection.cycle import repeated_channels
 
     with progress("learning", as_json):
         detector = Detector.learn(
@@ -71,7 +72,12 @@ def learn(
             settings=replace(DETECTOR, false_alarm_rate=false_alarm_rate),
         ).with_seeded(examples)
     detector.save(out)
-    show({"detector": str(out), **detector.to_dict()}, f"{detector}\nWritten to {out}", as_json)
+    repeated = repeated_channels(recordings)
+    text = str(detector)
+    if repeated:
+        text += f"\nNot looked at, as the same in all recordings row by row: {', '.join(repeated)}."
+    values = {"detector": str(out), **detector.to_dict(), "repeated_channels": list(repeated)}
+    show(values, f"{text}\nWritten to {out}", as_json)
 
 
 @app.command

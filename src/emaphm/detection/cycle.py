@@ -47,18 +47,47 @@ class Cycle:
 def common_channels(recordings: Sequence[Recording]) -> tuple[str, ...]:
     """Return the channels that all recordings have, of those that a detector looks at.
 
+    Without those of `repeated_channels`: any deviation from what never varies would be infinite.
+
     Raises
     ------
     RecordingError
-        They have none in common.
+        They have none in common, or differ in none.
     """
-    channels = tuple(name for name in COMPARED if all(name in one for one in recordings))
+    channels = _shared_channels(recordings)
     if not channels:
         raise RecordingError(
             f"{recordings[0].source}: the {len(recordings)} recordings have no response in common "
             f"({', '.join(COMPARED[:1])}, position_rad, …); learn from recordings with the same channels"
         )
-    return channels
+    repeated = repeated_channels(recordings)
+    varying = tuple(name for name in channels if name not in repeated)
+    if not varying:
+        raise RecordingError(
+            f"{recordings[0].source}: the {len(recordings)} recordings are the same, row by row; give "
+            "independent runs, with the noise of their sensors"
+        )
+    return varying
+
+
+def repeated_channels(recordings: Sequence[Recording]) -> tuple[str, ...]:
+    """Return the shared channels that are the same, row by row, in all recordings of the same command.
+
+    So they are in simulations with noise on other channels, and where a sensor is dead.
+    """
+    by_command: dict[bytes, list[Recording]] = {}
+    for one in recordings:
+        by_command.setdefault(one["command_rad"].tobytes(), []).append(one)
+    pairs = [(alike[0], one) for alike in by_command.values() for one in alike[1:]]
+    return tuple(
+        name
+        for name in _shared_channels(recordings)
+        if pairs and all(np.array_equal(one[name], other[name]) for one, other in pairs)
+    )
+
+
+def _shared_channels(recordings: Sequence[Recording]) -> tuple[str, ...]:
+    return tuple(name for name in COMPARED if all(name in one for one in recordings))
 
 
 def cycle_of(recording: Recording, channels: Sequence[str], actuator: Actuator | None) -> Cycle:

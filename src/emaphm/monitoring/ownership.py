@@ -93,9 +93,11 @@ class Ownership:
         cycles = named.get(CYCLES_LABEL) or _first(name, labels, (CYCLES_LABEL,))
         for value, what in ((unit, "unit"), (hours, HOURS_LABEL)):
             if value is None:
+                way = 'a pattern of the name such as --name "{unit}_{hours}.csv"'
+                if self.pattern is not None and not named:
+                    way = f"a name that matches --name {self.pattern.text}, as this one does not"
                 raise RecordingError(
-                    f"{name}: its {what} is not known; give --{what}, a column '{what}', or a pattern of the "
-                    'name such as --name "{unit}_{hours}.csv"'
+                    f"{name}: its {what} is not known; give --{what}, a column '{what}', or {way}"
                 )
         return Entry(
             str(unit),
