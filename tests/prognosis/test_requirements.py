@@ -175,7 +175,11 @@ WRONG: dict[str, dict[str, object]] = {
     "from 2 to 100 Hz": {"measure": "bandwidth", "at_least": 120.0},
     "from 2 to 10 Hz": {"measure": "bandwidth", "at_least": 15.0, "frequency_hz": 10.0},
     "give limits above 2": {"measure": "bandwidth", "at_least": 1.0},
-    "give a frequency_hz above 2": {"measure": "bandwidth", "at_least": 1.5, "frequency_hz": 1.0},
+    "give limits above 2, and a frequency_hz above them": {
+        "measure": "bandwidth",
+        "at_least": 1.5,
+        "frequency_hz": 1.0,
+    },
     "4 at most, of a larger load": {"measure": "stall_margin", "at_least": 5.0, "load": 0.05},
     "give a longer duration": {"measure": "settling_time", "at_most": 0.8},
     "did you mean 'at_most'": {"component": "friction", "atmost": 0.6},
