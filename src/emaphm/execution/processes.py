@@ -51,7 +51,7 @@ def run_on_processes(tasks: Sequence[Task], workers: int | None = None) -> Gener
             yield from _as_finished(pool, tasks, WAITING * workers)
     except BrokenProcessPool:
         raise ExecutionError(
-            "a worker process died, for want of `if __name__ == '__main__':` in a script of one's own, or "
+            "a worker process died, for want of `if __name__ == '__main__':` in a script of your own, or "
             "of memory; start again to go on, with fewer --workers"
         ) from None
 
