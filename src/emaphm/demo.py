@@ -28,7 +28,7 @@ NEXT = """\
 Next:
   emaphm init rig.toml                                  describe your own actuator, by few questions
   emaphm design --actuator rig.toml --out command.csv   find the command that shows its faults best
-  emaphm calibrate healthy.csv --actuator rig.toml -o unit.toml
+  emaphm calibrate healthy.csv --actuator rig.toml --laws auto -o unit.toml
   emaphm diagnose flight.csv --actuator unit.toml --report flight.html
   emaphm doctor                                         what is installed here, and what more there is"""
 
