@@ -60,7 +60,7 @@ def learn(
     from dataclasses import replace
 
     from emaphm.detection import DETECTOR, Detector
-    from emaphm.detection.cycle import repeated_channels
+    from emaphm.detection.cycle import shared_channels
 
     with progress("learning", as_json):
         detector = Detector.learn(
@@ -72,11 +72,11 @@ def learn(
             settings=replace(DETECTOR, false_alarm_rate=false_alarm_rate),
         ).with_seeded(examples)
     detector.save(out)
-    repeated = repeated_channels(recordings)
+    repeated = [name for name in shared_channels(recordings) if name not in detector.channels]
     text = str(detector)
     if repeated:
         text += f"\nNot looked at, as the same in all recordings row by row: {', '.join(repeated)}."
-    values = {"detector": str(out), **detector.to_dict(), "repeated_channels": list(repeated)}
+    values = {"detector": str(out), **detector.to_dict(), "repeated_channels": repeated}
     show(values, f"{text}\nWritten to {out}", as_json)
 
 

@@ -160,18 +160,16 @@ def _check_label(name: str, value: str) -> None:
 
     from emaphm.recording.schema import SCHEMA
 
-    whole = {one.lower(): one for one in SCHEMA}
-    of_quantity = {one.lower().rpartition("_")[0]: one for one in ("load_Nm", "temperature_K", "supply_V")}
-    close = get_close_matches(name.lower(), [*whole, *of_quantity], n=1, cutoff=CLOSE)
     try:
         float(value)
     except ValueError:
         return
-    if close:
-        meant = {**whole, **of_quantity}[close[0]]
+    channels = {one.lower().rpartition("_")[0]: one for one in ("load_Nm", "temperature_K", "supply_V")}
+    channels |= {one.lower(): one for one in SCHEMA}
+    for close in get_close_matches(name.lower(), channels, n=1, cutoff=CLOSE):
         raise RecordingError(
-            f"--known {name}={value}: no channel has that name (did you mean '{meant}'?); for a label give "
-            "another name"
+            f"--known {name}={value}: no channel has that name (did you mean '{channels[close]}'?); for a "
+            "label give another name"
         )
 
 

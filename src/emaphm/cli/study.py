@@ -54,14 +54,19 @@ def run(
             )
         except KeyboardInterrupt:
             raise KeyboardInterrupt(f"what finished is kept in {out}; the same command goes on") from None
+    methods = _methods(store)
     values = {
         "plan": loaded.name,
         "folder": str(out),
         "runs": store.results.height,
         "done_again": list(store.damaged),
-        "methods": _methods(store),
+        "methods": methods,
     }
-    show(values, f"{_summary(store)}\nResults in {out}; see them with: emaphm study report {out}", as_json)
+    show(
+        values,
+        f"{_summary(store, methods)}\nResults in {out}; see them with: emaphm study report {out}",
+        as_json,
+    )
 
 
 @app.command
@@ -94,15 +99,16 @@ def report(
         from emaphm.report.study import write_study_report
 
         written = write_study_report(store.results, plan.name, plan.description, place, total, plan.facts)
+    methods = _methods(store)
     values = {
         "plan": plan.name,
         "runs": store.results.height,
         "of": total,
         "files": list(map(str, written)),
-        "methods": _methods(store),
+        "methods": methods,
     }
     pages = "\n".join(f"written: {path}" for path in written if path.suffix in (".html", ".md"))
-    show(values, f"{_summary(store)}\n{pages}", as_json)
+    show(values, f"{_summary(store, methods)}\n{pages}", as_json)
 
 
 @app.command
@@ -155,8 +161,8 @@ def _methods(store: "Store") -> list[dict[str, Any]]:
     return by_method.sort(*variant, "mean_error_percent").to_dicts()
 
 
-def _summary(store: "Store") -> str:
-    """Return each method's errors, as a table of text."""
+def _summary(store: "Store", methods: list[dict[str, Any]]) -> str:
+    """Return how far a study is, and each of its `methods`, as a table of text."""
     from emaphm.text_table import format_table
 
     total = store.plan.total
@@ -164,7 +170,6 @@ def _summary(store: "Store") -> str:
     if store.damaged:
         again = "done again" if store.results.height == total else "to be done again"
         summary += f"; damaged, and {again}: {'; '.join(store.damaged)}"
-    methods = _methods(store)
     if not methods:
         return summary
     header = tuple(COLUMNS.get(name, (name.replace("_", " "),))[0] for name in methods[0])

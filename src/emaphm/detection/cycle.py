@@ -45,7 +45,7 @@ class Cycle:
 
 
 def common_channels(recordings: Sequence[Recording]) -> tuple[str, ...]:
-    """Return the channels that all recordings have, of those that a detector looks at.
+    """Return the channels that a detector learns from: those that all recordings have.
 
     Without those of `repeated_channels`: any deviation from what never varies would be infinite.
 
@@ -54,7 +54,7 @@ def common_channels(recordings: Sequence[Recording]) -> tuple[str, ...]:
     RecordingError
         They have none in common, or differ in none.
     """
-    channels = _shared_channels(recordings)
+    channels = shared_channels(recordings)
     if not channels:
         raise RecordingError(
             f"{recordings[0].source}: the {len(recordings)} recordings have no response in common "
@@ -81,12 +81,13 @@ def repeated_channels(recordings: Sequence[Recording]) -> tuple[str, ...]:
     pairs = [(alike[0], one) for alike in by_command.values() for one in alike[1:]]
     return tuple(
         name
-        for name in _shared_channels(recordings)
+        for name in shared_channels(recordings)
         if pairs and all(np.array_equal(one[name], other[name]) for one, other in pairs)
     )
 
 
-def _shared_channels(recordings: Sequence[Recording]) -> tuple[str, ...]:
+def shared_channels(recordings: Sequence[Recording]) -> tuple[str, ...]:
+    """Return the channels that all recordings have, of those that a detector looks at."""
     return tuple(name for name in COMPARED if all(name in one for one in recordings))
 
 

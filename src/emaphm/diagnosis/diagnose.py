@@ -298,7 +298,7 @@ def conclude(
         model=problem.model.name,
         fitness_name=fitness,
         fitness=result.cost,
-        residual_rms_A=rms(problem.compared(problem.primary, residual)),
+        residual_rms_A=rms(result.compared_residual),
         explained=not reasons,
         evaluations=0,
         reference_runs=0,

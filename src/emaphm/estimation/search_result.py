@@ -117,6 +117,12 @@ class SearchResult:
         return self.objective.target - self.outputs - self.correction
 
     @property
+    def compared_residual(self) -> Array:
+        """The `fitted_residual` of the primary channel in the rows that are compared, (compared,)."""
+        problem = self.objective.problem
+        return problem.compared(problem.primary, self.fitted_residual[: problem.samples])
+
+    @property
     def residual_by_channel(self) -> dict[str, Array]:
         """The `residual` of each channel in its own unit, (samples,)."""
         problem = self.objective.problem

@@ -194,7 +194,7 @@ def _unlike_healthy(name: str, healthy: Mapping[str, HealthyComparison]) -> Iter
 def _primary(result: SearchResult) -> Iterator[str]:
     problem = result.objective.problem
     corrected = _by_switching(result)
-    residual = problem.compared(problem.primary, result.fitted_residual[: problem.samples])
+    residual = result.compared_residual
     recorded, noise = problem.compared(problem.primary, problem.recorded), problem.noise
     share = problem.compared_share(problem.primary)
     switching = 0.0 if result.discrepancy is None else result.discrepancy.switching_variance / share

@@ -69,7 +69,7 @@ def conclusion(
     first = single[0]
     kept = {field.name: getattr(first, field.name) for field in fields(first)}
     shared = [space.coordinates[i] for i in joint.terms[0].shared_places]
-    residual = np.concatenate(list(map(_compared_residual, results)))
+    residual = np.concatenate([one.compared_residual for one in results])
     channels = tuple(dict.fromkeys(name for one in single for name in one.channels))
     return JointDiagnosis(
         **kept
@@ -176,7 +176,7 @@ def _recording(
     single: Diagnosis, alone: SearchResult, result: SearchResult, *, contradicts: bool
 ) -> JointRecording:
     common = of_unit(single.nuisances)
-    own = rms(_compared_residual(alone))
+    own = rms(alone.compared_residual)
     return JointRecording(
         single.recording,
         single.channels,
@@ -189,12 +189,6 @@ def _recording(
         {name: one for name, one in single.nuisances.items() if name not in common},
         single.load,
     )
-
-
-def _compared_residual(result: SearchResult) -> Array:
-    """Return the residual of the primary channel in the rows that are compared, (compared,)."""
-    problem = result.objective.problem
-    return problem.compared(problem.primary, result.fitted_residual[: problem.samples])
 
 
 def _of_all(single: Sequence[Diagnosis], of: Callable[[Diagnosis], Sequence[str]]) -> tuple[str, ...]:
