@@ -154,6 +154,24 @@ def test_removals_and_findings(emaphm: Emaphm, flown: Path) -> None:
     assert "position not known" in text
 
 
+def test_a_mistake_is_withdrawn(emaphm: Emaphm, flown: Path) -> None:
+    assert flown.is_dir()
+    wrong = ("--unit", "SN-7", "--hours", "120")
+    answer(emaphm, "removal", *wrong, "--reason", "failed")
+    refused = emaphm("history", "removal", *wrong, "--reason", "scheduled").err
+    assert "'emaphm history withdraw' takes out a mistake" in refused
+    made = answer(emaphm, "withdraw", "removal", *wrong, "--reason", "of SN-8")
+    assert (made["kind"], made["subject"], made["unit_left"]) == ("removal", "failed", True)
+    shown = answer(emaphm, "show", "--unit", "SN-7")
+    assert shown["removals"] == []
+    assert shown["withdrawals"][0]["reason"] == "of SN-8"
+    assert "removal 'failed' at 120 h (of SN-8)" in emaphm("history", "show", "--unit", "SN-7").out
+    only = ("withdraw", "recording", "--unit", "SN-7", "--hours", "100", "--reason", "another actuator")
+    text = emaphm("history", *only).out
+    assert "first.csv' of SN-7 at 100 h is withdrawn; it was its only recording" in text
+    assert answer(emaphm, "list")["units"] == []
+
+
 def test_list_and_export(emaphm: Emaphm, flown: Path) -> None:
     (line,) = answer(emaphm, "list")["units"]
     assert (line["serial_number"], line["hours"], line["recordings"], line["explained"]) == (
@@ -194,6 +212,17 @@ REFUSALS = {
         "did you mean 'friction'"
     ),
     ("removal", "--unit", "SN-7", "--hours", "1", "--reason", "unknown"): "unknown reason",
+    ("withdraw", "removal", "--unit", "SN-7", "--hours", "1", "--reason", "typo"): "no removal there",
+    (
+        "withdraw",
+        "flight",
+        "--unit",
+        "SN-7",
+        "--hours",
+        "1",
+        "--reason",
+        "typo",
+    ): "cannot withdraw a 'flight'",
     ("list", "--db", "absent.sqlite"): "no such history",
     ("list", "--db", "first.csv"): "first.csv: the database cannot be used (file is not a database)",
     ("list", "--db", "postgresql://me:secret@127.0.0.1:1/fleet"): "postgresql://me:***@127.0.0.1:1/fleet",

@@ -186,7 +186,7 @@ def test_what_cannot_be_watched_is_refused(refused: Refusal, line: str, said: st
 
 
 def test_a_history_of_a_newer_version_is_refused(refused: Refusal, desk: Path) -> None:
-    from emaphm.history.schema import VERSION
+    from emaphm.history.storage.schema import VERSION
 
     with History.open("h.sqlite", create=True) as history, history.database.writing() as connection:
         connection.execute(VERSION.update().values(version_num="9999"))

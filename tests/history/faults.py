@@ -17,7 +17,7 @@ import sqlalchemy as sa
 
 from emaphm.history import History
 from emaphm.history.fingerprint import recording_hash
-from emaphm.history.tables import DIAGNOSES, FLIGHTS, RECORDINGS, UNITS
+from emaphm.history.storage.tables import DIAGNOSES, FLIGHTS, RECORDINGS, UNITS
 
 from . import made_up
 from .nursery import Job, Nursery, entry, nursery

@@ -21,7 +21,7 @@ import sqlalchemy as sa
 from sqlalchemy.schema import CreateTable
 
 from emaphm.history import Entry, History
-from emaphm.history.tables import METADATA
+from emaphm.history.storage.tables import METADATA
 
 from . import made_up
 

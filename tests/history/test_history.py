@@ -10,11 +10,14 @@ import pytest
 
 from emaphm.actuator import NAMES
 from emaphm.actuator.unit.tolerances import Tolerances
-from emaphm.errors import OutputError
-from emaphm.history import Entry, Finding, Flight, History, Life, Removal, Replacement
+from emaphm.errors import HistoryError, OutputError
+from emaphm.history import Entry, Finding, Flight, History, Life, Mistake, Removal, Replacement
 from emaphm.history.blocks import METHOD, diagnosis_blocks, unit_blocks
 from emaphm.history.export import export
 from emaphm.history.fingerprint import recording_hash
+from emaphm.history.kept_prognosis import KeptPrognosis
+from emaphm.history.views import states
+from emaphm.prognosis.keeping.update import is_current
 from emaphm.recording import Recording
 
 from . import made_up
@@ -227,3 +230,79 @@ def test_an_export_has_every_unit(history: History, tmp_path: Path) -> None:
     assert pl.read_csv(tmp_path / "all.csv").select("recording_hash").equals(table.select("recording_hash"))
     with pytest.raises(OutputError, match="exists already"):
         export(history, tmp_path / "all.csv")
+
+
+# Withdrawals
+
+
+def test_a_recording_entered_under_the_wrong_unit_can_be_moved(history: History) -> None:
+    fill(history, range(1, 3), "S1")
+    history.add(Entry("S2", made_up.PART, 30.0, 7, "left"), recording(3), diagnosis(3))
+    before = unit_blocks(history.unit("S1"))
+    made = history.withdraw("S2", Mistake("recording", 30.0, "it was of S1"))
+    assert (made.kind, made.hours, made.subject, made.reason) == ("recording", 30.0, "3.csv", "it was of S1")
+    assert [unit.serial_number for unit in history.units()] == ["S1"]
+    assert unit_blocks(history.unit("S1")) == before
+    # All that was held of it stays on record.
+    assert (made.entry["hash"], made.entry["cycles"], made.entry["position"]) == (
+        recording_hash(recording(3)),
+        7,
+        "left",
+    )
+    (kept,) = made.entry["diagnoses"]
+    assert kept["vector"] == diagnosis(3).faults.vector.tolist()
+    assert kept["covariance"] == diagnosis(3).covariance.ravel().tolist()
+    assert kept["document"]["k"] == diagnosis(3).to_dict()["k"]
+    assert history.add(entry("S1", 30.0), recording(3), diagnosis(3)).added
+    assert [one.recording for one in history.unit("S1").diagnoses()] == ["1.csv", "2.csv", "3.csv"]
+    # Under its serial number, also when the unit is there again.
+    assert history.add(entry("S2", 5.0), recording(4), diagnosis(4)).added
+    assert history.unit("S2").withdrawals() == (made,)
+    assert history.unit("S1").withdrawals() == ()
+
+
+def test_a_recording_is_withdrawn_by_the_name_of_its_file(history: History) -> None:
+    for number, name in enumerate(("left/1.csv", "right/1.csv", "right/2.csv")):
+        history.add(entry(), Recording(recording(number).channels, source=name), diagnosis(number))
+    assert history.withdraw("S1", Mistake("recording", 10.0, "typo", "2.csv")).subject == "right/2.csv"
+    with pytest.raises(HistoryError, match="say by --which"):
+        history.withdraw("S1", Mistake("recording", 10.0, "typo", "1.csv"))
+    assert history.withdraw("S1", Mistake("recording", 10.0, "typo", "left/1.csv")).subject == "left/1.csv"
+
+
+def test_what_was_withdrawn_counts_nowhere(history: History) -> None:
+    fill(history, range(1, 3))
+    history.add_removal("S1", Removal(20.0, "failed"))
+    history.add_finding("S1", Finding(20.0, "friction", "failed", replaced=True))
+    history.add_finding("S1", Finding(20.0, "backlash", "failed"))
+    before = unit_blocks(history.unit("S1"))
+    history.add(entry(hours=20.0), recording(7), diagnosis(7, explained=False))
+    history.add(entry(hours=30.0, late=True), recording(8), diagnosis(8))
+    history.add_removal("S1", Removal(30.0, "failed"))
+    history.add_finding("S1", Finding(20.0, "gain", "failed", replaced=True))
+    for mistake in (
+        Mistake("finding", 20.0, "another unit's", "gain"),
+        Mistake("removal", 30.0, "another unit's"),
+        Mistake("recording", 20.0, "cut wrongly", recording_hash(recording(7))[:8]),
+        Mistake("recording", 30.0, "cut wrongly", "8.csv"),
+    ):
+        history.withdraw("S1", mistake)
+    after = unit_blocks(history.unit("S1"))
+    assert [one["subject"] for one in after.pop("withdrawals")] == ["gain", "failed", "7.csv", "8.csv"]
+    assert before.pop("withdrawals") == []
+    assert after == before
+    assert history.overviews()[0].hours == 20.0
+
+
+def test_a_prognosis_is_out_of_date_when_something_was_withdrawn(history: History) -> None:
+    fill(history, range(1, 3))
+    history.add_removal("S1", Removal(20.0, "failed"))
+    kept = KeptPrognosis(20.0, 2, {"hours": 20.0, "rul_hours": {}}, at="2999-01-01T00:00:00Z")
+    history.keep_prognosis("S1", kept)
+    assert not unit_blocks(history.unit("S1"))["prognostic_assessment"]["out_of_date"]
+    history.keep_prognosis("S1", replace(kept, at="2000-01-01T00:00:00Z"))
+    history.withdraw("S1", Mistake("removal", 20.0, "another unit's"))
+    assert unit_blocks(history.unit("S1"))["prognostic_assessment"]["out_of_date"]
+    with history.database.reading() as connection:
+        (state,) = states(connection).values()
+    assert not is_current(state, replace(kept, at="2000-01-01T00:00:00Z"))

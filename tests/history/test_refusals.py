@@ -1,5 +1,6 @@
 """What contradicts a history is refused in one line that says how to correct it, and changes nothing."""
 
+import re
 import socket
 import sqlite3
 import time
@@ -12,12 +13,13 @@ import pytest
 import sqlalchemy as sa
 
 from emaphm.errors import HistoryError, HistoryUnavailableError
-from emaphm.history import Entry, Finding, History, Removal, database
-from emaphm.history.address import Address
+from emaphm.history import Entry, Finding, History, Mistake, Removal
 from emaphm.history.blocks import unit_blocks
-from emaphm.history.database import Database
-from emaphm.history.schema import VERSION
-from emaphm.history.tables import UNITS
+from emaphm.history.storage import database
+from emaphm.history.storage.address import Address
+from emaphm.history.storage.database import Database
+from emaphm.history.storage.schema import VERSION
+from emaphm.history.storage.tables import UNITS
 
 from . import made_up
 from .conftest import server
@@ -314,3 +316,24 @@ def test_a_connection_that_the_server_ended_is_made_anew(flown: History) -> None
     other.dispose()
     time.sleep(0.1)
     assert len(flown.unit("SN-0042").diagnoses()) == 3
+
+
+def test_what_cannot_be_withdrawn_is_refused(flown: History) -> None:
+    flown.add(Entry("SN-0042", made_up.PART, 30.0), recording(4), diagnosis(4))
+    flown.add_removal("SN-0042", Removal(30.0, "suspected"))
+    flown.add(Entry("SN-0001", made_up.PART, 5.0), recording(9), diagnosis(9))
+    flown.add_finding("SN-0001", Finding(5.0, "friction", "healthy"))
+    before = {name: unit_blocks(flown.unit(name)) for name in ("SN-0042", "SN-0001")}
+    for unit, mistake, words in (
+        ("SN-42", ("recording", 10.0, "typo"), "did you mean 'SN-0042'"),
+        ("SN-0042", ("recording", 12.0, "typo"), "no recording there; the nearest are at 10 h, 20 h, 30 h"),
+        ("SN-0042", ("finding", 10.0, "typo"), "no finding there, nor at other hours"),
+        ("SN-0042", ("recording", 30.0, "typo"), "there are '3.csv' (.*), '4.csv' (.*); say by --which"),
+        ("SN-0042", ("recording", 30.0, "typo", "5.csv"), "no recording '5.csv' there, but '3.csv'"),
+        ("SN-0001", ("recording", 5.0, "typo"), "the only recording of unit 'SN-0001', which has findings"),
+    ):
+        message = refusal(partial(flown.withdraw, unit, Mistake(*mistake)))
+        assert re.search(words.replace("(.*)", r"\(.{8}\)"), message), message
+    assert {name: unit_blocks(flown.unit(name)) for name in before} == before
+    assert "did you mean 'removal'" in refusal(partial(Mistake, "removl", 1.0, "typo"))
+    assert "needs a reason" in refusal(partial(Mistake, "removal", 1.0, " "))

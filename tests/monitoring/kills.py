@@ -24,7 +24,7 @@ from pathlib import Path
 import sqlalchemy as sa
 
 from emaphm.history import Event, History
-from emaphm.history.tables import DIAGNOSES, RECORDINGS, WATCHED_FILES
+from emaphm.history.storage.tables import DIAGNOSES, RECORDINGS, WATCHED_FILES
 
 from . import stand_in
 from .hooks import Received, webhook

@@ -19,8 +19,8 @@ import pytest
 import waiting
 from emaphm.errors import HistoryFormError, HistoryUnavailableError, MonitoringError
 from emaphm.history import Event, History
-from emaphm.history.database import Database
-from emaphm.history.schema import VERSION
+from emaphm.history.storage.database import Database
+from emaphm.history.storage.schema import VERSION
 from emaphm.monitoring import NamePattern, Ownership, Task, Watching, WatchSettings, watch
 from emaphm.monitoring.receivers import Webhook
 from emaphm.monitoring.settings import PressureSettings

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from emaphm.history import Entry, History
+from emaphm.history import Entry, History, Mistake
 from emaphm.server import fleet as room
 from emaphm.server.fleet import FleetRow, FleetView
 from emaphm.server.work.queue import AGAIN, FAILED, REFUSED
@@ -39,6 +39,20 @@ def test_what_is_added_while_another_looks_is_shown(fleet: Path, monkeypatch: py
         counts = [len(one.result().rows) for one in (first, second)]
         assert counts == [UNITS, UNITS + 1]
         assert len(view.fleet().rows) == UNITS + 1
+
+
+def test_what_is_withdrawn_is_shown_no_longer(fleet: Path) -> None:
+    with History.open(str(fleet)) as history:
+        view = FleetView(history)
+        held = recording(1000)
+        history.add(Entry("SN-new", "EMA-9", 5.0), held, diagnosis(held, 0.3))
+        assert len(view.fleet().rows) == UNITS + 1
+        history.withdraw("SN-new", Mistake("recording", 5.0, "typo"))
+        # A database may give the new rows the numbers of those that are gone.
+        history.add(Entry("SN-newer", "EMA-9", 7.0), held, diagnosis(held, 0.3))
+        shown = {row.unit: row.hours for row in view.fleet().rows}
+        assert "SN-new" not in shown
+        assert shown["SN-newer"] == 7.0
 
 
 def test_a_prognosis_that_is_to_be_tried_again_is_out_of_date_again(fleet: Path) -> None:

@@ -19,8 +19,10 @@ from emaphm.history.records import (
     Entry,
     Finding,
     Flight,
+    Mistake,
     Removal,
     Replacement,
+    Withdrawal,
 )
 from emaphm.history.unit import Unit
 
@@ -38,7 +40,9 @@ __all__ = [
     "KeptPrognosis",
     "KeptSettings",
     "Life",
+    "Mistake",
     "Removal",
     "Replacement",
     "Unit",
+    "Withdrawal",
 ]

@@ -13,8 +13,9 @@ from emaphm.history.kept_diagnosis import KeptDiagnosis
 from emaphm.history.kept_prognosis import KeptPrognosis, read_prognosis
 from emaphm.history.lives import lives
 from emaphm.history.records import COMPONENTS
-from emaphm.history.tables import UNITS
+from emaphm.history.storage.tables import UNITS
 from emaphm.history.unit import Unit
+from emaphm.history.withdrawing import read_withdrawals
 
 DATA_MANIPULATION = ("recording", "channels", "notes")
 """What was done to the recording's channels before they were compared."""
@@ -65,6 +66,7 @@ def unit_blocks(unit: Unit) -> dict[str, Any]:
         diagnoses = reading.diagnoses(connection, unit.row.id)
         removals = reading.removals(connection, unit.row.id)
         findings = reading.findings(connection, unit.row.id)
+        withdrawals = read_withdrawals(connection, unit.serial_number)
         kept = read_prognosis(connection, unit.row.id)
         this = UNITS.c.id == unit.row.id
         count = reading.diagnosis_counts(connection, this).get(unit.row.id, 0)
@@ -86,6 +88,7 @@ def unit_blocks(unit: Unit) -> dict[str, Any]:
         "replacements": [
             {"hours": one.hours, "component": one.component} for one in findings if one.replaced
         ],
+        "withdrawals": [asdict(one) for one in withdrawals],
         "lives": {
             name: [
                 asdict(one) | {"censored": one.censored} for one in lives(flights, removals, findings, name)

@@ -46,11 +46,11 @@ def diagnosis_of(row: "sa.Row[Any]", flight: Flight) -> KeptDiagnosis:
         flight=flight,
         recording_hash=row.recording_hash,
         recording=row.recording_name,
-        vector=_unpacked(row.vector),
-        standard_errors=_unpacked(row.standard_errors),
+        vector=unpacked(row.vector),
+        standard_errors=unpacked(row.standard_errors),
         explained=row.explained,
         coordinates=coordinates,
-        covariance=_unpacked(row.covariance).reshape(len(coordinates), len(coordinates)),
+        covariance=unpacked(row.covariance).reshape(len(coordinates), len(coordinates)),
         settings=KeptSettings(row.description_hash, row.method, row.model, row.fitness, int(row.seed)),
         version=row.version,
         added_at=row.added_at,
@@ -62,5 +62,6 @@ def _packed(values: Any) -> bytes:
     return np.asarray(values, NUMBER).tobytes()
 
 
-def _unpacked(content: bytes) -> Array:
+def unpacked(content: bytes) -> Array:
+    """Return the numbers of an array as a column holds it."""
     return np.frombuffer(content, NUMBER).astype(float)

@@ -10,7 +10,7 @@ from typing import Any
 import sqlalchemy as sa
 
 from emaphm.errors import HistoryError, nearest
-from emaphm.history.tables import EVENTS
+from emaphm.history.storage.tables import EVENTS
 from emaphm.history.writing import storable
 from emaphm.strict_json import finite
 

@@ -7,18 +7,19 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from emaphm.history import reading, writing
-from emaphm.history.address import Address
-from emaphm.history.database import Database
 from emaphm.history.events import Event, add_events, read_events, read_open_conditions
 from emaphm.history.fingerprint import description_of, recording_hash
 from emaphm.history.kept_diagnosis import KeptSettings
 from emaphm.history.kept_prognosis import Basis, KeptPrognosis, keep_prognosis, read_prognoses
 from emaphm.history.overview import Overview, overviews
-from emaphm.history.records import Entry, Finding, Removal
-from emaphm.history.schema import bring_up_to_date, check_revision
-from emaphm.history.tables import UNITS
+from emaphm.history.records import Entry, Finding, Mistake, Removal, Withdrawal
+from emaphm.history.storage.address import Address
+from emaphm.history.storage.database import Database
+from emaphm.history.storage.schema import bring_up_to_date, check_revision
+from emaphm.history.storage.tables import UNITS
 from emaphm.history.timestamp import timestamp
 from emaphm.history.unit import Unit
+from emaphm.history.withdrawing import withdraw
 
 if TYPE_CHECKING:
     from emaphm.actuator import Actuator
@@ -166,6 +167,22 @@ class History:
         with self.database.writing() as connection:
             check_revision(connection, self.database.address.shown)
             return writing.add_finding(connection, reading.unit(connection, serial_number), finding)
+
+    def withdraw(self, serial_number: str, mistake: Mistake) -> Withdrawal:
+        """Take out an entry that was made wrongly; what it was stays on record (`Unit.withdrawals`).
+
+        A recording goes with all its diagnoses, a flight with its last recording, and a unit with its last
+        flight. What was withdrawn may be added again, to another unit or at other hours.
+
+        Raises
+        ------
+        HistoryError
+            The unit or the entry is unknown, several are meant, or it is the unit's only recording while
+            removals or findings are left.
+        """
+        with self.database.writing() as connection:
+            check_revision(connection, self.database.address.shown)
+            return withdraw(connection, reading.unit(connection, serial_number), mistake)
 
     def add_events(self, *events: Event) -> int:
         """Add events in their order, all or none; return how many were not there yet."""

@@ -8,7 +8,7 @@ from typing import Any
 import sqlalchemy as sa
 
 from emaphm.history.reading import UnitRow
-from emaphm.history.tables import PROGNOSES, UNITS
+from emaphm.history.storage.tables import PROGNOSES, UNITS
 from emaphm.history.timestamp import timestamp
 from emaphm.strict_json import finite
 

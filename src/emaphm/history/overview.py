@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import sqlalchemy as sa
 
 from emaphm.history.reading import UnitRow, units
-from emaphm.history.tables import DIAGNOSES, FLIGHTS, RECORDINGS
+from emaphm.history.storage.tables import DIAGNOSES, FLIGHTS, RECORDINGS
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,16 @@ from emaphm.errors import HistoryError, nearest
 from emaphm.history.columns import diagnosis_of
 from emaphm.history.kept_diagnosis import KeptDiagnosis, KeptSettings
 from emaphm.history.records import Finding, Flight, Removal
-from emaphm.history.tables import DESCRIPTIONS, DIAGNOSES, FINDINGS, FLIGHTS, RECORDINGS, REMOVALS, UNITS
+from emaphm.history.storage.tables import (
+    DESCRIPTIONS,
+    DIAGNOSES,
+    FINDINGS,
+    FLIGHTS,
+    RECORDINGS,
+    REMOVALS,
+    UNITS,
+    WITHDRAWALS,
+)
 
 
 @dataclass(frozen=True)
@@ -180,14 +189,20 @@ def findings(connection: sa.Connection, unit_id: int) -> tuple[Finding, ...]:
 
 
 def last_changes(connection: sa.Connection, chosen: sa.ColumnElement[bool]) -> dict[int, str]:
-    """Return by unit when its newest removal or finding was added, UTC, ISO 8601; of those that have one."""
+    """Return by unit the time of its newest removal, finding or withdrawal, UTC, ISO 8601; none without."""
+    of_unit = (
+        (REMOVALS, REMOVALS.c.added_at, REMOVALS.c.unit_id == UNITS.c.id),
+        (FINDINGS, FINDINGS.c.added_at, FINDINGS.c.unit_id == UNITS.c.id),
+        (WITHDRAWALS, WITHDRAWALS.c.at, WITHDRAWALS.c.serial_number == UNITS.c.serial_number),
+    )
     result: dict[int, str] = {}
-    for table in (REMOVALS, FINDINGS):
+    for table, time, joined in of_unit:
         query = (
-            sa.select(table.c.unit_id, sa.func.max(table.c.added_at))
-            .join(UNITS, UNITS.c.id == table.c.unit_id)
+            sa.select(UNITS.c.id, sa.func.max(time))
+            .select_from(UNITS)
+            .join(table, joined)
             .where(chosen)
-            .group_by(table.c.unit_id)
+            .group_by(UNITS.c.id)
         )
         for unit_id, at in connection.execute(query):
             result[unit_id] = max(result.get(unit_id, ""), at)

@@ -1,7 +1,8 @@
-"""What is put into a history, as values that check themselves: flights, removals, findings."""
+"""What is put into a history, and taken out, as values that check themselves."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 from emaphm.actuator.faults import NAMES
 from emaphm.actuator.quantity import COLDEST, HOTTEST
@@ -18,6 +19,9 @@ REASONS = ("failed", "suspected", "scheduled", "other")
 
 CONDITIONS = ("failed", "degraded", "healthy")
 """What a shop found: no longer within its requirements; worn, but within; nothing wrong."""
+
+KINDS = ("recording", "removal", "finding")
+"""What can be withdrawn."""
 
 MOST_HOURS = 1e6
 """Flight hours: more than a century of them."""
@@ -154,6 +158,49 @@ class Replacement:
 
     hours: float
     component: str
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """An entry at `hours` [h] of a unit that was made wrongly, one of `KINDS`, and why it was wrong.
+
+    `which` names a recording (its file, or eight or more characters of its SHA-256) or a finding's component;
+    it is needed where there are several at these hours.
+
+    Raises
+    ------
+    HistoryError
+        The kind is unknown, hours are no number of 0 or more, or the reason is empty or too long.
+    """
+
+    kind: str
+    hours: float
+    reason: str
+    which: str | None = None
+
+    def __post_init__(self) -> None:
+        check_hours(self.hours)
+        check_note(self.reason)
+        if self.kind not in KINDS:
+            raise HistoryError(f"cannot withdraw a '{self.kind}'{nearest(self.kind, KINDS)}")
+        if not self.reason.strip():
+            raise HistoryError("a withdrawal needs a reason, for whoever reads the history later")
+
+
+@dataclass(frozen=True)
+class Withdrawal:
+    """What was withdrawn: one of `KINDS` at `hours` [h], when (UTC, ISO 8601) and why.
+
+    `subject` is a recording's name, a removal's reason or a finding's component; `entry` has all that the
+    history held of it, its diagnoses among it.
+    """
+
+    kind: str
+    hours: float
+    subject: str
+    reason: str
+    at: str
+    entry: dict[str, Any] = field(repr=False)
 
 
 def check_name(name: str, what: str) -> None:

@@ -5,10 +5,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from emaphm.history import reading
-from emaphm.history.database import Database
 from emaphm.history.kept_diagnosis import KeptDiagnosis
 from emaphm.history.lives import Life, lives
-from emaphm.history.records import Finding, Flight, Removal, Replacement
+from emaphm.history.records import Finding, Flight, Removal, Replacement, Withdrawal
+from emaphm.history.storage.database import Database
+from emaphm.history.withdrawing import read_withdrawals
 
 if TYPE_CHECKING:
     from emaphm.actuator import Actuator
@@ -60,6 +61,11 @@ class Unit:
         """Return what shops found, by hours."""
         with self.database.reading() as connection:
             return reading.findings(connection, self.row.id)
+
+    def withdrawals(self) -> tuple[Withdrawal, ...]:
+        """Return what was entered wrongly under its serial number and withdrawn since, in that order."""
+        with self.database.reading() as connection:
+            return read_withdrawals(connection, self.serial_number)
 
     def replacements(self) -> tuple[Replacement, ...]:
         """Return what shops replaced, by hours; the component "unit" stands for all of them."""

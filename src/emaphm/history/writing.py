@@ -11,7 +11,15 @@ from emaphm.errors import HistoryError
 from emaphm.history.columns import columns_of
 from emaphm.history.reading import UnitRow, has_diagnosis, unit_or_none
 from emaphm.history.records import Entry, Finding, Removal
-from emaphm.history.tables import DESCRIPTIONS, DIAGNOSES, FINDINGS, FLIGHTS, RECORDINGS, REMOVALS, UNITS
+from emaphm.history.storage.tables import (
+    DESCRIPTIONS,
+    DIAGNOSES,
+    FINDINGS,
+    FLIGHTS,
+    RECORDINGS,
+    REMOVALS,
+    UNITS,
+)
 from emaphm.history.timestamp import timestamp
 
 if TYPE_CHECKING:
@@ -50,12 +58,12 @@ def _is_there(connection: sa.Connection, entry: Entry, recording_hash: str) -> b
     if row.serial_number != entry.unit:
         raise HistoryError(
             f"this recording is in the history already, as '{row.name}' of unit '{row.serial_number}'; it "
-            f"cannot be of '{entry.unit}' too, check --unit"
+            f"cannot be of '{entry.unit}' too, check --unit; 'emaphm history withdraw' takes out a mistake"
         )
     if row.hours != entry.hours:
         raise HistoryError(
             f"this recording is in the history already, as '{row.name}' at {row.hours:g} h; it cannot be of "
-            f"{entry.hours:g} h too, check --hours"
+            f"{entry.hours:g} h too, check --hours; 'emaphm history withdraw' takes out a mistake"
         )
     if None not in (row.cycles, entry.cycles) and row.cycles != entry.cycles:
         raise HistoryError(
@@ -210,7 +218,10 @@ def _added(
     held = {name: getattr(found, name) for name in values}
     if held != values:
         differing = ", ".join(f"{name} {value!r}" for name, value in held.items() if values[name] != value)
-        raise HistoryError(f"{what} is in the history already, with {differing}; nothing was changed")
+        raise HistoryError(
+            f"{what} is in the history already, with {differing}; nothing was changed; 'emaphm history "
+            "withdraw' takes out a mistake"
+        )
     return False
 
 

@@ -12,8 +12,8 @@ import sqlalchemy as sa
 
 from emaphm.history.events import Event, add_events, read_events
 from emaphm.history.history import History
-from emaphm.history.schema import check_revision
-from emaphm.history.tables import DELIVERED, WATCHED_FILES, WATCHED_ROWS
+from emaphm.history.storage.schema import check_revision
+from emaphm.history.storage.tables import DELIVERED, WATCHED_FILES, WATCHED_ROWS
 from emaphm.history.writing import storable
 
 JUDGED, PARTLY, AGAIN, REFUSED, CHANGED, TRIED, SET_ASIDE = OUTCOMES = (

@@ -111,7 +111,7 @@ def units(
 
 @router.get("/units/{unit_id}", responses=NOT_FOUND)
 def unit(server: Server, unit_id: Id) -> dict[str, Any]:
-    """Return a unit: its state, flights, removals, findings and lives."""
+    """Return a unit: its state, flights, removals, findings, withdrawals and lives."""
     row = row_of(server, unit_id)
     found = history_unit(server, row)
     return _finite(
@@ -120,6 +120,7 @@ def unit(server: Server, unit_id: Id) -> dict[str, Any]:
             "flights": [asdict(one) for one in found.flights()],
             "removals": [asdict(one) for one in found.removals()],
             "findings": [asdict(one) for one in found.findings()],
+            "withdrawals": [asdict(one) for one in found.withdrawals()],
             "lives": [asdict(one) | {"censored": one.censored} for one in found.lives()],
         }
     )

@@ -142,7 +142,7 @@ class FleetView:
             before = self._marks
             if now == before:
                 return self._fleet
-            if before is None:
+            if before is None or before.withdrawal != now.withdrawal:
                 self._states = states(connection)
             else:
                 self._states |= states(connection, changed_units(connection, before))

@@ -137,6 +137,7 @@ def unit(request: Request, server: Server, unit_id: Id) -> Response:
         lines=lines,
         removals=found.removals(),
         findings=found.findings(),
+        withdrawals=found.withdrawals(),
         events=server.history.events(unit=row.unit, newest_first=True, limit=MOST_LISTED),
         plotly=f"/static/{_plotly_version()}/{PLOTLY}",
         ids={row.unit: row.id},

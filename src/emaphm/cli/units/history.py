@@ -174,6 +174,7 @@ def show_unit(
             for one in values["removals"]
         ),
         *(_found(one) for one in values["findings"]),
+        *(_withdrawn(one) for one in values["withdrawals"]),
         *([_assessed(values)] if values["prognostic_assessment"] else []),
     ]
     show(values, "\n".join(lines), as_json)
@@ -255,6 +256,34 @@ def finding(
     show(values, f"finding on {component} of {unit} at {hours:g} h {_added(added)}", as_json)
 
 
+@app.command
+def withdraw(
+    kind: Annotated[str, Parameter(help="recording, removal or finding.")],
+    *,
+    unit: Unit,
+    hours: Hours,
+    reason: Annotated[str, Parameter(help="Why it was wrong, for whoever reads the history later.")],
+    which: Annotated[
+        str | None,
+        Parameter(help="A recording's name or hash, or a finding's component, where there are several."),
+    ] = None,
+    db: Database = DB,
+    as_json: AsJson = False,
+) -> None:
+    """Take out an entry that was made wrongly; it counts no longer, and stays on record with the reason."""
+    from dataclasses import asdict
+
+    from emaphm.history import History, Mistake
+
+    mistake = Mistake(kind, hours, reason, which)
+    with History.open(db) as history:
+        made = history.withdraw(unit, mistake)
+        gone = all(one.serial_number != unit for one in history.units())
+    values = {"unit": unit, "unit_left": not gone, **asdict(made)}
+    last = "; it was its only recording, so the unit is no longer in the history" if gone else ""
+    show(values, f"{_named(values)} of {unit} at {hours:g} h is withdrawn{last}", as_json)
+
+
 def _assessed(values: dict[str, Any]) -> str:
     """Return the last kept prognosis as a line of text."""
     made, advised = values["prognostic_assessment"], values["advisory_generation"]
@@ -304,6 +333,14 @@ def _found(one: dict[str, Any]) -> str:
     level = "" if one["level"] is None else f", level {one['level']:g}"
     what = f"{one['component']} {one['condition']}{level}{', replaced' if one['replaced'] else ''}"
     return f"found at {one['hours']:g} h: {what}{_noted(one['note'])}"
+
+
+def _withdrawn(one: dict[str, Any]) -> str:
+    return f"withdrawn on {one['at']}: {_named(one)} at {one['hours']:g} h ({one['reason']})"
+
+
+def _named(one: dict[str, Any]) -> str:
+    return f"{one['kind']} '{one['subject']}'"
 
 
 def _outcome(one: dict[str, Any]) -> str:

@@ -5,7 +5,7 @@ from typing import Any
 
 import sqlalchemy as sa
 
-from emaphm.history.tables import PROGNOSIS_CURVES
+from emaphm.history.storage.tables import PROGNOSIS_CURVES
 from emaphm.strict_json import finite
 
 

@@ -9,7 +9,7 @@ import sqlalchemy as sa
 from emaphm.history.columns import diagnosis_of
 from emaphm.history.kept_diagnosis import KeptDiagnosis
 from emaphm.history.reading import UnitRow, flights
-from emaphm.history.tables import DESCRIPTIONS, DIAGNOSES, FLIGHTS, RECORDINGS, UNITS
+from emaphm.history.storage.tables import DESCRIPTIONS, DIAGNOSES, FLIGHTS, RECORDINGS, UNITS
 
 
 @dataclass(frozen=True)

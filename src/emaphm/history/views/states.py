@@ -8,7 +8,17 @@ from typing import Any, NamedTuple
 import sqlalchemy as sa
 
 from emaphm.history.reading import diagnosis_counts, last_changes
-from emaphm.history.tables import DIAGNOSES, EVENTS, FINDINGS, FLIGHTS, PROGNOSES, RECORDINGS, REMOVALS, UNITS
+from emaphm.history.storage.tables import (
+    DIAGNOSES,
+    EVENTS,
+    FINDINGS,
+    FLIGHTS,
+    PROGNOSES,
+    RECORDINGS,
+    REMOVALS,
+    UNITS,
+    WITHDRAWALS,
+)
 
 MOST_ASKED = 500
 """Units asked for in one query: databases take no more than some thousand parameters."""
@@ -20,6 +30,7 @@ class Marks(NamedTuple):
     diagnosis: int
     removal: int
     finding: int
+    withdrawal: int
     event: int
     prognoses: tuple[int, int, float, str, int]
 
@@ -44,7 +55,8 @@ class UnitState:
     diagnosis_id, document
         Of the last diagnosis of its last flight: its number and its JSON.
     changed
-        The newest of its removals and findings: when it was added, UTC, ISO 8601; empty where it has none.
+        When the newest of its removals, findings and withdrawals was made, UTC, ISO 8601; empty where it has
+        none.
     """
 
     id: int
@@ -64,10 +76,11 @@ class UnitState:
 
 def marks(connection: sa.Connection) -> Marks:
     """Return the newest rows of a history."""
-    diagnosis, removal, finding, event = (
+    diagnosis, removal, finding, withdrawal, event = (
         connection.execute(sa.select(sa.func.max(table.c.id))).scalar() or 0
-        for table in (DIAGNOSES, REMOVALS, FINDINGS, EVENTS)
+        for table in (DIAGNOSES, REMOVALS, FINDINGS, WITHDRAWALS, EVENTS)
     )
+    without = Marks(diagnosis, removal, finding, withdrawal, event, NO_PROGNOSES)
     at = PROGNOSES.c.at  # of two that were made at once, the one that was begun first may be kept last
     minute, second = (sa.cast(sa.func.substr(at, place, 2), sa.Integer) for place in (15, 18))
     count, diagnoses, hours, last, stamps = connection.execute(
@@ -80,12 +93,12 @@ def marks(connection: sa.Connection) -> Marks:
         )
     ).one()
     if not count:
-        return Marks(diagnosis, removal, finding, event, NO_PROGNOSES)
-    return Marks(diagnosis, removal, finding, event, (count, int(diagnoses), float(hours), last, int(stamps)))
+        return without
+    return without._replace(prognoses=(count, int(diagnoses), float(hours), last, int(stamps)))
 
 
 def changed_units(connection: sa.Connection, since: Marks) -> set[int]:
-    """Return the units that have a newer diagnosis, removal or finding."""
+    """Return the units that have a newer diagnosis, removal or finding; a withdrawal may concern any."""
     of_diagnoses = (
         sa.select(FLIGHTS.c.unit_id)
         .join(RECORDINGS, RECORDINGS.c.flight_id == FLIGHTS.c.id)

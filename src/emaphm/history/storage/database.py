@@ -18,7 +18,7 @@ from sqlalchemy.exc import DataError, DBAPIError, IntegrityError, SQLAlchemyErro
 from sqlalchemy.pool import QueuePool
 
 from emaphm.errors import HistoryError, HistoryUnavailableError
-from emaphm.history.address import Address
+from emaphm.history.storage.address import Address
 
 
 @dataclass(frozen=True)

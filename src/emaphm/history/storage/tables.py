@@ -104,6 +104,20 @@ FINDINGS = sa.Table(
     sa.UniqueConstraint("unit_id", "hours", "component"),
 )
 
+WITHDRAWALS = sa.Table(
+    "withdrawals",
+    METADATA,
+    sa.Column("id", sa.Integer, primary_key=True),
+    # Not the unit's id: a unit goes with the last of its recordings.
+    sa.Column("serial_number", sa.Text, nullable=False, index=True),
+    sa.Column("kind", sa.Text, nullable=False),
+    sa.Column("hours", sa.Double, nullable=False),
+    sa.Column("subject", sa.Text, nullable=False),
+    sa.Column("reason", sa.Text, nullable=False),
+    sa.Column("document", sa.Text, nullable=False),
+    sa.Column("at", sa.Text, nullable=False),
+)
+
 EVENTS = sa.Table(
     "events",
     METADATA,

@@ -10,13 +10,13 @@ from pathlib import Path
 import sqlalchemy as sa
 
 from emaphm.errors import HistoryError, HistoryFormError
-from emaphm.history.database import SETTINGS, Database
-from emaphm.history.tables import METADATA
+from emaphm.history.storage.database import SETTINGS, Database
+from emaphm.history.storage.tables import METADATA
 
-NEWEST = "0006"
+NEWEST = "0007"
 """The last of `KNOWN`, which this version reads and writes."""
 
-KNOWN = ("0001", "0002", "0003", "0004", "0005", "0006")
+KNOWN = ("0001", "0002", "0003", "0004", "0005", "0006", "0007")
 """The steps in `migrations/versions`, in order."""
 
 VERSION = sa.Table("history_version", sa.MetaData(), sa.Column("version_num", sa.Text))
