@@ -67,7 +67,7 @@ def test_a_broken_file_is_named_and_the_others_are_done(
     assert [sorted(one) == ["error", "recording"] for one in lines] == [False, True, False, False]
     assert lines[1]["error"].startswith(f"{folder / 'day1.csv'}: ")
     assert err.startswith(
-        f"emaphm: 1 of {COUNT} files could not be diagnosed, the others are done; the first"
+        f"emaphm: 1 of {COUNT} recordings could not be diagnosed, the others are done; the first"
     )
     assert err.count("\n") == 1
     assert main(arguments) == 2
@@ -75,6 +75,18 @@ def test_a_broken_file_is_named_and_the_others_are_done(
     assert table.count(".csv  ") == COUNT
     assert f"{COUNT} recordings: " in table
     assert "; 1 could not be diagnosed." in table
+
+
+def test_of_nothing_that_was_diagnosed_no_others_are_named(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for names, words in (
+        ("day0.csv", "nothing could be"),
+        ("day0.csv day1.csv", "none of 2 recordings could be"),
+    ):
+        files = [str(folder / name) for name in names.split()]
+        assert main(["diagnose", *files, "--by", "absent", "--workers", "1"]) == 2
+        assert capsys.readouterr().err.startswith(f"emaphm: {words} diagnosed")
 
 
 def test_one_file_alone_is_diagnosed_as_ever(made: list[Path], capsys: pytest.CaptureFixture[str]) -> None:

@@ -47,7 +47,7 @@ def diagnose_each(
     from emaphm.fleet import batch_table, diagnose_all, recording_files
 
     check_workers(workers, scheduler)
-    files, rows, broken = recording_files(paths), [], []
+    files, rows, broken, done = recording_files(paths), [], [], 0
     # Lines on the same terminal as the progress would tear each other.
     with counter("diagnosing", as_json and sys.stdout.isatty()) as count:
         try:
@@ -67,16 +67,26 @@ def diagnose_each(
                     rows.append(result.row)
                 if result.error:
                     broken.append(result.error)
+                else:
+                    done += 1
         except KeyboardInterrupt:
             kept = f"what finished is kept in {out}; the same command goes on" if out else "nothing is kept"
             raise KeyboardInterrupt(kept) from None
     if not as_json:
         show({}, batch_table(rows), as_json=False)
     if broken:
-        raise RecordingError(
-            f"{len(broken)} of {len(files)} files could not be diagnosed, the others are done; the first: "
-            f"{broken[0]}"
-        )
+        raise RecordingError(_failures(broken, done))
+
+
+def _failures(broken: Sequence[str], done: int) -> str:
+    """Return what could not be diagnosed, as a sentence; the first reason stands for all."""
+    if len(broken) == 1 and not done:
+        return f"nothing could be diagnosed: {broken[0]}"
+    which = (
+        f"{len(broken)} of {len(broken) + done} recordings" if done else f"none of {len(broken)} recordings"
+    )
+    others = ", the others are done" if done else ""
+    return f"{which} could {'not ' if done else ''}be diagnosed{others}; the first: {broken[0]}"
 
 
 def check_joint(
