@@ -82,11 +82,10 @@ def _failures(broken: Sequence[str], done: int) -> str:
     """Return what could not be diagnosed, as a sentence; the first reason stands for all."""
     if len(broken) == 1 and not done:
         return f"nothing could be diagnosed: {broken[0]}"
-    which = (
-        f"{len(broken)} of {len(broken) + done} recordings" if done else f"none of {len(broken)} recordings"
-    )
-    others = ", the others are done" if done else ""
-    return f"{which} could {'not ' if done else ''}be diagnosed{others}; the first: {broken[0]}"
+    if not done:
+        return f"none of {len(broken)} recordings could be diagnosed; the first: {broken[0]}"
+    which = f"{len(broken)} of {len(broken) + done} recordings"
+    return f"{which} could not be diagnosed, the others are done; the first: {broken[0]}"
 
 
 def check_joint(
