@@ -88,8 +88,8 @@ def batch_table(rows: Sequence[BatchRow]) -> str:
         sum(getattr(row, name) for row in rows) for name in ("explained", "degraded", "broken")
     )
     summary = (
-        f"{len(rows)} recording{'s' if len(rows) > 1 else ''}: {explained} explained, {degraded} of them with "
-        f"a degraded component; {len(rows) - explained - broken} not explained"
+        f"{len(rows)} recording{'s' if len(rows) > 1 else ''}: {explained} explained, {degraded} of them "
+        f"with a degraded component; {len(rows) - explained - broken} not explained"
     )
     if broken:
         summary += f"; {broken} could not be diagnosed"
