@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from emaphm.actuator.faults import LOWEST_FRICTION
 from emaphm.arrays import Array
 from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.filter.degradation import LARGEST_RATE
@@ -13,9 +14,10 @@ from emaphm.prognosis.prior import COMPONENTS, Prior, is_waiting, with_laws, wit
 from emaphm.prognosis.settings import AS_ANOTHER, FORECAST, ForecastSettings
 from emaphm.random_streams import stream
 
-LOWEST = np.array([0.0, 0.0, 0.0, 0.0, 0.0, -1.0, -1.0, 0.0])
+LOWEST = np.array([LOWEST_FRICTION, 0.0, 0.0, 0.0, 0.0, -1.0, -1.0, 0.0])
 HIGHEST = np.ones(COMPONENTS)
-"""Bounds of the levels, in the order of `CARTESIAN_NAMES`; an eccentricity is within its circle."""
+"""Bounds of the levels, in the order of `CARTESIAN_NAMES`; an eccentricity is within its circle. A friction
+may be below that of a new unit."""
 
 SINGULAR = (1e-9, 1e-6, 1e-3)
 """Added to the diagonals of correlation matrices: the first that makes them positive definite is taken."""
@@ -170,12 +172,12 @@ def _within_bounds(mean: Array, covariance: Array, random: np.random.Generator) 
     """Return normal levels (n, 8) drawn within their bounds, and the weights (n,) that make them exact."""
     from scipy.special import ndtr, ndtri
 
-    root = _root(covariance)
+    root, bounds = _root(covariance), _bounds(mean.shape[1])
     drawn = np.zeros_like(mean)
     weights = np.ones(len(mean))
     for c in range(mean.shape[1]):
         centre = mean[:, c] + np.einsum("nj,nj->n", root[:, c, :c], drawn[:, :c])
-        low, high = (ndtr((bound[c] - centre) / root[:, c, c]) for bound in (LOWEST, HIGHEST))
+        low, high = (ndtr((bound[c] - centre) / root[:, c, c]) for bound in bounds)
         inside = np.maximum(high - low, 1e-12)
         weights *= inside
         drawn[:, c] = ndtri(np.clip(low + inside * random.random(len(mean)), 1e-12, 1 - 1e-12))
@@ -212,8 +214,12 @@ def _root(covariance: Array) -> Array:
 
 
 def _clipped(level: Array) -> Array:
-    count = level.shape[-1]
-    return np.clip(level, LOWEST[:count], HIGHEST[:count])
+    return np.clip(level, *_bounds(level.shape[-1]))
+
+
+def _bounds(count: int) -> tuple[Array, Array]:
+    """Return the bounds of `count` levels: of all components, or of an indicator, 0 where it is healthy."""
+    return (LOWEST, HIGHEST) if count == COMPONENTS else (np.zeros(count), np.ones(count))
 
 
 def _in_circle(level: Array) -> Array:

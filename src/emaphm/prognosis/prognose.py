@@ -112,7 +112,7 @@ def prognose(
         evidence=evidence,
         actuator=actuator,
         horizon=question.horizon,
-        values=requirements.values(vectors_of(made.level[0])),
+        values=requirements.values(vectors_of(made.level[0], actuator)),
         times=times,
         paths=made,
         component=component,

@@ -107,7 +107,7 @@ class Prognosis:
 
     def levels(self) -> dict[str, dict[str, Any]]:
         """Return of each component its level now, median and 90 % interval, and its laws' probabilities."""
-        vectors = vectors_of(self.paths.level[0])
+        vectors = vectors_of(self.paths.level[0], self.actuator)
         laws = self.belief.law_probabilities()
         result = {}
         for name in COMPONENTS:

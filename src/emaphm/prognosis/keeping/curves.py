@@ -6,9 +6,10 @@ from typing import Any, Self
 
 import numpy as np
 
+from emaphm.actuator import NAMES
 from emaphm.arrays import Array
 from emaphm.prognosis.columns import columns_of, level_of
-from emaphm.prognosis.requirements import COMPONENTS
+from emaphm.prognosis.requirements import COMPONENTS, vectors_of
 from emaphm.prognosis.result import Prognosis, quantile
 
 PROBABILITIES = (0.05, 0.25, 0.5, 0.75, 0.95)
@@ -79,6 +80,7 @@ class Curves:
         made, now = prognosis.paths, prognosis.evidence.hours
         reach = _reach(prognosis)
         shown = made.hours <= reach
+        vectors = vectors_of(made.level[shown], prognosis.actuator)
         risk_times = np.linspace(0, reach, POINTS)
         first = _first_alone(prognosis)
         return cls(
@@ -99,9 +101,7 @@ class Curves:
             levels={
                 name: tuple(
                     _row(values)
-                    for values in np.quantile(
-                        np.clip(level_of(made.level[shown], name), 0, 1), PROBABILITIES, axis=1
-                    )
+                    for values in np.quantile(vectors[:, :, NAMES.index(name)], PROBABILITIES, axis=1)
                 )
                 for name in COMPONENTS
             },

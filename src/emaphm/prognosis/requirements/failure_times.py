@@ -120,7 +120,7 @@ def responsible(made: Paths, times: FailureTimes, limit: int, requirements: Requ
     if not failed.size:
         return None
     steps = np.searchsorted(made.hours, times.hours[limit][failed])
-    vectors = vectors_of(made.level[np.minimum(steps, made.hours.size - 1), failed])
+    vectors = vectors_of(made.level[np.minimum(steps, made.hours.size - 1), failed], requirements.actuator)
     without = np.repeat(vectors[np.newaxis], len(COMPONENTS), axis=0)
     for i, name in enumerate(COMPONENTS):
         without[i, :, NAMES.index(name)] = HEALTHY.vector[NAMES.index(name)]
@@ -145,7 +145,7 @@ def _of_measures(made: Paths, requirements: Requirements, measures: list[Limit])
     paths = np.arange(n)
 
     def margins(steps: Array) -> Array:
-        return requirements.margins(vectors_of(made.level[steps, paths]), measures)
+        return requirements.margins(vectors_of(made.level[steps, paths], requirements.actuator), measures)
 
     at_first, at_last = margins(np.zeros(n, int)), margins(np.full(n, made.hours.size - 1))
     found = []

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from emaphm.actuator import NAMES, Actuator
-from emaphm.actuator.faults import HEALTHY, from_cartesian
+from emaphm.actuator.faults import HEALTHY, from_cartesian, lower_bounds
 from emaphm.actuator.quantity import unit_for
 from emaphm.actuator.requirements import MEASURE_UNITS, Requirement
 from emaphm.arrays import Array
@@ -75,7 +75,7 @@ class Requirements:
         return tuple(found)
 
     def values(self, vectors: Array) -> Array:
-        """Return what each limit is on, of the fault `vectors` (n, 8) in [0, 1]: (limits, n), in its unit.
+        """Return what each limit is on, of the fault `vectors` (n, 8): (limits, n), in its unit.
 
         Raises
         ------
@@ -104,13 +104,17 @@ class Requirements:
         """Return whether any single fault at an end of its scale violates a limit; errors as in `values`."""
         ends = np.tile(HEALTHY.vector, (2 * len(COMPONENTS), 1))
         for i, name in enumerate(COMPONENTS):
-            ends[2 * i : 2 * i + 2, NAMES.index(name)] = 0.0, 1.0
+            column = NAMES.index(name)
+            ends[2 * i : 2 * i + 2, column] = lower_bounds(self.actuator)[column], 1.0
         return bool(np.any(self.margins(ends, [limit]) < 0))
 
 
-def vectors_of(levels: Array) -> Array:
-    """Return fault vectors of levels (…, 8) in the coordinates `CARTESIAN_NAMES`, put within [0, 1]."""
-    return np.clip(from_cartesian(levels), 0.0, 1.0)
+def vectors_of(levels: Array, actuator: Actuator) -> Array:
+    """Return fault vectors of levels (…, 8) in the coordinates `CARTESIAN_NAMES`, put within their bounds.
+
+    They are those of `actuator`: [0, 1], but for a friction below that of a new unit.
+    """
+    return np.clip(from_cartesian(levels), lower_bounds(actuator), 1.0)
 
 
 def _label(one: Requirement, bound: float, unit: str, *, upper: bool) -> str:
