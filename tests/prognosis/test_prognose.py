@@ -95,10 +95,25 @@ def test_a_requirement_that_no_fault_can_violate_is_named() -> None:
 @pytest.mark.usefixtures("few_paths")
 def test_a_level_cannot_fall_below_the_end_of_its_scale() -> None:
     """As `failure_levels` has it of a healthy unit, of which diagnoses scatter to both sides of 0."""
-    made = prognose(wearing(6, rate=0.0), requiring(Requirement(component="friction", at_least=0.0)))
+    made = prognose(wearing(6, rate=0.0), requiring(Requirement(component="backlash", at_least=0.0)))
     assert math.isinf(made.median)
     assert made.probability_of_failure == 0
-    assert "no single fault at the end of its scale violates: friction at least 0" in made.notes
+    assert "no single fault at the end of its scale violates: backlash at least 0" in made.notes
+
+
+def test_a_friction_below_that_of_a_new_unit_is_no_nearer_to_its_limit() -> None:
+    worn_in, new = (prognose(wearing(10, rate=0.0, start=start), WORN) for start in (-0.1, 0.0))
+    assert worn_in.levels()["friction"]["median"] == pytest.approx(-0.1, abs=ERROR)
+    label = worn_in.times.limits[0].label
+    assert worn_in.probabilities()[label] <= new.probabilities()[label] + 0.01
+    assert worn_in.median >= 0.8 * new.median
+
+
+def test_a_friction_that_falls_fails_where_its_line_does() -> None:
+    lost_preload = requiring(Requirement(component="friction", at_least=-0.3))
+    made = prognose(wearing(20, rate=-2e-4), lost_preload)
+    assert made.component == "friction"
+    assert made.median == pytest.approx(0.3 / 2e-4 - made.evidence.hours, rel=0.15)
 
 
 @pytest.mark.usefixtures("few_paths")

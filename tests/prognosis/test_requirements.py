@@ -123,18 +123,21 @@ def test_combinations_are_looked_at_from_the_given_faults() -> None:
 
 
 def test_a_requirement_at_the_healthy_value_fails_with_the_least_fault() -> None:
-    backlash, gain, friction = failure_levels(
+    backlash, gain, friction, short = failure_levels(
         described(
             {"component": "backlash", "at_most": 0.0},
             {"component": "gain", "at_least": 0.5},
             {"component": "friction", "at_least": 0.0},
+            {"component": "short_a", "at_least": 0.0},
         )
     )
     assert backlash.levels["backlash"] == pytest.approx((0.0, None))
     assert gain.levels["gain"][0] is None
     assert gain.levels["gain"][1] == pytest.approx(0.5)
-    assert not any(one.violated for one in (backlash, gain, friction))
-    assert [one.can_fail for one in (backlash, gain, friction)] == [True, True, False]
+    # A friction may fall below that of a new unit, a short not.
+    assert friction.levels["friction"] == pytest.approx((None, 0.0))
+    assert not any(one.violated for one in (backlash, gain, friction, short))
+    assert [one.can_fail for one in (backlash, gain, friction, short)] == [True, True, True, False]
 
 
 def test_a_requirement_that_no_fault_can_violate_is_named() -> None:
@@ -170,7 +173,8 @@ WRONG: dict[str, dict[str, object]] = {
     "give component or measure": {"at_most": 0.5},
     "needs a limit": {"component": "friction"},
     "must be below": {"component": "gain", "at_most": 0.3, "at_least": 0.7},
-    "a level lies in [0, 1]": {"component": "friction", "at_most": 60.0},
+    "a level lies in [0, 1]": {"component": "backlash", "at_most": 60.0},
+    "a level lies in [-1, 1]": {"component": "friction", "at_most": 60.0},
     "give load": {"measure": "stall_margin", "at_least": 1.5},
     "from 2 to 100 Hz": {"measure": "bandwidth", "at_least": 120.0},
     "from 2 to 10 Hz": {"measure": "bandwidth", "at_least": 15.0, "frequency_hz": 10.0},

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from emaphm.actuator.actuator import Actuator
+from emaphm.actuator.requirements import LOWEST_FRICTION
 from emaphm.errors import FaultError, nearest
 
 SHORTEST_WINDING = 0.01
@@ -16,9 +17,6 @@ SHORTEST_WINDING = 0.01
 
 LEAST_FRICTION_FACTOR = 0.1
 """Least dry friction relative to healthy: a lost preload takes most of it, seals and gear leave some."""
-
-LOWEST_FRICTION = -1.0
-"""Least friction component that any actuator may have, if its scale is small (`lower_bounds`)."""
 
 
 @dataclass(frozen=True)

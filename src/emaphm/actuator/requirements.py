@@ -9,6 +9,9 @@ from emaphm.actuator.quantity import quantity
 
 MOST_REQUIREMENTS = 50
 
+LOWEST_FRICTION = -1.0
+"""Least friction component that any actuator may have, if its scale is small (`faults.lower_bounds`)."""
+
 ComponentName = Literal["friction", "backlash", "short_a", "short_b", "short_c", "eccentricity", "gain"]
 
 MeasureName = Literal[
@@ -36,8 +39,8 @@ LARGEST_STALL_MARGIN = 4.0
 class Requirement(Section):
     """One requirement: a fault's level, or a measure of what the actuator does, is within its limits.
 
-    A level is that of a manual: `component` and `at_most`, normalised as in `Faults`. A measure is computed
-    by the averaged model:
+    A level is that of a manual: `component` and `at_most`, normalised as in `Faults`; a friction that falls,
+    as with a lost preload, has an `at_least` below 0. A measure is computed by the averaged model:
 
     tracking_error
         Root mean square of command minus position, at the user, over the manoeuvre [rad].
@@ -87,9 +90,12 @@ class Requirement(Section):
             raise ValueError("a requirement needs a limit: give at_most or at_least")
         if self.at_most is not None and self.at_least is not None and not self.at_least < self.at_most:
             raise ValueError(f"at_least = {self.at_least:g} must be below at_most = {self.at_most:g}")
+        lowest = LOWEST_FRICTION if self.component == "friction" else 0.0
         for limit in (self.at_most, self.at_least):
-            if self.component is not None and limit is not None and not 0 <= limit <= 1:
-                raise ValueError(f"a level lies in [0, 1], got the limit {limit:g}; give it normalised")
+            if self.component is not None and limit is not None and not lowest <= limit <= 1:
+                raise ValueError(
+                    f"a level lies in [{lowest:g}, 1], got the limit {limit:g}; give it normalised"
+                )
         if self.measure == "stall_margin" and self.load == 0:
             raise ValueError("a stall_margin is a multiple of the load that must be held: give load")
         self._check_range()

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.actuator import NAMES, Actuator, Faults
-from emaphm.actuator.faults import HEALTHY
+from emaphm.actuator.faults import HEALTHY, lower_bounds
 from emaphm.arrays import Array
 from emaphm.prognosis.requirements.margins import COMPONENTS, Limit, Requirements
 
@@ -54,10 +54,10 @@ def failure_levels(actuator: Actuator, faults: Faults = HEALTHY) -> tuple[Failur
         The averaged model did not stay finite.
     """
     requirements, start = Requirements(actuator), faults.vector
-    blocks, ways = [start[np.newaxis]], []
+    blocks, ways, lowest = [start[np.newaxis]], [], lower_bounds(actuator)
     for name in COMPONENTS:
         column = NAMES.index(name)
-        for end in (1.0, 0.0):
+        for end in (1.0, float(lowest[column])):
             block = np.tile(start, (POINTS, 1))
             block[:, column] = np.linspace(start[column], end, POINTS)
             blocks.append(block)
