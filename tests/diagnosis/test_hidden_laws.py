@@ -8,9 +8,11 @@ from emaphm.actuator import Actuator, Faults
 from emaphm.actuator.laws import LAWS, typical_speed
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.diagnosis import diagnose
+from emaphm.diagnosis.selection import deviations
 from emaphm.diagnosis.selection.laws import hidden_laws, law_selection
-from emaphm.diagnosis.selection.laws.hidden_laws import hidden_scores, suspected_laws
+from emaphm.diagnosis.selection.laws.hidden_laws import Score, hidden_scores, suspected_laws
 from emaphm.estimation.bias_correction import correct_bias
+from emaphm.estimation.methods import method_named
 from emaphm.estimation.objective import faults_objective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
@@ -37,6 +39,28 @@ def test_a_saturation_is_suspected_where_there_is_one(value: float) -> None:
     assert "saturation" in suspected_laws(result, seed=0)
     # A linear step, the other parameters making up for a part.
     assert hidden_scores(result, seed=0)["saturation"].values == pytest.approx([value * LIMIT], rel=0.4)
+
+
+def test_a_law_that_is_certain_and_leaves_as_much_is_an_alternative(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As of a current control that lags, which the lag of the speed feedback takes up for the most part."""
+    result = near_the_truth(on_a_rig(THESIS, FAULTS, 0.2))
+    with_lag = near_the_truth(on_a_rig(THESIS, FAULTS, 0.2), with_law("speed-lag", 1e-4))
+    scores = {"speed-lag": Score(np.array([1e-4]), np.array([[1e-10]]))}
+    monkeypatch.setattr(deviations, "suspected_laws", lambda *_: scores)
+    monkeypatch.setattr(deviations, "search_with_law", lambda *_: with_lag)
+    monkeypatch.setattr(deviations, "without_law", lambda *_: result)
+    monkeypatch.setattr(deviations, "acts", lambda *_: True)
+    monkeypatch.setattr(deviations, "_with_nuisances", lambda found, laws, *_: (found, (), laws))
+    for share, kept, alternatives in ((0.9, True, ()), (1.01, False, (with_lag,)), (1.1, False, ())):
+        monkeypatch.setattr(
+            deviations, "share_of_residual", lambda tried, _, of=share: of if tried is with_lag else 1.0
+        )
+        monkeypatch.setattr(
+            deviations, "suspected_laws", lambda found, _: {} if found is with_lag else scores
+        )
+        found, _, laws = deviations._with_hidden_laws(result, (result, (), ()), method_named("hybrid"), 2, 0)
+        assert laws == (("speed-lag",) if kept else ())
+        assert found.alternatives == alternatives
 
 
 def test_none_is_suspected_where_there_is_none_or_it_is_described() -> None:

@@ -21,6 +21,7 @@ from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.diagnosis.result import Diagnosis
 from emaphm.diagnosis.selection.description_errors import suspected_parameters
 from emaphm.diagnosis.selection.deviations import select_deviations
+from emaphm.diagnosis.selection.residual_share import notes_on_alternatives
 from emaphm.diagnosis.selection.supply.supply_scan import with_asked_supply
 from emaphm.diagnosis.verdict import VERDICT, Estimate, estimates, unexplained
 from emaphm.errors import MethodError, nearest
@@ -186,10 +187,13 @@ def _with_deviations(
         searched, method, max_corrections, seed, moves=moves, on_progress=on_progress
     )
     found = with_discrepancy(found, seed)
+    concluded = conclude(found, recording, name, "least_squares", seed)
+    notes = notes_on_alternatives(found) if concluded.explained else ()
     diagnosis = replace(
-        conclude(found, recording, name, "least_squares", seed),
+        concluded,
         selected=(*selected, *suspected_parameters(found)),
         laws=laws,
+        recording_notes=(*concluded.recording_notes, *notes),
     )
     if moves and not diagnosis.explained:
         drives = other_drive(searched, found, method, max_corrections, seed)

@@ -171,7 +171,8 @@ def _with_hidden_laws(
     """Return the estimate with the laws whose scores show them, while they leave clearly less.
 
     Or less, with fewer nuisances than were selected without: several make up for a small law. A law that has
-    no effect where its parameters are 0 has one of them significant.
+    no effect where its parameters are 0 has one of them significant. Where a score is certain and the law
+    leaves as much, either may be it: the estimate with it is an alternative.
     """
     best, base = before, searched
     while True:
@@ -186,14 +187,17 @@ def _with_hidden_laws(
             if acts(rival[0], LAWS[name], seed):
                 rivals.append((rival, with_law, score.is_beyond(HIDDEN_LAWS.certain)))
         # Next to the best without them, which one of the laws may have led to.
-        better = []
+        better, as_good = [], []
         for rival, with_law, certain in rivals:
             as_little = certain or len(rival[1]) < len(best[1])
             share = share_of_residual(rival[0], best[0])
             if share < (1.0 if as_little else SELECTION.likely_share):
                 better.append((share, rival, with_law))
+            elif certain and rival[0].explained and share < SELECTION.equal_share:
+                as_good.append(rival[0])
         if not better:
-            return best
+            result = replace(best[0], alternatives=(*best[0].alternatives, *as_good))
+            return result, best[1], best[2]
         _, best, base = min(better, key=lambda one: one[0])
 
 

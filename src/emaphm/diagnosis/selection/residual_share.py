@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from emaphm.diagnosis.selection.settings import LAW_SELECTION
+from emaphm.diagnosis.selection.settings import LAW_SELECTION, SELECTION
 from emaphm.estimation.correction_iterations import never
 from emaphm.estimation.search_result import SearchResult
 
@@ -24,6 +24,21 @@ def leaves_as_much(tried: SearchResult, before: SearchResult, share: float) -> b
     """
     beyond, beyond_before = (one.normalised_residual**2 - 1 for one in (tried, before))
     return beyond > share * beyond_before and share_of_residual(tried, before) > share
+
+
+def notes_on_alternatives(result: SearchResult) -> tuple[str, ...]:
+    """Return a note on parameters of laws with which others explain the recording as well; none without."""
+    here = result.objective.space.nuisances.unit.parameters
+    others = {
+        name
+        for one in result.alternatives
+        if one.explained and share_of_residual(one, result) < SELECTION.equal_share
+        for name in one.objective.space.nuisances.unit.parameters
+    }
+    names = sorted(others - {*here})
+    if not names:
+        return ()
+    return (f"{', '.join(names)} would explain the recording as well: the intervals hold that too",)
 
 
 def hopeless_next_to(before: SearchResult) -> Callable[[SearchResult], bool]:
