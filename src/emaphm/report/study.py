@@ -197,8 +197,9 @@ def _variant(runs: pl.DataFrame, suffix: str, level: int) -> Iterator[Block]:
         yield Paragraph("Percentage of runs with an error of at most 1, 2 and 5 %.")
         yield success
         yield from picture("success", "Percentage of runs that succeed", draw_success(runs), SUCCESS)
-    yield Heading(level, "Convergence")
     curves = draw_convergence(runs, FITNESS_UNITS.get(runs["fitness"][0], "arbitrary unit"))
+    if curves is not None:
+        yield Heading(level, "Convergence")
     yield from picture("convergence", "Best error and fitness against evaluations", curves, CONVERGENCE)
     yield Heading(level, "Time of a run")
     yield Paragraph(TIME + (TIME_THESIS if _is_printed(runs) else ""))
