@@ -170,11 +170,11 @@ def _across(runs: pl.DataFrame) -> Iterator[Block]:
         table = variant_table(runs, kind)
         if table.rows:
             yield Paragraph(
-                f"Mean error in % over the cases with {kind} that every method has finished in every variant."
+                f"Mean error in % over the runs with {kind} that every method has finished in every variant."
             )
             yield table
         else:
-            yield Paragraph(f"No case with {kind} is finished by every method in every variant yet.")
+            yield Paragraph(f"No run with {kind} is finished by every method in every variant yet.")
 
 
 def _variant(runs: pl.DataFrame, suffix: str, level: int) -> Iterator[Block]:
@@ -219,12 +219,16 @@ def _variant(runs: pl.DataFrame, suffix: str, level: int) -> Iterator[Block]:
 
 
 def _summaries(runs: pl.DataFrame) -> Iterator[Block]:
-    kept = set(comparable(runs)["case"])
-    left_out = [case for case in runs.sort("index")["case"].unique(maintain_order=True) if case not in kept]
-    if left_out:
+    common = comparable(runs)
+    if common.height < runs.height:
+        kept = set(common["case"])
+        cases = runs.sort("index")["case"].unique(maintain_order=True)
+        left_out = [case for case in cases if case not in kept]
+        whole = f", and with them all of {_listed(left_out)}" if left_out else ""
         yield Paragraph(
-            f"Not every method has finished {_listed(left_out)} yet. The averages leave these cases out, so "
-            "that all methods are compared on the same cases.",
+            f"Not every method has the same runs. The averages leave out {runs.height - common.height} of "
+            f"{runs.height} runs whose case and seed a method lacks{whole}, so that all methods are compared "
+            "on the same recordings; the tables and figures by case have all runs.",
             warning=True,
         )
     for kind in _kinds(runs):
