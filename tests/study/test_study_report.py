@@ -258,6 +258,15 @@ def test_an_incomplete_study_says_so_and_leaves_out_of_averages_what_is_not_comm
 
 
 @pytest.mark.usefixtures("undrawn")
+def test_results_of_several_versions_are_said_to_be_mixed(tmp_path: Path) -> None:
+    runs = study(("GA", "DE"), ("low F",), 2, revision="new")
+    _write(pl.concat([runs.head(1).with_columns(revision=pl.lit("old")), runs.tail(3)]), tmp_path)
+    assert (
+        "> **Results of 2 versions of the models are mixed: new, old." in (tmp_path / "report.md").read_text()
+    )
+
+
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
     ("count", "told"), [(0, "there are no results yet"), (1, "1 of 990 runs are finished")]
 )

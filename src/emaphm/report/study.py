@@ -10,6 +10,7 @@ from emaphm.output_files import make_folder, written_whole
 from emaphm.plotting.study import draw_convergence, draw_costs, draw_errors, draw_ranks, draw_success
 from emaphm.plotting.svg import plain_style, svg
 from emaphm.report.document import Block, Document, Facts, Heading, Items, Paragraph, Picture
+from emaphm.report.markdown import mixed_revisions
 from emaphm.report.study_wording import (
     CONVERGENCE,
     COSTS,
@@ -162,6 +163,9 @@ def _extent(runs: pl.DataFrame, total_runs: int) -> Iterator[Block]:
         )
     else:
         yield Paragraph(f"{runs.height} of {total_runs} runs are finished; {counts}.")
+    several = mixed_revisions(runs["revision"].to_list())
+    if several:
+        yield Paragraph(several, warning=True)
 
 
 def _across(runs: pl.DataFrame) -> Iterator[Block]:
