@@ -1,10 +1,16 @@
 """Figures of a prognosis: intervals can be seen, of one forecast too."""
 
+from pathlib import Path
+
 import numpy as np
+import pytest
 from matplotlib.axes import Axes
 
+from emaphm.actuator import Actuator
 from emaphm.plotting.prognosis import draw_fan
+from emaphm.prognosis import Evidence, prognose
 from emaphm.prognosis.keeping import Curves
+from emaphm.report.prognosis import write_prognosis
 
 FIRST = (100.0, 200.0, 350.0, 500.0, 700.0, 900.0)
 SECOND = (200.0, 150.0, 300.0, 450.0, 600.0, 800.0)
@@ -41,3 +47,12 @@ def test_the_intervals_of_several_forecasts_are_bands() -> None:
     for drawn in axis.collections:
         hours = np.concatenate([np.asarray(path.vertices)[:, 0] for path in drawn.get_paths()])
         assert (hours.min(), hours.max()) == (100.0, 200.0)
+
+
+@pytest.mark.parametrize(
+    ("hours", "text"), [(200.0, "200 h"), (1234.5, "1,234.5 h"), (1236300.0, "1,236,300 h")]
+)
+def test_a_report_is_named_after_all_digits_of_the_hours(tmp_path: Path, hours: float, text: str) -> None:
+    page = tmp_path / "page.html"
+    write_prognosis(prognose(Evidence("S1", "P1", hours), Actuator.thesis()), page)
+    assert f"<h1>S1 at {text}</h1>" in page.read_text(encoding="utf-8")

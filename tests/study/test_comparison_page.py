@@ -1,5 +1,6 @@
 """The page that redoes the thesis's comparison: its numbers are the studies', its findings are checked."""
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -63,6 +64,18 @@ def test_the_page_has_the_studies_numbers(undrawn: Path) -> None:
         assert f"| {method} | {error:.2f} |" in page
     assert "(comparison/figures/scans.svg)" in page
     assert "{{" not in page
+    assert page.startswith("# The thesis's comparison of methods, redone\n\nMade by")
+
+
+def test_the_page_says_that_its_studies_are_of_several_versions(undrawn: Path) -> None:
+    made = stores(ERRORS)
+    other = made["forms"].results.with_columns(revision=pl.lit("ba9876543210"))
+    write_comparison(made | {"forms": replace(made["forms"], results=other)}, undrawn)
+    page = undrawn.with_suffix(".md").read_text(encoding="utf-8")
+    _, _, warning, *_ = page.splitlines()
+    assert warning.startswith(
+        "> **Results of 2 versions of the models are mixed: 0123456789ab, ba9876543210."
+    )
 
 
 @pytest.mark.parametrize(

@@ -347,3 +347,20 @@ def test_the_page_of_a_drive_has_a_dash_where_a_plan_has_no_such_cases() -> None
 )
 def test_a_share_is_all_or_none_only_where_it_is(share: float, text: str) -> None:
     assert percent(share) == text
+
+
+@pytest.mark.parametrize("name", ["accuracy", "plants", "pmsm"])
+def test_a_page_says_that_results_of_several_versions_are_mixed(name: str) -> None:
+    plan, written = Plan.load(name), {"accuracy": accuracy_page, "pmsm": drive_page}
+
+    def page(runs: pl.DataFrame) -> str:
+        return written[name](plan, runs) if name in written else limits_page(plan, runs, name)[0]
+
+    runs = results(plan)
+    assert "mixed" not in page(runs)
+    first = pl.col("index") == runs["index"].min()
+    two = runs.with_columns(
+        pl.when(first).then(pl.lit("ba9876543210")).otherwise("revision").alias("revision")
+    )
+    expected = "> **Results of 2 versions of the models are mixed: 0123456789ab, ba9876543210."
+    assert expected in page(two)

@@ -2,18 +2,23 @@
 
 import multiprocessing
 import random
+import time
 from collections.abc import Callable, Generator, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import polars as pl
 import pytest
 
+from emaphm.arrays import Array
 from emaphm.errors import StudyError
 from emaphm.estimation.search import search
 from emaphm.execution import Outcome, Task
 from emaphm.execution import run as execution_module
+from emaphm.optimizers import Dragonfly
+from emaphm.optimizers.dragonfly import DragonflyState
 from emaphm.recording import Recording
 from emaphm.study import Store, run_study
 from emaphm.study import task as task_module
@@ -48,6 +53,29 @@ def test_the_undisturbed_study_is_complete(
     for results, total in ((undisturbed, TOTAL), (undisturbed_hybrid, 36)):
         assert results["index"].to_list() == list(range(total))
         assert np.isfinite(results["error_percent"].to_numpy()).all()
+
+
+# Times
+
+
+def test_what_a_method_compiles_is_compiled_before_its_time_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    events: list[str] = []
+    clock, move = time.perf_counter, Dragonfly._move
+
+    def watched_clock() -> float:
+        events.append("clock")
+        return clock()
+
+    def watched_move(self: Dragonfly, state: DragonflyState, fitness: Array) -> DragonflyState:
+        events.append("move")
+        return move(self, state, fitness)
+
+    monkeypatch.setattr(task_module, "time", SimpleNamespace(perf_counter=watched_clock))
+    monkeypatch.setattr(Dragonfly, "_move", watched_move)
+    trial = trials_of(PLAN)[0]
+    perform(PLAN.actuator, PLAN.manoeuvre, trial, revision())
+    # One move to be ready, then those of the search, three populations of it, between two looks at the clock.
+    assert events == ["move", "clock", "move", "move", "move", "clock"]
 
 
 # The same bits

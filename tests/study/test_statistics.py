@@ -120,6 +120,28 @@ def test_a_case_that_a_method_lacks_is_left_out_of_everyone_s_average(runs: pl.D
     assert by_case(lacking).height == by_case(runs).height - 1
 
 
+def test_a_run_that_a_method_lacks_is_left_out_of_everyone_s_figures() -> None:
+    errors = {"GA": [1.0, 2.0, 3.0], "hybrid": [4.0, 5.0, 6.0]}
+    lacking = _with_errors(errors).filter((pl.col("method") != "GA") | (pl.col("run") < 2))
+    table = by_method(lacking)
+    for method, (low, high) in {"GA": (1.0, 2.0), "hybrid": (4.0, 5.0)}.items():
+        row = _one(table, method=method)
+        assert (row["runs"], row["worst"], row["median"]) == (2, high, (low + high) / 2)
+    assert by_case(lacking)["runs"].to_list() == [2, 3]
+
+
+def test_runs_of_another_seed_are_not_compared() -> None:
+    runs = study(("GA", "hybrid"), ("low F", "low B"), 2)
+    other = (pl.col("case") == "low B") & (pl.col("method") == "GA") & (pl.col("run") == 1)
+    apart = runs.with_columns(pl.when(other).then(7).otherwise("seed").alias("seed"))
+    assert by_method(apart)["runs"].to_list() == [3, 3]
+
+
+def test_across_variants_only_common_runs_count(variants: pl.DataFrame) -> None:
+    lacking = variants.filter(~((pl.col("noise_A") == 0.1) & (pl.col("run") == 3)))
+    assert across_variants(lacking).equals(across_variants(variants.filter(pl.col("run") != 3)))
+
+
 def test_a_study_without_any_common_case_has_no_averages(runs: pl.DataFrame) -> None:
     apart = runs.filter((pl.col("case") == "low F") == (pl.col("method") == "GA"))
     assert by_method(apart).is_empty()

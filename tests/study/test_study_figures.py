@@ -1,7 +1,7 @@
 """Figures of a study: what stands where, in which unit, whatever is missing, zero or oddly named."""
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import matplotlib as mpl
@@ -26,16 +26,18 @@ from .conftest import CASES, METHODS, study
 Draw = Callable[[pl.DataFrame], Figure | None]
 
 
-def _convergence(runs: pl.DataFrame) -> Figure:
+def _convergence(runs: pl.DataFrame) -> Figure | None:
     return draw_convergence(runs, "A²")
 
 
 PARTS: tuple[Draw, ...] = (draw_errors, _convergence, draw_costs, draw_success, draw_ranks)
 
 
-def _markers(axis: Axes, method: str, *, hollow: bool = False) -> list[tuple[float, float]]:
-    """Return the points at which `method`'s marker stands."""
-    look = looks(tuple(METHODS))[method]
+def _markers(
+    axis: Axes, method: str, *, among: Sequence[str] = tuple(METHODS), hollow: bool = False
+) -> list[tuple[float, float]]:
+    """Return the points at which the marker of `method`, one `among` those of the figure, stands."""
+    look = looks(among)[method]
     lines = [
         line
         for line in axis.get_lines()
@@ -103,7 +105,7 @@ def test_only_so_many_cases_are_drawn_as_can_be_read() -> None:
 
 
 def test_convergence_has_error_and_fitness_by_kind_and_hybrid_as_a_marker(runs: pl.DataFrame) -> None:
-    figure = _convergence(runs)
+    figure = _there(_convergence(runs))
     above, above_several, below, _ = figure.axes
     assert above.get_title(loc="left") == "single faults"
     assert above_several.get_title(loc="left") == "several faults"
@@ -204,11 +206,24 @@ def test_whatever_is_missing_or_odd_it_can_be_drawn_without_pyplot_and_leaves_th
             assert np.all(np.isfinite(np.asarray(line.get_ydata(), float)))
 
 
-def test_methods_without_any_common_case_have_no_costs_success_or_ranks(runs: pl.DataFrame) -> None:
+def test_methods_without_any_common_case_can_only_be_drawn_case_by_case(runs: pl.DataFrame) -> None:
     apart = runs.filter((pl.col("case") == "low F") == (pl.col("method") == "GA"))
-    assert [draw(apart) for draw in (draw_costs, draw_success, draw_ranks)] == [None] * 3
+    assert [draw(apart) for draw in (_convergence, draw_costs, draw_success, draw_ranks)] == [None] * 4
     assert draw_errors(apart).axes
-    assert _convergence(apart).axes
+
+
+def test_convergence_is_over_the_cases_that_every_method_has_run() -> None:
+    runs = study(("GA", "hybrid"), ("low F", "low B"), 4)
+    lacking = runs.filter((pl.col("case") != "low B") | (pl.col("method") != "GA"))
+    above = _there(_convergence(lacking)).axes[0]
+    for method in ("GA", "hybrid"):
+        ((_, error),) = _markers(above, method, among=("GA", "hybrid"))
+        common = [
+            row["error_percent"]
+            for row in runs.iter_rows(named=True)
+            if (row["method"], row["case"]) == (method, "low F")
+        ]
+        assert error == pytest.approx(np.median(common))
 
 
 def test_an_error_of_zero_is_drawn_at_the_floor_and_the_axis_says_so() -> None:
@@ -245,9 +260,8 @@ def test_a_fitness_that_was_infinite_at_first_leaves_a_gap() -> None:
     runs = study(("GA",), ("low F",), 1)
     curve = runs["curve_fitness"][0].to_list()
     runs = runs.with_columns(pl.Series("curve_fitness", [[float("inf"), *curve[1:]]]))
-    line = next(
-        line for line in _convergence(runs).axes[1].get_lines() if len(np.asarray(line.get_ydata())) > 1
-    )
+    axis = _there(_convergence(runs)).axes[1]
+    line = next(line for line in axis.get_lines() if len(np.asarray(line.get_ydata())) > 1)
     evaluations, values = np.asarray(line.get_xdata()), np.asarray(line.get_ydata(), float)
     np.testing.assert_array_equal(np.isfinite(values), evaluations >= 100)  # the second population's end
 

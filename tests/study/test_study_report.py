@@ -250,10 +250,20 @@ def test_an_incomplete_study_says_so_and_leaves_out_of_averages_what_is_not_comm
     _write(runs.head(60), tmp_path, runs.height)
     text = Page(tmp_path / "report.html").text
     assert "60 of 990 runs are finished" in text
-    assert "Not every method has finished ‘low K’ yet" in text
+    # Six cases of all nine methods, and low K by six of them.
+    assert "leave out 6 of 60 runs whose case and seed a method lacks, and with them all of ‘low K’," in text
     assert "Average of 6 cases, single faults" in text
     errors = _markdown_tables(tmp_path / "report.md")[1]
     assert "–" in next(row for row in errors if row[0] == "low K")
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_results_of_several_versions_are_said_to_be_mixed(tmp_path: Path) -> None:
+    runs = study(("GA", "DE"), ("low F",), 2, revision="new")
+    _write(pl.concat([runs.head(1).with_columns(revision=pl.lit("old")), runs.tail(3)]), tmp_path)
+    assert (
+        "> **Results of 2 versions of the models are mixed: new, old." in (tmp_path / "report.md").read_text()
+    )
 
 
 @pytest.mark.usefixtures("undrawn")

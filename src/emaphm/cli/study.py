@@ -139,7 +139,7 @@ def _line(plan: "Plan") -> str:
 
 
 def _methods(store: "Store") -> list[dict[str, Any]]:
-    """Return each method's errors, over the cases that all methods have run.
+    """Return each method's errors, over the runs that all methods have finished.
 
     Of a study with several variants, those of each, with what they differ by.
     """

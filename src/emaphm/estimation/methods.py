@@ -46,6 +46,11 @@ class Method:
     optimizer: Callable[..., Minimiser] | None
     least_squares: bool
 
+    def prepare(self) -> None:
+        """Import and compile what the optimiser needs, where the first search is not to take longer."""
+        if self.optimizer is not None:
+            self.optimizer(np.zeros(2), np.ones(2)).prepare()
+
 
 def method_named(name: str, settings: Mapping[str, Any] | None = None) -> Method:
     """Return the method `name`, one of `METHODS` or an abbreviation of `ABBREVIATIONS`.

@@ -106,6 +106,10 @@ class Dragonfly(Optimizer[DragonflyState]):
         if not 0 <= self.weight < math.inf:
             raise MethodError(f"weight must be at least 0 and finite, got {self.weight:g}")
 
+    def prepare(self) -> None:
+        """Import and compile the flight by one move of a swarm, which has the types of every other."""
+        self.tell(self.init(0), np.zeros(self.population))
+
     def init(self, seed: int) -> DragonflyState:
         """Return a random swarm; as in the listing, its steps too are drawn between the bounds."""
         rng = self._random(seed, 0)

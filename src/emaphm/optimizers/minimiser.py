@@ -83,6 +83,12 @@ class Minimiser(ABC):
         """The most points that a search evaluates."""
         return self.population * self.iterations
 
+    def prepare(self) -> None:  # noqa: B027 - most need nothing
+        """Import and compile what a search needs, so that the first one takes no longer than the next.
+
+        No search is another after it.
+        """
+
     @abstractmethod
     def minimise(self, fitness: Fitness, seed: int, on_population: OnPopulation | None = None) -> Result:
         """Return the best point of a search that evaluates at most `budget` points.

@@ -1,6 +1,7 @@
 """Figures of the detector: T² and Q against their thresholds, and where they come from."""
 
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -47,16 +48,19 @@ def draw_detection(result: DetectorResult) -> "Figure":
 
 
 def draw_detected_sets(sets: Mapping[str, Sequence[DetectorResult]]) -> "Figure":
-    """Draw T² over Q of the results of each set, both relative to their thresholds, a mark each."""
+    """Draw T² over Q of the results of each set, both relative to their thresholds, a mark each.
+
+    A ratio of zero, which a logarithmic axis lacks, is drawn below all others, and the axis says so.
+    """
     figure = new_figure(PAGE_WIDTH, 4.6)
     axis = figure.subplots()
+    pairs = [(one.q / one.q_threshold, one.t2 / one.t2_threshold) for one in chain(*sets.values())]
+    floors = [_floor([pair[i] for pair in pairs]) for i in (0, 1)]
     handles = []
     for k, (name, results) in enumerate(sets.items()):
-        q = [one.q / one.q_threshold for one in results]
-        t2 = [one.t2 / one.t2_threshold for one in results]
         (line,) = axis.plot(
-            q,
-            t2,
+            [max(one.q / one.q_threshold, floors[0]) for one in results],
+            [max(one.t2 / one.t2_threshold, floors[1]) for one in results],
             linestyle="none",
             marker=MARKERS[k % len(MARKERS)],
             color=SERIES[k % len(SERIES)],
@@ -67,9 +71,18 @@ def draw_detected_sets(sets: Mapping[str, Sequence[DetectorResult]]) -> "Figure"
     axis.axhline(1, color=DARK, linewidth=1, linestyle="--")
     axis.axvline(1, color=DARK, linewidth=1, linestyle="--")
     log_axis(axis, "xy")
-    style_axis(axis, "", "Q / threshold", "T² / threshold")
+    q, t2 = (
+        f"{name} / threshold{f', 0 at {floor:.1g}' if any(pair[i] == 0 for pair in pairs) else ''}"
+        for i, (name, floor) in enumerate(zip(("Q", "T²"), floors, strict=True))
+    )
+    style_axis(axis, "", q, t2)
     legend_above(figure, handles, list(sets))
     return figure
+
+
+def _floor(ratios: Sequence[float]) -> float:
+    """Return where a ratio of zero is drawn: a tenth of the least other one."""
+    return min((ratio for ratio in ratios if ratio > 0), default=1.0) / 10
 
 
 def _ratios(axis: "Axes", result: DetectorResult) -> None:

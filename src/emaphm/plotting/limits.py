@@ -1,9 +1,9 @@
 """Figures of the map of the limits: error, coverage and alarms along what varies in a section."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from emaphm.plotting.style import LEGEND, PAGE_WIDTH, SERIES, Dashes
+from emaphm.plotting.style import LEGEND, MARKERS, PAGE_WIDTH, SERIES, Dashes
 from emaphm.study.analysis.limits import SettingRates
 from emaphm.study.plan import PageRow, PageSection
 
@@ -49,14 +49,13 @@ def _panel(panel: "Axes", title: str, lines: dict[str, Line], section: PageSecti
     texts = list(dict.fromkeys(row.text for row in section.rows))
     methods = list(dict.fromkeys(row.method for row in section.rows))
     scale = 1.0 if errors else 100.0
-    for method, colour in zip(methods, SERIES, strict=False):
+    for method, (colour, own) in _looks(methods).items():
         rows = [row for row in section.rows if row.method == method]
         places = [texts.index(row.text) for row in rows]
         for field, (_, dashes, marker) in lines.items():
             shown = [scale * getattr(rates[row], field) for row in rows]
-            panel.plot(
-                places, shown, dashes, color=colour, marker=marker, markersize=3 if marker == "o" else 6
-            )
+            drawn = own or marker
+            panel.plot(places, shown, dashes, color=colour, marker=drawn, markersize=6 if drawn == "x" else 3)
     if errors:
         _logarithmic(panel)
     else:
@@ -72,6 +71,15 @@ def _panel(panel: "Axes", title: str, lines: dict[str, Line], section: PageSecti
     _legend(panel, lines, methods if errors and len(methods) > 1 else [])
 
 
+def _looks(methods: Sequence[str]) -> dict[str, tuple[str, str]]:
+    """Return each method's colour, and its marker instead of the lines' own once the colours are used up."""
+    markers = ("", *MARKERS[1:])
+    return {
+        method: (SERIES[i % len(SERIES)], markers[i // len(SERIES) % len(markers)])
+        for i, method in enumerate(methods)
+    }
+
+
 def _legend(panel: "Axes", lines: dict[str, Line], methods: list[str]) -> None:
     from matplotlib.lines import Line2D
 
@@ -79,7 +87,9 @@ def _legend(panel: "Axes", lines: dict[str, Line], methods: list[str]) -> None:
         Line2D([], [], color="0.2", linestyle=dashes, marker=marker, markersize=4)
         for _, dashes, marker in lines.values()
     ]
-    handles += [Line2D([], [], color=colour) for colour, _ in zip(SERIES, methods, strict=False)]
+    handles += [
+        Line2D([], [], color=colour, marker=own, markersize=4) for colour, own in _looks(methods).values()
+    ]
     names = [*(name for name, _, _ in lines.values()), *methods]
     panel.legend(handles, names, loc="upper center", bbox_to_anchor=(0.5, -0.26), **LEGEND)
 

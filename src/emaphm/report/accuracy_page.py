@@ -7,7 +7,7 @@ import polars as pl
 
 from emaphm.actuator import NAMES
 from emaphm.errors import StudyError
-from emaphm.report.markdown import incomplete, percent, table
+from emaphm.report.markdown import incomplete, mixed, percent, table
 from emaphm.study.analysis.rates import (
     JUDGED,
     alarms,
@@ -102,6 +102,7 @@ def accuracy_page(plan: Plan, runs: pl.DataFrame) -> str:
     lines = [
         "# Accuracy of the diagnosis\n",
         *incomplete(runs.height, plan.total),
+        *mixed(runs["revision"].to_list()),
         introduction,
         "## What was asked and what was reached\n",
         table(

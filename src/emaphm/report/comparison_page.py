@@ -17,7 +17,7 @@ from emaphm.actuator import Actuator
 from emaphm.errors import StudyError
 from emaphm.plotting.fitness_scans import draw_scans
 from emaphm.plotting.svg import plain_style, svg
-from emaphm.report.markdown import table
+from emaphm.report.markdown import mixed, table
 from emaphm.report.study import write_study_report
 from emaphm.study import Store
 from emaphm.study.analysis.statistics import VARIANT, by_case, by_method
@@ -276,6 +276,7 @@ def write_comparison(stores: dict[str, Store], folder: Path) -> None:
     page = environment.get_template("comparison.md.jinja").render(
         **results,
         folder=folder.name,
+        warnings=mixed([one for store in stores.values() for one in store.results["revision"]]),
         methods_table=methods_table(thesis),
         fitness_table=fitness_table(results["scans"]),
         forms_table=variants_table(stores["forms"], "current, fitness"),

@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 
 from emaphm.errors import StudyError
-from emaphm.report.markdown import incomplete, percent, table
+from emaphm.report.markdown import incomplete, mixed, percent, table
 from emaphm.study.analysis.rates import (
     coverage,
     detection,
@@ -46,6 +46,7 @@ def drive_page(plan: Plan, runs: pl.DataFrame) -> str:
     lines = [
         f"# {HEADINGS[str(plan.page)]}\n",
         *incomplete(runs.height, plan.total),
+        *mixed(runs["revision"].to_list()),
         f"Made by `make study`, from the plan `{plan.name}`. {plan.description}\n",
     ]
     for section in plan.sections:

@@ -7,7 +7,7 @@ import polars as pl
 from emaphm.errors import StudyError
 from emaphm.plotting.limits import draw_limits
 from emaphm.plotting.svg import plain_style, svg
-from emaphm.report.markdown import incomplete, table
+from emaphm.report.markdown import incomplete, mixed, table
 from emaphm.study.analysis.limits import SettingRates
 from emaphm.study.analysis.rates import JUDGED, least_by_chance, single_fault
 from emaphm.study.plan import PageRow, PageSection, Plan
@@ -49,6 +49,7 @@ def limits_page(plan: Plan, runs: pl.DataFrame, folder: str) -> tuple[str, dict[
     lines = [
         f"# {TITLES[plan.page or 'limits']}\n",
         *incomplete(runs.height, plan.total),
+        *mixed(runs["revision"].to_list()),
         *_introduction(plan, runs, base, rates),
         "## Where it is wrong without saying so\n",
         *_overconfident(plan, rates),

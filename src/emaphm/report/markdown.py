@@ -1,6 +1,6 @@
 """Pages of Markdown: tables, and what every page says of the study behind it."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -14,6 +14,23 @@ def incomplete(done: int, total: int) -> list[str]:
     if done >= total:
         return []
     return [f"> **The study is not complete: {done} of {total} runs. All figures may yet change.**\n"]
+
+
+def mixed(revisions: Collection[str]) -> list[str]:
+    """Return a warning where results of several `revisions` of the models stand together, else nothing."""
+    several = mixed_revisions(revisions)
+    return [f"> **{several}**\n"] if several else []
+
+
+def mixed_revisions(revisions: Collection[str]) -> str:
+    """Return a sentence on results of several `revisions` of the models; empty where there is one."""
+    names = sorted(set(revisions))
+    if len(names) < 2:
+        return ""
+    return (
+        f"Results of {len(names)} versions of the models are mixed: {', '.join(names)}. Differences between "
+        "figures may come from these."
+    )
 
 
 def percent(share: float) -> str:

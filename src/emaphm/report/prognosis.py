@@ -83,4 +83,4 @@ def document(prognosis: Prognosis) -> Document:
         ),
     ]
     subtitle = f"Prognosis of an electromechanical actuator, part number {evidence.part_number}"
-    return Document(f"{evidence.unit} at {evidence.hours:g} h", subtitle, tuple(blocks))
+    return Document(f"{evidence.unit} at {round(evidence.hours, 2):,.12g} h", subtitle, tuple(blocks))

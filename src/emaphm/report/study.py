@@ -10,6 +10,7 @@ from emaphm.output_files import make_folder, written_whole
 from emaphm.plotting.study import draw_convergence, draw_costs, draw_errors, draw_ranks, draw_success
 from emaphm.plotting.svg import plain_style, svg
 from emaphm.report.document import Block, Document, Facts, Heading, Items, Paragraph, Picture
+from emaphm.report.markdown import mixed_revisions
 from emaphm.report.study_wording import (
     CONVERGENCE,
     COSTS,
@@ -162,6 +163,9 @@ def _extent(runs: pl.DataFrame, total_runs: int) -> Iterator[Block]:
         )
     else:
         yield Paragraph(f"{runs.height} of {total_runs} runs are finished; {counts}.")
+    several = mixed_revisions(runs["revision"].to_list())
+    if several:
+        yield Paragraph(several, warning=True)
 
 
 def _across(runs: pl.DataFrame) -> Iterator[Block]:
@@ -170,11 +174,11 @@ def _across(runs: pl.DataFrame) -> Iterator[Block]:
         table = variant_table(runs, kind)
         if table.rows:
             yield Paragraph(
-                f"Mean error in % over the cases with {kind} that every method has finished in every variant."
+                f"Mean error in % over the runs with {kind} that every method has finished in every variant."
             )
             yield table
         else:
-            yield Paragraph(f"No case with {kind} is finished by every method in every variant yet.")
+            yield Paragraph(f"No run with {kind} is finished by every method in every variant yet.")
 
 
 def _variant(runs: pl.DataFrame, suffix: str, level: int) -> Iterator[Block]:
@@ -197,8 +201,9 @@ def _variant(runs: pl.DataFrame, suffix: str, level: int) -> Iterator[Block]:
         yield Paragraph("Percentage of runs with an error of at most 1, 2 and 5 %.")
         yield success
         yield from picture("success", "Percentage of runs that succeed", draw_success(runs), SUCCESS)
-    yield Heading(level, "Convergence")
     curves = draw_convergence(runs, FITNESS_UNITS.get(runs["fitness"][0], "arbitrary unit"))
+    if curves is not None:
+        yield Heading(level, "Convergence")
     yield from picture("convergence", "Best error and fitness against evaluations", curves, CONVERGENCE)
     yield Heading(level, "Time of a run")
     yield Paragraph(TIME + (TIME_THESIS if _is_printed(runs) else ""))
@@ -218,12 +223,16 @@ def _variant(runs: pl.DataFrame, suffix: str, level: int) -> Iterator[Block]:
 
 
 def _summaries(runs: pl.DataFrame) -> Iterator[Block]:
-    kept = set(comparable(runs)["case"])
-    left_out = [case for case in runs.sort("index")["case"].unique(maintain_order=True) if case not in kept]
-    if left_out:
+    common = comparable(runs)
+    if common.height < runs.height:
+        kept = set(common["case"])
+        cases = runs.sort("index")["case"].unique(maintain_order=True)
+        left_out = [case for case in cases if case not in kept]
+        whole = f", and with them all of {_listed(left_out)}" if left_out else ""
         yield Paragraph(
-            f"Not every method has finished {_listed(left_out)} yet. The averages leave these cases out, so "
-            "that all methods are compared on the same cases.",
+            f"Not every method has the same runs. The averages leave out {runs.height - common.height} of "
+            f"{runs.height} runs whose case and seed a method lacks{whole}, so that all methods are compared "
+            "on the same recordings; the tables and figures by case have all runs.",
             warning=True,
         )
     for kind in _kinds(runs):

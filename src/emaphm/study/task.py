@@ -56,6 +56,8 @@ def perform(actuator: Actuator, manoeuvre: Manoeuvre, trial: Trial, expected: st
             f"this worker runs another version of the models ({revision()}; the study's is {expected}); "
             "install the same emaphm there"
         )
+    # Else the first trial of a worker would be timed with it.
+    trial.contestant.chosen().prepare()
     if trial.rig is None:
         found = _searched(
             _exact_recording(actuator, manoeuvre, trial), actuator, trial, trial.contestant.nuisances or ()

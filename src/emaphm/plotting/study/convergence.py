@@ -10,7 +10,7 @@ from emaphm.arrays import Array
 from emaphm.plotting.study.methods import FLOOR, Look, error_label, looks, method_legend
 from emaphm.plotting.style import PAGE_WIDTH, log_axis, new_figure, style_axis
 from emaphm.study.analysis.convergence import convergence, quartiles
-from emaphm.study.analysis.statistics import prepared
+from emaphm.study.analysis.statistics import comparable, prepared
 from emaphm.study.analysis.tables import methods_of
 
 if TYPE_CHECKING:
@@ -18,18 +18,20 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def draw_convergence(runs: pl.DataFrame, fitness_unit: str) -> "Figure":
+def draw_convergence(runs: pl.DataFrame, fitness_unit: str) -> "Figure | None":
     """Draw the best error and fitness so far against evaluations: median and quartiles of a variant's runs.
 
     A method without populations is a marker at its evaluations and its final median. One column for each kind
-    of case.
+    of case, over the `comparable` runs; None where there are none.
 
     Parameters
     ----------
     fitness_unit
         Unit of the variant's fitness, e.g. ``"A²"``.
     """
-    rows = prepared(runs)
+    rows = comparable(prepared(runs))
+    if rows.is_empty():
+        return None
     kinds = rows["kind"].unique(maintain_order=True).to_list()
     styles = looks(methods_of(runs))
     figure = new_figure(PAGE_WIDTH, 5.6)

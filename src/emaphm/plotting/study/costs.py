@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def draw_costs(runs: pl.DataFrame) -> "Figure | None":
     """Draw each method's mean error against its time and its evaluations, the thesis's as hollow markers.
 
-    One row for each kind of case; None where no case has been run by every method.
+    One row for each kind of case; None where no run is one of every method.
     """
     table = by_method(runs)
     kinds = table["kind"].unique(maintain_order=True).to_list()

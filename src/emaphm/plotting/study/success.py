@@ -19,7 +19,7 @@ SHADES = ("#a6cee9", "#4a9bd1", "#084a7d")
 def draw_success(runs: pl.DataFrame) -> "Figure | None":
     """Draw the share of runs within 1, 2 and 5 % of error, by method and kind of case.
 
-    None where no case has been run by every method.
+    None where no run is one of every method.
     """
     table = by_method(runs)
     kinds = table["kind"].unique(maintain_order=True).to_list()

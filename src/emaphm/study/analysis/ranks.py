@@ -12,13 +12,10 @@ import polars as pl
 from numpy.typing import ArrayLike
 
 from emaphm.arrays import Array
-from emaphm.study.analysis.statistics import VARIANT
+from emaphm.study.analysis.statistics import BLOCK, VARIANT
 
 FEWEST_BLOCKS = 6
 """With 5 blocks, even five wins of five have p = 2/2⁵ > 0.05: a rank test could show nothing."""
-
-BLOCK = ("case", "run", "seed")
-"""What the methods that are compared have in common: a case, its number, and the seed of its recording."""
 
 SIGNIFICANT = 0.05
 """Largest p-value that counts as a difference."""

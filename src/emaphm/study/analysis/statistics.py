@@ -17,6 +17,9 @@ from emaphm.study.thesis import published
 VARIANT = ("rig", "model", "fitness", "equivalent", "noise_A")
 """Columns by which the variants of a study differ; methods are compared within one."""
 
+BLOCK = ("case", "run", "seed")
+"""What the methods that are compared have in common: a case, its number, and the seed of its recording."""
+
 LIMITS_PERCENT = (1, 2, 5)
 """A run has succeeded where its error is at most so much; in columns `within_1` and so on."""
 
@@ -91,18 +94,19 @@ def _spread() -> list[pl.Expr]:
 
 
 def comparable(runs: pl.DataFrame) -> pl.DataFrame:
-    """Return the runs of the cases that every method of their variant has run.
+    """Return the runs that every method of their variant has: of the same case, number and seed.
 
-    A mean over other cases than the next method's would compare the cases and not the methods.
+    A mean over other cases than the next method's would compare the cases and not the methods; so would the
+    worst error of more runs.
     """
     methods = pl.col("method").n_unique()
-    return runs.filter(methods.over(*VARIANT, "case") == methods.over(*VARIANT))
+    return runs.filter(methods.over(*VARIANT, *BLOCK) == methods.over(*VARIANT))
 
 
 def by_method(runs: pl.DataFrame) -> pl.DataFrame:
-    """Return one row for each variant, kind of case and method, over the `comparable` cases.
+    """Return one row for each variant, kind of case and method, over the `comparable` runs.
 
-    Columns as in `by_case`, but: `cases` is their number; `mean`, the fractions, `evaluations`,
+    Columns as in `by_case`, but: `cases` is the number of their cases; `mean`, the fractions, `evaluations`,
     `reference_runs` and `mean_seconds` are means of the cases' means (the thesis's average); the other
     figures are those of all runs together. `lower95` and `upper95` are the ends of the mean's bootstrap
     interval, null where a case has one run. `thesis` and `thesis_seconds` are its printed averages where
@@ -216,10 +220,10 @@ def _coefficients(methods: pl.DataFrame) -> dict[str, float]:
 def across_variants(runs: pl.DataFrame) -> pl.DataFrame:
     """Return one row for each kind, method and variant: `cases` and the `mean` of the cases' mean errors [%].
 
-    Only over the cases that every method has run in every variant.
+    Only over the runs that every method has in every variant.
     """
     contestants = pl.struct(*VARIANT, "method").n_unique()
-    common = runs.filter(contestants.over("case") == contestants)
+    common = runs.filter(contestants.over(*BLOCK) == contestants)
     return (
         by_case(common)
         .group_by("kind", "method", *VARIANT, maintain_order=True)

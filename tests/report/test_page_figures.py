@@ -1,0 +1,43 @@
+"""Figures on pages: whatever has a place in the legend or a number of results is drawn."""
+
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+from matplotlib.colors import to_hex
+
+from emaphm.detection.result import DetectorResult
+from emaphm.plotting.detection import draw_detected_sets
+from emaphm.plotting.limits import draw_limits
+from emaphm.study.analysis.limits import SettingRates
+from emaphm.study.plan import PageRow, PageSection
+
+
+def _result(q: float, t2: float) -> DetectorResult:
+    """Return a result of a detector, as far as a figure of sets reads it."""
+    return cast("DetectorResult", SimpleNamespace(q=q, t2=t2, q_threshold=1.0, t2_threshold=1.0))
+
+
+def test_results_of_zero_are_drawn_below_all_others_and_the_axis_says_so() -> None:
+    (axis,) = draw_detected_sets({"still": [_result(0.0, 0.0)], "moved": [_result(1.0, 2.0)]}).axes
+    still, moved = axis.get_lines()[:2]
+    assert (np.asarray(still.get_xdata())[0], np.asarray(still.get_ydata())[0]) == (0.1, 0.2)
+    assert (np.asarray(moved.get_xdata())[0], np.asarray(moved.get_ydata())[0]) == (1.0, 2.0)
+    assert axis.get_xlabel() == "Q / threshold, 0 at 0.1"
+    assert axis.get_ylabel() == "T² / threshold, 0 at 0.2"
+    (axis,) = draw_detected_sets({"moved": [_result(1.0, 2.0)]}).axes
+    assert (axis.get_xlabel(), axis.get_ylabel()) == ("Q / threshold", "T² / threshold")
+
+
+def test_every_method_of_a_section_is_drawn_and_no_two_alike() -> None:
+    methods = [f"method {i}" for i in range(20)]
+    rows = tuple(PageRow(text="a", rig="base", method=method) for method in methods)
+    rates = SettingRates(1.0, 2.0, 0.95, 0.9, "gain", 1.0, 0.5, 0.01, 20)
+    figure = draw_limits(PageSection(title="All", label="setting", rows=rows), dict.fromkeys(rows, rates))
+    # The median and the 95th percentile differ by their dashes, the methods by colour and marker.
+    lines = figure.axes[0].get_lines()
+    looks = {(to_hex(one.get_color()), one.get_marker(), one.get_linestyle()) for one in lines}
+    assert len(lines) == len(looks) == 2 * 20
+    legend = figure.axes[0].get_legend()
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()] == ["median", "95th percentile", *methods]
