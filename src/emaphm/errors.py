@@ -74,15 +74,18 @@ MOST_LISTED = 20
 LONGEST_LISTED = 60
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
-    """Return `` (did you mean 'x'?)`` for the known name closest to `name`, else the list of known names."""
+def nearest(name: str, known: Iterable[str], listed_as: str = "known") -> str:
+    """Return `` (did you mean 'x'?)`` for the known name closest to `name`, else the list of known names.
+
+    `listed_as` is what the list begins with.
+    """
     options = sorted(known)
     written = {one.lower(): one for one in options}
     close = get_close_matches(name.lower(), list(written), n=1, cutoff=0.5)
     if close:
         return f" (did you mean '{_short(written[close[0]])}'?)"
     more = f" and {len(options) - MOST_LISTED} more" if len(options) > MOST_LISTED else ""
-    return f" (known: {', '.join(map(_short, options[:MOST_LISTED]))}{more})"
+    return f" ({listed_as}: {', '.join(map(_short, options[:MOST_LISTED]))}{more})"
 
 
 def _short(name: str) -> str:

@@ -85,6 +85,8 @@ def test_a_recording_is_no_campaign(folder: Path) -> None:
             "row 2, column 'file': .* in row 1 already; leave",
         ),
         ("file,load\nlogs/a.csv,1,2\n", "row 1: has more cells than the header"),
+        ("file,load, load\nlogs/a.csv,0,100\n", ": 2 columns are named 'load'; leave one"),
+        ("file,file\nlogs/a.csv,logs/b.csv\n", ": 2 columns are named 'file'; leave one"),
         ("file,load\n", "no recording in this campaign"),
         ("file,load\n,1\n", "row 1: column 'file' is missing"),
     ],

@@ -117,6 +117,7 @@ BAD_ARGUMENTS = {
     "calibrate good.csv -o out.toml --free speed_lag": ("'speed_lag' is 0", "give an estimate"),
     "calibrate -o out.toml --free inertia": ("no recording to calibrate from", "or several"),
     "calibrate good.csv absent.csv -o out.toml --free inertia": ("absent.csv", "no such file"),
+    "calibrate good.csv good.csv -o out.toml --free inertia": ("good.csv: this file is given twice, and",),
     "calibrate good.csv -o out.toml --free offset --nuisance load": ("'load'", "'offset'", "leave one out"),
     "calibrate good.csv -o out.toml --laws auto": ("two recordings at least", "or name the laws"),
     "calibrate good.csv -o out.toml --laws stribek": ("unknown law 'stribek'", "did you mean 'stribeck'?"),

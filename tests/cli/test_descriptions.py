@@ -25,6 +25,27 @@ BAD_DESCRIPTIONS: dict[str, tuple[str | bytes, tuple[str, ...]]] = {
         files.THESIS + '\n[channels]\ncomand_rad = "qg"\n',
         ("'channels.comand_rad'", "did you mean 'command_rad'?"),
     ),
+    "elsewhere.toml": (
+        files.thesis_with("[motor]", "[motor]\noffset = 3.0"),
+        ("unknown key 'motor.offset' ('offset' is a key of [mechanics]; move it there)",),
+    ),
+    "no-section.toml": (
+        "gear_ratio = 2.0\n" + files.THESIS,
+        ("unknown key 'gear_ratio' ('gear_ratio' is a key of [mechanics]; move it there)",),
+    ),
+    "above.toml": (
+        files.thesis_with("[motor]", '[motor]\ncoordinates = "linear"'),
+        ("unknown key 'motor.coordinates' ('coordinates' stands above all sections; move it there)",),
+    ),
+    # A nuisance has that name too, but what stands there is a property of the machine.
+    "lumped.toml": (
+        files.thesis_with("inertia_motor", "inertia"),
+        ("unknown key 'mechanics.inertia' (did you mean 'inertia_",),
+    ),
+    "range.toml": (
+        files.THESIS + "\n[reading]\ntimes = [0.5, 2.0]\n",
+        ("'reading.times': give a list of ranges", "such as [[0.5, 2.0]], got [0.5, 2.0]"),
+    ),
     "missing.toml": (
         files.thesis_with("gear_ratio", "# gear_ratio"),
         ("'mechanics.gear_ratio' is missing", "user motion per motor motion", "add it"),

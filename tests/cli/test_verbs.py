@@ -18,7 +18,7 @@ from emaphm.diagnosis import diagnose
 from emaphm.version import VERSION
 
 from . import files
-from .conftest import Emaphm
+from .conftest import Emaphm, Refusal
 
 EMPS = Path(__file__).resolve().parents[2] / "examples" / "emps" / "emps.toml"
 
@@ -397,6 +397,16 @@ def test_a_campaign_says_what_is_known_of_each_recording(emaphm: Emaphm, desk: P
     assert second["own"]["torque_constant"] == pytest.approx(0.0752, rel=0.05)
     assert "load" in second["nuisances"]
     assert "load" not in first["nuisances"]
+
+
+def test_a_recording_counts_once_whichever_campaign_names_it(refused: Refusal, desk: Path) -> None:
+    for name in ("monday.csv", "tuesday.csv"):
+        (desk / name).write_text("file,load\ngood.csv,0\n", encoding="utf-8")
+    options = ("--free", "coulomb", "-o", "unit.toml")
+    assert "given twice" in refused("calibrate", "monday.csv", "good.csv", *options)
+    assert "given twice, as good.csv" in refused("calibrate", "good.csv", desk / "good.csv", *options)
+    message = refused("calibrate", "monday.csv", "tuesday.csv", *options)
+    assert "tuesday.csv, row 1: good.csv: this file is given twice" in message
 
 
 def test_measured_motion_needs_no_controller(emaphm: Emaphm, desk: Path) -> None:

@@ -516,6 +516,13 @@ def test_gains_that_contradict_a_recording_are_noticed(plain: Recording, gains: 
     assert controller_contradicts(plain, with_lumped_parameters(ACTUATOR, gains))
 
 
+def test_a_deviating_gain_has_the_unit_of_the_coordinates(plain: Recording) -> None:
+    other = with_lumped_parameters(ACTUATOR, {"speed_gain": 20.0})
+    for coordinates, unit in (("rotary", "N·m·s/rad"), ("linear", "N·s/m")):
+        (text,) = controller_check(plain, other.model_copy(update={"coordinates": coordinates})).deviating
+        assert f" {unit}, described 20" in text
+
+
 def test_faults_that_are_no_gain_do_not_contradict_the_controller() -> None:
     actuator = Actuator.thesis()
     for faults in (Faults(), Faults(friction=0.8), Faults(backlash=0.8), Faults(short_a=0.5)):

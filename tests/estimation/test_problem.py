@@ -183,6 +183,13 @@ def test_a_diagnosis_of_all_faults_needs_a_current(shorted: Recording, method: s
         assert piece in str(caught.value)
 
 
+def test_a_diagnosis_without_a_current_lists_columns_as_not_used(shorted: Recording) -> None:
+    names = ("time_s", "command_rad", "position_rad")
+    columns = {name: shorted[name] for name in names} | {"load": np.zeros(shorted.samples)}
+    with pytest.raises(MethodError, match=r"only position_rad \(columns not used: load\); record"):
+        diagnose(Recording(columns), THESIS)
+
+
 # Where a manoeuvre starts.
 
 

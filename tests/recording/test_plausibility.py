@@ -20,6 +20,8 @@ def _scaled(factors: dict[str, float]) -> Callable[[Columns], Columns]:
 
 WRONG = {
     "time in ms": (_scaled({"time_s": 1e3}), ["0.2 s apart", "milliseconds"]),
+    "time in µs": (_scaled({"time_s": 1e6}), ["200 s apart", "if time_s is in microseconds convert"]),
+    "time in ns": (_scaled({"time_s": 1e9}), ["2e+05 s apart", "if time_s is in nanoseconds convert"]),
     "time in Ms": (_scaled({"time_s": 1e-6}), ["2e-10 s apart", "time_s must be in s"]),
     "both in millidegrees": (
         _scaled({"command_rad": 1e3 * DEGREES, "position_rad": 1e3 * DEGREES}),

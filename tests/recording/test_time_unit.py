@@ -1,10 +1,10 @@
-"""Milliseconds taken for seconds are noticed in slow rows; true slow rows, whatever their load, are not."""
+"""Another unit of time is noticed in slow and fast rows; true slow and fast rows are accepted."""
 
 import numpy as np
 import pytest
 
 from cases import THESIS
-from emaphm.actuator import Chirp, Command, Faults, Sine
+from emaphm.actuator import Actuator, Chirp, Command, Faults, Sine, Step
 from emaphm.errors import RecordingError
 from emaphm.recording import Recording, check_plausible
 from emaphm.simulated_recording import simulate
@@ -53,3 +53,36 @@ def test_slow_rows_in_seconds_are_accepted(faults: Faults, rate: float, rows_a_c
     fastest = rate / rows_a_cycle
     for command in (Chirp(stop_hz=fastest, duration=20.0), Sine(frequency_hz=fastest)):
         check_plausible(recorded(command, rate, 20.0, faults, "position_rad", "speed_rad_s"), THESIS)
+
+
+@pytest.mark.parametrize("faults", FAULTS)
+@pytest.mark.parametrize("rate", [200.0, 1e3, 5e3])
+def test_seconds_taken_for_milliseconds_are_noticed_by_the_work(faults: Faults, rate: float) -> None:
+    sound = recorded(Chirp(), rate, 0.5, faults, "position_rad")
+    check_plausible(sound, THESIS)
+    fast = sound.with_channels({**sound.channels, "time_s": 1e-3 * sound["time_s"]})
+    with pytest.raises(
+        RecordingError, match=r"work that the motor can do: .* larger unit .*; convert it to s"
+    ):
+        check_plausible(fast, THESIS)
+    declared = Actuator.from_dict(
+        THESIS.model_dump() | {"channels": {"time_s": {"column": "t", "unit": "ms"}}}
+    )
+    with pytest.raises(RecordingError, match=r"\[channels\] says 'ms', correct it there"):
+        check_plausible(fast, declared)
+
+
+@pytest.mark.parametrize("faults", FAULTS)
+@pytest.mark.parametrize(("rate", "duration"), [(50e3, 0.3), (100e3, 0.05), (1e6, 0.01)])
+@pytest.mark.parametrize("command", [Chirp(), Step(0.05), Sine(1e-5)])
+def test_fast_rows_in_seconds_are_accepted(
+    faults: Faults, rate: float, duration: float, command: Command
+) -> None:
+    sound = recorded(command, rate, duration, faults, "position_rad")
+    rng = np.random.default_rng(0)
+    # An encoder of 1e-3 rad, and white noise of 1e-4 rad.
+    for position in (
+        1e-3 * np.round(sound["position_rad"] / 1e-3),
+        sound["position_rad"] + 1e-4 * rng.standard_normal(sound.samples),
+    ):
+        check_plausible(sound.with_channels({**sound.channels, "position_rad": position}), THESIS)

@@ -1,6 +1,6 @@
 """`[reading]`: which rows of a file are used, how it is cut into recordings, and how they are cleaned."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Field, field_validator
 
@@ -50,6 +50,13 @@ class Reading(Section):
         if text is not None:
             Expression.parse(text)
         return text
+
+    @field_validator("times", mode="before")
+    @classmethod
+    def _of_ranges(cls, given: Any) -> Any:
+        if isinstance(given, list | tuple) and all(isinstance(one, list | tuple) for one in given):
+            return given
+        raise ValueError("give a list of ranges [first, last] in s, such as [[0.5, 2.0]]")
 
     @field_validator("times")
     @classmethod

@@ -237,7 +237,7 @@ def _result(
         found_recordings(fit, rows, calibrated),
         None if fit.uncertainty.alone is None else fit.uncertainty.alone.meta.birge_ratio,
         fit.contradictions is not None and bool(np.any(fit.contradictions.covariance)),
-        collinear_parameters(fit, settings.seed),
+        collinear_parameters(fit, calibrated, settings.seed),
         sum(problem.runs.of(problem.model)[0] for problem in problems),
         time.perf_counter() - began,
         settings.seed,

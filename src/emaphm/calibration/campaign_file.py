@@ -55,7 +55,7 @@ def read_campaign(
     ------
     MethodError
         The campaign cannot be read, has no row, or a row without file; a quantity is unknown or its value is
-        no number; a file is given twice.
+        no number; a file or column is given twice.
     RecordingError
         A recording cannot be read.
     """
@@ -88,6 +88,10 @@ def _csv_rows(path: Path) -> Sequence[Mapping[str, Any]]:
         raise MethodError(f"{path}: cannot be read as a text file ({error})") from None
     separator = ";" if ";" in text.partition("\n")[0] else ","
     reader = csv.DictReader(io.StringIO(text, newline=""), delimiter=separator, skipinitialspace=True)
+    names = [name.strip() for name in reader.fieldnames or ()]
+    for name in filter(None, names):
+        if names.count(name) > 1:
+            raise MethodError(f"{path}: {names.count(name)} columns are named '{name}'; leave one")
     rows = []
     for i, row in enumerate(reader, start=1):
         if None in row:

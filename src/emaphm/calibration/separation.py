@@ -1,13 +1,12 @@
 """Parameters that act alike in all recordings, and what would separate them: a channel or a manoeuvre."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from emaphm.actuator import Chirp, Command, Ramp, Sine
+from emaphm.actuator import Actuator, Chirp, Command, Ramp, Sine
+from emaphm.actuator.quantity import unit_for
 from emaphm.arrays import Array
 from emaphm.calibration.unit_fit import UnitFit
 from emaphm.estimation.driving_signals import DrivingSignals
@@ -17,11 +16,8 @@ from emaphm.estimation.objective import CORRELATED_ROWS
 from emaphm.estimation.problem import comparable_channels, rms
 from emaphm.estimation.search_result import DEFAULT_SCATTER
 from emaphm.estimation.space.nuisances import BASELINE, KNOWN_BY
-from emaphm.estimation.uncertainty.collinearity import (
-    RESOLVED,
-    collinear_coordinates,
-    listed,
-)
+from emaphm.estimation.space.parameter_variation import sizes
+from emaphm.estimation.uncertainty.collinearity import collinear_coordinates, listed, resolving_channels
 from emaphm.estimation.uncertainty.fisher_information import information_lower_bound
 from emaphm.estimation.uncertainty.local_covariance import JACOBIAN_STEP, REPLICATES
 from emaphm.random_streams import stream
@@ -31,7 +27,8 @@ UNRECORDED_NOISE = 0.03
 """Assumed residual of a channel or manoeuvre that was not recorded, relative to its rms."""
 
 MATTERS = 0.02
-"""Relative standard error below which a parameter is known well enough, collinear or not."""
+"""Standard error below which a parameter is known well enough, collinear or not: relative to its value, or
+for one of either sign to what it adds to (`sizes`)."""
 
 LONGEST_S = 2.0
 """Longest manoeuvre that is tried [s]."""
@@ -61,19 +58,21 @@ class CollinearParameters:
         return f"{text} Hold one of them at a value that is known."
 
 
-def collinear_parameters(fit: UnitFit, seed: int) -> tuple[CollinearParameters, ...]:
+def collinear_parameters(fit: UnitFit, calibrated: Actuator, seed: int) -> tuple[CollinearParameters, ...]:
     """Return the sets of parameters of which only a combination is known.
 
     Sets without a shared parameter are left out, and those whose parameters are known well all the same.
     """
     joint, covariance = fit.joint, fit.uncertainty.covariance
-    names, errors = _coordinate_names(fit), np.sqrt(np.diag(covariance))
-    chosen: dict[tuple[str, ...], NDArray[np.intp]] = {}
+    # Relative to what was found, not to the description that was started from.
+    scale = np.diag(joint.unit.axes) / sizes(calibrated, fit.fitted)
+    names, errors = _coordinate_names(fit), scale * np.sqrt(np.diag(covariance))[: joint.shared]
+    chosen: dict[tuple[str, ...], list[int]] = {}
     for members in collinear_coordinates(covariance):
         shared = members[members < joint.shared]
         called = tuple(dict.fromkeys(names[i] for i in members))
         if shared.size and len(called) > 1 and np.any(errors[shared] > MATTERS):
-            chosen[called] = shared
+            chosen[called] = shared.tolist()
     if not chosen:
         return ()
     channels = _channel_information(fit, seed)
@@ -81,8 +80,8 @@ def collinear_parameters(fit: UnitFit, seed: int) -> tuple[CollinearParameters, 
     return tuple(
         CollinearParameters(
             called,
-            _resolving(covariance, shared, channels),
-            _resolving(covariance, shared, manoeuvres),
+            resolving_channels(covariance, shared, channels),
+            resolving_channels(covariance, shared, manoeuvres),
         )
         for called, shared in chosen.items()
     )
@@ -97,19 +96,6 @@ def _coordinate_names(fit: UnitFit) -> list[str]:
             quantity = nuisances.quantities[int(np.argmax(np.abs(column)))]
             names.append(quantity.removeprefix(BASELINE))
     return names
-
-
-def _resolving(
-    covariance: Array, members: NDArray[np.intp], information: Mapping[str, Array]
-) -> tuple[str, ...]:
-    """Return whose `information` (d, d), added, would bring every member's standard error to `RESOLVED`."""
-    before, known = np.sqrt(np.diag(covariance)), np.linalg.inv(covariance)
-    helpful = []
-    for name, added in information.items():
-        after = np.sqrt(np.diag(np.linalg.inv(known + added)))
-        if np.all(after[members] < RESOLVED * before[members]):
-            helpful.append(name)
-    return tuple(helpful)
 
 
 def _channel_information(fit: UnitFit, seed: int) -> dict[str, Array]:
@@ -191,10 +177,11 @@ def _manoeuvres(joint: JointObjective) -> dict[str, DrivingSignals]:
     amplitude = max(float(np.max(np.abs(one.inputs.command))) for one in problems)
     duration = min(max(one.duration_s for one in problems), LONGEST_S)
     interval = min(one.inputs.interval for one in problems)
+    size = f"{amplitude:.3g} {unit_for('rad', problems[0].actuator.coordinates)}"
     commands: dict[str, Command] = {
-        f"a slow sine of {amplitude:.3g} at {1 / duration:.3g} Hz": Sine(amplitude, 1 / duration),
-        f"a ramp to {amplitude:.3g} in {duration:.3g} s": Ramp(amplitude / duration),
-        f"a chirp of {amplitude:.3g} to {20 / duration:.3g} Hz": Chirp(
+        f"a slow sine of {size} at {1 / duration:.3g} Hz": Sine(amplitude, 1 / duration),
+        f"a ramp to {size} in {duration:.3g} s": Ramp(amplitude / duration),
+        f"a chirp of {size} up to {20 / duration:.3g} Hz": Chirp(
             amplitude, stop_hz=20 / duration, duration=duration
         ),
     }

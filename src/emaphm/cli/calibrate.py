@@ -19,7 +19,7 @@ from emaphm.cli.options import (
     recording_of,
 )
 from emaphm.cli.output import draw, progress, show
-from emaphm.errors import MethodError
+from emaphm.errors import MethodError, RecordingError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -116,12 +116,28 @@ def calibrate(
 
 
 def _recordings(paths: "Sequence[Path]", actuator: "Actuator") -> "list[Any]":
-    """Return the recordings in files and in campaigns, with what is known of them."""
+    """Return the recordings in files and in campaigns, with what is known of them.
+
+    A file that is given twice is refused: its noise would count as that of two independent recordings.
+    """
     from emaphm.calibration import is_campaign, read_campaign
 
     recorded: list[Any] = []
+    given: dict[Path, Path] = {}
+
+    def read_once(path: Path, actuator: "Actuator") -> Any:
+        before = given.setdefault(path.resolve(), path)
+        if before is not path:
+            spelled = "" if before == path else f", as {before}"
+            raise RecordingError(
+                f"{path}: this file is given twice{spelled}, and would count as two recordings; leave one "
+                "of the two out"
+            )
+        return recording_of(path, actuator)
+
     for path in paths:
-        recorded += read_campaign(path, actuator) if is_campaign(path) else [recording_of(path, actuator)]
+        is_one = not is_campaign(path)
+        recorded += [read_once(path, actuator)] if is_one else read_campaign(path, actuator, read_once)
     return recorded
 
 

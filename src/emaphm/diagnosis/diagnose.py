@@ -257,7 +257,7 @@ def _check_current(problem: Problem, recording: Recording) -> None:
     if problem.primary in TORQUE_CURRENTS:
         return
     others = [name for name in recording if name not in SCHEMA]
-    hint = nearest("current_A", others) if others else ""
+    hint = nearest("current_A", others, "columns not used") if others else ""
     raise MethodError(
         f"{recording.source}: a diagnosis of all faults needs a current, and there is only "
         f"{', '.join(problem.channels)}{hint}; record current_A, or the three phases with angle_rad, or "

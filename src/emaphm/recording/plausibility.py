@@ -32,6 +32,12 @@ LONGEST_INTERVAL_S = 0.15
 """Slower than 10 Hz, with room for jitter, rows show nothing of an actuator but where it stands; milliseconds
 taken for seconds of up to 7 kHz look like this, of faster rows see `recording.time_unit`."""
 
+SMALLER_UNITS = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9}
+"""Units of time that a logger may count in [s]."""
+
+FASTEST_INTERVAL_S = 1e-5
+"""Least interval that a unit must give to be suggested: usual loggers are no faster than 100 kHz."""
+
 SHORTEST_INTERVAL_S = 1e-7
 """A tenth of the reference model's own step."""
 
@@ -107,9 +113,15 @@ def _length(recording: Recording) -> str | None:
 def _interval(recording: Recording) -> str | None:
     interval = recording.interval_s
     if interval > LONGEST_INTERVAL_S:
+        units = [
+            name
+            for name, size in SMALLER_UNITS.items()
+            if FASTEST_INTERVAL_S <= size * interval <= LONGEST_INTERVAL_S
+        ]
+        unit = f"in {' or '.join(units)}" if units else "not in s"
         return (
-            f"rows are {interval:.4g} s apart, more than {LONGEST_INTERVAL_S:g} s; if time_s is in "
-            "milliseconds convert it to s, else sample faster"
+            f"rows are {interval:.4g} s apart, more than {LONGEST_INTERVAL_S:g} s; if time_s is {unit} "
+            "convert it to s, else sample faster"
         )
     if interval < SHORTEST_INTERVAL_S:
         return (

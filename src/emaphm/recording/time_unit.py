@@ -1,4 +1,4 @@
-"""Milliseconds taken for seconds, distinguished from slow rows by the torque that the motion would take."""
+"""Another unit of time taken for seconds, distinguished from slow and fast rows by the motion's torque."""
 
 import math
 
@@ -23,13 +23,25 @@ SPEED_RATIO = 20.0
 """Ratio of a recorded speed to that of the recorded motion from which the times are wrong; backlash and
 resonance make less."""
 
-
 SAME_MOTION = 0.5
 """Least correlation of the recorded speed with that of the motion."""
+
+FAST_S = 2e-5
+"""Rows no farther apart may be seconds taken for milliseconds: of 50 Hz and faster [s]."""
+
+IMPOSSIBLE_WORK = 300.0
+"""Ratio of the kinetic energy of a motion to the most work of the motor over its travel from which the times
+are wrong. It is 1 at most of a motor alone, and 10⁻³ or more of a motion that shows its inertia; it goes by
+the square of the unit of time: seconds taken for milliseconds make it 10⁶ times as large."""
+
+STRETCHES = 64
+"""Parts of a recording whose mean positions show its motion: noise of single rows is no motion."""
 
 
 def time_unit_complaint(recording: Recording, actuator: Actuator) -> str | None:
     """Return why rows seem to be in another unit of time than seconds, None where nothing says so."""
+    if recording.interval_s <= FAST_S:
+        return _impossible_work(recording, actuator)
     if recording.interval_s <= SLOW_S:
         return None
     reason = _speed(recording, actuator) or _inertia(recording, actuator)
@@ -83,6 +95,29 @@ def _inertia(recording: Recording, actuator: Actuator) -> str | None:
     if ratio < APPARENT_INERTIA or values[0] < SIGNIFICANT * error:
         return None
     return f"the current would accelerate {ratio:.2g} times the described inertia"
+
+
+def _impossible_work(recording: Recording, actuator: Actuator) -> str | None:
+    """Compare the energy J ω² / 2 of the recorded motion with the work k_t i_max Δθ of the motor.
+
+    ω is the rms speed between means of the angle over stretches of rows, Δθ the travel of these means.
+    """
+    if "position_rad" not in recording or recording.samples < STRETCHES:
+        return None
+    # A command may jump; what has mass does not.
+    parts = np.array_split(_motor_angle(recording, actuator), STRETCHES)
+    angle = np.array([float(np.mean(part)) for part in parts])
+    speed = _rms(np.diff(angle)) * STRETCHES / recording.duration_s
+    energy = actuator.mechanics.inertia * speed**2 / 2
+    work = actuator.motor.torque_constant * actuator.controller.current_limit * float(np.ptp(angle))
+    if energy < IMPOSSIBLE_WORK * work or not energy:
+        return None
+    unit = actuator.channels.time_s.unit
+    remedy = "convert it to s" if unit is None else f"[channels] says '{unit}', correct it there"
+    return (
+        f"rows are {recording.interval_s:.4g} s apart, and the motion would take {energy / work:.2g} times "
+        f"the work that the motor can do: time_s seems to be in a larger unit than was taken; {remedy}"
+    )
 
 
 def _motor_angle(recording: Recording, actuator: Actuator) -> Array:

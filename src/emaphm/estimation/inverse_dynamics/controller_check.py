@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator
+from emaphm.actuator.quantity import unit_for
 from emaphm.arrays import Array
 from emaphm.errors import RecordingError
 from emaphm.estimation.inverse_dynamics.filtering import FilterFrequencies, first_order_lag, low_pass
@@ -141,7 +142,8 @@ def controller_check(recording: Recording, actuator: Actuator) -> ControllerChec
     regressors = np.stack([smooth(np.where(free, column, 0.0))[free] for column in shown])
     torque = unit * smooth(np.where(free, measured, 0.0))[free]
     described = (c.position_gain, c.speed_gain)
-    gains = _regressed(regressors, torque, None if np.any(columns[1]) else c.speed_gain)
+    gain_unit = unit_for("N·m·s/rad", actuator.coordinates)
+    gains = _regressed(regressors, torque, None if np.any(columns[1]) else c.speed_gain, gain_unit)
     if gains is None:
         return ControllerCheck(relative_error, None, None, None, described)
     best = _relative(torque, gains.product @ regressors)
@@ -201,10 +203,10 @@ class _Gains:
     estimates: tuple[Estimate, Estimate | None]
 
 
-def _regressed(regressors: Array, torque: Array, speed_gain: float | None) -> _Gains | None:
+def _regressed(regressors: Array, torque: Array, speed_gain: float | None, unit: str) -> _Gains | None:
     """Return the gains for `regressors` (p, rows) of a `torque` (rows,) [N·m], None where hidden.
 
-    A `speed_gain` that is given is held.
+    A `speed_gain` that is given is held; `unit` is its unit.
     """
     if torque.size < LEAST_ROWS:
         return None
@@ -229,7 +231,7 @@ def _regressed(regressors: Array, torque: Array, speed_gain: float | None) -> _G
         product,
         (
             Estimate(float(ratio), float(np.sqrt(along @ covariance @ along)), "1/s"),
-            Estimate(float(product[1]), float(np.sqrt(covariance[1, 1])), "N·m·s/rad"),
+            Estimate(float(product[1]), float(np.sqrt(covariance[1, 1])), unit),
         ),
     )
 

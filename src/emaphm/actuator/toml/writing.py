@@ -1,17 +1,14 @@
-"""Actuator TOML: writing with units, and one-line messages for what is wrong in it."""
+"""Writing an actuator as TOML, every quantity with its meaning and unit."""
 
 from typing import Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel
 
 from emaphm.actuator.quantity import unit_for
-from emaphm.errors import nearest
+from emaphm.actuator.toml.sections import section_at
 
 QUIET = ("channels", "reading", "nuisances", "sensors", "model_error")
 """Sections of which only what differs from the defaults is written."""
-
-LONGEST_QUOTED = 200
-"""Longest value that a complaint quotes; a matrix would bury it."""
 
 
 def write_toml(actuator: BaseModel, comments: str = "", ending: str = "") -> str:
@@ -57,7 +54,7 @@ def _table(section: type[BaseModel], values: dict[str, Any], coordinates: str) -
     table = tomlkit.table()
     for name, value in values.items():
         if isinstance(value, dict):
-            table.add(name, _table(_section_at(section, [name]), value, coordinates))
+            table.add(name, _table(section_at(section, [name]), value, coordinates))
             continue
         item = tomlkit.item(value)
         if isinstance(value, list) and any(isinstance(row, list) for row in value):
@@ -68,39 +65,3 @@ def _table(section: type[BaseModel], values: dict[str, Any], coordinates: str) -
             item.comment(f"{unit}: {section.model_fields[name].description}")
         table.add(name, item)
     return table
-
-
-def validation_message(error: ValidationError, root: type[BaseModel]) -> str:
-    """Return the first of pydantic's complaints as one line: the key, what is wrong, the remedy."""
-    # A misspelt key also counts as a missing one: name the misspelling, which is what to correct.
-    first, *others = sorted(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
-    path = [str(part) for part in first["loc"]]
-    key = ".".join(path) or "description"
-    more = f" (and {len(others)} more)" if others else ""
-    if first["type"] == "extra_forbidden":
-        known = _section_at(root, path[:-1]).model_fields
-        return f"unknown key '{key}'{nearest(path[-1], known)}{more}"
-    if first["type"] == "missing":
-        field = _section_at(root, path[:-1]).model_fields.get(path[-1])
-        meaning = f" ({field.description})" if field and field.description else ""
-        return f"key '{key}' is missing{meaning}; add it{more}"
-    reason = first["msg"].removeprefix("Value error, ").removeprefix("Input ")
-    if not path and first["type"] == "value_error":  # about several sections: it names its key itself
-        return reason + more
-    given = repr(first["input"])
-    got = "" if isinstance(first["input"], dict) or len(given) > LONGEST_QUOTED else f", got {given}"
-    return f"'{key}': {reason}{got}{more}"
-
-
-def _section_at(root: type[BaseModel], path: list[str]) -> type[BaseModel]:
-    section = root
-    for part in path:
-        if part not in section.model_fields:  # a place in a list, or a name in a mapping
-            continue
-        annotation = section.model_fields[part].annotation
-        candidates = [annotation, *getattr(annotation, "__args__", ())]
-        below = [c for c in candidates if isinstance(c, type) and issubclass(c, BaseModel)]
-        if not below:  # a value of several parts, such as end_stops
-            return section
-        section = below[0]
-    return section

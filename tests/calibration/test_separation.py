@@ -1,0 +1,63 @@
+"""Parameters that act alike: which sets are reported, and what is advised to separate them."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cases import THESIS
+from emaphm.actuator import Actuator
+from emaphm.actuator.lumped_parameters import with_lumped_parameters
+from emaphm.calibration import separation
+from emaphm.estimation.space.parameter_variation import ParameterVariation
+
+NAMES = ("viscous", "coulomb", "offset")
+COULOMB = 0.02
+"""Of the calibrated actuator, at the motor [N·m]."""
+
+
+def fit(description: Actuator, errors: tuple[float, float, float]) -> Any:
+    """Return the end of a fit that started from `description`.
+
+    `errors` are standard errors of the parameters: of the logarithm of the first two, of the third [N·m].
+    """
+    alike = np.full((3, 3), 0.99) + 0.01 * np.eye(3)
+    unit = ParameterVariation.free(description, NAMES)
+    inverse = np.linalg.inv(unit.axes)
+    covariance = inverse @ (np.outer(errors, errors) * alike) @ inverse.T
+    return SimpleNamespace(
+        fitted=NAMES,
+        joint=SimpleNamespace(shared=3, terms=(), unit=unit),
+        uncertainty=SimpleNamespace(covariance=covariance),
+    )
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.0, 3.0])
+@pytest.mark.parametrize(("offset", "is_reported"), [(0.014, False), (0.03, True)])
+def test_what_acts_alike_does_not_depend_on_the_description_that_was_started_from(
+    factor: float, offset: float, is_reported: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(separation, "_channel_information", lambda *_: {})
+    monkeypatch.setattr(separation, "_manoeuvre_information", lambda *_: {})
+    calibrated = with_lumped_parameters(THESIS, {"coulomb": COULOMB})
+    started = with_lumped_parameters(THESIS, {"coulomb": factor * COULOMB})
+    # The offset's error by the friction that was found, whatever was described.
+    found = separation.collinear_parameters(
+        fit(started, (0.018, 0.018, offset * COULOMB)), calibrated, seed=0
+    )
+    assert [one.members for one in found] == [NAMES] * is_reported
+
+
+@pytest.mark.parametrize(("coordinates", "unit"), [("linear", "m"), ("rotary", "rad")])
+def test_advised_manoeuvres_have_units(coordinates: str, unit: str) -> None:
+    problem = SimpleNamespace(
+        actuator=SimpleNamespace(coordinates=coordinates),
+        inputs=SimpleNamespace(command=np.array([0.0, -0.246]), interval=1e-3, sampling="instant"),
+        duration_s=2.0,
+    )
+    joint: Any = SimpleNamespace(terms=[SimpleNamespace(objective=SimpleNamespace(problem=problem))])
+    slow, ramp, chirp = separation._manoeuvres(joint)
+    assert f"0.246 {unit} at 0.5 Hz" in slow
+    assert f"0.246 {unit} in 2 s" in ramp
+    assert f"0.246 {unit} up to 10 Hz" in chirp
