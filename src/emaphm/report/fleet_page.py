@@ -6,6 +6,7 @@ reads the results that `python -m emaphm.study.fleet studies/fleet` wrote, and w
 figures in ``fleet/``.
 """
 
+import argparse
 import sys
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -116,11 +117,11 @@ CALIBRATION = (
 
 
 def fleet_page(
-    found: Mapping[str, Units], total: int, diagnosed: Quality, folder: str
+    found: Mapping[str, Units], total: int, diagnosed: Quality, folder: str, units: int = PLAN.units
 ) -> tuple[str, dict[str, bytes]]:
     """Return the page as Markdown, and its figures as SVG by name; the page links to them in `folder`.
 
-    `found` has what is finished, by level, of `total` units.
+    `found` has what is finished, by level, of `total` units; the recorded fleet has `units`.
 
     Raises
     ------
@@ -140,7 +141,7 @@ def fleet_page(
     lines = [
         "# Predictions on a synthetic fleet\n",
         *incomplete(len(recorded) + len(drawn), total),
-        *_introduction(recorded, drawn, diagnosed),
+        *_introduction(recorded, drawn, diagnosed, units),
         "\n## How good\n",
         *_verdicts(recorded, drawn),
         *_shortfalls(recorded),
@@ -170,22 +171,24 @@ def fleet_page(
     return "\n".join(lines) + "\n", figures
 
 
-def _introduction(recorded: Units, drawn: Units, diagnosed: Quality) -> Iterator[str]:
+def _introduction(recorded: Units, drawn: Units, diagnosed: Quality, units: int) -> Iterator[str]:
+    fewer = "" if units == PLAN.units else f" --units {units}"
     known = sorted({one["law"] for one in [*recorded, *drawn] if not LAWS[one["law"]].known})
     yield (
-        "Made by `make study` (`python -m emaphm.study.fleet studies/fleet`, then `python -m "
-        "emaphm.report.fleet_page studies/fleet docs`). **Every unit here is synthetic**: drawn from the "
-        "laws below, run to failure, recorded by the reference model, diagnosed by `emaphm`'s own methods, "
-        "and predicted from its own past alone and the other units' histories. What holds for it holds for "
+        f"Made by `python -m emaphm.study.fleet studies/fleet{fewer}`, then `python -m "
+        f"emaphm.report.fleet_page studies/fleet docs{fewer}`. **Every unit here is synthetic**: drawn from "
+        "the laws below, run to failure, recorded by the reference model, diagnosed by `emaphm`'s own "
+        "methods, and predicted from its own past alone and the other units' histories. What holds for it "
+        "holds for "
         "fleets that degrade in such ways, and is no proof for a real one.\n"
     )
     yield (
-        f"*Diagnosed recordings*: {len(recorded)} units that failed, of {PLAN.units}, a check flight each "
+        f"*Diagnosed recordings*: {len(recorded)} units that failed, of {units}, a check flight each "
         f"{PLAN.interval:g} h, {diagnosed.recordings} recordings with load, temperature and supply of their "
         f"own. {100 * diagnosed.explained:.1f} % are explained; the error of a level is "
         f"{diagnosed.error:.4f} (rms), {100 * diagnosed.coverage:.0f} % of levels are within two standard "
         f"errors. The units are in {PARTS} parts; the fleet of a unit is the "
-        f"{PLAN.units - PLAN.units // PARTS} units of the other parts.\n"
+        f"{units - units // PARTS} units of the other parts.\n"
     )
     yield (
         f"*Drawn diagnoses*: {len(drawn)} further units, for the statistics: each diagnosis is the truth "
@@ -352,13 +355,16 @@ def _population(population: Population) -> Iterator[str]:
     )
 
 
-def write_fleet_page(studies: str | Path, folder: str | Path) -> Path:
-    """Write ``fleet.md`` and its figures to `folder` from the results in `studies`, and return its path."""
-    place, out = StudyFolder(Path(studies)), Path(folder)
+def write_fleet_page(studies: str | Path, folder: str | Path, units: int = PLAN.units) -> Path:
+    """Write ``fleet.md`` and its figures to `folder` from the results in `studies`, and return its path.
+
+    `units` is how many the study has.
+    """
+    place, out = StudyFolder(Path(studies), units), Path(folder)
     fleet = recorded_fleet(place)
     drawn = (drawn_unit(MANY, i) for i in range(FELLOWS, FELLOWS + JUDGED))
     failed = [one for one in (*(unit for unit, _ in fleet), *drawn) if one.failure is not None]
-    page, figures = fleet_page(results(place), len(failed), quality(fleet), "fleet")
+    page, figures = fleet_page(results(place), len(failed), quality(fleet), "fleet", units)
     make_folder(out / "fleet")
     for name, picture in figures.items():
         with written_whole(out / "fleet" / f"{name}.svg") as temporary:
@@ -369,7 +375,12 @@ def write_fleet_page(studies: str | Path, folder: str | Path) -> Path:
 
 
 if __name__ == "__main__":
+    parser = argparse.ArgumentParser(prog="python -m emaphm.report.fleet_page")
+    parser.add_argument("studies", help="the study's folder")
+    parser.add_argument("folder", help="where the page is written")
+    parser.add_argument("--units", type=int, default=PLAN.units, help="of the study")
+    asked = parser.parse_args()
     try:
-        write_fleet_page(sys.argv[1], sys.argv[2])
+        write_fleet_page(asked.studies, asked.folder, asked.units)
     except EmaphmError as error:
         sys.exit(f"error: {error}")
