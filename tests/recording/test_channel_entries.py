@@ -202,6 +202,23 @@ def test_an_angle_that_starts_anew_is_filled_and_moved_as_one_that_goes_on(
     assert np.abs(away[50:-50]).max() < 2e-3
 
 
+def test_a_channel_that_is_ignored_is_not_read(
+    columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refusal
+) -> None:
+    path = save(columns | {"rpm": columns["speed_rad_s"]}, tmp_path)
+    ignored = read_recording(path, rig(thesis, {"ignore": ["speed_rad_s"]}))
+    assert "speed_rad_s" not in ignored.names
+    assert "position_rad" in ignored.names
+    by_entry = rig(thesis, {"ignore": ["speed_rad_s"]}, speed_rad_s={"column": "rpm"})
+    assert "speed_rad_s" not in read_recording(path, by_entry).names
+    motion = ["current_A", "position_rad", "speed_rad_s"]
+    nothing = refusal(lambda: read_recording(path, rig(thesis, {"ignore": [*columns.keys() & set(motion)]})))
+    assert "current_A" in nothing
+    for name, words in (("speed", "did you mean 'speed_rad_s'"), ("time_s", "needed of every recording")):
+        with pytest.raises(ValueError, match=words):
+            Reading(ignore=[name])
+
+
 def test_masks(columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refusal) -> None:
     mode = np.where(columns["time_s"] < 0.3, "trap", "sine")
     path = save(columns | {"on": (columns["time_s"] >= 0.1) * 1, "mode": mode}, tmp_path)

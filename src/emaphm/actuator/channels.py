@@ -140,3 +140,7 @@ class Channels(Section):
         if entry.value is not None or entry.derived is not None or entry.delay_s or entry.time:
             raise ValueError("time is a column of its own; give its name, unit, scale and offset only")
         return entry
+
+
+CHANNEL_NAMES = tuple(name for name in Channels.model_fields if name != "sampling")
+"""The channels of the schema."""

@@ -4,11 +4,16 @@ from typing import Annotated, Any
 
 from pydantic import Field, field_validator
 
+from emaphm.actuator.channels import CHANNEL_NAMES
 from emaphm.actuator.expression import Expression
 from emaphm.actuator.parameters import Section
 from emaphm.actuator.quantity import quantity
+from emaphm.errors import nearest
 
 CHOSEN_BY_THE_OWNER = "the owner's choice"
+
+ALWAYS_THERE = ("time_s", "command_rad")
+"""Channels that every recording has."""
 
 Text = Annotated[str, Field(min_length=1)]
 
@@ -21,6 +26,9 @@ class Reading(Section):
     )
     times: tuple[tuple[float, float], ...] = Field(
         default=(), strict=False, description="ranges of time [s]; only rows within one are used"
+    )
+    ignore: tuple[Text, ...] = Field(
+        default=(), strict=False, description="channels that are not read although the file has them"
     )
     dwell_s: float | None = quantity(
         "rests of the command that last longer are left out", "s", CHOSEN_BY_THE_OWNER, default=None, gt=0
@@ -50,6 +58,17 @@ class Reading(Section):
         if text is not None:
             Expression.parse(text)
         return text
+
+    @field_validator("ignore")
+    @classmethod
+    def _of_channels(cls, names: tuple[str, ...]) -> tuple[str, ...]:
+        possible = [name for name in CHANNEL_NAMES if name not in ALWAYS_THERE]
+        for name in names:
+            if name in ALWAYS_THERE:
+                raise ValueError(f"'{name}' is needed of every recording; take it out of ignore")
+            if name not in possible:
+                raise ValueError(f"unknown channel '{name}'{nearest(name, possible)}")
+        return names
 
     @field_validator("times", mode="before")
     @classmethod

@@ -190,7 +190,8 @@ def _table_in(
 ) -> _File:
     source = str(path)
     constants = _constants(known, source)
-    sources, is_own = sources_in_file(held, actuator.channels, source, constants)
+    passed_by = {*constants, *actuator.reading.ignore}
+    sources, is_own = sources_in_file(held, actuator.channels, source, passed_by)
     # What emaphm wrote for this rig has been cut and masked already, and lacks the columns to do it by.
     reading = Reading(longest_gap=actuator.reading.longest_gap) if is_own else actuator.reading
     every = [*held.numeric, *held.unusable]
