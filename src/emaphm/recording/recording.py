@@ -5,11 +5,10 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from emaphm.actuator.quantity import unit_for
-from emaphm.arrays import Array
+from emaphm.arrays import Array, floats
 from emaphm.errors import RecordingError, nearest
 from emaphm.recording.checks import check
 from emaphm.recording.resampling import on_uniform_grid
@@ -35,7 +34,8 @@ class Recording:
     ----------
     channels
         Columns of shape (n,) by name, in SI units; kept as read-only copies. Names and units of the
-        known ones are in `emaphm.recording.schema.SCHEMA`; others are kept as they are.
+        known ones are in `emaphm.recording.schema.SCHEMA`; others are kept as they are. A timedelta64
+        becomes seconds, and a masked value NaN, which is missing.
     sampling
         "mean" where row n is the mean over [t_n, t_n + interval), "instant" where it is the value at
         t_n (docs/physics.md, section 7).
@@ -178,9 +178,9 @@ class Recording:
 
 def _read_only(values: ArrayLike, name: str, source: str) -> Array:
     try:
-        column = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise RecordingError(f"{source}: column '{name}' is not numeric; give one number a row") from None
+        column = floats(values)
+    except TypeError as error:
+        raise RecordingError(f"{source}: column '{name}' is {error}") from None
     column.setflags(write=False)
     return column
 
