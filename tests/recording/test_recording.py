@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+from typing import Any
 
 import numpy as np
 import pytest
@@ -67,6 +68,28 @@ def test_text_is_no_column(columns: Columns, refusal: Refusal) -> None:
     text = refusal(lambda: Recording({**columns, "current_A": ["much"] * 2500}))
     assert "'current_A'" in text
     assert "not numeric" in text
+
+
+@pytest.mark.parametrize(
+    ("sampling", "hint"),
+    [("instants", "'instant'"), ("Instant", "'instant'"), ("foo", "mean"), (None, "mean")],
+)
+def test_another_sampling_is_refused_with_the_nearest(
+    columns: Columns, refusal: Refusal, sampling: Any, hint: str
+) -> None:
+    text = refusal(lambda: Recording(columns, sampling, "rig 3"))
+    assert f"rig 3: unknown sampling '{sampling}'" in text
+    assert hint in text
+
+
+def test_a_single_note_is_one(columns: Columns) -> None:
+    recording = Recording(columns, notes="cut at 3 s")
+    assert recording.notes == ("cut at 3 s",)
+    assert recording.with_channels(columns, "filtered").notes == ("cut at 3 s", "filtered")
+
+
+def test_nothing_is_no_plot(columns: Columns, refusal: Refusal) -> None:
+    assert "no columns to draw" in refusal(lambda: Recording(columns).plot([]))
 
 
 def test_a_masked_value_is_missing(columns: Columns, refusal: Refusal) -> None:
