@@ -74,8 +74,7 @@ print(ema.diagnose(current_only, actuator, seed=0))
 # lines.
 
 inertia = 1.1 * actuator.mechanics.inertia_motor
-mechanics = actuator.mechanics.model_copy(update={"inertia_motor": inertia})
-heavier = actuator.model_copy(update={"mechanics": mechanics})
+heavier = actuator.changed({"mechanics.inertia_motor": inertia})
 simulated = ema.simulate(heavier, chirp, faults=truth, noise=0.05, adc_bits=12, seed=2)
 recording = ema.Recording({name: simulated[name] for name in recorded})
 print(ema.diagnose(recording, actuator, seed=0))

@@ -25,13 +25,12 @@ print(described.mechanics.inertia_motor, described.mechanics.viscous_motor)
 #
 # The true machine differs from its description: more inertia, less viscous friction.
 
-mechanics = described.mechanics.model_copy(
-    update={
-        "inertia_motor": 1.15 * described.mechanics.inertia_motor,
-        "viscous_motor": 0.7 * described.mechanics.viscous_motor,
+machine = described.changed(
+    {
+        "mechanics.inertia_motor": 1.15 * described.mechanics.inertia_motor,
+        "mechanics.viscous_motor": 0.7 * described.mechanics.viscous_motor,
     }
 )
-machine = described.model_copy(update={"mechanics": mechanics})
 chirps = [ema.Chirp(amplitude=5e-3, stop_hz=15), ema.Chirp(amplitude=3e-3, stop_hz=25)]
 
 

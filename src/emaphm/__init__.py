@@ -113,3 +113,8 @@ def __getattr__(name: str) -> "Any":
     if name not in _HOME:
         raise AttributeError(f"module 'emaphm' has no attribute '{name}'")
     return getattr(import_module(_HOME[name]), name)
+
+
+def __dir__() -> list[str]:
+    """List the public names with the others, imported or not."""
+    return sorted({*globals(), *__all__})

@@ -3,13 +3,34 @@
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Array: TypeAlias = NDArray[np.float64]
 """Double precision, any shape; a docstring gives the shape and the unit."""
 
 Flags: TypeAlias = NDArray[np.bool_]
 """True or False, any shape; a docstring gives the shape."""
+
+
+def floats(values: ArrayLike) -> Array:
+    """Return a copy of `values` in double precision: timedelta64 as seconds, what is masked as NaN.
+
+    Raises
+    ------
+    TypeError
+        They are dates, complex, or no numbers; its text is what they are, and what to give.
+    """
+    try:
+        given = np.asanyarray(values)
+        kind = given.dtype.kind
+        if kind not in "cM":
+            numbers = given / np.timedelta64(1, "s") if kind == "m" else given
+            return np.array(np.ma.filled(numbers.astype(np.float64), np.nan))
+    except (TypeError, ValueError):
+        raise TypeError("not numeric; give one number a row") from None
+    if kind == "M":
+        raise TypeError("of dates; give seconds, such as (t - t[0]) / np.timedelta64(1, 's')")
+    raise TypeError("complex; give real numbers")
 
 
 def runs(true: Flags) -> list[tuple[int, int]]:

@@ -68,8 +68,8 @@ def simulate(
     Raises
     ------
     MethodError, SignalError, RecordingError
-        The model is unknown, a duration, rate or noise is impossible, the command is 0 throughout, or
-        the recording would be too short.
+        The model or the sampling is unknown, a duration, rate or noise is impossible, the command is 0
+        throughout, or the recording would be too short.
     """
     chosen = model_named(model)
     _check(chosen, duration, sample_rate, noise, adc_bits, controller_noise, seed)

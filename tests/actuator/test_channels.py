@@ -10,8 +10,8 @@ import pytest
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.channels import Channels
+from emaphm.actuator.columns.units import in_unit
 from emaphm.actuator.toml import write_toml
-from emaphm.actuator.units import in_unit
 from emaphm.errors import ActuatorError
 
 THESIS = write_toml(Actuator.thesis())

@@ -1,5 +1,7 @@
 """Commands against closed forms."""
 
+import copy
+import pickle
 from collections.abc import Callable
 from dataclasses import FrozenInstanceError
 
@@ -33,6 +35,29 @@ def test_ramp_rises_from_its_start_and_is_held_at_its_limit() -> None:
     np.testing.assert_allclose(Ramp(0.2, start=0.5, limit=0.25)(t), expected, rtol=1e-15)
     np.testing.assert_allclose(Ramp(-0.2, start=0.5, limit=0.25)(t), -expected, rtol=1e-15)
     np.testing.assert_allclose(Ramp(0.2)(t), 0.2 * t, rtol=1e-15)
+
+
+@pytest.mark.parametrize("limit", [-0.25, 0.0, np.nan])
+def test_a_limit_of_a_ramp_is_a_size(limit: float) -> None:
+    with pytest.raises(SignalError, match="give one above 0"):
+        Ramp(-0.2, limit=limit)
+
+
+@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda s: pickle.loads(pickle.dumps(s))])  # noqa: S301 - our own bytes
+def test_copies_of_a_sampled_signal_are_equal_and_read_only(duplicate: Callable[[Sampled], Sampled]) -> None:
+    other = duplicate(Sampled([0.0, 1.0], [2.0, 4.0]))
+    assert (other.time_s.tolist(), other.values.tolist()) == ([0.0, 1.0], [2.0, 4.0])
+    assert not other.time_s.flags.writeable
+    assert not other.values.flags.writeable
+
+
+def test_a_sampled_signal_has_no_masked_values_and_no_dates() -> None:
+    masked = np.ma.masked_array([2.0, 4.0], mask=[False, True])
+    with pytest.raises(SignalError, match="row 2 of the sampled signal is not finite"):
+        Sampled([0.0, 1.0], masked)
+    with pytest.raises(SignalError, match="of dates; give seconds"):
+        Sampled(np.array(["2026-11-28", "2026-11-29"], "datetime64[s]"), [2.0, 4.0])
+    assert Sampled(np.array([0, 500], "timedelta64[ms]"), [2.0, 4.0])(np.array([0.25])).tolist() == [3.0]
 
 
 def test_sine() -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from emaphm.actuator.expression import Expression
+from emaphm.actuator.columns.expression import Expression
 
 COLUMNS = {
     "a": np.array([1.0, 2.0, 3.0]),

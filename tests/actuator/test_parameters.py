@@ -1,6 +1,7 @@
 """The actuator's parameters: the thesis's table, sums, and that nothing can be changed."""
 
 import math
+import re
 from typing import Any
 
 import pytest
@@ -8,6 +9,7 @@ from hypothesis import given
 from pydantic import ValidationError
 
 from emaphm.actuator import Actuator
+from emaphm.errors import ActuatorError
 from strategies import actuators
 
 THESIS = Actuator.thesis()
@@ -52,6 +54,44 @@ PARTS = [
     THESIS.faults,
     THESIS.channels,
 ]
+
+
+def test_other_values_are_given_by_their_keys() -> None:
+    heavier = THESIS.changed(
+        {"mechanics.inertia_motor": 2e-5, "sensors.current_A.lag": 1e-4, "name": "unit 7"}
+    )
+    assert (heavier.mechanics.inertia_motor, heavier.sensors.current_A.lag) == (2e-5, 1e-4)
+    assert heavier.name == "unit 7"
+    back = heavier.changed(
+        {"mechanics.inertia_motor": 1.3e-5, "sensors.current_A.lag": 0.0, "name": "thesis"}
+    )
+    assert back == THESIS
+    assert THESIS.changed({}) == THESIS
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "complaint"),
+    [
+        ("mechanics.inertia_moter", 1.0, "did you mean 'inertia_motor'?"),
+        ("mechanic.inertia_motor", 1.0, "did you mean 'mechanics'?"),
+        ("mechanics.inertia_motor", -1.0, "mechanics.inertia_motor"),
+        ("mechanics.inertia_motor", math.nan, "mechanics.inertia_motor"),
+        ("mechanics.inertia_motor", "1", "mechanics.inertia_motor"),
+        ("electrical", None, "needs an [electrical] section"),
+        ("name.first", "x", "'name'"),
+    ],
+)
+def test_impossible_changes_are_refused(key: str, value: Any, complaint: str) -> None:
+    drive = THESIS.changed({"drive.kind": "hysteresis"})
+    with pytest.raises(ActuatorError, match=re.escape(complaint)) as error:
+        drive.changed({key: value})
+    assert "actuator 'thesis'" in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_copy_has_no_misspelt_field() -> None:
+    with pytest.raises(ActuatorError, match=r"'inertia_moter'.*did you mean 'inertia_motor'"):
+        THESIS.mechanics.model_copy(update={"inertia_moter": 1.0})
 
 
 @pytest.mark.parametrize("part", PARTS, ids=lambda part: type(part).__name__)

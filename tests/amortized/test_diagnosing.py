@@ -75,6 +75,21 @@ def test_the_answer_alone_is_had_without_a_search(recording: Recording) -> None:
         assert any(why in reason for reason in reasons)
 
 
+def test_a_delay_is_named_only_where_the_answer_explains_the_rest(
+    recording: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(diagnosing, "found_delay", lambda *_: "current_A seems to come a row late")
+    sure, hardly_trained = (
+        constant_estimator(SETUP, answer, 0.01)
+        for answer in (ANSWER, SETUP.space.points(Faults(gain=0.9).vector))
+    )
+    assert answer_alone(sure, recording, THESIS) == ("current_A seems to come a row late",)
+    reasons = answer_alone(hardly_trained, recording, THESIS)
+    assert isinstance(reasons, tuple)
+    assert reasons[0].startswith("current_A: the residual of ")
+    assert not any("late" in reason for reason in reasons)
+
+
 def test_a_search_begins_at_the_answer(recording: Recording) -> None:
     near = ANSWER + 0.02
     # With nuisances named, nothing else is looked for after the search.

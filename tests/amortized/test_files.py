@@ -3,6 +3,7 @@
 import io
 import json
 import pickle
+import re
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -73,6 +74,15 @@ def network(**values: object) -> Callable[[dict[str, bytes]], None]:
     return change
 
 
+def setup(**values: object) -> Callable[[dict[str, bytes]], None]:
+    def change(members: dict[str, bytes]) -> None:
+        content = json.loads(members[HEADER])
+        content["setup"] |= values
+        members[HEADER] = json.dumps(content).encode()
+
+    return change
+
+
 def replaced(name: str, content: bytes) -> Callable[[dict[str, bytes]], None]:
     return lambda members: members.__setitem__(name, content)
 
@@ -125,6 +135,17 @@ WRONG = {
             )
         )
     },
+    "channels exchanged": (setup(channels=["voltage_V", "current_A"]), "the current first"),
+    "a channel twice": (setup(channels=["current_A", "current_A"]), "each once"),
+    "an unknown channel": (setup(channels=["current_A", "voltage"]), "unknown channel 'voltage'"),
+    "an unknown nuisance": (
+        setup(nuisances=["lod"]),
+        "unknown nuisance 'lod' (did you mean 'load'?); the file",
+    ),
+    "no interval": (setup(interval_s=1e-320), "setup.interval_s"),
+    "endless noise": (setup(noise=1e308), "setup.noise"),
+    "other rows": (setup(sampling="instant"), "rows are not as"),
+    "a negative limit": (replaced("limits.ratios.npy", array(np.array([1.0, -1.0]))), "below 0"),
     "another actuator's laws": (header(setup={}), "setup.actuator"),
 }
 
@@ -135,8 +156,9 @@ def test_a_file_that_is_not_what_we_write_is_refused(
 ) -> None:
     change, complaint = WRONG[case]
     path = changed(written, tmp_path / "changed.estimator", change)
-    with pytest.raises(MethodError, match=complaint.replace("(", r"\(")) as error:
+    with pytest.raises(MethodError, match=re.escape(complaint)) as error:
         Estimator.load(path)
+    assert str(path) in str(error.value)
     assert "\n" not in str(error.value)
     assert "train" in str(error.value)
     assert capsys.readouterr().out == ""

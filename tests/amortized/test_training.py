@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 
 from amortized.toys import CHIRP, short_setup
+from emaphm.actuator import Faults
 from emaphm.amortized import simulating
+from emaphm.amortized.judging import Judgement, judged
+from emaphm.amortized.networks.mixture import Mixture
 from emaphm.amortized.networks.network import Dense
 from emaphm.amortized.networks.training import Epoch, TrainingSettings, noise_of_features, train_network
 from emaphm.amortized.simulating import (
@@ -18,7 +21,7 @@ from emaphm.amortized.simulating import (
     simulate_shards,
     training_folder,
 )
-from emaphm.amortized.train import train_estimator
+from emaphm.amortized.train import _lost, train_estimator
 from emaphm.arrays import Array
 from emaphm.errors import ExecutionError, MethodError, OutputError
 from emaphm.simulation import AVERAGED
@@ -152,7 +155,31 @@ def test_training_stops_when_nothing_more_is_learned() -> None:
         settings=settings,
     )
     assert len(trained.epochs) < 60
+    assert trained.kept.validation_loss < trained.epochs[-1].validation_loss
     assert trained.epochs[-1].validation_loss > min(one.validation_loss for one in trained.epochs)
+
+
+def test_an_estimator_is_poor_where_its_means_err() -> None:
+    space = short_setup().space
+    truths = np.tile(space.points(Faults(friction=0.3, gain=0.6).vector), (64, 1))
+
+    def judgement(off: float) -> Judgement:
+        means = truths + off * np.eye(space.dimensions)[0]
+        answers = [
+            Mixture(np.ones(1), mean[np.newaxis], 0.1 * np.eye(mean.size)[np.newaxis]) for mean in means
+        ]
+        return judged(answers, truths, space, np.random.default_rng(0))
+
+    assert judgement(0.09).poor is None
+    assert str(judgement(0.11).poor).startswith("poor: its answers err by 11 % (median)")
+
+
+def test_a_second_network_that_loses_is_noted() -> None:
+    first, second = (Epoch(3, 9, 1.0, 2.0, error, 1.0) for error in (53.5, 72.5))
+    assert _lost(second, first) == _lost(first, first) == []
+    assert _lost(first, second) == [
+        "the second network errs by 72.5 %, the first alone by 53.5 % (median); give more --simulations"
+    ]
 
 
 @pytest.fixture
@@ -215,7 +242,17 @@ def test_too_few_simulations_are_refused(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("small_shards")
 def test_from_simulations_to_a_file(tmp_path: Path) -> None:
     setup = short_setup(nuisances=())
-    estimator = train_estimator(setup, CHIRP, tmp_path / "work", simulations=128, workers=1, settings=SMALL)
+    stages: list[str] = []
+    estimator = train_estimator(
+        setup,
+        CHIRP,
+        tmp_path / "work",
+        simulations=128,
+        workers=1,
+        settings=SMALL,
+        on_stage=stages.append,
+    )
+    assert sum("network is kept as after epoch" in stage for stage in stages) == 2
     path = tmp_path / "unit.estimator"
     estimator.save(path)
     again = type(estimator).load(path)
@@ -225,4 +262,7 @@ def test_from_simulations_to_a_file(tmp_path: Path) -> None:
     one, other = (each.answers(held[1][:1], inputs)[0] for each in (estimator, again))
     np.testing.assert_allclose(one.mean, other.mean, atol=1e-6)
     assert again.facts["simulations"] == 128
+    # Of 128 simulations nothing can be learned, which the file says.
+    assert again.facts["judgement"]["median_error_percent"] > 50
+    assert any(note.startswith("poor: ") for note in again.facts["notes"])
     assert set(again.facts["judgement"]["coverage95"]) == set(setup.space.coordinates)

@@ -13,7 +13,7 @@ import pytest
 from cases import HEALTHY, THESIS, USUAL, reference_recordings
 from emaphm.actuator import NAMES, Actuator, Chirp, Faults
 from emaphm.diagnosis import Diagnosis, diagnose, error_percent
-from emaphm.errors import EmaphmError, MethodError, RecordingError
+from emaphm.errors import EmaphmError, MethodError, OutputError, RecordingError
 from emaphm.estimation import METHODS
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS
 from emaphm.estimation.cost_functions import COST_FUNCTIONS
@@ -30,6 +30,29 @@ MIXED = Faults(0.2, 0.3, 0.1, 0.4, 0.2, 0.5, 0.3, 0.6)
 
 def without_seconds(found: Diagnosis) -> str:
     return json.dumps({name: value for name, value in found.to_dict().items() if name != "seconds"})
+
+
+@pytest.mark.parametrize("given", [{"time_s": [0.0]}, "flight.csv", None])
+def test_what_is_no_recording_is_refused(given: Any) -> None:
+    with pytest.raises(RecordingError, match="give what read_recording returns"):
+        diagnose(given, THESIS)
+
+
+def test_impossible_searches_are_refused(mixed: Recording) -> None:
+    with pytest.raises(MethodError, match="max_corrections=-1"):
+        diagnose(mixed, THESIS, max_corrections=-1)
+    with pytest.raises(MethodError, match=r"not 'load'; give \['load'\]"):
+        diagnose(mixed, THESIS, nuisances="load")
+
+
+def test_a_diagnosis_is_written_whole_or_refused(mixed: Recording, tmp_path: Path) -> None:
+    found = diagnose(mixed, THESIS, max_corrections=0, nuisances=())
+    path = tmp_path / "found.json"
+    content = found.to_json(path)
+    assert path.read_text(encoding="utf-8") == content + "\n"
+    with pytest.raises(OutputError, match="cannot be written"):
+        found.to_json(tmp_path / "absent" / "found.json")
+    assert [one.name for one in tmp_path.iterdir()] == ["found.json"]
 
 
 @pytest.fixture(scope="module")

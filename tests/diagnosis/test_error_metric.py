@@ -1,5 +1,7 @@
 """The error of a diagnosis: hand values, the circle of the phase, its weight (docs/physics.md, section 8)."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,6 +9,7 @@ from hypothesis import given
 from emaphm.actuator import Faults
 from emaphm.arrays import Array
 from emaphm.diagnosis import error_percent
+from emaphm.errors import FaultError
 from strategies import UNIT, fault_vectors
 
 ROUNDING = 1e-9
@@ -18,6 +21,19 @@ def test_one_component_off_by_a_twentieth_is_five_percent(name: str) -> None:
     truth = Faults(gain=0.4)
     found = Faults.from_mapping({"gain": 0.4} | {name: getattr(truth, name) + 0.05})
     assert error_percent(truth.vector, found.vector) == pytest.approx(5.0)
+
+
+def test_faults_are_taken_as_their_vectors() -> None:
+    truth, found = Faults(friction=0.03, gain=0.4), Faults(short_b=0.04, gain=0.4)
+    assert error_percent(truth, found) == pytest.approx(5.0)  # sqrt(0.03² + 0.04²)
+    assert error_percent(truth, np.array([found.vector, truth.vector])).tolist() == pytest.approx([5.0, 0.0])
+
+
+@pytest.mark.parametrize("wrong", [[0.0] * 7, [0.0] * 9, [], 0.0, "ab", {"friction": 0.1}, [1j] * 8])
+def test_what_is_no_fault_vector_is_refused(wrong: Any) -> None:
+    for pair in ((wrong, Faults()), (Faults(), wrong)):
+        with pytest.raises(FaultError, match="a fault vector"):
+            error_percent(*pair)
 
 
 def test_components_add_as_squares() -> None:

@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+from typing import Any
 
 import numpy as np
 import pytest
@@ -67,6 +68,56 @@ def test_text_is_no_column(columns: Columns, refusal: Refusal) -> None:
     text = refusal(lambda: Recording({**columns, "current_A": ["much"] * 2500}))
     assert "'current_A'" in text
     assert "not numeric" in text
+
+
+@pytest.mark.parametrize(
+    ("sampling", "hint"),
+    [("instants", "'instant'"), ("Instant", "'instant'"), ("foo", "mean"), (None, "mean")],
+)
+def test_another_sampling_is_refused_with_the_nearest(
+    columns: Columns, refusal: Refusal, sampling: Any, hint: str
+) -> None:
+    text = refusal(lambda: Recording(columns, sampling, "rig 3"))
+    assert f"rig 3: unknown sampling '{sampling}'" in text
+    assert hint in text
+
+
+def test_a_single_note_is_one(columns: Columns) -> None:
+    recording = Recording(columns, notes="cut at 3 s")
+    assert recording.notes == ("cut at 3 s",)
+    assert recording.with_channels(columns, "filtered").notes == ("cut at 3 s", "filtered")
+
+
+def test_nothing_is_no_plot(columns: Columns, refusal: Refusal) -> None:
+    assert "no columns to draw" in refusal(lambda: Recording(columns).plot([]))
+
+
+def test_a_masked_value_is_missing(columns: Columns, refusal: Refusal) -> None:
+    masked = np.ma.masked_array(columns["current_A"], mask=np.arange(2500) == 41)
+    text = refusal(lambda: Recording({**columns, "current_A": masked}))
+    assert "row 42 of column 'current_A' is empty or not a finite number" in text
+    counts = np.ma.masked_array(np.arange(2500), mask=np.arange(2500) == 41)
+    kept = Recording({**columns, "counts": counts})["counts"]
+    assert np.flatnonzero(np.isnan(kept)).tolist() == [41]
+
+
+@pytest.mark.parametrize("unit", ["us", "ns"])
+def test_time_differences_become_seconds(columns: Columns, unit: str) -> None:
+    time = (np.arange(2500) * 200).astype("timedelta64[us]").astype(f"timedelta64[{unit}]")
+    recording = Recording({**columns, "time_s": time})
+    assert recording.sample_rate_hz == pytest.approx(5000.0, rel=1e-12)
+
+
+def test_dates_are_refused_with_what_to_give(columns: Columns, refusal: Refusal) -> None:
+    time = np.datetime64("2026-11-28T06:00") + (np.arange(2500) * 200).astype("timedelta64[us]")
+    text = refusal(lambda: Recording({**columns, "time_s": time}))
+    assert "column 'time_s' is of dates; give seconds" in text
+    assert Recording({**columns, "time_s": (time - time[0]) / np.timedelta64(1, "s")}).samples == 2500
+
+
+def test_complex_numbers_are_refused(columns: Columns, refusal: Refusal) -> None:
+    text = refusal(lambda: Recording({**columns, "current_A": columns["current_A"] + 1j}))
+    assert "column 'current_A' is complex; give real numbers" in text
 
 
 def test_frame_holds_every_column(columns: Columns) -> None:

@@ -152,3 +152,14 @@ def test_unwritable_folder_is_refused(refusal: Refusal) -> None:
     text = refusal(lambda: check_writable(kernel / "report.html"))
     assert "cannot be written there" in text
     assert "give another name or folder" in text
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_instants_are_read_back_by_an_actuator_whose_rows_are_instants(
+    columns: Columns, tmp_path: Path, thesis: Actuator, ending: str
+) -> None:
+    path = tmp_path / f"rec.{ending}"
+    write_recording(Recording(columns, "instant"), path)
+    sampled = thesis.changed({"channels.sampling": "instant"})
+    assert read_recording(path, sampled, limits=ReadLimits(isolated=False)).sampling == "instant"
+    assert read_recording(path, thesis, limits=ReadLimits(isolated=False)).sampling == "mean"

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from emaphm.actuator import Chirp, Faults, Ramp, Sampled, Sine
+from emaphm.errors import SignalError
 from emaphm.simulation import AVERAGED, MODELS, REFERENCE, Initial, Inputs, Model
 from simulation.rig import INTERVAL, record
 
@@ -28,6 +29,12 @@ def test_the_step_is_the_largest_that_divides_the_interval(
     np.testing.assert_allclose(inputs.command, np.arange(inputs.command.size) * inputs.step, rtol=1e-14)
     np.testing.assert_allclose(inputs.time_s, np.arange(samples) * interval, rtol=1e-15)
     assert set(inputs.load) == {3.0}
+
+
+@pytest.mark.parametrize("sampling", ["instants", "Mean", ""])
+def test_another_sampling_is_refused(sampling: Any) -> None:
+    with pytest.raises(SignalError, match=f"unknown sampling '{sampling}'"):
+        Inputs.of(Ramp(), samples=3, interval=1e-3, step=1e-3, sampling=sampling)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """The actuator as a whole, and its TOML."""
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -250,6 +251,24 @@ class Actuator(Section):
             return cls.model_validate(values)
         except ValidationError as error:
             raise ActuatorError(f"{where}: {validation_message(error, cls)}") from None
+
+    def changed(self, values: Mapping[str, Any]) -> Self:
+        """Return the actuator with other `values`, by key as in its TOML: {"mechanics.backlash": 0.01}.
+
+        Raises
+        ------
+        ActuatorError
+            A key is unknown, or a value impossible.
+        """
+        described = self.model_dump(mode="json", exclude_none=True)
+        for key, value in values.items():
+            *sections, name = key.split(".")
+            place = described
+            for section in sections:
+                below = place.get(section)
+                place[section] = place = below if isinstance(below, dict) else {}
+            place[name] = value
+        return self.from_dict(described, where=f"actuator '{self.name}'")
 
     @classmethod
     def load(cls, name: str | Path) -> Self:

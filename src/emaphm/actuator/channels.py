@@ -10,10 +10,10 @@ from pydantic import (
     model_validator,
 )
 
-from emaphm.actuator.expression import Expression
+from emaphm.actuator.columns.expression import Expression
+from emaphm.actuator.columns.units import check_unit
 from emaphm.actuator.parameters import Section
 from emaphm.actuator.quantity import quantity
-from emaphm.actuator.units import check_unit
 
 OF_THE_LOGGER = "manual of the logger"
 

@@ -2,11 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from emaphm.arrays import Array
+from emaphm.arrays import Array, floats
 from emaphm.errors import SignalError
 
 Command = Callable[[Array], Array]
@@ -27,11 +28,18 @@ class Step:
 
 @dataclass(frozen=True)
 class Ramp:
-    """Constant `rate` [rad/s] from `start` [s] on, held once `limit` [rad] is reached."""
+    """Constant `rate` [rad/s] from `start` [s] on, held once ±`limit` [rad], above 0, is reached."""
 
     rate: float = 2e-2
     start: float = 0.0
     limit: float = np.inf
+
+    def __post_init__(self) -> None:
+        """Refuse a limit that is not positive with `SignalError`."""
+        if not self.limit > 0:
+            raise SignalError(
+                f"a ramp's limit is a size, not {self.limit:g}; give one above 0, and its sign by the rate"
+            )
 
     def __call__(self, t: Array) -> Array:
         """Return the command [rad] at times `t` [s]."""
@@ -109,7 +117,10 @@ class Sampled:
     values: Array = field(repr=False)
 
     def __init__(self, time_s: ArrayLike, values: ArrayLike) -> None:
-        t, v = np.array(time_s, float), np.array(values, float)
+        try:
+            t, v = floats(time_s), floats(values)
+        except TypeError as error:
+            raise SignalError(f"a sampled signal is {error}") from None
         if t.ndim != 1 or t.shape != v.shape or t.size < 2:
             raise SignalError(
                 f"a sampled signal needs two equal columns of 2 rows or more, got {t.shape}, {v.shape}"
@@ -123,6 +134,10 @@ class Sampled:
         t.flags.writeable = v.flags.writeable = False
         object.__setattr__(self, "time_s", t)
         object.__setattr__(self, "values", v)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Copies of an array can be written to: those of a signal are made anew.
+        return Sampled, (self.time_s, self.values)
 
     def __call__(self, t: Array) -> Array:
         """Return the signal at times `t` [s]."""

@@ -4,11 +4,13 @@ Symbols and values follow the thesis (Tab. 3.1). A linear actuator uses the same
 in place of rad, N·m, kg·m²; everything mechanical is referred to the motor shaft.
 """
 
+from collections.abc import Mapping
 from typing import Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from emaphm.actuator.quantity import quantity
+from emaphm.errors import ActuatorError, nearest
 
 THESIS = "thesis Tab. 3.1"
 CHOSEN = "chosen, not in the thesis"
@@ -22,6 +24,16 @@ class Section(BaseModel):
     """Frozen, and closed to unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Return a copy with the fields in `update`, which are not validated: see `Actuator.changed`.
+
+        A name that is none of the fields' raises `ActuatorError`.
+        """
+        for name in update or {}:
+            if name not in type(self).model_fields:
+                raise ActuatorError(f"unknown key '{name}'{nearest(name, type(self).model_fields)}")
+        return super().model_copy(update=update, deep=deep)
 
     @field_validator("*")
     @classmethod

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 from pydantic import Field, field_validator
 
 from emaphm.actuator.channels import CHANNEL_NAMES
-from emaphm.actuator.expression import Expression
+from emaphm.actuator.columns.expression import Expression
 from emaphm.actuator.parameters import Section
 from emaphm.actuator.quantity import quantity
 from emaphm.errors import nearest

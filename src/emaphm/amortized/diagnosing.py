@@ -199,9 +199,7 @@ class _Answer:
         moves = moves_at(objective, result.point)
         if not alone:
             return cls(mixture, result, moves, (), compared)
-        # No Jacobians: they are asked for after a correction only.
-        none = np.zeros((1, objective.space.dimensions, objective.channel_rows))
-        reasons = reasons_against(result, none, {}, seed, moves=moves)
+        reasons = _left_unexplained(result, seed, moves=moves)
         if moves and not reasons:
             reasons = other_explanations(result, mixture.covariance, seed)
         return cls(mixture, result, moves, reasons, compared)
@@ -241,6 +239,14 @@ class _Answer:
         )
 
 
+def _left_unexplained(result: SearchResult, seed: int, *, moves: bool) -> tuple[str, ...]:
+    """Return why the averaged model at an answer does not explain the recording, a clause each."""
+    objective = result.objective
+    # No Jacobians: they are asked for after a correction only.
+    none = np.zeros((1, objective.space.dimensions, objective.channel_rows))
+    return reasons_against(result, none, {}, seed, moves=moves)
+
+
 @dataclass(frozen=True, eq=False)
 class _Asked:
     """What an estimator makes of a recording.
@@ -277,11 +283,22 @@ class _Asked:
             unlike = unlikeness(estimator, compared[:1])
             if alone and not (unlike.reasons or unlike.rare):
                 delay = found_delay(estimator, compared)
-                unlike = Unlikeness(() if delay is None else (delay,))
+                if delay is not None:
+                    unlike = Unlikeness(_not_in_time(delay, mixture, objective, seed))
         if unlike.reasons:
             return cls(recording, mixture, None, (*unlike.rare, *unlike.reasons))
         answer = _Answer.of(mixture, objective, seed, len(rows), alone=alone)
         return cls(recording, mixture, answer, (*unlike.rare, *answer.reasons))
+
+
+def _not_in_time(delay: str, mixture: Mixture, objective: MapObjective, seed: int) -> tuple[str, ...]:
+    """Return why an answer is not believed where another time leaves less, as the clause `delay` says.
+
+    Where the answer explains nothing in time, answers for other times leave less by chance: no delay is
+    named then, but what is left.
+    """
+    result = SearchResult.at(objective, objective.space.project(mixture.mean))
+    return _left_unexplained(result, seed, moves=moves_at(objective, result.point)) or (delay,)
 
 
 def _elsewhere(

@@ -16,12 +16,13 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from emaphm.actuator import Actuator
+from emaphm.actuator.parameters import LARGEST, SMALLEST
 from emaphm.amortized.doubt.comparison import doubt_feature_count
 from emaphm.amortized.doubt.doubt import Doubt
 from emaphm.amortized.model_update import ModelUpdate, Whitening, feature_count
 from emaphm.amortized.networks.network import Block, Dense, Network, Normalisation, output_width
 from emaphm.amortized.networks.projection import Projection
-from emaphm.amortized.recording_setup import MOST_ROWS, RecordingSetup
+from emaphm.amortized.recording_setup import MOST_ROWS, RecordingSetup, check_channels
 from emaphm.amortized.simulating import block_of
 from emaphm.arrays import Array
 from emaphm.errors import ActuatorError, MethodError
@@ -58,8 +59,9 @@ DAMAGED = (
 )
 """What reading a damaged zip raises."""
 
+DAMAGED_OR_OLD = "the file is damaged or of another version, train it again"
+
 Size = Annotated[int, Field(ge=1, le=WIDEST)]
-Positive = Annotated[float, Field(gt=0)]
 
 
 class _Setup(BaseModel):
@@ -67,10 +69,10 @@ class _Setup(BaseModel):
 
     actuator: dict[str, Any]
     rows: Annotated[int, Field(ge=2, le=MOST_ROWS)]
-    interval_s: Positive
+    interval_s: Annotated[float, Field(ge=SMALLEST, le=LARGEST)]
     sampling: Literal["mean", "instant"]
     channels: Annotated[list[str], Field(min_length=1, max_length=16)]
-    noise: Annotated[float, Field(ge=0)]
+    noise: Annotated[float, Field(ge=0, le=LARGEST)]
     adc_bits: Annotated[int, Field(ge=4, le=24)] | None
     nuisances: list[str] | None
 
@@ -319,6 +321,8 @@ def _read_array(archive: zipfile.ZipFile, name: str, shape: tuple[int, ...], pat
         raise _no_estimator(path, f"'{name}' is not finite")
     if name.rpartition(".")[2] in POSITIVE and not np.all(values > 0):
         raise _no_estimator(path, f"'{name}' is not above 0")
+    if name.startswith("limits.") and not np.all(values >= 0):
+        raise _no_estimator(path, f"'{name}' is below 0")
     return np.asarray(values)
 
 
@@ -363,8 +367,12 @@ def _setup(header: _Setup, command: Array, path: Path) -> RecordingSetup:
     try:
         actuator = Actuator.from_dict(header.actuator, where=str(path))
     except ActuatorError as error:
-        raise MethodError(f"{error}; the file is damaged or of another version, train it again") from None
-    return RecordingSetup(
+        raise MethodError(f"{error}; {DAMAGED_OR_OLD}") from None
+    if header.sampling != actuator.channels.sampling:
+        raise _no_estimator(path, "its rows are not as its actuator's channels say")
+    if header.channels[0] != "current_A" or len({*header.channels}) < len(header.channels):
+        raise _no_estimator(path, "its channels are not the current first, and each once")
+    setup = RecordingSetup(
         actuator,
         command,
         header.interval_s,
@@ -374,6 +382,12 @@ def _setup(header: _Setup, command: Array, path: Path) -> RecordingSetup:
         header.adc_bits,
         None if header.nuisances is None else tuple(header.nuisances),
     )
+    try:
+        check_channels(actuator, setup.channels)
+        _ = setup.space  # made here, for what it refuses
+    except MethodError as error:
+        raise MethodError(f"{path}: {error}; {DAMAGED_OR_OLD}") from None
+    return setup
 
 
 def _single(values: Array) -> Any:

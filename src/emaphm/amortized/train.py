@@ -25,6 +25,7 @@ from emaphm.amortized.networks.training import (
     DOUBT_TRAINING,
     TRAINING,
     UPDATE_TRAINING,
+    Epoch,
     OnEpoch,
     Trained,
     TrainingSettings,
@@ -135,8 +136,10 @@ def train_estimator(
         )
     say(f"the first network learns from {len(training):,} simulations")
     trained = _first_network(setup, training, validation, seed, settings, on_epoch)
+    say(_kept("first", trained.kept))
     say("the averaged model is compared with them, and the second network learns from that")
-    update, second = _model_update(setup, inputs, trained, training, validation, seed, on_epoch)
+    update, kept, second = _model_update(setup, inputs, trained, training, validation, seed, on_epoch)
+    say(_kept("second", kept))
     answering = _Answering.of(setup, inputs, trained, update, validation, seed)
     say("the doubt learns from simulations with deviations")
     doubt, third = _doubt(answering, training[:DOUBTED], validation, seed)
@@ -146,12 +149,28 @@ def train_estimator(
         "simulation_seconds": round(simulating, 1),
         "training_seconds": round(trained.seconds + second + third, 1),
         "epochs": len(trained.epochs),
-        "notes": list(trained.notes),
+        "notes": [*trained.notes, *_lost(trained.kept, kept)],
         "seed": seed,
         "settings": asdict(settings),
         "prior": asdict(PRIOR),
     }
     return _finished(answering, doubt, validation, judging, seed, facts)
+
+
+def _kept(which: str, epoch: Epoch) -> str:
+    """Return which state of a network is kept: the last one's error, where it is smaller, is not its."""
+    return (
+        f"the {which} network is kept as after epoch {epoch.number}, of the least loss: validation error "
+        f"{epoch.validation_error:.2f} %"
+    )
+
+
+def _lost(first: Epoch, second: Epoch) -> list[str]:
+    """Return a note where the second network errs more than the first, of the kept states."""
+    if second.validation_error <= first.validation_error:
+        return []
+    errors = f"{second.validation_error:.3g} %, the first alone by {first.validation_error:.3g} %"
+    return [f"the second network errs by {errors} (median); give more --simulations"]
 
 
 def _first_network(
@@ -184,8 +203,11 @@ def _model_update(
     validation: TrainingSet,
     seed: int,
     on_epoch: OnEpoch | None,
-) -> tuple[ModelUpdate, float]:
-    """Return the update, learned from the draws of the `first` network with other noise, and its time [s]."""
+) -> tuple[ModelUpdate, Epoch, float]:
+    """Return the update, learned from the draws of the `first` network with other noise.
+
+    Also the epoch whose state it is, and the time that all took [s].
+    """
     began = time.perf_counter()
     rng = stream(seed, "noise of the update")
     rows = with_noise(training[: UPDATE.directions], noise_rms(setup), rng)
@@ -215,7 +237,8 @@ def _model_update(
         settings=UPDATE_TRAINING,
         on_epoch=on_epoch,
     )
-    return ModelUpdate(whitening, trained.projection, trained.network), time.perf_counter() - began
+    update = ModelUpdate(whitening, trained.projection, trained.network)
+    return update, trained.kept, time.perf_counter() - began
 
 
 def _in_units(step: Step, points: Single) -> TrainingSet:
@@ -339,7 +362,11 @@ def _finished(
     rng = stream(seed, "samples of the judgement")
     judgement = judged(answers, judging.points.astype(float), space, rng)
     beyond = float(np.mean(are_beyond(limits, *found)))
-    facts = {**facts, "judgement": _judgement_dict(judgement, space.coordinates) | {"not_believed": beyond}}
+    facts = {
+        **facts,
+        "notes": [*facts["notes"], *([judgement.poor] if judgement.poor else [])],
+        "judgement": _judgement_dict(judgement, space.coordinates) | {"not_believed": beyond},
+    }
     first = answering.first
     return Estimator(
         setup,

@@ -24,7 +24,7 @@ from emaphm.diagnosis.selection.deviations import select_deviations
 from emaphm.diagnosis.selection.residual_share import notes_on_alternatives
 from emaphm.diagnosis.selection.supply.supply_scan import with_asked_supply
 from emaphm.diagnosis.verdict import VERDICT, Estimate, estimates, unexplained
-from emaphm.errors import MethodError, nearest
+from emaphm.errors import MethodError, RecordingError, nearest
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS, over_all_phases, with_discrepancy
 from emaphm.estimation.methods import WITH_LEAST_SQUARES, Method, method_named
 from emaphm.estimation.objective import MapObjective, faults_objective, faults_only_objective
@@ -107,14 +107,20 @@ def diagnose(
     Raises
     ------
     RecordingError
-        The recording cannot be of this actuator, by orders of magnitude.
+        It is no `Recording`, or cannot be of this actuator, by orders of magnitude.
     MethodError
         The recording has no current that the model can be compared in; a name is unknown, or fitness or
         model do not go with the method, or the model not with a posterior.
     """
     began = time.perf_counter()
+    if not isinstance(recording, Recording):
+        raise RecordingError(
+            f"no recording but a {type(recording).__name__}; give what read_recording returns"
+        )
     chosen = method_named(method)
     check_fitness(chosen, fitness)
+    if max_corrections < 0:
+        raise MethodError(f"max_corrections={max_corrections} is no number of corrections; give 0 or more")
     check_plausible(recording, actuator)
     checked = with_channels_exchanged(check_sensors(recording, actuator), actuator, model_named(model))
     recording = checked.recording

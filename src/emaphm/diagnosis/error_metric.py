@@ -3,16 +3,35 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from emaphm.actuator import NAMES, Faults
+from emaphm.arrays import floats
+from emaphm.errors import FaultError
 
-def error_percent(truth: ArrayLike, found: ArrayLike) -> NDArray[np.float64]:
-    """Return the error [%] of fault vectors `found` (…, 8) against `truth` (…, 8).
+
+def error_percent(truth: ArrayLike | Faults, found: ArrayLike | Faults) -> NDArray[np.float64]:
+    """Return the error [%] of fault vectors `found` (…, 8) against `truth` (…, 8); either may be `Faults`.
 
     100 sqrt(sum_{i=1..6} (K_i - k_i)² + K_6 wrap(K_7 - k_7)² + (K_8 - k_8)²): the phase counts as much as
     there is eccentricity, its difference taken on the circle. Source: thesis 6.4, with what its formula
     omits.
+
+    Raises
+    ------
+    FaultError
+        One of them is not of numbers, or has no 8 components.
     """
-    K, k = np.asarray(truth, float), np.asarray(found, float)
+    K, k = _vectors(truth), _vectors(found)
     difference = K - k
     phase = difference[..., 6] - np.round(difference[..., 6])
     squares = np.sum(difference[..., :6] ** 2, axis=-1) + K[..., 5] * phase**2 + difference[..., 7] ** 2
     return np.asarray(100 * np.sqrt(squares))
+
+
+def _vectors(given: ArrayLike | Faults) -> NDArray[np.float64]:
+    try:
+        vectors = floats(given.vector if isinstance(given, Faults) else given)
+    except TypeError as error:
+        raise FaultError(f"a fault vector is {error}") from None
+    if vectors.ndim == 0 or vectors.shape[-1] != len(NAMES):
+        raise FaultError(f"a fault vector has {len(NAMES)} components, got shape {vectors.shape}")
+    return vectors

@@ -22,6 +22,7 @@ from emaphm.estimation.space.parameter_space import SHORTS
 from emaphm.estimation.uncertainty.collinearity import CollinearSet
 from emaphm.estimation.uncertainty.model_error import HealthyComparison
 from emaphm.estimation.uncertainty.shared_error import shared_covariance
+from emaphm.output_files import written_whole
 from emaphm.recording.sensor_checks import SensorFinding
 from emaphm.text_table import format_table
 
@@ -221,10 +222,11 @@ class Diagnosis:
         }
 
     def to_json(self, path: str | Path | None = None) -> str:
-        """Return the diagnosis as JSON, and write it to `path` where one is given."""
+        """Return the diagnosis as JSON, and write it to a `path`; `OutputError` if it is refused."""
         content = json.dumps(self.to_dict(), indent=2)
         if path is not None:
-            Path(path).write_text(content + "\n", encoding="utf-8")
+            with written_whole(path) as temporary:
+                temporary.write_text(content + "\n", encoding="utf-8")
         return content
 
     def plot(self) -> "Figure":

@@ -3,13 +3,12 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from emaphm.actuator.quantity import unit_for
-from emaphm.arrays import Array
+from emaphm.arrays import Array, floats
 from emaphm.errors import RecordingError, nearest
 from emaphm.recording.checks import check
 from emaphm.recording.resampling import on_uniform_grid
@@ -20,6 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Sampling = Literal["mean", "instant"]
+SAMPLINGS: tuple[Sampling, ...] = get_args(Sampling)
 
 Label = float | str
 
@@ -35,14 +35,15 @@ class Recording:
     ----------
     channels
         Columns of shape (n,) by name, in SI units; kept as read-only copies. Names and units of the
-        known ones are in `emaphm.recording.schema.SCHEMA`; others are kept as they are.
+        known ones are in `emaphm.recording.schema.SCHEMA`; others are kept as they are. A timedelta64
+        becomes seconds, and a masked value NaN, which is missing.
     sampling
         "mean" where row n is the mean over [t_n, t_n + interval), "instant" where it is the value at
         t_n (docs/physics.md, section 7).
     source
         File name or description, for error messages and titles.
     notes
-        What was done to the channels, and what of them cannot be used; a sentence each.
+        What was done to the channels, and what of them cannot be used; a sentence each, or a single one.
     labels
         What holds for the whole recording and is no channel, by name: the run, the cycle, the unit's serial
         number ("serial"); numbers or texts.
@@ -50,7 +51,7 @@ class Recording:
     Raises
     ------
     RecordingError
-        See `emaphm.recording.checks.check`.
+        `sampling` is neither; else see `emaphm.recording.checks.check`.
     """
 
     channels: Mapping[str, Array]
@@ -67,6 +68,10 @@ class Recording:
         notes: Sequence[str] = (),
         labels: Mapping[str, Label] = MappingProxyType({}),
     ) -> None:
+        if sampling not in SAMPLINGS:
+            raise RecordingError(
+                f"{source}: unknown sampling '{sampling}'{nearest(str(sampling), SAMPLINGS)}"
+            )
         columns = {name: _read_only(values, name, source) for name, values in channels.items()}
         check(columns, source)
         columns, resampled = on_uniform_grid(columns, sampling)
@@ -74,7 +79,7 @@ class Recording:
         object.__setattr__(self, "sampling", sampling)
         object.__setattr__(self, "source", source)
         # What is made of a recording keeps its notes: none stands twice.
-        object.__setattr__(self, "notes", tuple(dict.fromkeys((*notes, *resampled))))
+        object.__setattr__(self, "notes", tuple(dict.fromkeys((*_each(notes), *resampled))))
         object.__setattr__(self, "labels", MappingProxyType(dict(labels)))
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -99,7 +104,7 @@ class Recording:
 
     def with_channels(self, channels: Mapping[str, ArrayLike], notes: Sequence[str] = ()) -> "Recording":
         """Return the recording with the columns `channels` instead, and with `notes` after its own."""
-        return Recording(channels, self.sampling, self.source, (*self.notes, *notes), self.labels)
+        return Recording(channels, self.sampling, self.source, (*self.notes, *_each(notes)), self.labels)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -148,11 +153,13 @@ class Recording:
         Raises
         ------
         RecordingError
-            A name is not in the recording.
+            A name is not in the recording, or none is given.
         """
         from matplotlib.figure import Figure
 
         shown = [name for name in self.names if name != "time_s"] if names is None else list(names)
+        if not shown:
+            raise RecordingError(f"{self.source}: no columns to draw; give names of some")
         figure = Figure(figsize=(8, 1 + 1.3 * len(shown)), layout="constrained")
         axes = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
         for axis, name in zip(axes, shown, strict=True):
@@ -176,11 +183,16 @@ class Recording:
         return "\n".join((head, *ranges, *notes))
 
 
+def _each(notes: Sequence[str]) -> Sequence[str]:
+    """Return notes as a sequence: a single sentence is one note, not one of each letter."""
+    return (notes,) if isinstance(notes, str) else notes
+
+
 def _read_only(values: ArrayLike, name: str, source: str) -> Array:
     try:
-        column = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise RecordingError(f"{source}: column '{name}' is not numeric; give one number a row") from None
+        column = floats(values)
+    except TypeError as error:
+        raise RecordingError(f"{source}: column '{name}' is {error}") from None
     column.setflags(write=False)
     return column
 

@@ -108,6 +108,11 @@ class Trained:
     seconds: float
 
     @property
+    def kept(self) -> Epoch:
+        """The epoch after which `network` was as it is: that of the least validation loss."""
+        return min((epoch for epoch in self.epochs if not epoch.note), key=lambda one: one.validation_loss)
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """What went wrong on the way, in order."""
         return tuple(epoch.note for epoch in self.epochs if epoch.note)

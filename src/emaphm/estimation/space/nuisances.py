@@ -119,8 +119,10 @@ class NuisanceSet:
         Raises
         ------
         MethodError
-            A name is unknown, or needs the electrical description that the actuator lacks.
+            They are one text, a name is unknown, or needs the electrical description that the actuator lacks.
         """
+        if isinstance(names, str):
+            raise MethodError(f"nuisances are names in a sequence, not '{names}'; give ['{names}']")
         chosen = _each(actuator.nuisances.estimated if names is None else names, duration)
         for name in chosen:
             if described_name(name) not in NAMES or not _is_located(name, located or {}):

@@ -380,7 +380,7 @@ def _seconds(entry: ChannelEntry) -> float:
     """Return the seconds that one unit of the raw time is."""
     import numpy as np
 
-    from emaphm.actuator.units import in_unit
+    from emaphm.actuator.columns.units import in_unit
 
     factor = entry.sign * entry.scale
     if entry.unit is None:

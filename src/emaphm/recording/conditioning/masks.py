@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from emaphm.actuator.expression import Expression
+from emaphm.actuator.columns.expression import Expression
 from emaphm.actuator.reading import Reading
 from emaphm.arrays import Array
 from emaphm.errors import RecordingError

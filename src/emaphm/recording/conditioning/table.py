@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.channels import OWN_NAME, ChannelEntry
-from emaphm.actuator.expression import Expression
+from emaphm.actuator.columns.expression import Expression
 from emaphm.actuator.quantity import unit_for
 from emaphm.arrays import Array
 from emaphm.errors import RecordingError
@@ -277,7 +277,7 @@ def _converted(name: str, where: Source, raw: Array, actuator: Actuator, source:
         values = entry.sign * (entry.scale * raw + entry.offset)
     if entry.unit is None:
         return values
-    from emaphm.actuator.units import in_unit
+    from emaphm.actuator.columns.units import in_unit
 
     target = unit_for(SCHEMA[name].unit, actuator.coordinates)
     try:

@@ -4,7 +4,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 from emaphm.actuator.channels import OWN_NAME, ChannelEntry, Channels
-from emaphm.actuator.expression import Expression
+from emaphm.actuator.columns.expression import Expression
 from emaphm.errors import RecordingError, nearest
 from emaphm.recording.checks import NEEDED, missing_columns
 from emaphm.recording.io.file_columns import FileColumns

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator, Sampled
 from emaphm.actuator.channels import OWN_NAME
-from emaphm.actuator.expression import Expression
+from emaphm.actuator.columns.expression import Expression
 from emaphm.actuator.reading import Reading
 from emaphm.errors import RecordingError, SignalError, nearest
 from emaphm.input_files import checked_size

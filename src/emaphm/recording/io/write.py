@@ -11,9 +11,11 @@ ENDINGS = (".csv", ".parquet")
 
 
 def write_recording(recording: Recording, path: str | Path, *, force: bool = False) -> None:
-    """Write all columns under their own names; what is read back is the same to the last bit.
+    """Write all columns under their own names; their values are read back the same to the last bit.
 
-    Labels become columns that are the same throughout, which reading makes labels of again.
+    Labels become columns that are the same throughout, which reading makes labels of again. Neither the notes
+    nor the sampling are kept: read rows that are instants with an actuator whose `channels.sampling` is
+    "instant", else they are taken for means.
 
     Parameters
     ----------

@@ -2,16 +2,17 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal, Self
+from typing import Any, Literal, Self, get_args
 
 import numpy as np
 
 from emaphm.actuator import Command, Load
 from emaphm.arrays import Array
-from emaphm.errors import SignalError
+from emaphm.errors import SignalError, nearest
 from emaphm.random_streams import stream
 
 Sampling = Literal["mean", "instant"]
+SAMPLINGS: tuple[Sampling, ...] = get_args(Sampling)
 
 MOST_AT_ONCE = 5_000_000
 """Steps that a signal is evaluated at in one call; each takes some 40 bytes for a moment."""
@@ -30,7 +31,7 @@ class Inputs:
     Raises
     ------
     SignalError
-        One of the four has another shape, or is not of floats.
+        One of the four has another shape, or is not of floats; or the sampling is neither.
     """
 
     command: Array
@@ -44,6 +45,8 @@ class Inputs:
 
     def __post_init__(self) -> None:
         """Refuse signals of another length: a kernel reads them without looking where they end."""
+        if self.sampling not in SAMPLINGS:
+            raise SignalError(f"unknown sampling '{self.sampling}'{nearest(str(self.sampling), SAMPLINGS)}")
         steps = self.samples * self.substeps
         for name in ("command", "load", "noise", "enabled"):
             signal = getattr(self, name)
