@@ -123,3 +123,14 @@ def test_no_motion_at_the_end_is_called_a_rest(whole: Recording, rows: int) -> N
     cut = segments(Recording(sweep, source="sweep"), THESIS)
     assert not any(one.reason.startswith("at rest") for one in cut.stretches)
     assert cut.stretches[-1].rows[1] == rows
+
+
+@pytest.mark.parametrize(("rate", "rows"), [(10.0, 1203), (100.0, 6013), (10.0, 60)])
+def test_motion_to_the_end_is_in_stretches_of_the_length_asked_for(rate: float, rows: int) -> None:
+    t = np.arange(rows) / rate
+    command = 5e-3 * np.sin(2 * np.pi * 0.5 * t)
+    moving = Recording({"time_s": t, "command_rad": command, "current_A": np.cos(t)})
+    cut = segments(moving, THESIS, longest_s=8.0, workers=1).stretches
+    assert not any(one.reason.startswith("at rest") for one in cut)
+    assert cut[-1].rows[1] == rows
+    assert max(one.end_s - one.start_s for one in cut) <= 8.0 + 1e-9

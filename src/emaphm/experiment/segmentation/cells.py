@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,9 +26,9 @@ from emaphm.recording.checks import FEWEST_SAMPLES
 class CellSettings:
     """How a recording is divided, and what is computed of a cell.
 
-    A cell takes some `cell_s` [s], so that a recording is a whole number of them, `fewest_rows` at least.
-    It is at rest where the command moves the motor less than its backlash, or less than `least_motion` of
-    the command's range. Jacobians are taken over at most `block_s` [s] at once, `replicates` of them:
+    A cell takes some `cell_s` [s], so that a recording is a whole number of them, and some `fewest_rows` at
+    least. It is at rest where the command moves the motor less than its backlash, or less than `least_motion`
+    of the command's range. Jacobians are taken over at most `block_s` [s] at once, `replicates` of them:
     products of different ones are free of the bias of their errors, which slow motion with stick-slip makes
     large. A residual is expected to be as large as the channel's noise, and `model_error` of its rms
     (`search_result.SMALLEST_SHARE`), and to be correlated over `correlated_s` [s]: half-widths are then 1
@@ -49,24 +50,32 @@ CELLS = CellSettings()
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """`rows` of a cell, and which cells `move`, (cells,); fewer rows than cells remain at the end."""
+    """The first row of each cell, and the row after the last one, in `edges` (cells + 1,); which cells move.
 
-    rows: int
+    Every row is in a cell, and cells differ by one row at most. `moves` is (cells,).
+    """
+
+    edges: NDArray[np.intp]
     moves: NDArray[np.bool_]
+
+    @property
+    def rows(self) -> int:
+        """Rows of the shortest cell."""
+        return int(np.diff(self.edges).min())
 
     @classmethod
     def of(cls, recording: Recording, actuator: Actuator) -> "Cells":
         """Return the cells of a recording."""
         usual = max(CELLS.fewest_rows, round(CELLS.cell_s * recording.sample_rate_hz))
         count = max(1, round(recording.samples / usual))
-        rows = recording.samples // count
+        edges = np.arange(count + 1) * recording.samples // count
         command = recording["command_rad"]
         # From each cell into the next: a step between two cells is a movement.
-        reaching = [command[i * rows : (i + 1) * rows + 1] for i in range(count)]
+        reaching = [command[first : last + 1] for first, last in pairwise(edges)]
         ranges = np.array([np.ptp(cell) for cell in reaching])
         gap = actuator.mechanics.backlash * actuator.mechanics.gear_ratio
         least = max(abs(gap), CELLS.least_motion * float(np.ptp(command)))
-        return cls(rows, ranges > least)
+        return cls(edges, ranges > least)
 
     def blocks(self, interval: float) -> Iterator[tuple[int, int]]:
         """Yield first and last cell (exclusive) of each run of moving cells, of at most `block_s`.
@@ -74,7 +83,8 @@ class Cells:
         A short one takes cells at rest in addition, until it has the rows that a recording needs.
         """
         fewest = min(-(-FEWEST_SAMPLES // self.rows), self.moves.size)
-        most = max(1, int(CELLS.block_s / (self.rows * interval)))
+        longest = int(np.diff(self.edges).max())
+        most = max(1, int(CELLS.block_s / (longest * interval)))
         for first, last in runs(self.moves):
             for start in range(first, last, most):
                 stop = min(start + most, last)
@@ -83,10 +93,11 @@ class Cells:
 
 
 def cell_information(
-    objective: MapObjective, cells: int, rows: int, rng: np.random.Generator
+    objective: MapObjective, edges: NDArray[np.intp], rng: np.random.Generator
 ) -> NDArray[np.float64]:
     """Return the information (cells, d, d) of each cell of an objective's problem, at the healthy actuator.
 
+    `edges` (cells + 1,) are the cells' first rows, and the row after the last one.
     Mean products of different replicated Jacobians, over the variance that `expected_objective` weights by,
     and over the rows that a residual is correlated over.
     """
@@ -100,13 +111,18 @@ def cell_information(
         rng,
     )
     n, d = jacobians.shape[:2]
-    by_channel = jacobians.reshape(n, d, len(objective.problem.channels), -1)[..., : cells * rows]
-    by_cell = by_channel.reshape(n, d, -1, cells, rows)
-    total = by_cell.sum(axis=0)
-    products = np.einsum("dcir,ecir->ide", total, total) - np.einsum("ndcir,necir->ide", by_cell, by_cell)
+    by_channel = jacobians.reshape(n, d, len(objective.problem.channels), -1)
+    products = np.array([_different_products(by_channel[..., a:b]) for a, b in pairwise(edges)])
     variance = objective.residual_rms**2
     correlated = max(1.0, CELLS.correlated_s / objective.problem.inputs.interval)
     return np.asarray(products / (n * (n - 1) * variance * correlated))
+
+
+def _different_products(jacobians: Array) -> Array:
+    """Return the sum of the products (d, d) of any two different Jacobians (n, d, channels, rows)."""
+    total = jacobians.sum(axis=0)
+    alike = np.einsum("ndcr,necr->de", jacobians, jacobians)
+    return np.asarray(np.einsum("dcr,ecr->de", total, total) - alike)
 
 
 def expected_objective(
@@ -139,10 +155,11 @@ def block_information(
     recording = with_equivalent_current(recording, actuator)
     sizes = expected_residuals(recording)
     for first, last in cells.blocks(recording.interval_s):
-        part = stretch(recording, first * cells.rows, last * cells.rows)
+        edges = cells.edges[first : last + 1] - cells.edges[first]
+        part = stretch(recording, int(cells.edges[first]), int(cells.edges[last]))
         objective = expected_objective(part, actuator, sizes, workers)
         rng = stream(seed, "Jacobians of a block", first)
-        yield first, cell_information(objective, last - first, cells.rows, rng), objective.space
+        yield first, cell_information(objective, edges, rng), objective.space
 
 
 def stretch(recording: Recording, first: int, last: int) -> Recording:

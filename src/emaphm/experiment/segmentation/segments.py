@@ -110,9 +110,9 @@ class _Cutter:
         """Yield the stretches in order; together they are the whole recording."""
         start = 0
         for first, last in self._movements():
-            if first * self.cells.rows > start:
-                yield self._rest(start, first * self.cells.rows)
-                start = first * self.cells.rows
+            if (begin := int(self.cells.edges[first])) > start:
+                yield self._rest(start, begin)
+                start = begin
             for segment in self._cut(start, first, last):
                 yield segment
                 start = segment.rows[1]
@@ -137,15 +137,12 @@ class _Cutter:
 
     def _cut(self, start: int, first: int, last: int) -> Iterator[Segment]:
         """Yield the stretches of a movement from row `start`, of the cells `first` to `last` (exclusive)."""
-        known, rows = np.zeros((self.space.dimensions,) * 2), self.cells.rows
+        known, edges = np.zeros((self.space.dimensions,) * 2), self.cells.edges.tolist()
         for cell in range(first, last):
             known = known + self.information.get(cell, 0.0)
-            taken = (cell + 1) * rows - start
-            left = (last - cell - 1) * rows
-            if left == 0 or (taken + rows > self.most_rows and left >= FEWEST_SAMPLES):
-                is_last = cell + 1 == self.cells.moves.size
-                end = self.recording.samples if is_last else (cell + 1) * rows
-                yield self._segment(start, end, self._half_widths(known), in_motion=start > first * rows)
+            end = edges[cell + 1]
+            if cell + 1 == last or edges[cell + 2] - start > self.most_rows:
+                yield self._segment(start, end, self._half_widths(known), in_motion=start > edges[first])
                 start, known = end, np.zeros_like(known)
 
     def _half_widths(self, information: Array) -> dict[str, float]:
