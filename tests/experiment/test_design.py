@@ -11,7 +11,7 @@ import pytest
 import scipy.stats
 
 from cases import THESIS
-from emaphm.actuator import NAMES, Actuator, Chirp, Command, Sine, Step
+from emaphm.actuator import NAMES, Actuator, Chirp, Command, DecayingChirp, Sine, Step
 from emaphm.errors import EmaphmError
 from emaphm.experiment import Design, design
 from emaphm.experiment.excitation import Excitation
@@ -270,6 +270,29 @@ def test_what_cannot_be_is_refused_in_one_line(call: Callable[[], Any], message:
         call()
     assert message in str(error.value)
     assert len(str(error.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize("duration", [1.0, 2.0])
+def test_the_default_chirp_sweeps_to_15_hz_whatever_its_duration(duration: float) -> None:
+    result = design(EMPS, duration=duration, candidates=0, tests=0)
+    t = np.linspace(0.0, duration, 200_001)
+    crossings = t[1:][np.diff(np.sign(result.given.excitation.command(t))) != 0]
+    # The last two crossings are less than a period before the end, in which 1 Hz is swept at most.
+    assert 0.5 / (crossings[-1] - crossings[-2]) == pytest.approx(15.0, abs=1.0)
+    assert result.given.excitation.frequency_hz == 15.0
+
+
+def test_a_chirp_that_is_played_for_longer_sweeps_on_and_exceeds_its_limit() -> None:
+    chirp = Chirp(2e-3, 0.0, 15.0, 0.5)
+    longer = Excitation(chirp, 2.0)
+    t = np.linspace(0.0, 2.0, 400_001)
+    crossings = t[1:][np.diff(np.sign(chirp(t))) != 0]
+    reached = 0.5 / (crossings[-1] - crossings[-2])
+    assert longer.frequency_hz == pytest.approx(reached, rel=0.02)
+    assert "to 60 Hz" in longer.words("rotary")
+    assert Excitation(DecayingChirp(), 2.0).frequency_hz == 15.0  # 0 after half a second
+    with pytest.raises(EmaphmError, match="60 is more than 15"):
+        design(THESIS, chirp, duration=2.0, max_frequency=15.0)
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,7 @@ class Excitation:
     def frequency_hz(self) -> float | None:
         """The highest frequency [Hz], nothing where the command is not described by any."""
         if isinstance(self.command, Chirp | DecayingChirp):
-            return max(abs(self.command.start_hz), abs(self.command.stop_hz))
+            return max(abs(self.command.start_hz), abs(self._last_hz(self.command)))
         return abs(self.command.frequency_hz) if isinstance(self.command, Sine) else None
 
     def words(self, coordinates: str) -> str:
@@ -39,7 +39,8 @@ class Excitation:
         size = f"{self.amplitude:.4g} {unit_for('rad', coordinates)}"
         if isinstance(self.command, Chirp | DecayingChirp):
             kind = "chirp" if isinstance(self.command, Chirp) else "decaying chirp"
-            what = f"{kind} of {size}, {self.command.start_hz:.3g} to {self.command.stop_hz:.3g} Hz"
+            last = self._last_hz(self.command)
+            what = f"{kind} of {size}, {self.command.start_hz:.3g} to {last:.3g} Hz"
         elif isinstance(self.command, Sine):
             what = f"sine of {size}, {self.command.frequency_hz:.3g} Hz"
         else:
@@ -63,6 +64,13 @@ class Excitation:
         rate = max(sample_rate, PERIOD_ROWS * (self.frequency_hz or 0.0))
         t = np.linspace(0.0, self.duration, round(self.duration * rate) + 1)
         pl.DataFrame({"time_s": t, "command_rad": self.command(t)}).write_csv(path)
+
+    def _last_hz(self, chirp: Chirp | DecayingChirp) -> float:
+        """Return the frequency [Hz] at the end: played for longer than described, a chirp sweeps on."""
+        share = self.duration / chirp.duration
+        if isinstance(chirp, DecayingChirp):
+            share = min(share, 1.0)  # 0 from then on
+        return (1 - share) * chirp.start_hz + share * chirp.stop_hz
 
     @property
     def _kind(self) -> str:
