@@ -264,6 +264,34 @@ BAD: dict[str, tuple[Callable[[], Any], str]] = {
 }
 
 
+LIMITS: dict[str, tuple[dict[str, Any], str]] = {
+    "amplitude": ({"max_amplitude": 1e-3}, "0.005 is more than 0.001"),
+    "frequency": ({"max_frequency": 5.0}, "15 is more than 5"),
+    "duration": ({"max_duration": 0.1}, "0.5 is more than 0.1"),
+    "no limit": ({"max_amplitude": -1.0}, "largest amplitude of -1"),
+    "rate": ({"command": Sine(5e-3, 90.0), "sample_rate": 150.0}, "cannot be recorded at 150 Hz"),
+    "end stops": ({"command": Step(0.6)}, "beyond the end stops"),
+}
+
+
+@pytest.mark.parametrize("candidates", [0, 4])
+@pytest.mark.parametrize(("given", "message"), LIMITS.values(), ids=LIMITS.keys())
+def test_the_given_excitation_keeps_the_limits_with_and_without_a_search(
+    given: dict[str, Any], message: str, candidates: int
+) -> None:
+    frequency = {"max_frequency": 10.0} if isinstance(given.get("command"), Step) else {}
+    with pytest.raises(EmaphmError, match=message):
+        design(THESIS, candidates=candidates, tests=4, **frequency, **given)
+
+
+def test_a_given_excitation_may_use_the_longer_side_of_its_end_stops() -> None:
+    stops = {"mechanics": EMPS.mechanics.model_copy(update={"end_stops": (-1e-3, 0.1)})}
+    one_sided = EMPS.model_copy(update=stops)
+    assert not design(one_sided, Step(5e-3), candidates=0, tests=0).better
+    with pytest.raises(EmaphmError, match=r"0\.005 is beyond the end stops"):
+        design(one_sided, Step(-5e-3), candidates=0, tests=0)
+
+
 @pytest.mark.parametrize(("call", "message"), BAD.values(), ids=BAD.keys())
 def test_what_cannot_be_is_refused_in_one_line(call: Callable[[], Any], message: str) -> None:
     with pytest.raises(EmaphmError) as error:

@@ -25,7 +25,13 @@ class Excitation:
         """The largest command [rad] at the user."""
         if isinstance(self.command, Chirp | DecayingChirp | Sine | Step):
             return abs(self.command.amplitude)
-        return float(np.max(np.abs(self.command(np.linspace(0.0, self.duration, 10_000)))))
+        return max(map(abs, self.range))
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """The lowest and the highest command [rad] at the user."""
+        values = self.command(np.linspace(0.0, self.duration, 10_000))
+        return float(np.min(values)), float(np.max(values))
 
     @property
     def frequency_hz(self) -> float | None:
