@@ -11,7 +11,7 @@ import pytest
 import scipy.stats
 
 from cases import THESIS
-from emaphm.actuator import NAMES, Actuator, Chirp, Command, DecayingChirp, Sine, Step
+from emaphm.actuator import NAMES, Actuator, Chirp, Command, DecayingChirp, Sampled, Sine, Step
 from emaphm.errors import EmaphmError
 from emaphm.experiment import Design, design
 from emaphm.experiment.excitation import Excitation
@@ -219,6 +219,27 @@ def test_the_command_found_is_written_whole(improved: Design, tmp_path: Path) ->
     # Straight lines between 200 rows a period: (2 pi / 200)² / 8 of the amplitude.
     np.testing.assert_allclose(signal(t), found.command(t), atol=1.3e-4 * found.amplitude)
     assert signal.time_s[-1] == pytest.approx(SHORT)
+
+
+def test_a_command_from_a_file_is_written_as_it_was_given(tmp_path: Path) -> None:
+    # At 10 kHz, with 60 Hz at its end: rows at 100 Hz show nothing of it.
+    t = np.arange(-100, 6001) * 1e-4
+    given = Sampled(t, 5e-3 * np.sin(2 * np.pi * 60 * t * t))
+    Excitation(given, 0.5).write(tmp_path / "given.csv", 100.0)
+    written = read_signal(str(tmp_path / "given.csv"), "command_rad")
+    between = np.linspace(0.0, 0.5, 33_333)
+    np.testing.assert_allclose(written(between), given(between), atol=1e-12)
+    assert (written.time_s[0], written.time_s[-1]) == (0.0, 0.5)
+
+
+@pytest.mark.parametrize("start", [0.0, 0.105, 0.1, 0.5, 0.7])
+def test_a_written_step_rises_at_its_start(start: float, tmp_path: Path) -> None:
+    step = Step(5e-3, start)
+    Excitation(step, 0.5).write(tmp_path / "step.csv", 100.0)
+    written = read_signal(str(tmp_path / "step.csv"), "command_rad")
+    times = np.array([0.0, start - 1e-6, start, start + 1e-6, 0.5])
+    times = times[(times >= 0) & (times <= 0.5)]
+    np.testing.assert_array_equal(written(times), step(times))
 
 
 def test_the_figure_shows_both_manoeuvres_and_all_half_widths(improved: Design, linear: Design) -> None:

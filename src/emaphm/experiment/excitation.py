@@ -8,9 +8,13 @@ import numpy as np
 
 from emaphm.actuator import Chirp, Command, DecayingChirp, Sampled, Sine, Step
 from emaphm.actuator.quantity import unit_for
+from emaphm.arrays import Array
 
 PERIOD_ROWS = 200
 """Rows of a written command in its shortest period: between them it is off by a ten-thousandth."""
+
+EDGE_S = 1e-9
+"""Time in which a written step rises [s]: far less than a step of any model."""
 
 
 @dataclass(frozen=True)
@@ -64,12 +68,26 @@ class Excitation:
         }
 
     def write(self, path: str | Path, sample_rate: float) -> None:
-        """Write the command to a CSV file that `emaphm simulate --command` plays."""
+        """Write the command to a CSV file that `emaphm simulate --command` plays.
+
+        A signal from a file in its own rows, any other at `sample_rate` [Hz] or faster.
+        """
         import polars as pl
 
+        t = self._written_times(sample_rate)
+        pl.DataFrame({"time_s": t, "command_rad": self.command(t)}).write_csv(path)
+
+    def _written_times(self, sample_rate: float) -> Array:
+        """Return the times [s] between which straight lines are the command."""
+        if isinstance(self.command, Sampled):
+            t = self.command.time_s
+            return np.concatenate([[0.0], t[(t > 0) & (t < self.duration)], [self.duration]])
         rate = max(sample_rate, PERIOD_ROWS * (self.frequency_hz or 0.0))
         t = np.linspace(0.0, self.duration, round(self.duration * rate) + 1)
-        pl.DataFrame({"time_s": t, "command_rad": self.command(t)}).write_csv(path)
+        if isinstance(self.command, Step) and 0 < self.command.start <= self.duration:
+            edge = np.array([max(self.command.start - EDGE_S, 0.0), self.command.start])
+            t = np.union1d(t[(t < edge[0]) | (t > edge[1])], edge)
+        return t
 
     def _last_hz(self, chirp: Chirp | DecayingChirp) -> float:
         """Return the frequency [Hz] at the end: played for longer than described, a chirp sweeps on."""
