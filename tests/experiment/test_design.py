@@ -300,9 +300,10 @@ LIMITS: dict[str, tuple[dict[str, Any], str]] = {
 def test_the_given_excitation_keeps_the_limits_with_and_without_a_search(
     given: dict[str, Any], message: str, candidates: int
 ) -> None:
-    frequency = {"max_frequency": 10.0} if isinstance(given.get("command"), Step) else {}
+    # A step has no highest frequency of its own, which a search needs.
+    more: dict[str, Any] = {"max_frequency": 10.0} if isinstance(given.get("command"), Step) else {}
     with pytest.raises(EmaphmError, match=message):
-        design(THESIS, candidates=candidates, tests=4, **frequency, **given)
+        design(THESIS, candidates=candidates, tests=4, **more, **given)
 
 
 def test_a_given_excitation_may_use_the_longer_side_of_its_end_stops() -> None:
