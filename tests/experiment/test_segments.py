@@ -10,7 +10,7 @@ from cases import THESIS, USUAL
 from emaphm.actuator import Chirp, Ramp
 from emaphm.arrays import Array
 from emaphm.diagnosis import diagnose
-from emaphm.errors import MethodError
+from emaphm.errors import MethodError, OutputError
 from emaphm.experiment import Segments, segments
 from emaphm.experiment.segmentation.segments import IN_MOTION
 from emaphm.recording import Recording, read_recording
@@ -102,6 +102,17 @@ def test_the_stretches_are_written_as_recordings(cut: Segments, tmp_path: Path) 
     assert len(paths) == len(cut.accepted)
     for path, one in zip(paths, cut.recordings(), strict=True):
         np.testing.assert_array_equal(read_recording(path, THESIS)["current_A"], one["current_A"])
+
+
+def test_no_stretch_of_an_earlier_run_is_left_among_those_written(cut: Segments, tmp_path: Path) -> None:
+    names = [f"stretch_{number:03d}.csv" for number in range(1, len(cut.accepted) + 1)]
+    for name in ("stretch_001.csv", "stretch_041.csv", "stretch_notes.csv"):
+        (tmp_path / name).write_text("earlier")
+    with pytest.raises(OutputError, match="exists already"):
+        cut.write(tmp_path)
+    assert {path.read_text() for path in tmp_path.iterdir()} == {"earlier"}
+    cut.write(tmp_path, force=True)
+    assert sorted(path.name for path in tmp_path.iterdir()) == [*names, "stretch_notes.csv"]
 
 
 @pytest.mark.parametrize(("more", "message"), [({"wanted": 0.0}, "precision"), ({"longest_s": -1.0}, "-1 s")])
