@@ -12,6 +12,7 @@ from emaphm.arrays import Array
 from emaphm.diagnosis import diagnose
 from emaphm.errors import MethodError, OutputError
 from emaphm.experiment import Segments, segments
+from emaphm.experiment.segmentation.healthy_motion import healthy_position
 from emaphm.experiment.segmentation.segments import IN_MOTION
 from emaphm.recording import Recording, read_recording
 from emaphm.simulated_recording import simulate
@@ -199,6 +200,19 @@ def test_a_small_motion_is_found_in_a_recording_of_a_large_one(noise: float) -> 
     assert around[0].start_s == pytest.approx(6.0, abs=0.3)
     assert around[0].end_s == pytest.approx(8.0, abs=0.6)
     assert {"friction", "gain"} <= set(around[0].identifies)
+
+
+def test_the_healthy_motion_in_pieces_is_that_of_one_run() -> None:
+    # Pieces of 20 s end in motion, in motion, and at rest; one at rest is not simulated.
+    def command(t: Array) -> Array:
+        slow = np.where(t < 50.0, 5e-3 * np.sin(2 * np.pi * 0.23 * t), 2e-3)
+        return np.where(t < 85.0, slow, -1e-3)
+
+    made = simulate(THESIS, command, model="averaged", duration=90.0, sample_rate=100.0)
+    recording = Recording({name: made[name] for name in KEPT})
+    found = healthy_position(recording, THESIS)
+    # The user lags by half a gap of 1e-5 rad, which each piece begins with centred.
+    np.testing.assert_allclose(found[:-1], made["position_rad"][:-1], atol=2e-5)
 
 
 def test_a_slow_ramp_is_no_rest() -> None:
