@@ -51,6 +51,20 @@ def test_segment_prints_a_table(emaphm: Emaphm, flight: Path) -> None:
     assert "1 of 3 stretches identify something to ±0.1" in text
 
 
+def test_segment_refuses_a_folder_before_it_begins(emaphm: Emaphm, flight: Path, tmp_path: Path) -> None:
+    (tmp_path / "cut").mkdir()
+    (tmp_path / "cut" / "stretch_002.csv").write_text("of an earlier run")
+    # Were the stretches looked for first, the precision would be refused.
+    for out, said in (
+        ("cut", "stretch_002.csv: exists already"),
+        ("flight.csv", "this folder cannot be made"),
+    ):
+        code, text, err = emaphm("segment", flight, "--wanted", "2", "-o", tmp_path / out)
+        assert (code, text) == (2, "")
+        assert said in err
+        assert len(err.splitlines()) == 1
+
+
 def test_segment_refuses_in_one_line(emaphm: Emaphm, flight: Path) -> None:
     code, out, err = emaphm("segment", flight, "--wanted", "2")
     assert (code, out) == (2, "")

@@ -298,5 +298,27 @@ def test_a_copy_is_as_good(store: ResultStore, tmp_path: Path) -> None:
 
 def test_a_place_that_does_not_exist_is_refused(tmp_path: Path) -> None:
     store = ResultStore(tmp_path / "absent" / "results.sqlite")
-    with pytest.raises(OutputError, match=r"cannot be written or read .*; free space there, or give another"):
+    with pytest.raises(OutputError, match=r"cannot be written or read .*; create the folder and make it wri"):
         run_tasks(TASKS, store, workers=1)
+
+
+@pytest.mark.parametrize(
+    ("said", "remedy"),
+    [
+        ("attempt to write a readonly database", "make the file and its folder writable, or give another"),
+        ("unable to open database file", "create the folder and make it writable, or give another"),
+        ("database is locked", "another process writes there"),
+        ("database or disk is full", "free space there, or give another"),
+        ("disk I/O error", "free space there, or give another"),
+    ],
+)
+def test_the_remedy_is_that_of_what_sqlite_says(
+    store: ResultStore, said: str, remedy: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object, **__: object) -> sqlite3.Connection:
+        raise sqlite3.OperationalError(said)
+
+    monkeypatch.setattr(sqlite3, "connect", refuse)
+    with pytest.raises(OutputError) as error:
+        store.read(TASKS)
+    assert f"({said}); {remedy}" in str(error.value)

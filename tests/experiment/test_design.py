@@ -11,7 +11,7 @@ import pytest
 import scipy.stats
 
 from cases import THESIS
-from emaphm.actuator import NAMES, Actuator, Chirp, Command, Sine, Step
+from emaphm.actuator import NAMES, Actuator, Chirp, Command, DecayingChirp, Sampled, Sine, Step
 from emaphm.errors import EmaphmError
 from emaphm.experiment import Design, design
 from emaphm.experiment.excitation import Excitation
@@ -221,6 +221,27 @@ def test_the_command_found_is_written_whole(improved: Design, tmp_path: Path) ->
     assert signal.time_s[-1] == pytest.approx(SHORT)
 
 
+def test_a_command_from_a_file_is_written_as_it_was_given(tmp_path: Path) -> None:
+    # At 10 kHz, with 60 Hz at its end: rows at 100 Hz show nothing of it.
+    t = np.arange(-100, 6001) * 1e-4
+    given = Sampled(t, 5e-3 * np.sin(2 * np.pi * 60 * t * t))
+    Excitation(given, 0.5).write(tmp_path / "given.csv", 100.0)
+    written = read_signal(str(tmp_path / "given.csv"), "command_rad")
+    between = np.linspace(0.0, 0.5, 33_333)
+    np.testing.assert_allclose(written(between), given(between), atol=1e-12)
+    assert (written.time_s[0], written.time_s[-1]) == (0.0, 0.5)
+
+
+@pytest.mark.parametrize("start", [0.0, 0.105, 0.1, 0.5, 0.7])
+def test_a_written_step_rises_at_its_start(start: float, tmp_path: Path) -> None:
+    step = Step(5e-3, start)
+    Excitation(step, 0.5).write(tmp_path / "step.csv", 100.0)
+    written = read_signal(str(tmp_path / "step.csv"), "command_rad")
+    times = np.array([0.0, start - 1e-6, start, start + 1e-6, 0.5])
+    times = times[(times >= 0) & (times <= 0.5)]
+    np.testing.assert_array_equal(written(times), step(times))
+
+
 def test_the_figure_shows_both_manoeuvres_and_all_half_widths(improved: Design, linear: Design) -> None:
     commands, widths = improved.plot().axes
     assert (commands.get_xlabel(), commands.get_ylabel()) == ("time [s]", "command [rad]")
@@ -264,12 +285,64 @@ BAD: dict[str, tuple[Callable[[], Any], str]] = {
 }
 
 
+LIMITS: dict[str, tuple[dict[str, Any], str]] = {
+    "amplitude": ({"max_amplitude": 1e-3}, "0.005 is more than 0.001"),
+    "frequency": ({"max_frequency": 5.0}, "15 is more than 5"),
+    "duration": ({"max_duration": 0.1}, "0.5 is more than 0.1"),
+    "no limit": ({"max_amplitude": -1.0}, "largest amplitude of -1"),
+    "rate": ({"command": Sine(5e-3, 90.0), "sample_rate": 150.0}, "cannot be recorded at 150 Hz"),
+    "end stops": ({"command": Step(0.6)}, "beyond the end stops"),
+}
+
+
+@pytest.mark.parametrize("candidates", [0, 4])
+@pytest.mark.parametrize(("given", "message"), LIMITS.values(), ids=LIMITS.keys())
+def test_the_given_excitation_keeps_the_limits_with_and_without_a_search(
+    given: dict[str, Any], message: str, candidates: int
+) -> None:
+    # A step has no highest frequency of its own, which a search needs.
+    more: dict[str, Any] = {"max_frequency": 10.0} if isinstance(given.get("command"), Step) else {}
+    with pytest.raises(EmaphmError, match=message):
+        design(THESIS, candidates=candidates, tests=4, **more, **given)
+
+
+def test_a_given_excitation_may_use_the_longer_side_of_its_end_stops() -> None:
+    stops = {"mechanics": EMPS.mechanics.model_copy(update={"end_stops": (-1e-3, 0.1)})}
+    one_sided = EMPS.model_copy(update=stops)
+    assert not design(one_sided, Step(5e-3), candidates=0, tests=0).better
+    with pytest.raises(EmaphmError, match=r"0\.005 is beyond the end stops"):
+        design(one_sided, Step(-5e-3), candidates=0, tests=0)
+
+
 @pytest.mark.parametrize(("call", "message"), BAD.values(), ids=BAD.keys())
 def test_what_cannot_be_is_refused_in_one_line(call: Callable[[], Any], message: str) -> None:
     with pytest.raises(EmaphmError) as error:
         call()
     assert message in str(error.value)
     assert len(str(error.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize("duration", [1.0, 2.0])
+def test_the_default_chirp_sweeps_to_15_hz_whatever_its_duration(duration: float) -> None:
+    result = design(EMPS, duration=duration, candidates=0, tests=0)
+    t = np.linspace(0.0, duration, 200_001)
+    crossings = t[1:][np.diff(np.sign(result.given.excitation.command(t))) != 0]
+    # The last two crossings are less than a period before the end, in which 1 Hz is swept at most.
+    assert 0.5 / (crossings[-1] - crossings[-2]) == pytest.approx(15.0, abs=1.0)
+    assert result.given.excitation.frequency_hz == 15.0
+
+
+def test_a_chirp_that_is_played_for_longer_sweeps_on_and_exceeds_its_limit() -> None:
+    chirp = Chirp(2e-3, 0.0, 15.0, 0.5)
+    longer = Excitation(chirp, 2.0)
+    t = np.linspace(0.0, 2.0, 400_001)
+    crossings = t[1:][np.diff(np.sign(chirp(t))) != 0]
+    reached = 0.5 / (crossings[-1] - crossings[-2])
+    assert longer.frequency_hz == pytest.approx(reached, rel=0.02)
+    assert "to 60 Hz" in longer.words("rotary")
+    assert Excitation(DecayingChirp(), 2.0).frequency_hz == 15.0  # 0 after half a second
+    with pytest.raises(EmaphmError, match="60 is more than 15"):
+        design(THESIS, chirp, duration=2.0, max_frequency=15.0)
 
 
 @pytest.mark.parametrize(

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from cases import THESIS, USUAL
+from emaphm.actuator import Chirp, Ramp
 from emaphm.arrays import Array
 from emaphm.diagnosis import diagnose
-from emaphm.errors import MethodError
+from emaphm.errors import MethodError, OutputError
 from emaphm.experiment import Segments, segments
+from emaphm.experiment.segmentation.healthy_motion import healthy_position
 from emaphm.experiment.segmentation.segments import IN_MOTION
 from emaphm.recording import Recording, read_recording
 from emaphm.simulated_recording import simulate
@@ -103,6 +105,17 @@ def test_the_stretches_are_written_as_recordings(cut: Segments, tmp_path: Path) 
         np.testing.assert_array_equal(read_recording(path, THESIS)["current_A"], one["current_A"])
 
 
+def test_no_stretch_of_an_earlier_run_is_left_among_those_written(cut: Segments, tmp_path: Path) -> None:
+    names = [f"stretch_{number:03d}.csv" for number in range(1, len(cut.accepted) + 1)]
+    for name in ("stretch_001.csv", "stretch_041.csv", "stretch_notes.csv"):
+        (tmp_path / name).write_text("earlier")
+    with pytest.raises(OutputError, match="exists already"):
+        cut.write(tmp_path)
+    assert {path.read_text() for path in tmp_path.iterdir()} == {"earlier"}
+    cut.write(tmp_path, force=True)
+    assert sorted(path.name for path in tmp_path.iterdir()) == [*names, "stretch_notes.csv"]
+
+
 @pytest.mark.parametrize(("more", "message"), [({"wanted": 0.0}, "precision"), ({"longest_s": -1.0}, "-1 s")])
 def test_what_cannot_be_is_refused(whole: Recording, more: dict[str, float], message: str) -> None:
     with pytest.raises(MethodError, match=message):
@@ -113,7 +126,8 @@ def test_a_recording_at_rest_throughout_is_one_refusal() -> None:
     ones = np.ones(400)
     still = Recording({"time_s": np.arange(400) * 1e-2, "command_rad": 1e-3 * ones, "current_A": ones})
     only = segments(still, THESIS).stretches
-    assert [one.reason for one in only] == ["at rest: the command does not move the actuator"]
+    # The backlash of 5 mrad behind the gear of 1/500.
+    assert [one.reason for one in only] == ["at rest: in 1 s the command moves by no more than 1e-05 rad"]
 
 
 @pytest.mark.parametrize("rows", [200, 450, 499, 600])
@@ -123,3 +137,88 @@ def test_no_motion_at_the_end_is_called_a_rest(whole: Recording, rows: int) -> N
     cut = segments(Recording(sweep, source="sweep"), THESIS)
     assert not any(one.reason.startswith("at rest") for one in cut.stretches)
     assert cut.stretches[-1].rows[1] == rows
+
+
+@pytest.mark.parametrize(("rate", "rows"), [(10.0, 1203), (10.0, 60)])
+def test_motion_to_the_end_is_in_stretches_of_the_length_asked_for(rate: float, rows: int) -> None:
+    t = np.arange(rows) / rate
+    command = 5e-3 * np.sin(2 * np.pi * 0.5 * t)
+    moving = Recording({"time_s": t, "command_rad": command, "current_A": np.cos(t)})
+    cut = segments(moving, THESIS, longest_s=8.0, workers=1).stretches
+    assert not any(one.reason.startswith("at rest") for one in cut)
+    assert cut[-1].rows[1] == rows
+    assert max(one.end_s - one.start_s for one in cut) <= 8.0 + 1e-9
+
+
+@pytest.mark.parametrize(("row", "before"), [(1000, 0.0), (2000, 0.05), (1001, 0.0), (2249, 0.05)])
+def test_a_step_is_found_wherever_it_falls(row: int, before: float) -> None:
+    def step(t: Array) -> Array:
+        return np.where(t >= row / RATE, 0.05 - before, before * np.minimum(t / 0.1, 1.0))
+
+    made = simulate(THESIS, step, model="averaged", duration=3.5, sample_rate=RATE)
+    recording = Recording({name: made[name] for name in KEPT})
+    around = [one for one in segments(recording, THESIS).stretches if one.rows[0] < row < one.rows[1]]
+    assert len(around) == 1
+    assert "gain" in around[0].identifies
+    # It begins before the step and lasts until the motion has ended, which takes 0.2 s.
+    assert around[0].rows[1] > row + 200
+    assert np.ptp(made["position_rad"][around[0].rows[1] :]) < 1e-6
+
+
+def test_no_stretch_begins_or_ends_while_a_slow_actuator_moves() -> None:
+    # A tenth of the thesis's speed limit: 0.5 rad take 3 s. A chirp is commanded meanwhile.
+    slow = THESIS.model_copy(
+        update={"controller": THESIS.controller.model_copy(update={"speed_limit": 83.8})}
+    )
+    chirp = Chirp(5e-3, 0.0, 10.0, 0.5)
+
+    def command(t: Array) -> Array:
+        return np.where(t >= 2.1, 0.5, 0.0) + np.where((t >= 3.5) & (t < 4.0), chirp(t - 3.5), 0.0)
+
+    made = simulate(slow, command, model="averaged", duration=8.0, sample_rate=500.0)
+    recording = Recording({name: made[name] for name in KEPT})
+    cut = segments(recording, slow)
+    assert len(cut.accepted) == 1
+    for one in cut.stretches:
+        for edge in one.rows:
+            assert np.ptp(made["position_rad"][max(edge - 25, 0) : edge + 25]) < 1e-5
+
+
+@pytest.mark.parametrize("noise", [0.0, 2e-6])
+def test_a_small_motion_is_found_in_a_recording_of_a_large_one(noise: float) -> None:
+    small = Chirp(3.5e-4, 0.0, 10.0, 2.0)
+
+    def command(t: Array) -> Array:
+        large = np.where((t >= 1.5) & (t < 2.5), 0.4 * np.sin(2 * np.pi * (t - 1.5)), 0.0)
+        return large + np.where((t >= 6.0) & (t < 8.0), small(t - 6.0), 0.0)
+
+    made = simulate(THESIS, command, model="averaged", duration=10.0, sample_rate=250.0)
+    noisy = made["command_rad"] + noise * np.random.default_rng(0).normal(size=made.samples)
+    recording = Recording({name: made[name] for name in KEPT} | {"command_rad": noisy})
+    cut = segments(recording, THESIS)
+    around = [one for one in cut.stretches if one.start_s < 7.0 < one.end_s]
+    assert around[0].start_s == pytest.approx(6.0, abs=0.3)
+    assert around[0].end_s == pytest.approx(8.0, abs=0.6)
+    assert {"friction", "gain"} <= set(around[0].identifies)
+
+
+def test_the_healthy_motion_in_pieces_is_that_of_one_run() -> None:
+    # Pieces of 20 s end in motion, in motion, and at rest; one at rest is not simulated.
+    def command(t: Array) -> Array:
+        slow = np.where(t < 50.0, 5e-3 * np.sin(2 * np.pi * 0.23 * t), 2e-3)
+        return np.where(t < 85.0, slow, -1e-3)
+
+    made = simulate(THESIS, command, model="averaged", duration=90.0, sample_rate=100.0)
+    recording = Recording({name: made[name] for name in KEPT})
+    found = healthy_position(recording, THESIS)
+    # The user lags by half a gap of 1e-5 rad, which each piece begins with centred.
+    np.testing.assert_allclose(found[:-1], made["position_rad"][:-1], atol=2e-5)
+
+
+def test_a_slow_ramp_is_no_rest() -> None:
+    # 0.98 of the backlash in a quarter of a second, 39 times the backlash in all.
+    made = simulate(THESIS, Ramp(3.9e-5, 2.0), model="averaged", duration=12.0, sample_rate=100.0)
+    cut = segments(Recording({name: made[name] for name in KEPT}), THESIS)
+    assert cut.stretches[0].end_s == pytest.approx(2.0, abs=0.5)
+    resting = sum(one.end_s - one.start_s for one in cut.stretches if one.reason.startswith("at rest"))
+    assert resting == pytest.approx(2.0, abs=0.6)

@@ -36,11 +36,13 @@ def segment(
     as_json: AsJson = False,
 ) -> None:
     """Cut a long recording into stretches that will identify faults, and say why the others will not."""
-    from emaphm.experiment.segmentation import segments
+    from emaphm.experiment.segmentation import check_folder, segments
 
     check_seed(seed)
     described = described_actuator(actuator)
     whole = recording_of(recording, described)
+    if out is not None:
+        check_folder(out, force=force)
     with progress("segmenting", as_json) as advance:
         result = segments(whole, described, wanted=wanted, longest_s=longest, seed=seed, on_progress=advance)
     text, values = str(result), result.to_dict()

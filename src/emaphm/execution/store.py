@@ -27,6 +27,14 @@ from emaphm.execution.tasks import Outcome, Task
 PATIENCE_S = 60.0
 """Longest wait for another process that is writing."""
 
+REMEDIES = {
+    "readonly": "make the file and its folder writable, or give another place",
+    "unable to open": "create the folder and make it writable, or give another place",
+    "locked": "another process writes there; try again when that has ended",
+}
+OTHERWISE = "free space there, or give another place"
+"""What to do, by what SQLite says in its own words."""
+
 TABLES = """\
 CREATE TABLE IF NOT EXISTS results (
     key TEXT PRIMARY KEY, result TEXT, wall_seconds REAL, cpu_seconds REAL, digest TEXT
@@ -129,9 +137,8 @@ class ResultStore:
         try:
             yield
         except sqlite3.OperationalError as error:
-            raise OutputError(
-                f"{self.path}: cannot be written or read ({error}); free space there, or give another place"
-            ) from None
+            remedy = next((remedy for words, remedy in REMEDIES.items() if words in str(error)), OTHERWISE)
+            raise OutputError(f"{self.path}: cannot be written or read ({error}); {remedy}") from None
         except (sqlite3.DatabaseError, UnicodeDecodeError) as error:
             raise ExecutionError(
                 f"{self.path}: is damaged ({error}); move it away to have its results made again"

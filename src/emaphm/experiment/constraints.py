@@ -15,7 +15,7 @@ from emaphm.experiment.test_setup import TestSetup
 
 @dataclass(frozen=True)
 class Constraints:
-    """Largest amplitude [rad] at the user, frequency [Hz] and duration [s]."""
+    """Largest amplitude [rad] at the user, frequency [Hz], inf without a limit, and duration [s]."""
 
     amplitude: float
     frequency: float
@@ -38,8 +38,12 @@ class Constraints:
         amplitude: float | None,
         frequency: float | None,
         duration: float | None,
+        *,
+        searching: bool,
     ) -> Self:
         """Return the constraints, those of the `given` excitation where left out.
+
+        With `searching`, chirps that use all of them must be possible, else the given excitation alone.
 
         Raises
         ------
@@ -52,6 +56,9 @@ class Constraints:
         for name, value in wanted.items():
             mine = own[name]
             limit = mine if value is None else value
+            if limit is None and not searching:
+                limits[name] = np.inf
+                continue
             if limit is None:
                 raise SignalError(
                     "this command has no highest frequency of its own; give one (--max-frequency), or try no "
@@ -66,17 +73,19 @@ class Constraints:
                 )
             limits[name] = limit
         found = cls(**limits)
-        found._check(setup)
+        lowest, highest = (-found.amplitude, found.amplitude) if searching else given.range
+        found._check(setup, lowest, highest)
         return found
 
-    def _check(self, setup: TestSetup) -> None:
-        """Refuse limits that the actuator or the recorder cannot follow."""
+    def _check(self, setup: TestSetup, lowest: float, highest: float) -> None:
+        """Refuse limits, and commands from `lowest` to `highest`, that actuator or recorder cannot follow."""
         stops, rate = setup.actuator.mechanics.end_stops, setup.sample_rate
-        if stops and self.amplitude > (reach := min(map(abs, stops))):
+        if stops and (lowest < stops[0] or highest > stops[1]):
             raise SignalError(
-                f"amplitude {self.amplitude:g} is beyond the end stops {list(stops)}; give {reach:g} or less"
+                f"amplitude {max(-lowest, highest):g} is beyond the end stops {list(stops)}; give "
+                f"{min(map(abs, stops)):g} or less"
             )
-        if self.frequency > rate / 2:
+        if rate / 2 < self.frequency < np.inf:
             raise SignalError(
                 f"{self.frequency:g} Hz cannot be recorded at {rate:g} Hz; give {rate / 2:g} or less"
             )

@@ -32,7 +32,7 @@ SEARCHED, CHOSEN = 0.5, 0.75
 @one_blas_thread()
 def design(
     actuator: Actuator,
-    command: Command = Chirp(),  # noqa: B008 - frozen
+    command: Command | None = None,
     *,
     duration: float = 0.5,
     max_amplitude: float | None = None,
@@ -58,8 +58,10 @@ def design(
     ----------
     command, duration
         The excitation given: position of the user [rad] as a function of time, and how long it lasts [s].
+        The default is `Chirp`, over that duration.
     max_amplitude, max_frequency, max_duration
-        Constraints of a better one, [rad] at the user, [Hz], [s]; those of the given one where left out.
+        Constraints of a better one, [rad] at the user, [Hz], [s]; those of the given one where left out. The
+        given one must keep them too, without a search as well.
     channels
         What will be recorded: names of `emaphm.experiment.test_setup.CHANNELS`.
     noise, sample_rate
@@ -81,15 +83,15 @@ def design(
     """
     _check_work(candidates, tests, seed)
     setup = TestSetup.of(actuator, channels, noise, sample_rate, workers)
-    given = Excitation(command, duration)
     if not 0 < duration <= LONGEST_S:
         raise SignalError(f"an excitation of {duration:g} s cannot be planned; give up to {LONGEST_S:g} s")
+    given = Excitation(Chirp(duration=duration) if command is None else command, duration)
     faults = setup.faults(VECTORS, child_seed(seed, "prediction"))
-    constraints = (
-        Constraints.of(setup, given, max_amplitude, max_frequency, max_duration) if candidates else None
+    constraints = Constraints.of(
+        setup, given, max_amplitude, max_frequency, max_duration, searching=candidates > 0
     )
     planned, best = PlannedTest(given, predicted_precision(setup, given, faults, seed)), None
-    if constraints is not None:
+    if candidates:
         searching = subprogress(on_progress, 0.0, SEARCHED)
         finalists = search_candidates(setup, constraints, planned, faults, candidates, seed, searching)
         choosing = subprogress(on_progress, SEARCHED, CHOSEN)

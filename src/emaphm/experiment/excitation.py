@@ -8,9 +8,13 @@ import numpy as np
 
 from emaphm.actuator import Chirp, Command, DecayingChirp, Sampled, Sine, Step
 from emaphm.actuator.quantity import unit_for
+from emaphm.arrays import Array
 
 PERIOD_ROWS = 200
 """Rows of a written command in its shortest period: between them it is off by a ten-thousandth."""
+
+EDGE_S = 1e-9
+"""Time in which a written step rises [s]: far less than a step of any model."""
 
 
 @dataclass(frozen=True)
@@ -25,13 +29,19 @@ class Excitation:
         """The largest command [rad] at the user."""
         if isinstance(self.command, Chirp | DecayingChirp | Sine | Step):
             return abs(self.command.amplitude)
-        return float(np.max(np.abs(self.command(np.linspace(0.0, self.duration, 10_000)))))
+        return max(map(abs, self.range))
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """The lowest and the highest command [rad] at the user."""
+        values = self.command(np.linspace(0.0, self.duration, 10_000))
+        return float(np.min(values)), float(np.max(values))
 
     @property
     def frequency_hz(self) -> float | None:
         """The highest frequency [Hz], nothing where the command is not described by any."""
         if isinstance(self.command, Chirp | DecayingChirp):
-            return max(abs(self.command.start_hz), abs(self.command.stop_hz))
+            return max(abs(self.command.start_hz), abs(self._last_hz(self.command)))
         return abs(self.command.frequency_hz) if isinstance(self.command, Sine) else None
 
     def words(self, coordinates: str) -> str:
@@ -39,7 +49,8 @@ class Excitation:
         size = f"{self.amplitude:.4g} {unit_for('rad', coordinates)}"
         if isinstance(self.command, Chirp | DecayingChirp):
             kind = "chirp" if isinstance(self.command, Chirp) else "decaying chirp"
-            what = f"{kind} of {size}, {self.command.start_hz:.3g} to {self.command.stop_hz:.3g} Hz"
+            last = self._last_hz(self.command)
+            what = f"{kind} of {size}, {self.command.start_hz:.3g} to {last:.3g} Hz"
         elif isinstance(self.command, Sine):
             what = f"sine of {size}, {self.command.frequency_hz:.3g} Hz"
         else:
@@ -57,12 +68,33 @@ class Excitation:
         }
 
     def write(self, path: str | Path, sample_rate: float) -> None:
-        """Write the command to a CSV file that `emaphm simulate --command` plays."""
+        """Write the command to a CSV file that `emaphm simulate --command` plays.
+
+        A signal from a file in its own rows, any other at `sample_rate` [Hz] or faster.
+        """
         import polars as pl
 
+        t = self._written_times(sample_rate)
+        pl.DataFrame({"time_s": t, "command_rad": self.command(t)}).write_csv(path)
+
+    def _written_times(self, sample_rate: float) -> Array:
+        """Return the times [s] between which straight lines are the command."""
+        if isinstance(self.command, Sampled):
+            t = self.command.time_s
+            return np.concatenate([[0.0], t[(t > 0) & (t < self.duration)], [self.duration]])
         rate = max(sample_rate, PERIOD_ROWS * (self.frequency_hz or 0.0))
         t = np.linspace(0.0, self.duration, round(self.duration * rate) + 1)
-        pl.DataFrame({"time_s": t, "command_rad": self.command(t)}).write_csv(path)
+        if isinstance(self.command, Step) and 0 < self.command.start <= self.duration:
+            edge = np.array([max(self.command.start - EDGE_S, 0.0), self.command.start])
+            t = np.union1d(t[(t < edge[0]) | (t > edge[1])], edge)
+        return t
+
+    def _last_hz(self, chirp: Chirp | DecayingChirp) -> float:
+        """Return the frequency [Hz] at the end: played for longer than described, a chirp sweeps on."""
+        share = self.duration / chirp.duration
+        if isinstance(chirp, DecayingChirp):
+            share = min(share, 1.0)  # 0 from then on
+        return (1 - share) * chirp.start_hz + share * chirp.stop_hz
 
     @property
     def _kind(self) -> str:

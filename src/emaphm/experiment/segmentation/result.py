@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from emaphm.errors import OutputError
 from emaphm.experiment.segmentation.cells import stretch
 from emaphm.output_files import check_writable, make_folder
 from emaphm.recording import Recording, write_recording
@@ -67,20 +68,22 @@ class Segments:
         return [stretch(self.recording, *one.rows) for one in self.accepted]
 
     def write(self, folder: str | Path, *, force: bool = False) -> list[Path]:
-        """Write the accepted stretches as stretch_001.csv and on; return their paths.
+        """Write the accepted stretches as stretch_001.csv and on, and no others; return their paths.
+
+        With `force`, those of an earlier run are replaced, and removed where there are fewer now.
 
         Raises
         ------
         OutputError
-            A file is there already and `force` is not given, or the folder cannot be written to.
+            As `check_folder`, or an earlier stretch cannot be removed.
         """
         folder = Path(folder)
-        make_folder(folder)
-        paths = [folder / f"stretch_{i + 1:03d}.csv" for i in range(len(self.accepted))]
-        for path in paths:
-            check_writable(path, force=force)
+        check_folder(folder, force=force)
+        paths = [_path(folder, number) for number in range(1, len(self.accepted) + 1)]
         for path, one in zip(paths, self.recordings(), strict=True):
             write_recording(one, path, force=force)
+        for path in set(_earlier(folder)) - set(paths):
+            _remove(path)
         return paths
 
     def to_dict(self) -> dict[str, Any]:
@@ -111,3 +114,36 @@ class Segments:
             f"{table}\n\n{len(self.accepted)} of {len(self.stretches)} stretches identify something to "
             f"±{self.wanted:g}: {used:.4g} of {self.recording.duration_s:.4g} s."
         )
+
+
+def check_folder(folder: str | Path, *, force: bool = False) -> None:
+    """Make a folder for stretches, or refuse it; to be called before long work.
+
+    Raises
+    ------
+    OutputError
+        The folder cannot be made or written to, or has stretches already and `force` is not given.
+    """
+    folder = Path(folder)
+    make_folder(folder)
+    for path in (_path(folder, 1), *_earlier(folder)):
+        check_writable(path, force=force)
+
+
+def _path(folder: Path, number: int) -> Path:
+    return folder / f"stretch_{number:03d}.csv"
+
+
+def _earlier(folder: Path) -> list[Path]:
+    """Return the stretches that are in a folder."""
+    return sorted(path for path in folder.glob("stretch_*.csv") if path.stem[len("stretch_") :].isdigit())
+
+
+def _remove(path: Path) -> None:
+    try:
+        path.unlink()
+    except OSError as error:
+        raise OutputError(
+            f"{path}: of an earlier run, cannot be removed ({error.strerror or error}); remove it, or give "
+            "another folder"
+        ) from None

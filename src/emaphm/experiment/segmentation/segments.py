@@ -7,13 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.actuator import NAMES, Actuator
-from emaphm.arrays import Array
+from emaphm.actuator.quantity import unit_for
+from emaphm.arrays import Array, runs
 from emaphm.diagnosis.verdict import VERDICT, Z95
 from emaphm.errors import MethodError
 from emaphm.estimation.discrepancy import LONGEST_S
 from emaphm.estimation.search_result import default_scatter
 from emaphm.estimation.space.parameter_space import ParameterSpace
-from emaphm.experiment.segmentation.cells import Cells, block_information
+from emaphm.experiment.segmentation.cells import CELLS, Cells, block_information
 from emaphm.experiment.segmentation.result import Segment, Segments
 from emaphm.progress import Progress
 from emaphm.recording import Recording
@@ -24,19 +25,16 @@ IN_MOTION = "begins in motion: where the backlash and the controller stand is no
 """Why what follows the longest stretch of a movement is refused: cut so, recordings of a healthy actuator
 were not explained, with position and speed as without."""
 
-AT_REST = "at rest: the command does not move the actuator"
-
 
 @dataclass(frozen=True)
 class SegmentSettings:
     """Where stretches end.
 
-    A rest of `rest_s` [s] ends a stretch; a shorter one belongs to it. A row is at the limit where its
-    current is above `at_limit` of the current limit; a stretch is saturated with more than `most_at_limit` of
-    such rows: in them the current says nothing of friction, gain or load.
+    A rest ends a stretch (`CellSettings`). A row is at the limit where its current is above `at_limit` of the
+    current limit; a stretch is saturated with more than `most_at_limit` of such rows: in them the current
+    says nothing of friction, gain or load.
     """
 
-    rest_s: float = 1.0
     at_limit: float = 0.98
     most_at_limit: float = 0.3
 
@@ -110,9 +108,9 @@ class _Cutter:
         """Yield the stretches in order; together they are the whole recording."""
         start = 0
         for first, last in self._movements():
-            if first * self.cells.rows > start:
-                yield self._rest(start, first * self.cells.rows)
-                start = first * self.cells.rows
+            if (begin := int(self.cells.edges[first])) > start:
+                yield self._rest(start, begin)
+                start = begin
             for segment in self._cut(start, first, last):
                 yield segment
                 start = segment.rows[1]
@@ -120,32 +118,25 @@ class _Cutter:
             yield self._rest(start, self.recording.samples)
 
     def _movements(self) -> Iterator[tuple[int, int]]:
-        """Yield first and last cell (exclusive) of each movement, with the short rests in it."""
-        moving = np.flatnonzero(self.cells.moves)
-        if not moving.size:
-            return
-        apart = SEGMENT.rest_s / (self.cells.rows * self.recording.interval_s)
+        """Yield first and last cell (exclusive) of each movement: what is between two rests."""
         fewest = -(-FEWEST_SAMPLES // self.cells.rows)
         reached = 0
-        for run in np.split(moving, np.flatnonzero(np.diff(moving) > max(apart, 1)) + 1):
-            # The motion ends after the command, and a recording has rows enough.
-            first = max(int(run[0]), reached)
-            last = min(max(int(run[-1]) + 2, first + fewest), self.cells.moves.size)
+        for begin, end in runs(self.cells.moves):
+            # One cell more, as an actuator may be slower than a healthy one; and rows enough for a recording.
+            first = max(begin, reached)
+            last = min(max(end + 1, first + fewest), self.cells.moves.size)
             if last > first:
                 yield first, last
                 reached = last
 
     def _cut(self, start: int, first: int, last: int) -> Iterator[Segment]:
         """Yield the stretches of a movement from row `start`, of the cells `first` to `last` (exclusive)."""
-        known, rows = np.zeros((self.space.dimensions,) * 2), self.cells.rows
+        known, edges = np.zeros((self.space.dimensions,) * 2), self.cells.edges.tolist()
         for cell in range(first, last):
             known = known + self.information.get(cell, 0.0)
-            taken = (cell + 1) * rows - start
-            left = (last - cell - 1) * rows
-            if left == 0 or (taken + rows > self.most_rows and left >= FEWEST_SAMPLES):
-                is_last = cell + 1 == self.cells.moves.size
-                end = self.recording.samples if is_last else (cell + 1) * rows
-                yield self._segment(start, end, self._half_widths(known), in_motion=start > first * rows)
+            end = edges[cell + 1]
+            if cell + 1 == last or edges[cell + 2] - start > self.most_rows:
+                yield self._segment(start, end, self._half_widths(known), in_motion=start > edges[first])
                 start, known = end, np.zeros_like(known)
 
     def _half_widths(self, information: Array) -> dict[str, float]:
@@ -188,7 +179,9 @@ class _Cutter:
         return f"saturated: the current is at its limit in {100 * share:.0f} % of the rows"
 
     def _rest(self, first: int, last: int) -> Segment:
-        return self._made(first, last, {}, (), AT_REST)
+        least = f"{self.cells.least:.2g} {unit_for('rad', self.actuator.coordinates)}"
+        reason = f"at rest: in {CELLS.rest_s:g} s the command moves by no more than {least}"
+        return self._made(first, last, {}, (), reason)
 
     def _made(
         self, first: int, last: int, halves: dict[str, float], identifies: tuple[str, ...], reason: str

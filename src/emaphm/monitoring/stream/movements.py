@@ -13,7 +13,7 @@ from emaphm.monitoring.settings import StreamSettings
 from emaphm.recording.io.file_columns import FileColumns
 
 AT_REST = 1e-3
-"""Share of the command's range below which it does not move, as in `experiment.segmentation`."""
+"""Share of the command's range below which it does not move."""
 
 
 @dataclass(frozen=True, eq=False)
