@@ -16,7 +16,7 @@ from emaphm.calibration.conditions import check_nuisances
 from emaphm.calibration.description import Description, Laws, described_with_laws
 from emaphm.calibration.findings import Parameter, found_parameters, found_recordings, found_values
 from emaphm.calibration.law_selection import parameters_of
-from emaphm.calibration.model_error import learned_model_error
+from emaphm.calibration.model_error.learned import learned_model_error
 from emaphm.calibration.motion.fit import motion_fit
 from emaphm.calibration.motion.loop import Loop, LoopChoice, chosen_loop
 from emaphm.calibration.motion.result import (
