@@ -193,6 +193,7 @@ def _by_motion(
         laws=tuple(law.name for law in description.laws),
         unexcited=_unexcited(description, parameters),
         loop=choice,
+        error_correlation=fit.found.error_correlation,
     )
 
 
@@ -245,4 +246,5 @@ def _result(
         description.selection,
         _unexcited(description, parameters),
         choice,
+        fit.uncertainty.error_correlation,
     )

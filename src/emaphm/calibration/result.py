@@ -29,7 +29,9 @@ class Calibration:
     `collinear_sets` are parameters that are known in combination only. `laws` are the names of the laws that
     were added to the description, `selection` how they were chosen, and `unexcited` those that nothing in
     the recordings excites, each with the manoeuvre that would. `loop` says whether the parameters are those
-    of a fit in closed loop or of measured motion.
+    of a fit in closed loop or of measured motion. `error_correlation`, from 0 to 1, is how alike the
+    residuals are of recordings that repeat a manoeuvre: what is common to them is not averaged away in the
+    standard errors; None where no more than by chance.
     """
 
     parameters: Mapping[str, Parameter]
@@ -45,6 +47,7 @@ class Calibration:
     selection: tuple[LawTrial, ...] = ()
     unexcited: Mapping[str, str] = field(default_factory=dict)
     loop: LoopChoice = CLOSED
+    error_correlation: float | None = None
 
     @property
     def replays(self) -> tuple[Replay, ...]:
@@ -82,6 +85,7 @@ class Calibration:
             "model_error": self.actuator.model_error.model_dump(mode="json", exclude_none=True),
             "birge_ratio": self.birge_ratio,
             "scattered": self.scattered,
+            "error_correlation": self.error_correlation,
             "collinear": [asdict(one) for one in self.collinear_sets],
             "laws": list(self.laws),
             "selection": [asdict(one) for one in self.selection],
@@ -138,5 +142,5 @@ class Calibration:
             f"Nothing in these recordings excites the law '{name}'; {manoeuvre} would."
             for name, manoeuvre in self.unexcited.items()
         ]
-        lines += recording_notes(self.recordings, self.birge_ratio, self.scattered)
+        lines += recording_notes(self.recordings, self.birge_ratio, self.scattered, self.error_correlation)
         return [*lines, *model_error_notes(self.actuator.model_error, self.actuator.coordinates)]
