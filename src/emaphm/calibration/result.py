@@ -31,7 +31,8 @@ class Calibration:
     the recordings excites, each with the manoeuvre that would. `loop` says whether the parameters are those
     of a fit in closed loop or of measured motion. `error_correlation`, from 0 to 1, is how alike the
     residuals are of recordings that repeat a manoeuvre: what is common to them is not averaged away in the
-    standard errors; None where no more than by chance.
+    standard errors; None where no more than by chance. `warnings` are sentences on signs, units and channels
+    that the calibrated model does not resemble.
     """
 
     parameters: Mapping[str, Parameter]
@@ -48,6 +49,7 @@ class Calibration:
     unexcited: Mapping[str, str] = field(default_factory=dict)
     loop: LoopChoice = CLOSED
     error_correlation: float | None = None
+    warnings: tuple[str, ...] = ()
 
     @property
     def replays(self) -> tuple[Replay, ...]:
@@ -108,6 +110,7 @@ class Calibration:
             "notes": [
                 f"{one.recording.source}: {note}" for one in self.replays for note in one.recording.notes
             ],
+            "warnings": list(self.warnings),
             "actuator": self.actuator.name,
             "version": VERSION,
         }
@@ -133,7 +136,7 @@ class Calibration:
         return "\n\n".join([*parts, format_table(("channel", title), errors)])
 
     def notes(self) -> list[str]:
-        """Return what was done to the recordings, what is doubtful or not excited, and each one's own."""
+        """Return what was done to the recordings, what is doubtful, each one's own, and warnings."""
         lines = [f"{self.loop}."]
         lines += [f"{one.recording.source}: {note}." for one in self.replays for note in one.recording.notes]
         lines += [f"{name} is {p.remark}." for name, p in self.parameters.items() if p.reason]
@@ -143,4 +146,5 @@ class Calibration:
             for name, manoeuvre in self.unexcited.items()
         ]
         lines += recording_notes(self.recordings, self.birge_ratio, self.scattered, self.error_correlation)
-        return [*lines, *model_error_notes(self.actuator.model_error, self.actuator.coordinates)]
+        lines += model_error_notes(self.actuator.model_error, self.actuator.coordinates)
+        return [*lines, *(f"Warning: {warning}." for warning in self.warnings)]
