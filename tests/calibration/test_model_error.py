@@ -12,7 +12,7 @@ from emaphm.actuator.law_sections import Drive
 from emaphm.actuator.unit.model_error import NOT_LEARNED, ChannelError, ModelError
 from emaphm.arrays import Array
 from emaphm.calibration import calibrate
-from emaphm.calibration.model_error import LeftOut, channel_error
+from emaphm.calibration.model_error.learned import LeftOut, channel_error
 from emaphm.diagnosis import diagnose
 from emaphm.diagnosis.verdict import VERDICT
 from emaphm.errors import ActuatorError

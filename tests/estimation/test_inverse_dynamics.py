@@ -177,6 +177,31 @@ def test_standard_errors_admit_correlated_residuals(plain: Recording) -> None:
     assert 0.6 < np.sqrt(np.mean(np.square(deviations))) < 1.3
 
 
+@pytest.mark.parametrize(("size", "noise", "ratio"), [(0.0, 3.0, 0.5), (0.3, 0.02, 1.0)])
+def test_noise_of_repetitions_is_averaged_away_and_a_friction_that_the_model_lacks_is_not(
+    size: float, noise: float, ratio: float
+) -> None:
+    # A torque that the position causes, 30 periods a rad, is the same each time.
+    whole = machine(lambda position, speed, _: friction(speed) + size * np.sin(30 * position))
+    rng, days = np.random.default_rng(1), []
+    for _ in range(4):
+        current = whole["current_A"] + noise * rng.standard_normal(whole.samples)
+        days.append(Recording({**whole.channels, "current_A": current}, "instant"))
+    free = ["inertia", "viscous", "coulomb"]
+
+    def found(recordings: list[Recording]) -> InverseDynamicsResult:
+        return inverse_dynamics(recordings, ACTUATOR, free, position_hz=40.0, regression_hz=20.0)
+
+    together, copies = found(days), found(days[:1] * 4)
+    alone = [found([day]).standard_errors for day in days]
+    assert (together.error_correlation is None) == (size == 0)
+    for name in free:
+        usual = np.sqrt(np.mean([one[name] ** 2 for one in alone]))
+        # Each standard error is known to some 5 %.
+        assert together.standard_errors[name] / usual == pytest.approx(ratio, abs=0.15)
+        assert copies.standard_errors[name] / alone[0][name] == pytest.approx(1, abs=0.15)
+
+
 def test_a_described_saturation_takes_its_part_of_the_torque(plain: Recording) -> None:
     effective = plain["current_A"]
     saturation = 0.15 / float(np.max(np.abs(effective)))

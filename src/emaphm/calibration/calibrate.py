@@ -16,7 +16,7 @@ from emaphm.calibration.conditions import check_nuisances
 from emaphm.calibration.description import Description, Laws, described_with_laws
 from emaphm.calibration.findings import Parameter, found_parameters, found_recordings, found_values
 from emaphm.calibration.law_selection import parameters_of
-from emaphm.calibration.model_error import learned_model_error
+from emaphm.calibration.model_error.learned import learned_model_error
 from emaphm.calibration.motion.fit import motion_fit
 from emaphm.calibration.motion.loop import Loop, LoopChoice, chosen_loop
 from emaphm.calibration.motion.result import (
@@ -32,6 +32,7 @@ from emaphm.calibration.result import Calibration
 from emaphm.calibration.separation import collinear_parameters
 from emaphm.calibration.shaft import fit_description
 from emaphm.calibration.unit_fit import FitSettings, UnitFit
+from emaphm.calibration.warnings import calibration_warnings, unit_or_sign
 from emaphm.errors import EmaphmError, MethodError
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS
 from emaphm.estimation.space.parameter_variation import sizes
@@ -117,7 +118,8 @@ def calibrate(
             return _by_motion(rows, actuator, names, laws, choice, settings, began)
         except EmaphmError as error:
             if loop == "measured":
-                raise
+                hints = [hint for row in rows for hint in unit_or_sign(row, bare)]
+                raise type(error)("; ".join([str(error), *dict.fromkeys(hints)])) from None
             reason = f"{choice.reason}; closed loop all the same: {error}"
             choice = LoopChoice("closed", reason)
     share = 0.0 if laws is None else 0.5
@@ -180,10 +182,11 @@ def _by_motion(
     )
     parameters = motion_parameters(fit, covariance, description.actuator)
     baseline = Baseline.of(tuple(parameters), covariance, tuple(row.recording.source for row in rows))
+    found = motion_recordings(fit, rows, calibrated)
     return Calibration(
         parameters,
         calibrated.model_copy(update={"baseline": baseline}),
-        motion_recordings(fit, rows, calibrated),
+        found,
         None if alone is None else alone.meta.birge_ratio,
         scattered=alone is not None and bool(np.any(alone.meta.scatter)),
         collinear_sets=motion_collinear(fit, parameters),
@@ -193,6 +196,8 @@ def _by_motion(
         laws=tuple(law.name for law in description.laws),
         unexcited=_unexcited(description, parameters),
         loop=choice,
+        error_correlation=fit.found.error_correlation,
+        warnings=calibration_warnings(rows, found, description.actuator),
     )
 
 
@@ -231,10 +236,11 @@ def _result(
     known = known.model_copy(update={"tolerances": known.open_tolerances})
     parameters = {**found_parameters(fit, values, rows, actuator), **scanned}
     problems = [term.objective.problem for term in fit.joint.terms]
+    found = found_recordings(fit, rows, calibrated)
     return Calibration(
         parameters,
         known.model_copy(update={"model_error": learned_model_error(rows, fit, actuator, known, settings)}),
-        found_recordings(fit, rows, calibrated),
+        found,
         None if fit.uncertainty.alone is None else fit.uncertainty.alone.meta.birge_ratio,
         fit.contradictions is not None and bool(np.any(fit.contradictions.covariance)),
         collinear_parameters(fit, calibrated, settings.seed),
@@ -245,4 +251,6 @@ def _result(
         description.selection,
         _unexcited(description, parameters),
         choice,
+        fit.uncertainty.error_correlation,
+        calibration_warnings(rows, found, actuator),
     )

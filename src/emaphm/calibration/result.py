@@ -29,7 +29,10 @@ class Calibration:
     `collinear_sets` are parameters that are known in combination only. `laws` are the names of the laws that
     were added to the description, `selection` how they were chosen, and `unexcited` those that nothing in
     the recordings excites, each with the manoeuvre that would. `loop` says whether the parameters are those
-    of a fit in closed loop or of measured motion.
+    of a fit in closed loop or of measured motion. `error_correlation`, from 0 to 1, is how alike the
+    residuals are of recordings that repeat a manoeuvre: what is common to them is not averaged away in the
+    standard errors; None where no more than by chance. `warnings` are sentences on signs, units and channels
+    that the calibrated model does not resemble.
     """
 
     parameters: Mapping[str, Parameter]
@@ -45,6 +48,8 @@ class Calibration:
     selection: tuple[LawTrial, ...] = ()
     unexcited: Mapping[str, str] = field(default_factory=dict)
     loop: LoopChoice = CLOSED
+    error_correlation: float | None = None
+    warnings: tuple[str, ...] = ()
 
     @property
     def replays(self) -> tuple[Replay, ...]:
@@ -82,6 +87,7 @@ class Calibration:
             "model_error": self.actuator.model_error.model_dump(mode="json", exclude_none=True),
             "birge_ratio": self.birge_ratio,
             "scattered": self.scattered,
+            "error_correlation": self.error_correlation,
             "collinear": [asdict(one) for one in self.collinear_sets],
             "laws": list(self.laws),
             "selection": [asdict(one) for one in self.selection],
@@ -104,6 +110,7 @@ class Calibration:
             "notes": [
                 f"{one.recording.source}: {note}" for one in self.replays for note in one.recording.notes
             ],
+            "warnings": list(self.warnings),
             "actuator": self.actuator.name,
             "version": VERSION,
         }
@@ -129,7 +136,7 @@ class Calibration:
         return "\n\n".join([*parts, format_table(("channel", title), errors)])
 
     def notes(self) -> list[str]:
-        """Return what was done to the recordings, what is doubtful or not excited, and each one's own."""
+        """Return what was done to the recordings, what is doubtful, each one's own, and warnings."""
         lines = [f"{self.loop}."]
         lines += [f"{one.recording.source}: {note}." for one in self.replays for note in one.recording.notes]
         lines += [f"{name} is {p.remark}." for name, p in self.parameters.items() if p.reason]
@@ -138,5 +145,6 @@ class Calibration:
             f"Nothing in these recordings excites the law '{name}'; {manoeuvre} would."
             for name, manoeuvre in self.unexcited.items()
         ]
-        lines += recording_notes(self.recordings, self.birge_ratio, self.scattered)
-        return [*lines, *model_error_notes(self.actuator.model_error, self.actuator.coordinates)]
+        lines += recording_notes(self.recordings, self.birge_ratio, self.scattered, self.error_correlation)
+        lines += model_error_notes(self.actuator.model_error, self.actuator.coordinates)
+        return [*lines, *(f"Warning: {warning}." for warning in self.warnings)]

@@ -54,7 +54,10 @@ def law_table(trials: Sequence[LawTrial]) -> str:
 
 
 def recording_notes(
-    recordings: Sequence[RecordingResult], birge_ratio: float | None, scattered: bool
+    recordings: Sequence[RecordingResult],
+    birge_ratio: float | None,
+    scattered: bool,
+    error_correlation: float | None,
 ) -> list[str]:
     """Return a line on what was estimated of each recording, and on how the recordings agree."""
     lines = []
@@ -75,6 +78,11 @@ def recording_notes(
         lines.append(
             f"The {len(recordings)} recordings scatter {birge_ratio:.2g} times as much as their own standard "
             "errors explain" + ("; those above include it." if scattered else ", no more than by chance.")
+        )
+    if error_correlation is not None:
+        lines.append(
+            f"The residuals of recordings of one manoeuvre are alike (correlation {error_correlation:.2f}): "
+            "what is common to them is not averaged away in the standard errors, and shows in no scatter."
         )
     return lines
 

@@ -135,12 +135,14 @@ def motion_parameters(fit: MotionFit, covariance: Array, actuator: Actuator) -> 
     """Return the parameters with standard errors by their `covariance` (p, p), and whether each is known."""
     names = tuple(fit.found.parameters)
     errors, size = np.sqrt(np.diag(covariance)), sizes(actuator, names)
+    described = lumped_parameters(actuator, names)
     against, parameters = motion_contradictions(fit, actuator), {}
     for i, (name, error) in enumerate(zip(names, errors, strict=True)):
         value, at_bound = fit.found.values[name], name in fit.found.at_bound
         signed, doubtful = name in SIGNED, against is not None and bool(against.contradicted[i])
         reasons = [_disagreement(fit, name)] if doubtful else []
         reasons += ["at the bound of its search: the recordings do not show it"] if at_bound else []
+        reasons += _far_off(value, fit.covariance[i, i] ** 0.5, described[name]) if not signed else []
         parameters[name] = Parameter(
             value,
             float(error if signed else max(error * abs(value), fit.covariance[i, i] ** 0.5)),
@@ -151,6 +153,24 @@ def motion_parameters(fit: MotionFit, covariance: Array, actuator: Actuator) -> 
             reason="; ".join(reasons),
         )
     return parameters
+
+
+def _far_off(value: float, error: float, described: float) -> list[str]:
+    """Return a reason where a positive value lies outside of what a calibration in closed loop searches.
+
+    Least squares are linear in most parameters, and reach any value; 0 is one that recordings do not show.
+    """
+    if not (value > 0 and described > 0):
+        return []
+    too_small = value + 2 * error < described / WIDEST_FACTOR
+    if not too_small and value - 2 * error <= described * WIDEST_FACTOR:
+        return []
+    return [
+        (
+            f"{value / described:.2g} times the description's value, beyond the factor of {WIDEST_FACTOR:g} "
+            "that a calibration in closed loop searches: check the units of the recording, and that value"
+        )
+    ]
 
 
 def _disagreement(fit: MotionFit, name: str) -> str:

@@ -140,12 +140,13 @@ def first_order_lag(values: Array, lag: float, interval: float) -> Array:
 class RowThinning:
     """Which rows of a recording the regression keeps, and the low-pass before it.
 
-    `kept` are row numbers; rows within a period of the cutoff of either end are left out.
+    `kept` are row numbers, one of each `step`; rows within a period of the cutoff of either end are left out.
     """
 
     cutoff_hz: float
     interval: float
     kept: NDArray[np.intp]
+    step: int
 
     @classmethod
     def of(cls, moving: NDArray[np.bool_], cutoff_hz: float, interval: float) -> Self:
@@ -159,10 +160,10 @@ class RowThinning:
         for first, after in runs(~moving):
             if after - first >= 2 * quarter:
                 usable[max(first - quarter, 0) : after + quarter] = False
-        factor = max(1, int(1 / (ROWS_PER_CUTOFF * cutoff_hz * interval)))
+        step = max(1, int(1 / (ROWS_PER_CUTOFF * cutoff_hz * interval)))
         margin = min(4 * quarter, moving.size // 4)
-        rows = np.arange(margin, moving.size - margin, factor)
-        return cls(cutoff_hz, interval, rows[usable[rows]])
+        rows = np.arange(margin, moving.size - margin, step)
+        return cls(cutoff_hz, interval, rows[usable[rows]], step)
 
     def __call__(self, values: Array) -> Array:
         """Return `values` (…, n) through the low-pass, at the rows kept."""

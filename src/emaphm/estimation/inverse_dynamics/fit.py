@@ -6,6 +6,7 @@ Gauss-Newton search over all of them ends at the optimum.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,6 +23,8 @@ from emaphm.estimation.inverse_dynamics.search import minimised
 from emaphm.estimation.inverse_dynamics.torque_balance import NAMES, Values, measured_torque
 from emaphm.estimation.uncertainty.collinearity import CollinearSet, collinear_coordinates, listed
 from emaphm.estimation.uncertainty.covariance import sandwich_covariance
+from emaphm.estimation.uncertainty.long_run_variance import long_run_covariance
+from emaphm.estimation.uncertainty.repeated_errors import ScoreSeries, repeated_errors
 from emaphm.recording import Recording
 
 SINGULAR = 1e-6
@@ -130,9 +133,32 @@ def inverse_dynamics(
     # In units of what each parameter moves, so that the inverse is not spoilt by theirs.
     size = np.linalg.norm(found.jacobian, axis=0)
     scaled = (found.jacobian / size).T[np.newaxis]
-    covariance = sandwich_covariance(scaled, residual, np.full(found.point.size, np.inf)).covariance
+    alike, correlation = _repeated_scores(problem, scaled[0] * residual)
+    unknown = np.full(found.point.size, np.inf)
+    covariance = sandwich_covariance(scaled, residual, unknown, error_scores=alike).covariance
     covariance = problem.parameter_covariance(covariance / np.outer(size, size))
-    return _result(problem, found.point, covariance, residual, found.at_bound, actuator)
+    result = _result(problem, found.point, covariance, residual, found.at_bound, actuator)
+    return replace(result, error_correlation=correlation)
+
+
+def _repeated_scores(problem: InverseProblem, scores: Array) -> tuple[Array, float | None]:
+    """Return what recordings of one motion add to the covariance (p, p) of the sum of `scores` (p, rows).
+
+    And how alike the residuals are in them; 0 and None where no more than by chance.
+    """
+    ends = np.cumsum([target.size for target in problem.targets])
+    series = []
+    for motion, thinned, own in zip(
+        problem.motions, problem.thinnings, np.split(scores, ends[:-1], axis=1), strict=True
+    ):
+        every_row = np.zeros((len(scores), motion.angle.size))
+        every_row[:, thinned.kept] = own
+        series.append(ScoreSeries(every_row, motion.angle, motion.interval))
+    shared = np.flatnonzero([recording is None for _, recording in problem.keys])
+    repeated = repeated_errors(series, shared, max(one.step for one in problem.thinnings))
+    if repeated.correlation is None:
+        return np.zeros_like(repeated.covariance), None
+    return repeated.covariance - long_run_covariance(scores), repeated.correlation
 
 
 def described_values(actuator: Actuator) -> dict[str, float]:

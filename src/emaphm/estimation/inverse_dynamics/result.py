@@ -55,6 +55,8 @@ class InverseDynamicsResult:
     `covariance` (p, p) is that of the shared `parameters` in their order and units. `relative_error` is that
     of all rows of the regression. `collinear` are sets of which only a combination is known, `at_bound`
     searched parameters that ended at the bound of their search: the recordings do not show them.
+    `error_correlation` is how alike the residuals are in recordings that repeat a motion, from 0 to 1; None
+    where no more than by chance.
     """
 
     parameters: Mapping[str, Estimate]
@@ -65,6 +67,7 @@ class InverseDynamicsResult:
     collinear: tuple[CollinearSet, ...]
     at_bound: tuple[str, ...]
     actuator: Actuator
+    error_correlation: float | None = None
 
     @property
     def values(self) -> dict[str, float]:
@@ -97,6 +100,7 @@ class InverseDynamicsResult:
             "relative_error": self.relative_error,
             "collinear": [list(one.members) for one in self.collinear],
             "at_bound": list(self.at_bound),
+            "error_correlation": self.error_correlation,
             "recordings": [
                 {
                     "recording": one.source,

@@ -14,6 +14,7 @@ from emaphm.estimation.levenberg_marquardt import least_squares
 from emaphm.estimation.uncertainty.covariance import ScoreStatistics, score_statistics
 from emaphm.estimation.uncertainty.fisher_information import information
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at, local_covariance, rounding_scores
+from emaphm.estimation.uncertainty.repeated_errors import RepeatedErrors, ScoreSeries, repeated_errors
 from emaphm.random_streams import stream
 
 FAR = 2.0
@@ -52,11 +53,15 @@ class JointUncertainty:
         Of all coordinates (d, d), from the residuals of all recordings, their correlation included.
     alone
         What each recording would have by itself; None of one recording.
+    error_correlation
+        How alike the residuals are in recordings that repeat a command, from 0 to 1; None where no more than
+        by chance.
     """
 
     point: Array
     covariance: Array
     alone: AloneEstimates | None
+    error_correlation: float | None
 
 
 def joint_uncertainty(
@@ -86,9 +91,12 @@ def joint_uncertainty(
         statistics.append(score_statistics(replicates, channels, len(problem.channels), open_by_counts))
         normals.append(information(replicates) / np.mean(channels**2))
         gradients.append(replicates.mean(axis=0) @ channels / np.mean(channels**2))
+    repeated = _repeated_errors(estimate, jacobians)
     total = ScoreStatistics(
         joint.summed_matrices([one.information for one in statistics]),
-        joint.summed_matrices([one.score_covariance for one in statistics]),
+        joint.summed_matrices([one.score_covariance for one in statistics])
+        + repeated.covariance
+        - repeated.independent,
     )
     # Descents stop short of the prior where recordings have little information; a step by all Jacobians
     # does not.
@@ -102,7 +110,22 @@ def joint_uncertainty(
         estimate.point if estimate.corrected else _stepped(estimate, step),
         total.covariance(joint.prior_deviations, joint.correlated_rows),
         alone or (_alone(estimate, jacobians, unresolved, seed) if len(joint.terms) > 1 else None),
+        repeated.correlation,
     )
+
+
+def _repeated_errors(estimate: JointEstimate, jacobians: Sequence[Array]) -> RepeatedErrors:
+    """Return what recordings that repeat a command have in common in their normalised residuals."""
+    joint, series = estimate.joint, []
+    for r, (term, residual) in enumerate(zip(joint.terms, estimate.corrected_residuals, strict=True)):
+        problem, channels = term.objective.problem, residual[: term.objective.channel_rows]
+        by_channel = jacobians[r].mean(axis=0) * channels / np.mean(channels**2)
+        scores = np.zeros((joint.box.lower.size, problem.samples))
+        scores[joint.indices[r]] = by_channel.reshape(len(by_channel), -1, problem.samples).sum(axis=1)
+        interval = problem.inputs.interval
+        command = problem.driving.command(np.asarray(interval * np.arange(problem.samples), float))
+        series.append(ScoreSeries(scores, np.asarray(command, float), interval))
+    return repeated_errors(series, np.arange(joint.shared))
 
 
 def _stepped(estimate: JointEstimate, step: Array) -> Array:

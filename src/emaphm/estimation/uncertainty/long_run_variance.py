@@ -20,11 +20,15 @@ def long_run_covariance(scores: Array, channels: int = 1) -> Array:
     t with as many degrees of freedom to the normal quantile, so that normal intervals have their coverage.
     """
     together = scores.reshape(len(scores), channels, -1).sum(axis=1)
-    samples = together.shape[1]
-    count = max(1, int(COSINES * samples ** (2 / 3)))
-    transforms = _cosine_transforms(together, count)
+    transforms = slow_transforms(together)
+    samples, count = together.shape[1], transforms.shape[1]
     inflation = student_t_quantile(count, 0.975) / normal_quantile(0.975)
     return np.asarray(inflation**2 * samples / count * transforms @ transforms.T)
+
+
+def slow_transforms(rows: Array) -> Array:
+    """Return the cosine transforms (d, count) of `rows` (d, n) that their long-run covariance is made of."""
+    return _cosine_transforms(rows, max(1, int(COSINES * rows.shape[1] ** (2 / 3))))
 
 
 def _cosine_transforms(rows: Array, count: int) -> Array:

@@ -14,10 +14,10 @@ from emaphm.actuator import Actuator
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.actuator.unit.model_error import CHANNELS, NOT_LEARNED, ChannelError, ModelError
 from emaphm.arrays import Array
-from emaphm.calibration.apparent_faults import apparent_faults
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.findings import found_values
 from emaphm.calibration.held_out import folds, left_out_residual, own_coordinates, subset
+from emaphm.calibration.model_error.apparent_faults import apparent_faults
 from emaphm.calibration.unit_fit import FitSettings, UnitFit
 from emaphm.estimation.discrepancy import has_reference
 from emaphm.estimation.joint.correction import compared, corrected_estimate

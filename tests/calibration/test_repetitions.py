@@ -1,0 +1,69 @@
+"""Repetitions of a manoeuvre: their noise is averaged away, a friction that the model lacks is not."""
+
+import json
+
+import numpy as np
+import pytest
+
+from cases import THESIS
+from emaphm.actuator import Actuator, Chirp
+from emaphm.arrays import Array
+from emaphm.calibration import Calibration, calibrate
+from emaphm.recording import Recording, acquire
+from emaphm.simulated_recording import simulate
+from emaphm.simulation import AVERAGED
+
+pytestmark = pytest.mark.usefixtures("no_model_error")
+
+FREE = ("inertia", "viscous")
+RIPPLED = Actuator.from_dict(THESIS.model_dump(exclude_none=True) | {"ripple": [{"order": 7, "cos": 0.02}]})
+"""A torque that depends on the position, which the description lacks."""
+
+
+def recorded(actuator: Actuator, seed: int, noise: float) -> Recording:
+    whole = simulate(
+        actuator,
+        Chirp(stop_hz=15.0, duration=0.15),
+        model="averaged",
+        sampling="instant",
+        sample_rate=1 / AVERAGED.step,
+        duration=0.15,
+    )
+    kept = {name: whole[name] for name in ("time_s", "command_rad", "current_A", "position_rad")}
+    levels = {"current_A": noise, "position_rad": 2e-4 * noise}
+    return acquire(Recording(kept, "instant", f"day {seed}"), noise=levels, seed=seed)
+
+
+def fitted(days: list[Recording]) -> Calibration:
+    return calibrate(days, THESIS, FREE, nuisances=(), max_corrections=0, workers=1)
+
+
+def errors(found: Calibration) -> Array:
+    return np.array([found.parameters[name].standard_error for name in FREE])
+
+
+def test_a_torque_that_the_model_lacks_is_not_averaged_away() -> None:
+    days = [recorded(RIPPLED, i, 0.02) for i in range(4)]
+    together, alone = fitted(days), fitted(days[:1])
+    assert together.error_correlation is not None
+    assert together.error_correlation > 0.8
+    # As sqrt(4) it would be 0.5.
+    np.testing.assert_allclose(errors(together) / errors(alone), 1.0, atol=0.15)
+    assert "not averaged away in the standard errors" in str(together)
+    assert json.loads(together.to_json())["error_correlation"] == together.error_correlation
+    assert alone.error_correlation is None
+
+
+def test_copies_of_a_recording_have_the_errors_of_one() -> None:
+    # Derivatives are taken about other points of each copy, which leaves 10 or 20 %; by sqrt(3), 42 %.
+    day = recorded(THESIS, 1, 0.1)
+    np.testing.assert_allclose(errors(fitted([day] * 3)) / errors(fitted([day])), 1.0, atol=0.2)
+
+
+def test_noise_is_averaged_away() -> None:
+    days = [recorded(THESIS, i, 0.1) for i in range(4)]
+    together = fitted(days)
+    alone = np.sqrt(np.mean([errors(fitted([day])) ** 2 for day in days], axis=0))
+    assert together.error_correlation is None
+    np.testing.assert_allclose(errors(together) / alone, 0.5, atol=0.1)
+    assert "averaged away" not in str(together)
