@@ -1,5 +1,7 @@
 """What a motor or an inverter loses is no fault, although faults or another inertia would make up for it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,8 @@ from emaphm.diagnosis import diagnose
 from emaphm.diagnosis.selection import deviations
 from emaphm.diagnosis.selection.laws import hidden_laws, law_selection
 from emaphm.diagnosis.selection.laws.hidden_laws import Score, hidden_scores, suspected_laws
+from emaphm.diagnosis.selection.laws.law_fit import with_free_law
+from emaphm.diagnosis.selection.residual_share import notes_on_alternatives
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.methods import method_named
 from emaphm.estimation.objective import faults_objective
@@ -61,6 +65,20 @@ def test_a_law_that_is_certain_and_leaves_as_much_is_an_alternative(monkeypatch:
         found, _, laws = deviations._with_hidden_laws(result, (result, (), ()), method_named("hybrid"), 2, 0)
         assert laws == (("speed-lag",) if kept else ())
         assert found.alternatives == alternatives
+
+
+def test_a_law_that_would_explain_as_well_is_named() -> None:
+    result = near_the_truth(on_a_rig(THESIS, FAULTS, 0.2))
+    law = LAWS["cogging"]
+    objective = with_free_law(result.objective, law, law.parameters[:4])
+    point = objective.space.carried_over(result.point, result.objective.space)
+    assert result.discrepancy is not None
+    priors = np.zeros(objective.target.size - result.objective.target.size)
+    discrepancy = replace(result.discrepancy, mean=np.concatenate([result.discrepancy.mean, priors]))
+    other = SearchResult.at(objective, point, discrepancy=discrepancy)
+    assert notes_on_alternatives(result) == ()
+    (note,) = notes_on_alternatives(replace(result, alternatives=(other,)))
+    assert note == "with cogging the recording would be explained as well; the intervals hold that too"
 
 
 def test_none_is_suspected_where_there_is_none_or_it_is_described() -> None:

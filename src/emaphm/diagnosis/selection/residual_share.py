@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from emaphm.actuator.laws import LAWS
 from emaphm.diagnosis.selection.settings import LAW_SELECTION, SELECTION
 from emaphm.estimation.correction_iterations import never
 from emaphm.estimation.search_result import SearchResult
@@ -27,18 +28,20 @@ def leaves_as_much(tried: SearchResult, before: SearchResult, share: float) -> b
 
 
 def notes_on_alternatives(result: SearchResult) -> tuple[str, ...]:
-    """Return a note on parameters of laws with which others explain the recording as well; none without."""
+    """Return a note on laws, or parameters, with which others explain the recording as well; none without."""
     here = result.objective.space.nuisances.unit.parameters
     others = {
         name
         for one in result.alternatives
         if one.explained and share_of_residual(one, result) < SELECTION.equal_share
         for name in one.objective.space.nuisances.unit.parameters
+        if name not in here
     }
-    names = sorted(others - {*here})
-    if not names:
+    if not others:
         return ()
-    return (f"{', '.join(names)} would explain the recording as well: the intervals hold that too",)
+    laws = [name for name, law in LAWS.items() if law.parameters[0] in others]
+    what = f"with {', '.join(laws or sorted(others))} the recording would be explained as well"
+    return (f"{what}; the intervals hold that too",)
 
 
 def hopeless_next_to(before: SearchResult) -> Callable[[SearchResult], bool]:
