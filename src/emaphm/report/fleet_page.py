@@ -179,8 +179,7 @@ def _introduction(recorded: Units, drawn: Units, diagnosed: Quality, units: int)
         f"emaphm.report.fleet_page studies/fleet docs{fewer}`. **Every unit here is synthetic**: drawn from "
         "the laws below, run to failure, recorded by the reference model, diagnosed by `emaphm`'s own "
         "methods, and predicted from its own past alone and the other units' histories. What holds for it "
-        "holds for "
-        "fleets that degrade in such ways, and is no proof for a real one.\n"
+        "holds for fleets that degrade in such ways, and is no proof for a real one.\n"
     )
     yield (
         f"*Diagnosed recordings*: {len(recorded)} units that failed, of {units}, a check flight each "

@@ -196,8 +196,9 @@ def _with_hidden_laws(
             elif certain and rival[0].explained and share < SELECTION.equal_share:
                 as_good.append(rival[0])
         if not better:
-            result = replace(best[0], alternatives=(*best[0].alternatives, *as_good))
-            return result, best[1], best[2]
+            # What has no further alternatives keeps what it has computed.
+            ends = (*best[0].alternatives, *as_good)
+            return (replace(best[0], alternatives=ends), *best[1:]) if as_good else best
         _, best, base = min(better, key=lambda one: one[0])
 
 

@@ -29,14 +29,13 @@ def leaves_as_much(tried: SearchResult, before: SearchResult, share: float) -> b
 
 def notes_on_alternatives(result: SearchResult) -> tuple[str, ...]:
     """Return a note on laws, or parameters, with which others explain the recording as well; none without."""
-    here = result.objective.space.nuisances.unit.parameters
-    others = {
-        name
-        for one in result.alternatives
-        if one.explained and share_of_residual(one, result) < SELECTION.equal_share
-        for name in one.objective.space.nuisances.unit.parameters
-        if name not in here
-    }
+    here = {*result.objective.space.nuisances.unit.parameters}
+    others = set[str]()
+    for one in result.alternatives:
+        own = {*one.objective.space.nuisances.unit.parameters} - here
+        # Most alternatives are of the same description, and need no comparison.
+        if own and one.explained and share_of_residual(one, result) < SELECTION.equal_share:
+            others |= own
     if not others:
         return ()
     laws = [name for name, law in LAWS.items() if law.parameters[0] in others]
