@@ -274,3 +274,11 @@ def test_a_message_stays_readable_whatever_the_columns(
     message = refused("replay", "odd.csv")
     assert len(message) < 1000
     assert message.strip().isprintable()
+
+
+@pytest.mark.parametrize("verb", ["calibrate", "diagnose", "history add", "detect learn", "detect judge"])
+def test_help_names_all_kinds_of_files_that_are_read(emaphm: Emaphm, verb: str) -> None:
+    said = emaphm(*verb.split(), "--help").out.replace("│", " ").split()
+    assert {".csv", ".parquet", ".mat", ".tdms", ".h5", ".hdf5", ".mf4"} <= {
+        word.rstrip(",;.") for word in said
+    }

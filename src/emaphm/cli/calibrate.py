@@ -7,6 +7,7 @@ from cyclopts import Parameter
 
 from emaphm.cli.options import (
     FIGURES,
+    RECORDING_KINDS,
     ActuatorFile,
     AsJson,
     FigureFile,
@@ -30,9 +31,7 @@ if TYPE_CHECKING:
 def calibrate(
     *recording: Annotated[
         Path,
-        Parameter(
-            help="Recordings: .csv, .parquet or .mat; or a campaign: .toml, or .csv with a column 'file'."
-        ),
+        Parameter(help=f"Recordings: {RECORDING_KINDS}; or a campaign: .toml, or .csv with a column 'file'."),
     ],
     free: Annotated[
         str | None,

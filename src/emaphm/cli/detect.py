@@ -7,6 +7,7 @@ from cyclopts import App, Parameter
 
 from emaphm.cli.options import (
     FIGURES,
+    RECORDING_KINDS,
     ActuatorFile,
     AsJson,
     Force,
@@ -29,7 +30,7 @@ DetectorFile = Annotated[Path, Parameter(help="Detector that 'detect learn' wrot
 
 @app.command
 def learn(
-    *recording: Annotated[Path, Parameter(help="Healthy recordings of one cycle each.")],
+    *recording: Annotated[Path, Parameter(help=f"Healthy recordings of one cycle each: {RECORDING_KINDS}.")],
     out: Annotated[Path, Parameter(name=("--out", "-o"), help="Detector to write: .json.")],
     group: Annotated[
         Literal["file", "folder"],
@@ -83,7 +84,7 @@ def learn(
 @app.command
 def judge(
     detector: DetectorFile,
-    *recording: Annotated[Path, Parameter(help="Recordings of one cycle each: .csv, .parquet or .mat.")],
+    *recording: Annotated[Path, Parameter(help=f"Recordings of one cycle each: {RECORDING_KINDS}.")],
     together: Annotated[
         bool, Parameter(negative="", help="Judge all as the cycles of one run: more sensitive.")
     ] = False,

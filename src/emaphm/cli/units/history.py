@@ -9,6 +9,7 @@ from emaphm.cli.options import (
     ActuatorFile,
     AsJson,
     Force,
+    RecordingFile,
     Seed,
     check_seed,
     described_actuator,
@@ -40,7 +41,7 @@ DB = "history.sqlite"
 
 @app.command
 def add(
-    recording: Annotated[Path, Parameter(help="Recording: .csv, .parquet or .mat.")],
+    recording: RecordingFile,
     *further: Annotated[Path, Parameter(help="More recordings of the same flight.")],
     unit: Unit,
     hours: Hours,
