@@ -233,10 +233,18 @@ def test_an_actuator_without_windings_is_refused() -> None:
 
 
 @pytest.mark.parametrize(
+    "channels", [("voltage", "current"), ("voltage_V", "current"), ("current_A", "voltage")]
+)
+def test_channels_of_a_setup_go_by_short_names_or_by_their_columns(channels: tuple[str, ...]) -> None:
+    setup = RecordingSetup.of(THESIS, COMMAND, duration=0.25, channels=channels)
+    assert setup.channels == ("current_A", "voltage_V")
+
+
+@pytest.mark.parametrize(
     ("values", "complaint"),
     [
         ({"channels": ("voltage_V",)}, "current_A"),
-        ({"channels": ("current_A", "speed")}, "speed_rad_s"),
+        ({"channels": ("current_A", "sped")}, "speed_rad_s"),
         ({"duration": 100.0}, "rows"),
         ({"noise": -1.0}, "rms"),
     ],

@@ -52,7 +52,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (["train", "-o", "{0}/unit.estimator"], "--force"),
         (["train", "-o", "{0}/new.estimator", "--epochs", "0"], "--epochs"),
         (["train", "-o", "{0}/new.estimator", "--adc-bits", "many"], "exact"),
-        (["train", "-o", "{0}/new.estimator", "--channels", "speed"], "did you mean 'speed_rad_s'"),
+        (["train", "-o", "{0}/new.estimator", "--channels", "sped"], "did you mean 'speed_rad_s'"),
         (["train", "-o", "{0}/new.estimator", "--nuisance", "lod"], "did you mean 'load'"),
     ],
 )

@@ -259,6 +259,13 @@ def test_the_figure_shows_both_manoeuvres_and_all_half_widths(improved: Design, 
     assert linear.plot().axes[0].get_ylabel() == "command [m]"
 
 
+@pytest.mark.parametrize(
+    "channels", [("current", "speed"), ("speed_rad_s", "current_A"), ("speed", "current_A")]
+)
+def test_channels_go_by_short_names_or_by_their_columns(channels: tuple[str, ...]) -> None:
+    assert TestSetup.of(EMPS, channels, 0.05, 5000.0).channels == ("current_A", "speed_rad_s")
+
+
 BAD: dict[str, tuple[Callable[[], Any], str]] = {
     "channel": (lambda: design(THESIS, channels=("current", "volt")), "did you mean 'voltage'"),
     "no current": (lambda: design(THESIS, channels=("voltage",)), "put current among the channels"),

@@ -17,7 +17,7 @@ from emaphm.estimation.space.nuisances import NuisanceSet
 from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.recording import Recording, full_scales
 from emaphm.recording.acquisition import check_bits
-from emaphm.recording.schema import CURRENTS
+from emaphm.recording.schema import CURRENTS, SHORT_NAMES
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import Initial, Inputs
 
@@ -74,6 +74,8 @@ class RecordingSetup:
     ) -> Self:
         """Return the setup of following `command` (see `emaphm.simulate`) with these sensors.
 
+        `channels` are columns of a recording, or "current", "voltage", "position" and "speed" for short.
+
         Raises
         ------
         MethodError
@@ -81,6 +83,7 @@ class RecordingSetup:
             a channel or a nuisance is not one that the models have, or the recording would be too long.
         """
         check_windings(actuator)
+        channels = [SHORT_NAMES.get(name, name) for name in channels]
         check_channels(actuator, channels)
         if adc_bits is not None:
             check_bits(adc_bits)

@@ -49,7 +49,10 @@ def design(
     ] = None,
     channels: Annotated[
         str,
-        Parameter(help="What will be recorded, with commas between: current, voltage, position, speed."),
+        Parameter(
+            help="What will be recorded, with commas between: current, voltage, position, speed; or columns "
+            "such as current_A."
+        ),
     ] = "current",
     noise: Annotated[float, Parameter(help="Noise of the current's sensor, rms [A].")] = 0.05,
     sample_rate: SampleRate = 5000.0,
@@ -64,7 +67,8 @@ def design(
         int,
         Parameter(
             converter=whole_number,
-            help="Simulated tests that prove the given manoeuvre and the best found; 0 for no proof.",
+            help="Simulated tests that prove the given manoeuvre and the best found: 4 or more; 0 for no "
+            "proof, with --candidates 0.",
         ),
     ] = 12,
     out: Annotated[

@@ -46,7 +46,11 @@ def train(
     duration: Duration = 0.5,
     sample_rate: SampleRate = 5000.0,
     channels: Annotated[
-        str, Parameter(help="What is recorded, with commas between.")
+        str,
+        Parameter(
+            help="What is recorded, with commas between: columns such as current_A, or for short current, "
+            "voltage, position, speed."
+        ),
     ] = "current_A,voltage_V",
     noise: Annotated[float, Parameter(help="Sensor noise on the currents, rms [A].")] = 0.05,
     adc_bits: Annotated[

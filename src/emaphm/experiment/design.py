@@ -56,20 +56,25 @@ def design(
 
     Parameters
     ----------
+    actuator
+        Description of the unit to be tested.
     command, duration
-        The excitation given: position of the user [rad] as a function of time, and how long it lasts [s].
+        The excitation given: position of the user [rad; m if linear] as a function of time, and how long
+        it lasts [s].
         The default is `Chirp`, over that duration.
     max_amplitude, max_frequency, max_duration
         Constraints of a better one, [rad] at the user, [Hz], [s]; those of the given one where left out. The
         given one must keep them too, without a search as well.
     channels
-        What will be recorded: names of `emaphm.experiment.test_setup.CHANNELS`.
+        What will be recorded: "current" and, if any, "voltage", "position", "speed"; or their columns,
+        "current_A" and so on.
     noise, sample_rate
         Of the current's sensor, rms [A]; rows a second [Hz].
     candidates
         Chirps to try; 0 to report on the given excitation only.
     tests
-        Simulated for each finalist and for the given excitation; 0 to report predictions only.
+        Simulated for the given excitation and for the best found, 4 or more, and half as many, but 4 or
+        more, for each finalist; 0 to report predictions only, without `candidates`.
     seed, workers
         The same seed gives the same bits, whatever the number of threads.
     on_progress

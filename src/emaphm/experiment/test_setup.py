@@ -19,15 +19,8 @@ from emaphm.experiment.excitation import Excitation
 from emaphm.optimizers import space_filling
 from emaphm.random_streams import child_seed
 from emaphm.recording import Recording, acquire, full_scales
+from emaphm.recording.schema import SHORT_NAMES
 from emaphm.simulation import AVERAGED, OBSERVABLE, REFERENCE, Initial, Model, Plant, observe_batch
-
-CHANNELS = {
-    "current": "current_A",
-    "voltage": "voltage_V",
-    "position": "position_rad",
-    "speed": "speed_rad_s",
-}
-"""What may be recorded, by the name that a user gives it."""
 
 CONVERTER_BITS = 12
 """Resolution assumed for the channels other than the current."""
@@ -60,7 +53,7 @@ class TestSetup:
         sample_rate: float,
         workers: int | None = None,
     ) -> Self:
-        """Return the set-up, `channels` being names of `CHANNELS`.
+        """Return the set-up, `channels` being those of `emaphm.recording.schema.SHORT_NAMES`, by either name.
 
         Raises
         ------
@@ -68,12 +61,14 @@ class TestSetup:
             A channel is unknown, impossible for the actuator, or the current missing; the noise or rate
             is no positive number.
         """
-        for name in channels:
-            if name not in CHANNELS:
-                raise MethodError(f"unknown channel '{name}'{nearest(name, CHANNELS)}")
-        if "current" not in channels:
+        named = [SHORT_NAMES.get(name, name) for name in channels]
+        known = SHORT_NAMES.values()
+        for given, name in zip(channels, named, strict=True):
+            if name not in known:
+                raise MethodError(f"unknown channel '{given}'{nearest(given, (*SHORT_NAMES, *known))}")
+        if "current_A" not in named:
             raise MethodError("faults are identified from the current; put current among the channels")
-        if "voltage" in channels and actuator.electrical is None:
+        if "voltage_V" in named and actuator.electrical is None:
             raise MethodError(
                 f"channel 'voltage' needs an [electrical] section, which actuator '{actuator.name}' lacks"
             )
@@ -81,7 +76,7 @@ class TestSetup:
             raise SignalError(f"noise of {noise:g} A is no sensor's rms; give more than 0")
         if not 0 < sample_rate < np.inf:
             raise SignalError(f"sample rate of {sample_rate:g} Hz is impossible; give more than 0")
-        kept = tuple(column for name, column in CHANNELS.items() if name in channels)
+        kept = tuple(name for name in known if name in named)
         return cls(actuator, kept, noise, sample_rate, workers)
 
     @property

@@ -38,6 +38,16 @@ SCHEMA: Mapping[str, Channel] = MappingProxyType(
 )
 """Schema columns in their usual order; a linear actuator puts m and N where rad and N·m stand."""
 
+SHORT_NAMES: Mapping[str, str] = MappingProxyType(
+    {
+        "current": "current_A",
+        "voltage": "voltage_V",
+        "position": "position_rad",
+        "speed": "speed_rad_s",
+    }
+)
+"""Columns by the shorter names that a user may give them."""
+
 PHASES = ("current_a_A", "current_b_A", "current_c_A")
 """The phase currents; with `angle_rad` they stand in for a missing `current_A`."""
 
