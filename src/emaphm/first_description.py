@@ -42,6 +42,9 @@ TOLERANCED = {
 }
 """Parameters whose values on a data sheet are those of a type, not of the unit, and their sections."""
 
+NONE = "none"
+"""Answer where there is no such thing."""
+
 USUAL_TOLERANCE = 0.1
 """Usual on the data sheets of servo motors, for torque constant and resistance."""
 
@@ -77,17 +80,23 @@ at_most = 0.6
 """
 
 
-def template(machine: str) -> Actuator:
-    """Return what a description of a `machine`, one of `MACHINES`, starts from.
+def machine_named(name: str) -> str:
+    """Return which of `MACHINES` has a `name`: its own, or that of the built-in actuator.
 
     Raises
     ------
     ActuatorError
         No such machine; the message names the nearest.
     """
-    if machine not in MACHINES:
+    names = {preset: machine for machine, (preset, _) in MACHINES.items()} | {one: one for one in MACHINES}
+    if name not in names:
         known = ", ".join(MACHINES)
-        raise ActuatorError(f"unknown machine '{machine}'{nearest(machine, MACHINES)}; give one of {known}")
+        raise ActuatorError(f"unknown machine '{name}'{nearest(name, names)}; give one of {known}")
+    return names[name]
+
+
+def template(machine: str) -> Actuator:
+    """Return what a description of a `machine`, one of `MACHINES`, starts from."""
     described = Actuator.load(MACHINES[machine][0])
     # The drive assumes what the motor has, until somebody says otherwise.
     controller = described.controller.model_copy(update={"torque_constant": None})
@@ -104,7 +113,8 @@ def interview(
     actuator
         Gives the values of what is not answered.
     ask
-        Takes a question and the present value, as text; returns the answer, empty to keep the value.
+        Takes a question and the present value, as text; returns the answer, empty to keep the value, "none"
+        to leave out one that need not be.
     refuse
         Takes the reason why an answer is not accepted; the question is asked again.
     """
@@ -153,7 +163,7 @@ def _answered(
         if not answer:
             return actuator, 0
         try:
-            section[field] = answer if field == "name" else _value(answer)
+            section[field] = answer if field == "name" else None if answer == NONE else _value(answer)
             return Actuator.from_dict(values, where=f"'{answer}'"), 1
         except ActuatorError as error:
             refuse(str(error))
@@ -177,5 +187,8 @@ def _question(section: type[BaseModel], field: str, coordinates: str) -> str:
     described = section.model_fields[field]
     extra = described.json_schema_extra
     unit = unit_for(str(extra["unit"]), coordinates) if isinstance(extra, dict) else ""
-    whole = int in (described.annotation, *get_args(described.annotation))
-    return f"{described.description} [{'whole number' if whole else unit}]"
+    types = (described.annotation, *get_args(described.annotation))
+    # What follows a semicolon is about the file, where a value may be left out; here that keeps the value.
+    meaning = str(described.description).partition(";")[0]
+    or_none = f", or {NONE}" if type(None) in types else ""
+    return f"{meaning} [{'whole number' if int in types else unit}]{or_none}"

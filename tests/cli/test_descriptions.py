@@ -146,7 +146,11 @@ def test_bad_descriptions_are_refused_in_one_line(refused: Refusal, desk: Path, 
     ("name", "pieces"),
     [
         ("thsis", ("no such actuator file", "TOML")),
-        ("absent.toml", ("no such actuator file",)),
+        (
+            "absent.toml",
+            ("no such actuator file", "bldc, dc, pmsm, six-step, thesis", "give the path of its TOML"),
+        ),
+        ("six_step", ("no such actuator file", "did you mean 'six-step'?")),
         ("folder.toml", ("is a folder",)),
         ("negative.toml", ("'mechanics.inertia_motor'",)),
     ],

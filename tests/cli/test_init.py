@@ -60,6 +60,22 @@ def test_a_tolerance_is_asked_for(
     assert (None if found is None else found.torque_constant) == tolerance
 
 
+@pytest.mark.parametrize(("answer", "stops"), [("", (-0.5236, 0.5236)), ("none", None)])
+def test_end_stops_are_kept_without_an_answer_and_taken_out_by_none(
+    answering: Emaphm, tmp_path: Path, answer: str, stops: tuple[float, float] | None
+) -> None:
+    said = answering(ANSWERS.replace("-0.3, 0.4", answer)).err
+    assert "end stops at the user, lower and upper [rad], or none (-0.5236, 0.5236)" in said
+    assert Actuator.from_toml(tmp_path / "rig.toml").mechanics.end_stops == stops
+
+
+def test_what_must_be_there_is_not_taken_out_by_none(answering: Emaphm, tmp_path: Path) -> None:
+    answer = answering(ANSWERS.replace("\n4\n", "\nnone\n4\n"))
+    assert answer.code == 0
+    assert "pole_pairs" in answer.err
+    assert "pole_pairs = 4" in (tmp_path / "rig.toml").read_text(encoding="utf-8")
+
+
 def test_an_impossible_answer_is_asked_again(answering: Emaphm, tmp_path: Path) -> None:
     answer = answering(ANSWERS.replace("1.5", "-3\nmuch\n1.5"))
     assert answer.code == 0
@@ -85,6 +101,13 @@ def test_the_next_steps_run_as_they_are_printed(
     assert "healthy.csv" in emaphm(*calibrate).err
     (tmp_path / "unit-calibrated.toml").write_bytes((tmp_path / "unit.toml").read_bytes())
     assert "flight.csv" in emaphm(*diagnose).err
+
+
+@pytest.mark.parametrize("name", ["bldc", "thesis"])
+def test_a_machine_goes_by_either_of_its_names(emaphm: Emaphm, tmp_path: Path, name: str) -> None:
+    answer = emaphm("init", tmp_path / "rig.toml", "--from", name, "--json")
+    assert json.loads(answer.out)["machine"] == "bldc"
+    assert Actuator.load(name) == Actuator.thesis()
 
 
 def test_unknown_machine(answering: Emaphm) -> None:

@@ -25,11 +25,14 @@ from emaphm.actuator.toml import validation_message, write_toml
 from emaphm.actuator.unit.baseline import COMMUTATION, HALL_SENSORS, MOST_HARMONICS, PARTS, SIGNED, Baseline
 from emaphm.actuator.unit.model_error import NOT_LEARNED, ModelError
 from emaphm.actuator.unit.tolerances import Tolerances
-from emaphm.errors import ActuatorError
+from emaphm.errors import ActuatorError, nearest
 from emaphm.input_files import read_toml
 from emaphm.output_files import written_whole
 
 PRESETS = ("thesis", "six-step", "pmsm", "dc")
+
+SAME_PRESET = {"bldc": "thesis"}
+"""Built-in actuators by a further name, which says what machine they are."""
 
 
 class Actuator(Section):
@@ -246,7 +249,13 @@ class Actuator(Section):
 
     @classmethod
     def from_dict(cls, values: dict[str, Any], *, where: str = "actuator") -> Self:
-        """Validate `values` as an actuator; `where` names their origin in an error."""
+        """Validate `values`, as a TOML file holds them, as an actuator; `where` names their origin in errors.
+
+        Raises
+        ------
+        ActuatorError
+            A key is unknown or missing, or a value impossible; the message names the key and the remedy.
+        """
         try:
             return cls.model_validate(values)
         except ValidationError as error:
@@ -272,14 +281,33 @@ class Actuator(Section):
 
     @classmethod
     def load(cls, name: str | Path) -> Self:
-        """Return the built-in actuator `name`, one of `PRESETS`, or the one in the TOML file of that path."""
-        if str(name) not in PRESETS:
-            return cls.from_toml(name)
-        preset: Self = getattr(cls, str(name).replace("-", "_"))()
+        """Return the built-in actuator `name`, or the one in the TOML file of that path.
+
+        Parameters
+        ----------
+        name
+            One of `PRESETS`, "bldc" for "thesis", or a path.
+
+        Raises
+        ------
+        ActuatorError
+            It is neither; or as for `from_toml`.
+        """
+        built_in = SAME_PRESET.get(str(name), str(name))
+        if built_in not in PRESETS:
+            path = Path(name)
+            if not path.exists() and not path.is_symlink():
+                known = (*PRESETS, *SAME_PRESET)
+                raise ActuatorError(
+                    f"{name}: no such actuator file{nearest(str(name), known, 'built in')}; give the path of "
+                    "its TOML, or a built-in actuator"
+                )
+            return cls.from_toml(path)
+        preset: Self = getattr(cls, built_in.replace("-", "_"))()
         return preset
 
     def to_toml(self, path: str | Path, *, comments: str = "", ending: str = "") -> None:
-        """Write the actuator as TOML, each value with its meaning and unit.
+        """Write the actuator as TOML, each value with its meaning and unit; replace a file that is there.
 
         `comments` goes on top and `ending` below all, both as comments.
 

@@ -16,17 +16,20 @@ def init(
     *,
     machine: Annotated[
         str | None,
-        Parameter(name="--from", help="bldc, six-step, pmsm or dc: write that one, without questions."),
+        Parameter(
+            name="--from", help="bldc (or thesis), six-step, pmsm or dc: write that one, without questions."
+        ),
     ] = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Write a commented description of an actuator, to be completed and calibrated."""
-    from emaphm.first_description import ENDING, HEADING, MACHINES, interview, template
+    from emaphm.first_description import ENDING, HEADING, MACHINES, interview, machine_named, template
 
     check_output(out, (".toml",), force=force)
     answers = 0
     if machine is not None:
+        machine = machine_named(machine)
         described = template(machine)
     else:
         _say("An empty answer keeps the value in brackets; it can be changed in the file at any time.")
@@ -50,16 +53,13 @@ def init(
 
 
 def _machine() -> str:
-    from emaphm.first_description import template
+    from emaphm.first_description import machine_named
 
     while True:
-        answer = _ask("kind of machine", "bldc").strip() or "bldc"
         try:
-            template(answer)
+            return machine_named(_ask("kind of machine", "bldc").strip() or "bldc")
         except ActuatorError as error:
             _say(str(error))
-        else:
-            return answer
 
 
 def _ask(question: str, present: str) -> str:

@@ -35,7 +35,8 @@ Force = Annotated[bool, Parameter(negative="", help="Replace existing output fil
 ActuatorFile = Annotated[
     str,
     Parameter(
-        help="TOML description of the actuator, or a built-in one: 'thesis', 'six-step', 'pmsm', 'dc'."
+        help="TOML description of the actuator, or a built-in one: 'thesis' (or 'bldc'), 'six-step', 'pmsm', "
+        "'dc'."
     ),
 ]
 FaultList = Annotated[
