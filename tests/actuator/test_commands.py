@@ -3,7 +3,7 @@
 import copy
 import pickle
 from collections.abc import Callable
-from dataclasses import FrozenInstanceError
+from dataclasses import FrozenInstanceError, fields
 
 import numpy as np
 import pytest
@@ -41,6 +41,21 @@ def test_ramp_rises_from_its_start_and_is_held_at_its_limit() -> None:
 def test_a_limit_of_a_ramp_is_a_size(limit: float) -> None:
     with pytest.raises(SignalError, match="give one above 0"):
         Ramp(-0.2, limit=limit)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [
+        (kind, one.name)
+        for kind in (Step, Ramp, Sine, Chirp, DecayingChirp)
+        for one in fields(kind)
+        if one.name != "limit"
+    ],
+)
+def test_a_value_that_is_no_finite_number_is_refused(kind: type, name: str, value: float) -> None:
+    with pytest.raises(SignalError, match=r"is nan|inf, which is no finite number|sweeps nothing"):
+        kind(**{name: value})
 
 
 @pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda s: pickle.loads(pickle.dumps(s))])  # noqa: S301 - our own bytes

@@ -1,5 +1,6 @@
 """Position commands: functions of time that a test rig follows."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -11,50 +12,90 @@ from emaphm.arrays import Array, floats
 from emaphm.errors import SignalError
 
 Command = Callable[[Array], Array]
-"""Anything that maps times [s], shape (n,), to user positions [rad], shape (n,)."""
+"""Anything that maps times [s], shape (n,), to user positions [rad; m if linear], shape (n,)."""
+
+
+def _check_finite(command: object, *names: str) -> None:
+    """Refuse values that are no finite numbers, which a simulation could not follow, with `SignalError`."""
+    for name in names:
+        value = getattr(command, name)
+        if not math.isfinite(value):
+            raise SignalError(
+                f"{name} of a {type(command).__name__} is {value:g}, which is no finite number; give one"
+            )
+
+
+def _check_sweep(chirp: "Chirp | DecayingChirp") -> None:
+    if not chirp.duration > 0:
+        raise SignalError(f"a chirp of {chirp.duration:g} s sweeps nothing; give a duration above 0")
+    _check_finite(chirp, "amplitude", "start_hz", "stop_hz", "duration")
 
 
 @dataclass(frozen=True)
 class Step:
-    """`amplitude` [rad] from `start` [s] on, 0 before."""
+    """`amplitude` [rad; m if linear] from `start` [s] on, 0 before.
+
+    Raises
+    ------
+    SignalError
+        A value is not finite.
+    """
 
     amplitude: float = 5e-3
     start: float = 0.0
 
+    def __post_init__(self) -> None:
+        _check_finite(self, "amplitude", "start")
+
     def __call__(self, t: Array) -> Array:
-        """Return the command [rad] at times `t` [s]."""
+        """Return the command [rad; m if linear] at times `t` [s], (n,)."""
         return np.where(t >= self.start, self.amplitude, 0.0)
 
 
 @dataclass(frozen=True)
 class Ramp:
-    """Constant `rate` [rad/s] from `start` [s] on, held once ±`limit` [rad], above 0, is reached."""
+    """Constant `rate` [rad/s; m/s if linear] from `start` [s] on, held once ±`limit` [rad; m] is reached.
+
+    Raises
+    ------
+    SignalError
+        The rate or the start is not finite, or the limit not above 0.
+    """
 
     rate: float = 2e-2
     start: float = 0.0
     limit: float = np.inf
 
     def __post_init__(self) -> None:
-        """Refuse a limit that is not positive with `SignalError`."""
+        _check_finite(self, "rate", "start")
         if not self.limit > 0:
             raise SignalError(
                 f"a ramp's limit is a size, not {self.limit:g}; give one above 0, and its sign by the rate"
             )
 
     def __call__(self, t: Array) -> Array:
-        """Return the command [rad] at times `t` [s]."""
+        """Return the command [rad; m if linear] at times `t` [s], (n,)."""
         return np.clip(self.rate * np.maximum(t - self.start, 0.0), -self.limit, self.limit)
 
 
 @dataclass(frozen=True)
 class Sine:
-    """amplitude × sin(2 pi frequency t); amplitude in rad, frequency in Hz."""
+    """amplitude × sin(2 pi frequency t); amplitude in rad, m if linear, frequency in Hz.
+
+    Raises
+    ------
+    SignalError
+        A value is not finite.
+    """
 
     amplitude: float = 5e-3
     frequency_hz: float = 4.0
 
+    def __post_init__(self) -> None:
+        _check_finite(self, "amplitude", "frequency_hz")
+
     def __call__(self, t: Array) -> Array:
-        """Return the command [rad] at times `t` [s]."""
+        """Return the command [rad; m if linear] at times `t` [s], (n,)."""
         return self.amplitude * np.sin(2 * np.pi * self.frequency_hz * t)
 
 
@@ -62,7 +103,13 @@ class Sine:
 class Chirp:
     """Linear chirp from `start_hz` to `stop_hz` over `duration` [s]; the default manoeuvre.
 
-    amplitude × sin(2 pi (f0 t + (f1 - f0) t² / (2 duration))); amplitude in rad.
+    amplitude × sin(2 pi (f0 t + (f1 - f0) t² / (2 duration))); amplitude in rad, m if linear, frequencies in
+    Hz. After `duration` the frequency goes on rising.
+
+    Raises
+    ------
+    SignalError
+        A value is not finite, or the duration not above 0.
     """
 
     amplitude: float = 5e-3
@@ -71,27 +118,34 @@ class Chirp:
     duration: float = 0.5
 
     def __post_init__(self) -> None:
-        """Refuse a duration that is not positive with `SignalError`."""
-        if not self.duration > 0:
-            raise SignalError(f"a chirp of {self.duration:g} s sweeps nothing; give a duration above 0")
+        _check_sweep(self)
 
     def __call__(self, t: Array) -> Array:
-        """Return the command [rad] at times `t` [s]."""
+        """Return the command [rad; m if linear] at times `t` [s], (n,)."""
         sweep = (self.stop_hz - self.start_hz) / (2 * self.duration)
         return self.amplitude * np.sin(2 * np.pi * (self.start_hz + sweep * t) * t)
 
 
 @dataclass(frozen=True)
 class DecayingChirp:
-    """The thesis's second chirp (3.1.1): as `Chirp`, its amplitude falling linearly from 1 to 0 times."""
+    """The thesis's second chirp (3.1.1): as `Chirp`, its amplitude falling linearly from 1 to 0 times.
+
+    Raises
+    ------
+    SignalError
+        A value is not finite, or the duration not above 0.
+    """
 
     amplitude: float = 5e-3
     start_hz: float = 0.0
     stop_hz: float = 15.0
     duration: float = 0.5
 
+    def __post_init__(self) -> None:
+        _check_sweep(self)
+
     def __call__(self, t: Array) -> Array:
-        """Return the command [rad] at times `t` [s]."""
+        """Return the command [rad; m if linear] at times `t` [s], (n,)."""
         chirp = Chirp(self.amplitude, self.start_hz, self.stop_hz, self.duration)
         return chirp(t) * np.clip(1 - t / self.duration, 0.0, 1.0)
 
@@ -145,4 +199,4 @@ class Sampled:
 
 
 Load = float | Command
-"""A constant load [N·m] at the motor shaft, or a function of time such as `Sampled`."""
+"""A constant load [N·m; N if linear] at the motor shaft, or a function of time such as `Sampled`."""
