@@ -724,6 +724,15 @@ def test_rows_that_are_none_are_counted(history: History) -> None:
     assert sum(sum(one.details.values()) for one in events) == 4
 
 
+def test_rows_that_nobody_says_the_hours_of_are_left_out_with_what_to_do(history: History) -> None:
+    lines = [{name: v for name, v in json.loads(line).items() if name != "hours"} for line in rows(1.0)]
+    assert stream([json.dumps(line) + "\n" for line in lines], history).judged == 0
+    (event,) = history.events()
+    assert event.message == (
+        f"{len(lines)} rows were left out: their hours are not known; give --hours or a column 'hours'"
+    )
+
+
 def test_a_stream_as_csv_by_the_command_alone(history: History) -> None:
     lines = [json.loads(line) for line in rows(1.0)]
     names = ("time_s", "command_rad", "current_A")

@@ -17,6 +17,9 @@ FIELDS = {"unit": r".+?", "hours": r"\d+(?:\.\d+)?", "cycles": r"\d+", "any": r"
 UNIT_LABELS = ("unit", SERIAL)
 HOURS_LABEL, CYCLES_LABEL = "hours", "cycles"
 
+ROW = "row"
+"""In place of a file's name, for a row of a stream."""
+
 MOST_EXACT = 2.0**53
 """Up to which a column of numbers keeps each whole one."""
 
@@ -78,7 +81,7 @@ class Ownership:
         Entry(self.unit or "any", self.part, self.hours or 0.0)
 
     def entry(self, name: str, labels: Mapping[str, Label]) -> Entry:
-        """Return the entry of a recording in the file `name`.
+        """Return the entry of a recording in the file `name`, or of a row of a stream, `ROW`.
 
         Raises
         ------
@@ -91,14 +94,9 @@ class Ownership:
         unit = named.get("unit") or _first(name, labels, UNIT_LABELS) or self.unit
         hours = named.get(HOURS_LABEL) or _first(name, labels, (HOURS_LABEL,)) or self.hours
         cycles = named.get(CYCLES_LABEL) or _first(name, labels, (CYCLES_LABEL,))
-        for value, what in ((unit, "unit"), (hours, HOURS_LABEL)):
+        for value, what in ((unit, "unit is"), (hours, "hours are")):
             if value is None:
-                way = 'a pattern of the name such as --name "{unit}_{hours}.csv"'
-                if self.pattern is not None and not named:
-                    way = f"a name that matches --name {self.pattern.text}, as this one does not"
-                raise RecordingError(
-                    f"{name}: its {what} is not known; give --{what}, a column '{what}', or {way}"
-                )
+                raise RecordingError(f"{name}: its {what} not known; {self._remedy(name, what.split()[0])}")
         return Entry(
             str(unit),
             self.part,
@@ -106,6 +104,15 @@ class Ownership:
             None if cycles is None else round(_number(name, CYCLES_LABEL, cycles)),
             late=True,
         )
+
+    def _remedy(self, name: str, what: str) -> str:
+        """Return how the unit or the hours could be known."""
+        if name == ROW:
+            return f"give --{what} or a column '{what}'"
+        way = 'a pattern of the name such as --name "{unit}_{hours}.csv"'
+        if self.pattern is not None and not self.pattern.values(name):
+            way = f"a name that matches --name {self.pattern.text}, as this one does not"
+        return f"give --{what}, a column '{what}', or {way}"
 
 
 def _first(file: str, labels: Mapping[str, Label], names: tuple[str, ...]) -> str | None:

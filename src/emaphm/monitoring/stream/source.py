@@ -14,7 +14,7 @@ from emaphm.actuator.channels import ChannelEntry
 from emaphm.errors import HistoryError, MonitoringError, RecordingError
 from emaphm.history import Entry, Event
 from emaphm.monitoring.arrival import Arrival, Call, call_here
-from emaphm.monitoring.ownership import CYCLES_LABEL, HOURS_LABEL, UNIT_LABELS, Ownership
+from emaphm.monitoring.ownership import CYCLES_LABEL, HOURS_LABEL, ROW, UNIT_LABELS, Ownership
 from emaphm.monitoring.settings import StreamSettings
 from emaphm.monitoring.stream.movements import Gathering, Movement
 from emaphm.monitoring.stream.row_order import RowOrder
@@ -120,8 +120,9 @@ class StreamSource:
             if not self._skipped or (now - self._said_at < SAID_EVERY_S and not self._ended.is_set()):
                 return []
             skipped, self._skipped, self._said_at = self._skipped, {}, now
-        reasons = "; ".join(f"{count} {reason}" for reason, count in skipped.items())
-        message = f"{sum(skipped.values())} rows were left out: {reasons}"
+        reasons = "; ".join(f"{reason} ({count})" for reason, count in skipped.items())
+        why = next(iter(skipped)) if len(skipped) == 1 else reasons
+        message = f"{sum(skipped.values())} rows were left out: {why}"
         return [
             Event("rows_skipped", "raised", "warning", message, details=skipped, watcher=self.state.watcher)
         ]
@@ -258,9 +259,11 @@ class StreamSource:
                 self._entries.clear()
             labels = {name: row[name] for name in ABOUT_UNIT if _is_given(row.get(name))}
             try:
-                self._entries[key] = self.ownership.entry("row", labels)
-            except (RecordingError, HistoryError) as error:
-                self._entries[key] = str(error).removeprefix("row: ")
+                self._entries[key] = self.ownership.entry(ROW, labels)
+            except RecordingError as error:
+                self._entries[key] = str(error).removeprefix(f"{ROW}: ").replace("its", "their", 1)
+            except HistoryError as error:
+                self._entries[key] = str(error)
         return self._entries[key]
 
     def _flight(self, entry: Entry, time_s: float) -> _Flight | None:
