@@ -64,6 +64,18 @@ def test_the_first_recording_makes_the_history_and_the_unit(
     assert (desk / "history.sqlite").is_file()
 
 
+@pytest.mark.usefixtures("flown")
+@pytest.mark.parametrize(
+    ("unit", "similar"), [("sn 7", ["SN-7"]), ("SN7", ["SN-7"]), ("SN-17", []), ("SN-7", [])]
+)
+def test_a_new_unit_that_may_be_another_spelling_of_one_is_noted(
+    emaphm: Emaphm, recordings: Path, unit: str, similar: list[str]
+) -> None:
+    added = ("add", recordings / "second.csv", "--unit", unit, "--hours", "120")
+    assert answer(emaphm, *added)["similar_units"] == similar
+    assert "Note" not in emaphm("history", *added).out  # it is a known unit by then
+
+
 def test_adding_diagnoses_what_is_new_and_leaves_the_rest(
     emaphm: Emaphm, flown: Path, recordings: Path
 ) -> None:

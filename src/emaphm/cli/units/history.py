@@ -81,7 +81,8 @@ def add(
     entry = Entry(unit, part or described.name, hours, cycles, position, late, load, temperature)
     recordings = [recording_of(path, described) for path in (recording, *further)]
     with History.open(db, create=True) as history:
-        is_new = all(one.serial_number != unit for one in history.units())
+        known = [one.serial_number for one in history.units()]
+        is_new = unit not in known
         settings = DiagnosisSettings(seed=seed, estimator=None if estimator is None else str(estimator))
         methods = settings.method_names
         # What cannot be added is refused before anything is diagnosed.
@@ -105,10 +106,12 @@ def add(
                     "k": diagnosis.faults.vector.tolist(),
                 }
             )
+    similar = [one for one in known if is_new and _letters(one) == _letters(unit)]
     values = {
         "unit": unit,
         "part_number": entry.part_number,
         "new_unit": is_new,
+        "similar_units": similar,
         "hours": hours,
         "cycles": cycles,
         "db": history.database.address.shown,
@@ -116,7 +119,7 @@ def add(
     }
     lines = [f"{one['recording']}: {_outcome(one)}" for one in added]
     where = f"{'new unit' if is_new else 'unit'} {unit} ({entry.part_number}) at {hours:g} h"
-    show(values, "\n".join([*lines, f"{where}, in {values['db']}"]), as_json)
+    show(values, "\n".join([*lines, f"{where}, in {values['db']}", *map(_similar, similar)]), as_json)
 
 
 @app.command(name="list")
@@ -348,6 +351,18 @@ def _outcome(one: dict[str, Any]) -> str:
     if not one["added"]:
         return "is in the history already"
     return "diagnosed and added" if one["explained"] else "added, but no model explains it"
+
+
+def _letters(serial_number: str) -> str:
+    """Return what two spellings of one serial number share: its letters and digits, without their case."""
+    return "".join(one for one in serial_number.casefold() if one.isalnum())
+
+
+def _similar(serial_number: str) -> str:
+    return (
+        f"Note: the history has a unit {serial_number} too; if it is the same, withdraw this recording by "
+        "'emaphm history withdraw' and add it there."
+    )
 
 
 def _number(value: int | None) -> str:
