@@ -9,6 +9,7 @@ import importlib
 import importlib.util
 import json
 import os
+import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -53,6 +54,19 @@ def test_the_logs_left_out_are_predicted_better_than_by_m6(
     assert errors["test_mae_mrad"] < BY_M6
     assert errors["test_mae_mrad"] < errors["test_rms_mrad"]
     assert {"load-dependent", "gravity"} <= set(errors["laws"])
+
+
+def test_without_the_logs_one_line_says_so(tmp_path: Path) -> None:
+    said = subprocess.run(  # noqa: S603 - our own example
+        [sys.executable, str(ROOT / "examples" / "xl330" / "xl330.py")],
+        env=os.environ | {"EMAPHM_DATA": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert said.returncode == 1
+    assert said.stderr.count("\n") == 1
+    assert f"error: {tmp_path}" in said.stderr
 
 
 def _files(names: tuple[str, ...]) -> list[str]:

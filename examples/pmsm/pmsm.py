@@ -7,6 +7,7 @@ the diagnosis does not know.
 """
 
 import argparse
+import sys
 from pathlib import Path
 
 import emaphm as ema
@@ -39,4 +40,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except ema.EmaphmError as error:
+        sys.exit(f"error: {error}")

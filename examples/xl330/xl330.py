@@ -12,6 +12,7 @@ import json
 import math
 import os
 import re
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -156,4 +157,7 @@ def _mean_absolute_mrad(replays: Sequence["Replay"]) -> float:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except ema.EmaphmError as error:
+        sys.exit(f"error: {error}")
