@@ -45,15 +45,20 @@ def simulate(
 
     Parameters
     ----------
+    actuator
+        Its description, for the parameters of the unit that is driven.
     command
-        Function of time [s] giving the user's position [rad].
+        Function of time [s], (n,), giving the user's position [rad; m if linear], (n,).
+    faults
+        Of the unit; healthy where left out.
     model
         "reference", "monitor" or "averaged". The reference model adds the phases' currents and
         voltages and the other two equivalent currents.
     duration, sample_rate
         Of the recording [s], [Hz].
     load
-        At the motor shaft [N·m], a number or a function of time; recorded as `load_Nm` unless it is 0.
+        At the motor shaft [N·m; N if linear], a number or a function of time; recorded as `load_Nm` unless
+        it is 0.
     noise
         Sensor noise on every recorded current, rms [A].
     adc_bits
@@ -67,9 +72,11 @@ def simulate(
 
     Raises
     ------
+    FaultError
+        The friction is less than the actuator can have (`emaphm.actuator.faults.lower_bounds`).
     MethodError, SignalError, RecordingError
-        The model or the sampling is unknown, a duration, rate or noise is impossible, the command is 0
-        throughout, or the recording would be too short.
+        The model or the sampling is unknown, or the model did not stay finite; a duration, rate or noise is
+        impossible, the command is 0 throughout, or the recording would be too short.
     """
     chosen = model_named(model)
     _check(chosen, duration, sample_rate, noise, adc_bits, controller_noise, seed)

@@ -141,7 +141,23 @@ def answer_alone(
 ) -> Diagnosis | tuple[str, ...]:
     """Return the diagnosis by the network alone, or why it is not taken as it is, a clause each.
 
-    As `diagnose_by` with `fast`, but nothing is searched where the answer will not do. Errors are the same.
+    As `diagnose_by` with `fast`, but nothing is searched where the answer will not do.
+
+    Parameters
+    ----------
+    estimator
+        One of `emaphm.train_estimator`, or `Estimator.load` of its file.
+    recording, actuator
+        Of the manoeuvre and the description that it was trained for.
+    seed
+        Source of all randomness.
+
+    Raises
+    ------
+    MethodError
+        The estimator is for another actuator, manoeuvre, rate or channels.
+    RecordingError
+        The recording cannot be of this actuator, by orders of magnitude.
     """
     began = time.perf_counter()
     asked = _Asked.of(estimator, recording, actuator, seed, alone=True)

@@ -105,7 +105,10 @@ class Estimator:
 
     @one_blas_thread()
     def answers(self, rows: Single, inputs: Inputs) -> list[Mixture]:
-        """Return what is known of each of many recordings (n), all driven by `inputs`."""
+        """Return what is known of each of n recordings, all driven by `inputs`; one mixture each.
+
+        `rows` is (n, channels, blocks), in the channels' units: several of `Estimator.rows`, end to end.
+        """
         return calibrated_answers(self.setup, self.network, self.update, self.temperature, rows, inputs)
 
     def distances(self, rows: Single) -> Array:

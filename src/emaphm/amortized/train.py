@@ -85,12 +85,16 @@ def train_estimator(
 
     Parameters
     ----------
+    setup
+        The actuator, manoeuvre and channels: `RecordingSetup.of`.
     command
-        Function of time [s] giving the user's position [rad]: that of the setup.
+        Function of time [s] giving the user's position [rad; m if linear]: that of the setup.
     folder
         Where simulations are kept as they finish. A later call with the same folder and setup goes on.
     simulations
         How many to learn from, in whole shards of `SHARD_DRAWS`; four shards more are held out.
+    seed, settings
+        Source of all randomness; size and training of the first network.
     workers, scheduler
         Of the simulations, as for `emaphm.execution.outcomes`. Training itself is on this machine.
     on_shard, on_stage, on_epoch

@@ -71,8 +71,9 @@ def calibrate(
         Of the healthy unit; lengths, commands and channels may differ. A `CampaignRow` says what is known of
         one, or is its own.
     actuator
-        The description to start from; its values need only be right within a factor of 3 or so. A baseline
-        of its own is replaced by that of these recordings.
+        The description to start from. A positive parameter is sought within a factor of 30 of its value, and
+        the search begins within a factor of 3: where the description is farther off, it may miss the best
+        fit. A baseline of its own is replaced by that of these recordings.
     free
         Names from `emaphm.actuator.unit.baseline.LUMPED_PARAMETERS`; the others keep their values, but for
         those with a tolerance, which are free too in closed loop.
@@ -91,8 +92,10 @@ def calibrate(
         separated from a free parameter is left out: a load where `offset` is free.
     max_corrections
         Most corrections of the model's bias by the reference model, as in `emaphm.diagnose`.
-    seed
-        Of the starting points.
+    seed, workers
+        Of the starting points; the same seed gives the same bits, whatever the number of threads.
+    on_progress
+        Called with the fraction done, from 0 to 1, in closed loop.
 
     Raises
     ------

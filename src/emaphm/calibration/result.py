@@ -21,18 +21,36 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """Parameters of a healthy unit, and the calibrated `actuator` with its baseline.
+    """Parameters of a healthy unit, and its calibrated description.
 
-    `recordings` has what was found of each recording. `birge_ratio` is the scatter of what the recordings
-    would have alone, relative to that expected from their standard errors; None of one recording. Where they
-    are `scattered` by more than chance, the standard errors of the parameters include it.
-    `collinear_sets` are parameters that are known in combination only. `laws` are the names of the laws that
-    were added to the description, `selection` how they were chosen, and `unexcited` those that nothing in
-    the recordings excites, each with the manoeuvre that would. `loop` says whether the parameters are those
-    of a fit in closed loop or of measured motion. `error_correlation`, from 0 to 1, is how alike the
-    residuals are of recordings that repeat a manoeuvre: what is common to them is not averaged away in the
-    standard errors; None where no more than by chance. `warnings` are sentences on signs, units and channels
-    that the calibrated model does not resemble.
+    Attributes
+    ----------
+    parameters
+        By name: value and standard error in the parameter's unit, and whether it is identifiable.
+    actuator
+        The calibrated description; its baseline has the parameters with their covariance.
+    recordings
+        What was found of each recording.
+    birge_ratio
+        Scatter of what the recordings would have alone, relative to that expected from their standard errors;
+        None of one recording.
+    scattered
+        Whether that is more than chance; the standard errors of the parameters then include it.
+    collinear_sets
+        Parameters that are known in combination only.
+    evaluations, seconds, seed
+        Runs of models, the time that they took [s], and the source of the starting points.
+    laws, selection
+        Names of the laws that were added to the description, and how they were chosen.
+    unexcited
+        Laws that nothing in the recordings excites, each with the manoeuvre that would.
+    loop
+        Whether the fit was in closed loop or to the measured motion, and why.
+    error_correlation
+        From 0 to 1, how alike the residuals are of recordings that repeat a manoeuvre: what is common to them
+        is not averaged away in the standard errors; None where no more than by chance.
+    warnings
+        Sentences on signs, units and channels that the calibrated model does not resemble.
     """
 
     parameters: Mapping[str, Parameter]
@@ -58,7 +76,10 @@ class Calibration:
 
     @property
     def nuisances(self) -> tuple[Mapping[str, float], ...]:
-        """What was estimated of each recording."""
+        """What was estimated of each recording, each nuisance by its name, in its unit.
+
+        `emaphm.estimation.space.nuisances.unit_of` returns the unit, such as N·m of a load.
+        """
         return tuple(one.nuisances for one in self.recordings)
 
     @property

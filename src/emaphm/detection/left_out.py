@@ -28,7 +28,20 @@ def judged_left_out(
 ) -> Iterator[LeftOut]:
     """Yield each healthy run as judged without it in means, scatter and thresholds; a run has one load.
 
-    Arguments and errors as in `Detector.learn`.
+    Parameters
+    ----------
+    recordings, actuator, settings
+        As in `Detector.learn`.
+    groups
+        The run that each recording is a cycle of, one a recording.
+
+    Raises
+    ------
+    RecordingError
+        Too few runs without the one left out, no channel in common, or a recording cannot be meant for the
+        actuator.
+    MethodError
+        A rate is impossible, or scikit-learn is not installed.
     """
     channels = common_channels(recordings)
     cycles = [cycle_of(one, channels, actuator) for one in recordings]

@@ -60,7 +60,21 @@ def run_missing(
 ) -> Generator[Outcome]:
     """Do `tasks`, keep the results that `keeps` accepts, and yield each outcome as it finishes.
 
-    Arguments and errors as in `run_tasks`.
+    Parameters
+    ----------
+    tasks
+        All are done, also those that `store` has already.
+    store
+        Where results are kept.
+    workers, scheduler
+        As for `outcomes`.
+    keeps
+        Whether a result is kept; all are where left out. Failures never are.
+
+    Raises
+    ------
+    ExecutionError, OutputError
+        The workers or the file cannot be used; what finished is kept.
     """
     if not tasks:
         return
@@ -90,6 +104,8 @@ def run_tasks(
 
     Parameters
     ----------
+    tasks, store
+        What is to be done, and where results are kept.
     workers, scheduler
         As for `outcomes`.
     on_task

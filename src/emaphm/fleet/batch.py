@@ -40,6 +40,10 @@ def diagnose_all(
     ----------
     files
         Of recordings; see `emaphm.fleet.recording_files` for folders.
+    actuator
+        The description that all are diagnosed by, and that names their channels.
+    settings
+        The same for all: the arguments of `emaphm.diagnose`, or an estimator's file.
     reading
         How files are read: what each is cut by, what is known of all of it.
     workers

@@ -119,7 +119,13 @@ class IsolationSettings:
 
 @dataclass(frozen=True)
 class WatchSettings:
-    """All of these; `retry_s` is the longest pause between attempts to reach a history that fails [s]."""
+    """Of watching, each part with settings of its own.
+
+    `folder` and `stream`: how recordings arrive. `alarm`: from when on a condition is one. `prognosis`: what
+    is kept up to date. `delivery`: sending events. `pressure`: from when on too much waits. `isolation`: the
+    processes that read, diagnose and prognose. `retry_s`: longest pause between attempts to reach a history
+    that fails [s].
+    """
 
     folder: FolderSettings = FolderSettings()
     stream: StreamSettings = StreamSettings()

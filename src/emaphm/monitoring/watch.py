@@ -138,6 +138,14 @@ def watch(
 
     Parameters
     ----------
+    task
+        What is watched, and how.
+    history
+        Open; diagnoses, prognoses, events and how far the watcher is are kept in it.
+    actuator
+        The description that all recordings are diagnosed by.
+    settings
+        Times, sizes, and from when on something is an event.
     stop
         When it is set, what is being judged has `settings.isolation.last_s` [s] more; then it is given up and
         judged at the next start.

@@ -85,10 +85,14 @@ def prognose(
     ----------
     evidence
         The unit's diagnoses and replacements.
+    actuator
+        Its requirements say what a failure is; without any, a fault of 1, but for the gain.
+    question
+        The horizon [h], the accepted risk, costs and the stress to come.
     prior
         Of its degradation; the general one where left out, or `fleet_prior` of other units.
-    seed
-        Source of all randomness.
+    seed, settings
+        Source of all randomness; how many paths are forecast, and how far.
     keep_past
         Whether the beliefs at earlier diagnoses are kept, for a figure of the RUL against time.
 

@@ -37,13 +37,19 @@ class Prognosis:
     values
         What each limit is on, now: of each path, (limits, n), in its unit.
     times
-        When each forecast path fails each requirement.
+        When each of n forecast paths fails each limit: `times.hours` (limits, n), flight hours from now
+        on [h], `inf` where it does not.
     paths
-        The forecast levels.
+        The forecast levels [-]: `paths.level` (m, n, 8), at `paths.hours` (m,) from now on [h].
     component, limit
         What most likely fails first, None where no path fails.
+    advice
+        What to do, in how many flight hours from now on [h], and the risk until then.
     belief, past
-        Of the degradation, now and at the diagnoses that were used.
+        Of the degradation, now and at the diagnoses that were used: weighted particles of the 8 components,
+        levels [-] and rates [1/h], each at its flight `hours` of the unit [h].
+    seed
+        Source of all randomness.
     ahead
         The stress to come that was asked for.
     """

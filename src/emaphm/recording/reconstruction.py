@@ -28,13 +28,14 @@ DENSE_S = 2e-3
 
 
 def reconstructed(recording: Recording, name: str) -> Callable[[Array], Array]:
-    """Return a recorded channel as a function of the time since the first row [s].
+    """Return the recorded channel `name` as a function of the time since the first row [s].
 
-    A smooth curve through the rows (Akima 1970) up to a jump and from it on (`emaphm.recording.jumps`). Where
-    rows are means, through the interval midpoints, by what a mean over an interval h falls short of a curve's
-    midpoint there, h²/24 of its second derivative. A straight line between rows would cut the corners: of a
-    15 Hz command at 1 kHz it loses 0.1 %. Of few rows a cycle of a smooth signal, a spline loses less than
-    Akima's curve: of a 15 Hz command at 100 Hz 0.01 % instead of 1 %.
+    The function maps times (n,) to values in the channel's unit, (n,). It is a smooth curve through the rows
+    (Akima 1970) up to a jump and from it on (`emaphm.recording.jumps`). Where rows are means, through the
+    interval midpoints, by what a mean over an interval h falls short of a curve's midpoint there, h²/24 of
+    its second derivative. A straight line between rows would cut the corners: of a 15 Hz command at 1 kHz it
+    loses 0.1 %. Of few rows a cycle of a smooth signal, a spline loses less than Akima's curve: of a 15 Hz
+    command at 100 Hz 0.01 % instead of 1 %.
     """
     interval, values = recording.interval_s, recording[name]
     if is_band_limited(values):
@@ -61,7 +62,9 @@ def _within(recording: Recording, curve: Curve) -> Curve:
 
 
 def other_curve(recording: Recording, name: str) -> Callable[[Array], Array] | None:
-    """Return another curve that has the same rows as `reconstructed`, None where the rows are dense.
+    """Return another curve that has the same rows as that of `reconstructed`, None where these are dense.
+
+    It maps times since the first row [s], (n,), to values of the channel `name` in its unit, (n,).
 
     Of few rows a cycle of a smooth signal, a spline of lower degree, whose error is larger. Of slow rows of
     any other signal, one without jumps where there seem to be some; else what holds each value until the next
@@ -84,10 +87,11 @@ def _spline(recording: Recording, name: str, degree: int) -> Callable[[Array], A
 
 
 def held(recording: Recording, name: str) -> Callable[[Array], Array]:
-    """Return a recorded switch as a function of the time since the first row [s]: a zero-order hold.
+    """Return a recorded switch as a function of the time since the first row [s], (n,): a zero-order hold.
 
     Row n holds over [n h, (n + 1) h), h the interval, the first and the last one beyond the recording too.
-    Nothing lies between on and off: a curve through the rows would be half on for an interval.
+    Nothing lies between on and off: a curve through the rows would be half on for an interval. Values are
+    those of the channel `name` in its unit, (n,).
     """
     interval, values = recording.interval_s, recording[name]
 

@@ -114,6 +114,10 @@ def sample(
 
     Parameters
     ----------
+    objective
+        What a search has minimised, in the d coordinates of its space.
+    point
+        Its estimate in them, (d,).
     correction
         Added to the objective's outputs, shape (rows,).
     covariance
@@ -122,6 +126,8 @@ def sample(
         The same seed gives the same bits.
     on_progress
         Called with the fraction done, from 0 to 1.
+    settings
+        Number and moves of the walkers, and when they have converged.
 
     Raises
     ------

@@ -80,12 +80,21 @@ def replay_all(
     faults: Faults | None = None,
     model: str = "averaged",
 ) -> Replays:
-    """Return each of `recordings` replayed, as `replay` does it.
+    """Return each of `recordings` replayed, as `emaphm.replay` does it, by one model of one unit.
+
+    Parameters
+    ----------
+    recordings
+        One or more; their channels may differ.
+    actuator, faults, model
+        As in `emaphm.replay`: "averaged", "monitor" or "reference".
 
     Raises
     ------
     MethodError
-        There is no recording; else as `replay`.
+        There is no recording, the model is unknown, or has none of the channels of one.
+    FaultError, RecordingError
+        As `emaphm.replay`.
     """
     if not recordings:
         raise MethodError("no recording to replay; give one or several")

@@ -97,8 +97,21 @@ def replay(
 ) -> Replay:
     """Return `recording` replayed by `model` of `actuator`, healthy unless `faults` are given.
 
+    Parameters
+    ----------
+    recording
+        Its command and load, or 0 without one, drive the model; the other channels are compared.
+    actuator
+        The description of the unit.
+    faults
+        That the model has.
+    model
+        "averaged", "monitor" or "reference".
+
     Raises
     ------
+    FaultError
+        The friction is less than the actuator can have (`emaphm.actuator.faults.lower_bounds`).
     RecordingError
         The recording cannot be meant for this actuator, by orders of magnitude.
     MethodError

@@ -60,6 +60,10 @@ def segments(
 
     Parameters
     ----------
+    recording
+        One flight or a part of it, with its command; of any length.
+    actuator
+        The description of the unit.
     wanted
         Half-width of a 95 % interval, in the unit of a component, from which a stretch identifies it; the
         default is that of the verdict "healthy".
@@ -74,6 +78,9 @@ def segments(
     ------
     MethodError
         `wanted` or `longest_s` is not above 0, or the model has nothing to compare with the recording.
+    RecordingError
+        A recorded supply is not positive, or only phase currents could be compared and the actuator has no
+        electrical description.
     """
     if not 0 < wanted <= 1:
         raise MethodError(f"a precision of ±{wanted:g} is impossible; give more than 0, up to 1")

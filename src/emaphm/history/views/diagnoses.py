@@ -48,6 +48,12 @@ def diagnosis_lines(
 
     Parameters
     ----------
+    connection
+        That reads the history.
+    unit_id
+        Of this unit only.
+    explained
+        Only those that a model explains, or only the others; all where left out.
     before
         The id of a diagnosis; only older ones.
     limit
@@ -83,9 +89,9 @@ def diagnosis_lines(
 
 
 def diagnosis(connection: sa.Connection, diagnosis_id: int) -> tuple[UnitRow, KeptDiagnosis, str] | None:
-    """Return a diagnosis by its number with its unit, and the TOML of the description it was made with.
+    """Return the diagnosis of id `diagnosis_id`, its unit, and the TOML of the description it was made with.
 
-    None where there is none of that number.
+    `connection` reads the history. None where there is none of that number.
     """
     query = _joined(
         DIAGNOSES,
@@ -107,7 +113,10 @@ def diagnosis(connection: sa.Connection, diagnosis_id: int) -> tuple[UnitRow, Ke
 
 
 def last_diagnosis(connection: sa.Connection, recording_hash: str) -> int | None:
-    """Return the number of the last diagnosis of a recording, None where it has none."""
+    """Return the id of the last diagnosis of the recording with that hash, None where it has none.
+
+    `connection` reads the history; the hash is `DiagnosisLine.recording_hash`.
+    """
     query = (
         sa.select(sa.func.max(DIAGNOSES.c.id))
         .join(RECORDINGS, RECORDINGS.c.id == DIAGNOSES.c.recording_id)

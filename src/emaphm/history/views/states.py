@@ -75,7 +75,7 @@ class UnitState:
 
 
 def marks(connection: sa.Connection) -> Marks:
-    """Return the newest rows of a history."""
+    """Return the ids of the newest rows of a history, which `connection` reads."""
     diagnosis, removal, finding, withdrawal, event = (
         connection.execute(sa.select(sa.func.max(table.c.id))).scalar() or 0
         for table in (DIAGNOSES, REMOVALS, FINDINGS, WITHDRAWALS, EVENTS)
@@ -98,7 +98,10 @@ def marks(connection: sa.Connection) -> Marks:
 
 
 def changed_units(connection: sa.Connection, since: Marks) -> set[int]:
-    """Return the units that have a newer diagnosis, removal or finding; a withdrawal may concern any."""
+    """Return the ids of units that have a diagnosis, removal or finding newer than the marks `since`.
+
+    A withdrawal, which is not looked at, may concern any. `connection` reads the history.
+    """
     of_diagnoses = (
         sa.select(FLIGHTS.c.unit_id)
         .join(RECORDINGS, RECORDINGS.c.flight_id == FLIGHTS.c.id)
@@ -114,7 +117,10 @@ def changed_units(connection: sa.Connection, since: Marks) -> set[int]:
 
 
 def states(connection: sa.Connection, units: Collection[int] | None = None) -> dict[int, UnitState]:
-    """Return the state of each of `units` by its id, or of all."""
+    """Return the state of each of `units`, which are ids, by its id, or of all.
+
+    `connection` reads the history. A unit that is not in it is left out.
+    """
     if units is None:
         return _states(connection, sa.true())
     asked = sorted(units)

@@ -86,16 +86,23 @@ def prognose_all(
 ) -> Generator[UnitOutcome]:
     """Yield the prognosis of each unit, by part and serial number, as tasks on many workers finish.
 
-    Each is what `prognose` gives with the unit's `learnt_prior`, whatever the number of workers.
+    Each is what `prognose` gives with the unit's `learnt_prior`, whatever the number of workers. A unit that
+    cannot be prognosed has an outcome with an error.
 
     Parameters
     ----------
     where
         Of the history: a file, or postgresql://…; each worker opens it.
+    question
+        The same of all: the horizon [h], the accepted risk, costs and the stress to come.
     part_number
         Only its units.
     actuator
         With the requirements; that of each unit's last diagnosis where left out.
+    fleet
+        Whether each learns from the others of its part number; else all have the general prior.
+    seed
+        Source of all randomness.
     workers, scheduler
         Processes on this machine, one a core where left out; or the address of a Dask scheduler.
     on_unit

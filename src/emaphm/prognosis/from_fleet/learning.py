@@ -66,9 +66,25 @@ def learnt_prior(
 
     Chosen from the whole fleet before the unit is left out, so that all its units learn from the same ones: a
     process that makes one prognosis after the other follows each of them once, and learns their pace once for
-    all units that are none of them. `most` is how many diagnoses of each are used at most. The requirements
-    are those of `actuator`, or of the unit's last diagnosis. Errors as in `fleet_prior`; `HistoryError` where
-    the database fails.
+    all units that are none of them.
+
+    Parameters
+    ----------
+    history, unit
+        The open history, and a unit of it, `history.unit(serial_number)`.
+    seed
+        Source of all randomness.
+    most
+        Diagnoses of each of the others that are used at most; all where left out.
+    actuator
+        Its requirements say when a unit has failed; that of the unit's last diagnosis where left out.
+
+    Raises
+    ------
+    PrognosisError
+        A diagnosis of one of the others cannot be used.
+    HistoryError
+        The database fails.
     """
     teaching = [one for one in history.overviews(unit.part_number) if one.explained >= FEWEST_DIAGNOSES]
     followed, paced = names_of(teachers(teaching)), names_of(teachers_of_pace(teaching))
@@ -177,10 +193,24 @@ def fleet_prior(
     alike, are what the new unit may be: its hypothesis is one of theirs with probability n / (n + 2), n being
     their number, else of the general prior. A rate is taken back to the new component's by its law. This is
     an empirical Bayes estimate of the distribution over units, which is wider than it by each unit's own
-    uncertainty. With an `actuator`, whose requirements say what a failure is, forecasts are corrected by how
-    those of the failed units turned out.
+    uncertainty.
 
-    Errors as in `follow`.
+    Parameters
+    ----------
+    others
+        Diagnoses and replacements of each; one with fewer than `FEWEST_DIAGNOSES` explained ones is left out.
+    prior
+        The general one, `Prior()` where left out; it is returned where nothing can be learnt.
+    seed
+        Source of all randomness.
+    actuator
+        Its requirements say what a failure is: forecasts are corrected by how those of the failed units
+        turned out. They are not where left out.
+
+    Raises
+    ------
+    PrognosisError
+        A diagnosis of one of the others cannot be used.
     """
     general = prior or Prior()
     teaching = [one for one in others if len(one.used) >= FEWEST_DIAGNOSES]

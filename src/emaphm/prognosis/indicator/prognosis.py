@@ -147,10 +147,16 @@ def prognose_indicator(
 
     Parameters
     ----------
+    indicator
+        Its readings, its healthy value and its limit.
+    question
+        The horizon [h], the accepted risk, costs and the stress to come.
     prior
         Of the degradation, in levels: 0 is healthy, 0.5 is the limit; the general one where left out.
     seed
         Source of all randomness.
+    filter_settings, settings
+        Of the filter that follows the readings; how many paths are forecast, and how far.
 
     Raises
     ------

@@ -47,12 +47,23 @@ def update_prognosis(
 
     Parameters
     ----------
+    history, unit
+        The open history, and a unit of it, `history.unit(serial_number)`.
+    question
+        The horizon [h], the accepted risk, costs and the stress to come.
+    seed
+        Source of all randomness.
     most
         Diagnoses that are used at most, of this unit and of each that it learns from, as by `Evidence.of`.
     events
         Returns the events that follow from the prognosis; they are added in the step in which it is kept.
 
-    Errors as in `emaphm.prognosis.prognose`; `HistoryError` where the database fails.
+    Raises
+    ------
+    PrognosisError, MethodError
+        As `emaphm.prognosis.prognose`.
+    HistoryError
+        The database fails.
     """
     basis = history.basis(unit.serial_number)
     evidence = Evidence.of(unit, most)

@@ -110,9 +110,10 @@ class Requirements:
 
 
 def vectors_of(levels: Array, actuator: Actuator) -> Array:
-    """Return fault vectors of levels (…, 8) in the coordinates `CARTESIAN_NAMES`, put within their bounds.
+    """Return the normalised fault vectors (…, 8) of levels (…, 8), put within their bounds.
 
-    They are those of `actuator`: [0, 1], but for a friction below that of a new unit.
+    Levels are in the coordinates `CARTESIAN_NAMES`, eccentricity by its two components. The bounds are those
+    of `actuator`: [0, 1], but for a friction below that of a new unit.
     """
     return np.clip(from_cartesian(levels), lower_bounds(actuator), 1.0)
 

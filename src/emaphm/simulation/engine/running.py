@@ -26,6 +26,17 @@ WORTH_A_THREAD = 200_000
 def run(model: Model, plant: Plant, inputs: Inputs, start: Initial = Initial()) -> dict[str, Array]:  # noqa: B008
     """Return every channel of `model` for the single actuator in `plant`, each of shape (samples,).
 
+    Parameters
+    ----------
+    model
+        From `emaphm.simulation.model_named`.
+    plant
+        One actuator, `Plant.of(actuator, faults)` with `faults` (8,).
+    inputs
+        Command, load and noise at every step.
+    start
+        Angle and speed of the motor at the beginning, and the rotor's electrical zero.
+
     Raises
     ------
     MethodError
@@ -53,7 +64,7 @@ def run_batch(
     """Return the sampled equivalent currents [A] of all actuators in `plant`, shape (n, samples).
 
     Groups of `LANES` actuators run in `workers` threads (default: one a core); the result does not
-    depend on their number, bit for bit.
+    depend on their number, bit for bit. Parameters as in `observe_batch`.
 
     Raises
     ------
@@ -73,7 +84,29 @@ def observe_batch(
     channels: Sequence[str] = OBSERVABLE,
     workers: int | None = None,
 ) -> Array:
-    """Return `channels`, of the model's observable ones, of all actuators: (n, channels, samples)."""
+    """Return `channels` of all actuators in `plant`, noise-free, in their units: (n, channels, samples).
+
+    Parameters
+    ----------
+    model
+        From `emaphm.simulation.model_named`.
+    plant
+        n actuators, `Plant.of(actuator, faults)` with `faults` (n, 8).
+    inputs
+        Command, load and noise at every step, the same for all.
+    start
+        Angle and speed of the motor at the beginning, and the rotor's electrical zero.
+    channels
+        Names of channels that are observable in the model: `OBSERVABLE`, and further ones of some drives.
+    workers
+        Threads, one a core where left out; the result does not depend on their number.
+
+    Raises
+    ------
+    MethodError
+        The model does not know the actuators' drive, needs windings that are not described, or did not stay
+        finite.
+    """
     return _batch(model, plant, inputs, start, channels, workers)
 
 
@@ -104,7 +137,26 @@ def simulate_batch(
     *,
     workers: int | None = None,
 ) -> Array:
-    """Return the equivalent currents [A] of `actuator` under each of `faults` (n, 8), shape (n, samples)."""
+    """Return the equivalent currents [A] of `actuator` under each of `faults`, shape (n, samples).
+
+    Parameters
+    ----------
+    model
+        From `emaphm.simulation.model_named`, such as `model_named("averaged")`.
+    actuator
+        Its description.
+    faults
+        Normalised fault vectors, (n, 8).
+    inputs, start, workers
+        As in `emaphm.simulation.observe_batch`.
+
+    Raises
+    ------
+    FaultError
+        `faults` has another shape, or a value that the actuator cannot have.
+    MethodError
+        The model does not know the actuator's drive, or a run did not stay finite.
+    """
     return run_batch(model, Plant.of(actuator, faults), inputs, start, workers=workers)
 
 
