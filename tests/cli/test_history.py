@@ -76,6 +76,14 @@ def test_a_new_unit_that_may_be_another_spelling_of_one_is_noted(
     assert "Note" not in emaphm("history", *added).out  # it is a known unit by then
 
 
+@pytest.mark.usefixtures("flown")
+def test_the_note_on_another_spelling_says_what_to_do(emaphm: Emaphm, recordings: Path) -> None:
+    said = emaphm("history", "add", recordings / "second.csv", "--unit", "SN_7", "--hours", "120")
+    assert said.code == 0
+    assert "Note: the history has a unit SN-7 too" in said.out
+    assert "history withdraw" in said.out
+
+
 def test_adding_diagnoses_what_is_new_and_leaves_the_rest(
     emaphm: Emaphm, flown: Path, recordings: Path
 ) -> None:
