@@ -49,10 +49,7 @@ COMMON_SHORTS = (
 )
 UNCONSTRAINED = "this recording does not constrain it; a larger or faster command would"
 BOTH = "its interval contains both the healthy value and relevant faults"
-OF_MODEL_ERROR = (
-    "the error of the model, as the unit's calibration left it, may look like a fault of this size; "
-    "calibrate with the law that the description lacks (emaphm calibrate --laws auto)"
-)
+OF_MODEL_ERROR = "the model's learned error may look like this; calibrate with the law it lacks (--laws auto)"
 NOT_EXPLAINED = "no model of this actuator explains the recording, so what causes its residual is not known"
 
 
