@@ -9,16 +9,18 @@ from scipy.signal import lfilter
 from cases import THESIS
 from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.actuator.law_sections import Drive
-from emaphm.actuator.unit.model_error import NOT_LEARNED, ChannelError, ModelError
+from emaphm.actuator.unit.model_error import NOT_LEARNED, ApparentFaults, ChannelError, ModelError
 from emaphm.arrays import Array
 from emaphm.calibration import calibrate
 from emaphm.calibration.model_error.learned import LeftOut, channel_error
+from emaphm.calibration.text import model_error_notes
 from emaphm.diagnosis import diagnose
-from emaphm.diagnosis.verdict import VERDICT
+from emaphm.diagnosis.verdict import OF_MODEL_ERROR, VERDICT
 from emaphm.errors import ActuatorError
 from emaphm.estimation.uncertainty.correlation import integral_time, white_noise
 from emaphm.estimation.uncertainty.model_error import largest_healthy_ratio
 from emaphm.recording import Recording
+from emaphm.simulated_recording import simulate
 from emaphm.study import foreign_plant
 from emaphm.study.rig import ForeignFeatures, Stribeck
 
@@ -257,3 +259,25 @@ def test_the_ripple_that_faults_add_is_no_reason_against_an_estimate() -> None:
     diagnosis = diagnose(recording, unit, nuisances=("load",), workers=1)
     assert diagnosis.explained
     assert np.abs(diagnosis.faults.vector - faults.vector).max() < 0.05
+
+
+def test_what_the_learned_error_leaves_undecided_is_laid_at_its_door() -> None:
+    # Known of the recording, to some hundredths; the calibration is what makes the rest of the interval.
+    whole = simulate(THESIS, Chirp(duration=0.2), faults=Faults(short_b=0.15), duration=0.2, noise=0.05)
+    recording = Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")})
+    poor = ModelError(faults=ApparentFaults(short_b=0.1, gain=0.3, recordings=3))
+    found = diagnose(recording, THESIS.model_copy(update={"model_error": poor}))
+    for name in ("short_b", "gain"):
+        assert found.components[name].verdict == "cannot tell"
+        assert found.components[name].reason == OF_MODEL_ERROR
+    assert OF_MODEL_ERROR not in {
+        found.components[name].reason for name in ("friction", "backlash", "short_a")
+    }
+
+
+@pytest.mark.parametrize(("apparent", "said"), [(0.05, False), (0.15, True)])
+def test_a_description_that_hides_faults_is_said_to_lack_a_law(apparent: float, *, said: bool) -> None:
+    learned = ModelError(faults=ApparentFaults(gain=apparent, recordings=3))
+    lines = model_error_notes(learned, "rotary")
+    # Student's t of three degrees of freedom: 3.18 standard deviations.
+    assert any("Faults up to some 0.5 may not be found" in line for line in lines) is said

@@ -214,7 +214,7 @@ def test_a_law_that_the_description_lacks_is_common_to_all(monkeypatch: pytest.M
     assert abs(found.nuisances[name].value - 0.007) <= 4 * found.nuisances[name].standard_error
     assert found.nuisances[name].standard_error < 1e-3
     assert not any(name in one.nuisances for one in found.recordings)
-    assert "Deviation of the unit from its description: saturation +0.0" in str(found)
+    assert "Found: saturation +0.0" in str(found)
     # Without the law, a saturation of 0.01 made shorts of 0.02 to 0.05.
     off = np.abs(found.faults.vector - FAULTS.vector)
     assert max(np.delete(off, NAMES.index("eccentricity_phase"))) < 0.01

@@ -73,11 +73,13 @@ def test_the_law_is_named_and_its_parameter_found(found: Diagnosis) -> None:
     assert json.loads(json.dumps(found.to_dict()))["laws"] == ["stribeck"]
     assert "Explained best by laws that the description lacks: stribeck; without" in str(found)
     assert "emaphm calibrate --laws stribeck)." in str(found)
-    described = LAWS["stribeck"].added_to(THESIS).friction
-    assert described is not None
-    assert described.stribeck_speed is not None
-    ratio = found.nuisances["baseline stribeck_speed"]
-    assert abs(ratio.value - np.log(SPEED / described.stribeck_speed)) <= 4 * ratio.standard_error
+    # The value is the law's own, in its unit, and no deviation from what no description has.
+    speed = found.law_parameters["stribeck_speed"]
+    assert abs(speed.value - SPEED) <= 4 * speed.standard_error
+    assert f"Found: stribeck_speed {speed}." in str(found)
+    assert speed.unit == "rad/s"
+    assert str(found).count("stribeck_speed") == 1
+    assert found.to_dict()["law_parameters"]["stribeck_speed"]["value"] == speed.value
 
 
 def test_the_faults_are_found_beside_the_law(found: Diagnosis) -> None:

@@ -9,6 +9,7 @@ from cases import THESIS, on_a_rig
 from emaphm.actuator import Actuator, Faults
 from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
+from emaphm.actuator.unit.model_error import ChannelError, ModelError
 from emaphm.diagnosis.selection.extension import with_nuisances
 from emaphm.diagnosis.selection.laws.law_fit import with_free_law, with_law
 from emaphm.diagnosis.selection.laws.sensor_lag import is_lag_suspected, with_sensor_lag
@@ -78,3 +79,10 @@ def test_a_lag_is_taken_only_where_it_leaves_clearly_less(lag: float) -> None:
     else:
         assert found is not None
         assert found.residual_variance < 0.8 * truth.residual_variance
+
+
+def test_none_is_suspected_of_a_unit_whose_model_error_was_learned() -> None:
+    # What its model leaves of the ripple has directions of its own.
+    error = ChannelError(floor=0.02, correlation_time=1e-3, scatter=0.1, recordings=3)
+    calibrated = THESIS.model_copy(update={"model_error": ModelError(current_A=error)})
+    assert not is_lag_suspected(at_the_truth(2e-5, calibrated), seed=0)

@@ -8,7 +8,9 @@ from emaphm.actuator.quantity import unit_for
 from emaphm.actuator.unit.model_error import CHANNELS, ModelError
 from emaphm.calibration.findings import Parameter, RecordingResult
 from emaphm.calibration.law_selection import LawTrial
+from emaphm.diagnosis.verdict import VERDICT, Z95
 from emaphm.estimation.space.nuisances import unit_of
+from emaphm.estimation.uncertainty.model_error import error_inflation
 from emaphm.recording.schema import SCHEMA
 from emaphm.text_table import NOTHING, format_table
 
@@ -102,6 +104,12 @@ def model_error_notes(learned: ModelError, coordinates: str) -> list[str]:
         if apparent:
             values = ", ".join(f"{name} {value:.2g}" for name, value in apparent.items())
             lines.append(f"In recordings left out, the model's error looks like faults: {values}.")
+        if (largest := max(apparent.values(), default=0.0)) > VERDICT.hidden_fault:
+            reach = Z95 * largest * error_inflation(learned.faults.recordings)
+            lines.append(
+                f"Faults up to some {reach:.1g} may not be found by this description: it lacks a law, or the "
+                "control is another. Let laws be tried (--laws auto), or name one."
+            )
     return lines
 
 

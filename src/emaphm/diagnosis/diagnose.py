@@ -23,7 +23,7 @@ from emaphm.diagnosis.selection.description_errors import suspected_parameters
 from emaphm.diagnosis.selection.deviations import select_deviations
 from emaphm.diagnosis.selection.residual_share import notes_on_alternatives
 from emaphm.diagnosis.selection.supply.supply_scan import with_asked_supply
-from emaphm.diagnosis.verdict import VERDICT, Estimate, estimates, unexplained
+from emaphm.diagnosis.verdict import VERDICT, Estimate, estimates, undecided_by_model_error, unexplained
 from emaphm.errors import MethodError, RecordingError, nearest
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS, over_all_phases, with_discrepancy
 from emaphm.estimation.methods import WITH_LEAST_SQUARES, Method, method_named
@@ -300,6 +300,7 @@ def conclude(
         components = unexplained(components, space.fixed)
     elif tests:
         components = tested(components, result, jacobians, seed)
+    components = undecided_by_model_error(components, known.model_error_share, space)
     return Diagnosis(
         components=components,
         coordinates=space.coordinates,

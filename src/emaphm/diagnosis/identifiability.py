@@ -25,10 +25,14 @@ UNRECORDED_NOISE = 0.03
 
 @dataclass(frozen=True, eq=False)
 class Identifiability:
-    """The `covariance` (d, d) of an estimate, and its `collinear_sets`."""
+    """The `covariance` (d, d) of an estimate, and its `collinear_sets`.
+
+    Of each variance, `model_error_share` (d,) is what the model's error adds that a calibration has learned.
+    """
 
     covariance: Array
     collinear_sets: tuple[CollinearSet, ...]
+    model_error_share: Array
 
 
 def identifiability(result: SearchResult, seed: int, *, explained: bool = True) -> Identifiability:
@@ -58,7 +62,13 @@ def identifiability(result: SearchResult, seed: int, *, explained: bool = True) 
     moved = step_by_other_command(objective, result.point, residual, jacobians)
     if moved is not None:
         covariance = covariance + np.outer(moved, moved)
-    return Identifiability(covariance, sets)
+    added = apparent
+    if objective.problem.model_error:
+        exact = replace(objective, problem=replace(objective.problem, model_error={}))
+        without = local_covariance(exact, result.point, residual, jacobians, bias, hidden).covariance
+        added = added + inflation(result, explained=explained) * (local.covariance - without)
+    share = np.diag(np.broadcast_to(added, covariance.shape)) / np.diag(covariance)
+    return Identifiability(covariance, sets, share)
 
 
 def collinear_sets(result: SearchResult, covariance: Array, seed: int) -> tuple[CollinearSet, ...]:

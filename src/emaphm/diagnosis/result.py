@@ -11,6 +11,7 @@ import numpy as np
 
 from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.arrays import Array
+from emaphm.diagnosis.law_parameters import law_parameters
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.diagnosis.selection.settings import DESCRIPTION_ERRORS, ROTOR_ZERO
 from emaphm.diagnosis.sensor_faults import SensorFault, sensor_faults
@@ -178,6 +179,11 @@ class Diagnosis:
         return tuple(sorted(present, reverse=True)) if shorts[0].verdict == "cannot tell" else ()
 
     @property
+    def law_parameters(self) -> dict[str, NuisanceEstimate]:
+        """The values of the parameters of `laws`, in their own units, by name."""
+        return law_parameters(self.nuisances, self.laws, self.actuator)
+
+    @property
     def relative_residual(self) -> float:
         """The residual's rms as a fraction of the recorded current's."""
         size = float(np.sqrt(np.mean(self.recorded**2)))
@@ -192,6 +198,7 @@ class Diagnosis:
             "nuisances": {name: estimate.to_dict() for name, estimate in self.nuisances.items()},
             "suspected": list(self.selected),
             "laws": list(self.laws),
+            "law_parameters": {name: one.to_dict() for name, one in self.law_parameters.items()},
             "moves": self.moves,
             "notes": list(self.recording_notes),
             "sensor_faults": [one.to_dict() for one in self.sensor_faults],
@@ -255,6 +262,7 @@ class Diagnosis:
             explained=self.explained,
             reasons=self.reasons,
             load=self.load,
+            law_values=self.law_parameters,
         )
         of_recording = [f"{self.recording}: {note}." for note in self.recording_notes]
         # What was found before the diagnosis stands among the recording's notes.

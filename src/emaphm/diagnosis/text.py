@@ -50,12 +50,14 @@ def fault_rows(
     return rows
 
 
-def _on_laws(laws: Sequence[Law]) -> str:
-    """Return what to do about the laws that the description lacks."""
+def _on_laws(laws: Sequence[Law], values: Mapping[str, NuisanceEstimate]) -> str:
+    """Return what to do about the laws that the description lacks, with the `values` of their parameters."""
     text = (
         f"Explained best by laws that the description lacks: {', '.join(law.name for law in laws)}; without, "
         "they would read as faults."
     )
+    if values:
+        text += f" Found: {', '.join(f'{name} {_marked(one)}' for name, one in values.items())}."
     if seen := [law.name for law in laws if not law.by_faults]:
         text += (
             f" If this persists, calibrate the healthy actuator (emaphm calibrate --laws {','.join(seen)})."
@@ -82,11 +84,13 @@ def notes(
     explained: bool,
     reasons: Sequence[str] = (),
     load: LoadEstimate | None = None,
+    law_values: Mapping[str, NuisanceEstimate] | None = None,
 ) -> list[str]:
     """Return lines on motion, residual, nuisances, collinear sets and the unit's deviations.
 
-    The arguments are those fields of `Diagnosis`.
+    The arguments are those fields of `Diagnosis`; `law_values` are its `law_parameters`.
     """
+    of_laws = law_values or {}
     unit = of_unit(nuisances)
     over_time = {name for name in nuisances if load and is_of_load(name)}
     known = {
@@ -108,7 +112,7 @@ def notes(
             "faults better."
         )
     if laws:
-        lines.append(_on_laws([LAWS[name] for name in laws]))
+        lines.append(_on_laws([LAWS[name] for name in laws], of_laws))
     of_recording = [
         name for name in selected if not (sensor_error(name) or name.startswith(BASELINE) or name in LOADS)
     ]
@@ -139,19 +143,24 @@ def notes(
             f"Not identifiable from {', '.join(channels)}: {', '.join(unknown)}. The intervals include "
             "the prior uncertainty. Record more channels, or the quantity itself."
         )
-    if unit:
-        values = ", ".join(_deviation(name.removeprefix(BASELINE), one) for name, one in unit.items())
+    described = {name.removeprefix(BASELINE): one for name, one in unit.items()}
+    described = {name: one for name, one in described.items() if name not in of_laws}
+    if described:
+        values = ", ".join(_deviation(name, one) for name, one in described.items())
         lines.append(f"Deviation of the unit from its description: {values}.")
     return lines
 
 
 def _deviation(name: str, estimate: NuisanceEstimate) -> str:
     """Return by how much the unit's parameter `name` is off: in percent, where its logarithm is estimated."""
-    mark = "" if estimate.known else " (not identifiable)"
     if name in SIGNED:
-        return f"{name} {estimate}{mark}"
+        return f"{name} {_marked(estimate)}"
     factor = math.exp(estimate.value)
     share = replace(
         estimate, value=100 * (factor - 1), standard_error=100 * factor * estimate.standard_error, unit="%"
     )
-    return f"{name} {share}{mark}"
+    return f"{name} {_marked(share)}"
+
+
+def _marked(estimate: NuisanceEstimate) -> str:
+    return f"{estimate}{'' if estimate.known else ' (not identifiable)'}"

@@ -47,6 +47,9 @@ COMMON_SHORTS = (
     "all three windings seem to have lost the same share: a weaker magnet, or a wrong torque constant, "
     "temperature or scale of the current would look alike"
 )
+UNCONSTRAINED = "this recording does not constrain it; a larger or faster command would"
+BOTH = "its interval contains both the healthy value and relevant faults"
+OF_MODEL_ERROR = "the model's learned error may look like this; calibrate with the law it lacks (--laws auto)"
 NOT_EXPLAINED = "no model of this actuator explains the recording, so what causes its residual is not known"
 
 
@@ -135,6 +138,21 @@ def with_phase_undecided(
     return {**components, "eccentricity_phase": phase}
 
 
+def undecided_by_model_error(
+    components: Mapping[str, Estimate], share: Array, space: ParameterSpace
+) -> dict[str, Estimate]:
+    """Return the components, with another reason where mostly the learned error leaves one undecided.
+
+    Of each variance in the `space`, the model's error is a `share` (d,).
+    """
+    named = dict(components)
+    for name, one in components.items():
+        at = [i for i, coordinate in enumerate(space.coordinates) if coordinate in (name, f"{name}_x")]
+        if at and one.reason in (UNCONSTRAINED, BOTH) and share[at[0]] > 1 / 2:
+            named[name] = replace(one, reason=OF_MODEL_ERROR)
+    return named
+
+
 def unexplained(components: Mapping[str, Estimate], fixed: Collection[str] = ()) -> dict[str, Estimate]:
     """Return the components of a recording that is not explained: none is called healthy or degraded.
 
@@ -170,7 +188,7 @@ def _component(
 
     Its `ends` are `Z95` standard errors either way, if not given.
     """
-    unconstrained = collinear or "this recording does not constrain it; a larger or faster command would"
+    unconstrained = collinear or UNCONSTRAINED
     if error > VERDICT.uninformative * PRIOR_DEVIATION:
         # A search may have ended anywhere in the range: so may the interval be.
         return _unknown(value, error, limits, unconstrained)
@@ -184,11 +202,7 @@ def _component(
     verdict = verdict_of((low, high), healthy)
     reason = ""
     if verdict == "cannot tell":
-        reason = collinear or (
-            "its interval contains both the healthy value and relevant faults"
-            if identifiable
-            else unconstrained
-        )
+        reason = collinear or (BOTH if identifiable else UNCONSTRAINED)
     elif not identifiable:
         reason = "its size may be anywhere in the interval"
     return Estimate(value, error, interval, identifiable, verdict, reason, limits)

@@ -77,8 +77,13 @@ class LagComparison:
 
 
 def can_show_lag(problem: Problem) -> bool:
-    """Return whether the switching would show a lag of the current, and none is known."""
-    return is_scanned(problem.actuator) and LAWS[SENSOR_LAG].is_possible(problem.actuator)
+    """Return whether the switching would show a lag of the current, and none is known.
+
+    Not of a unit whose model error was learned: what the model leaves of its ripple is no lag's alone.
+    """
+    actuator = problem.actuator
+    learned = any(actuator.model_error.of(name) for name in problem.channels)
+    return is_scanned(actuator) and not learned and LAWS[SENSOR_LAG].is_possible(actuator)
 
 
 def is_lag_suspected(result: SearchResult, seed: int) -> bool:
