@@ -1,8 +1,10 @@
 """The files that the examples of the pages use: recordings of a simulated unit, its description, its history.
 
 Everything is simulated by the reference model: an actuator whose friction and backlash grow over its flights.
+`python docs/site/examples.py FOLDER` makes them, to try the examples by hand.
 """
 
+import sys
 from pathlib import Path
 
 import emaphm as ema
@@ -51,3 +53,7 @@ def _write_history(path: Path, actuator: ema.Actuator) -> None:
             recording = _recorded(actuator, ema.Faults(friction=level, backlash=level / 3), 200 + flight)
             diagnosis = ema.diagnose(recording, actuator)
             history.add(Entry("SN-0042", actuator.name, hours), recording, diagnosis)
+
+
+if __name__ == "__main__":
+    write_examples(Path(sys.argv[1]))

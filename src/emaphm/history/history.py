@@ -43,7 +43,7 @@ class History:
     any number of processes may read and write. Each method raises `HistoryError` where the database fails.
 
     >>> with History.open("fleet.sqlite") as history:                                       # doctest: +SKIP
-    ...     for diagnosis in history.unit("SN 0042").diagnoses():
+    ...     for diagnosis in history.unit("SN-0042").diagnoses():
     ...         print(diagnosis.hours, diagnosis.vector, diagnosis.explained)
     """
 

@@ -20,7 +20,7 @@ from emaphm.random_streams import child_seed, stream
 
 @dataclass(frozen=True)
 class TrainingSettings:
-    """The network and how it is trained; docs/fast_estimator.md says what more of it would bring.
+    """The network and how it is trained; docs/estimator_development.md says what more would bring.
 
     A network of `principal` components, `width`, and `depth` blocks, whose mixture has `components`. AdamW
     (Loshchilov and Hutter 2019) with batches of `batch`, a `rate` that rises over `warm_up` steps and falls

@@ -34,8 +34,9 @@ class AlternativeSettings:
 
     A delay up to `tolerance` standard deviations of its prior is never excluded; by the usual prior 0.23 ms,
     one row at 5 kHz or the lag of a filter at 700 Hz. A gain that is nearer to healthy than such a delay
-    makes it, 0.04 on the thesis's actuator, is not degraded. One beyond `possible` standard deviations is not
-    tried. The owner of a rig whose channels are synchronous says so by a smaller `delay` under `[nuisances]`.
+    makes it, 0.04 to 0.05 on the thesis's actuator, is not degraded. One beyond `possible` standard
+    deviations is not tried. The owner of a rig whose channels are synchronous says so by a smaller `delay`
+    under `[nuisances]`.
     """
 
     delays: tuple[float, ...] = (2e-4, 4e-4)
