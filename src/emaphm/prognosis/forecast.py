@@ -136,7 +136,7 @@ def paths(
         state = replace(
             state,
             aged=state.aged + step,
-            level=_in_circle(_clipped(level)),
+            level=within_bounds(level),
             rate=np.clip(growth * state.rate + shock, -LARGEST_RATE, LARGEST_RATE),
         )
     return Paths(hours, levels, noise)
@@ -211,6 +211,11 @@ def _root(covariance: Array) -> Array:
         except np.linalg.LinAlgError:
             continue
     return np.asarray(deviation[:, :, np.newaxis] * np.eye(covariance.shape[1]))
+
+
+def within_bounds(level: Array) -> Array:
+    """Return levels (…, 8) put within their bounds, an eccentricity within its circle."""
+    return _in_circle(_clipped(level))
 
 
 def _clipped(level: Array) -> Array:
