@@ -3,8 +3,8 @@
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.prognosis.forecast import Paths, within_bounds
-from emaphm.prognosis.laws import Mask
+from emaphm.prognosis.bounds import within_bounds
+from emaphm.prognosis.forecast import Paths
 from emaphm.prognosis.requirements.margins import Limit, Requirements, vectors_of
 
 SCREENINGS = 3
@@ -18,12 +18,13 @@ CLIPPED = 2.0
 
 
 def measure_passage(made: Paths, requirements: Requirements, limit: Limit, now: Array, last: Array) -> Array:
-    """Return when each of n paths first fails a `limit` on a measure [h], shape (n,); `inf` where it does not.
+    """Return when each of n paths first fails a `limit` on a measure [h], (n,); `inf` where it does not.
 
     A measure may fail and recover along a path, and each of its values is a run of the averaged model, but of
-    those in `AT_ONCE`. Besides the path's first and last time it is computed where a regression on the margins computed so far, quadratic
-    in the levels, first falls below 0, or is lowest; then by bisection up to the first time that is known to
-    fail. The regression chooses times only: a failure is always one of the model.
+    those in `AT_ONCE`. Besides the path's first and last time it is computed where a regression on the
+    margins computed so far, quadratic in the levels, first falls below 0, or is lowest; then by bisection up
+    to the first time that is known to fail. The regression chooses times only: a failure is always one of
+    the model.
 
     Parameters
     ----------
@@ -84,7 +85,7 @@ def _worth_computing(known: Array, expected: Array) -> Array:
     is not known to fail.
     """
     _, high = _bracket(known)
-    is_open: Mask = np.isnan(known) & (np.arange(len(known))[:, np.newaxis] < high)
+    is_open = np.isnan(known) & (np.arange(len(known))[:, np.newaxis] < high)
     fails = is_open & (expected < 0)
     lowest = np.where(is_open, expected, np.inf).argmin(axis=0)
     lowest = np.where(is_open.any(axis=0) & (high == len(known)), lowest, 0)
