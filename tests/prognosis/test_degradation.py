@@ -274,7 +274,8 @@ def test_a_surprise_in_one_direction_of_an_eccentricity_is_one_of_both() -> None
 def test_no_crack_that_would_be_infinite_is_believed_of_a_unit_that_works(first: float, last: float) -> None:
     """Against cracks of the prior in closed form, weighted by the diagnoses.
 
-    Without noise, x = x_0 + v T/q ((T/(T-t))^q - 1), which reaches the limit at t = T - T (1 + q (limit - x_0) / (v T))^(-1/q).
+    Without noise, x = x_0 + v T/q ((T/(T-t))^q - 1), at the limit when
+    t = T - T (1 + q (limit - x_0) / (v T))^(-1/q).
     """
     settings = DegradationSettings(
         laws=(0, 0, 0, 0, 0, 0, 1),

@@ -6,7 +6,7 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.prognosis.belief import Belief
-from emaphm.prognosis.bounds import bounds, within_bounds
+from emaphm.prognosis.bounds import BEYOND, bounds, within_bounds
 from emaphm.prognosis.filter.degradation import LARGEST_RATE
 from emaphm.prognosis.filter.resampling import drawn_rows, recombined, systematic
 from emaphm.prognosis.laws import Numbers, breaks, in_common, is_moving, noises, transition
@@ -55,7 +55,7 @@ def drawn_states(belief: Belief, count: int) -> State:
     The filters know no bounds: a constraint that was fed at each update would count again and again. Here it
     is applied once, exactly: each level is drawn within its bounds given those before it, and the unit is
     weighted with the probabilities of these bounds (Geweke, Hajivassiliou, Keane); then the rates given the
-    levels.
+    levels. A level now may be `BEYOND` the end of its scale; where that end is a limit, it has failed.
     """
     random = stream(belief.seed, "forecast", belief.steps, "states")
     units = recombined(belief, drawn_rows(belief, 2 * count, random))
@@ -71,7 +71,7 @@ def drawn_states(belief: Belief, count: int) -> State:
         units.shape[rows],
         units.roughness[rows],
         units.unevenness[rows],
-        within_bounds(level[rows]),
+        within_bounds(level[rows], BEYOND),
         rate[rows],
     )
 
@@ -164,10 +164,13 @@ def _changed(state: State, step: float, prior: Prior, random: np.random.Generato
 
 
 def _within_bounds(mean: Array, covariance: Array, random: np.random.Generator) -> tuple[Array, Array]:
-    """Return normal levels (n, 8) drawn within their bounds, and the weights (n,) that make them exact."""
+    """Return normal levels (n, 8) drawn within their bounds, and the weights (n,) that make them exact.
+
+    The bounds are wider by `BEYOND`.
+    """
     from scipy.special import ndtr, ndtri
 
-    root, ends = _root(covariance), bounds(mean.shape[1])
+    root, ends = _root(covariance), bounds(mean.shape[1], BEYOND)
     drawn = np.zeros_like(mean)
     weights = np.ones(len(mean))
     for c in range(mean.shape[1]):
