@@ -13,9 +13,6 @@ WIDE = 3.0
 """Ratio of the RUL's median to the hours that the risk allows, from which an inspection is worth more than a
 replacement: most of the life would be thrown away for want of knowledge."""
 
-RESOLVED = 2.0
-"""Standard errors by which a planned replacement must be cheaper than none: with less, it may be chance."""
-
 
 @dataclass(frozen=True)
 class Costs:
@@ -124,24 +121,9 @@ def _until(ordered: Array, risk: float, age: float, costs: Costs | None) -> tupl
     flown = np.array([np.minimum(ordered, end).mean() for end in ends])
     rates = (costs.replacement * (1 - failed) + costs.failure * failed) / (age + flown + 1e-9)
     best = int(np.argmin(rates))
-    if not _gains(ordered, float(ends[best]), age, costs):
+    never = costs.failure * np.isfinite(ordered).mean() / (age + np.minimum(ordered, ends[-1]).mean() + 1e-9)
+    # From n paths a cost is known to 1/sqrt(n). Where the hazard does not grow, the cheapest hours are those
+    # of the last failures of the sample, by less than that.
+    if rates[best] >= never * (1 - 1 / math.sqrt(ordered.size)):
         return math.inf, "a replacement is cheaper"
     return float(ends[best]), "a replacement is cheaper"
-
-
-def _gains(ordered: Array, hours: float, age: float, costs: Costs) -> bool:
-    """Return whether a replacement after `hours` [h] is cheaper by the hour than none at all.
-
-    By more than `RESOLVED` standard errors of the difference, that of two ratios of means over the same
-    paths. Where the hazard does not grow, the cheapest hours are those of the last failure of the sample.
-    """
-    last = ordered[np.isfinite(ordered)].max()
-    never = np.where(np.isfinite(ordered), costs.failure, 0.0), last
-    planned = np.where(ordered < hours, costs.failure, costs.replacement), hours
-    gain, differences = 0.0, np.zeros(ordered.size)
-    for sign, (cost, end) in ((1.0, never), (-1.0, planned)):
-        flown = age + np.minimum(ordered, end) + 1e-9
-        rate = cost.mean() / flown.mean()
-        gain += sign * rate
-        differences += sign * (cost - rate * flown) / flown.mean()
-    return bool(gain > RESOLVED * differences.std() / math.sqrt(ordered.size))

@@ -1,11 +1,15 @@
 """When a requirement that is a measure first fails along paths of levels, with few runs of the model."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from emaphm.arrays import Array
 from emaphm.prognosis.bounds import within_bounds
 from emaphm.prognosis.forecast import Paths
 from emaphm.prognosis.requirements.margins import Limit, Requirements, vectors_of
+
+Places = NDArray[np.intp]
+"""Indices of steps or of paths."""
 
 SCREENINGS = 3
 """How often a regression on what was computed chooses the next time of each path that is computed."""
@@ -40,7 +44,7 @@ def measure_passage(made: Paths, requirements: Requirements, limit: Limit, now: 
     known[0], known[-1] = now, last
     works = now >= 0
 
-    def compute(steps: Array, paths: Array) -> None:
+    def compute(steps: Places, paths: Places) -> None:
         if paths.size:
             vectors = vectors_of(made.level[steps, paths], requirements.actuator)
             known[steps, paths] = requirements.margins(vectors, [limit])[0]
@@ -67,7 +71,7 @@ def measure_passage(made: Paths, requirements: Requirements, limit: Limit, now: 
     return passed
 
 
-def _bracket(known: Array) -> tuple[Array, Array]:
+def _bracket(known: Array) -> tuple[Places, Places]:
     """Return the first step of each path known to fail, and the last before it known to work, (n,) both.
 
     Of margins (m, n), NaN where they are not known. The first step works; where none fails, high is m.
@@ -78,7 +82,7 @@ def _bracket(known: Array) -> tuple[Array, Array]:
     return len(known) - 1 - works[::-1].argmax(axis=0), high
 
 
-def _worth_computing(known: Array, expected: Array) -> Array:
+def _worth_computing(known: Array, expected: Array) -> Places:
     """Return the step to compute next of each path, (n,), 0 where none is; margins as in `_bracket`.
 
     The first that is expected to fail, before the first known to; where none does, the lowest, of a path that
