@@ -71,6 +71,17 @@ def test_the_cheapest_replacement_is_that_of_barlow_and_hunter() -> None:
     assert given.hours == pytest.approx(exact, rel=0.03)
 
 
+def test_where_the_hazard_does_not_grow_no_replacement_is_cheaper() -> None:
+    """Barlow and Hunter: with a constant or falling hazard, the cheapest age is infinite."""
+    for shape in (1.0, 0.7):
+        for seed in range(60):
+            sample = 800.0 * np.random.default_rng(seed).weibull(shape, 1000)
+            given = advice(sample, 1e5, risk=0.05, costs=Costs(10.0, 1.0))
+            assert (given.action, given.hours) == ("fly on", 1e5), (shape, seed)
+    grows = 800.0 * np.random.default_rng(0).weibull(1.5, 1000)
+    assert advice(grows, 1e5, risk=0.05, costs=Costs(10.0, 1.0)).action == "replace before"
+
+
 @pytest.mark.parametrize(
     "wrong",
     [

@@ -10,8 +10,10 @@ from emaphm.arrays import Array
 from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.filter.degradation import predicted, replaced, updated
 from emaphm.prognosis.filter.resampling import systematic
+from emaphm.prognosis.forecast import drawn_states, paths
 from emaphm.prognosis.prior import NEW, Prior
-from emaphm.prognosis.settings import CHANGING_RATE, DegradationSettings, FilterSettings
+from emaphm.prognosis.requirements.first_passage import first_passage
+from emaphm.prognosis.settings import CHANGING_RATE, DegradationSettings, FilterSettings, ForecastSettings
 
 ONE_LAW = DegradationSettings(
     laws=(0, 0, 0, 0, 0, 1),
@@ -266,3 +268,47 @@ def test_a_surprise_in_one_direction_of_an_eccentricity_is_one_of_both() -> None
     assert after.surprise[5] == after.surprise[6]
     assert np.array_equal(after.law[:, 5], after.law[:, 6])
     assert np.array_equal(after.log_weights[:, 5], after.log_weights[:, 6])
+
+
+@pytest.mark.parametrize(("first", "last"), [(600.0, 600.0), (300.0, 900.0)])
+def test_no_crack_that_would_be_infinite_is_believed_of_a_unit_that_works(first: float, last: float) -> None:
+    """Against cracks of the prior in closed form, weighted by the diagnoses.
+
+    Without noise, x = x_0 + v T/q ((T/(T-t))^q - 1), at the limit when
+    t = T - T (1 + q (limit - x_0) / (v T))^(-1/q).
+    """
+    settings = DegradationSettings(
+        laws=(0, 0, 0, 0, 0, 0, 1),
+        noise=1e-6,
+        unevenness=(1e-6, 2e-6),
+        breaks=0.0,
+        change_hours=1e12,
+        new_level=0.03,
+    )
+    error, limit, seen = 0.02, 0.6, {first: 0.1 if first < last else 0.15, last: 0.15}
+    random = np.random.default_rng(1)
+    drawn = Prior(settings).draw(400_000, random, 1)
+    scale, q = drawn.life_scale[:, 0], drawn.shape[:, 0]
+    rate = drawn.rate_deviation[:, 0] * random.standard_normal(scale.size)
+    start = settings.new_level * random.standard_normal(scale.size)
+    lasts = scale > last
+    scale, q, rate, start = (one[lasts] for one in (scale, q, rate, start))
+    misfit = sum(
+        (x - start - rate * scale / q * ((scale / (scale - t)) ** q - 1)) ** 2 for t, x in seen.items()
+    )
+    weights = np.exp(-0.5 * misfit / error**2)
+    grows = np.maximum(rate, 1e-12)
+    ends = scale - scale * (1 + q * np.maximum(limit - start, 0.0) / (grows * scale)) ** (-1 / q)
+    ends = np.where(rate > 0, ends, np.inf) - last
+
+    # Without resampling, whose kernel blurs what two diagnoses say.
+    plain = FilterSettings(particles=20_000, outliers=0.0, jumps=0.0, trust=1.0, effective_share=0.0)
+    belief = Belief.new(Prior(settings), settings=plain, components=1)
+    for hours, level in seen.items():
+        belief = updated(predicted(belief, hours), np.array([level]), np.array([[error**2]]), plain)
+    ahead = ForecastSettings(paths=4000)
+    made = paths(drawn_states(belief, ahead.paths), Prior(settings), seed=1, settings=ahead)
+    lives = first_passage(made.hours, limit - made.level[:, :, 0], made.noise[:, :, 0], random)
+    for hours in (20.0, 100.0, 300.0, 1000.0, 3000.0):
+        expected = np.sum(weights * (ends <= hours)) / weights.sum()
+        assert np.mean(lives <= hours) == pytest.approx(expected, abs=0.03), hours

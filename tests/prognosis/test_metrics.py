@@ -80,6 +80,10 @@ def test_a_horizon_that_is_lost_lasts_no_longer() -> None:
     predictions = [sure(0, 300), sure(20, 85), sure(40, 200), sure(60, 45), sure(80, 10)]
     horizon = prognostic_horizon(predictions, 100.0)
     assert (horizon.first, horizon.lasting) == (80.0, 40.0)
+    late = prognostic_horizon([sure(0, 300), sure(120, 0)], 100.0)
+    assert (late.first, late.lasting) == (0, 0)
+    after = prognostic_horizon([*predictions, sure(110, 50)], 100.0)
+    assert after == horizon
     never = prognostic_horizon([sure(0, 300)], 100.0)
     assert (never.first, never.lasting) == (0.0, 0.0)
 

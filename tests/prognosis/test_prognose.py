@@ -17,9 +17,9 @@ from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.forecast import Paths, drawn_states, paths
 from emaphm.prognosis.metrics import Prediction, probability_integral_transform
 from emaphm.prognosis.prior import NEW, Prior
-from emaphm.prognosis.requirements import Requirements
+from emaphm.prognosis.requirements import Requirements, vectors_of
 from emaphm.prognosis.requirements.failure_times import failure_times, responsible
-from emaphm.prognosis.settings import ForecastSettings
+from emaphm.prognosis.settings import DegradationSettings, ForecastSettings
 
 ERROR = 0.01
 EVERYTHING = np.ones(8, bool)
@@ -201,6 +201,52 @@ def test_a_measure_fails_where_its_level_does() -> None:
     times = failure_times(made, requirements, seed=0)
     assert times.hours[1] == pytest.approx(times.hours[0], rel=1e-3)
     assert responsible(made, times, 1, requirements) == "backlash"
+
+
+WANDERING = DegradationSettings(
+    laws=(0, 0, 0, 0, 0, 1), life_scale=(1000.0, 2000.0), rate_noise=1.0, noise=0.0, unevenness=(1e-9, 2e-9)
+)
+"""Levels that rise and fall again."""
+
+
+@pytest.mark.parametrize("horizon", [10_000.0, 100_000.0])
+def test_a_measure_that_recovers_failed_when_its_level_did(horizon: float) -> None:
+    """Free play is the backlash: a limit on the one fails where the same limit on the other does."""
+    settings = ForecastSettings(paths=500, longest_hours=2 * horizon)
+    state = drawn_states(Belief.new(Prior(WANDERING)), settings.paths)
+    made = paths(state, Prior(WANDERING), seed=1, settings=settings)
+    made = replace(made, noise=np.zeros_like(made.noise))
+    wide = THESIS.mechanics.backlash * THESIS.mechanics.gear_ratio * (1 + 9 * 0.6)
+    requirements = Requirements(
+        requiring(
+            Requirement(component="backlash", at_most=0.6), Requirement(measure="free_play", at_most=wide)
+        )
+    )
+    of_level, of_measure = failure_times(made, requirements, seed=0).hours
+    recovered = np.isfinite(of_level) & (made.level[-1, :, 1] < 0.6)
+    assert recovered.mean() > 0.2
+    # In the same step of the path; within it, a level beyond the end of its scale is interpolated otherwise.
+    assert np.array_equal(*(np.searchsorted(made.hours, 0.999999 * one) for one in (of_level, of_measure)))
+
+
+def test_a_measure_fails_at_the_first_time_at_which_the_model_finds_it_failed() -> None:
+    """Against the model run at every time of every path; a bisection from its end sees fewer failures."""
+    settings = ForecastSettings(paths=120, longest_hours=4000.0, steps=40)
+    made = paths(drawn_states(Belief.new(Prior(WANDERING)), 120), Prior(WANDERING), seed=2, settings=settings)
+    for one in (
+        Requirement(measure="tracking_error", at_most=2.0e-3, duration=0.2),
+        Requirement(measure="settling_time", at_most=0.03, duration=0.1),
+    ):
+        requirements = Requirements(requiring(one))
+        vectors = vectors_of(made.level, THESIS)
+        fails = np.stack([requirements.margins(at)[0] for at in vectors]) < 0
+        ever = fails.any(axis=0)
+        assert ever.mean() > fails[-1].mean() + 0.05
+        (found,) = failure_times(made, requirements, seed=0).hours
+        assert np.mean(np.isfinite(found) == ever) > 0.98
+        step = np.minimum(np.searchsorted(made.hours, found), settings.steps)
+        first = fails.argmax(axis=0)
+        assert np.mean(step[ever] > first[ever] + 1) < 0.05
 
 
 def test_a_measure_that_fails_whatever_the_faults_has_no_component() -> None:

@@ -146,6 +146,15 @@ def test_a_requirement_that_no_fault_can_violate_is_named() -> None:
     assert not found.violated
 
 
+def test_a_measure_at_its_limit_holds_it() -> None:
+    """A settling time is a number of samples: one that ends exactly at its limit violates nothing."""
+    worst = measure("settling_time", *(Faults(friction=level) for level in np.linspace(0, 1, 41)))
+    actuator = described({"measure": "settling_time", "at_most": max(worst)})
+    (found,) = failure_levels(actuator)
+    assert found.levels["friction"] == (None, None)
+    assert np.all(Requirements(actuator).margins(np.stack([Faults(friction=1.0).vector])) == 0)
+
+
 def test_an_actuator_without_requirements_fails_at_the_end_of_its_scales() -> None:
     requirements = Requirements(THESIS)
     assert not requirements.stated

@@ -122,6 +122,8 @@ def _until(ordered: Array, risk: float, age: float, costs: Costs | None) -> tupl
     rates = (costs.replacement * (1 - failed) + costs.failure * failed) / (age + flown + 1e-9)
     best = int(np.argmin(rates))
     never = costs.failure * np.isfinite(ordered).mean() / (age + np.minimum(ordered, ends[-1]).mean() + 1e-9)
-    if never <= rates[best]:
+    # From n paths a cost is known to 1/sqrt(n). Where the hazard does not grow, the cheapest hours are those
+    # of the last failures of the sample, by less than that.
+    if rates[best] >= never * (1 - 1 / math.sqrt(ordered.size)):
         return math.inf, "a replacement is cheaper"
     return float(ends[best]), "a replacement is cheaper"

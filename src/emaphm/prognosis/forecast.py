@@ -4,20 +4,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from emaphm.actuator.requirements import LOWEST_FRICTION
 from emaphm.arrays import Array
 from emaphm.prognosis.belief import Belief
+from emaphm.prognosis.bounds import BEYOND, bounds, within_bounds
 from emaphm.prognosis.filter.degradation import LARGEST_RATE
 from emaphm.prognosis.filter.resampling import drawn_rows, recombined, systematic
 from emaphm.prognosis.laws import Numbers, breaks, in_common, is_moving, noises, transition
-from emaphm.prognosis.prior import COMPONENTS, Prior, is_waiting, with_laws, with_rows
+from emaphm.prognosis.prior import Prior, is_waiting, with_laws, with_rows
 from emaphm.prognosis.settings import AS_ANOTHER, FORECAST, ForecastSettings
 from emaphm.random_streams import stream
-
-LOWEST = np.array([LOWEST_FRICTION, 0.0, 0.0, 0.0, 0.0, -1.0, -1.0, 0.0])
-HIGHEST = np.ones(COMPONENTS)
-"""Bounds of the levels, in the order of `CARTESIAN_NAMES`; an eccentricity is within its circle. A friction
-may be below that of a new unit."""
 
 SINGULAR = (1e-9, 1e-6, 1e-3)
 """Added to the diagonals of correlation matrices: the first that makes them positive definite is taken."""
@@ -60,7 +55,7 @@ def drawn_states(belief: Belief, count: int) -> State:
     The filters know no bounds: a constraint that was fed at each update would count again and again. Here it
     is applied once, exactly: each level is drawn within its bounds given those before it, and the unit is
     weighted with the probabilities of these bounds (Geweke, Hajivassiliou, Keane); then the rates given the
-    levels.
+    levels. A level now may be `BEYOND` the end of its scale; where that end is a limit, it has failed.
     """
     random = stream(belief.seed, "forecast", belief.steps, "states")
     units = recombined(belief, drawn_rows(belief, 2 * count, random))
@@ -76,7 +71,7 @@ def drawn_states(belief: Belief, count: int) -> State:
         units.shape[rows],
         units.roughness[rows],
         units.unevenness[rows],
-        _in_circle(level[rows]),
+        within_bounds(level[rows], BEYOND),
         rate[rows],
     )
 
@@ -136,7 +131,7 @@ def paths(
         state = replace(
             state,
             aged=state.aged + step,
-            level=_in_circle(_clipped(level)),
+            level=within_bounds(level),
             rate=np.clip(growth * state.rate + shock, -LARGEST_RATE, LARGEST_RATE),
         )
     return Paths(hours, levels, noise)
@@ -169,20 +164,23 @@ def _changed(state: State, step: float, prior: Prior, random: np.random.Generato
 
 
 def _within_bounds(mean: Array, covariance: Array, random: np.random.Generator) -> tuple[Array, Array]:
-    """Return normal levels (n, 8) drawn within their bounds, and the weights (n,) that make them exact."""
+    """Return normal levels (n, 8) drawn within their bounds, and the weights (n,) that make them exact.
+
+    The bounds are wider by `BEYOND`.
+    """
     from scipy.special import ndtr, ndtri
 
-    root, bounds = _root(covariance), _bounds(mean.shape[1])
+    root, ends = _root(covariance), bounds(mean.shape[1], BEYOND)
     drawn = np.zeros_like(mean)
     weights = np.ones(len(mean))
     for c in range(mean.shape[1]):
         centre = mean[:, c] + np.einsum("nj,nj->n", root[:, c, :c], drawn[:, :c])
-        low, high = (ndtr((bound[c] - centre) / root[:, c, c]) for bound in bounds)
+        low, high = (ndtr((bound[c] - centre) / root[:, c, c]) for bound in ends)
         inside = np.maximum(high - low, 1e-12)
         weights *= inside
         drawn[:, c] = ndtri(np.clip(low + inside * random.random(len(mean)), 1e-12, 1 - 1e-12))
     level = mean + np.einsum("nij,nj->ni", root, drawn)
-    return _clipped(level), weights
+    return np.clip(level, *ends), weights
 
 
 def _rates_given_levels(belief: Belief, level: Array, random: np.random.Generator) -> Array:
@@ -211,23 +209,3 @@ def _root(covariance: Array) -> Array:
         except np.linalg.LinAlgError:
             continue
     return np.asarray(deviation[:, :, np.newaxis] * np.eye(covariance.shape[1]))
-
-
-def _clipped(level: Array) -> Array:
-    return np.clip(level, *_bounds(level.shape[-1]))
-
-
-def _bounds(count: int) -> tuple[Array, Array]:
-    """Return the bounds of `count` levels: of all components, or of an indicator, 0 where it is healthy."""
-    return (LOWEST, HIGHEST) if count == COMPONENTS else (np.zeros(count), np.ones(count))
-
-
-def _in_circle(level: Array) -> Array:
-    """Return levels (…, 8) with the eccentricity no longer than 1; others as they are."""
-    if level.shape[-1] < COMPONENTS:
-        return level
-    radius = np.maximum(np.hypot(level[..., 5], level[..., 6]), 1.0)
-    result = level.copy()
-    result[..., 5] /= radius
-    result[..., 6] /= radius
-    return result

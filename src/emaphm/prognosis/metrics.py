@@ -90,13 +90,14 @@ def prognostic_horizon(
     """Return how long before `failure` the predictions were good: P(|RUL - RUL*| ≤ α L) ≥ β.
 
     Here L is the whole life `failure`, so that the band has the same width at all times [1, 3.1]; in
-    `alpha_lambda` it narrows with the RUL.
+    `alpha_lambda` it narrows with the RUL. A prediction after the failure counts for none.
     """
+    before = [one for one in predictions if one.hours < failure]
     good = [
         one.share_within(failure - one.hours - alpha * failure, failure - one.hours + alpha * failure) >= beta
-        for one in predictions
+        for one in before
     ]
-    hours = [one.hours for one in predictions]
+    hours = [one.hours for one in before]
     first = next((failure - t for t, is_good in zip(hours, good, strict=True) if is_good), 0.0)
     lasting = 0.0
     for t, is_good in zip(reversed(hours), reversed(good), strict=True):

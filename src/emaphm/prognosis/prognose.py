@@ -15,6 +15,7 @@ from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.columns import columns_of
 from emaphm.prognosis.evidence import Evidence, follow
 from emaphm.prognosis.forecast import Paths, State, drawn_states, paths
+from emaphm.prognosis.level_notes import level_notes
 from emaphm.prognosis.prior import NEW, Prior
 from emaphm.prognosis.requirements import Requirements, vectors_of
 from emaphm.prognosis.requirements.failure_times import FailureTimes, failure_times, responsible
@@ -136,6 +137,7 @@ def prognose(
             *_notes(evidence, requirements, times, prior),
             *stress_notes(question.ahead, followed.belief.prior.reference),
             *_shared_notes(followed.belief, component),
+            *level_notes(evidence, made.level[0]),
         ),
     )
 

@@ -30,6 +30,7 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.prognosis.belief import LEAST_VARIANCE, Belief
+from emaphm.prognosis.bounds import to_the_end
 from emaphm.prognosis.columns import ECCENTRICITY
 from emaphm.prognosis.filter.changes import (
     after_onset,
@@ -136,6 +137,7 @@ def updated(belief: Belief, estimate: Array, covariance: Array, settings: Filter
     """
     innovation = estimate - belief.level
     belief, total, log_likelihood = _taken(belief, innovation, covariance, settings)
+    log_likelihood = log_likelihood + _cracked_through(belief, estimate, covariance)
     # With S = L Lᵀ, A = L⁻¹ P and B = L⁻¹ M: P⁺ = P - Aᵀ A, M⁺ = M - Aᵀ B, V⁺ = V - Bᵀ B.
     inverse = _inverse_root(total)
     seen = inverse @ innovation[:, :, np.newaxis]
@@ -250,6 +252,16 @@ def _own_likelihood(innovation: Array, total: Array, more: float = 0.0) -> Array
     return result
 
 
+def _cracked_through(belief: Belief, estimate: Array, covariance: Array) -> Array:
+    """Return the logarithm of how likely an estimate is where a crack has become infinite before, (n, 8).
+
+    Such a component is at the end of its scale, whatever the level that its Kalman filter goes on with: an
+    estimate (8,) below that is off by its distance from there. 0 for all others.
+    """
+    far = -0.5 * to_the_end(estimate) ** 2 / np.diag(covariance)
+    return np.where((belief.law == CRACK_GROWTH) & (belief.life_scale <= belief.aged), far, 0.0)
+
+
 def _age_seen(age_and_level: Array, innovation: Array, total: Array) -> Array:
     """Return by how many hours [h] components have aged more than expected, (n, 8), as their levels say."""
     result = np.asarray(age_and_level * innovation / np.einsum("nii->ni", total))
@@ -326,6 +338,9 @@ def _resampled(belief: Belief, few: Mask, settings: FilterSettings) -> Belief:
     for law, ends in ranges.items():
         shape = np.where(after.law == law, np.clip(shape, *ends), shape)
     scale = apart(after.life_scale)
+    # A kernel must not end a crack: where it would, the copy stays as it is.
+    ends = (after.law == CRACK_GROWTH) & (scale <= after.aged)
+    scale = np.where(ends, after.life_scale, scale)
     return replace(
         after,
         # The time of another unit's way is about what that unit took, however short.

@@ -13,6 +13,7 @@ from emaphm.prognosis.columns import columns_of, level_of
 from emaphm.prognosis.forecast import Paths
 from emaphm.prognosis.requirements.first_passage import first_passage
 from emaphm.prognosis.requirements.margins import COMPONENTS, Limit, Requirements, vectors_of
+from emaphm.prognosis.requirements.measure_passage import measure_passage
 from emaphm.random_streams import stream
 
 if TYPE_CHECKING:
@@ -68,8 +69,8 @@ def failure_times(made: Paths, requirements: Requirements, *, seed: int) -> Fail
 
     A level's first passage is exact between two times of the forecast (`first_passage`), those of several
     limits on one side of it are of one path: a wider limit fails after a tighter one. A limit at the end of
-    the scale, where the level is healthy, does not fail: only noise is beyond it. That of a measure is
-    found by bisection along each path at those times: it takes a measure that has failed to stay so.
+    the scale, where the level is healthy, does not fail: only noise is beyond it. That of a measure is the
+    first of those times at which it fails, interpolated (`measure_passage`).
 
     Raises
     ------
@@ -141,27 +142,11 @@ def _margin_of_level(made: Paths, limit: Limit) -> tuple[Array, Array]:
 
 def _of_measures(made: Paths, requirements: Requirements, measures: list[Limit]) -> list[Array]:
     """Return the failure times (n,) of each of the limits `measures`."""
-    n = made.level.shape[1]
-    paths = np.arange(n)
-
-    def margins(steps: Array) -> Array:
-        return requirements.margins(vectors_of(made.level[steps, paths], requirements.actuator), measures)
-
-    at_first, at_last = margins(np.zeros(n, int)), margins(np.full(n, made.hours.size - 1))
-    found = []
-    for row in range(len(measures)):
-        low, high = np.zeros(n, int), np.full(n, made.hours.size - 1)
-        margin_low, margin_high = at_first[row].copy(), at_last[row].copy()
-        fails = (margin_high < 0) & (margin_low >= 0)
-        while fails.any() and np.any(high - low > 1):
-            middle = (low + high) // 2
-            values = margins(middle)[row]
-            is_below = values < 0
-            high, margin_high = np.where(is_below, middle, high), np.where(is_below, values, margin_high)
-            low, margin_low = np.where(is_below, low, middle), np.where(is_below, margin_low, values)
-        known = fails & np.isfinite(margin_high)
-        share = np.where(fails, 1.0, 0.0)
-        share[known] = margin_low[known] / (margin_low[known] - margin_high[known])
-        times = made.hours[low] + share * (made.hours[high] - made.hours[low])
-        found.append(np.where(at_first[row] < 0, 0.0, np.where(fails, times, np.inf)))
-    return found
+    now, last = (
+        requirements.margins(vectors_of(level, requirements.actuator), measures)
+        for level in (made.level[0], made.level[-1])
+    )
+    return [
+        measure_passage(made, requirements, limit, *ends)
+        for limit, *ends in zip(measures, now, last, strict=True)
+    ]

@@ -66,16 +66,17 @@ def failure_levels(actuator: Actuator, faults: Faults = HEALTHY) -> tuple[Failur
     results = []
     for limit, row in zip(requirements.limits, values, strict=True):
         margins = limit.margin(row[1:]).reshape(len(ways), POINTS)
-        found = [_crossing(levels, margin) for (_, levels), margin in zip(ways, margins, strict=True)]
+        found = [_crossing(limit, *one) for one in zip((levels for _, levels in ways), margins, strict=True)]
         pairs = {name: (found[2 * i], found[2 * i + 1]) for i, name in enumerate(COMPONENTS)}
         results.append(FailureLevels(limit, float(row[0]), pairs))
     return tuple(results)
 
 
-def _crossing(levels: Array, margin: Array) -> float | None:
+def _crossing(limit: Limit, levels: Array, margin: Array) -> float | None:
     """Return the first level (of n) at which the margin (n,) falls to 0, None where it never does."""
-    # At the very limit it does not fail yet where it stands, and fails where it comes there.
-    below = margin <= 0 if margin[0] > 0 else margin < 0
+    # At the very limit a level does not fail yet where it stands, and fails where it comes there, as its path
+    # would go on. A measure holds its limit there: it may be quantised, or end at what is looked at.
+    below = margin <= 0 if margin[0] > 0 and limit.component is not None else margin < 0
     if margin[0] < 0 or not below.any():
         return None  # violated already: growing or falling is not what makes it fail
     i = int(np.argmax(below))

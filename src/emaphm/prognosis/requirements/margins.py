@@ -74,8 +74,10 @@ class Requirements:
                     found.append(Limit(one, bound, upper, f"{label} ({again + 1})" if again else label, unit))
         return tuple(found)
 
-    def values(self, vectors: Array) -> Array:
-        """Return what each limit is on, of the fault `vectors` (n, 8): (limits, n), in its unit.
+    def values(self, vectors: Array, limits: Sequence[Limit] | None = None) -> Array:
+        """Return what each of the limits, all where left out, is on, of the fault `vectors` (n, 8).
+
+        Shape (limits, n), each in its unit.
 
         Raises
         ------
@@ -84,7 +86,7 @@ class Requirements:
         """
         known: dict[Requirement, Array] = {}
         rows = []
-        for limit in self.limits:
+        for limit in self.limits if limits is None else limits:
             if limit.component is not None:
                 rows.append(vectors[:, NAMES.index(limit.component)])
                 continue
@@ -96,9 +98,9 @@ class Requirements:
 
     def margins(self, vectors: Array, limits: Sequence[Limit] | None = None) -> Array:
         """Return the margins of the fault `vectors` (n, 8): (limits, n); errors as in `values`."""
-        values = self.values(vectors)
-        chosen = range(len(self.limits)) if limits is None else [self.limits.index(one) for one in limits]
-        return np.stack([self.limits[i].margin(values[i]) for i in chosen])
+        chosen = self.limits if limits is None else limits
+        values = self.values(vectors, chosen)
+        return np.stack([one.margin(row) for one, row in zip(chosen, values, strict=True)])
 
     def can_fail(self, limit: Limit) -> bool:
         """Return whether any single fault at an end of its scale violates a limit; errors as in `values`."""

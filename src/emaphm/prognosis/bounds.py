@@ -1,0 +1,68 @@
+"""Within which bounds the levels of components are."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emaphm.actuator.faults import CARTESIAN_NAMES
+from emaphm.actuator.requirements import LOWEST_FRICTION
+from emaphm.arrays import Array
+from emaphm.prognosis.columns import ECCENTRICITY
+
+COMPONENTS = len(CARTESIAN_NAMES)
+
+LOWEST = np.array([LOWEST_FRICTION, 0.0, 0.0, 0.0, 0.0, -1.0, -1.0, 0.0])
+HIGHEST = np.ones(COMPONENTS)
+"""Bounds of the levels, in the order of `CARTESIAN_NAMES`; an eccentricity is within its circle. A friction
+may be below that of a new unit."""
+
+HEALTHY_AT_LOWEST = (1, 2, 3, 4)
+"""Components whose lowest level is the healthy one, not an end of the scale where they are at their worst."""
+
+
+BEYOND = 0.1
+"""How far beyond the end of its scale a level may be now. A diagnosis looks no farther than to the end, but a
+component that it finds there may be worse; what is known of no diagnosis is not taken to be far beyond."""
+
+
+def bounds(count: int, beyond: float = 0.0) -> tuple[Array, Array]:
+    """Return the bounds of `count` levels: of all components, or of an indicator, 0 where it is healthy.
+
+    Ends of scales at which a component is at its worst are farther off by `beyond`.
+    """
+    low, high = (LOWEST, HIGHEST) if count == COMPONENTS else (np.zeros(count), np.ones(count))
+    return low - beyond * _worst_at_lowest(count), high + beyond
+
+
+def within_bounds(level: Array, beyond: float = 0.0) -> Array:
+    """Return levels (…, 8) put within their `bounds`, an eccentricity within its circle."""
+    clipped = np.clip(level, *bounds(level.shape[-1], beyond))
+    if level.shape[-1] < COMPONENTS:
+        return clipped
+    x, y = ECCENTRICITY
+    radius = np.maximum(np.hypot(clipped[..., x], clipped[..., y]) / (1.0 + beyond), 1.0)
+    clipped[..., x] /= radius
+    clipped[..., y] /= radius
+    return clipped
+
+
+def to_the_end(level: Array) -> Array:
+    """Return how far levels (…, 8) are from the end of the scale, 0 where they are at it or beyond.
+
+    The nearer end, where both are at a fault; of an eccentricity, its circle.
+    """
+    count = level.shape[-1]
+    low, high = bounds(count)
+    far = high - level
+    if count == COMPONENTS:
+        far = np.where(_worst_at_lowest(count), np.minimum(far, level - low), far)
+        x, y = ECCENTRICITY
+        far[..., x] = far[..., y] = 1.0 - np.hypot(level[..., x], level[..., y])
+    return np.maximum(far, 0.0)
+
+
+def _worst_at_lowest(count: int) -> NDArray[np.bool_]:
+    """Return of which of `count` levels the lower end is a fault too, not the healthy one."""
+    result = np.full(count, count == COMPONENTS)
+    if count == COMPONENTS:
+        result[list(HEALTHY_AT_LOWEST)] = False
+    return result

@@ -1,0 +1,89 @@
+"""What a prognosis notes of levels: at the end of their scale, or an eccentricity that turns."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from emaphm.actuator import Actuator
+from emaphm.actuator.requirements import Requirement
+from emaphm.arrays import Array
+from emaphm.prognosis import Evidence, Observation, prognose
+from emaphm.prognosis.bounds import bounds, to_the_end, within_bounds
+from emaphm.prognosis.level_notes import level_notes, turn_of_eccentricity
+from emaphm.prognosis.prior import NEW
+
+ERROR = 0.006
+
+
+def diagnosed(level: Callable[[float], Array], *, seed: int = 0, error: float = ERROR) -> Evidence:
+    random = np.random.default_rng(seed)
+    observations = tuple(
+        Observation(
+            hours,
+            NEW + level(hours) + error * random.standard_normal(8),
+            error**2 * np.eye(8),
+            np.ones(8, bool),
+        )
+        for hours in np.arange(50.0, 1001.0, 50.0).tolist()
+    )
+    return Evidence("S1", "P1", 1000.0, observations)
+
+
+def eccentric(magnitude: float, angle: float) -> Array:
+    return np.array([0, 0, 0, 0, 0, magnitude * math.cos(angle), magnitude * math.sin(angle), 0])
+
+
+def at(friction: float) -> Array:
+    return np.array([friction, 0, 0, 0, 0, 0, 0, 0])
+
+
+def test_a_level_at_the_end_of_its_scale_has_reached_a_limit_there() -> None:
+    """Half of the probability of a level of 1, known to 0.002, is at 1 or more."""
+    actuator = Actuator.thesis().model_copy(
+        update={"requirements": (Requirement(component="friction", at_most=1.0),)}
+    )
+    made = prognose(diagnosed(lambda _: at(1.0), error=0.01), actuator, keep_past=False)
+    # Three standard errors of the mean of 20 diagnoses shift the half to 0.1 or 0.9 at most.
+    assert 0.1 < np.mean(made.sample == 0) < 0.95
+    assert made.advice.hours == 0
+    assert any("end of its scale" in note and "friction" in note for note in made.notes)
+    below = prognose(diagnosed(lambda _: at(0.9), error=0.01), actuator, keep_past=False)
+    assert not np.any(below.sample == 0)
+    assert not any("end of its scale" in note for note in below.notes)
+
+
+@pytest.mark.parametrize("turn", [math.pi / 2, -2 * math.pi])
+@pytest.mark.parametrize("grows", [True, False])
+def test_a_turning_eccentricity_is_said(turn: float, grows: bool) -> None:
+    evidence = diagnosed(lambda h: eccentric(4e-4 * h if grows else 0.3, turn * h / 1000))
+    # From the first diagnosis at 50 h, or from where a growing one has a direction, to the last one.
+    assert turn_of_eccentricity(evidence) == pytest.approx(0.95 * turn, rel=0.1)
+    (note,) = level_notes(evidence, np.tile(NEW, (10, 1)))
+    assert "eccentricity has turned" in note
+
+
+@pytest.mark.parametrize(
+    "level",
+    [
+        lambda _: eccentric(0.0, 0.0),
+        lambda h: eccentric(4e-4 * h, 3.1),
+        lambda h: eccentric(0.3, 2.0 if h > 500 else 0.0),
+    ],
+    ids=["healthy", "grows in one direction", "jumps once"],
+)
+def test_an_eccentricity_that_does_not_turn_has_no_note(level: Callable[[float], Array]) -> None:
+    for seed in range(30):
+        assert level_notes(diagnosed(level, seed=seed), np.tile(NEW, (10, 1))) == []
+
+
+def test_what_is_within_bounds_is_not_at_an_end_where_it_is_healthy() -> None:
+    assert np.all(to_the_end(NEW) > 0.4)
+    worst = np.array([1.0, 1.0, 1.2, 1.0, 1.0, 0.8, -0.6, 0.0])
+    assert to_the_end(worst) == pytest.approx(0.0)
+    low, high = bounds(8, 0.1)
+    assert np.all(low[1:5] == 0)
+    far = within_bounds(np.array([[3.0] * 8, [-3.0] * 8]), 0.1)
+    assert np.all((low <= far) & (far <= high))
+    assert np.hypot(far[:, 5], far[:, 6]) == pytest.approx(1.1)
