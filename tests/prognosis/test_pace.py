@@ -47,7 +47,7 @@ def unit(life: float, number: int, upto: float = np.inf) -> Evidence:
         "part",
         observations[-1].hours,
         tuple(observations),
-        failed_at=fails if fails < upto else None,
+        failures=(fails,) if fails < upto else (),
     )
 
 
@@ -153,7 +153,7 @@ def test_predictions_of_a_law_that_nobody_knows_hold_the_truth() -> None:
     for i in range(40):
         life = 2500.0 * float(np.exp(0.3 * random.standard_normal()))
         until = life * 0.9012 * float(random.uniform(0.4, 0.8))
-        one = replace(unit(life, 100 + i, until), failed_at=None)
+        one = replace(unit(life, 100 + i, until), failures=())
         true = life * 0.9012 - one.hours
         found = Prediction(one.hours, pooled(by, one, np.full((1, 400), true)))
         transforms.append(probability_integral_transform(found, true))
@@ -173,7 +173,7 @@ def test_few_fellows_vague_diagnoses_and_what_has_failed_change_nothing() -> Non
     assert (
         pooled(of(fellows()), replace(one, observations=tuple(hidden)), times).tolist() == times[0].tolist()
     )
-    resting = [replace(each, observations=each.observations[:1], failed_at=None) for each in fellows()]
+    resting = [replace(each, observations=each.observations[:1], failures=()) for each in fellows()]
     assert pooled(of(resting), one, times).tolist() == times[0].tolist()
 
 
@@ -246,6 +246,36 @@ def test_a_replaced_component_has_a_life_of_its_own() -> None:
     )
     alone, again = (float(np.median(pooled(by, one, times))) for one in (second, both))
     assert again == pytest.approx(alone, rel=0.05)
+
+
+def test_each_life_of_a_component_teaches_a_pace_with_its_failure() -> None:
+    first, second, by = unit(2500.0, 0), unit(3000.0, 1), of([])
+    start = first.failures[0]
+    later = [replace(one, hours=one.hours + start) for one in second.observations]
+    both = replace(
+        first,
+        hours=start + second.failures[0],
+        observations=(*first.observations, *later),
+        replacements=((start, "friction"),),
+        failures=(start, start + second.failures[0]),
+    )
+    ((of_first, of_second),) = by._ways_of(both, LIMITS)
+    for found, alone in ((of_first, first), (of_second, second)):
+        ((expected,),) = by._ways_of(alone, LIMITS)
+        assert found.passed == SHARES.size
+        assert found.slowness == pytest.approx(expected.slowness)
+
+
+def test_units_of_which_one_component_had_more_lives_teach_as_the_lives_do() -> None:
+    """A second component, that had one life in each unit, learns nothing from the other's second lives."""
+    random = np.random.default_rng(6)
+    ways = [Passages.of(np.cumsum(np.exp(5.0 + 0.3 * random.standard_normal(10))), SHARES) for _ in range(40)]
+    empty = Passages.of(np.zeros(0), np.zeros(0))
+    fleet = Passages.stacked([Passages.stacked(ways), Passages.stacked([*ways[:10], *[empty] * 30])])
+    there = np.array([[True] * 40, [True] * 10 + [False] * 30])
+    shares = np.exp(learnt(fleet, random, there).log_shares).mean(axis=0)
+    # Dirichlet (1, 1, ½) and all of n in the classes: n + 2 of n + 2.5.
+    assert shares[:, 2] == pytest.approx([0.5 / 42.5, 0.5 / 12.5], abs=0.02)
 
 
 def test_a_replacement_after_a_diagnosis_of_the_same_hours_says_nothing_of_then() -> None:

@@ -31,8 +31,12 @@ from scipy.special import log_ndtr, ndtr, ndtri
 
 from emaphm.arrays import Array
 from emaphm.prognosis.from_fleet.passages import SHARES, Passages
+from emaphm.prognosis.laws import Mask
 
 CLASSES = 2
+OF_NONE = CLASSES + 1
+"""In place of a class, of what is not there; `CLASSES` is that of components that do not degrade."""
+
 STEPS = SHARES.size
 
 OF_PACE, OF_CHANGE, OF_STEP = 0.4, 0.3, 0.15
@@ -80,10 +84,11 @@ def general_covariance() -> Array:
     return np.asarray(covariance + OF_STEP**2 * np.eye(STEPS))
 
 
-def learnt(fleet: Passages, random: np.random.Generator) -> Population:
+def learnt(fleet: Passages, random: np.random.Generator, there: Mask | None = None) -> Population:
     """Return draws of the population, by Gibbs sampling, given a `fleet` (c, n) of c components of n units.
 
     Some step of some component must have been seen. Classes begin as those whose pace falls and rises most.
+    Where components are not all of as many units, `there` (c, n) says which are; all where left out.
     """
     general, m = general_covariance(), _general_mean(fleet)
     count, units = fleet.waited.shape
@@ -91,12 +96,14 @@ def learnt(fleet: Passages, random: np.random.Generator) -> Population:
     precision = np.tile(np.linalg.inv(general), (count, CLASSES, 1, 1))
     log_shares = np.full((count, CLASSES + 1), -np.log(CLASSES + 1))
     of_class = _by_trend(fleet, m)
+    absent = np.zeros((count, units), bool) if there is None else ~there
     kept = []
     rows, columns = np.arange(count)[:, np.newaxis], np.arange(units)
     for sweep in range(SWEEPS):
         weights, given = _agreement(mean, precision, log_shares, fleet)
         if sweep:
             of_class = (weights + random.gumbel(size=weights.shape)).argmax(axis=1)
+        of_class = np.where(absent, OF_NONE, of_class)
         chosen = rows, np.minimum(of_class, CLASSES - 1), columns
         slowness = _drawn(_Given(*(part[chosen] for part in given)), fleet.waited, random)
         member = (of_class[:, np.newaxis] == np.arange(CLASSES)[:, np.newaxis]).astype(float)

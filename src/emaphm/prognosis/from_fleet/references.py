@@ -73,16 +73,18 @@ class References:
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """The filtered levels (n, 8) of a unit at flight `hours` (n,) [h], since its components were `born` (8,).
+    """The filtered levels (n, 8) of a unit at flight `hours` (n,) [h], from `born` (8,) to `until` (8,).
 
-    `age` (n, 8) [h] is how far each has aged at these hours, under its stress; `new` are levels of a new
-    unit, (8,).
+    These are the hours at which each component was new and at which it was replaced, `inf` where it was not.
+    `age` (n, 8) [h] is how far each has aged at `hours`, under its stress; `new` are levels of a new unit,
+    (8,).
     """
 
     hours: Array
     age: Array
     level: Array
     born: Array
+    until: Array
     new: Array
 
 
@@ -92,8 +94,8 @@ def _shown(track: Track) -> tuple[Array, Array]:
     change = track.level - track.new
     change[:, ECCENTRICITY] = level_of(track.level, "eccentricity")[:, np.newaxis]
     shown, span = np.zeros((components, POINTS)), np.zeros(components)
-    for c, born in enumerate(track.born):
-        rows = track.hours > born
+    for c, (born, until) in enumerate(zip(track.born, track.until, strict=True)):
+        rows = (track.hours > born) & (track.hours <= until)
         if rows.sum() < FEWEST:
             continue
         ages = np.concatenate([[0.0], track.age[rows, c]])
