@@ -45,10 +45,24 @@ def test_a_component_goes_the_way_of_another_unit_in_its_own_time() -> None:
         assert reach[0, 1] == pytest.approx(0.0)
 
 
-def test_after_its_end_a_way_goes_on_straight() -> None:
-    references = References.of([track(3e-4 * HOURS)])
-    where = np.zeros(1, int)
-    assert references.moved(where, np.array([1.5]), where) == pytest.approx([0.9], rel=1e-6)
+def test_after_its_end_a_way_goes_on_straight_or_as_a_power_each_as_likely() -> None:
+    references = References.of([track(0.6 * (HOURS / 4000.0) ** 1.6)])
+    where = np.zeros(2, int)
+    straight, power = references.moved(np.array([0, 1]), np.full(2, 2.0), where)
+    end = 0.6 * 0.5**1.6
+    # The slope is that of the last fifth of the span: of the power law, a tenth of a span before its end.
+    slope = end * 1.6 * 0.9**0.6
+    assert straight == pytest.approx(end + slope, rel=0.02)
+    assert power == pytest.approx(0.6, rel=0.05)
+    drawn, _ = references.drawn((4000, 8), np.random.default_rng(0))
+    assert np.mean(drawn[:, 0]) == pytest.approx(0.5, abs=0.03)
+
+
+def test_a_way_that_is_straight_or_does_not_move_goes_on_straight_in_either_form() -> None:
+    where = np.zeros(2, int)
+    for level in (3e-4 * HOURS, np.zeros(HOURS.size)):
+        found = References.of([track(level)]).moved(np.array([0, 1]), np.full(2, 1.5), where)
+        assert found == pytest.approx([1.5 * level[-1]] * 2, rel=1e-6)
 
 
 def test_each_life_of_a_component_is_a_way_of_its_own() -> None:
@@ -59,8 +73,9 @@ def test_each_life_of_a_component_is_a_way_of_its_own() -> None:
     born = np.where(first, [[0.0], [1200.0]], [[0.0], [np.inf]])
     until = np.where(first, [[1200.0], [np.inf]], np.inf)
     found = References.of([Track(HOURS, age, levels, *ends, NEW) for ends in zip(born, until, strict=True)])
-    assert found.span[:, 0].tolist() == [1200.0, 800.0]
-    assert found.span[:, 1:].tolist() == [[2000.0] * 7, [0.0] * 7]
+    # Each way twice, by how it goes on.
+    assert found.span[:, 0].tolist() == [1200.0, 800.0] * 2
+    assert found.span[:, 1:].tolist() == [[2000.0] * 7, [0.0] * 7] * 2
     assert found.change[0, 0, -1] == pytest.approx(bent(1200.0))
     assert found.change[1, 0, -1] == pytest.approx(0.08)
 
@@ -128,7 +143,7 @@ def test_what_a_shop_replaces_after_a_failure_takes_nothing_of_what_the_life_tau
         rates = [np.median(np.abs(one.hypotheses.rate[:, 0])) for one in (once, other)]
         assert rates[1] == pytest.approx(rates[0], rel=0.3)
     # Two diagnoses of the second life make no way.
-    assert References.of(again.ways).span[:, 0].tolist() == [References.of(once.ways).span[0, 0], 0.0]
+    assert References.of(again.ways).span[:2, 0].tolist() == [References.of(once.ways).span[0, 0], 0.0]
 
 
 def test_two_lives_of_a_component_teach_half_each() -> None:

@@ -11,7 +11,7 @@ from emaphm.actuator.requirements import Requirement
 from emaphm.arrays import Array
 from emaphm.prognosis import Evidence, Observation, Requirements
 from emaphm.prognosis.belief import Belief
-from emaphm.prognosis.from_fleet.outlook import FEWEST_FELLOWS, Fellows
+from emaphm.prognosis.from_fleet.outlook import FEWEST_FELLOWS, FEWEST_GONE, Fellows
 from emaphm.prognosis.from_fleet.pace import AT_REST, Population, general_covariance, hours_left, learnt
 from emaphm.prognosis.from_fleet.passages import LEAST_VARIANCE, SHARES, Passages
 from emaphm.prognosis.metrics import Prediction, coverage, probability_integral_transform
@@ -81,6 +81,7 @@ def one_class(mean: Array, covariance: Array, at_rest: float = 1e-6) -> Populati
         np.tile(mean, (1, 1, 2, 1)),
         np.tile(np.linalg.inv(covariance), (1, 1, 2, 1, 1)),
         shares[np.newaxis, np.newaxis],
+        np.full((1, SHARES.size), 30),
     )
 
 
@@ -175,6 +176,15 @@ def test_few_fellows_vague_diagnoses_and_what_has_failed_change_nothing() -> Non
     )
     resting = [replace(each, observations=each.observations[:1], failures=()) for each in fellows()]
     assert pooled(of(resting), one, times).tolist() == times[0].tolist()
+
+
+def test_steps_that_fewer_than_four_have_gone_leave_a_limit_to_the_filter() -> None:
+    """Fellows removed half-way do not show how long the rest takes; four that failed do."""
+    one, times = unit(2500.0, 100, 1300.0), np.linspace(100.0, 900.0, 50)[np.newaxis]
+    working = [unit(2500.0 + 20.0 * i, i, 1200.0) for i in range(16)]
+    for failed, is_known in ((0, False), (FEWEST_GONE - 1, False), (FEWEST_GONE, True)):
+        by = of([*(unit(2500.0 + 20.0 * i, i) for i in range(failed)), *working[failed:]])
+        assert (pooled(by, one, times).tolist() != times[0].tolist()) is is_known
 
 
 def test_a_last_diagnosis_that_surprised_the_filter_teaches_no_pace() -> None:

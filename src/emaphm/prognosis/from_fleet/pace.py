@@ -68,12 +68,14 @@ class Population(NamedTuple):
     """S draws of what a fleet teaches of c components.
 
     `mean` (S, c, 2, D) and `precision` (S, c, 2, D, D) of the classes; `log_shares` (S, c, 3) of the units in
-    the classes, and of those whose component does not degrade.
+    the classes, and of those whose component does not degrade. `gone` (c, D) is how many of the fleet have
+    gone each step.
     """
 
     mean: Array
     precision: Array
     log_shares: Array
+    gone: Array
 
 
 def general_covariance() -> Array:
@@ -114,7 +116,9 @@ def learnt(fleet: Passages, random: np.random.Generator, there: Mask | None = No
         mean, precision = _classes(slowness, member, m, general, random)
         if sweep >= FIRST_KEPT:
             kept.append((mean, precision, log_shares))
-    return Population(*(np.stack(draws) for draws in zip(*kept, strict=True)))
+    gone = np.sum(fleet.passed[..., np.newaxis] > np.arange(STEPS), axis=1)
+    means, precisions, shares = (np.stack(draws) for draws in zip(*kept, strict=True))
+    return Population(means, precisions, shares, gone)
 
 
 def hours_left(
@@ -126,7 +130,7 @@ def hours_left(
     way, are as many draws of where it is now. Diagnoses err, so that `one` alone does not say that.
     """
     passed, count = int(one.passed), share.size
-    mean, precision, log_shares = (draws[:, component] for draws in population)
+    mean, precision, log_shares = (draws[:, component] for draws in population[:3])
     each = Passages(*(np.broadcast_to(part, (len(mean), 1, *part.shape)) for part in one))
     weights, given = _agreement(mean, precision, log_shares, each)
     weights = weights[..., 0]
