@@ -24,7 +24,7 @@ from emaphm.prognosis.from_fleet.recalibration import (
 from emaphm.prognosis.from_fleet.record import FEWEST_FAILED
 from emaphm.prognosis.metrics import Prediction, coverage, probability_integral_transform
 from emaphm.prognosis.prior import NEW, Prior
-from emaphm.prognosis.prognose import lives, uncorrected
+from emaphm.prognosis.prognose import MOST_PAST, lives, uncorrected
 from emaphm.prognosis.settings import FORECAST, FilterSettings
 
 LIMIT = 0.6
@@ -242,3 +242,11 @@ def test_predictions_of_each_life_that_ended_by_a_failure_are_compared_with_it()
     assert all(one <= 900.0 for one, failure in at.items() if failure == 900.0)
     assert all(1300.0 < one <= 2000.0 for one, failure in at.items() if failure == 2000.0)
     assert list(chosen) == sorted(chosen)
+
+
+def test_beliefs_of_the_past_are_kept_for_a_figure_only_and_few_of_them(fleet: list[Evidence]) -> None:
+    assert len(fleet[0].used) > MOST_PAST
+    kept = prognose(fleet[0], ACTUATOR, settings=FEW).past
+    assert len(kept) == MOST_PAST
+    assert [kept[0].hours, kept[-1].hours] == [fleet[0].used[0].hours, fleet[0].used[-1].hours]
+    assert prognose(fleet[0], ACTUATOR, settings=FEW, keep_past=False).past == ()

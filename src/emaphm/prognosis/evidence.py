@@ -90,7 +90,8 @@ class Evidence:
         replacements = tuple((one.hours, one.component) for one in findings if one.replaced)
         failure = unrepaired(flights, removals, findings)
         known = [
-            *(one.hours for one in (*flights, *removals)),
+            *(one.hours for one in flights),
+            *(one.hours for one in removals),
             *(hours for hours, _ in replacements),
             *([failure.hours] if failure else []),
         ]
