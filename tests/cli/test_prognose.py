@@ -1,6 +1,7 @@
 """`emaphm prognose` and `emaphm limits`: what they answer, and what they refuse in one line."""
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -95,12 +96,58 @@ def test_units_that_failed_correct_a_prognosis_alone_and_among_all(
     with History.open(fleet / "history.sqlite") as history:
         for i in range(4):
             history.add_removal(f"SN-{10 + i}", Removal(450.0 + i, "failed"))
-        assert Evidence.of(history.unit("SN-10")).failed_at == 450.0
-        assert Evidence.of(history.unit("SN-1")).failed_at is None
+        assert Evidence.of(history.unit("SN-10")).failures == (450.0,)
+        assert Evidence.of(history.unit("SN-1")).failures == ()
     alone = asked(emaphm, "prognose", "--unit", "SN-1", *chosen)
     assert before != of_units != alone["rul_hours"]
     every = asked(emaphm, "prognose", "--all", *chosen, "--workers", "1")["units"]
     assert next(one for one in every if one["unit"] == "SN-1")["rul_hours"] == alone["rul_hours"]
+
+
+def test_a_failure_counts_though_the_unit_was_repaired_and_flies_again(fleet: Path) -> None:
+    with History.open(fleet / "history.sqlite") as history:
+        history.add_removal("SN-1", Removal(610.0, "failed"))
+        history.add_finding("SN-1", Finding(610.0, "friction", "failed", replaced=True))
+        wearing(history, "SN-1", [700.0, 800.0], 5e-4, 300)
+        found = Evidence.of(history.unit("SN-1"))
+    assert found.failures == (610.0,)
+    assert found.failed_lives == ((-math.inf, 610.0),)
+    assert found.lives(0) == ((0.0, 610.0), (610.0, math.inf))
+
+
+def test_a_unit_that_failed_has_no_life_until_it_is_repaired_or_flies(emaphm: Emaphm, fleet: Path) -> None:
+    chosen = ("--actuator", "required.toml", "--no-fleet")
+    with History.open(fleet / "history.sqlite") as history:
+        history.add_removal("SN-1", Removal(610.0, "failed"))
+    made = asked(emaphm, "prognose", "--unit", "SN-1", *chosen, "--keep")
+    assert (made["failed_at_hours"], made["hours"]) == (610.0, 610.0)
+    assert made["rul_hours"] == {"median": 0.0, "interval90": [0.0, 0.0]}
+    assert made["probability_of_failure"] == 1.0
+    assert (made["advice"]["action"], made["advice"]["in_hours"]) == ("replace before", 0.0)
+    assert made["notes"][0].startswith("the unit failed at 610 h")
+    text = emaphm("prognose", "--unit", "SN-1", *chosen, "--report", "failed.html").out
+    assert "remaining useful life: none, failed at 610 h" in text
+    assert "none, failed at 610 h" in (fleet / "failed.html").read_text(encoding="utf-8")
+    assert "no remaining useful life, failed at 610 h" in emaphm("history", "show", "--unit", "SN-1").out
+    (line,) = (one for one in emaphm("prognose", "--all", *chosen).out.splitlines() if "SN-1" in one)
+    assert line.endswith("failed at 610 h")
+
+
+def test_a_finding_says_what_failed_and_a_repair_ends_it(emaphm: Emaphm, fleet: Path) -> None:
+    chosen = ("--unit", "SN-1", "--actuator", "required.toml", "--no-fleet")
+    with History.open(fleet / "history.sqlite") as history:
+        history.add_removal("SN-1", Removal(610.0, "suspected"))
+        assert asked(emaphm, "prognose", *chosen)["failed_at_hours"] is None
+        history.add_finding("SN-1", Finding(610.0, "backlash", "failed"))
+        made = asked(emaphm, "prognose", *chosen)
+        assert (made["failed_at_hours"], made["component"]) == (610.0, "backlash")
+        history.add_finding("SN-1", Finding(610.0, "gain", "healthy", replaced=True))
+        repaired = asked(emaphm, "prognose", *chosen)
+        assert repaired["failed_at_hours"] is None
+        assert repaired["rul_hours"]["median"] > 0
+        history.add_removal("SN-2", Removal(210.0, "failed"))
+        wearing(history, "SN-2", [300.0], 5e-4, 400)
+    assert asked(emaphm, "prognose", "--unit", "SN-2", *chosen[2:])["failed_at_hours"] is None
 
 
 def test_the_last_blocks_of_iso_13374_are_the_prognosis(emaphm: Emaphm, fleet: Path) -> None:

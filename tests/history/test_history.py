@@ -149,6 +149,12 @@ def test_a_recording_may_say_what_another_of_its_flight_left_open(history: Histo
 # Removals, findings, lives
 
 
+def test_a_friction_below_that_of_a_new_unit_can_be_found(history: History) -> None:
+    history.add(entry("S1", 10.0), recording(0), diagnosis(0))
+    history.add_finding("S1", Finding(10.0, "friction", "degraded", -0.2))
+    assert [one.level for one in history.unit("S1").findings()] == [-0.2]
+
+
 def test_removals_and_findings_are_kept_once(history: History) -> None:
     fill(history, range(1, 3))
     removal = Removal(20.0, "failed", "jam")

@@ -165,6 +165,8 @@ def test_another_removal_or_finding_in_the_same_place_is_refused(flown: History)
         (lambda: Finding(1.0, "backlas", "failed"), "did you mean 'backlash'"),
         (lambda: Finding(1.0, "gain", "broken"), "unknown condition 'broken'"),
         (lambda: Finding(1.0, "gain", "failed", 1.5), r"level 1\.5 lies outside"),
+        (lambda: Finding(1.0, "backlash", "failed", -0.2), r"level -0\.2 lies outside \[0, 1\]"),
+        (lambda: Finding(1.0, "friction", "failed", -1.2), r"level -1\.2 lies outside \[-1, 1\]"),
         (lambda: Finding(1.0, "unit", "failed", 0.5), "name the component"),
     ],
 )

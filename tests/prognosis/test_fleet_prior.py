@@ -1,5 +1,6 @@
 """What other units teach: the ways that they went, in whose time, and by how much units differ."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -8,14 +9,14 @@ import pytest
 
 from emaphm.arrays import Array
 from emaphm.prognosis import Evidence, Observation, fleet_prior
-from emaphm.prognosis.evidence import Followed, follow
+from emaphm.prognosis.evidence import Moment, follow, moments
 from emaphm.prognosis.filter.resampling import apart_again, kinds_of
 from emaphm.prognosis.from_fleet import learning
 from emaphm.prognosis.from_fleet.memory import Memory
 from emaphm.prognosis.from_fleet.references import References, Track
 from emaphm.prognosis.laws import transition
-from emaphm.prognosis.prior import NEW
-from emaphm.prognosis.settings import AS_ANOTHER, DEGRADATION, FilterSettings
+from emaphm.prognosis.prior import NEW, Prior
+from emaphm.prognosis.settings import AS_ANOTHER, CONSTANT, DEGRADATION, FilterSettings
 
 HOURS = np.arange(50.0, 2001.0, 50.0)
 
@@ -28,7 +29,7 @@ def bent(hours: Array | float) -> Array:
 def track(level: Array) -> Track:
     levels = np.tile(NEW, (HOURS.size, 1))
     levels[:, 0] = level
-    return Track(HOURS, np.tile(HOURS[:, np.newaxis], 8), levels, np.zeros(8), NEW)
+    return Track(HOURS, np.tile(HOURS[:, np.newaxis], 8), levels, np.zeros(8), np.full(8, np.inf), NEW)
 
 
 def test_a_component_goes_the_way_of_another_unit_in_its_own_time() -> None:
@@ -44,18 +45,39 @@ def test_a_component_goes_the_way_of_another_unit_in_its_own_time() -> None:
         assert reach[0, 1] == pytest.approx(0.0)
 
 
-def test_after_its_end_a_way_goes_on_straight() -> None:
-    references = References.of([track(3e-4 * HOURS)])
-    where = np.zeros(1, int)
-    assert references.moved(where, np.array([1.5]), where) == pytest.approx([0.9], rel=1e-6)
+def test_after_its_end_a_way_goes_on_straight_or_as_a_power_each_as_likely() -> None:
+    references = References.of([track(0.6 * (HOURS / 4000.0) ** 1.6)])
+    where = np.zeros(2, int)
+    straight, power = references.moved(np.array([0, 1]), np.full(2, 2.0), where)
+    end = 0.6 * 0.5**1.6
+    # The slope is that of the last fifth of the span: of the power law, a tenth of a span before its end.
+    slope = end * 1.6 * 0.9**0.6
+    assert straight == pytest.approx(end + slope, rel=0.02)
+    assert power == pytest.approx(0.6, rel=0.05)
+    drawn, _ = references.drawn((4000, 8), np.random.default_rng(0))
+    assert np.mean(drawn[:, 0]) == pytest.approx(0.5, abs=0.03)
 
 
-def test_a_replaced_component_teaches_its_last_life_only() -> None:
-    new = track(3e-4 * HOURS)
-    first = np.arange(8) == 0
-    age = np.where(first & (HOURS[:, np.newaxis] > 1000.0), new.age - 1000.0, new.age)
-    again = Track(HOURS, age, new.level, np.where(first, 1000.0, 0.0), NEW)
-    assert References.of([again]).span[0].tolist() == [1000.0, *[2000.0] * 7]
+def test_a_way_that_is_straight_or_does_not_move_goes_on_straight_in_either_form() -> None:
+    where = np.zeros(2, int)
+    for level in (3e-4 * HOURS, np.zeros(HOURS.size)):
+        found = References.of([track(level)]).moved(np.array([0, 1]), np.full(2, 1.5), where)
+        assert found == pytest.approx([1.5 * level[-1]] * 2, rel=1e-6)
+
+
+def test_each_life_of_a_component_is_a_way_of_its_own() -> None:
+    first, later = np.arange(8) == 0, HOURS[:, np.newaxis] > 1200.0
+    levels = track(bent(HOURS)).level
+    levels[HOURS > 1200.0, 0] = 1e-4 * (HOURS[HOURS > 1200.0] - 1200.0)
+    age = np.where(first & later, HOURS[:, np.newaxis] - 1200.0, HOURS[:, np.newaxis])
+    born = np.where(first, [[0.0], [1200.0]], [[0.0], [np.inf]])
+    until = np.where(first, [[1200.0], [np.inf]], np.inf)
+    found = References.of([Track(HOURS, age, levels, *ends, NEW) for ends in zip(born, until, strict=True)])
+    # Each way twice, by how it goes on.
+    assert found.span[:, 0].tolist() == [1200.0, 800.0] * 2
+    assert found.span[:, 1:].tolist() == [[2000.0] * 7, [0.0] * 7] * 2
+    assert found.change[0, 0, -1] == pytest.approx(bent(1200.0))
+    assert found.change[1, 0, -1] == pytest.approx(0.08)
 
 
 def test_copies_differ_again_without_widening() -> None:
@@ -107,6 +129,40 @@ def test_units_that_live_for_a_hundred_hours_teach_a_life_of_as_many(fleet: list
     assert np.median(belief.life_scale[as_others, 0]) == pytest.approx(0.9 * 2000.0 / 20.0, rel=0.3)
 
 
+def test_what_a_shop_replaces_after_a_failure_takes_nothing_of_what_the_life_taught() -> None:
+    """A unit that failed at 1,200 h, and the same one repaired, that flew on with a new friction since."""
+    failed = replace(flown(1.0, 1.0, 3, upto=1200.0), failures=(1200.0,))
+    repaired = replace(failed, replacements=((1200.0, "friction"),))
+    later = [replace(one, hours=one.hours + 1200.0) for one in flown(1.0, 1.0, 4, upto=200.0).observations]
+    flies = replace(repaired, hours=1400.0, observations=(*failed.observations, *later))
+    once, repaired_once, again = (learning.taught_by(one, Prior(), 0) for one in (failed, repaired, flies))
+    for other in (repaired_once, again):
+        assert np.array_equal(other.ways[0].level[:12], once.ways[0].level)
+        moving = [np.mean(one.hypotheses.law[:, 0] != CONSTANT) for one in (once, other)]
+        assert moving[1] == pytest.approx(moving[0], abs=0.1)
+        rates = [np.median(np.abs(one.hypotheses.rate[:, 0])) for one in (once, other)]
+        assert rates[1] == pytest.approx(rates[0], rel=0.3)
+    # Two diagnoses of the second life make no way.
+    assert References.of(again.ways).span[:2, 0].tolist() == [References.of(once.ways).span[0, 0], 0.0]
+
+
+def test_two_lives_of_a_component_teach_half_each() -> None:
+    """In the first one the component stood still, in the second it wore."""
+    still, wore = flown(1.0, 0.0, 5), flown(1.0, 1.0, 6)
+    later = [replace(one, hours=one.hours + 2000.0) for one in wore.observations]
+    both = replace(
+        still,
+        hours=4000.0,
+        observations=(*still.observations, *later),
+        replacements=((2000.0, "friction"),),
+    )
+    taught = [learning.taught_by(one, Prior(), 0).hypotheses for one in (still, wore, both)]
+    constant = [np.mean(one.law[:, 0] == CONSTANT) for one in taught]
+    assert constant[0] > 0.7
+    assert constant[1] < 0.1
+    assert constant[2] == pytest.approx((constant[0] + constant[1]) / 2, abs=0.1)
+
+
 def test_units_that_teach_in_any_way_count_once(fleet: list[Evidence]) -> None:
     three = fleet_prior(fleet[:3])
     assert three.units == 3
@@ -117,11 +173,11 @@ def test_a_unit_is_followed_once_until_it_is_diagnosed_again(monkeypatch: pytest
     fleet = [flown(1.0, 1.0, i, upto=500.0) for i in range(6)]
     seen = []
 
-    def counted(evidence: Evidence, *args: Any, **options: Any) -> Followed:
+    def counted(evidence: Evidence, *args: Any, **options: Any) -> Iterator[Moment]:
         seen.append(evidence.unit)
-        return follow(evidence, *args, **options)
+        return moments(evidence, *args, **options)
 
-    monkeypatch.setattr(learning, "follow", counted)
+    monkeypatch.setattr(learning, "moments", counted)
     first = fleet_prior(fleet, seed=5)
     assert sorted(seen) == sorted(one.unit for one in fleet)
     again = fleet_prior([*fleet[1:], flown(1.0, 1.0, 0, upto=600.0)], seed=5)

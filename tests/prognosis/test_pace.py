@@ -11,7 +11,7 @@ from emaphm.actuator.requirements import Requirement
 from emaphm.arrays import Array
 from emaphm.prognosis import Evidence, Observation, Requirements
 from emaphm.prognosis.belief import Belief
-from emaphm.prognosis.from_fleet.outlook import FEWEST_FELLOWS, Fellows
+from emaphm.prognosis.from_fleet.outlook import FEWEST_FELLOWS, FEWEST_GONE, Fellows
 from emaphm.prognosis.from_fleet.pace import AT_REST, Population, general_covariance, hours_left, learnt
 from emaphm.prognosis.from_fleet.passages import LEAST_VARIANCE, SHARES, Passages
 from emaphm.prognosis.metrics import Prediction, coverage, probability_integral_transform
@@ -47,7 +47,7 @@ def unit(life: float, number: int, upto: float = np.inf) -> Evidence:
         "part",
         observations[-1].hours,
         tuple(observations),
-        failed_at=fails if fails < upto else None,
+        failures=(fails,) if fails < upto else (),
     )
 
 
@@ -81,6 +81,7 @@ def one_class(mean: Array, covariance: Array, at_rest: float = 1e-6) -> Populati
         np.tile(mean, (1, 1, 2, 1)),
         np.tile(np.linalg.inv(covariance), (1, 1, 2, 1, 1)),
         shares[np.newaxis, np.newaxis],
+        np.full((1, SHARES.size), 30),
     )
 
 
@@ -153,7 +154,7 @@ def test_predictions_of_a_law_that_nobody_knows_hold_the_truth() -> None:
     for i in range(40):
         life = 2500.0 * float(np.exp(0.3 * random.standard_normal()))
         until = life * 0.9012 * float(random.uniform(0.4, 0.8))
-        one = replace(unit(life, 100 + i, until), failed_at=None)
+        one = replace(unit(life, 100 + i, until), failures=())
         true = life * 0.9012 - one.hours
         found = Prediction(one.hours, pooled(by, one, np.full((1, 400), true)))
         transforms.append(probability_integral_transform(found, true))
@@ -173,8 +174,17 @@ def test_few_fellows_vague_diagnoses_and_what_has_failed_change_nothing() -> Non
     assert (
         pooled(of(fellows()), replace(one, observations=tuple(hidden)), times).tolist() == times[0].tolist()
     )
-    resting = [replace(each, observations=each.observations[:1], failed_at=None) for each in fellows()]
+    resting = [replace(each, observations=each.observations[:1], failures=()) for each in fellows()]
     assert pooled(of(resting), one, times).tolist() == times[0].tolist()
+
+
+def test_steps_that_fewer_than_four_have_gone_leave_a_limit_to_the_filter() -> None:
+    """Fellows removed half-way do not show how long the rest takes; four that failed do."""
+    one, times = unit(2500.0, 100, 1300.0), np.linspace(100.0, 900.0, 50)[np.newaxis]
+    working = [unit(2500.0 + 20.0 * i, i, 1200.0) for i in range(16)]
+    for failed, is_known in ((0, False), (FEWEST_GONE - 1, False), (FEWEST_GONE, True)):
+        by = of([*(unit(2500.0 + 20.0 * i, i) for i in range(failed)), *working[failed:]])
+        assert (pooled(by, one, times).tolist() != times[0].tolist()) is is_known
 
 
 def test_a_last_diagnosis_that_surprised_the_filter_teaches_no_pace() -> None:
@@ -246,6 +256,36 @@ def test_a_replaced_component_has_a_life_of_its_own() -> None:
     )
     alone, again = (float(np.median(pooled(by, one, times))) for one in (second, both))
     assert again == pytest.approx(alone, rel=0.05)
+
+
+def test_each_life_of_a_component_teaches_a_pace_with_its_failure() -> None:
+    first, second, by = unit(2500.0, 0), unit(3000.0, 1), of([])
+    start = first.failures[0]
+    later = [replace(one, hours=one.hours + start) for one in second.observations]
+    both = replace(
+        first,
+        hours=start + second.failures[0],
+        observations=(*first.observations, *later),
+        replacements=((start, "friction"),),
+        failures=(start, start + second.failures[0]),
+    )
+    ((of_first, of_second),) = by._ways_of(both, LIMITS)
+    for found, alone in ((of_first, first), (of_second, second)):
+        ((expected,),) = by._ways_of(alone, LIMITS)
+        assert found.passed == SHARES.size
+        assert found.slowness == pytest.approx(expected.slowness)
+
+
+def test_units_of_which_one_component_had_more_lives_teach_as_the_lives_do() -> None:
+    """A second component, that had one life in each unit, learns nothing from the other's second lives."""
+    random = np.random.default_rng(6)
+    ways = [Passages.of(np.cumsum(np.exp(5.0 + 0.3 * random.standard_normal(10))), SHARES) for _ in range(40)]
+    empty = Passages.of(np.zeros(0), np.zeros(0))
+    fleet = Passages.stacked([Passages.stacked(ways), Passages.stacked([*ways[:10], *[empty] * 30])])
+    there = np.array([[True] * 40, [True] * 10 + [False] * 30])
+    shares = np.exp(learnt(fleet, random, there).log_shares).mean(axis=0)
+    # Dirichlet (1, 1, ½) and all of n in the classes: n + 2 of n + 2.5.
+    assert shares[:, 2] == pytest.approx([0.5 / 42.5, 0.5 / 12.5], abs=0.02)
 
 
 def test_a_replacement_after_a_diagnosis_of_the_same_hours_says_nothing_of_then() -> None:

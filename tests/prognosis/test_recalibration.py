@@ -24,7 +24,7 @@ from emaphm.prognosis.from_fleet.recalibration import (
 from emaphm.prognosis.from_fleet.record import FEWEST_FAILED
 from emaphm.prognosis.metrics import Prediction, coverage, probability_integral_transform
 from emaphm.prognosis.prior import NEW, Prior
-from emaphm.prognosis.prognose import lives, uncorrected
+from emaphm.prognosis.prognose import MOST_PAST, lives, uncorrected
 from emaphm.prognosis.settings import FORECAST, FilterSettings
 
 LIMIT = 0.6
@@ -153,7 +153,7 @@ def flown(time: float, seed: int, upto: float | None = None) -> Evidence:
         level[0] += saturating(at / time)
         observations.append(Observation(float(at), level, 0.005**2 * np.eye(8), np.ones(8, bool)))
     last = observations[-1].hours
-    return Evidence(f"unit {seed}", "part", last, tuple(observations), failed_at=failure)
+    return Evidence(f"unit {seed}", "part", last, tuple(observations), failures=(failure,))
 
 
 @pytest.fixture(scope="module")
@@ -178,8 +178,7 @@ def test_a_shape_that_no_law_has_is_foreseen_where_the_fleet_has_shown_it(
     assert taught.recalibration is not None
     assert sorted(one.unit for one in taught.recalibration.outcomes) == [f"unit {i}" for i in range(6)]
     new = flown(1.1, 99, upto=1150.0)
-    assert new.failed_at is not None
-    true = new.failed_at - new.hours
+    true = new.failures[0] - new.hours
     by_fleet = prognose(new, ACTUATOR, Question(), prior=taught).interval90
     alone = prognose(new, ACTUATOR, Question()).interval90
     assert by_fleet[1] is not None
@@ -207,7 +206,7 @@ def test_past_units_are_predicted_once(seldom: list[Evidence], monkeypatch: pyte
     monkeypatch.setattr(record, "_outcome", outcome)
     # A unit that still works changes nothing, nor does its next diagnosis.
     for upto in (400.0, 500.0):
-        working = replace(flown(1.0, 50, upto=upto), failed_at=None)
+        working = replace(flown(1.0, 50, upto=upto), failures=())
         fleet_prior([*seldom[:FEWEST_FAILED], working], seed=7, actuator=ACTUATOR)
     assert sorted(seen) == sorted(one.unit for one in seldom[:FEWEST_FAILED])
 
@@ -219,13 +218,35 @@ def test_a_unit_that_was_diagnosed_at_its_failure_alone_corrects_nothing(
     failed, known = seldom[:FEWEST_FAILED], seldom[0]
     failed_at = known.observations[-1].hours
     # Three diagnoses on one day: no forecast of it was made before.
-    at_once = replace(known, unit="at once", observations=known.observations[-1:] * 3, failed_at=failed_at)
+    at_once = replace(known, unit="at once", observations=known.observations[-1:] * 3, failures=(failed_at,))
     found = fleet_prior([*failed, at_once], seed=7, actuator=ACTUATOR).recalibration
     assert found is not None
     assert {one.unit for one in found.outcomes} == {one.unit for one in failed}
 
 
 def test_a_fleet_without_failures_corrects_nothing(seldom: list[Evidence]) -> None:
-    working = [replace(one, failed_at=None) for one in seldom[:3]]
+    working = [replace(one, failures=()) for one in seldom[:3]]
     assert fleet_prior(working, actuator=ACTUATOR).recalibration is None
     assert fleet_prior(working).recalibration is None
+
+
+def test_predictions_of_each_life_that_ended_by_a_failure_are_compared_with_it() -> None:
+    """Failures at 900 and 2,000 h; a replacement before the second, at 1,300 h, ended what was predicted."""
+    hours = np.arange(100.0, 2400.0, 100.0)
+    observations = tuple(Observation(float(at), NEW, np.eye(8), np.ones(8, bool)) for at in hours)
+    replacements = ((900.0, "friction"), (1300.0, "backlash"), (2000.0, "unit"))
+    unit = Evidence("A", "part", 2300.0, observations, replacements, failures=(900.0, 2000.0))
+    chosen = record._chosen(unit)
+    at = {float(hours[i]): failure for i, failure in chosen.items()}
+    assert set(at.values()) == {900.0, 2000.0}
+    assert all(one <= 900.0 for one, failure in at.items() if failure == 900.0)
+    assert all(1300.0 < one <= 2000.0 for one, failure in at.items() if failure == 2000.0)
+    assert list(chosen) == sorted(chosen)
+
+
+def test_beliefs_of_the_past_are_kept_for_a_figure_only_and_few_of_them(fleet: list[Evidence]) -> None:
+    assert len(fleet[0].used) > MOST_PAST
+    kept = prognose(fleet[0], ACTUATOR, settings=FEW).past
+    assert len(kept) == MOST_PAST
+    assert [kept[0].hours, kept[-1].hours] == [fleet[0].used[0].hours, fleet[0].used[-1].hours]
+    assert prognose(fleet[0], ACTUATOR, settings=FEW, keep_past=False).past == ()

@@ -11,7 +11,7 @@ from emaphm.history.events import Event
 from emaphm.history.history import Added, History
 from emaphm.history.kept_diagnosis import KeptDiagnosis, KeptSettings
 from emaphm.history.kept_prognosis import KeptPrognosis
-from emaphm.history.lives import Life
+from emaphm.history.lives import Failure, Life
 from emaphm.history.records import (
     COMPONENTS,
     CONDITIONS,
@@ -33,6 +33,7 @@ __all__ = [
     "Added",
     "Entry",
     "Event",
+    "Failure",
     "Finding",
     "Flight",
     "History",

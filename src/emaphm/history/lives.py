@@ -20,6 +20,14 @@ class Life:
         return not self.failed
 
 
+@dataclass(frozen=True)
+class Failure:
+    """A unit failed at `hours` [h]; `components` are those that a shop found failed then, if any."""
+
+    hours: float
+    components: tuple[str, ...]
+
+
 def lives(
     flights: Sequence[Flight],
     removals: Sequence[Removal],
@@ -44,6 +52,25 @@ def lives(
     if start is not None and hours > start:
         result.append(Life(start, hours, failed=False))
     return tuple(result)
+
+
+def unrepaired(
+    flights: Sequence[Flight], removals: Sequence[Removal], findings: Sequence[Finding]
+) -> Failure | None:
+    """Return the failure that a unit has not been repaired of; None where it is in service, or may be again.
+
+    It failed if a removal ended its life by failure, as in `lives`, or a shop found a component failed. A
+    replacement at these hours or later puts it in service again, and so does a flight or a removal later on.
+    """
+    found = [one for one in findings if one.condition == "failed"]
+    ends = [one.hours for one in _removed(removals, findings) if one.failed]
+    hours = max((*ends, *(one.hours for one in found)), default=None)
+    if hours is None or any(one.replaced and one.hours >= hours for one in findings):
+        return None
+    if max((*(one.hours for one in flights), *(one.hours for one in removals)), default=0.0) > hours:
+        return None
+    components = {one.component for one in found if one.hours == hours} - {UNIT}
+    return Failure(hours, tuple(sorted(components)))
 
 
 @dataclass(frozen=True)

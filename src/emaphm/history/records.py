@@ -6,6 +6,7 @@ from typing import Any
 
 from emaphm.actuator.faults import NAMES
 from emaphm.actuator.quantity import COLDEST, HOTTEST
+from emaphm.actuator.requirements import LOWEST_FRICTION
 from emaphm.errors import HistoryError, nearest
 
 UNIT = "unit"
@@ -144,9 +145,10 @@ class Finding:
             raise HistoryError(f"unknown component '{self.component}'{nearest(self.component, COMPONENTS)}")
         if self.condition not in CONDITIONS:
             raise HistoryError(f"unknown condition '{self.condition}'{nearest(self.condition, CONDITIONS)}")
-        if self.level is not None and not 0 <= self.level <= 1:
+        lowest = LOWEST_FRICTION if self.component == "friction" else 0.0
+        if self.level is not None and not lowest <= self.level <= 1:
             raise HistoryError(
-                f"level {self.level:g} lies outside [0, 1]; give it normalised, as a diagnosis does"
+                f"level {self.level:g} lies outside [{lowest:g}, 1]; give it normalised, as a diagnosis does"
             )
         if self.level is not None and self.component == UNIT:
             raise HistoryError("a level is one component's, not the unit's; name the component")

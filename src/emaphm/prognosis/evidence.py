@@ -1,5 +1,6 @@
 """What a history says of a unit's degradation, and the filter's way through it."""
 
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -19,7 +20,7 @@ from emaphm.prognosis.stress import Stress, StressPiece, StressReference, exposu
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from emaphm.history import Flight, Unit
+    from emaphm.history import Failure, Flight, Unit
 
 UNSEEN_VARIANCE = 1e6
 """Of a level that a diagnosis could not see: such an observation says nothing."""
@@ -50,7 +51,8 @@ class Evidence:
 
     `replacements` are pairs of hours [h] and component, "unit" standing for all of them; `stresses` what the
     unit was subject to, by hours. Observations are of the first `components`: all 8, or one for an indicator.
-    `failed_at` are the hours [h] at which a failure ended the unit's first life; None if it had another.
+    `failures` are the hours [h] at which failures ended lives of the unit, rising; `unrepaired` is the one
+    for which it is out of service now, None where it is in service.
     """
 
     unit: str
@@ -60,7 +62,8 @@ class Evidence:
     replacements: tuple[tuple[float, str], ...] = ()
     stresses: tuple[StressPiece, ...] = ()
     components: int = COMPONENTS
-    failed_at: float | None = None
+    failures: tuple[float, ...] = ()
+    unrepaired: "Failure | None" = None
 
     @classmethod
     def of(cls, unit: "Unit", most: int | None = None) -> "Evidence":
@@ -81,15 +84,17 @@ class Evidence:
             )
             for one in unit.diagnoses(None if most is None else most - earlier, earlier)
         )
-        replacements = tuple((one.hours, one.component) for one in unit.replacements())
-        flights = unit.flights()
+        from emaphm.history.lives import lives, unrepaired
+
+        flights, removals, findings = unit.flights(), unit.removals(), unit.findings()
+        replacements = tuple((one.hours, one.component) for one in findings if one.replaced)
+        failure = unrepaired(flights, removals, findings)
         known = [
             *(one.hours for one in flights),
-            *(one.hours for one in unit.removals()),
+            *(one.hours for one in removals),
             *(hours for hours, _ in replacements),
+            *([failure.hours] if failure else []),
         ]
-        unit_lives = unit.lives()
-        has_failed = len(unit_lives) == 1 and unit_lives[0].failed
         return cls(
             unit.serial_number,
             unit.part_number,
@@ -97,7 +102,8 @@ class Evidence:
             observations,
             replacements,
             stress_pieces(flights),
-            failed_at=unit_lives[0].end_hours if has_failed else None,
+            failures=tuple(one.end_hours for one in lives(flights, removals, findings) if one.failed),
+            unrepaired=failure,
         )
 
     @property
@@ -118,13 +124,41 @@ class Evidence:
         none = np.zeros((self.components, self.components))
         return np.mean([none + one.shared for one in self.used], axis=0) if self.used else none
 
+    @property
+    def failed_lives(self) -> tuple[tuple[float, float], ...]:
+        """From which flight hours on [h] the unit worked as it was until it failed, and when: each failure.
+
+        A life begins when anything of the unit was replaced: what was to fail before may have been that.
+        """
+        renewed = {*self.failures, *(hours for hours, _ in self.replacements)}
+        return tuple(
+            (max((one for one in renewed if one < end), default=-np.inf), end) for end in self.failures
+        )
+
+    def lives(self, column: int) -> tuple[tuple[float, float], ...]:
+        """Return from when to when [h] each component of a `column` was in the unit, the last to `inf`."""
+        ends = sorted({hours for hours, what in self.replacements if column in columns_of(what)})
+        return tuple(zip([0.0, *ends], [*ends, np.inf], strict=True))
+
 
 @dataclass(frozen=True, eq=False)
 class Followed:
-    """The belief now, and those at the hours of the observations that were used."""
+    """The belief now, and those at the hours of the observations of which they were to be kept."""
 
     belief: Belief
     past: tuple[Belief, ...] = field(repr=False)
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """What is believed after an observation, before components are replaced, or now.
+
+    `ends` says which components are replaced then, (8,); `observed` whether there was an observation.
+    """
+
+    belief: Belief
+    ends: Mask
+    observed: bool = False
 
 
 def follow(
@@ -133,12 +167,30 @@ def follow(
     *,
     seed: int = 0,
     settings: FilterSettings = FILTER,
-    keep_past: bool = True,
+    past: Collection[int] | None = None,
 ) -> Followed:
     """Return what is believed of a unit after its observations and replacements, by hours.
 
-    A replacement at the hours of an observation comes after it. Each belief of the past that is kept takes 2
-    MB; without `keep_past` there are none.
+    `past` are the numbers of the used observations after which the belief is kept, 2 MB each; all where left
+    out. Errors as in `moments`.
+    """
+    kept: list[Belief] = []
+    number = 0
+    for moment in moments(evidence, prior, seed=seed, settings=settings):
+        belief = moment.belief
+        if moment.observed:
+            if past is None or number in past:
+                kept.append(belief)
+            number += 1
+    return Followed(belief, tuple(kept))
+
+
+def moments(
+    evidence: Evidence, prior: Prior, *, seed: int = 0, settings: FilterSettings = FILTER
+) -> Iterator[Moment]:
+    """Yield what is believed of a unit at its observations and replacements, by hours, and at last now.
+
+    A replacement at the hours of an observation comes after it.
 
     Raises
     ------
@@ -150,7 +202,7 @@ def follow(
     belief = Belief.new(
         prior, seed=seed, settings=settings, components=evidence.components, shared=evidence.shared
     )
-    past: list[Belief] = []
+    none = np.zeros(evidence.components, bool)
 
     def later(belief: Belief, hours: float) -> Belief:
         if prior.reference is None:
@@ -165,7 +217,9 @@ def follow(
     for hours, _, event in sorted(events, key=lambda one: one[:2]):
         belief = later(belief, hours)
         if isinstance(event, str):
-            belief = replaced(belief, np.isin(np.arange(evidence.components), columns_of(event)))
+            ends = np.isin(np.arange(evidence.components), columns_of(event))
+            yield Moment(belief, ends)
+            belief = replaced(belief, ends)
             continue
         try:
             belief = updated(belief, event.level, _usable(evidence.unit, event), settings)
@@ -174,9 +228,8 @@ def follow(
                 f"unit '{evidence.unit}': the covariance of the diagnosis at {hours:g} h is not positive "
                 "definite; diagnose its recording again"
             ) from None
-        if keep_past:
-            past.append(belief)
-    return Followed(later(belief, evidence.hours), tuple(past))
+        yield Moment(belief, none, observed=True)
+    yield Moment(later(belief, evidence.hours), none)
 
 
 def stress_pieces(flights: "Sequence[Flight]") -> tuple[StressPiece, ...]:

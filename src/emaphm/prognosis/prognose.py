@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from emaphm.actuator import Actuator
 from emaphm.actuator.faults import CARTESIAN_NAMES
 from emaphm.arrays import Array
 from emaphm.errors import PrognosisError
-from emaphm.prognosis.advice import Costs, advice
+from emaphm.prognosis.advice import Advice, Costs, advice
 from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.columns import columns_of
 from emaphm.prognosis.evidence import Evidence, follow
@@ -23,6 +24,9 @@ from emaphm.prognosis.result import Prognosis
 from emaphm.prognosis.settings import CONSTANT, FORECAST, ForecastSettings
 from emaphm.prognosis.stress import STRESSES, Stress, StressReference, exposure
 from emaphm.quantiles import normal_quantile
+
+if TYPE_CHECKING:
+    from emaphm.history import Failure
 
 ENOUGH = 3
 """Explained diagnoses from which on a rate is seen rather than assumed: two give one that nothing checks."""
@@ -95,7 +99,8 @@ def prognose(
     seed, settings
         Source of all randomness; how many paths are forecast, and how far.
     keep_past
-        Whether the beliefs at earlier diagnoses are kept, for a figure of the RUL against time.
+        Whether the beliefs at up to `MOST_PAST` earlier diagnoses are kept, 2 MB each, for a figure of the
+        RUL against time.
 
     Raises
     ------
@@ -107,13 +112,13 @@ def prognose(
     prior = prior or Prior()
     settings = replace(settings, longest_hours=max(settings.longest_hours, 2 * question.horizon))
     requirements = Requirements(actuator)
-    followed = follow(evidence, prior, seed=seed, keep_past=keep_past)
+    followed = follow(evidence, prior, seed=seed, past=_shown(evidence) if keep_past else ())
     made, forecast = _forecast(followed.belief, evidence, requirements, settings, question.ahead)
     times = forecast.by_fleet(made.level[0], followed.belief, evidence, question.ahead)
     limit = times.commonest
     component = None if limit is None else responsible(made, forecast, limit, requirements)
     born = followed.belief.born[columns_of(component)[0]] if component else 0.0
-    return Prognosis(
+    result = Prognosis(
         evidence=evidence,
         actuator=actuator,
         horizon=question.horizon,
@@ -140,15 +145,43 @@ def prognose(
             *level_notes(evidence, made.level[0]),
         ),
     )
+    return result if evidence.unrepaired is None else _as_failed(result, evidence.unrepaired)
+
+
+def _as_failed(forecast: Prognosis, failure: "Failure") -> Prognosis:
+    """Return the prognosis of a unit that has failed: no life left, by what a shop found, where it did.
+
+    Levels and other requirements stay as forecast.
+    """
+    times, component, limit = forecast.times, forecast.component, forecast.limit
+    places = [i for i, one in enumerate(times.limits) if one.component in failure.components]
+    if places:
+        place = min(places, key=lambda i: float(np.median(times.hours[i])))
+        limit, hours = times.limits[place], times.hours.copy()
+        hours[place] = 0.0
+        times, component = replace(times, hours=hours), limit.component
+    elif failure.components:
+        component = failure.components[0]
+    since = f"failed at {failure.hours:g} h and was neither repaired nor flown since"
+    return replace(
+        forecast,
+        times=times,
+        component=component,
+        limit=limit,
+        advice=Advice("replace before", 0.0, 1.0, f"it {since}"),
+        notes=(f"the unit {since}: it has no remaining useful life", *forecast.notes),
+    )
 
 
 def past_lives(prognosis: Prognosis, settings: ForecastSettings = FORECAST) -> list[tuple[float, np.ndarray]]:
-    """Return the RUL as forecast at up to `MOST_PAST` earlier diagnoses: pairs of hours and samples [h]."""
-    beliefs = prognosis.past
-    chosen = np.unique(np.linspace(0, len(beliefs) - 1, min(MOST_PAST, len(beliefs))).astype(int))
-    return lives(
-        [beliefs[i] for i in chosen], prognosis.evidence, prognosis.actuator, prognosis.ahead, settings
-    )
+    """Return the RUL as forecast at the diagnoses whose beliefs were kept: pairs of hours and samples [h]."""
+    return lives(prognosis.past, prognosis.evidence, prognosis.actuator, prognosis.ahead, settings)
+
+
+def _shown(evidence: Evidence) -> set[int]:
+    """Return the numbers of up to `MOST_PAST` used diagnoses, evenly from the first to the last."""
+    count = len(evidence.used)
+    return set(np.linspace(0, count - 1, min(MOST_PAST, count)).astype(int).tolist())
 
 
 def lives(

@@ -46,8 +46,8 @@ class Prognosis:
     advice
         What to do, in how many flight hours from now on [h], and the risk until then.
     belief, past
-        Of the degradation, now and at the diagnoses that were used: weighted particles of the 8 components,
-        levels [-] and rates [1/h], each at its flight `hours` of the unit [h].
+        Of the degradation, now and at those earlier diagnoses of which it was kept: weighted particles of the
+        8 components, levels [-] and rates [1/h], each at its flight `hours` of the unit [h].
     seed
         Source of all randomness.
     ahead
@@ -71,8 +71,8 @@ class Prognosis:
 
     @property
     def sample(self) -> Array:
-        """The RUL of each path [h], shape (n,), `inf` where no failure is in sight."""
-        return self.times.first
+        """The RUL of each path [h], (n,): `inf` where no failure is in sight, 0 where the unit has failed."""
+        return self.times.first if self.evidence.unrepaired is None else np.zeros(self.times.hours.shape[1])
 
     @property
     def median(self) -> float:
@@ -133,6 +133,7 @@ class Prognosis:
             "unit": evidence.unit,
             "part_number": evidence.part_number,
             "hours": evidence.hours,
+            "failed_at_hours": None if evidence.unrepaired is None else evidence.unrepaired.hours,
             "rul_hours": {"median": finite(self.median), "interval90": [finite(x) for x in self.interval90]},
             "horizon_hours": self.horizon,
             "probability_of_failure": self.probability_of_failure,
@@ -150,7 +151,6 @@ class Prognosis:
         }
 
     def __str__(self) -> str:
-        low, high = (hours_text(x) for x in self.interval90)
         evidence = self.evidence
         rows = [
             (
@@ -165,7 +165,7 @@ class Prognosis:
         cause = f", by {self.component} ({self.limit.label})" if self.limit else ""
         lines = [
             f"{evidence.unit}, part number {evidence.part_number}, at {evidence.hours:g} h",
-            f"remaining useful life: {hours_text(self.median)} (90 %: {low} to {high}){cause}",
+            f"remaining useful life: {self.rul_text()}{cause}",
             f"probability of failure within {self.horizon:g} h: {100 * self.probability_of_failure:.1f} %",
             f"advice: {advice_text(self.advice)}",
             "",
@@ -176,6 +176,13 @@ class Prognosis:
             *(f"note: {note}" for note in self.notes),
         ]
         return "\n".join(lines)
+
+    def rul_text(self) -> str:
+        """Return the RUL as text, with its 90 % interval."""
+        if self.evidence.unrepaired is not None:
+            return f"none, failed at {self.evidence.unrepaired.hours:g} h"
+        low, high = (hours_text(x) for x in self.interval90)
+        return f"{hours_text(self.median)} (90 %: {low} to {high})"
 
     def plot(self) -> "Figure":
         """Return the figure of health over time and of the RUL; the drawing is `plotting.prognosis`'s."""

@@ -7,7 +7,7 @@ from emaphm.plotting.prognosis import draw_fan, draw_health, draw_life
 from emaphm.plotting.svg import plain_style, svg
 from emaphm.prognosis.keeping.curves import Curves, fan_row
 from emaphm.prognosis.prognose import past_lives
-from emaphm.prognosis.result import Prognosis, advice_text, hours_text, requirement_row
+from emaphm.prognosis.result import Prognosis, advice_text, requirement_row
 from emaphm.report.document import Block, Document, Facts, Heading, Items, Paragraph, Picture
 from emaphm.text_table import Table
 
@@ -29,7 +29,6 @@ def write_prognosis(prognosis: Prognosis, path: str | Path, *, force: bool = Fal
 def document(prognosis: Prognosis) -> Document:
     """Return the report as a document."""
     evidence = prognosis.evidence
-    low, high = (hours_text(x) for x in prognosis.interval90)
     longest = float(prognosis.paths.hours[-1])
     past = [fan_row(hours, sample, longest) for hours, sample in past_lives(prognosis)]
     curves = Curves.of(prognosis, past)
@@ -41,7 +40,7 @@ def document(prognosis: Prognosis) -> Document:
         Paragraph(advice_text(prognosis.advice), warning=prognosis.advice.action != "fly on"),
         Facts(
             {
-                "Remaining useful life": f"{hours_text(prognosis.median)} (90 %: {low} to {high})",
+                "Remaining useful life": prognosis.rul_text(),
                 f"Probability of failure within {horizon}": f"{100 * prognosis.probability_of_failure:.1f} %",
                 "Fails first": prognosis.limit.label if prognosis.limit else "nothing in sight",
                 "Component responsible": prognosis.component or "none",

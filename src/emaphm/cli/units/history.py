@@ -234,7 +234,10 @@ def finding(
     ],
     condition: Annotated[str, Parameter(help="failed, degraded or healthy, as the shop found it.")],
     level: Annotated[
-        float | None, Parameter(help="The fault as the shop measured it, from 0 to 1 as in a diagnosis.")
+        float | None,
+        Parameter(
+            help="The fault as the shop measured it, from 0 to 1 as in a diagnosis; a friction from -1."
+        ),
     ] = None,
     replaced: Annotated[bool, Parameter(negative="", help="The component was replaced.")] = False,
     note: Note = "",
@@ -293,6 +296,8 @@ def _assessed(values: dict[str, Any]) -> str:
     made, advised = values["prognostic_assessment"], values["advisory_generation"]
     median = made["rul_hours"]["median"]
     lasts = "no failure in sight" if median is None else f"remaining useful life {median:,.0f} h"
+    if made.get("failed_at_hours") is not None:
+        lasts = f"no remaining useful life, failed at {made['failed_at_hours']:g} h"
     old = ", out of date" if made["out_of_date"] else ""
     what = f"{advised['action']} at {advised['at_hours']:,.0f} h"
     return f"prognosis of {made['made_at']} at {made['hours']:g} h{old}: {lasts}; {what}"

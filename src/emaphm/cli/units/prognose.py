@@ -2,7 +2,7 @@
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
@@ -23,6 +23,8 @@ from emaphm.cli.units.history import DB, Database
 from emaphm.errors import PrognosisError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from emaphm.prognosis import Costs
     from emaphm.prognosis.batch import UnitOutcome
 
@@ -115,7 +117,7 @@ def prognose(
         basis = history.basis(unit)
         evidence, described = Evidence.of(found), described or found.actuator
         prior = learnt_prior(history, found, seed=seed, actuator=described) if fleet else Prior()
-    result = ask(evidence, described, question, prior=prior, seed=seed)
+    result = ask(evidence, described, question, prior=prior, seed=seed, keep_past=report is not None)
     if keep:
         with History.open(db) as history:
             history.keep_prognosis(unit, KeptPrognosis.of(basis, result.to_dict()))
@@ -149,18 +151,7 @@ def _show_all(made: "list[UnitOutcome]", keep_in: str | None, as_json: bool) -> 
         with History.open(keep_in) as history:
             for one in good:
                 history.keep_prognosis(one.unit, one.kept())
-    rows = [
-        (
-            one.unit,
-            f"{one.values['hours']:g}",
-            _hours(one.values["rul_hours"]["median"]),
-            " to ".join(_hours(end) for end in one.values["rul_hours"]["interval90"]),
-            f"{100 * one.values['probability_of_failure']:.1f} %",
-            one.values["component"] or "–",
-            f"{one.values['advice']['action']} {_hours(one.values['advice']['at_hours'])} h",
-        )
-        for one in good
-    ]
+    rows = [(one.unit, *_row(one.values)) for one in good]
     header = ("unit", "hours", "RUL [h]", "90 %", "fails within the horizon", "component", "advice")
     values = {
         "units": [dict(one.values) for one in good],
@@ -172,6 +163,20 @@ def _show_all(made: "list[UnitOutcome]", keep_in: str | None, as_json: bool) -> 
             f"{len(bad)} of {len(made)} units have no prognosis, the others are done; the first, "
             f"'{bad[0].unit}': {bad[0].error}"
         )
+
+
+def _row(values: "Mapping[str, Any]") -> tuple[str, ...]:
+    """Return a prognosis as a row of the table of all units, but for the unit."""
+    rul, advice, failed_at = values["rul_hours"], values["advice"], values["failed_at_hours"]
+    interval = " to ".join(_hours(end) for end in rul["interval90"])
+    action = f"{advice['action']} {_hours(advice['at_hours'])} h"
+    return (
+        f"{values['hours']:g}",
+        *((_hours(rul["median"]), interval) if failed_at is None else ("failed", "–")),
+        f"{100 * values['probability_of_failure']:.1f} %",
+        values["component"] or "–",
+        action if failed_at is None else f"failed at {failed_at:g} h",
+    )
 
 
 def _hours(hours: float | None) -> str:

@@ -220,7 +220,7 @@ def _prognoses(
                 evidence = Evidence.of(unit)
                 described = actuator or unit.actuator
                 prior = None if fleet is None else fleet.prior_of(name, described, seed)
-                made = prognose(evidence, described, question, prior=prior, seed=seed)
+                made = prognose(evidence, described, question, prior=prior, seed=seed, keep_past=False)
             except EmaphmError as error:
                 results.append(UnitOutcome(name, {}, error=str(error)))
             else:

@@ -1,21 +1,22 @@
 """What other units of the same part number teach about a new one: laws, life scales and rates."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from emaphm.arrays import Array
 from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.columns import ECCENTRICITY
-from emaphm.prognosis.evidence import Evidence, Followed, follow
+from emaphm.prognosis.evidence import Evidence, moments
 from emaphm.prognosis.filter.resampling import drawn_rows, recombined
 from emaphm.prognosis.from_fleet.memory import Memory, fingerprint
 from emaphm.prognosis.from_fleet.outlook import Fellows
 from emaphm.prognosis.from_fleet.recalibration import Recalibration
 from emaphm.prognosis.from_fleet.record import record_of
 from emaphm.prognosis.from_fleet.references import References, Track
-from emaphm.prognosis.laws import is_moving
+from emaphm.prognosis.laws import Mask, is_moving
 from emaphm.prognosis.prior import NEW, Hypotheses, Prior, rate_when_new
 from emaphm.prognosis.settings import FILTER
 from emaphm.prognosis.stress import StressReference
@@ -94,7 +95,7 @@ def learnt_prior(
     taught = {
         one.unit: taught_by(one, general, seed)
         for one in chosen
-        if len(one.used) >= FEWEST_DIAGNOSES and (one.unit != unit.serial_number or one.failed_at is not None)
+        if len(one.used) >= FEWEST_DIAGNOSES and (one.unit != unit.serial_number or one.failures)
     }
     record = recalibration_by(chosen, taught, general, actuator or unit.actuator, seed)
     return prior_of(unit.serial_number, taught, [evidence[name] for name in paced], general, record)
@@ -121,7 +122,7 @@ def prior_of(
 
 def failed_of(chosen: Sequence[Evidence]) -> list[Evidence]:
     """Return the units that failed and teach."""
-    return [one for one in chosen if one.failed_at is not None and len(one.used) >= FEWEST_DIAGNOSES]
+    return [one for one in chosen if one.failures and len(one.used) >= FEWEST_DIAGNOSES]
 
 
 def recalibration_by(
@@ -229,25 +230,64 @@ def fleet_prior(
 
 @dataclass(frozen=True, eq=False)
 class Taught:
-    """What one unit teaches: hypotheses of a new unit, each array (DRAWN, 8), and its way."""
+    """What one unit teaches: hypotheses of a new unit, each array (DRAWN, 8), and the ways that it went.
+
+    A component that was replaced had more than one life: it teaches what was believed just before, and what
+    is believed now, by as many hypotheses of each, and the way of each; the first `ways` are first lives.
+    """
 
     hypotheses: Hypotheses
-    track: Track
+    ways: tuple[Track, ...]
 
 
 TAUGHT: Memory[Taught] = Memory(KEPT)
 
 
 def taught_by(evidence: Evidence, general: Prior, seed: int) -> Taught:
-    """Return what a unit teaches, followed from the `general` prior; errors as in `follow`."""
-
-    def taught() -> Taught:
-        followed = follow(evidence, general, seed=seed, settings=FOLLOWED_BY)
-        return Taught(_hypotheses(followed.belief, evidence.unit, seed), _track(followed))
-
+    """Return what a unit teaches, followed from the `general` prior; errors as in `moments`."""
     return TAUGHT.get(
-        fingerprint(evidence, evidence.failed_at, general.settings, general.reference, seed), taught
+        fingerprint(evidence, general.settings, general.reference, seed),
+        lambda: _taught(evidence, general, seed),
     )
+
+
+def _taught(evidence: Evidence, general: Prior, seed: int) -> Taught:
+    hours, age, level = [], [], []
+    ended: list[tuple[Hypotheses, Mask]] = []
+    name = ("fleet's prior", evidence.unit)
+    for moment in moments(evidence, general, seed=seed, settings=FOLLOWED_BY):
+        belief = moment.belief
+        if moment.observed:
+            hours.append(belief.hours)
+            age.append(np.sum(belief.weights * belief.aged, axis=0))
+            level.append(belief.mean_level)
+            continue
+        # A life of few diagnoses teaches nothing that was not put in.
+        is_known = np.sum(np.array(hours)[:, np.newaxis] > belief.born, axis=0) >= FEWEST_DIAGNOSES
+        if (moment.ends & is_known).any():
+            random = stream(seed, *name, len(ended))
+            ended.append((_hypotheses(belief, random), moment.ends & is_known))
+    has_ended = np.any([np.zeros_like(is_known), *(which for _, which in ended)], axis=0)
+    now = _hypotheses(belief, stream(seed, *name)), is_known | ~has_ended
+    track = np.array(hours), np.stack(age), np.stack(level)
+    return Taught(_merged([*ended, now]), tuple(_ways(evidence, *track)))
+
+
+def _merged(lives: "Sequence[tuple[Hypotheses, Mask]]") -> Hypotheses:
+    """Return hypotheses of components, each from those lives that are said to teach of it, evenly."""
+    rows, columns = np.arange(DRAWN), np.arange(lives[0][0].law.shape[1])
+    teaching = np.stack([which for _, which in lives])
+    life = np.stack([np.resize(np.flatnonzero(which), DRAWN) for which in teaching.T], axis=1)
+    fields = zip(*(hypotheses for hypotheses, _ in lives), strict=True)
+    return Hypotheses(*(np.stack(one)[life, rows[:, np.newaxis], columns] for one in fields))
+
+
+def _ways(evidence: Evidence, hours: Array, age: Array, level: Array) -> Iterator[Track]:
+    """Yield the filtered levels (n, 8) of a unit at `hours` (n,) [h]: of first lives, then of second ones."""
+    lives = [evidence.lives(column) for column in range(evidence.components)]
+    for i in range(max(map(len, lives))):
+        born, until = zip(*(one[i] if i < len(one) else (np.inf, np.inf) for one in lives), strict=True)
+        yield Track(hours, age, level, np.array(born), np.array(until), NEW)
 
 
 def pooled(parts: Sequence[Taught], general: Prior) -> Prior:
@@ -259,7 +299,7 @@ def pooled(parts: Sequence[Taught], general: Prior) -> Prior:
         fleet=fleet,
         fleet_share=len(parts) / (len(parts) + WEIGHT_OF_GENERAL),
         units=len(parts),
-        references=References.of([one.track for one in parts]),
+        references=References.of([way for one in parts for way in one.ways]),
     )
 
 
@@ -273,19 +313,8 @@ def with_pace(prior: Prior, followed: Sequence[str], others: Sequence[Evidence])
     return replace(prior, units=len({*followed, *(one.unit for one in others)}), fellows=fellows)
 
 
-def _track(followed: Followed) -> Track:
-    """Return the levels of a unit over its hours, as filtered."""
-    return Track(
-        hours=np.array([one.hours for one in followed.past]),
-        age=np.stack([np.sum(one.weights * one.aged, axis=0) for one in followed.past]),
-        level=np.stack([one.mean_level for one in followed.past]),
-        born=followed.belief.born,
-        new=NEW,
-    )
-
-
-def _hypotheses(belief: Belief, unit: str, seed: int) -> Hypotheses:
-    rows = drawn_rows(belief, DRAWN, stream(seed, "fleet's prior", unit))
+def _hypotheses(belief: Belief, random: np.random.Generator) -> Hypotheses:
+    rows = drawn_rows(belief, DRAWN, random)
     units = recombined(belief, rows)
     held = units.hypotheses()
     factor = rate_when_new(held, units.aged, belief.prior.settings)

@@ -39,7 +39,8 @@ class Memory(Generic[T]):
 def fingerprint(evidence: "Evidence", *others: object) -> str:
     """Return what identifies all that a history says of a unit, and `others` by their `repr`."""
     digest = hashlib.sha256()
-    digest.update(repr((evidence.unit, evidence.hours, evidence.replacements, evidence.stresses)).encode())
+    said = evidence.unit, evidence.hours, evidence.replacements, evidence.stresses, evidence.failures
+    digest.update(repr(said).encode())
     for one in evidence.observations:
         digest.update(repr((one.hours, one.explained)).encode())
         for values in (one.level, one.covariance, one.seen, np.asarray(one.shared)):

@@ -26,6 +26,10 @@ if TYPE_CHECKING:
 FEWEST_FELLOWS = 8
 """Units that teach a pace; it was measured with 26 and 30."""
 
+FEWEST_GONE = 4
+"""Lives of components that have gone a step, below which it is not known how long it takes: from fewer, the
+steps that nobody has gone would be as long as the last one that somebody has."""
+
 WEIGHT_OF_FILTER = 8.0
 """Fellows that the filter's forecast counts as: a fleet of 30 has not shown all that may happen. With 2, the
 intervals of 90 % held the truth in 83 % late in life, of 109 synthetic units; with 8, in 86 %."""
@@ -41,6 +45,9 @@ LEAST_WORKING = 0.05
 
 DRAWN = 400
 """Lives by the fellows' pace of which that probability is taken: right to 1 %, one standard error."""
+
+NOTHING = Passages.of(np.zeros(0), np.zeros(0))
+"""In the place of a life that a component did not have, where others did."""
 
 POPULATIONS: Memory[Population | None] = Memory(40)
 
@@ -70,7 +77,8 @@ class Fellows:
         n is the number of fellows. It stays as it is where a limit is on a measure or passed by a new unit,
         where they are fewer than 8 or none has shown any pace, where the last diagnosis knows a level worse
         than to 5 % of its way, where the unit has gone no tenth of any way, where it has worked for longer
-        since its last diagnosis than 95 % of its fellows would, and where most paths have failed.
+        since its last diagnosis than 95 % of its fellows would, and where most paths have failed. The times
+        of a limit stay where fewer than 4 lives have gone a step that is ahead on the way to it.
 
         Parameters
         ----------
@@ -103,6 +111,8 @@ class Fellows:
         chosen = random.permutation(working)[: round(share * working.size)]
         hours = times.hours.copy()
         for i, limit in enumerate(times.limits):
+            if population.gone[i, int(gone[i].passed) :].min(initial=FEWEST_GONE) < FEWEST_GONE:
+                continue
             column = _columns(limit)[0]
             age, now = ways[i][0], self._aged(evidence, column, born[i], belief.hours)
             since = now - age[-1] if age.size else 0.0
@@ -118,7 +128,7 @@ class Fellows:
 
     @cached_property
     def _keys(self) -> list[str]:
-        return [fingerprint(one, one.failed_at) for one in self.units]
+        return [fingerprint(one) for one in self.units]
 
     def _is_usable(self, limit: "Limit", unit: "Evidence", belief: "Belief") -> bool:
         """Return whether a limit is on a level that a new unit holds, and that the last diagnosis knows."""
@@ -141,21 +151,41 @@ class Fellows:
 
         def computed() -> Population | None:
             ways = [self._ways_of(one, limits) for one in self.units]
-            fleet = Passages.stacked([Passages.stacked(column) for column in zip(*ways, strict=True)])
-            return learnt(fleet, stream(seed, "fellows' pace")) if fleet.precision.any() else None
+            shown = [[life for of_unit in ways for life in of_unit[i]] for i in range(len(limits))]
+            most = max(map(len, shown))
+            if not any(life.precision.any() for of_limit in shown for life in of_limit):
+                return None
+            there = np.arange(most) < np.array([[len(one)] for one in shown])
+            padded = [[*one, *[NOTHING] * (most - len(one))] for one in shown]
+            fleet = Passages.stacked([Passages.stacked(one) for one in padded])
+            return learnt(fleet, stream(seed, "fellows' pace"), there)
 
         about = (self._keys, bounds, self.reference, self.exponents.tolist(), seed)
         return POPULATIONS.get(repr(about), computed)
 
-    def _ways_of(self, unit: "Evidence", limits: "tuple[Limit, ...]") -> list[Passages]:
-        """Return what a unit shows of each limit; a failure is that of the limit which it came nearest to."""
-        ways = [self._way(unit, one, _born(unit, _columns(one)[0]), np.inf) for one in limits]
-        if unit.failed_at is not None and not unit.replacements:
-            ends = [self._aged(unit, _columns(one)[0], 0.0, unit.failed_at) for one in limits]
-            failed = int(np.argmax([_ahead(*way, end) for way, end in zip(ways, ends, strict=True)]))
-            age, way = ways[failed]
-            ways[failed] = np.append(age, ends[failed]), np.append(way, 1.0)
-        return [Passages.of(*way) for way in ways]
+    def _ways_of(self, unit: "Evidence", limits: "tuple[Limit, ...]") -> list[list[Passages]]:
+        """Return what a unit shows of each limit, in each life of its component that a diagnosis has seen.
+
+        A failure is that of the limit which it came nearest to, among components that worked no longer then.
+        """
+        columns = [_columns(one)[0] for one in limits]
+        lives = [unit.lives(column) for column in columns]
+        ways = [
+            [self._way(unit, one, *life) for life in each] for one, each in zip(limits, lives, strict=True)
+        ]
+        for failure in unit.failures:
+            near = []
+            for i, each in enumerate(lives):
+                life = next(j for j, (_, until) in enumerate(each) if failure <= until)
+                end = self._aged(unit, columns[i], each[life][0], failure)
+                age, way = ways[i][life]
+                if not age.size or age[-1] <= end:
+                    near.append((_ahead(age, way, end), i, life, end))
+            if near:
+                _, i, life, end = max(near, key=lambda one: one[0])
+                age, way = ways[i][life]
+                ways[i][life] = np.append(age, end), np.append(way, 1.0)
+        return [[Passages.of(*way) for way in each if way[0].size] for each in ways]
 
     def _way(self, unit: "Evidence", limit: "Limit", born: float, until: float) -> tuple[Array, Array]:
         """Return ages (n,) [h] at which a component `born` then was seen, and shares of its way (n,)."""
@@ -189,12 +219,6 @@ class Fellows:
 
 def _columns(limit: "Limit") -> list[int]:
     return columns_of(str(limit.component))
-
-
-def _born(unit: "Evidence", column: int) -> float:
-    """Return the hours [h] of the last replacement of a component; 0 without any."""
-    hours = [at for at, what in unit.replacements if column in columns_of(what)]
-    return max(hours, default=0.0)
 
 
 def _ahead(age: Array, way: Array, end: float) -> float:

@@ -31,8 +31,12 @@ from scipy.special import log_ndtr, ndtr, ndtri
 
 from emaphm.arrays import Array
 from emaphm.prognosis.from_fleet.passages import SHARES, Passages
+from emaphm.prognosis.laws import Mask
 
 CLASSES = 2
+OF_NONE = CLASSES + 1
+"""In place of a class, of what is not there; `CLASSES` is that of components that do not degrade."""
+
 STEPS = SHARES.size
 
 OF_PACE, OF_CHANGE, OF_STEP = 0.4, 0.3, 0.15
@@ -64,12 +68,14 @@ class Population(NamedTuple):
     """S draws of what a fleet teaches of c components.
 
     `mean` (S, c, 2, D) and `precision` (S, c, 2, D, D) of the classes; `log_shares` (S, c, 3) of the units in
-    the classes, and of those whose component does not degrade.
+    the classes, and of those whose component does not degrade. `gone` (c, D) is how many of the fleet have
+    gone each step.
     """
 
     mean: Array
     precision: Array
     log_shares: Array
+    gone: Array
 
 
 def general_covariance() -> Array:
@@ -80,10 +86,11 @@ def general_covariance() -> Array:
     return np.asarray(covariance + OF_STEP**2 * np.eye(STEPS))
 
 
-def learnt(fleet: Passages, random: np.random.Generator) -> Population:
+def learnt(fleet: Passages, random: np.random.Generator, there: Mask | None = None) -> Population:
     """Return draws of the population, by Gibbs sampling, given a `fleet` (c, n) of c components of n units.
 
     Some step of some component must have been seen. Classes begin as those whose pace falls and rises most.
+    Where components are not all of as many units, `there` (c, n) says which are; all where left out.
     """
     general, m = general_covariance(), _general_mean(fleet)
     count, units = fleet.waited.shape
@@ -91,12 +98,14 @@ def learnt(fleet: Passages, random: np.random.Generator) -> Population:
     precision = np.tile(np.linalg.inv(general), (count, CLASSES, 1, 1))
     log_shares = np.full((count, CLASSES + 1), -np.log(CLASSES + 1))
     of_class = _by_trend(fleet, m)
+    absent = np.zeros((count, units), bool) if there is None else ~there
     kept = []
     rows, columns = np.arange(count)[:, np.newaxis], np.arange(units)
     for sweep in range(SWEEPS):
         weights, given = _agreement(mean, precision, log_shares, fleet)
         if sweep:
             of_class = (weights + random.gumbel(size=weights.shape)).argmax(axis=1)
+        of_class = np.where(absent, OF_NONE, of_class)
         chosen = rows, np.minimum(of_class, CLASSES - 1), columns
         slowness = _drawn(_Given(*(part[chosen] for part in given)), fleet.waited, random)
         member = (of_class[:, np.newaxis] == np.arange(CLASSES)[:, np.newaxis]).astype(float)
@@ -107,7 +116,9 @@ def learnt(fleet: Passages, random: np.random.Generator) -> Population:
         mean, precision = _classes(slowness, member, m, general, random)
         if sweep >= FIRST_KEPT:
             kept.append((mean, precision, log_shares))
-    return Population(*(np.stack(draws) for draws in zip(*kept, strict=True)))
+    gone = np.sum(fleet.passed[..., np.newaxis] > np.arange(STEPS), axis=1)
+    means, precisions, shares = (np.stack(draws) for draws in zip(*kept, strict=True))
+    return Population(means, precisions, shares, gone)
 
 
 def hours_left(
@@ -119,7 +130,7 @@ def hours_left(
     way, are as many draws of where it is now. Diagnoses err, so that `one` alone does not say that.
     """
     passed, count = int(one.passed), share.size
-    mean, precision, log_shares = (draws[:, component] for draws in population)
+    mean, precision, log_shares = (draws[:, component] for draws in population[:3])
     each = Passages(*(np.broadcast_to(part, (len(mean), 1, *part.shape)) for part in one))
     weights, given = _agreement(mean, precision, log_shares, each)
     weights = weights[..., 0]

@@ -53,7 +53,7 @@ def record_of(
     """
     if len(units) < FEWEST_FAILED or any(one.component is None for one in Requirements(actuator).limits):
         return None
-    keys = [fingerprint(one, one.failed_at) for one in units]
+    keys = [fingerprint(one) for one in units]
     requirements = [one.model_dump() for one in actuator.requirements]
 
     def record() -> Recalibration:
@@ -64,14 +64,27 @@ def record_of(
 
 
 def _outcome(evidence: Evidence, prior: Prior, actuator: Actuator, seed: int) -> Outcome | None:
-    """Return what became of the predictions of a unit; None where none before its failure had a median."""
-    past = follow(evidence, prior, seed=seed).past
-    chosen = [past[i] for i in sorted({round(share * (len(past) - 1)) for share in AT})]
+    """Return what became of the predictions of a unit; None where none before a failure had a median."""
+    failure_at = _chosen(evidence)
+    chosen = follow(evidence, prior, seed=seed, past=failure_at).past
+    if not chosen:
+        return None
+    forecasts = uncorrected(chosen, evidence, actuator, PATHS)
     situations, error = [], []
-    for belief, times in zip(chosen, uncorrected(chosen, evidence, actuator, PATHS), strict=True):
+    for belief, times, failure in zip(chosen, forecasts, failure_at.values(), strict=True):
         middle, spread = log_rul(times.first)
-        true = (evidence.failed_at or 0.0) - belief.hours
+        true = failure - belief.hours
         if true > 0 and np.isfinite(middle):
             situations.append(situation_of(times.hours, belief.age))
             error.append((np.log(true) - middle) / spread)
     return Outcome(evidence.unit, Situation.of(situations), np.array(error)) if situations else None
+
+
+def _chosen(evidence: Evidence) -> dict[int, float]:
+    """Return numbers of used observations of a unit, rising, and when the unit failed after each [h]."""
+    failure_at: dict[int, float] = {}
+    for start, end in evidence.failed_lives:
+        lived = [i for i, one in enumerate(evidence.used) if start < one.hours <= end]
+        if lived:
+            failure_at |= {lived[i]: end for i in sorted({round(share * (len(lived) - 1)) for share in AT})}
+    return failure_at

@@ -1,6 +1,7 @@
 """How components of other units have degraded, as a law that another unit may follow in its own time."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,10 +22,24 @@ FEWEST = 3
 END = 0.2
 """Last share of a span whose slope goes on after it."""
 
+EXPONENTS = 0.5, 3.0
+"""Range of the exponent by which a way may go on after its end: as of power laws in the general prior."""
+
+LEAST_CHANGE = 0.02
+"""Of a level over its span, below which its form says no exponent."""
+
 
 @dataclass(frozen=True, eq=False)
 class References:
     """What k other units have shown of their components' degradation.
+
+    After its end a way goes on straight, or as a power of the age,
+
+        L(s) = L(1) + L' (s^p - 1) / p,    p = L' s' / L(s'),
+
+    each as likely; L' is the slope over the last fifth of its span and s' = 0.9 the middle of that. What
+    nobody has shown may be a wear that set in late and goes on evenly, or one that accelerates or slows down
+    as it did before. Of a power law, p is the exponent.
 
     Attributes
     ----------
@@ -34,16 +49,26 @@ class References:
         differs from unit to unit.
     span
         Hours over which the component was followed [h], (k, 8); 0 where it was not.
+    exponent
+        p, by which it goes on after that, (k, 8); 1 is straight.
     """
 
     change: Array
     span: Array
+    exponent: Array
 
     @classmethod
     def of(cls, tracks: "Sequence[Track]") -> "References":
-        """Return what units show, one or more, by the tracks of their levels."""
+        """Return what units show, one or more, by the tracks of their levels: straight on, then by powers."""
         change, span = (np.stack(columns) for columns in zip(*map(_shown, tracks), strict=True))
-        return cls(change, span)
+        # dL/ds s/L over the last part of the span, of the means of s and L there.
+        before, last = _ends(change)
+        level = (change[..., before] + change[..., last]) / 2
+        has_form = np.abs(level) > LEAST_CHANGE
+        share = (before / last + 1) / 2
+        power = np.where(has_form, _last_slope(change) * share / np.where(has_form, level, 1.0), 1.0)
+        exponent = np.concatenate([np.ones(span.shape), np.clip(power, *EXPONENTS)])
+        return cls(np.concatenate([change, change]), np.concatenate([span, span]), exponent)
 
     def drawn(self, shape: tuple[int, int], random: np.random.Generator) -> tuple[NDArray[np.intp], Array]:
         """Return units (n, 8), each as likely, of those that show the component, and their spans [h].
@@ -58,31 +83,46 @@ class References:
         return units, self.span[units, columns]
 
     def moved(self, unit: NDArray[np.intp], share: Array, column: NDArray[np.intp]) -> Array:
-        """Return how far the `unit`'s component `column` has moved at a `share` of its span, any one shape.
-
-        After its end, it goes on with the slope of the last `END` of its span.
-        """
+        """Return how far the `unit`'s component `column` has moved at a `share` of its span, any shape."""
         last = self.change.shape[2] - 1
         place = np.clip(share, 0.0, 1.0) * last
         low = np.minimum(place.astype(int), last - 1)
         start, end = self.change[unit, column, low], self.change[unit, column, low + 1]
-        before = round((1 - END) * last)
-        slope = (self.change[unit, column, last] - self.change[unit, column, before]) / (1 - before / last)
-        return np.asarray(start + (place - low) * (end - start) + slope * np.maximum(share - 1.0, 0.0))
+        power = self.exponent[unit, column]
+        beyond = (np.maximum(share, 1.0) ** power - 1.0) / power
+        return np.asarray(start + (place - low) * (end - start) + self._slope[unit, column] * beyond)
+
+    @cached_property
+    def _slope(self) -> Array:
+        return _last_slope(self.change)
+
+
+def _last_slope(change: Array) -> Array:
+    """Return the slope (…) of ways (…, m) per span, over the last `END` of it."""
+    before, last = _ends(change)
+    return np.asarray((change[..., last] - change[..., before]) / (1 - before / last))
+
+
+def _ends(change: Array) -> tuple[int, int]:
+    """Return the places at which the last `END` of ways (…, m) begins and ends."""
+    last = change.shape[-1] - 1
+    return round((1 - END) * last), last
 
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """The filtered levels (n, 8) of a unit at flight `hours` (n,) [h], since its components were `born` (8,).
+    """The filtered levels (n, 8) of a unit at flight `hours` (n,) [h], from `born` (8,) to `until` (8,).
 
-    `age` (n, 8) [h] is how far each has aged at these hours, under its stress; `new` are levels of a new
-    unit, (8,).
+    These are the hours at which each component was new and at which it was replaced, `inf` where it was not.
+    `age` (n, 8) [h] is how far each has aged at `hours`, under its stress; `new` are levels of a new unit,
+    (8,).
     """
 
     hours: Array
     age: Array
     level: Array
     born: Array
+    until: Array
     new: Array
 
 
@@ -92,8 +132,8 @@ def _shown(track: Track) -> tuple[Array, Array]:
     change = track.level - track.new
     change[:, ECCENTRICITY] = level_of(track.level, "eccentricity")[:, np.newaxis]
     shown, span = np.zeros((components, POINTS)), np.zeros(components)
-    for c, born in enumerate(track.born):
-        rows = track.hours > born
+    for c, (born, until) in enumerate(zip(track.born, track.until, strict=True)):
+        rows = (track.hours > born) & (track.hours <= until)
         if rows.sum() < FEWEST:
             continue
         ages = np.concatenate([[0.0], track.age[rows, c]])

@@ -166,7 +166,7 @@ def prognose_indicator(
     prior = prior or Prior()
     settings = replace(settings, longest_hours=max(settings.longest_hours, 2 * question.horizon))
     evidence = indicator.evidence()
-    belief = follow(evidence, prior, seed=seed, settings=filter_settings).belief
+    belief = follow(evidence, prior, seed=seed, settings=filter_settings, past=()).belief
     state = drawn_states(belief, settings.paths)
     pace = pace_ahead(state, belief, evidence, question.ahead)
     made = paths(state, belief.prior, seed=seed, pace=pace, settings=settings)

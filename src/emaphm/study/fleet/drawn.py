@@ -50,5 +50,9 @@ def drawn_evidence(unit: SyntheticUnit, plan: FleetPlan, pool: Pool) -> Evidence
         level = random.multivariate_normal(true, covariance, method="eigh")
         observations.append(Observation(float(hours), level, covariance, np.ones(level.size, bool)))
     return Evidence(
-        unit.serial_number, PART_NUMBER, observations[-1].hours, tuple(observations), failed_at=unit.failure
+        unit.serial_number,
+        PART_NUMBER,
+        observations[-1].hours,
+        tuple(observations),
+        failures=() if unit.failure is None else (unit.failure,),
     )
