@@ -1,6 +1,7 @@
 """`emaphm train` and `diagnose --estimator`: what is asked wrongly, and what is answered."""
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from amortized.toys import THESIS, constant_estimator, short_setup
 from emaphm.actuator import Chirp, Faults
 from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.cli import main
-from emaphm.fleet import DiagnosisSettings
+from emaphm.fleet import DiagnosisSettings, diagnose_all
 from emaphm.recording import Recording, write_recording
 from emaphm.simulated_recording import simulate
 
@@ -88,6 +89,27 @@ def test_a_batch_is_answered_by_the_estimator(folder: Path, capsys: pytest.Captu
     assert main([*asked, "--fast", "--json", "--workers", "1", "-o", f"{folder}/batch"]) == 0
     lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     assert [line["method"] for line in lines] == ["estimator"] * 2
+
+
+@pytest.mark.usefixtures("any_delay_shows")
+def test_an_estimator_that_is_replaced_during_a_batch_answers_for_no_other(
+    folder: Path, tmp_path: Path
+) -> None:
+    setup = RecordingSetup.of(THESIS, Chirp())
+    file, files = tmp_path / "unit.estimator", [folder / "0.csv", folder / "1.csv"]
+    settings = DiagnosisSettings(estimator=str(file), fast=True)
+    shutil.copy(folder / "unit.estimator", file)
+    running = diagnose_all(files, THESIS, settings, workers=1, folder=tmp_path / "out")
+    next(running)
+    constant_estimator(setup, setup.space.points(Faults(friction=0.6).vector), 0.02).save(file)
+    (replaced,) = running
+    assert "unit.estimator: has changed since the work began" in replaced.error
+    shutil.copy(folder / "unit.estimator", file)
+    again = [
+        one.values["k"][0]
+        for one in diagnose_all(files, THESIS, settings, workers=1, folder=tmp_path / "out")
+    ]
+    np.testing.assert_allclose(again, TRUTH.friction, atol=1e-3)
 
 
 def test_another_estimator_makes_other_results(folder: Path) -> None:
