@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from emaphm.cli.interruption import going_on
 from emaphm.cli.options import (
     ActuatorFile,
     Amplitude,
@@ -111,23 +112,21 @@ def train(
         nuisances=None if nuisance is None else names_in(nuisance),
     )
     place = folder or out.with_name(f"{out.name}.training")
-    with counter("simulating", as_json) as on_shard:
-        try:
-            estimator = train_estimator(
-                setup,
-                driven,
-                place,
-                simulations=simulations,
-                seed=seed,
-                workers=workers,
-                scheduler=scheduler,
-                settings=TRAINING if epochs is None else replace(TRAINING, epochs=epochs, most_steps=None),
-                on_shard=on_shard,
-                on_stage=_printed(quiet=as_json),
-                on_epoch=_printed(quiet=as_json),
-            )
-        except KeyboardInterrupt:
-            raise KeyboardInterrupt(f"simulations are kept in {place}; the same command goes on") from None
+    kept = f"simulations are kept in {place}; the same command goes on"
+    with going_on(kept), counter("simulating", as_json) as on_shard:
+        estimator = train_estimator(
+            setup,
+            driven,
+            place,
+            simulations=simulations,
+            seed=seed,
+            workers=workers,
+            scheduler=scheduler,
+            settings=TRAINING if epochs is None else replace(TRAINING, epochs=epochs, most_steps=None),
+            on_shard=on_shard,
+            on_stage=_printed(quiet=as_json),
+            on_epoch=_printed(quiet=as_json),
+        )
     written = out if force else _not_taken(out)
     estimator.save(written)
     if written != out:
