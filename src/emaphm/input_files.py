@@ -1,5 +1,6 @@
 """Reading a file that a user names; what is no regular file, or too large, is refused before it is read."""
 
+import hashlib
 import stat
 import tomllib
 from pathlib import Path
@@ -65,6 +66,15 @@ def read_bytes(path: Path, most_bytes: int, error: type[EmaphmError]) -> bytes:
     if len(content) > most_bytes:
         raise error(f"{path}: more than {most_bytes / 2**20:,.0f} MiB; give a smaller file")
     return content
+
+
+def content_digest(path: Path) -> str:
+    """Return the SHA-256 of what a file holds, empty where it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except (OSError, ValueError):
+        return ""
 
 
 def read_toml(path: Path, what: str, error: type[EmaphmError]) -> dict[str, Any]:

@@ -1,11 +1,21 @@
 """Putting a result where it was asked to go: refused early, and never half-written."""
 
+import errno
 import os
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from emaphm.errors import OutputError
+
+REMEDIES = {
+    errno.ENOENT: "its folder is gone; create it again, or give another place",
+    errno.EACCES: "make the folder writable, or give another place",
+    errno.EPERM: "make the folder writable, or give another place",
+    errno.EROFS: "give a place that can be written to",
+}
+OTHERWISE = "free space there, or give another place"
+"""What to do, by what the operating system says."""
 
 
 def check_writable(path: str | Path, *, force: bool = False, endings: Collection[str] = ()) -> None:
@@ -85,9 +95,8 @@ def written_whole(path: str | Path) -> Iterator[Path]:
         yield temporary
         temporary.replace(path)
     except OSError as error:
-        raise OutputError(
-            f"{path}: cannot be written ({error.strerror or error}); free space there, or give another place"
-        ) from None
+        remedy = REMEDIES.get(error.errno or 0, OTHERWISE)
+        raise OutputError(f"{path}: cannot be written ({error.strerror or error}); {remedy}") from None
     finally:
         temporary.unlink(missing_ok=True)
 

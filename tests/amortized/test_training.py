@@ -243,6 +243,13 @@ def test_too_few_simulations_are_refused(tmp_path: Path) -> None:
 def test_from_simulations_to_a_file(tmp_path: Path) -> None:
     setup = short_setup(nuisances=())
     stages: list[str] = []
+
+    def stage(text: str) -> None:
+        stages.append(text)
+        again = training_folder(tmp_path / "work", setup, 0)
+        with pytest.raises(ExecutionError, match="another training"), again.locked():
+            pass
+
     estimator = train_estimator(
         setup,
         CHIRP,
@@ -250,7 +257,7 @@ def test_from_simulations_to_a_file(tmp_path: Path) -> None:
         simulations=128,
         workers=1,
         settings=SMALL,
-        on_stage=stages.append,
+        on_stage=stage,
     )
     assert sum("network is kept as after epoch" in stage for stage in stages) == 2
     path = tmp_path / "unit.estimator"

@@ -210,6 +210,27 @@ sys.exit(main())
     assert done.stderr in {"", "emaphm: interrupted\n"}
 
 
+@ON_POSIX
+def test_sigterm_ends_it_in_the_background_where_ctrl_c_does_not(desk: Path) -> None:
+    code = """
+import os, signal, sys
+import emaphm.recording
+from emaphm.cli import main
+def signalled(*_, **__):
+    os.kill(os.getpid(), signal.SIGINT)
+    print("goes on", flush=True)
+    os.kill(os.getpid(), signal.SIGTERM)
+emaphm.recording.read_recording = signalled
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+sys.argv = ["emaphm", "replay", "good.csv"]
+sys.exit(main())
+"""
+    done = subprocess.run(  # noqa: S603 - the arguments are this file's
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=desk, env=environment()
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (143, "goes on\n", "emaphm: interrupted\n")
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a limit on the size of files")
 @pytest.mark.parametrize("name", ["out.csv", "out.parquet"])
 def test_a_disk_that_fills_up_leaves_nothing_behind(emaphm: Emaphm, desk: Path, name: str) -> None:

@@ -287,12 +287,18 @@ def _wait_for_results(desk: Path, count: int) -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs process groups")
-def test_an_interruption_says_how_to_go_on(start: Start, desk: Path) -> None:
+@pytest.mark.parametrize(
+    ("kill", "number", "code"),
+    [(os.killpg, signal.SIGINT, 130), (os.kill, signal.SIGINT, 130), (os.kill, signal.SIGTERM, 143)],
+)
+def test_an_interruption_says_how_to_go_on(
+    start: Start, desk: Path, kill: Callable[[int, int], None], number: int, code: int
+) -> None:
     process = start("--workers", "2")
     _wait_for_results(desk, 5)
-    os.killpg(process.pid, signal.SIGINT)
+    kill(process.pid, number)
     out, err = process.communicate(timeout=PATIENCE_S)
-    assert (process.returncode, out) == (130, b"")
+    assert (process.returncode, out) == (code, b"")
     assert err == b"emaphm: interrupted: what finished is kept in out; the same command goes on\n"
     assert 5 <= Store.open(desk / "out").results.height < 1600
     assert not list(desk.rglob("*.tmp"))

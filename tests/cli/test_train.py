@@ -1,6 +1,10 @@
 """`emaphm train` and `diagnose --estimator`: what is asked wrongly, and what is answered."""
 
 import json
+import shutil
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,9 +12,11 @@ import pytest
 
 from amortized.toys import THESIS, constant_estimator, short_setup
 from emaphm.actuator import Chirp, Faults
+from emaphm.amortized import Estimator
 from emaphm.amortized.recording_setup import RecordingSetup
+from emaphm.amortized.simulating import training_folder
 from emaphm.cli import main
-from emaphm.fleet import DiagnosisSettings
+from emaphm.fleet import DiagnosisSettings, diagnose_all
 from emaphm.recording import Recording, write_recording
 from emaphm.simulated_recording import simulate
 
@@ -66,6 +72,75 @@ def test_what_is_asked_wrongly_is_answered_in_one_line(
     assert captured.out == ""
 
 
+FACTS = {
+    "simulations": 0,
+    "simulation_seconds": 0.0,
+    "epochs": 0,
+    "training_seconds": 0.0,
+    "seed": 0,
+    "notes": [],
+    "judgement": {
+        "draws": 0,
+        "median_error_percent": 0.0,
+        "p95_error_percent": 0.0,
+        "not_believed": 0.0,
+        "coverage95": {},
+        "rank_chi2": {},
+        "rank_chi2_limit": 0.0,
+    },
+}
+"""What is said of a training that did not take place."""
+
+
+def trained_by(folder: Path, monkeypatch: pytest.MonkeyPatch, meanwhile: Callable[[Path], object]) -> None:
+    """Let training give the estimator in `folder`; `meanwhile` is called with the folder of simulations."""
+
+    def train(_: object, __: object, place: Path, **___: object) -> Estimator:
+        place.mkdir()
+        meanwhile(place)
+        return replace(Estimator.load(folder / "unit.estimator"), facts=FACTS)
+
+    monkeypatch.setattr("emaphm.amortized.train.train_estimator", train)
+
+
+@pytest.mark.parametrize("force", [False, True])
+def test_a_file_that_appears_while_it_learns_is_replaced_only_by_force(
+    folder: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    force: bool,
+) -> None:
+    out, other = tmp_path / "new.estimator", tmp_path / "new-2.estimator"
+    trained_by(folder, monkeypatch, lambda _: out.write_text("of another training"))
+    assert main(["train", "-o", str(out), "--json", *(["--force"] if force else [])]) == 0
+    said = capsys.readouterr()
+    written = out if force else other
+    assert json.loads(said.out)["estimator"] == str(written)
+    assert Estimator.load(written).setup.actuator == THESIS
+    if not force:
+        assert out.read_text() == "of another training"
+        assert (
+            f"new.estimator has appeared meanwhile and is left as it is; the estimator is in {other}"
+            in said.err
+        )
+    assert {path.name for path in tmp_path.iterdir()} == {out.name, written.name}
+
+
+def test_simulations_that_another_training_uses_by_now_are_kept(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with ExitStack() as other_training:
+
+        def other_begins(place: Path) -> None:
+            begun = training_folder(place, RecordingSetup.of(THESIS, Chirp()), 0)
+            other_training.enter_context(begun.locked())
+
+        trained_by(folder, monkeypatch, other_begins)
+        assert main(["train", "-o", str(tmp_path / "new.estimator")]) == 0
+        assert (tmp_path / "new.estimator.training" / "training.json").exists()
+
+
 @pytest.mark.usefixtures("any_delay_shows")
 def test_json_says_which_method_it_was(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     asked = [
@@ -88,6 +163,27 @@ def test_a_batch_is_answered_by_the_estimator(folder: Path, capsys: pytest.Captu
     assert main([*asked, "--fast", "--json", "--workers", "1", "-o", f"{folder}/batch"]) == 0
     lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     assert [line["method"] for line in lines] == ["estimator"] * 2
+
+
+@pytest.mark.usefixtures("any_delay_shows")
+def test_an_estimator_that_is_replaced_during_a_batch_answers_for_no_other(
+    folder: Path, tmp_path: Path
+) -> None:
+    setup = RecordingSetup.of(THESIS, Chirp())
+    file, files = tmp_path / "unit.estimator", [folder / "0.csv", folder / "1.csv"]
+    settings = DiagnosisSettings(estimator=str(file), fast=True)
+    shutil.copy(folder / "unit.estimator", file)
+    running = diagnose_all(files, THESIS, settings, workers=1, folder=tmp_path / "out")
+    next(running)
+    constant_estimator(setup, setup.space.points(Faults(friction=0.6).vector), 0.02).save(file)
+    (replaced,) = running
+    assert "unit.estimator: has changed since the work began" in replaced.error
+    shutil.copy(folder / "unit.estimator", file)
+    again = [
+        one.values["k"][0]
+        for one in diagnose_all(files, THESIS, settings, workers=1, folder=tmp_path / "out")
+    ]
+    np.testing.assert_allclose(again, TRUTH.friction, atol=1e-3)
 
 
 def test_another_estimator_makes_other_results(folder: Path) -> None:

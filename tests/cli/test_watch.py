@@ -106,6 +106,19 @@ def test_a_signal_ends_it(desk: Path, number: int, code: int) -> None:
         assert "Traceback" not in process.stderr.read()
 
 
+def test_a_script_sees_that_files_are_left(arrived: Path, desk: Path) -> None:
+    shutil.copytree(arrived, desk / "in")
+    line = [sys.executable, "-m", "emaphm.cli", "watch", "in", *NAME, "--once", "--new-units"]
+    with subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:  # noqa: S603
+        assert process.stderr is not None
+        assert "watching in" in process.stderr.readline()
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(60) == 143
+        assert process.stderr.read().endswith(
+            "emaphm: interrupted: what is judged is in the history; start it again, and it goes on\n"
+        )
+
+
 def hangs(recording: Recording, actuator: Actuator, *, seed: int) -> Diagnosis:  # noqa: ARG001
     """Take ten minutes."""
     begun = Path(recording.source).parent.with_name("begun")

@@ -67,6 +67,11 @@ def test_a_worker_that_dies_is_said_in_one_line() -> None:
     assert not multiprocessing.active_children()
 
 
+def test_workers_are_spared_ctrl_c_alone() -> None:
+    found = [one.result for one in outcomes(toy.tasks(2, toy.blocked), workers=2)]
+    assert found == [[signal.SIGINT]] * 2
+
+
 def test_an_interruption_does_not_wait_for_tasks_under_way(tmp_path: Path) -> None:
     main = threading.main_thread().ident
     assert main is not None

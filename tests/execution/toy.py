@@ -25,6 +25,11 @@ def die(_: int) -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
+def blocked(_: int) -> list[int]:
+    """Return the signals that do not come to the worker."""
+    return sorted(signal.pthread_sigmask(signal.SIG_BLOCK, []))
+
+
 def wait_for_ever(number: int) -> dict[str, Any]:
     """Return at once for 0, else as good as never."""
     time.sleep(3600 if number else 0)

@@ -135,6 +135,34 @@ def test_what_is_kept_is_not_done_again(
         diagnose_all(files, THESIS, QUICK, folder=out)
 
 
+def test_a_file_that_is_replaced_during_the_batch_answers_for_no_other_content(
+    folder: Path, tmp_path: Path
+) -> None:
+    out, files = tmp_path / "out", recording_files([folder])[:2]
+    right = files[1].read_bytes()
+    running = diagnose_all(files, THESIS, QUICK, workers=1, folder=out)
+    next(running)
+    shutil.copy(folder / "day3.csv", files[1])
+    (replaced,) = running
+    assert "day1.csv: has changed since the batch began; give the same command again" in replaced.error
+    files[1].write_bytes(right)
+    alone = diagnose(read_recording(files[1], THESIS), THESIS, max_corrections=0, nuisances=()).to_dict()
+    again = list(diagnose_all(files, THESIS, QUICK, workers=1, folder=out))
+    assert untimed(again)[1] == untimed([BatchResult(alone)])[0]
+
+
+def test_a_file_that_appears_during_the_batch_is_done_the_next_time(folder: Path, tmp_path: Path) -> None:
+    out, files = tmp_path / "out", recording_files([folder])[:2]
+    away = files[1].rename(tmp_path / "away.csv")
+    running = diagnose_all(files, THESIS, QUICK, workers=1, folder=out)
+    next(running)
+    shutil.copy(away, files[1])
+    assert [bool(one.error) for one in running] == [True]
+    files[1].unlink()
+    again = diagnose_all(files, THESIS, QUICK, workers=1, folder=out)
+    assert [bool(one.error) for one in again] == [False, True]
+
+
 def test_a_folder_is_used_by_one_at_a_time(made: list[Path], tmp_path: Path) -> None:
     running = diagnose_all(made, THESIS, QUICK, workers=1, folder=tmp_path / "out")
     next(running)

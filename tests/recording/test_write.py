@@ -102,6 +102,20 @@ def test_refusal_of_the_system_half_way_is_reported(tmp_path: Path, refusal: Ref
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_folder_that_is_removed_half_way_is_to_be_made_again(tmp_path: Path, refusal: Refusal) -> None:
+    folder = tmp_path / "folder"
+    folder.mkdir()
+
+    def fail() -> None:
+        with written_whole(folder / "rec.csv") as temporary:
+            folder.rmdir()
+            temporary.write_text("rows")
+
+    text = refusal(fail)
+    assert text.endswith("its folder is gone; create it again, or give another place")
+    assert "free space" not in text
+
+
 def test_symbolic_link_stays_one(columns: Columns, tmp_path: Path) -> None:
     target, link = tmp_path / "target.csv", tmp_path / "link.csv"
     target.touch()

@@ -2,6 +2,7 @@
 
 import multiprocessing
 import random
+import shutil
 import time
 from collections.abc import Callable, Generator, Sequence
 from pathlib import Path
@@ -12,6 +13,9 @@ import numpy as np
 import polars as pl
 import pytest
 
+from amortized.toys import THESIS, constant_estimator
+from emaphm.actuator import Chirp, Faults
+from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.arrays import Array
 from emaphm.errors import StudyError
 from emaphm.estimation.search import search
@@ -20,7 +24,7 @@ from emaphm.execution import run as execution_module
 from emaphm.optimizers import Dragonfly
 from emaphm.optimizers.dragonfly import DragonflyState
 from emaphm.recording import Recording
-from emaphm.study import Store, run_study
+from emaphm.study import Plan, Store, run_study
 from emaphm.study import task as task_module
 from emaphm.study.revision import revision
 from emaphm.study.task import perform
@@ -124,6 +128,56 @@ def test_an_interrupted_study_goes_on_and_does_nothing_twice(
     assert store.elapsed_seconds >= before.elapsed_seconds + float(
         store.results["wall_seconds"][14:].to_numpy().sum()
     )
+
+
+WITH_ESTIMATOR = """\
+name = "estimator"
+runs = 1
+
+[manoeuvre]
+duration = 0.1
+sample_rate = 2000
+
+[cases]
+worn = {{ friction = 0.3 }}
+
+[[methods]]
+method = "hybrid"
+estimator = "{file}"
+fast = true
+
+[[rigs]]
+label = "bench"
+load = [0, 0]
+heat = [0, 0]
+
+[[groups]]
+label = "named"
+cases = ["worn"]
+runs = 2
+"""
+
+
+@pytest.mark.usefixtures("any_delay_shows")
+def test_an_estimator_that_is_replaced_during_the_study_answers_for_no_other(tmp_path: Path) -> None:
+    setup = RecordingSetup.of(THESIS, Chirp(duration=0.1), duration=0.1, sample_rate=2000.0)
+    file, one, other = (tmp_path / f"{name}.estimator" for name in ("unit", "one", "other"))
+    for path, friction in ((one, 0.3), (other, 0.31)):
+        constant_estimator(setup, setup.space.points(Faults(friction=friction).vector), 0.02).save(path)
+    shutil.copy(one, file)
+    plan = Plan.from_toml_text(WITH_ESTIMATOR.format(file=file))
+
+    def replace_it(done: int, total: int) -> None:
+        assert total == 2
+        if done == 1:
+            shutil.copy(other, file)
+
+    with pytest.raises(StudyError, match=r"1 of 2 runs failed.*unit\.estimator: has changed since the work"):
+        run_study(plan, tmp_path / "study", workers=1, on_run=replace_it)
+    shutil.copy(one, file)
+    found = run_study(plan, tmp_path / "study", workers=1).results["found"].to_list()
+    # Half precision of its weights is what is left.
+    assert found[1][0] == pytest.approx(0.3, abs=1e-3)
 
 
 def test_a_share_is_the_first_of_each_kind_and_the_rest_may_follow(

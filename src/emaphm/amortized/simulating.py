@@ -181,7 +181,7 @@ def training_folder(path: Path, setup: RecordingSetup, seed: int) -> WorkFolder:
     ExecutionError
         It holds the training set of another setup, or something else.
     """
-    folder = WorkFolder(path, SETTINGS, "training of an estimator", ExecutionError)
+    folder = _work_folder(path)
     text = json.dumps({"setup": setup.identity(), "seed": seed, "prior": asdict(PRIOR)}, indent=1)
     differing = folder.begin_or_resume(text, elsewhere="another --folder")
     if differing:
@@ -190,6 +190,15 @@ def training_folder(path: Path, setup: RecordingSetup, seed: int) -> WorkFolder:
             "it"
         )
     return folder
+
+
+def remove_training_folder(path: Path) -> None:
+    """Remove a training set, unless another process has begun to use it."""
+    _work_folder(path).remove()
+
+
+def _work_folder(path: Path) -> WorkFolder:
+    return WorkFolder(path, SETTINGS, "training of an estimator", ExecutionError)
 
 
 def read_shard(path: Path) -> tuple[Single, Single] | None:

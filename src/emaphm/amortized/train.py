@@ -90,7 +90,8 @@ def train_estimator(
     command
         Function of time [s] giving the user's position [rad; m if linear]: that of the setup.
     folder
-        Where simulations are kept as they finish. A later call with the same folder and setup goes on.
+        Where simulations are kept as they finish. A later call with the same folder and setup goes on. No
+        other training uses it meanwhile.
     simulations
         How many to learn from, in whole shards of `SHARD_DRAWS`; four shards more are held out.
     seed, settings
@@ -138,27 +139,27 @@ def train_estimator(
         validation, judging, training = (
             read_shards(place, range(first, stop)) for first, stop in pairwise(ends)
         )
-    say(f"the first network learns from {len(training):,} simulations")
-    trained = _first_network(setup, training, validation, seed, settings, on_epoch)
-    say(_kept("first", trained.kept))
-    say("the averaged model is compared with them, and the second network learns from that")
-    update, kept, second = _model_update(setup, inputs, trained, training, validation, seed, on_epoch)
-    say(_kept("second", kept))
-    answering = _Answering.of(setup, inputs, trained, update, validation, seed)
-    say("the doubt learns from simulations with deviations")
-    doubt, third = _doubt(answering, training[:DOUBTED], validation, seed)
-    facts = {
-        "version": VERSION,
-        "simulations": len(training),
-        "simulation_seconds": round(simulating, 1),
-        "training_seconds": round(trained.seconds + second + third, 1),
-        "epochs": len(trained.epochs),
-        "notes": [*trained.notes, *_lost(trained.kept, kept)],
-        "seed": seed,
-        "settings": asdict(settings),
-        "prior": asdict(PRIOR),
-    }
-    return _finished(answering, doubt, validation, judging, seed, facts)
+        say(f"the first network learns from {len(training):,} simulations")
+        trained = _first_network(setup, training, validation, seed, settings, on_epoch)
+        say(_kept("first", trained.kept))
+        say("the averaged model is compared with them, and the second network learns from that")
+        update, kept, second = _model_update(setup, inputs, trained, training, validation, seed, on_epoch)
+        say(_kept("second", kept))
+        answering = _Answering.of(setup, inputs, trained, update, validation, seed)
+        say("the doubt learns from simulations with deviations")
+        doubt, third = _doubt(answering, training[:DOUBTED], validation, seed)
+        facts = {
+            "version": VERSION,
+            "simulations": len(training),
+            "simulation_seconds": round(simulating, 1),
+            "training_seconds": round(trained.seconds + second + third, 1),
+            "epochs": len(trained.epochs),
+            "notes": [*trained.notes, *_lost(trained.kept, kept)],
+            "seed": seed,
+            "settings": asdict(settings),
+            "prior": asdict(PRIOR),
+        }
+        return _finished(answering, doubt, validation, judging, seed, facts)
 
 
 def _kept(which: str, epoch: Epoch) -> str:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from emaphm.cli.interruption import going_on
 from emaphm.cli.options import check_workers, known_values, names_in
 from emaphm.cli.output import counter, progress, show, show_line
 from emaphm.errors import MethodError, RecordingError
@@ -48,30 +49,27 @@ def diagnose_each(
 
     check_workers(workers, scheduler)
     files, rows, broken, done = recording_files(paths), [], [], 0
+    how = f"what finished is kept in {out}; the same command goes on" if out else "nothing is kept"
     # Lines on the same terminal as the progress would tear each other.
-    with counter("diagnosing", as_json and sys.stdout.isatty()) as count:
-        try:
-            for result in diagnose_all(
-                files,
-                actuator,
-                chosen,
-                reading=reading,
-                workers=workers,
-                scheduler=scheduler,
-                folder=out,
-                on_file=count,
-            ):
-                if as_json:
-                    show_line(result.values)
-                else:
-                    rows.append(result.row)
-                if result.error:
-                    broken.append(result.error)
-                else:
-                    done += 1
-        except KeyboardInterrupt:
-            kept = f"what finished is kept in {out}; the same command goes on" if out else "nothing is kept"
-            raise KeyboardInterrupt(kept) from None
+    with going_on(how), counter("diagnosing", as_json and sys.stdout.isatty()) as count:
+        for result in diagnose_all(
+            files,
+            actuator,
+            chosen,
+            reading=reading,
+            workers=workers,
+            scheduler=scheduler,
+            folder=out,
+            on_file=count,
+        ):
+            if as_json:
+                show_line(result.values)
+            else:
+                rows.append(result.row)
+            if result.error:
+                broken.append(result.error)
+            else:
+                done += 1
     if not as_json:
         show({}, batch_table(rows), as_json=False)
     if broken:

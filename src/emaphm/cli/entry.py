@@ -2,11 +2,12 @@
 
 import signal
 import sys
+from typing import TYPE_CHECKING
 
-from emaphm.cli.interruption import interrupt, is_wanted, print_no_lost_one
+from emaphm.cli.interruption import awaited, exit_code, interrupt, print_no_lost_one
 
-INTERRUPTED = 130
-"""Exit code of a command that was interrupted, as shells give it."""
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -14,25 +15,28 @@ def main(arguments: list[str] | None = None) -> int:
 
     Returns
     -------
-    0 when done, 2 for what the user can correct, 1 for a defect of ours, 130 when interrupted.
+    0 when done, 2 for what the user can correct, 1 for a defect of ours, 130 when interrupted, 143 when that
+    was by SIGTERM.
     """
     if arguments is not None:
         from emaphm.cli.main import run
 
         return run(arguments)
-    interruptible = is_wanted()
+    signals = awaited()
     try:
-        if interruptible:
-            # Ends the process at once: Python would print where in an import it was.
-            signal.signal(signal.SIGINT, signal.SIG_DFL)
+        # Ends the process at once: Python would print where in an import it was.
+        _handle(signals, signal.SIG_DFL)
         from emaphm.cli.main import run
 
-        if interruptible:
-            print_no_lost_one()
-            signal.signal(signal.SIGINT, interrupt)
+        print_no_lost_one()
+        _handle(signals, interrupt)
         code = run(sys.argv[1:])
-        if interruptible:
-            signal.signal(signal.SIGINT, signal.SIG_DFL)
+        _handle(signals, signal.SIG_DFL)
     except KeyboardInterrupt:  # between two of these lines
-        return INTERRUPTED
+        return exit_code()
     return code
+
+
+def _handle(signals: "Iterable[int]", how: "Callable[..., None] | signal.Handlers") -> None:
+    for number in signals:
+        signal.signal(number, how)

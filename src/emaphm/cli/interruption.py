@@ -1,16 +1,22 @@
-"""Interruptions of the command, remembered: not every `KeyboardInterrupt` arrives where it is dealt with.
+"""Interruptions of the command, by Ctrl-C or SIGTERM; remembered, as some never arrive where they should.
 
-One that comes while NumPy is imported becomes an ImportError (3 of 300, at random times of the first 0.8 s),
-Python drops one that it raises in a destructor, and a library in C prints one and goes on (1 of 105).
+A `KeyboardInterrupt` that comes while NumPy is imported becomes an ImportError (3 of 300, at random times of
+the first 0.8 s), Python drops one that it raises in a destructor, and a library in C prints one and goes on
+(1 of 105).
 """
 
 import signal
 import sys
+from contextlib import contextmanager
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from sys import UnraisableHookArgs
+
+INTERRUPTED = 128 + signal.SIGINT
+"""Exit code of a command that was interrupted from the keyboard."""
 
 _received: list[int] = []
 
@@ -47,6 +53,25 @@ def raise_again() -> None:
         raise KeyboardInterrupt
 
 
-def is_wanted() -> bool:
-    """Return whether this process may be interrupted: under nohup or in a shell's background it may not."""
-    return signal.getsignal(signal.SIGINT) is signal.default_int_handler
+@contextmanager
+def going_on(how: str) -> "Iterator[None]":
+    """Let an interruption of the body say `how` to go on."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(how) from None
+    except Exception:
+        if not is_interrupted():
+            raise
+        raise KeyboardInterrupt(how) from None
+
+
+def awaited() -> list[signal.Signals]:
+    """Return the signals that interrupt this process: in a shell's background, SIGINT is none of them."""
+    usual = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
+    return [number for number, handler in usual.items() if signal.getsignal(number) is handler]
+
+
+def exit_code() -> int:
+    """Return the exit code of a command that was interrupted, as shells give it."""
+    return 128 + _received[0] if _received else INTERRUPTED

@@ -11,9 +11,8 @@ from emaphm.cli import detect, study, verbs
 from emaphm.cli.calibrate import calibrate
 from emaphm.cli.design import design
 from emaphm.cli.doctor import completion, doctor
-from emaphm.cli.entry import INTERRUPTED
 from emaphm.cli.init import init
-from emaphm.cli.interruption import is_interrupted
+from emaphm.cli.interruption import exit_code, is_interrupted
 from emaphm.cli.output import say
 from emaphm.cli.segment import segment
 from emaphm.cli.split import split
@@ -78,7 +77,7 @@ app.command(fleet.app)
 
 
 def run(arguments: list[str]) -> int:
-    """Run a command line; return 0 when done, 2 for what the user can correct, 130 when interrupted."""
+    """Run a command line; return 0 when done, 2 for what the user can correct, else `exit_code`."""
     try:
         return _run(arguments)
     except KeyboardInterrupt as error:
@@ -91,7 +90,7 @@ def run(arguments: list[str]) -> int:
 
 def _interrupted(*said: object) -> int:
     say(": ".join(["interrupted", *map(str, said)]))
-    return INTERRUPTED
+    return exit_code()
 
 
 def _run(arguments: list[str]) -> int:
@@ -104,6 +103,8 @@ def _run(arguments: list[str]) -> int:
         app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
         sys.stdout.flush()
     except EmaphmError as error:
+        if is_interrupted():  # say, that a worker died: SIGTERM came to all processes
+            raise
         return _complain(str(error))
     except CycloptsError as error:
         return _complain(f"{' '.join(str(error).split())} See emaphm --help.")

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
+from emaphm.cli.interruption import going_on
 from emaphm.cli.options import AsJson, Force, Scheduler, Workers, check_workers
 from emaphm.cli.output import counter, show
 from emaphm.errors import OutputError
@@ -43,17 +44,15 @@ def run(
     as_json: AsJson = False,
 ) -> None:
     """Do what is missing of a plan; start it again, and it goes on where it stopped."""
-    from emaphm.study import Plan, run_study
-
     check_workers(workers, scheduler)
-    loaded = Plan.load(plan)
-    with counter(f"study {loaded.name}", as_json) as count:
-        try:
+    with going_on(f"what finished is kept in {out}; the same command goes on"):
+        from emaphm.study import Plan, run_study
+
+        loaded = Plan.load(plan)
+        with counter(f"study {loaded.name}", as_json) as count:
             store = run_study(
                 loaded, out, share=share, workers=workers, scheduler=scheduler, mix=mix, on_run=count
             )
-        except KeyboardInterrupt:
-            raise KeyboardInterrupt(f"what finished is kept in {out}; the same command goes on") from None
     methods = _methods(store)
     values = {
         "plan": loaded.name,

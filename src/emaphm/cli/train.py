@@ -1,11 +1,14 @@
 """The verb `train`: it makes a setup, calls the library, and prints how good the estimator is."""
 
+import os
 import sys
+from itertools import chain, count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from emaphm.cli.interruption import going_on
 from emaphm.cli.options import (
     ActuatorFile,
     Amplitude,
@@ -26,7 +29,7 @@ from emaphm.cli.options import (
     names_in,
     whole_number,
 )
-from emaphm.cli.output import counter, show
+from emaphm.cli.output import counter, say, show
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -92,10 +95,10 @@ def train(
     check_workers(workers, scheduler)
     described = described_actuator(actuator)
     from dataclasses import replace
-    from shutil import rmtree
 
     from emaphm.amortized.networks.training import TRAINING
     from emaphm.amortized.recording_setup import RecordingSetup
+    from emaphm.amortized.simulating import remove_training_folder
     from emaphm.amortized.train import train_estimator
     from emaphm.errors import MethodError
 
@@ -113,28 +116,35 @@ def train(
         nuisances=None if nuisance is None else names_in(nuisance),
     )
     place = folder or out.with_name(f"{out.name}.training")
-    with counter("simulating", as_json) as count:
-        try:
-            estimator = train_estimator(
-                setup,
-                driven,
-                place,
-                simulations=simulations,
-                seed=seed,
-                workers=workers,
-                scheduler=scheduler,
-                settings=TRAINING if epochs is None else replace(TRAINING, epochs=epochs, most_steps=None),
-                on_shard=count,
-                on_stage=_printed(quiet=as_json),
-                on_epoch=_printed(quiet=as_json),
-            )
-        except KeyboardInterrupt:
-            raise KeyboardInterrupt(f"simulations are kept in {place}; the same command goes on") from None
-    estimator.save(out)
+    kept = f"simulations are kept in {place}; the same command goes on"
+    with going_on(kept), counter("simulating", as_json) as on_shard:
+        estimator = train_estimator(
+            setup,
+            driven,
+            place,
+            simulations=simulations,
+            seed=seed,
+            workers=workers,
+            scheduler=scheduler,
+            settings=TRAINING if epochs is None else replace(TRAINING, epochs=epochs, most_steps=None),
+            on_shard=on_shard,
+            on_stage=_printed(quiet=as_json),
+            on_epoch=_printed(quiet=as_json),
+        )
+    written = out if force else _not_taken(out)
+    estimator.save(written)
+    if written != out:
+        say(f"{out} has appeared meanwhile and is left as it is; the estimator is in {written}")
     if folder is None:
-        rmtree(place, ignore_errors=True)
-    size = out.stat().st_size
-    show(_values(estimator, out, size), _text(estimator, out, size), as_json)
+        remove_training_folder(place)
+    size = written.stat().st_size
+    show(_values(estimator, written, size), _text(estimator, written, size), as_json)
+
+
+def _not_taken(out: Path) -> Path:
+    """Return `out`, or a name next to it where there is something by now: training takes hours."""
+    names = (out.with_stem(f"{out.stem}-{number}") for number in count(2))
+    return next(path for path in chain([out], names) if not os.path.lexists(path))
 
 
 def _bits(text: str) -> int | None:

@@ -2,7 +2,9 @@
 
 import fcntl
 import json
+import os
 import re
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -103,7 +105,28 @@ class WorkFolder:
                 ) from None
             except OSError as error:
                 raise self._not_writable(error) from None
+            if not self._holds(lock.fileno()):
+                raise self.error(
+                    f"{self.path} has been removed meanwhile by another {self.kind}; start again"
+                )
             yield
+
+    def _holds(self, lock: int) -> bool:
+        try:
+            return os.path.samestat(os.fstat(lock), (self.path / LOCK).stat())
+        except OSError:
+            return False
+
+    def remove(self) -> None:
+        """Remove the folder with all that it holds, unless another process is working in it."""
+        away = self.path.with_name(f".{os.urandom(16).hex()}.tmp")
+        try:
+            with self.locked():
+                # As a whole: whoever comes meanwhile begins another one.
+                self.path.rename(away)
+        except (OSError, EmaphmError):
+            return
+        shutil.rmtree(away, ignore_errors=True)
 
     def clear(self) -> None:
         """Remove what a killed process left half-written."""

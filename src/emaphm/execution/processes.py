@@ -71,8 +71,11 @@ def _as_finished(pool: Executor, tasks: Sequence[Task], most: int) -> Generator[
 
 @contextmanager
 def interrupts_held_back() -> Iterator[None]:
-    """Start processes that Ctrl-C leaves alone, from their first moment on: they inherit what is blocked."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    """Start processes that Ctrl-C leaves alone, from their first moment on: they inherit what is blocked.
+
+    SIGTERM waits too, since a process half started would be lost; `end_with_parent` lets it come to them.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:
         yield
     finally:
@@ -96,6 +99,7 @@ def end_with_parent(parent: Connection) -> None:
 
     `parent` is an end of a pipe whose other end only the parent holds.
     """
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
 
 

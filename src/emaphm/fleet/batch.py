@@ -1,6 +1,5 @@
 """Diagnosing many recordings: each by itself, side by side, the results in the order of the files."""
 
-import hashlib
 import json
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import ExitStack, closing
@@ -15,6 +14,7 @@ from emaphm.fleet.result import BatchResult
 from emaphm.fleet.settings import DiagnosisSettings
 from emaphm.fleet.sources import FileReading
 from emaphm.fleet.task import broken, is_whole, perform, revision
+from emaphm.input_files import content_digest
 
 SETTINGS = "settings.json"
 
@@ -65,6 +65,7 @@ def diagnose_all(
         The workers, the scheduler or the folder cannot be used, or the folder holds results of other
         settings.
     """
+    settings = settings.pinned()
     settings.check(actuator)
     check_workers(scheduler)
     paths = [Path(file).absolute() if scheduler else Path(file) for file in files]
@@ -90,22 +91,13 @@ class _Batch:
     def tasks(self) -> list[Task]:
         """Return one task a file."""
         expected = revision() if self.folder or self.scheduler else ""
-        arguments = (self.actuator, self.settings, self.reading, expected)
-        return [
-            Task(i, perform, (str(path), *arguments), self._key(path), str(path))
-            for i, path in enumerate(self.paths)
-        ]
+        return [self._task(i, path, expected) for i, path in enumerate(self.paths)]
 
-    def _key(self, path: Path) -> str:
-        """Return what identifies a file's result in the folder: its name and its content."""
-        if self.folder is None:
-            return ""
-        try:
-            with path.open("rb") as opened:
-                content = hashlib.file_digest(opened, "sha256").hexdigest()
-        except OSError:  # the task will say so
-            content = ""
-        return f"{content} {path}"
+    def _task(self, number: int, path: Path, expected: str) -> Task:
+        """Return a file's task; in the folder, its name and its content identify the result."""
+        content = None if self.folder is None else content_digest(path)
+        arguments = (str(path), self.actuator, self.settings, self.reading, expected, content)
+        return Task(number, perform, arguments, "" if content is None else f"{content} {path}", str(path))
 
 
 def _results(batch: _Batch) -> Generator[BatchResult]:

@@ -1,10 +1,9 @@
 """How each recording of a batch is diagnosed."""
 
-import hashlib
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from emaphm.actuator import Actuator
 from emaphm.amortized.diagnosing import CORRECTED, diagnose_by
@@ -16,6 +15,7 @@ from emaphm.estimation.bias_correction import MAX_CORRECTIONS
 from emaphm.estimation.methods import HYBRID, method_named
 from emaphm.estimation.search import check_fitness
 from emaphm.estimation.space.nuisances import NuisanceSet
+from emaphm.input_files import content_digest
 from emaphm.progress import Progress
 from emaphm.recording import Recording
 from emaphm.simulation import model_named
@@ -26,7 +26,8 @@ class DiagnosisSettings:
     """The arguments of `emaphm.diagnose` by these names, the same for every recording.
 
     `estimator` is the file of an estimator that helps, and `fast` whether its answer is taken as it is
-    (`emaphm.amortized.diagnosing`).
+    (`emaphm.amortized.diagnosing`). `estimator_digest` is the SHA-256 that this file must have, any where
+    None.
     """
 
     method: str = "hybrid"
@@ -38,6 +39,7 @@ class DiagnosisSettings:
     estimator: str | None = None
     fast: bool = False
     seed: int = 0
+    estimator_digest: str | None = None
 
     def check(self, actuator: Actuator) -> None:
         """Refuse what no recording could be diagnosed by; `MethodError` says why."""
@@ -63,7 +65,13 @@ class DiagnosisSettings:
                 "an estimator's answer is of the nuisances that it was trained on; leave out the nuisances, "
                 "or --fast"
             )
-        estimator_at(self.estimator)
+        estimator_at(self.estimator, self.estimator_digest)
+
+    def pinned(self) -> Self:
+        """Return the settings with the digest of their estimator: another one in its place is refused."""
+        if self.estimator is None or self.estimator_digest is not None:
+            return self
+        return replace(self, estimator_digest=content_digest(Path(self.estimator)))
 
     @property
     def method_names(self) -> tuple[str, ...]:
@@ -85,13 +93,13 @@ class DiagnosisSettings:
         On one thread unless `workers` says otherwise: a batch keeps the cores busy side by side.
         """
         if self.estimator is None:
-            values = {
-                name: value for name, value in asdict(self).items() if name not in ("estimator", "fast")
-            }
+            values = asdict(self)
+            for name in ("estimator", "fast", "estimator_digest"):
+                del values[name]
             return diagnose(recording, actuator, **values, workers=workers, on_progress=on_progress)
         self.check_estimator()
         return diagnose_by(
-            estimator_at(self.estimator),
+            estimator_at(self.estimator, self.estimator_digest),
             recording,
             actuator,
             fast=self.fast,
@@ -105,21 +113,35 @@ class DiagnosisSettings:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the settings, ready for `json.dumps`; an estimator by what its file holds."""
-        content = None if self.estimator is None else Path(self.estimator).read_bytes()
-        digest = None if content is None else hashlib.sha256(content).hexdigest()
-        return asdict(self) | {"estimator": digest}
+        values = asdict(self.pinned())
+        values["estimator"] = values.pop("estimator_digest")
+        return values
 
 
-def estimator_at(path: str | Path) -> Estimator:
-    """Return the estimator in a file, read once a process as long as the file stays the same."""
+def estimator_at(path: str | Path, digest: str | None = None) -> Estimator:
+    """Return the estimator in a file, read once a process as long as the file stays the same.
+
+    Raises
+    ------
+    MethodError
+        It cannot be read, or its SHA-256 is not the `digest`.
+    """
     resolved = Path(path)
     try:
         found = resolved.stat()
     except (OSError, ValueError):
         return Estimator.load(resolved)  # which says what is wrong
-    return _read(resolved.absolute(), found.st_mtime_ns, found.st_size)
+    estimator, held = _read(resolved.absolute(), found.st_mtime_ns, found.st_size)
+    if digest is not None and held != digest:
+        raise MethodError(
+            f"{path}: has changed since the work began; put the same file there and start again"
+        )
+    return estimator
 
 
 @lru_cache(maxsize=4)
-def _read(path: Path, _changed: int, _size: int) -> Estimator:
-    return Estimator.load(path)
+def _read(path: Path, _changed: int, _size: int) -> tuple[Estimator, str]:
+    """Return the estimator and the digest of its file, empty where that was replaced meanwhile."""
+    before = content_digest(path)
+    estimator = Estimator.load(path)
+    return estimator, before if content_digest(path) == before else ""

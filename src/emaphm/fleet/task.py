@@ -5,10 +5,11 @@ from typing import Any
 
 from emaphm.actuator import Actuator
 from emaphm.diagnosis import deciding_code as diagnosis
-from emaphm.errors import EmaphmError, ExecutionError
+from emaphm.errors import EmaphmError, ExecutionError, RecordingError
 from emaphm.execution.revision import revision_of
 from emaphm.fleet.settings import DiagnosisSettings
 from emaphm.fleet.sources import FileReading, recordings_in
+from emaphm.input_files import content_digest
 from emaphm.recording import Recording
 
 DECIDING = (*diagnosis.DECIDING, "amortized", "fleet/task.py", "fleet/settings.py", "fleet/sources.py")
@@ -21,12 +22,17 @@ def revision() -> str:
 
 
 def perform(
-    path: str, actuator: Actuator, settings: DiagnosisSettings, reading: FileReading, expected: str
+    path: str,
+    actuator: Actuator,
+    settings: DiagnosisSettings,
+    reading: FileReading,
+    expected: str,
+    content: str | None,
 ) -> list[dict[str, Any]]:
     """Return what `emaphm diagnose --json` prints, of each recording in the file at `path`.
 
-    Of one that cannot be diagnosed, its name and the `error`. `expected` is the revision of the code that a
-    result is kept for, empty where it does not matter.
+    Of one that cannot be diagnosed, its name and the `error`. A result is kept for the revision `expected` of
+    the code, empty where it does not matter, and for the `content` of the file, a digest, or None.
 
     Raises
     ------
@@ -39,10 +45,20 @@ def perform(
             "the same one there"
         )
     try:
-        recordings = recordings_in(Path(path), actuator, reading)
+        recordings = _recordings(Path(path), actuator, reading, content)
     except EmaphmError as error:
         return [broken(path, str(error))]
     return [_diagnosed(recording, actuator, settings) for recording in recordings]
+
+
+def _recordings(path: Path, actuator: Actuator, reading: FileReading, content: str | None) -> list[Recording]:
+    """Return the recordings in a file, `RecordingError` where that does not hold `content` any more."""
+    # Around the reading: a batch may take hours, and its files lie where others write.
+    before = content if content is None else content_digest(path)
+    recordings = recordings_in(path, actuator, reading)
+    if content is not None and (before != content or content_digest(path) != content):
+        raise RecordingError(f"{path}: has changed since the batch began; give the same command again")
+    return recordings
 
 
 def broken(recording: str, error: str) -> dict[str, Any]:

@@ -67,6 +67,17 @@ class ByEstimator:
         return DiagnosisSettings(seed=seed, estimator=self.file, fast=self.fast)
 
 
+def refusal_of(diagnose: Diagnose, actuator: Actuator) -> str:
+    """Return why the estimator of `diagnose` cannot be used now; empty where it can, or there is none."""
+    if not isinstance(diagnose, ByEstimator):
+        return ""
+    try:
+        diagnose.check(actuator)
+    except MethodError as error:
+        return str(error)
+    return ""
+
+
 def methods_of(diagnose: Diagnose) -> tuple[str, ...]:
     """Return what the method of its diagnoses may be called."""
     return diagnose.settings(0).method_names if isinstance(diagnose, ByEstimator) else (HYBRID,)

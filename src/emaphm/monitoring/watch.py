@@ -18,7 +18,7 @@ from emaphm.history import Entry, Event, History
 from emaphm.history.writing import storable
 from emaphm.monitoring.arrival import Arrival, Call, Source, call_here
 from emaphm.monitoring.delivery import Delivery, Receiver, close_all
-from emaphm.monitoring.diagnosers import Diagnose, load, search
+from emaphm.monitoring.diagnosers import Diagnose, load, refusal_of, search
 from emaphm.monitoring.folder import FolderSource
 from emaphm.monitoring.judging import Cut, Judge, cut_stretches
 from emaphm.monitoring.outlook import NoPrognosisError, Outlook
@@ -247,6 +247,7 @@ class _Watcher:
     say: Callable[[str], None]
     on_count: Callable[[int, int], None] | None
     done: Watching
+    without_estimator: str = ""
 
     def run(self, *, once: bool, ends: Callable[[], bool]) -> None:
         """Do what is to be done, until there is no more and `once`, or it is to end.
@@ -331,6 +332,7 @@ class _Watcher:
             refused.append(f"{name}: a defect of emaphm, please report it: {error!r}")
 
     def _judge_one(self, arrival: Arrival, entry: Entry, part: Recording) -> None:
+        self._check_estimator()
         diagnosis = self._insist(lambda: self.judge.judged(entry, part))
         details = {"latency_s": round(time.monotonic() - arrival.arrived, 3)}
         self._insist(lambda: self.judge.filed(entry, part, diagnosis, details))
@@ -338,6 +340,15 @@ class _Watcher:
         self.done.judged += diagnosis is not None
         self._wake()
         self.outlook.ask(entry.unit)
+
+    def _check_estimator(self) -> None:
+        """Say it when the estimator cannot be used any more, and when it can again."""
+        reason = refusal_of(self.judge.diagnose, self.judge.actuator)
+        if reason and not self.without_estimator:
+            self.say(f"{reason}; meanwhile recordings are diagnosed by the full search")
+        if self.without_estimator and not reason:
+            self.say("the estimator can be used again")
+        self.without_estimator = reason
 
     def _refusal(self, arrival: Arrival, reason: str) -> Event:
         """Return the event that something is refused; the same content for the same reason is one event."""

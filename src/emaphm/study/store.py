@@ -19,6 +19,7 @@ from emaphm.errors import StudyError
 from emaphm.execution.folder import WorkFolder, difference
 from emaphm.execution.store import ResultStore
 from emaphm.execution.tasks import Outcome, Task
+from emaphm.input_files import content_digest
 from emaphm.study.plan import Plan
 from emaphm.study.revision import revision
 from emaphm.study.task import perform
@@ -178,28 +179,27 @@ def tasks(plan: Plan, trials: tuple[Trial, ...]) -> list[Task]:
     base = hashlib.sha256(json.dumps(common, sort_keys=True).encode())
     dumped = {id(one): one.model_dump(mode="json") for one in (*plan.methods, *plan.rigs)}
     dumped[id(None)] = {}
+    estimators: dict[int, str] = {}
     for method in plan.methods:
         if method.estimator is not None:
-            dumped[id(method)]["estimator"] = _content(method.estimator)
+            dumped[id(method)]["estimator"] = estimators[id(method)] = _content(method.estimator)
     made = []
     for trial in trials:
         values = {name: value for name, value in vars(trial).items() if name not in ("index", "rank", "of")}
         values["contestant"], values["rig"] = dumped[id(trial.contestant)], dumped[id(trial.rig)]
         digest = base.copy()
         digest.update(json.dumps(values, sort_keys=True).encode())
-        arguments = (plan.actuator, plan.manoeuvre, trial, revision())
+        arguments = (plan.actuator, plan.manoeuvre, trial, revision(), estimators.get(id(trial.contestant)))
         made.append(Task(trial.index, perform, arguments, digest.hexdigest(), name_of(trial)))
     return made
 
 
 def _content(estimator: str) -> str:
     """Return a digest of what an estimator's file holds: results of another one are others."""
-    try:
-        return hashlib.sha256(Path(estimator).read_bytes()).hexdigest()
-    except OSError as error:
-        raise StudyError(
-            f"{estimator}: the estimator of the study cannot be read ({error.strerror}); put it there again"
-        ) from None
+    digest = content_digest(Path(estimator))
+    if not digest:
+        raise StudyError(f"{estimator}: the estimator of the study cannot be read; put it there again")
+    return digest
 
 
 def name_of(trial: Trial) -> str:

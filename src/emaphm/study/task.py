@@ -43,8 +43,12 @@ NOT_DIAGNOSED: dict[str, Any] = {
 """What a search alone does not say."""
 
 
-def perform(actuator: Actuator, manoeuvre: Manoeuvre, trial: Trial, expected: str) -> dict[str, Any]:
+def perform(
+    actuator: Actuator, manoeuvre: Manoeuvre, trial: Trial, expected: str, estimator_digest: str | None = None
+) -> dict[str, Any]:
     """Return what came of one trial (`emaphm.study.store.MEASURED`); all but `seconds` is reproducible.
+
+    `estimator_digest` is that of the method's estimator when the study began (`DiagnosisSettings`).
 
     Raises
     ------
@@ -69,17 +73,24 @@ def perform(actuator: Actuator, manoeuvre: Manoeuvre, trial: Trial, expected: st
         if trial.rig.calibrated:
             actuator = _calibrated(trial.rig, actuator, manoeuvre)
         if trial.contestant.chosen().least_squares:
-            found = _diagnosed(recording, actuator, trial)
+            found = _diagnosed(recording, actuator, trial, estimator_digest)
         else:
             found = _searched(recording, actuator, trial, ())
     return {**found, "revision": expected, "version": VERSION}
 
 
-def _diagnosed(recording: Recording, actuator: Actuator, trial: Trial) -> dict[str, Any]:
+def _diagnosed(
+    recording: Recording, actuator: Actuator, trial: Trial, estimator_digest: str | None
+) -> dict[str, Any]:
     """Return what `diagnose` says, as a user gets it."""
     contestant = trial.contestant
     # One thread a trial, here and below: a study keeps the cores busy with trials side by side.
-    settings = replace(contestant.settings(trial.seed), model=trial.model, fitness=trial.fitness)
+    settings = replace(
+        contestant.settings(trial.seed),
+        model=trial.model,
+        fitness=trial.fitness,
+        estimator_digest=estimator_digest,
+    )
     diagnosis = settings.diagnosed(recording, actuator)
     components = [diagnosis.components[name] for name in NAMES]
     return {

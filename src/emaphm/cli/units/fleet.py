@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
+from emaphm.cli.interruption import going_on
 from emaphm.cli.options import AsJson, Scheduler, Seed, Workers, check_seed, check_workers, whole_number
 from emaphm.cli.output import counter, show
 
@@ -55,12 +56,9 @@ def simulate(
 
     horizon = Question(horizon).horizon
     plan, folder = FleetPlan(units, flights, interval, seed, population), FleetFolder(out)
-    try:
-        with _steps(as_json) as on_step:
-            chain = Chain(plan, folder, workers, scheduler, db, horizon, on_step)
-            made = run_chain(chain, simulate_only=simulate_only)
-    except KeyboardInterrupt:
-        raise KeyboardInterrupt(f"what finished is kept in {out}; the same command goes on") from None
+    with going_on(f"what finished is kept in {out}; the same command goes on"), _steps(as_json) as on_step:
+        chain = Chain(plan, folder, workers, scheduler, db, horizon, on_step)
+        made = run_chain(chain, simulate_only=simulate_only)
     _show(folder, made, plan.interval, simulate_only=simulate_only, as_json=as_json)
 
 

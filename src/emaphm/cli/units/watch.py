@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from emaphm.cli.interruption import going_on, interrupt
 from emaphm.cli.options import ActuatorFile, By, Seed, check_seed, described_actuator, whole_number
 from emaphm.cli.output import counter, say
 from emaphm.cli.units.events import Horizon, Risk, WebhookAddress, prognosis_settings
@@ -117,13 +118,18 @@ def watch(
     settings = _settings(
         horizon=horizon, risk=risk, raise_after=raise_after, clear_after=clear_after, settle=settle
     )
-    with History.open(db, create=True) as history, _stopped_by_signal() as stop:
-        where = "standard input" if source == STREAM else source
-        say(f"watching {where}, the history is {history.database.address.shown}")
-        with counter("judging", quiet=False) as count:
-            printing = replace(task, lines=sys.stdout.fileno())
-            done = run(printing, history, described, settings=settings, stop=stop, say=say, on_count=count)
-    say(str(done))
+    with going_on("what is judged is in the history; start it again, and it goes on"):
+        with History.open(db, create=True) as history, _stopped_by_signal() as stop:
+            where = "standard input" if source == STREAM else source
+            say(f"watching {where}, the history is {history.database.address.shown}")
+            with counter("judging", quiet=False) as count:
+                printing = replace(task, lines=sys.stdout.fileno())
+                done = run(
+                    printing, history, described, settings=settings, stop=stop, say=say, on_count=count
+                )
+        say(str(done))
+        if once and stop.is_set():  # a script must see that files may be left
+            interrupt(signal.SIGTERM, None)
 
 
 def _source(text: str) -> Path | int:

@@ -1,0 +1,35 @@
+"""The folder of long work: one process at a time works in it, and removes it from nobody else."""
+
+from pathlib import Path
+
+import pytest
+
+from emaphm.errors import ExecutionError
+from emaphm.execution.folder import WorkFolder
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> WorkFolder:
+    """Return a folder that work has begun in."""
+    made = WorkFolder(tmp_path / "work", "settings.json", "trial", ExecutionError)
+    made.begin("{}")
+    return made
+
+
+def test_a_folder_is_not_removed_from_who_works_in_it(folder: WorkFolder) -> None:
+    with folder.locked():
+        folder.remove()
+        assert folder.settings.exists()
+    folder.remove()
+    assert list(folder.path.parent.iterdir()) == []
+
+
+def test_a_folder_that_is_removed_before_its_lock_is_had_is_not_worked_in(
+    folder: WorkFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def removed_meanwhile(*_: object) -> None:
+        folder.path.rename(folder.path.with_name("away"))
+
+    monkeypatch.setattr("emaphm.execution.folder.fcntl.flock", removed_meanwhile)
+    with pytest.raises(ExecutionError, match="has been removed meanwhile"), folder.locked():
+        pass

@@ -1,0 +1,57 @@
+"""Watching with an estimator whose file comes and goes."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from amortized.toys import CHIRP, THESIS, constant_estimator, short_setup
+from emaphm.actuator import Faults
+from emaphm.history import History
+from emaphm.monitoring import Ownership, Task, watch
+from emaphm.monitoring.diagnosers import ByEstimator
+from emaphm.recording import Recording, write_recording
+from emaphm.simulated_recording import simulate
+
+from .stand_in import PATTERN, QUICK
+
+WRITTEN = replace(QUICK, folder=replace(QUICK.folder, poll_s=0.02, settle_s=0.02))
+
+
+@pytest.mark.usefixtures("no_prognoses")
+def test_it_is_said_once_when_the_estimator_is_gone_and_when_it_is_back(tmp_path: Path) -> None:
+    folder, file = tmp_path / "in", tmp_path / "unit.estimator"
+    folder.mkdir()
+    truth, setup = Faults(friction=0.3), short_setup()
+    constant_estimator(setup, setup.space.points(truth.vector), 0.02).save(file)
+    for number in range(4):
+        made = simulate(
+            THESIS, CHIRP, faults=truth, duration=0.1, sample_rate=2000.0, noise=0.01, seed=number
+        )
+        columns = {name: made[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")}
+        write_recording(Recording(columns), folder / f"U_{number}.csv")
+    away, said = tmp_path / "away.estimator", list[str]()
+
+    def move(done: int, _: int) -> None:
+        if done == 1:
+            file.rename(away)
+        if done == 3:
+            away.rename(file)
+
+    task = Task(
+        folder,
+        Ownership(THESIS.name, pattern=PATTERN),
+        cut=None,
+        diagnose=ByEstimator(str(file), fast=True),
+        takes_new_units=True,
+        once=True,
+    )
+    with History.open(tmp_path / "h.sqlite", create=True) as history:
+        watch(task, history, THESIS, settings=WRITTEN, say=said.append, on_count=move)
+        kept = [json.loads(one.text) for one in history.unit("U").diagnoses()]
+    assert [one["method"].startswith("estimator") for one in kept] == [True, False, False, True]
+    assert len(said) == 2, said
+    assert "unit.estimator: no such file" in said[0]
+    assert said[0].endswith("meanwhile recordings are diagnosed by the full search")
+    assert said[1] == "the estimator can be used again"
