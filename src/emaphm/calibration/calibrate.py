@@ -28,6 +28,7 @@ from emaphm.calibration.motion.result import (
     motion_parameters,
     motion_recordings,
 )
+from emaphm.calibration.one_way import one_way_warnings, open_members, with_open
 from emaphm.calibration.result import Calibration
 from emaphm.calibration.separation import collinear_parameters
 from emaphm.calibration.shaft import fit_description
@@ -227,6 +228,9 @@ def _result(
     actuator = description.actuator
     values = found_values(fit, actuator)
     calibrated = with_lumped_parameters(actuator, values, name=_name_of(actuator))
+    collinear = collinear_parameters(fit, calibrated, settings.seed)
+    left_open = open_members(fit, collinear)
+    fit = with_open(fit, left_open)
     size = sizes(actuator, fit.free)
     baseline = Baseline.of(
         fit.free, np.outer(size, size) * fit.covariance, tuple(row.recording.source for row in rows)
@@ -243,7 +247,7 @@ def _result(
         found,
         None if fit.uncertainty.alone is None else fit.uncertainty.alone.meta.birge_ratio,
         fit.contradictions is not None and bool(np.any(fit.contradictions.covariance)),
-        collinear_parameters(fit, calibrated, settings.seed),
+        collinear,
         sum(problem.runs.of(problem.model)[0] for problem in problems),
         time.perf_counter() - began,
         settings.seed,
@@ -252,5 +256,5 @@ def _result(
         _unexcited(description, parameters),
         choice,
         fit.uncertainty.error_correlation,
-        calibration_warnings(rows, found, actuator),
+        (*one_way_warnings(left_open), *calibration_warnings(rows, found, actuator)),
     )
