@@ -14,6 +14,9 @@ from emaphm.calibration import sensor_lag
 from emaphm.calibration.campaign import CampaignRow, Recordings, campaign_rows, check_row
 from emaphm.calibration.conditions import check_nuisances
 from emaphm.calibration.description import Description, Laws, described_with_laws
+from emaphm.calibration.doubts.one_way import one_way_warnings, open_members, with_open
+from emaphm.calibration.doubts.unmodelled import unmodelled_warnings
+from emaphm.calibration.doubts.warnings import calibration_warnings, unit_or_sign
 from emaphm.calibration.findings import Parameter, found_parameters, found_recordings, found_values
 from emaphm.calibration.law_selection import parameters_of
 from emaphm.calibration.model_error.learned import learned_model_error
@@ -28,12 +31,10 @@ from emaphm.calibration.motion.result import (
     motion_parameters,
     motion_recordings,
 )
-from emaphm.calibration.one_way import one_way_warnings, open_members, with_open
 from emaphm.calibration.result import Calibration
 from emaphm.calibration.separation import collinear_parameters
 from emaphm.calibration.shaft import fit_description
 from emaphm.calibration.unit_fit import FitSettings, UnitFit
-from emaphm.calibration.warnings import calibration_warnings, unit_or_sign
 from emaphm.errors import EmaphmError, MethodError
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS
 from emaphm.estimation.space.parameter_variation import sizes
@@ -241,9 +242,11 @@ def _result(
     parameters = {**found_parameters(fit, values, rows, actuator), **scanned}
     problems = [term.objective.problem for term in fit.joint.terms]
     found = found_recordings(fit, rows, calibrated)
+    learned = learned_model_error(rows, fit, actuator, known, settings)
+    unmodelled = unmodelled_warnings(fit, [row.recording.source for row in rows], learned)
     return Calibration(
         parameters,
-        known.model_copy(update={"model_error": learned_model_error(rows, fit, actuator, known, settings)}),
+        known.model_copy(update={"model_error": learned}),
         found,
         None if fit.uncertainty.alone is None else fit.uncertainty.alone.meta.birge_ratio,
         fit.contradictions is not None and bool(np.any(fit.contradictions.covariance)),
@@ -256,5 +259,5 @@ def _result(
         _unexcited(description, parameters),
         choice,
         fit.uncertainty.error_correlation,
-        (*one_way_warnings(left_open), *calibration_warnings(rows, found, actuator)),
+        (*one_way_warnings(left_open), *unmodelled, *calibration_warnings(rows, found, actuator)),
     )

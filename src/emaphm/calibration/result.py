@@ -31,8 +31,8 @@ class Calibration:
     the recordings excites, each with the manoeuvre that would. `loop` says whether the parameters are those
     of a fit in closed loop or of measured motion. `error_correlation`, from 0 to 1, is how alike the
     residuals are of recordings that repeat a manoeuvre: what is common to them is not averaged away in the
-    standard errors; None where no more than by chance. `warnings` are sentences on signs, units and channels
-    that the calibrated model does not resemble.
+    standard errors; None where no more than by chance. `warnings` are sentences on signs, units, channels
+    that the calibrated model does not resemble, and what the recordings leave open all the same.
     """
 
     parameters: Mapping[str, Parameter]
