@@ -9,6 +9,7 @@ import pytest
 from cases import HEALTHY, THESIS, USUAL
 from emaphm.actuator import Chirp, Faults
 from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
+from emaphm.actuator.unit.baseline import Baseline
 from emaphm.arrays import Array
 from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.diagnosis.explanation.known_values import contradicted_values
@@ -22,6 +23,7 @@ from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.space.nuisances import COPPER, MAGNETS, NuisanceSet, with_wider_priors
 from emaphm.estimation.space.parameter_space import ParameterSpace
+from emaphm.estimation.space.parameter_variation import sizes
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
@@ -102,6 +104,37 @@ def test_a_temperature_far_off_its_prior_is_no_explanation() -> None:
     point[result.objective.space.coordinates.index("temperature")] = -4 / 5
     said = reasons(replace(result, point=point, known_outputs=None))
     assert "temperature: the estimate of -120 K is 4.0 standard deviations" in said
+
+
+@pytest.mark.parametrize(
+    ("name", "deviation", "said"),
+    [
+        ("viscous", 0.05, "viscous: the estimate is {} %"),
+        ("offset", 1e-3, "offset: the estimate is {} N·m"),
+    ],
+)
+@pytest.mark.parametrize("far", [3.5, -3.5, 2.5])
+def test_a_unit_that_is_far_off_its_calibration_is_not_explained(
+    name: str, deviation: float, said: str, far: float
+) -> None:
+    known = np.diag([deviation**2, 0.05**2])
+    baseline = Baseline.of((name, "inertia"), known, ("healthy.csv",))
+    calibrated = THESIS.model_copy(update={"baseline": baseline})
+    described, off = lumped_parameters(THESIS, (name,))[name], far * deviation
+    value = described + off if name == "offset" else described * np.exp(off)
+    unit = with_lumped_parameters(THESIS, {name: value})
+    whole = simulate(unit, Chirp(), model="averaged", noise=0.05, duration=0.3)
+    recording = Recording({column: whole[column] for column in ("time_s", "command_rad", *CHANNELS)})
+    objective = faults_objective(Problem.of(recording, calibrated, channels=None), ())
+    point = objective.space.points(HEALTHY)
+    size = sizes(calibrated, (name,))[0]
+    point[objective.space.coordinates.index(f"baseline {name}")] = off / size
+    result = SearchResult.at(objective, point).reweighted()
+    found = reasons(replace(result, correction=np.full_like(result.correction, 1e-12)))
+    shown = f"{off:+.3g}" if name == "offset" else f"{100 * np.expm1(off):+.3g}"
+    expected = f"{said.format(shown)} off its calibrated value, 3.5 standard errors of the calibration"
+    assert (expected in found) is (abs(far) > 3)
+    assert found == "" or abs(far) > 3
 
 
 @pytest.mark.parametrize("scaled", [("voltage_V",), ("voltage_V", "speed_rad_s")])

@@ -55,6 +55,6 @@ def test_a_large_friction_is_named_where_the_load_is_known() -> None:
 @pytest.mark.parametrize(("command", "one_way"), [(step, True), (there_and_back, False)])
 def test_what_goes_back_is_not_one_way(command: Command, one_way: bool) -> None:
     result = at_the_truth(command)
-    assert moves_one_way(result) is one_way
+    assert moves_one_way(result.objective, result.point) is one_way
     if not one_way:
         assert set(verdicts(result).values()) == {"degraded"}

@@ -14,6 +14,9 @@ from emaphm.calibration import sensor_lag
 from emaphm.calibration.campaign import CampaignRow, Recordings, campaign_rows, check_row
 from emaphm.calibration.conditions import check_nuisances
 from emaphm.calibration.description import Description, Laws, described_with_laws
+from emaphm.calibration.doubts.one_way import one_way_warnings, open_members, with_open
+from emaphm.calibration.doubts.unmodelled import unmodelled_warnings
+from emaphm.calibration.doubts.warnings import calibration_warnings, unit_or_sign
 from emaphm.calibration.findings import Parameter, found_parameters, found_recordings, found_values
 from emaphm.calibration.law_selection import parameters_of
 from emaphm.calibration.model_error.learned import learned_model_error
@@ -32,7 +35,6 @@ from emaphm.calibration.result import Calibration
 from emaphm.calibration.separation import collinear_parameters
 from emaphm.calibration.shaft import fit_description
 from emaphm.calibration.unit_fit import FitSettings, UnitFit
-from emaphm.calibration.warnings import calibration_warnings, unit_or_sign
 from emaphm.errors import EmaphmError, MethodError
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS
 from emaphm.estimation.space.parameter_variation import sizes
@@ -230,6 +232,9 @@ def _result(
     actuator = description.actuator
     values = found_values(fit, actuator)
     calibrated = with_lumped_parameters(actuator, values, name=_name_of(actuator))
+    collinear = collinear_parameters(fit, calibrated, settings.seed)
+    left_open = open_members(fit, collinear)
+    fit = with_open(fit, left_open)
     size = sizes(actuator, fit.free)
     baseline = Baseline.of(
         fit.free, np.outer(size, size) * fit.covariance, tuple(row.recording.source for row in rows)
@@ -240,13 +245,15 @@ def _result(
     parameters = {**found_parameters(fit, values, rows, actuator), **scanned}
     problems = [term.objective.problem for term in fit.joint.terms]
     found = found_recordings(fit, rows, calibrated)
+    learned = learned_model_error(rows, fit, actuator, known, settings)
+    unmodelled = unmodelled_warnings(fit, [row.recording.source for row in rows], learned)
     return Calibration(
         parameters,
-        known.model_copy(update={"model_error": learned_model_error(rows, fit, actuator, known, settings)}),
+        known.model_copy(update={"model_error": learned}),
         found,
         None if fit.uncertainty.alone is None else fit.uncertainty.alone.meta.birge_ratio,
         fit.contradictions is not None and bool(np.any(fit.contradictions.covariance)),
-        collinear_parameters(fit, calibrated, settings.seed),
+        collinear,
         sum(problem.runs.of(problem.model)[0] for problem in problems),
         time.perf_counter() - began,
         settings.seed,
@@ -255,5 +262,5 @@ def _result(
         _unexcited(description, parameters),
         choice,
         fit.uncertainty.error_correlation,
-        calibration_warnings(rows, found, actuator),
+        (*one_way_warnings(left_open), *unmodelled, *calibration_warnings(rows, found, actuator)),
     )

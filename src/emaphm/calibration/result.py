@@ -50,7 +50,8 @@ class Calibration:
         From 0 to 1, how alike the residuals are of recordings that repeat a manoeuvre: what is common to them
         is not averaged away in the standard errors; None where no more than by chance.
     warnings
-        Sentences on signs, units and channels that the calibrated model does not resemble.
+        Sentences on signs, units, channels that the calibrated model does not resemble, and what the
+        recordings leave open all the same.
     """
 
     parameters: Mapping[str, Parameter]

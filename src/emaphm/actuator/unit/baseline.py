@@ -216,6 +216,11 @@ class Baseline(Section):
             )
         return rows
 
+    @property
+    def deviations(self) -> dict[str, float]:
+        """The standard deviation of each parameter, in the units of `covariance`."""
+        return dict(zip(self.names, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+
     @classmethod
     def of(cls, names: tuple[str, ...], covariance: object, recordings: tuple[str, ...]) -> Self:
         """Return the baseline with a covariance given as an array (names, names)."""

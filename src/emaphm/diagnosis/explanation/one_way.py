@@ -11,8 +11,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from emaphm.actuator.faults import HEALTHY
+from emaphm.arrays import Array
 from emaphm.diagnosis.explanation.motion import modelled_position
 from emaphm.diagnosis.verdict import VERDICT, Estimate, undecided, with_phase_undecided
+from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import SearchResult
 
 SMALLEST_RETURN = 0.1
@@ -38,7 +40,7 @@ def undecided_where_one_way(components: Mapping[str, Estimate], result: SearchRe
         and name != "eccentricity_phase"
         and (name in unknown or _from_healthy(name, one) < VERDICT.hidden_fault)
     }
-    if not small or not moves_one_way(result):
+    if not small or not moves_one_way(result.objective, result.point):
         return dict(components)
     return with_phase_undecided({**components, **small}, components)
 
@@ -50,8 +52,8 @@ def _from_healthy(name: str, one: Estimate) -> float:
     return max(low - healthy, healthy - high)
 
 
-def moves_one_way(result: SearchResult) -> bool:
-    """Return whether the model at an estimate never goes back by more than `SMALLEST_RETURN` of its way."""
-    moved = np.diff(modelled_position(result.objective, result.point))
+def moves_one_way(objective: MapObjective, point: Array) -> bool:
+    """Return whether the model at `point` (d,) never goes back by more than `SMALLEST_RETURN` of its way."""
+    moved = np.diff(modelled_position(objective, point))
     ways = (float(moved[moved > 0].sum()), float(-moved[moved < 0].sum()))
     return min(ways) < SMALLEST_RETURN * max(ways)

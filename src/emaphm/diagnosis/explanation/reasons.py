@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from emaphm.actuator import Actuator
+from emaphm.actuator.unit.baseline import SIGNED
 from emaphm.arrays import Array
 from emaphm.diagnosis.explanation.known_values import contradicted_values
 from emaphm.diagnosis.explanation.recorded_noise import rounding_step, usual_noise, usual_variance
@@ -17,6 +19,7 @@ from emaphm.estimation.problem import Problem, comparable_channels, rms
 from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
 from emaphm.estimation.sensors.sensor_model import described_noise, error_kind, sensor_error
 from emaphm.estimation.space.nuisances import BASELINE, has_stated_prior, unit_of, usual_deviation
+from emaphm.estimation.space.parameter_variation import variation_unit
 from emaphm.estimation.uncertainty.model_error import HealthyComparison
 from emaphm.recording.schema import PHASES
 
@@ -54,7 +57,8 @@ class ExplanationSettings:
     nothing.
 
     A nuisance may be `prior_deviations` standard deviations of its prior off, where the description states
-    that prior; a prior that is merely usual, as the load's, says nothing against a larger one.
+    that prior; a prior that is merely usual, as the load's, says nothing against a larger one. So may a
+    parameter with a tolerance or of the unit's calibration.
 
     Phase currents may add up to `phase_sum` of their rms, and to `channel_noise` times the noise of the sum.
     """
@@ -93,8 +97,9 @@ def reasons_against(
        of healthy recordings is enough. Of the primary channel it is asked in place of 1, and of any channel
        where the reference model has not corrected the estimate.
     3. The model resembles every channel: r² ≤ u y² + q²/12 + s². Not asked of an actuator at rest.
-    4. No nuisance is farther off than its stated prior allows, and no parameter than its tolerance. The error
-       of a sensor may be: it is reported as a fault of that sensor.
+    4. No nuisance is farther off than its stated prior allows, and no parameter of the unit than its
+       tolerance or the standard error of its calibration. The error of a sensor may be: it is reported as a
+       fault of that sensor.
     5. The residual shows no sensor that comes late, nor one of another scale or zero, beyond what the faults
        take up (`emaphm.diagnosis.explanation.sensor_scores`).
     6. No recorded load or temperature is contradicted (`emaphm.diagnosis.explanation.known_values`).
@@ -127,7 +132,7 @@ def reasons_against(
         *(_unlike_healthy(primary, healthy) if primary in healthy else _primary(result)),
         *_channels(result, healthy, moves=moves),
         *_nuisances(result),
-        *_tolerances(result),
+        *_unit(result),
         *_scales(result),
         *_phases(result),
         *(_standing(result) if moves else ()),
@@ -300,21 +305,36 @@ def _nuisances(result: SearchResult) -> Iterator[str]:
             )
 
 
-def _tolerances(result: SearchResult) -> Iterator[str]:
+def _unit(result: SearchResult) -> Iterator[str]:
+    """Yield the unit's parameters that are farther off than tolerances and calibration account for."""
     space, actuator = result.objective.space, result.objective.problem.actuator
-    tolerances = actuator.open_tolerances
-    if tolerances is None:
-        return
-    values = space.nuisance_values(result.point[np.newaxis])
-    for name, deviation in tolerances.deviations.items():
+    values, limit = space.nuisance_values(result.point[np.newaxis]), EXPLANATION.prior_deviations
+
+    def off(name: str) -> float:
         # Population methods estimate faults alone.
-        found = float(values.get(BASELINE + name, [0.0])[0])
-        if abs(found) > EXPLANATION.prior_deviations * deviation:
+        return float(values.get(BASELINE + name, [0.0])[0])
+
+    tolerances, baseline = actuator.open_tolerances, actuator.baseline
+    for name, deviation in tolerances.deviations.items() if tolerances else ():
+        if abs(off(name)) > limit * deviation:
             yield (
-                f"{name}: the estimate is {100 * math.expm1(found):+.3g} % off the description, more than "
-                f"its tolerance of ± {100 * getattr(tolerances, name):.3g} % accounts for; the description "
-                "or a channel's scale may be wrong"
+                f"{name}: the estimate is {_deviation(name, off(name), actuator)} off the description, more "
+                f"than its tolerance of ± {100 * getattr(tolerances, name):.3g} % accounts for; the "
+                "description or a channel's scale may be wrong"
             )
+    for name, deviation in baseline.deviations.items() if baseline else ():
+        if abs(off(name)) > limit * deviation:
+            yield (
+                f"{name}: the estimate is {_deviation(name, off(name), actuator)} off its calibrated value, "
+                f"{abs(off(name)) / deviation:.1f} standard errors of the calibration; the unit has changed "
+                "in it, a channel's scale is wrong, or the calibration is: calibrate on other manoeuvres too"
+            )
+
+
+def _deviation(name: str, value: float, actuator: Actuator) -> str:
+    if name in SIGNED:
+        return f"{value:+.3g} {variation_unit(name, actuator.coordinates)}".removesuffix(" -")
+    return f"{100 * math.expm1(value):+.3g} %"
 
 
 def _scales(result: SearchResult) -> Iterator[str]:

@@ -56,12 +56,15 @@ class JointUncertainty:
     error_correlation
         How alike the residuals are in recordings that repeat a command, from 0 to 1; None where no more than
         by chance.
+    manoeuvres
+        How many commands the recordings have; those that repeat one count once.
     """
 
     point: Array
     covariance: Array
     alone: AloneEstimates | None
     error_correlation: float | None
+    manoeuvres: int
 
 
 def joint_uncertainty(
@@ -111,6 +114,7 @@ def joint_uncertainty(
         total.covariance(joint.prior_deviations, joint.correlated_rows),
         alone or (_alone(estimate, jacobians, unresolved, seed) if len(joint.terms) > 1 else None),
         repeated.correlation,
+        repeated.manoeuvres,
     )
 
 

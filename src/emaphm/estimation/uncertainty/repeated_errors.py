@@ -46,12 +46,13 @@ class RepeatedErrors:
 
     `independent`, (d, d), is what it would be if all recordings were independent. `correlation` is the mean
     correlation of their scores, of the repetitions that are most alike; None where no manoeuvre was repeated,
-    or chance makes it.
+    or chance makes it. The recordings are of as many `manoeuvres`.
     """
 
     covariance: Array
     independent: Array
     correlation: float | None
+    manoeuvres: int
 
 
 def repeated_errors(
@@ -72,14 +73,15 @@ def repeated_errors(
     """
     total, independent = np.zeros((2, len(series[0].scores), len(series[0].scores)))
     correlations = list[float]()
-    for group in _repetitions(series):
+    groups = _repetitions(series)
+    for group in groups:
         aligned = _summed(_aligned(group), rows_of_a_sum)
         correlation = _correlation(aligned[:, shared]) if len(group) > 1 else None
         apart = np.sum([long_run_covariance(_summed(one.scores, rows_of_a_sum)) for one in group], axis=0)
         independent += apart
         total += apart if correlation is None else long_run_covariance(aligned.sum(axis=0))
         correlations += [] if correlation is None else [correlation]
-    return RepeatedErrors(total, independent, max(correlations, default=None))
+    return RepeatedErrors(total, independent, max(correlations, default=None), len(groups))
 
 
 def _repetitions(series: Sequence[ScoreSeries]) -> list[list[ScoreSeries]]:

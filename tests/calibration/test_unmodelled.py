@@ -1,0 +1,59 @@
+"""A model that lacks something says so where recordings of few manoeuvres cannot show what that changes."""
+
+import pytest
+
+from emaphm.actuator import Actuator, Chirp, Command, Sine
+from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
+from emaphm.calibration import Calibration, calibrate
+from emaphm.recording import Recording
+from emaphm.simulated_recording import simulate
+
+DC = Actuator.dc()
+LOADED = with_lumped_parameters(DC, {"hinge": 0.5})
+"""A machine with a load that nobody described: a spring."""
+
+CHIRP, SLOW = Chirp(duration=0.5), Sine(2e-2, 2.0)
+
+
+def calibrated(unit: Actuator, *commands: Command, noise: float = 0.02) -> Calibration:
+    days = []
+    for seed, command in enumerate(commands):
+        whole = simulate(unit, command, model="averaged", noise=noise, duration=0.5, seed=seed)
+        columns = {name: whole[name] for name in ("time_s", "command_rad", "current_A", "position_rad")}
+        days.append(Recording(columns, whole.sampling, f"day {seed}"))
+    return calibrate(days, DC, ("inertia", "viscous"), nuisances=(), max_corrections=0, workers=1)
+
+
+def of_few(found: Calibration) -> list[str]:
+    return [one for one in found.warnings if "that is no noise" in one]
+
+
+def test_one_manoeuvre_does_not_show_what_another_would_ask_for() -> None:
+    chirp, slow = calibrated(LOADED, CHIRP), calibrated(LOADED, SLOW)
+    found = [one.parameters["inertia"] for one in (chirp, slow)]
+    # What each claims is wrong by more than chance has it: so each of them warns.
+    true = lumped_parameters(DC, ("inertia",))["inertia"]
+    assert all(abs(one.value - true) > 2.5 * one.standard_error for one in found)
+    for one in (chirp, slow):
+        (warning,) = of_few(one)
+        assert "of current_A that is no noise, and one manoeuvre cannot show" in warning
+
+
+def test_manoeuvres_that_contradict_each_other_show_it_themselves() -> None:
+    found = calibrated(LOADED, CHIRP, SLOW)
+    assert found.scattered
+    assert of_few(found) == []
+
+
+@pytest.mark.parametrize("commands", [(CHIRP,), (CHIRP, CHIRP)])
+def test_a_model_that_lacks_nothing_has_no_warning(commands: tuple[Command, ...]) -> None:
+    assert calibrated(DC, *commands).warnings == ()
+
+
+def test_more_than_a_diagnosis_allows_is_said() -> None:
+    assert not any("diagnosis allows" in one for one in calibrated(LOADED, CHIRP).warnings)
+    found = calibrated(LOADED, SLOW)
+    (warning,) = [one for one in found.warnings if "diagnosis allows" in one]
+    share = found.relative_error["current_A"]
+    assert share > 0.05
+    assert warning.startswith(f"day 0: {100 * share:.3g} % of current_A is left, more than noise and the 5 %")
